@@ -1,0 +1,204 @@
+"""Recordings as the lab made them: channels, runs and the campaign around them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ema.frf import FRF
+    from ema.quality import Finding
+
+ACCELERATION = "acceleration"
+FORCE = "force"
+UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One channel of a recording.
+
+    Parameters
+    ----------
+    name : str
+        The name it is found by (UFF 58: first ID line; CSV: header cell without the unit).
+    quantity : str
+        ``"acceleration"``, ``"force"``, ``"velocity"``, ``"displacement"`` or ``"unknown"``.
+    unit : str
+        Unit as the file states it; empty where it states none.
+    samples : ndarray, shape (n_samples,)
+        Samples as stored, in the file's unit and precision; memory-mapped where the format allows.
+    scale_to_si : float
+        Factor from stored samples to SI (m/s², N, m/s, m); carries the sign of the direction too.
+    node : int or None
+        Node number, where the file has one.
+    angle_deg : float or None
+        Angle from geometry in the same file (datasets 15, 2411), which overrides the grid.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    samples: NDArray[Any]
+    scale_to_si: float = 1.0
+    node: int | None = None
+    angle_deg: float | None = None
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return int(self.samples.shape[0])
+
+    def block(self, start: int, stop: int) -> NDArray[np.float64]:
+        """Samples `start` to `stop` in SI units and double precision."""
+        return np.asarray(self.samples[start:stop], dtype=np.float64) * self.scale_to_si
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Channels recorded together at one rate.
+
+    Parameters
+    ----------
+    path : Path
+        The file it was read from.
+    sampling_rate_hz : float
+        Sampling rate; NaN where the file does not say.
+    channels : tuple of Channel
+        All of the same length.
+    """
+
+    path: Path
+    sampling_rate_hz: float
+    channels: tuple[Channel, ...]
+
+    @property
+    def n_samples(self) -> int:
+        """Samples per channel."""
+        return self.channels[0].n_samples
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the recording."""
+        return self.n_samples / self.sampling_rate_hz
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Channel names in file order."""
+        return tuple(channel.name for channel in self.channels)
+
+    def block(
+        self, start: int, stop: int, rows: Sequence[int] | None = None
+    ) -> NDArray[np.float64]:
+        """Samples `start` to `stop` of all (or the given) channels in SI, (n_channels, n)."""
+        chosen = self.channels if rows is None else [self.channels[row] for row in rows]
+        return np.stack([channel.block(start, stop) for channel in chosen])
+
+
+@dataclass(frozen=True)
+class Tyre:
+    """Identity and given data of the tyre, from the manifest's ``[tyre]``."""
+
+    designation: str
+    inflation_pressure_pa: float | None = None
+    mean_radius_m: float | None = None
+    belt_width_m: float | None = None
+    details: dict[str, str] = field(default_factory=dict)  # anything else, shown in the report
+
+
+@dataclass(frozen=True)
+class Processing:
+    """How recordings become FRFs and in which band modes are sought; None means the default."""
+
+    averages: int | None = None
+    block_seconds: float | None = None
+    window: str | None = None
+    overlap: float | None = None
+    band_hz: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """A response channel of a run and where it sits."""
+
+    channel: Channel
+    node: int | None
+    position_deg: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One recording with the roles of its channels.
+
+    Parameters
+    ----------
+    name : str
+        The file's name, as messages and tables show it.
+    recording : Recording
+        Where the channels live.
+    force : Channel
+        The excitation.
+    responses : tuple of Response
+        The sensors on the grid (or on nodes), without the reference.
+    reference : Channel or None
+        The sensor that stays in place over all runs.
+    """
+
+    name: str
+    recording: Recording
+    force: Channel
+    responses: tuple[Response, ...]
+    reference: Channel | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """Everything the lab handed over, checked and in SI.
+
+    Parameters
+    ----------
+    name : str
+        Folder or file name.
+    runs : tuple of Run
+        Empty where the files hold FRFs.
+    frf : FRF or None
+        FRFs found in the files; they enter after the FRF estimation.
+    tyre : Tyre or None
+        None where the object is any structure.
+    positions : int or None
+        Number of grid positions on the circle; None where there is no grid.
+    excitation_deg : float or None
+        Angle of the force on the grid.
+    reference_deg : float or None
+        Angle of the reference sensor, where given.
+    sensor_mass_kg : float or None
+        Mass of one accelerometer.
+    processing : Processing
+        What the manifest asks for.
+    sources : tuple of Path
+        Every file read, the manifest first.
+    findings : tuple of Finding
+        What was assumed, left out or looks odd.
+    """
+
+    name: str
+    runs: tuple[Run, ...] = ()
+    frf: FRF | None = None
+    tyre: Tyre | None = None
+    positions: int | None = None
+    excitation_deg: float | None = None
+    reference_deg: float | None = None
+    sensor_mass_kg: float | None = None
+    processing: Processing = field(default_factory=Processing)
+    sources: tuple[Path, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def has_circle(self) -> bool:
+        """Whether the positions lie on a closed circle, so that circumferential orders exist."""
+        return self.positions is not None
