@@ -1,0 +1,89 @@
+"""How alike two shapes or two FRFs are, and how real a shape is: arrays in, numbers out."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def mac(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
+    """Modal assurance criterion of two sets of shapes.
+
+    MAC = |φᴴψ|²/((φᴴφ)(ψᴴψ)) (Allemang & Brown 1982).
+
+    Parameters
+    ----------
+    first : array_like, shape (n_first, n_positions)
+    second : array_like, shape (n_second, n_positions)
+        Shapes by row, real or complex. A single shape may be given as a vector.
+
+    Returns
+    -------
+    ndarray, shape (n_first, n_second)
+        Between 0 and 1; 0 where a shape is zero everywhere.
+    """
+    a, b = np.atleast_2d(np.asarray(first)), np.atleast_2d(np.asarray(second))
+    if a.shape[1] != b.shape[1]:
+        raise ValueError(
+            f"shapes of {a.shape[1]} and {b.shape[1]} positions cannot be compared; "
+            "both sets must hold the same positions in the same order"
+        )
+    product = np.abs(a.conj() @ b.T) ** 2
+    power = np.outer(_power(a), _power(b))
+    return np.asarray(np.divide(product, power, out=np.zeros_like(product), where=power > 0))
+
+
+def auto_mac(shapes: ArrayLike) -> NDArray[np.float64]:
+    """MAC of a set of shapes with itself, (n_shapes, n_shapes)."""
+    return mac(shapes, shapes)
+
+
+def frac(measured: ArrayLike, fitted: ArrayLike) -> NDArray[np.float64]:
+    """Frequency response assurance criterion of each FRF (Heylen & Lammens 1996).
+
+    Parameters
+    ----------
+    measured, fitted : array_like, shape (n_positions, n_frequencies)
+
+    Returns
+    -------
+    ndarray, shape (n_positions,)
+        Between 0 and 1; 0 where an FRF is zero everywhere.
+    """
+    a, b = np.atleast_2d(np.asarray(measured)), np.atleast_2d(np.asarray(fitted))
+    product = np.abs(np.sum(a.conj() * b, axis=1)) ** 2
+    power = _power(a) * _power(b)
+    return np.asarray(np.divide(product, power, out=np.zeros_like(product), where=power > 0))
+
+
+def mpc(shape: ArrayLike) -> float:
+    """Modal phase collinearity: 1 for a real mode, towards 0 for a travelling wave.
+
+    ((λ1−λ2)/(λ1+λ2))² with the eigenvalues of the covariance of real and imaginary parts
+    (Pappa, Elliott & Schenk 1993); parts are not centred, a shape has no meaningful mean.
+    """
+    phi = np.asarray(shape)
+    xx, yy, xy = phi.real @ phi.real, phi.imag @ phi.imag, phi.real @ phi.imag
+    if xx + yy == 0:
+        return 0.0
+    return float(((xx - yy) ** 2 + 4 * xy**2) / (xx + yy) ** 2)
+
+
+def mpd_deg(shape: ArrayLike) -> float:
+    """Mean phase deviation in degrees from the straight line that suits the shape best.
+
+    Amplitude-weighted angle to the first principal axis of (real, imaginary)
+    (Reynders, Houbrechts & De Roeck 2012, eq. 8).
+    """
+    phi = np.asarray(shape)
+    weight = np.abs(phi)
+    if not np.any(weight):
+        return 90.0
+    _, _, axes = np.linalg.svd(np.column_stack([phi.real, phi.imag]), full_matrices=False)
+    across = np.abs(phi.real * axes[0, 1] - phi.imag * axes[0, 0])
+    ratio = np.divide(across, weight, out=np.zeros_like(weight), where=weight > 0)
+    return float(np.rad2deg(np.sum(weight * np.arcsin(np.clip(ratio, 0, 1))) / np.sum(weight)))
+
+
+def _power(rows: NDArray[np.generic]) -> NDArray[np.float64]:
+    return np.asarray(np.sum(np.abs(rows) ** 2, axis=1))

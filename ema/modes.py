@@ -1,0 +1,199 @@
+"""Modes: poles, residues and residual terms fitted to FRFs, with their uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema._arrays import readonly
+from ema.mac import mpc, mpd_deg
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """One mode of vibration.
+
+    Parameters
+    ----------
+    pole : complex
+        s = −ζω + jω√(1−ζ²) in rad/s, upper half plane.
+    frequency_std_hz, damping_std : float
+        Standard deviations of `frequency_hz` and `damping_ratio`; NaN where unknown.
+    residues : ndarray of complex, shape (n_positions,)
+        A_i in H_i = −ω² Σ_r [A_ir/(jω−s_r) + A*_ir/(jω−s*_r)] + L_i − ω² U_i.
+    residues_std : ndarray, shape (n_positions,)
+        Standard deviation of the real and of the imaginary part of the residues.
+    order : int or None
+        Circumferential order n; None where there is no circle of sensors.
+    member : str
+        ``"a"`` or ``"b"`` for the two modes of a resolved pair, otherwise empty.
+    order_purity : float
+        Share of the shape's power in its circumferential order; NaN without a circle.
+    status : str
+        ``"ok"``, or what the reader of the number must know, e.g. ``"at bound"``.
+    """
+
+    pole: complex
+    frequency_std_hz: float
+    damping_std: float
+    residues: NDArray[np.complex128]
+    residues_std: NDArray[np.float64]
+    order: int | None = None
+    member: str = ""
+    order_purity: float = float("nan")
+    status: str = "ok"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "residues", readonly(self.residues, complex))
+        object.__setattr__(self, "residues_std", readonly(self.residues_std, float))
+
+    @property
+    def frequency_hz(self) -> float:
+        """Undamped frequency |s|/2π."""
+        return float(abs(self.pole) / (2 * np.pi))
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio −Re(s)/|s|."""
+        return float(-self.pole.real / abs(self.pole))
+
+    @property
+    def shape(self) -> NDArray[np.complex128]:
+        """Residues turned to be as real as they can be and scaled to a largest part of 1."""
+        turned = self.residues * np.exp(-0.5j * np.angle(np.sum(self.residues**2)))
+        peak = turned[np.argmax(np.abs(turned))]
+        return np.asarray(turned / (np.abs(peak) * (np.sign(peak.real) or 1.0)))
+
+    @property
+    def mpc(self) -> float:
+        """Modal phase collinearity, 1 for a real mode."""
+        return mpc(self.residues)
+
+    @property
+    def mpd_deg(self) -> float:
+        """Mean phase deviation in degrees, 0 for a real mode."""
+        return mpd_deg(self.residues)
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualTerms:
+    """What the modes outside the band add to each FRF: L_i − ω² U_i.
+
+    Parameters
+    ----------
+    lower : ndarray, shape (n_positions,)
+        L in (m/s²)/N, the modes below the band (1/mass).
+    upper : ndarray, shape (n_positions,)
+        U in m/N, the modes above the band (1/stiffness).
+    """
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "lower", readonly(self.lower))
+        object.__setattr__(self, "upper", readonly(self.upper))
+
+
+@dataclass(frozen=True, eq=False)
+class ModalModel:
+    """The modes of a band and everything needed to draw the FRFs from them.
+
+    Parameters
+    ----------
+    modes : tuple of Mode
+        Modes inside the band, ascending in frequency.
+    guard_modes : tuple of Mode
+        Modes just outside the band; part of the fit, not of the result.
+    residual_terms : ResidualTerms
+        Everything farther away.
+    band_hz : tuple of float
+        Band of the result.
+    fit_band_hz : tuple of float
+        Band of the lines that were fitted.
+    covariance : ndarray, shape (2 n_modes, 2 n_modes)
+        Covariance of (frequency_hz, damping_ratio) of `modes`, mode by mode.
+    frac : ndarray, shape (n_positions,)
+        Frequency response assurance criterion, measured against fitted, over the fitted lines.
+    misfit : float
+        Reduced χ² of the fit: 1 where the residuals are as large as the noise.
+    node, position_deg : ndarray, shape (n_positions,)
+        Where the rows are, as in `FRF`.
+    notes : tuple of str
+        What was assumed, dropped or reached a bound, in words.
+    """
+
+    modes: tuple[Mode, ...]
+    guard_modes: tuple[Mode, ...]
+    residual_terms: ResidualTerms
+    band_hz: tuple[float, float]
+    fit_band_hz: tuple[float, float]
+    covariance: NDArray[np.float64]
+    frac: NDArray[np.float64]
+    misfit: float
+    node: NDArray[np.int_]
+    position_deg: NDArray[np.float64]
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, dtype in (
+            ("covariance", float),
+            ("frac", float),
+            ("node", int),
+            ("position_deg", float),
+        ):
+            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
+
+    @property
+    def frequencies_hz(self) -> NDArray[np.float64]:
+        """Undamped frequencies of the modes."""
+        return np.array([mode.frequency_hz for mode in self.modes])
+
+    @property
+    def damping_ratios(self) -> NDArray[np.float64]:
+        """Damping ratios of the modes."""
+        return np.array([mode.damping_ratio for mode in self.modes])
+
+    def synthesise(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Inertances of all positions at `frequency_hz`, (n_positions, n_frequencies)."""
+        everything = self.modes + self.guard_modes
+        poles = np.array([mode.pole for mode in everything])
+        residues = np.stack([mode.residues for mode in everything], axis=1)
+        return synthesise(
+            frequency_hz, poles, residues, self.residual_terms.lower, self.residual_terms.upper
+        )
+
+
+def synthesise(
+    frequency_hz: NDArray[np.float64],
+    poles: NDArray[np.complex128],
+    residues: NDArray[np.complex128],
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+) -> NDArray[np.complex128]:
+    """Inertances from poles, residues and residual terms.
+
+    H_i = −ω² Σ_r [A_ir/(jω−s_r) + A*_ir/(jω−s*_r)] + L_i − ω² U_i (Ewins 2000, eq. 4.29, as
+    inertance).
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n_frequencies,)
+    poles : ndarray of complex, shape (n_modes,)
+        rad/s.
+    residues : ndarray of complex, shape (n_positions, n_modes)
+    lower, upper : ndarray, shape (n_positions,)
+        Residual terms L in (m/s²)/N and U in m/N.
+
+    Returns
+    -------
+    ndarray of complex, shape (n_positions, n_frequencies)
+        Inertance in (m/s²)/N.
+    """
+    omega = 2 * np.pi * np.asarray(frequency_hz)
+    direct = 1 / (1j * omega - poles[:, None])
+    mirrored = 1 / (1j * omega - poles[:, None].conj())
+    modal = residues @ direct + residues.conj() @ mirrored
+    return np.asarray(-(omega**2) * (modal + upper[:, None]) + lower[:, None])
