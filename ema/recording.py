@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 ACCELERATION = "acceleration"
 FORCE = "force"
+VELOCITY = "velocity"
+DISPLACEMENT = "displacement"
 UNKNOWN = "unknown"
 
 

@@ -1,0 +1,1 @@
+"""Measurement: recordings become FRFs, FRFs become poles and modes with error bars."""

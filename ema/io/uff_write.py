@@ -1,0 +1,241 @@
+"""Write universal files: time series and FRFs as dataset 58 or 58b."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import BinaryIO, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.errors import InputError
+from ema.frf import FRF
+from ema.io.uff58_header import (
+    BIG_ENDIAN,
+    COMPLEX_DOUBLE,
+    COMPLEX_SINGLE,
+    DATA_ACCELERATION,
+    DATA_DISPLACEMENT,
+    DATA_FORCE,
+    DATA_FREQUENCY,
+    DATA_TIME,
+    DATA_VELOCITY,
+    DELIMITER,
+    FREQUENCY_RESPONSE,
+    LITTLE_ENDIAN,
+    REAL_DOUBLE,
+    REAL_SINGLE,
+    TIME_RESPONSE,
+    Axis,
+    Header58,
+    format_header,
+)
+from ema.io.units import SI_UNIT, parse_unit
+from ema.recording import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY, Channel
+
+Precision = Literal["single", "double"]
+ByteOrder = Literal["little", "big"]
+
+RADIAL = 1  # first axis of a cylindrical system, as modal programs expect it
+_DATA_TYPE = {
+    ACCELERATION: DATA_ACCELERATION,
+    FORCE: DATA_FORCE,
+    VELOCITY: DATA_VELOCITY,
+    DISPLACEMENT: DATA_DISPLACEMENT,
+}
+_ASCII_FIELD = {False: ("%13.5E", 6), True: ("%20.12E", 4)}  # double precision: width, per line
+_LINES_PER_WRITE = 10_000
+
+
+def write_time_series(
+    path: Path | str,
+    channels: Sequence[Channel],
+    sampling_rate_hz: float,
+    *,
+    precision: Precision | None = None,
+    byte_order: ByteOrder = "little",
+    binary: bool = True,
+    directions: Sequence[int] | None = None,
+) -> None:
+    """Write channels that share one clock as datasets 58b (or 58), function type 1.
+
+    Samples are written as they are, under their own unit. Where the unit does not explain the
+    channel's factor to SI, they are converted and written in SI.
+
+    Parameters
+    ----------
+    path : Path or str
+        File to write; an existing one is replaced.
+    channels : sequence of Channel
+        All of the same length.
+    sampling_rate_hz : float
+        Common sampling rate, Hz.
+    precision : {"single", "double"}, optional
+        Default: single for float32 samples, double for all others.
+    byte_order : {"little", "big"}
+        Byte order of binary datasets.
+    binary : bool
+        58b; False writes ASCII with 6 (single) or 13 (double) digits.
+    directions : sequence of int, optional
+        Direction codes 1 to 3 (X, Y, Z), one for each channel, default 1. A channel with a
+        negative factor gets the negative code.
+
+    Raises
+    ------
+    InputError
+        If there are no channels, their lengths differ, or the rate is not positive.
+    """
+    _check_time_series(path, channels, sampling_rate_hz, directions)
+    with Path(path).open("wb") as file:
+        for index, channel in enumerate(channels):
+            samples, unit, sense = _in_its_unit(channel)
+            single = samples.dtype == np.float32 if precision is None else precision == "single"
+            header = Header58(
+                id_lines=(_one_line(channel.name), "NONE", "NONE", "NONE", "NONE"),
+                function_type=TIME_RESPONSE,
+                ordinate=REAL_SINGLE if single else REAL_DOUBLE,
+                n_values=len(samples),
+                abscissa_step=f"{1.0 / sampling_rate_hz:.6E}",
+                response_node=channel.node or 0,
+                response_direction=sense * (directions[index] if directions else RADIAL),
+                abscissa=Axis(DATA_TIME, label="Time", unit="s"),
+                ordinate_axis=Axis(
+                    _DATA_TYPE.get(channel.quantity, 0),
+                    label=channel.quantity.capitalize(),
+                    unit=_one_line(unit),
+                ),
+            )
+            _write_dataset(file, header, samples, byte_order if binary else None)
+
+
+def write_frfs(
+    path: Path | str,
+    frf: FRF,
+    *,
+    reference_node: int = 0,
+    precision: Precision = "double",
+    byte_order: ByteOrder = "little",
+    binary: bool = True,
+) -> None:
+    """Write inertances as datasets 58b (or 58), function type 4, acceleration over force.
+
+    Parameters
+    ----------
+    path : Path or str
+        File to write; an existing one is replaced.
+    frf : FRF
+        Inertance in (m/s²)/N on equidistant lines; coherence and deviation have no place here.
+    reference_node : int
+        Node of the force.
+    precision, byte_order, binary
+        As in `write_time_series`.
+
+    Raises
+    ------
+    InputError
+        If the FRF has no rows or fewer than two lines.
+    """
+    lines = frf.frequency_hz
+    if len(lines) < 2 or not len(frf.values):
+        shape = f"{len(frf.values)} FRFs of {len(lines)} lines"
+        raise InputError(str(path), shape, "at least one of two lines is needed", "Check the band")
+    step = (lines[-1] - lines[0]) / (len(lines) - 1)
+    template = Header58(
+        id_lines=(),
+        function_type=FREQUENCY_RESPONSE,
+        ordinate=COMPLEX_DOUBLE if precision == "double" else COMPLEX_SINGLE,
+        n_values=len(lines),
+        abscissa_min=float(lines[0]),
+        abscissa_step=f"{step:.6E}",
+        response_direction=RADIAL,
+        reference_node=reference_node,
+        reference_direction=RADIAL,
+        abscissa=Axis(DATA_FREQUENCY, label="Frequency", unit="Hz"),
+        ordinate_axis=Axis(DATA_ACCELERATION, label="Acceleration", unit="m/s^2"),
+        denominator_axis=Axis(DATA_FORCE, label="Excitation force", unit="N"),
+    )
+    with Path(path).open("wb") as file:
+        for row, values in enumerate(frf.values):
+            header = replace(
+                template,
+                id_lines=(_row_name(frf, row), _one_line(frf.run[row]), "NONE", "NONE", "NONE"),
+                response_node=max(int(frf.node[row]), 0),
+            )
+            _write_dataset(file, header, values, byte_order if binary else None)
+
+
+def _check_time_series(
+    path: Path | str,
+    channels: Sequence[Channel],
+    sampling_rate_hz: float,
+    directions: Sequence[int] | None,
+) -> None:
+    lengths = sorted({channel.n_samples for channel in channels})
+    if len(lengths) != 1 or lengths[0] == 0:
+        found = f"channel lengths {lengths}"
+        rule = "all channels of a recording have the same length, at least one sample"
+        raise InputError(str(path), found, rule, "Cut them to a common length")
+    if not 0 < sampling_rate_hz < np.inf:
+        found = f"sampling rate {sampling_rate_hz} Hz"
+        raise InputError(str(path), found, "it must be positive", "Give the rate in Hz")
+    if directions is not None and len(directions) != len(channels):
+        found = f"{len(directions)} directions for {len(channels)} channels"
+        raise InputError(str(path), found, "each channel has one", "Give one code per channel")
+
+
+def _in_its_unit(channel: Channel) -> tuple[NDArray[np.floating], str, int]:
+    """Find the samples to write, the unit they are in, and the sign of their direction."""
+    sense = -1 if channel.scale_to_si < 0 else 1
+    unit = parse_unit(channel.unit)
+    explained = 1.0 if unit is None else unit.factor
+    samples = np.asarray(channel.samples)
+    if samples.dtype.kind != "f":
+        samples = samples.astype(np.float64)
+    if sense * channel.scale_to_si == explained:
+        return samples, channel.unit or SI_UNIT.get(channel.quantity, "NONE"), sense
+    return samples * abs(channel.scale_to_si), SI_UNIT.get(channel.quantity, "NONE"), sense
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split()) or "NONE"
+
+
+def _row_name(frf: FRF, row: int) -> str:
+    position = frf.position_deg[row]
+    place = f"node {frf.node[row]}" if frf.node[row] >= 0 else f"response {row + 1}"
+    return place if np.isnan(position) else f"{place} at {position:g} deg"
+
+
+def _write_dataset(
+    file: BinaryIO, header: Header58, values: NDArray[np.inexact], byte_order: ByteOrder | None
+) -> None:
+    """Header, payload (binary where a byte order is given) and closing delimiter."""
+    if byte_order is None:
+        file.write(format_header(header))
+        for lines in _ascii_lines(values, header.is_double):
+            file.write(lines)
+    else:
+        order = "<" if byte_order == "little" else ">"
+        kind = "c" if header.is_complex else "f"
+        size = (8 if header.is_double else 4) * (2 if header.is_complex else 1)
+        payload = np.ascontiguousarray(values, dtype=f"{order}{kind}{size}")
+        code = LITTLE_ENDIAN if byte_order == "little" else BIG_ENDIAN
+        header = replace(header, binary=True, byte_order=code, n_bytes=payload.nbytes)
+        file.write(format_header(header))
+        file.write(payload.data)
+    file.write(DELIMITER + b"\n")
+
+
+def _ascii_lines(values: NDArray[np.inexact], double: bool) -> Iterable[bytes]:
+    """Fixed-width lines of numbers; the parts of complex values alternate."""
+    pattern, per_line = _ASCII_FIELD[double]
+    if np.iscomplexobj(values):
+        values = np.ascontiguousarray(values, dtype=np.complex128).view(np.float64)
+    step = per_line * _LINES_PER_WRITE
+    for start in range(0, len(values), step):
+        block = values[start : start + step].tolist()
+        full, rest = divmod(len(block), per_line)
+        text = (pattern * per_line + "\n") * full + (pattern * rest + "\n" if rest else "")
+        yield (text % tuple(block)).encode("ascii")
