@@ -145,10 +145,10 @@ def parse_number(text: str) -> float:
         If the text is no number.
     """
     plain = text.strip().upper().replace("D", "E")
-    if "_" in plain:
+    if "_" in plain or not plain.isascii():
         raise ValueError(f"{text!r} is not a number")
     sign = max(plain.rfind("+"), plain.rfind("-"))
-    if sign > 0 and plain[sign - 1] != "E":
+    if sign > 0 and plain[sign - 1] != "E" and "." in plain[:sign]:
         plain = f"{plain[:sign]}E{plain[sign:]}"
     return float(plain)
 

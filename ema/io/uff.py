@@ -1,0 +1,231 @@
+"""Read universal files: time series and FRFs from 58 and 58b, nodes and units beside them."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyuff
+from numpy.typing import NDArray
+
+from ema.errors import RecordingFormatError
+from ema.io.content import FileContent, remark
+from ema.io.geometry import angles_on_circle
+from ema.io.sampling import even_step, step_and_inverse
+from ema.io.uff58 import read_values
+from ema.io.uff58_header import FREQUENCY_RESPONSE, TIME_RESPONSE, Header58
+from ema.io.uff_frf import read_frf
+from ema.io.uff_scan import COPY_AGAIN, Dataset, place, scan
+from ema.io.uff_units import UnitSystem, ordinate_unit
+from ema.quality import Finding
+from ema.recording import Channel, Recording
+
+SUFFIXES = (".uff", ".unv", ".uf", ".bunv", ".58", ".ufb")
+_NODES = (2411, 15)  # the first one found counts
+_UNITS = 164
+_DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
+
+
+@dataclass(frozen=True)
+class _Surroundings:
+    """What other datasets of the file say about its functions."""
+
+    units: UnitSystem = field(default_factory=UnitSystem)
+    angle_deg: dict[int, float] = field(default_factory=dict)
+    not_round: bool = False
+
+
+def read_uff(path: Path) -> FileContent:
+    """Read the time series and FRFs of a universal file.
+
+    Payloads of 58b stay on disk as memory maps. Other function types and datasets that say
+    nothing about time series or FRFs are counted in a finding.
+
+    Raises
+    ------
+    RecordingFormatError
+        If the file is missing, damaged or truncated, or its channels do not belong together.
+    """
+    datasets = scan(path)
+    functions = [each for each in datasets if each.header is not None]
+    times = [each for each in functions if _function_type(each) == TIME_RESPONSE]
+    responses = [each for each in functions if _function_type(each) == FREQUENCY_RESPONSE]
+    findings = _remarks(path, datasets, times, responses)
+    if not times and not responses:
+        return FileContent(path, findings=findings)
+    around = _surroundings(path, datasets, [*times, *responses])
+    if around.not_round:
+        detail = "the nodes of the file's geometry lie on no circle; it gives no angles"
+        findings += (remark(path, "", "geometry", detail),)
+    recording, noticed = _read_recording(path, times, around) if times else (None, ())
+    findings += noticed
+    frf = None
+    if responses:
+        frf, noticed = read_frf(path, responses, around.units, around.angle_deg)
+        findings += noticed
+    return FileContent(path, recording, frf, findings)
+
+
+def _header(dataset: Dataset) -> Header58:
+    assert dataset.header is not None
+    return dataset.header
+
+
+def _function_type(dataset: Dataset) -> int:
+    return _header(dataset).function_type
+
+
+def _remarks(
+    path: Path,
+    datasets: Sequence[Dataset],
+    times: Sequence[Dataset],
+    responses: Sequence[Dataset],
+) -> tuple[Finding, ...]:
+    findings = []
+    for dataset in (*times, *responses):
+        if dataset.remark:
+            name = _header(dataset).id_lines[0]
+            findings.append(remark(path, name, "byte count", dataset.remark))
+    used = {dataset.index for dataset in (*times, *responses)}
+    left = sorted(
+        {
+            f"function type {_function_type(each)}" if each.header else f"dataset {each.number}"
+            for each in datasets
+            if each.index not in used and each.number not in (*_NODES, _UNITS, 151)
+        }
+    )
+    if left:
+        detail = f"{', '.join(left)}: nothing in it for this tool, left out"
+        findings.append(remark(path, "", "content", detail))
+    return tuple(findings)
+
+
+def _surroundings(
+    path: Path, datasets: Sequence[Dataset], functions: Sequence[Dataset]
+) -> _Surroundings:
+    """Let pyuff read nodes and units, from a small file that holds those datasets alone."""
+    nodes = next((n for n in _NODES if any(each.number == n for each in datasets)), None)
+    wanted = [each for each in datasets if each.number in (nodes, _UNITS)]
+    if not wanted:
+        return _Surroundings()
+    sets = _read_with_pyuff(path, wanted)
+    units = UnitSystem()
+    coordinates: dict[int, NDArray[np.float64]] = {}
+    try:
+        for each in sets:
+            if each["type"] == _UNITS:
+                units = UnitSystem(float(each["length"]), float(each["force"]))
+            else:
+                table = np.array([each["x"], each["y"], each["z"]], dtype=np.float64).T
+                labels = [int(node) for node in each["node_nums"]]
+                coordinates |= dict(zip(labels, table, strict=True))
+    except (KeyError, ValueError, TypeError, OverflowError) as error:
+        found = "datasets of nodes or units that hold something else"
+        rule = "nodes have a number and three coordinates, units have factors"
+        raise RecordingFormatError(path.name, found, rule, COPY_AGAIN) from error
+    if not units.is_valid:
+        found = f"units {units.length} (length) and {units.force} (force)"
+        rule = "factors of dataset 164 are positive numbers"
+        raise RecordingFormatError(path.name, found, rule, COPY_AGAIN)
+    in_use = {_header(each).response_node for each in functions}
+    carrying = {node: point for node, point in coordinates.items() if node in in_use}
+    angles = angles_on_circle(carrying)
+    return _Surroundings(units, angles, not_round=bool(carrying) and not angles)
+
+
+def _read_with_pyuff(path: Path, datasets: Sequence[Dataset]) -> list[dict[str, Any]]:
+    with tempfile.TemporaryDirectory() as folder, path.open("rb") as file:
+        extract = Path(folder) / "extract.uff"
+        with extract.open("wb") as small:
+            for each in datasets:
+                file.seek(each.start)
+                small.write(file.read(each.stop - each.start).rstrip() + b"\n")
+        try:
+            found = pyuff.UFF(str(extract)).read_sets()
+        except Exception as error:  # pyuff raises nothing more specific
+            kinds = ", ".join(str(each.number) for each in datasets)
+            rule = "nodes and units follow the definition of their dataset"
+            raise RecordingFormatError(
+                path.name, f"datasets {kinds}: {error}", rule, COPY_AGAIN
+            ) from error
+    return list(found) if isinstance(found, list) else [found]
+
+
+def _read_recording(
+    path: Path, datasets: Sequence[Dataset], around: _Surroundings
+) -> tuple[Recording, tuple[Finding, ...]]:
+    channels: list[Channel] = []
+    rates: list[float] = []
+    findings: list[Finding] = []
+    for dataset in datasets:
+        header = _header(dataset)
+        abscissa, values = read_values(path, dataset)
+        if header.is_complex:
+            found = f"{header.id_lines[0]!r} holds complex values"
+            rule = "a time response is real"
+            raise RecordingFormatError(place(path, dataset.index), found, rule, COPY_AGAIN)
+        rates.append(_sampling_rate(path, dataset, abscissa))
+        unit = ordinate_unit(header.ordinate_axis, around.units)
+        name = _channel_name(header, len(channels) + 1)
+        if unit.remark:
+            findings.append(remark(path, name, "unit", unit.remark))
+        channels.append(
+            Channel(
+                name=name,
+                quantity=unit.quantity,
+                unit=unit.text,
+                samples=values,
+                scale_to_si=unit.factor * (-1.0 if header.response_direction < 0 else 1.0),
+                node=header.response_node,
+                angle_deg=around.angle_deg.get(header.response_node),
+            )
+        )
+    _check_together(path, channels, rates)
+    return Recording(path, rates[0], tuple(channels)), tuple(findings)
+
+
+def _channel_name(header: Header58, number: int) -> str:
+    """First ID line; where it says nothing, the degree of freedom or the number in the file."""
+    name = header.id_lines[0]
+    if name and name.upper() != "NONE":
+        return name
+    if header.response_node:
+        return f"{header.response_node}{_DIRECTIONS.get(header.response_direction, '')}"
+    return f"channel {number}"
+
+
+def _sampling_rate(path: Path, dataset: Dataset, abscissa: NDArray[np.float64] | None) -> float:
+    header = _header(dataset)
+    if abscissa is not None:
+        steps = even_step(abscissa)
+        if steps is None:
+            found = f"{header.id_lines[0]!r} is not sampled at equal steps"
+            rule = "spectra need a constant sampling rate"
+            remedy = "Resample it, or export it with even spacing"
+            raise RecordingFormatError(place(path, dataset.index), found, rule, remedy)
+        return steps[1]
+    try:
+        return step_and_inverse(header.abscissa_step)[1]
+    except ValueError:
+        found = f"time step {header.abscissa_step!r}"
+        rule = "the step of an evenly sampled time response is positive"
+        raise RecordingFormatError(place(path, dataset.index, 9), found, rule, COPY_AGAIN) from None
+
+
+def _check_together(path: Path, channels: Sequence[Channel], rates: Sequence[float]) -> None:
+    """Channels of one file share length and rate; name the first two that do not."""
+    first = channels[0]
+    for channel, rate in zip(channels, rates, strict=True):
+        if channel.n_samples != first.n_samples:
+            what = f"{first.n_samples} samples of {first.name!r}, {channel.n_samples}"
+        elif abs(rate - rates[0]) > 1e-6 * rates[0]:
+            what = f"{rates[0]:g} Hz of {first.name!r}, {rate:g} Hz"
+        else:
+            continue
+        rule = "channels of one run are sampled together, at one rate and equally long"
+        remedy = "Export them together, or in files of their own"
+        raise RecordingFormatError(path.name, f"{what} of {channel.name!r}", rule, remedy)

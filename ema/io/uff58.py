@@ -1,0 +1,167 @@
+"""Values of datasets 58 and 58b: memory maps where the file allows, arrays elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+from numpy.typing import NDArray
+
+from ema.errors import RecordingFormatError
+from ema.io.uff58_header import Header58, parse_number
+from ema.io.uff_scan import COPY_AGAIN, Dataset, place
+
+_CHUNK_LINES = 20_000
+_LONGEST_LINE = 4096
+_D_TO_E = bytes.maketrans(b"Dd", b"Ee")
+
+
+def read_values(path: Path, dataset: Dataset) -> tuple[NDArray[np.float64] | None, NDArray[Any]]:
+    """Read abscissa and values of a dataset 58.
+
+    Returns
+    -------
+    abscissa : ndarray or None
+        None where the header gives minimum and step.
+    values : ndarray, shape (n_values,)
+        Real or complex; a read-only memory map of the file where the payload is binary.
+
+    Raises
+    ------
+    RecordingFormatError
+        If an ASCII payload holds more or fewer values than the header states, or no numbers.
+    """
+    header = dataset.header
+    assert header is not None
+    if dataset.layout is None:
+        return _split(header, _read_text(path, dataset, header))
+    begin, _ = dataset.payload
+    records: NDArray[Any] = np.memmap(
+        path, dtype=dataset.layout, mode="r", offset=begin, shape=(header.n_values,)
+    )
+    if header.even:
+        return None, records
+    return records["abscissa"].astype(np.float64), records["value"]
+
+
+def _split(
+    header: Header58, numbers: NDArray[np.float64]
+) -> tuple[NDArray[np.float64] | None, NDArray[Any]]:
+    """Separate abscissa and values; real and imaginary part alternate."""
+    abscissa = None
+    if not header.even:
+        table = numbers.reshape(header.n_values, -1)
+        abscissa, numbers = table[:, 0].copy(), table[:, 1:].ravel()
+    values = numbers.view(np.complex128) if header.is_complex else numbers
+    values.setflags(write=False)
+    return abscissa, values
+
+
+def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.float64]:
+    begin, end = dataset.payload
+    widths = _widths(header)
+    per_value = (2 if header.is_complex else 1) + (0 if header.even else 1)
+    expected = header.n_values * per_value
+    # A number takes two bytes at least: no header makes this larger than four times the file.
+    numbers = np.empty(min(expected, (end - begin) // 2 + 1))
+    count = 0
+    with path.open("rb") as file:
+        file.seek(begin)
+        while file.tell() < end:
+            lines = _some_lines(file, end, place(path, dataset.index))
+            block = _regular(lines, widths)
+            if block is None:
+                block = _irregular(lines, widths, place(path, dataset.index))
+            room = numbers[count : count + len(block)]
+            room[:] = block[: len(room)]
+            count += len(block)
+    if count != expected:
+        found = f"{count // per_value} of {header.n_values} values"
+        rule = "the file is truncated" if count < expected else "there are more than stated"
+        raise RecordingFormatError(place(path, dataset.index), found, rule, COPY_AGAIN)
+    return numbers
+
+
+def _widths(header: Header58) -> tuple[int, ...]:
+    """Columns of the numbers on a line: E13.5 and E20.12, abscissae always E13.5."""
+    if not header.is_double:
+        return (13,) * 6
+    if header.even:
+        return (20,) * 4
+    return (13, 20, 20) if header.is_complex else (13, 20, 13, 20)
+
+
+def _some_lines(file: BinaryIO, end: int, where: str) -> list[bytes]:
+    lines: list[bytes] = []
+    while len(lines) < _CHUNK_LINES and file.tell() < end:
+        line = file.readline(min(_LONGEST_LINE, end - file.tell()))
+        if len(line) == _LONGEST_LINE:
+            found = f"a line of more than {_LONGEST_LINE} characters"
+            rule = "lines of a dataset 58 have 80 columns"
+            raise RecordingFormatError(where, found, rule, COPY_AGAIN)
+        lines.append(line)
+    return lines
+
+
+def _regular(lines: list[bytes], widths: tuple[int, ...]) -> NDArray[np.float64] | None:
+    """Convert full lines of equally wide, right-aligned numbers at once; None if they are not."""
+    width, line_width = widths[0], sum(widths)
+    text = b"".join(lines)
+    length, rest = divmod(len(text), len(lines))
+    if rest or len(set(widths)) > 1 or length <= line_width:
+        return None
+    table = np.frombuffer(text, np.uint8).reshape(len(lines), length)
+    tail = table[:, line_width:]
+    fields = table[:, :line_width].reshape(-1, width)
+    if not np.isin(tail, list(b" \r\n")).all() or not ((fields == ord(".")).sum(axis=1) == 1).all():
+        return None
+    if (fields[:, -1] == ord(" ")).any():
+        return None
+    column = np.full((len(fields), width + 1), ord("\n"), np.uint8)
+    column[:, :width] = fields
+    try:
+        parsed = pa.csv.read_csv(
+            pa.BufferReader(column.tobytes().translate(_D_TO_E)),
+            read_options=pa.csv.ReadOptions(column_names=["value"]),
+            convert_options=pa.csv.ConvertOptions(
+                column_types={"value": pa.float64()}, null_values=[]
+            ),
+        )
+    except pa.ArrowInvalid:
+        return None  # an oddity somewhere: number by number tells which
+    values: NDArray[np.float64] = parsed.column(0).to_numpy()
+    return values
+
+
+def _irregular(lines: list[bytes], widths: tuple[int, ...], where: str) -> NDArray[np.float64]:
+    """Convert line by line: separated numbers, or touching ones cut by their columns."""
+    numbers: list[float] = []
+    for line in lines:
+        text = line.decode("latin-1").rstrip()
+        try:
+            numbers += [parse_number(word) for word in text.split()]
+        except ValueError:
+            numbers += _by_columns(text, widths, where)
+    return np.array(numbers, dtype=np.float64)
+
+
+def _by_columns(text: str, widths: tuple[int, ...], where: str) -> list[float]:
+    numbers, begin = [], 0
+    for width in widths:
+        if begin >= len(text):
+            break
+        field = text[begin : begin + width]
+        try:
+            numbers.append(parse_number(field))
+        except ValueError:
+            rule = f"columns {begin + 1} to {begin + width} hold a number"
+            raise RecordingFormatError(where, repr(field), rule, COPY_AGAIN) from None
+        begin += width
+    if text[begin:].strip():
+        found = repr(text[begin:].strip()[:20])
+        rule = f"nothing follows behind column {begin} of a line"
+        raise RecordingFormatError(where, found, rule, COPY_AGAIN)
+    return numbers
