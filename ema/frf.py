@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema._arrays import readonly
+from ema.blocks import BlockPlan, plan_blocks
+from ema.errors import InputError
+from ema.recording import Campaign, Processing, Run
+from ema.spectra import Spectra, measure_spectra, pooled
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +23,7 @@ class FRF:
     ----------
     frequency_hz : ndarray, shape (n_frequencies,)
         Frequency lines, equidistant.
-    values : ndarray, shape (n_positions, n_frequencies), complex
+    values : ndarray of complex, shape (n_positions, n_frequencies)
         Inertance in (m/s²)/N.
     coherence : ndarray, shape (n_positions, n_frequencies)
         Ordinary coherence; NaN where unknown.
@@ -29,7 +34,13 @@ class FRF:
     position_deg : ndarray, shape (n_positions,)
         Angles counter-clockwise from the excitation's zero; NaN where there is no circle.
     run : tuple of str
-        The run each row was measured in.
+        The run each row was measured in; several names joined by "+" where rows were averaged.
+    blocks : BlockPlan or None
+        How the recordings were cut; None for FRFs from a file.
+    n_effective : float
+        Independent averages; NaN where unknown.
+    reference : FRF or None
+        The fixed reference sensor, one row per run.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -39,6 +50,9 @@ class FRF:
     node: NDArray[np.int_]
     position_deg: NDArray[np.float64]
     run: tuple[str, ...]
+    blocks: BlockPlan | None = None
+    n_effective: float = float("nan")
+    reference: FRF | None = None
 
     def __post_init__(self) -> None:
         for name, dtype in (
@@ -50,3 +64,188 @@ class FRF:
             ("position_deg", float),
         ):
             object.__setattr__(self, name, readonly(getattr(self, name), dtype))
+
+    @property
+    def n_positions(self) -> int:
+        """Number of rows."""
+        return int(self.values.shape[0])
+
+    def rows(self, chosen: NDArray[np.generic]) -> FRF:
+        """Keep the chosen rows (indices or a mask) only."""
+        return replace(
+            self,
+            values=self.values[chosen],
+            coherence=self.coherence[chosen],
+            std=self.std[chosen],
+            node=self.node[chosen],
+            position_deg=self.position_deg[chosen],
+            run=tuple(np.asarray(self.run, dtype=object)[chosen]),
+        )
+
+
+def estimate_frf(
+    campaign: Campaign, processing: Processing | None = None, *, estimator: str = "H1"
+) -> FRF:
+    """FRFs of all positions of a campaign, in the order of their angle (or node).
+
+    A position measured in several runs enters with the spectra of all of them. The fixed
+    reference sensor is kept apart, one row per run, in `FRF.reference`.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        From `read_campaign`. FRFs found in its files are handed through.
+    processing : Processing, optional
+        Instead of the campaign's own.
+    estimator : {"H1", "H2", "Hv"}
+        H1 suits noise on the accelerations (the usual case), H2 noise on the force, Hv both
+        (Bendat & Piersol 2010, ch. 6; Rocklin, Crowley & Vold 1985).
+
+    Returns
+    -------
+    FRF
+
+    Raises
+    ------
+    InputError
+        If the blocks asked for do not fit, the runs differ in rate or the force is silent.
+    """
+    if estimator not in ESTIMATORS:
+        raise InputError(
+            "FRF", f"estimator {estimator!r}", f"known are {', '.join(ESTIMATORS)}", "Choose one"
+        )
+    if campaign.frf is not None:
+        return campaign.frf.rows(_order_of(campaign.frf.position_deg, campaign.frf.node))
+    plan = _common_plan(campaign.runs, processing or campaign.processing)
+    spectra = [_run_spectra(run, plan) for run in campaign.runs]
+    frf = _positions_frf(campaign.runs, spectra, plan, estimator)
+    return replace(frf, reference=_reference_frf(campaign, spectra, plan, estimator))
+
+
+def _common_plan(runs: Sequence[Run], processing: Processing) -> BlockPlan:
+    """Blocks for the shortest run; all runs share their length, so that their lines agree."""
+    shortest = min(runs, key=lambda run: run.recording.n_samples)
+    rate = shortest.recording.sampling_rate_hz
+    for run in runs:
+        if not np.isclose(run.recording.sampling_rate_hz, rate, rtol=1e-6):
+            raise InputError(
+                run.name,
+                f"{run.recording.sampling_rate_hz:g} Hz sampling rate",
+                f"{shortest.name} has {rate:g} Hz and all runs must agree",
+                "Resample one of them or process them apart",
+            )
+    return plan_blocks(shortest.recording.n_samples, rate, processing, shortest.name)
+
+
+def _run_spectra(run: Run, plan: BlockPlan) -> Spectra:
+    spectra = measure_spectra(run, plan.for_length(run.recording.n_samples))
+    if not np.any(spectra.force > 0):
+        raise InputError(
+            f"{run.name}, channel {run.force.name!r}",
+            "a constant signal",
+            "the force must excite the tyre",
+            "Check the load cell's cable, or name another excitation channel",
+        )
+    return spectra
+
+
+def _positions_frf(
+    runs: Sequence[Run], spectra: list[Spectra], plan: BlockPlan, estimator: str
+) -> FRF:
+    responses = [(run, response) for run in runs for response in run.responses]
+    angle = np.array([_number(response.position_deg) for _, response in responses])
+    node = np.array([-1 if response.node is None else response.node for _, response in responses])
+    key = np.where(np.isfinite(angle), np.round(angle, 6), node)
+    _, first, place = np.unique(key, return_index=True, return_inverse=True)
+    names = [
+        "+".join(run.name for (run, _), there in zip(responses, place, strict=True) if there == p)
+        for p in range(first.size)
+    ]
+    parts = [part.rows(slice(len(run.responses))) for part, run in zip(spectra, runs, strict=True)]
+    return _as_frf(
+        pooled(parts, place, first.size), plan, estimator, node[first], angle[first], names
+    )
+
+
+def _reference_frf(
+    campaign: Campaign, spectra: list[Spectra], plan: BlockPlan, estimator: str
+) -> FRF | None:
+    pairs = [(r, s) for r, s in zip(campaign.runs, spectra, strict=True) if r.reference is not None]
+    if len(pairs) < 2:
+        return None
+    last = pooled(
+        [part.rows(slice(-1, None)) for _, part in pairs], np.arange(len(pairs)), len(pairs)
+    )
+    nodes = np.full(len(pairs), -1)
+    angle = np.full(len(pairs), _number(campaign.reference_deg))
+    return _as_frf(last, plan, estimator, nodes, angle, [run.name for run, _ in pairs])
+
+
+def _as_frf(
+    spectra: Spectra,
+    plan: BlockPlan,
+    estimator: str,
+    node: NDArray[np.int_],
+    position_deg: NDArray[np.float64],
+    run: list[str],
+) -> FRF:
+    power = spectra.force * spectra.response
+    coherence = np.divide(
+        np.abs(spectra.cross) ** 2, power, out=np.zeros(power.shape), where=power > 0
+    )
+    values = ESTIMATORS[estimator](spectra)
+    return FRF(
+        frequency_hz=plan.frequency_hz,
+        values=values,
+        coherence=np.clip(coherence, 0, 1),
+        std=_random_error(spectra, coherence),
+        node=node,
+        position_deg=position_deg,
+        run=tuple(run),
+        blocks=plan,
+        n_effective=float(np.min(spectra.n_effective)),
+    )
+
+
+def _random_error(spectra: Spectra, coherence: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard deviation of each quadrature of H1 (Bendat & Piersol 2010, eq. 9.89, unbiased).
+
+    One average says nothing about its error: NaN.
+    """
+    freedom = spectra.n_effective[:, None] - 1
+    with np.errstate(divide="ignore", invalid="ignore"):
+        variance = spectra.response / spectra.force * (1 - coherence) / (2 * freedom)
+    return np.sqrt(np.where((freedom > 0.5) & (variance >= 0), variance, np.nan))
+
+
+def _h1(spectra: Spectra) -> NDArray[np.complex128]:
+    return _ratio(spectra.cross, spectra.force)
+
+
+def _h2(spectra: Spectra) -> NDArray[np.complex128]:
+    return _ratio(spectra.response, spectra.cross.conj())
+
+
+def _hv(spectra: Spectra) -> NDArray[np.complex128]:
+    """Geometric mean of H1 and H2, with the phase they share."""
+    direction = _ratio(spectra.cross, np.abs(spectra.cross))
+    return np.asarray(direction * np.sqrt(np.abs(_ratio(spectra.response, spectra.force))))
+
+
+def _ratio(above: NDArray[np.generic], below: NDArray[np.generic]) -> NDArray[np.complex128]:
+    return np.divide(above, below, out=np.zeros(above.shape, complex), where=np.abs(below) > 0)
+
+
+ESTIMATORS: dict[str, Callable[[Spectra], NDArray[np.complex128]]] = {
+    "H1": _h1,
+    "H2": _h2,
+    "Hv": _hv,
+}
+
+
+def _order_of(position_deg: NDArray[np.float64], node: NDArray[np.int_]) -> NDArray[np.int_]:
+    return np.lexsort((node, np.nan_to_num(position_deg)))
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value

@@ -2,12 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ema._arrays import readonly
+from ema.errors import FitError
+from ema.frf import FRF
+from ema.interpretation import interpret
+from ema.lsce import (
+    impulse_responses,
+    normal_matrix,
+    poles_of_order,
+    shapes_of_poles,
+    useful_length,
+)
+from ema.mac import mac
+
+STABLE_FREQUENCY = 0.01
+STABLE_DAMPING = 0.05
+# Beyond the band, lines are used up to this share of its width, for modes just outside it …
+_MARGIN = 0.15
+# … as long as they are not noisier than the noisiest part of the band by more than this factor.
+_MARGIN_NOISE = 2.0
+_FEWEST_LINES = 32
+_PIN_REACH = 0.05
 
 
 @dataclass(frozen=True)
@@ -98,3 +119,225 @@ class StabilityDiagram:
     def damping_ratio(self) -> NDArray[np.float64]:
         """Damping ratios −Re(s)/|s| of all poles."""
         return np.asarray(-self.poles.real / np.abs(self.poles))
+
+
+@dataclass(frozen=True, eq=False)
+class PoleSelection:
+    """Poles that start a curve fit.
+
+    Parameters
+    ----------
+    poles : ndarray of complex, shape (n_modes,)
+        rad/s; poles outside the band guard its ends.
+    band_hz : tuple of float
+        Band whose modes are wanted.
+    """
+
+    poles: NDArray[np.complex128]
+    band_hz: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "poles", readonly(self.poles, complex))
+
+    @classmethod
+    def around(cls, poles: ArrayLike) -> PoleSelection:
+        """Select given poles and a band that reaches 20 % beyond them."""
+        given = np.atleast_1d(np.asarray(poles, dtype=complex))
+        frequency_hz = np.abs(given) / (2 * np.pi)
+        return cls(given, (0.8 * float(frequency_hz.min()), 1.2 * float(frequency_hz.max())))
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Poles of all orders with their shapes and their distance to the order before."""
+
+    model_order: NDArray[np.int_]
+    poles: NDArray[np.complex128]
+    shapes: NDArray[np.complex128]
+    step_frequency: NDArray[np.float64]
+    step_damping: NDArray[np.float64]
+    step_total: NDArray[np.float64]
+
+
+def build_stability(
+    frf: FRF,
+    band_hz: tuple[float, float] = (20.0, 260.0),
+    *,
+    max_order: int = 60,
+    max_damping: float = 0.2,
+) -> StabilityDiagram:
+    """Poles of all model orders, matched from order to order, clustered and judged.
+
+    Parameters
+    ----------
+    frf : FRF
+    band_hz : tuple of float
+        Band in which modes are sought. Some lines beyond it are used where their noise allows, so
+        that modes just outside are seen as such.
+    max_order : int
+        Highest model order: the number of poles in the band.
+    max_damping : float
+        Poles with a larger damping ratio are not taken for modes.
+
+    Returns
+    -------
+    StabilityDiagram
+
+    Raises
+    ------
+    FitError
+        Where the band holds too few lines.
+    """
+    lines = widened_band(frf, band_hz)
+    frequency_hz, values = frf.frequency_hz[lines], frf.values[:, lines]
+    responses, step_s = impulse_responses(frequency_hz, values)
+    max_order = max(min(max_order, responses.shape[1] // 4), 2)
+    length = useful_length(responses, shortest=3 * max_order)
+    # The first sample holds the direct part of an inertance and the residual terms.
+    piece = responses[:, 1:length]
+    found = _poles_of_all_orders(piece, max_order, step_s, frequency_hz[0], max_damping)
+    label, verdicts = interpret(
+        found.model_order, found.poles, found.shapes, found.step_total, max_order
+    )
+    return StabilityDiagram(
+        band_hz=band_hz,
+        model_order=found.model_order,
+        poles=found.poles,
+        stable_frequency=found.step_frequency < STABLE_FREQUENCY,
+        stable_damping=found.step_damping < STABLE_DAMPING,
+        cluster=label,
+        clusters=tuple(
+            Cluster(number, verdict.pole, verdict.size, verdict.kept, verdict.reason)
+            for number, verdict in enumerate(verdicts)
+        ),
+        indicator_hz=frequency_hz,
+        indicator=np.sqrt(np.mean(np.abs(values) ** 2, axis=0)),
+    )
+
+
+def select_poles(
+    diagram: StabilityDiagram, pinned_hz: Sequence[float] | None = None
+) -> PoleSelection:
+    """Choose the poles that start the curve fit, those just outside the band included.
+
+    Parameters
+    ----------
+    diagram : StabilityDiagram
+    pinned_hz : sequence of float, optional
+        Take one pole next to each of these frequencies instead of the automatic selection.
+
+    Returns
+    -------
+    PoleSelection
+        Poles ascending in frequency, with the diagram's band.
+
+    Raises
+    ------
+    FitError
+        Where nothing was found, or nothing within 5 % of a pinned frequency.
+    """
+    kept = [cluster for cluster in diagram.clusters if cluster.kept]
+    if pinned_hz is not None:
+        low, high = diagram.band_hz
+        guards = [c.pole for c in kept if not low <= c.frequency_hz <= high]
+        chosen = [_pinned_pole(diagram, wanted) for wanted in pinned_hz] + guards
+    else:
+        chosen = [cluster.pole for cluster in kept]
+    if not chosen:
+        raise FitError(
+            f"no mode found between {diagram.band_hz[0]:g} and {diagram.band_hz[1]:g} Hz: no pole "
+            "is stable over the model orders. Check coherence and band, or pin frequencies."
+        )
+    poles = np.array(chosen)
+    return PoleSelection(poles[np.argsort(np.abs(poles))], diagram.band_hz)
+
+
+def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:
+    """Lines of the band and, where their noise allows, of a margin on both sides.
+
+    Raises
+    ------
+    FitError
+        Where the band holds too few lines to identify anything.
+    """
+    frequency_hz = frf.frequency_hz
+    low, high = np.searchsorted(frequency_hz, band_hz, side="left")
+    high = int(np.searchsorted(frequency_hz, band_hz[1], side="right"))
+    if high - low < _FEWEST_LINES:
+        raise FitError(
+            f"only {high - low} frequency lines between {band_hz[0]:g} and {band_hz[1]:g} Hz; "
+            f"at least {_FEWEST_LINES} are needed. Widen the band or use longer blocks."
+        )
+    margin = int(_MARGIN * (high - low))
+    # FRFs without σ get no verdict on their noise: the margin stays whole.
+    noise = np.median(frf.std, axis=0)
+    usable = ~(noise > _MARGIN_NOISE * np.max(noise[low:high])) & (frequency_hz > 0)
+    start, stop = int(low), high
+    while start > max(low - margin, 0) and usable[start - 1]:
+        start -= 1
+    while stop < min(high + margin, frequency_hz.size) and usable[stop]:
+        stop += 1
+    return slice(start, stop)
+
+
+def _poles_of_all_orders(
+    piece: NDArray[np.complex128],
+    max_order: int,
+    step_s: float,
+    lowest_hz: float,
+    max_damping: float,
+) -> _Found:
+    matrix = normal_matrix(piece, max_order)
+    rows: list[tuple[NDArray[np.generic], ...]] = []
+    previous = np.zeros(0, dtype=complex), np.zeros((0, piece.shape[0]), dtype=complex)
+    for order in range(2, max_order + 1):
+        poles = poles_of_order(matrix, order, step_s, lowest_hz)
+        damping = -poles.real / np.abs(poles)
+        poles = poles[(damping > 0) & (damping < max_damping) & (poles.imag > 0)]
+        shapes = shapes_of_poles(piece, poles, step_s, lowest_hz)
+        steps = _steps(*previous, poles, shapes)
+        rows.append((np.full(poles.size, order), poles, shapes, *steps))
+        previous = poles, shapes
+    return _Found(*(np.concatenate(column) for column in zip(*rows, strict=True)))
+
+
+def _steps(
+    old_poles: NDArray[np.complex128],
+    old_shapes: NDArray[np.complex128],
+    poles: NDArray[np.complex128],
+    shapes: NDArray[np.complex128],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Change of frequency, damping and everything from the nearest pole of the order before.
+
+    One to one: only mutual nearest neighbours match; the others are infinitely far.
+    """
+    far = np.full(poles.size, np.inf)
+    if not (old_poles.size and poles.size):
+        return far, far.copy(), far.copy()
+    largest = np.maximum(np.abs(old_poles)[:, None], np.abs(poles)[None, :])
+    distance = np.abs(old_poles[:, None] - poles[None, :]) / largest
+    nearest_old, nearest_new = distance.argmin(axis=0), distance.argmin(axis=1)
+    new = np.flatnonzero(nearest_new[nearest_old] == np.arange(poles.size))
+    old = nearest_old[new]
+    frequency, damping, total = far, far.copy(), far.copy()
+    frequency[new] = np.abs(np.abs(poles[new]) / np.abs(old_poles[old]) - 1)
+    ratio_new = poles[new].real / np.abs(poles[new])
+    ratio_old = old_poles[old].real / np.abs(old_poles[old])
+    damping[new] = np.abs(ratio_new / ratio_old - 1)
+    likeness = mac(old_shapes, shapes)[old, new]
+    total[new] = distance[old, new] + 1 - likeness
+    return frequency, damping, total
+
+
+def _pinned_pole(diagram: StabilityDiagram, wanted_hz: float) -> complex:
+    """Pole of the largest cluster within 5 % of a frequency, or of the nearest single pole."""
+    near = [c for c in diagram.clusters if abs(c.frequency_hz / wanted_hz - 1) < _PIN_REACH / 5]
+    if near:
+        return max(near, key=lambda cluster: cluster.size).pole
+    distance = np.abs(diagram.frequency_hz / wanted_hz - 1)
+    if distance.size == 0 or distance.min() > _PIN_REACH:
+        raise FitError(
+            f"no pole within {100 * _PIN_REACH:g} % of the pinned {wanted_hz:g} Hz at any model "
+            "order. Leave it out or widen the band."
+        )
+    return complex(diagram.poles[np.argmin(distance)])

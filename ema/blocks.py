@@ -1,0 +1,135 @@
+"""How a recording is cut into blocks: lengths, windows, overlap, and what averaging is worth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.errors import InputError
+from ema.recording import Processing
+
+DEFAULT_WINDOW = "hann"
+# Tyre modes have decayed after 0.3 s: longer blocks only cost averages.
+LONGEST_DEFAULT_BLOCK_S = 4.0
+# A short recording is still cut into this many lengths, so that coherence means something.
+FEWEST_DEFAULT_LENGTHS = 4
+
+
+@dataclass(frozen=True)
+class BlockPlan:
+    """Blocks of one recording.
+
+    Parameters
+    ----------
+    sampling_rate_hz : float
+    block_samples : int
+        Length of a block.
+    step_samples : int
+        Distance from the start of one block to the next.
+    n_blocks : int
+        Number of blocks, the averages of one run.
+    window : str
+        Name of a scipy window.
+    """
+
+    sampling_rate_hz: float
+    block_samples: int
+    step_samples: int
+    n_blocks: int
+    window: str
+
+    @property
+    def block_s(self) -> float:
+        """Length of a block."""
+        return self.block_samples / self.sampling_rate_hz
+
+    @property
+    def overlap(self) -> float:
+        """Share of a block that the next one repeats."""
+        return 1 - self.step_samples / self.block_samples
+
+    @property
+    def starts(self) -> range:
+        """First sample of every block."""
+        return range(0, self.n_blocks * self.step_samples, self.step_samples)
+
+    @property
+    def frequency_hz(self) -> NDArray[np.float64]:
+        """Lines of the FRF: without 0 Hz, as means are removed, and without the Nyquist line."""
+        lines = np.arange(1, (self.block_samples + 1) // 2)
+        return np.asarray(lines * self.sampling_rate_hz / self.block_samples)
+
+    def for_length(self, n_samples: int) -> BlockPlan:
+        """Plan the same blocks for a recording of another length."""
+        n_blocks = 1 + (n_samples - self.block_samples) // self.step_samples
+        return replace(self, n_blocks=n_blocks)
+
+    @cached_property
+    def taper(self) -> NDArray[np.float64]:
+        """The window, scaled to a mean square of 1."""
+        from scipy.signal import get_window
+
+        taper = get_window(self.window, self.block_samples)
+        return np.asarray(taper / np.sqrt(np.mean(taper**2)))
+
+    @property
+    def n_effective(self) -> float:
+        """Number of independent averages that the overlapping blocks are worth (Welch 1967)."""
+        correlation = 0.0
+        for lag in range(1, self.n_blocks):
+            shift = lag * self.step_samples
+            if shift >= self.block_samples:
+                break
+            overlap = self.taper[shift:] @ self.taper[:-shift] / self.block_samples
+            correlation += 2 * (1 - lag / self.n_blocks) * overlap**2
+        return self.n_blocks / (1 + correlation)
+
+
+def plan_blocks(
+    n_samples: int, sampling_rate_hz: float, processing: Processing, place: str
+) -> BlockPlan:
+    """Cut a recording into blocks as asked for, or as suits a tyre.
+
+    By default Hann windows overlap by half over blocks of 4 s, or a quarter of a shorter
+    recording. The paper's setting is ``averages=10, window="boxcar"``.
+
+    Parameters
+    ----------
+    n_samples : int
+        Length of the recording.
+    sampling_rate_hz : float
+    processing : Processing
+        Averages or block length, window, overlap; None for the default.
+    place : str
+        What to name in an error.
+
+    Raises
+    ------
+    InputError
+        If the blocks asked for do not fit the recording.
+    """
+    window = processing.window or DEFAULT_WINDOW
+    overlap = processing.overlap
+    if overlap is None:
+        overlap = 0.0 if window == "boxcar" else 0.5
+    duration_s = n_samples / sampling_rate_hz
+    if processing.averages is not None:
+        block_s = duration_s / (1 + (processing.averages - 1) * (1 - overlap))
+    elif processing.block_seconds is not None:
+        block_s = processing.block_seconds
+    else:
+        block_s = min(LONGEST_DEFAULT_BLOCK_S, duration_s / FEWEST_DEFAULT_LENGTHS)
+    block = int(block_s * sampling_rate_hz * (1 + 1e-9))
+    if not 8 <= block <= n_samples:
+        raise InputError(
+            place,
+            f"blocks of {block_s:g} s in a recording of {duration_s:g} s",
+            "a block needs at least 8 samples and must fit into the recording",
+            "Choose other averages or block_seconds",
+        )
+    step = max(round(block * (1 - overlap)), 1)
+    n_blocks = 1 + (n_samples - block) // step
+    return BlockPlan(sampling_rate_hz, block, step, n_blocks, window)

@@ -1,0 +1,89 @@
+"""What is special about a closed ring of sensors: circumferential orders and their purity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.modes import Mode
+
+
+@dataclass(frozen=True, eq=False)
+class OrderContent:
+    """A shape as a sum of cos nθ and sin nθ.
+
+    Parameters
+    ----------
+    cosine, sine : ndarray of complex, shape (n_orders,)
+        Amplitudes of orders 0, 1, 2 …
+    """
+
+    cosine: NDArray[np.complex128]
+    sine: NDArray[np.complex128]
+
+    @property
+    def power(self) -> NDArray[np.float64]:
+        """Mean square over the circle that each order carries."""
+        power = (np.abs(self.cosine) ** 2 + np.abs(self.sine) ** 2) / 2
+        power[0] = np.abs(self.cosine[0]) ** 2
+        return np.asarray(power)
+
+    @property
+    def order(self) -> int:
+        """Order that carries most."""
+        return int(np.argmax(self.power))
+
+    @property
+    def purity(self) -> float:
+        """Share of the power in that order; NaN for a shape that is zero."""
+        total = float(self.power.sum())
+        return float(self.power.max()) / total if total > 0 else float("nan")
+
+
+def order_content(shape: NDArray[np.complex128], position_deg: NDArray[np.float64]) -> OrderContent:
+    """Resolve a shape into circumferential orders.
+
+    Least squares; on complete equidistant positions this is the spatial Fourier transform.
+
+    Parameters
+    ----------
+    shape : ndarray of complex, shape (n_positions,)
+    position_deg : ndarray, shape (n_positions,)
+    """
+    basis = circle_basis(position_deg, highest_order(position_deg))
+    amplitude = np.linalg.lstsq(basis, shape, rcond=None)[0]
+    cosine = np.concatenate([amplitude[:1], amplitude[1::2]])
+    sine = np.concatenate([[0], amplitude[2::2]])
+    return OrderContent(cosine, sine)
+
+
+def highest_order(position_deg: NDArray[np.float64]) -> int:
+    """Highest order that the positions can tell from lower ones.
+
+    The widest gap between neighbours must hold less than half a wave, and there must be more
+    positions than unknowns.
+    """
+    turned = np.sort(np.mod(position_deg, 360))
+    gap = float(np.max(np.diff(np.append(turned, turned[0] + 360))))
+    return int(max(min((turned.size - 1) // 2, np.ceil(180 / gap) - 1), 0))
+
+
+def circle_basis(position_deg: NDArray[np.float64], highest: int) -> NDArray[np.float64]:
+    """Columns 1, cos θ, sin θ, cos 2θ, sin 2θ … up to the highest order."""
+    phase = np.outer(np.deg2rad(position_deg), np.arange(1, highest + 1))
+    waves = np.stack([np.cos(phase), np.sin(phase)], axis=2).reshape(phase.shape[0], -1)
+    return np.column_stack([np.ones(phase.shape[0]), waves])
+
+
+def label_modes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> tuple[Mode, ...]:
+    """Give each mode its circumferential order and purity; unchanged where there is no circle."""
+    if position_deg.size < 3 or not np.all(np.isfinite(position_deg)):
+        return tuple(modes)
+    contents = [order_content(mode.residues, position_deg) for mode in modes]
+    return tuple(
+        replace(mode, order=content.order, order_purity=content.purity)
+        for mode, content in zip(modes, contents, strict=True)
+    )

@@ -1,0 +1,136 @@
+"""Reading a stability diagram without thresholds to turn: clear, cluster, select.
+
+After Reynders, Houbrechts & De Roeck 2012, with the cleared set, the cut of the tree and the
+smallest mode cluster all taken from the diagram itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+# The cut of the tree follows the diagram, within what can still mean "the same mode".
+_CUT_RANGE = (0.01, 0.1)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A cluster of poles and whether it is taken for a mode."""
+
+    pole: complex
+    size: int
+    kept: bool
+    reason: str
+
+
+def interpret(
+    model_order: NDArray[np.int_],
+    poles: NDArray[np.complex128],
+    shapes: NDArray[np.complex128],
+    step: NDArray[np.float64],
+    max_order: int,
+) -> tuple[NDArray[np.int_], list[Verdict]]:
+    """Group the poles of all orders and decide which groups are modes.
+
+    Parameters
+    ----------
+    model_order : ndarray of int, shape (n_poles,)
+    poles : ndarray of complex, shape (n_poles,)
+    shapes : ndarray of complex, shape (n_poles, n_positions)
+    step : ndarray, shape (n_poles,)
+        |Δλ|/max|λ| + 1 − MAC to the matching pole of the order before; inf where there is none.
+    max_order : int
+        Highest model order of the diagram.
+
+    Returns
+    -------
+    label : ndarray of int, shape (n_poles,)
+        Cluster number, −1 for poles that were cleared.
+    verdicts : list of Verdict
+        One per cluster, ascending in frequency.
+    """
+    label = np.full(poles.size, -1)
+    cleared = np.flatnonzero(np.isfinite(step))
+    if cleared.size < 2:
+        return label, []
+    cut = _cut(step[cleared])
+    steady = cleared[step[cleared] < _CUT_RANGE[1]]
+    if steady.size < 2:
+        return label, []
+    groups = _groups(poles[steady], shapes[steady], cut)
+    members = [steady[groups == number] for number in np.unique(groups)]
+    members.sort(key=lambda rows: float(np.median(np.abs(poles[rows]))))
+    sizes = np.array([np.unique(model_order[rows]).size for rows in members])
+    large = _large(sizes)
+    for number, rows in enumerate(members):
+        label[rows] = number
+    verdicts = [
+        Verdict(_representative(poles[rows], model_order[rows]), int(size), bool(kept), reason)
+        for rows, size, kept, reason in zip(
+            members, sizes, large, _reasons(sizes, large, max_order), strict=True
+        )
+    ]
+    return label, verdicts
+
+
+def _cut(step: NDArray[np.float64]) -> float:
+    """Distance that still joins poles: the boundary of two groups of steps, on a log scale."""
+    logs = np.sort(np.log10(np.clip(step, 1e-12, 1.0)))
+    boundary = _two_means(logs, logs[0], logs[-1])
+    return float(np.clip(10**boundary, *_CUT_RANGE))
+
+
+def _groups(
+    poles: NDArray[np.complex128], shapes: NDArray[np.complex128], cut: float
+) -> NDArray[np.int_]:
+    """Average-linkage clusters with d = |Δλ|/max|λ| + 1 − MAC."""
+    from scipy.cluster.hierarchy import fcluster, linkage
+    from scipy.spatial.distance import squareform
+
+    from ema.mac import auto_mac
+
+    size = np.abs(poles)
+    distance = np.abs(poles[:, None] - poles[None, :]) / np.maximum(size[:, None], size[None, :])
+    distance = distance + 1 - np.clip(auto_mac(shapes), 0, 1)
+    np.fill_diagonal(distance, 0)
+    tree = linkage(squareform((distance + distance.T) / 2, checks=False), "average")
+    return np.asarray(fcluster(tree, cut, "distance"))
+
+
+def _large(sizes: NDArray[np.int_]) -> NDArray[np.bool_]:
+    """Large clusters among all; empty ones are added so that large ones alone are not split."""
+    padded = np.concatenate([sizes, np.zeros(np.sum(sizes > sizes.max() / 5))]).astype(float)
+    boundary = _two_means(np.sort(padded), 0.0, float(sizes.max()))
+    return np.asarray(sizes > boundary)
+
+
+def _two_means(values: NDArray[np.float64], low: float, high: float) -> float:
+    """Boundary between two groups of sorted numbers (2-means from given centres)."""
+    boundary = (low + high) / 2
+    for _ in range(50):
+        below, above = values[values <= boundary], values[values > boundary]
+        if below.size == 0 or above.size == 0:
+            break
+        moved = (below.mean() + above.mean()) / 2
+        if moved == boundary:
+            break
+        boundary = moved
+    return float(boundary)
+
+
+def _representative(poles: NDArray[np.complex128], order: NDArray[np.int_]) -> complex:
+    """Median pole of the higher half of the orders, where the noise is modelled best."""
+    upper = poles[order >= np.median(order)]
+    return complex(np.median(upper.real), np.median(upper.imag))
+
+
+def _reasons(sizes: NDArray[np.int_], large: NDArray[np.bool_], max_order: int) -> list[str]:
+    fewest = sizes[large].min() if np.any(large) else 0
+    return [
+        f"kept: in {size} of {max_order - 1} model orders"
+        if kept
+        else f"dropped: in {size} of {max_order - 1} model orders, the modes are in {fewest} or more"
+        for size, kept in zip(sizes, large, strict=True)
+    ]

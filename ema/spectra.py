@@ -1,0 +1,97 @@
+"""Auto and cross spectra of a run, summed block by block."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.blocks import BlockPlan
+from ema.recording import Run
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """Sums over blocks of |F|², |X|² and X F*, in common arbitrary scale.
+
+    Parameters
+    ----------
+    force : ndarray, shape (n_rows, n_frequencies)
+        Auto spectrum of the force, repeated for each response.
+    response : ndarray, shape (n_rows, n_frequencies)
+        Auto spectra of the responses.
+    cross : ndarray of complex, shape (n_rows, n_frequencies)
+        Cross spectra X F* of responses and force.
+    n_effective : ndarray, shape (n_rows,)
+        Independent averages.
+    """
+
+    force: NDArray[np.float64]
+    response: NDArray[np.float64]
+    cross: NDArray[np.complex128]
+    n_effective: NDArray[np.float64]
+
+    def rows(self, chosen: slice) -> Spectra:
+        """Keep the chosen rows only."""
+        return Spectra(
+            self.force[chosen], self.response[chosen], self.cross[chosen], self.n_effective[chosen]
+        )
+
+
+def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
+    """Spectra of all responses of a run and, in the last row, of its reference sensor.
+
+    Only one block of all channels is in memory at a time. Means are removed block by block: the
+    shaker's preload is a constant force that says nothing about the tyre.
+
+    Parameters
+    ----------
+    run : Run
+    plan : BlockPlan
+        Blocks for the length of this run.
+    """
+    from scipy.fft import rfft
+
+    sensors = [response.channel for response in run.responses]
+    if run.reference is not None:
+        sensors.append(run.reference)
+    channels = [run.force, *sensors]
+    lines = slice(1, plan.frequency_hz.size + 1)
+    force = np.zeros(plan.frequency_hz.size)
+    response = np.zeros((len(sensors), force.size))
+    cross = np.zeros(response.shape, dtype=complex)
+    for start in plan.starts:
+        block = np.stack([c.block(start, start + plan.block_samples) for c in channels])
+        block -= block.mean(axis=1, keepdims=True)
+        spectrum = rfft(block * plan.taper, axis=1)[:, lines]
+        force += np.abs(spectrum[0]) ** 2
+        response += np.abs(spectrum[1:]) ** 2
+        cross += spectrum[1:] * spectrum[0].conj()
+    return Spectra(
+        np.broadcast_to(force, response.shape),
+        response,
+        cross,
+        np.full(len(sensors), plan.n_effective),
+    )
+
+
+def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spectra:
+    """Add up the spectra of rows that belong to the same place.
+
+    Parameters
+    ----------
+    parts : list of Spectra
+        Their rows, one after the other, are the rows of `place`.
+    place : ndarray of int, shape (n_rows,)
+        Place of each row, 0 … n_places − 1.
+    n_places : int
+    """
+
+    def add(name: str) -> NDArray[np.generic]:
+        rows = np.concatenate([getattr(part, name) for part in parts])
+        total = np.zeros((n_places, *rows.shape[1:]), dtype=rows.dtype)
+        np.add.at(total, place, rows)
+        return total
+
+    return Spectra(*(add(name) for name in ("force", "response", "cross", "n_effective")))

@@ -1,0 +1,216 @@
+"""Poles, residues and residual terms by bounded variable projection: arrays in, arrays out.
+
+Only the poles are nonlinear. For given poles the residues and residual terms of all positions
+follow from one linear least-squares problem and are eliminated (Golub & Pereyra 1973), with
+Kaufman's (1975) Jacobian; because all positions share the basis, nothing of the size of the
+measured FRFs is ever formed (O'Leary & Rust 2013 for the single-response case).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.errors import FitError
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Linear solution for given poles and what the covariance needs from it.
+
+    Parameters
+    ----------
+    poles : ndarray of complex, shape (n_modes,)
+    residues : ndarray of complex, shape (n_positions, n_modes)
+    lower, upper : ndarray, shape (n_positions,)
+        Residual terms.
+    misfit : ndarray, shape (2 n_frequencies, n_positions)
+        Weighted residuals, real parts above imaginary parts.
+    slopes : ndarray, shape (2 n_frequencies, 2 n_modes)
+        Derivatives of the modal terms to each pole, with everything linear projected out.
+    leverage : ndarray, shape (2 n_frequencies,)
+        Share of each weighted line that the linear parameters follow.
+    unscaled : ndarray, shape (2 n_modes + 2, 2 n_modes + 2)
+        Inverse normal matrix of the linear parameters of one position at unit weight.
+    following : ndarray, shape (2 n_modes + 2, 2 n_modes)
+        What the linear parameters give way when a slope is added to the basis.
+    """
+
+    poles: Complex
+    residues: Complex
+    lower: Real
+    upper: Real
+    misfit: Real
+    slopes: Real
+    leverage: Real
+    unscaled: Real
+    following: Real
+
+    @property
+    def coefficients(self) -> NDArray[np.float64]:
+        """What multiplies `slopes` in the Jacobian, (2 n_modes parameters, 2, n_positions).
+
+        Parameter 2r is Re s_r, 2r+1 is Im s_r; slopes 2r and 2r+1 belong to Re A_r and Im A_r.
+        """
+        real, imag = self.residues.T.real, self.residues.T.imag
+        pairs = np.stack([np.stack([real, imag], 1), np.stack([-imag, real], 1)], 1)
+        return np.asarray(pairs.reshape(2 * real.shape[0], 2, real.shape[1]))
+
+    def normal_matrix(self, scale: Real) -> Real:
+        """JᵀJ of the poles' parameters, (2 n_modes, 2 n_modes); `scale` per position."""
+        c = self.coefficients * scale
+        gram = np.einsum("kpi,lqi->kplq", c, c)
+        inner = self._inner
+        return np.asarray(np.einsum("kplq,kplq->kl", gram, inner))
+
+    def gradient(self, scale: Real) -> Real:
+        """Jᵀr of the poles' parameters, (2 n_modes,)."""
+        projected = self.slopes.T @ (self.misfit * scale)
+        rows = slope_rows(self.poles.size)
+        return np.asarray(-np.einsum("kpi,kpi->k", self.coefficients * scale, projected[rows]))
+
+    @property
+    def _inner(self) -> Real:
+        rows = slope_rows(self.poles.size)
+        product = self.slopes.T @ self.slopes
+        return np.asarray(product[rows[:, :, None, None], rows[None, None, :, :]])
+
+
+def slope_rows(n_modes: int) -> NDArray[np.int_]:
+    """Slopes that belong to each parameter: both parameters of a pole use both of its slopes."""
+    return np.asarray(np.repeat(np.arange(2 * n_modes).reshape(n_modes, 2), 2, axis=0))
+
+
+def project(omega: Real, values: Complex, weight: Real, poles: Complex) -> Projection:
+    """Best residues and residual terms for given poles, and the slopes towards better poles.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (n_frequencies,)
+        rad/s.
+    values : ndarray of complex, shape (n_positions, n_frequencies)
+        Inertances.
+    weight : ndarray, shape (n_frequencies,)
+        1/σ over frequency, shared by the positions.
+    poles : ndarray of complex, shape (n_modes,)
+    """
+    n_modes = poles.size
+    direct, mirrored = 1 / (1j * omega - poles[:, None]), 1 / (1j * omega - poles[:, None].conj())
+    inertia = -(omega**2)
+    basis = np.empty((2 * n_modes + 2, omega.size), dtype=complex)
+    basis[0:-2:2] = inertia * (direct + mirrored)
+    basis[1:-2:2] = 1j * inertia * (direct - mirrored)
+    basis[-2], basis[-1] = 1, inertia
+    slopes = np.empty((2 * n_modes, omega.size), dtype=complex)
+    slopes[0::2] = inertia * (direct**2 + mirrored**2)
+    slopes[1::2] = 1j * inertia * (direct**2 - mirrored**2)
+
+    basis_real, slopes_real = _stacked(basis * weight), _stacked(slopes * weight)
+    target = _stacked(values * weight)
+    size = np.linalg.norm(basis_real, axis=0)
+    orthonormal, triangle = np.linalg.qr(basis_real / size)
+    inside = orthonormal.T @ target
+    inverse = np.linalg.inv(triangle) / size[:, None]
+    linear = inverse @ inside
+    seen = orthonormal.T @ slopes_real
+    return Projection(
+        poles=poles,
+        residues=np.asarray((linear[0:-2:2] + 1j * linear[1:-2:2]).T),
+        lower=linear[-2],
+        upper=linear[-1],
+        misfit=target - orthonormal @ inside,
+        slopes=slopes_real - orthonormal @ seen,
+        leverage=np.asarray(np.sum(orthonormal**2, axis=1)),
+        unscaled=inverse @ inverse.T,
+        following=inverse @ seen,
+    )
+
+
+def _stacked(rows: Complex) -> Real:
+    return np.concatenate([rows.real, rows.imag], axis=1).T
+
+
+def fit_poles(
+    omega: Real,
+    values: Complex,
+    weight: Real,
+    scale: Real,
+    start: Complex,
+    lower: Real,
+    upper: Real,
+) -> tuple[Projection, NDArray[np.bool_]]:
+    """Poles within bounds that leave the smallest weighted misfit over all positions.
+
+    Parameters
+    ----------
+    omega, values, weight
+        As in `project`.
+    scale : ndarray, shape (n_positions,)
+        Weight of each position beside the common weight over frequency.
+    start : ndarray of complex, shape (n_modes,)
+        Poles from LSCE.
+    lower, upper : ndarray, shape (2 n_modes,)
+        Bounds of (decay rate −Re s, frequency Im s), mode by mode, in rad/s.
+
+    Returns
+    -------
+    solution : Projection
+    at_bound : ndarray of bool, shape (2 n_modes,)
+        Parameters that ended on a bound.
+    """
+    from scipy.optimize import least_squares
+
+    def poles_of(x: Real) -> Complex:
+        return np.asarray(-x[0::2] + 1j * x[1::2])
+
+    memory: dict[bytes, tuple[Real, Real]] = {}
+
+    def compressed(x: Real) -> tuple[Real, Real]:
+        """Residual and Jacobian of the same cost and gradient, in 2 n_modes + 1 rows.
+
+        Any pair with equal JᵀJ, Jᵀr and rᵀr takes the same steps.
+        """
+        if x.tobytes() not in memory:
+            memory.clear()
+            memory[x.tobytes()] = _compress(project(omega, values, weight, poles_of(x)), scale)
+        return memory[x.tobytes()]
+
+    first = np.ravel(np.column_stack([-start.real, start.imag]))
+    inside = np.clip(first, lower + 1e-9 * (upper - lower), upper - 1e-9 * (upper - lower))
+    found = least_squares(
+        lambda x: compressed(x)[0],
+        inside,
+        lambda x: compressed(x)[1],
+        bounds=(lower, upper),
+        x_scale=np.repeat(-start.real, 2),
+        xtol=1e-10,
+        ftol=1e-12,
+        gtol=1e-12,
+        max_nfev=60,
+    )
+    if not np.all(np.isfinite(found.x)):
+        raise FitError("the curve fit diverged. Pin the frequencies or narrow the band.")
+    near = 1e-3 * (upper - lower)
+    at_bound = (found.x - lower < near) | (upper - found.x < near)
+    return project(omega, values, weight, poles_of(found.x)), at_bound
+
+
+def _compress(solution: Projection, scale: Real) -> tuple[Real, Real]:
+    sign = np.tile([-1.0, 1.0], solution.poles.size)  # the parameter is the decay rate −Re s
+    normal = solution.normal_matrix(scale) * np.outer(sign, sign)
+    gradient = solution.gradient(scale) * sign
+    size = np.sqrt(np.diag(normal))
+    size[size == 0] = 1.0
+    value, vector = np.linalg.eigh(normal / np.outer(size, size))
+    value = np.clip(value, value[-1] * 1e-14, None)
+    jacobian = np.sqrt(value)[:, None] * vector.T * size
+    inside = (vector.T @ (gradient / size)) / np.sqrt(value)
+    cost = np.sum((solution.misfit * scale) ** 2)
+    rest = np.sqrt(max(cost - inside @ inside, 0.0))
+    rows = np.vstack([jacobian, np.zeros(jacobian.shape[1])])
+    return np.append(inside, rest), rows
