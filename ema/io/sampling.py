@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ema.io.uff58_header import parse_number
 
 _MOST_DIGITS = 7
+_SENSELESS = 1e100  # beyond any time or frequency; NaN and infinity are too
 _UNEVEN = 0.2  # of a step: a single dropped sample deviates by at least half a step
 
 
@@ -65,8 +66,10 @@ def even_step(abscissa: NDArray[np.float64]) -> tuple[float, float] | None:
     abscissa : ndarray, shape (n,)
         Times or frequencies, as rounded by whoever printed them.
     """
-    span = float(abscissa[-1] - abscissa[0]) if len(abscissa) > 1 else 0.0
-    if not 0.0 < span < math.inf:
+    if len(abscissa) < 2 or not float(np.max(np.abs(abscissa))) < _SENSELESS:
+        return None
+    span = float(abscissa[-1] - abscissa[0])
+    if not span > 0.0:
         return None
     step = span / (len(abscissa) - 1)
     ideal = abscissa[0] + step * np.arange(len(abscissa))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -97,12 +98,12 @@ def _lines(
         found = f"{header.n_values} lines from {start:g} Hz, step {header.abscissa_step}"
         rule = "the lines of an FRF are at least two and equidistant"
         raise RecordingFormatError(place(path, dataset.index, 9), found, rule, COPY_AGAIN)
-    lines = start + steps[0] * np.arange(header.n_values, dtype=np.float64)
-    if start < 0.0 or not np.isfinite(lines[-1]):
-        found = f"lines from {start:g} to {lines[-1]:g} Hz"
+    last = start + steps[0] * (header.n_values - 1)
+    if start < 0.0 or not math.isfinite(last):
+        found = f"lines from {start:g} to {last:g} Hz"
         rule = "frequencies are positive and finite"
         raise RecordingFormatError(place(path, dataset.index, 9), found, rule, COPY_AGAIN)
-    return lines
+    return start + steps[0] * np.arange(header.n_values, dtype=np.float64)
 
 
 def _inertance(

@@ -87,10 +87,10 @@ def write_time_series(
     InputError
         If there are no channels, their lengths differ, or the rate is not positive.
     """
-    _check_time_series(path, channels, sampling_rate_hz, directions)
+    check_time_series(path, channels, sampling_rate_hz, directions)
     with Path(path).open("wb") as file:
         for index, channel in enumerate(channels):
-            samples, unit, sense = _in_its_unit(channel)
+            samples, unit, sense = in_own_unit(channel)
             single = samples.dtype == np.float32 if precision is None else precision == "single"
             header = Header58(
                 id_lines=(_one_line(channel.name), "NONE", "NONE", "NONE", "NONE"),
@@ -166,12 +166,20 @@ def write_frfs(
             _write_dataset(file, header, values, byte_order if binary else None)
 
 
-def _check_time_series(
+def check_time_series(
     path: Path | str,
     channels: Sequence[Channel],
     sampling_rate_hz: float,
-    directions: Sequence[int] | None,
+    directions: Sequence[int] | None = None,
 ) -> None:
+    """Refuse channels that cannot be written as one recording.
+
+    Raises
+    ------
+    InputError
+        If there are no channels or samples, lengths differ, the rate is not positive, or
+        directions are given for some channels only.
+    """
     lengths = sorted({channel.n_samples for channel in channels})
     if len(lengths) != 1 or lengths[0] == 0:
         found = f"channel lengths {lengths}"
@@ -185,7 +193,7 @@ def _check_time_series(
         raise InputError(str(path), found, "each channel has one", "Give one code per channel")
 
 
-def _in_its_unit(channel: Channel) -> tuple[NDArray[np.floating], str, int]:
+def in_own_unit(channel: Channel) -> tuple[NDArray[np.floating], str, int]:
     """Find the samples to write, the unit they are in, and the sign of their direction."""
     sense = -1 if channel.scale_to_si < 0 else 1
     unit = parse_unit(channel.unit)

@@ -1,0 +1,206 @@
+"""The manifest of a campaign, ``campaign.toml``: its keys, their units and their limits."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from ema.errors import ManifestError
+from ema.recording import Processing, Tyre
+
+MANIFEST_NAME = "campaign.toml"
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class TyreSection(_Section):
+    """``[tyre]``: identity and given data; any other key is kept as a detail."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    designation: str
+    inflation_pressure_pa: Positive | None = None
+    mean_radius_m: Positive | None = None
+    belt_width_m: Positive | None = None
+
+    def tyre(self) -> Tyre:
+        """Return the tyre, with free keys as texts."""
+        details = {key: str(value) for key, value in (self.model_extra or {}).items()}
+        return Tyre(
+            self.designation,
+            self.inflation_pressure_pa,
+            self.mean_radius_m,
+            self.belt_width_m,
+            details,
+        )
+
+
+class AcquisitionSection(_Section):
+    """``[acquisition]``: what files may leave out."""
+
+    sampling_rate_hz: Positive | None = None
+
+
+class SensorsSection(_Section):
+    """``[sensors]``: the mass of one accelerometer."""
+
+    mass_kg: NotNegative | None = None
+
+
+class GridSection(_Section):
+    """``[grid]``: node k lies at k·360/positions degrees."""
+
+    positions: Annotated[int, Field(ge=3, le=100_000)]
+
+
+class ExcitationSection(_Section):
+    """``[excitation]``: which channel is the force, and where it acts."""
+
+    channel: str | None = None
+    position_deg: Finite | None = None
+    direction: Literal["radial", "tangential", "axial"] | None = None
+
+
+class ProcessingSection(_Section):
+    """``[processing]``: how recordings become FRFs."""
+
+    averages: Annotated[int, Field(ge=1)] | None = None
+    block_seconds: Positive | None = None
+    window: str | None = None
+    overlap: Annotated[float, Field(ge=0, lt=1)] | None = None
+    band_hz: tuple[NotNegative, Positive] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> ProcessingSection:
+        if self.averages is not None and self.block_seconds is not None:
+            raise ValueError("averages and block_seconds exclude each other")
+        if self.band_hz is not None and self.band_hz[0] >= self.band_hz[1]:
+            raise ValueError("band_hz is [lower, upper]")
+        return self
+
+    def processing(self) -> Processing:
+        """Return the settings."""
+        return Processing(**self.model_dump())
+
+
+class RunSection(_Section):
+    """One ``[[runs]]``: a file, its reference sensor, and where its sensors sit."""
+
+    file: Annotated[str, Field(min_length=1)]
+    reference: str | None = None
+    positions_deg: dict[str, Finite] | None = None
+
+
+class Manifest(_Section):
+    """The whole manifest."""
+
+    schema_version: Annotated[Literal[1], Field(alias="schema")]
+    tyre: TyreSection | None = None
+    acquisition: AcquisitionSection = AcquisitionSection()
+    sensors: SensorsSection = SensorsSection()
+    grid: GridSection | None = None
+    excitation: ExcitationSection = ExcitationSection()
+    processing: ProcessingSection = ProcessingSection()
+    runs: Annotated[tuple[RunSection, ...], Field(min_length=1)]
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Read and check a manifest.
+
+    Raises
+    ------
+    ManifestError
+        If it is missing, no TOML, or a key is unknown, missing or out of its limits. The first
+        fault is named with its place and the nearest valid key.
+    """
+    try:
+        content = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        reason = error.strerror or str(error)
+        rule = "a campaign is described by a manifest that can be read"
+        raise ManifestError(str(path), reason, rule, "Check name and rights") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        rule = "a manifest is TOML in UTF-8"
+        raise ManifestError(path.name, str(error), rule, "Correct the place named") from error
+    try:
+        return Manifest.model_validate(content)
+    except ValidationError as error:
+        raise _explain(path, error) from None
+
+
+def resolve(manifest: Path, file: str) -> Path:
+    """Path of a file that a manifest names; it may not leave the manifest's folder.
+
+    Raises
+    ------
+    ManifestError
+        If the path is absolute, or leads out of the folder, be it by a symbolic link.
+    """
+    folder = manifest.parent.resolve()
+    try:
+        target = (folder / file).resolve()
+        inside = not Path(file).is_absolute() and target.is_relative_to(folder)
+    except (OSError, ValueError, RuntimeError):  # a NUL in the name, a loop of links
+        inside = False
+    if not inside:
+        rule = "paths are relative to the manifest and stay within its folder"
+        remedy = "Put the recordings beside the manifest"
+        raise ManifestError(f"{manifest.name}, runs", f"file {file!r}", rule, remedy)
+    return target
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """Suggest the most similar name, or list the names where none is similar."""
+    known = list(names)
+    similar = difflib.get_close_matches(name, known, n=1)
+    return f"Did you mean {similar[0]!r}" if similar else f"Known are {', '.join(known) or 'none'}"
+
+
+def _explain(path: Path, error: ValidationError) -> ManifestError:
+    first = error.errors()[0]
+    place = tuple(first["loc"])
+    where = f"{path.name}, {_dotted(place)}" if place else path.name
+    if first["type"] == "extra_forbidden":
+        remedy = nearest(str(place[-1]), _valid_keys(place[:-1]))
+        return ManifestError(where, "this key", "it is not known here", remedy)
+    if first["type"] == "missing":
+        return ManifestError(where, "nothing", "this key is required", "Add it")
+    found = repr(first["input"])
+    message = str(first["msg"]).removeprefix("Value error, ")
+    found = found if len(found) <= 60 else f"{found[:60]}…"
+    return ManifestError(where, found, message[:1].lower() + message[1:], "Correct the value")
+
+
+def _dotted(place: tuple[Any, ...]) -> str:
+    """Name a place as the manifest's author counts: runs from 1."""
+    return ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in place)
+
+
+def _valid_keys(place: tuple[Any, ...]) -> list[str]:
+    """Keys that the section at `place` may have."""
+    section: type[BaseModel] = Manifest
+    for part in place:
+        if isinstance(part, str) and part in section.model_fields:
+            section = _section_type(section.model_fields[part].annotation) or section
+    return [field.alias or name for name, field in section.model_fields.items()]
+
+
+def _section_type(annotation: Any) -> type[BaseModel] | None:
+    """Find the section among the parts of a type such as ``tuple[RunSection, ...] | None``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for part in get_args(annotation):
+        if (section := _section_type(part)) is not None:
+            return section
+    return None
