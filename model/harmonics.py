@@ -1,0 +1,143 @@
+"""One circumferential harmonic e^{i(nθ + ωt)}: its matrix (eq 12) and its quartic (eq 14)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model._arrays import finite_array, readonly, whole_orders
+from model.equilibrium import Equilibrium, PressureLoad, equilibrium
+from model.parameters import RingDamping, RingParameters
+
+
+@dataclass(frozen=True, eq=False)
+class Harmonics:
+    """Coefficients of eqs 12 and 14 for orders and speeds of one common (broadcast) shape.
+
+    The matrix of eq 12 is [[m11 − ρhω², i(c − 2ρhΩω)], [−i(c − 2ρhΩω), m22 − ρhω²]], to which
+    damping adds iωc_r and iωc_θ on the diagonal. With a loss factor the coefficients are complex.
+
+    Parameters
+    ----------
+    orders : ndarray of int
+        Circumferential orders n, of either sign.
+    speed_rad_s : ndarray
+        Angular speeds Ω, rad/s.
+    m11, m22, c : ndarray
+        Static part of M11, M22 and M12/i, N/m³.
+    determinant : ndarray
+        m11·m22 − c² (a_0 of eq 14), N²/m⁶, formed without the cancellation of the membrane terms.
+    mass_per_area_kg_m2 : float
+        ρh, kg/m².
+    rest : Equilibrium
+        The steady state around which eqs 6 and 7 are linearised.
+    """
+
+    orders: NDArray[np.int_]
+    speed_rad_s: NDArray[np.float64]
+    m11: NDArray[Any]
+    m22: NDArray[Any]
+    c: NDArray[Any]
+    determinant: NDArray[Any]
+    mass_per_area_kg_m2: float
+    rest: Equilibrium
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "orders", readonly(self.orders, int))
+        object.__setattr__(self, "speed_rad_s", readonly(self.speed_rad_s))
+        for name in ("m11", "m22", "c", "determinant"):
+            values = getattr(self, name)
+            object.__setattr__(self, name, readonly(values, values.dtype))
+
+    @property
+    def polynomial(self) -> tuple[float, NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """Coefficients a_3, a_2, a_1, a_0 of eq 14: a_3ω⁴ + a_2ω² + a_1ω + a_0 = 0."""
+        mass, speed = self.mass_per_area_kg_m2, self.speed_rad_s
+        a2 = -mass * (self.m11 + self.m22) - 4.0 * mass**2 * speed**2
+        return mass**2, a2, 4.0 * mass * speed * self.c, self.determinant
+
+
+def harmonics(
+    ring: RingParameters,
+    orders: ArrayLike,
+    speed_rad_s: ArrayLike = 0.0,
+    *,
+    pressure_load: PressureLoad = "dead",
+    damping: RingDamping | None = None,
+) -> Harmonics:
+    """Coefficients of eq 12 around the equilibrium (eqs 6 and 7, the latter as corrected).
+
+    With S = K/a² + 4N0/a² + Dn²/a⁴ the coefficients are c = nS, m11 = S + P, m22 = n²S + Q, where
+    P and Q hold no K: so a_0 = S(n²P + Q) + PQ loses no digits, however stiff the membrane.
+
+    Parameters
+    ----------
+    ring : RingParameters
+        The ring.
+    orders, speed_rad_s : array_like
+        Orders n and angular speeds Ω in rad/s, of shapes that broadcast.
+    pressure_load : {"dead", "follower"}
+        See `equilibrium`. A follower load takes p_o/a from m11 and m22 and n·p_o/a from c.
+    damping : RingDamping or None
+        Makes K and D complex by its loss factor (section 5.3); the viscous part is not in here.
+
+    Returns
+    -------
+    Harmonics
+        In the broadcast shape.
+
+    Raises
+    ------
+    ParameterError
+        Where a speed leaves no acceptable equilibrium or an order is not whole.
+    """
+    n, speed = np.broadcast_arrays(whole_orders(orders), finite_array("speed_rad_s", speed_rad_s))
+    rest = equilibrium(ring, speed, pressure_load=pressure_load)
+    elastic = 1.0 if damping is None else 1.0 + 1j * damping.loss_factor
+    strained = 1.0 if damping is None or not damping.on_pretension else elastic
+    membrane = elastic * ring.axial_stiffness_n_m / ring.mean_radius_m**2
+    bending = elastic * ring.bending_stiffness_n_m / ring.mean_radius_m**4 * n**2
+    tension = strained * rest.tension_stiffness_n_m3
+    normal = ring.inflation_pressure_pa / ring.mean_radius_m if pressure_load == "follower" else 0.0
+    spin = ring.mass_per_area_kg_m2 * speed**2
+    bed_r, bed_t = ring.radial_stiffness_n_m3, ring.circumferential_stiffness_n_m3
+
+    s = membrane + 4.0 * tension + bending - normal
+    arch = (n**2 - 1) * (tension + bending)
+    p = arch + bed_r - spin
+    q = (n**2 - 1) * normal - arch + bed_t - spin
+    inextensional = (n**2 - 1) * (arch + normal) + n**2 * bed_r + bed_t - (n**2 + 1) * spin
+    return Harmonics(
+        orders=n,
+        speed_rad_s=speed,
+        m11=s + p,
+        m22=n**2 * s + q,
+        c=n * s,
+        determinant=s * inextensional + p * q,
+        mass_per_area_kg_m2=ring.mass_per_area_kg_m2,
+        rest=rest,
+    )
+
+
+def roots_at_rest(terms: Harmonics) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Squared roots ω² of eq 14 at Ω = 0, where it is a quadratic in ω².
+
+    Parameters
+    ----------
+    terms : Harmonics
+        Undamped coefficients at Ω = 0.
+
+    Returns
+    -------
+    smaller, larger : ndarray
+        ω² of the inextensional and of the extensional solution, rad²/s².
+    """
+    total = terms.m11 + terms.m22
+    root = np.sqrt((terms.m11 - terms.m22) ** 2 + 4.0 * terms.c**2)
+    larger = 0.5 * (total + root)
+    return terms.determinant / larger / terms.mass_per_area_kg_m2, (
+        larger / terms.mass_per_area_kg_m2
+    )

@@ -1,0 +1,163 @@
+"""What a tyre is in this model: a thin ring, its damping and the wheel it sits on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from model.errors import ParameterError
+
+#: Thickness over radius beyond which a ring is no longer thin.
+LARGEST_THICKNESS_RATIO = 0.2
+#: Hoop strain beyond which the quadratic strain of eq 3 means nothing.
+LARGEST_HOOP_STRAIN = 0.2
+
+
+def _require(name: str, value: float | None, *, positive: bool) -> None:
+    if value is None:
+        return
+    if not math.isfinite(value):
+        raise ParameterError(name, f"{value}", "the value must be finite", "Give a number")
+    if value < 0 or (positive and value == 0):
+        rule = "must be greater than zero" if positive else "must not be negative"
+        raise ParameterError(name, f"{value:g}", f"the value {rule}", "Check its sign and its unit")
+
+
+@dataclass(frozen=True)
+class RingParameters:
+    """A thin flexible ring on an elastic foundation under inflation pressure.
+
+    All stiffnesses and the mass are per unit of belt width, as in the paper; `belt_width_m` turns
+    them into those of a tyre.
+
+    Parameters
+    ----------
+    mean_radius_m : float
+        Mean radius a before inflation, m.
+    mass_per_area_kg_m2 : float
+        ρh, kg/m² (the paper's "density per unit width").
+    radial_stiffness_n_m3 : float
+        Radial stiffness k_r of the foundation, N/m³.
+    circumferential_stiffness_n_m3 : float
+        Circumferential stiffness k_θ of the foundation, N/m³.
+    axial_stiffness_n_m : float
+        Membrane stiffness K = Eh of the belt, N/m.
+    bending_stiffness_n_m : float
+        Bending stiffness D = Eh³/12 of the belt, N·m.
+    inflation_pressure_pa : float
+        Inflation pressure p_o, Pa.
+    belt_width_m : float or None
+        Belt width b, m; absolute amplitudes need it, frequencies do not.
+
+    Raises
+    ------
+    ParameterError
+        For a negative or non-finite value, a ring that is not thin (h/a above 0.2), or a pressure
+        that no hoop strain up to 0.2 can carry.
+    """
+
+    mean_radius_m: float
+    mass_per_area_kg_m2: float
+    radial_stiffness_n_m3: float
+    circumferential_stiffness_n_m3: float
+    axial_stiffness_n_m: float
+    bending_stiffness_n_m: float
+    inflation_pressure_pa: float
+    belt_width_m: float | None = None
+
+    def __post_init__(self) -> None:
+        positive = {"mean_radius_m", "mass_per_area_kg_m2", "axial_stiffness_n_m", "belt_width_m"}
+        for entry in fields(self):
+            _require(entry.name, getattr(self, entry.name), positive=entry.name in positive)
+        self._require_thin()
+        self._require_equilibrium()
+
+    @property
+    def thickness_m(self) -> float:
+        """Thickness h = √(12D/K) that the two belt stiffnesses imply, m."""
+        return math.sqrt(12.0 * self.bending_stiffness_n_m / self.axial_stiffness_n_m)
+
+    def radial_resistance_pa(self, hoop_strain: float) -> float:
+        """Pressure that holds the ring at rest at `hoop_strain` (eq 5 with Ω = 0, u_θ° = 0), Pa."""
+        membrane = self.axial_stiffness_n_m / self.mean_radius_m
+        bed = self.radial_stiffness_n_m3 * self.mean_radius_m
+        e = hoop_strain
+        return membrane * (e + 1.5 * e**2 + 0.5 * e**3) + bed * e
+
+    def _require_thin(self) -> None:
+        ratio = self.thickness_m / self.mean_radius_m
+        if ratio > LARGEST_THICKNESS_RATIO:
+            raise ParameterError(
+                "bending_stiffness_n_m and axial_stiffness_n_m",
+                f"D = {self.bending_stiffness_n_m:g}, K = {self.axial_stiffness_n_m:g} imply a "
+                f"thickness √(12D/K) of {self.thickness_m:.3g} m, {ratio:.2g} of the radius",
+                f"the ring is thin: at most {LARGEST_THICKNESS_RATIO:g} of the radius",
+                "Lower D or raise K",
+            )
+
+    def _require_equilibrium(self) -> None:
+        bearable = self.radial_resistance_pa(LARGEST_HOOP_STRAIN)
+        if self.inflation_pressure_pa > bearable:
+            raise ParameterError(
+                "inflation_pressure_pa",
+                f"{self.inflation_pressure_pa:g}",
+                f"no equilibrium: at a hoop strain of {LARGEST_HOOP_STRAIN:g} this ring carries "
+                f"{bearable:g} Pa",
+                "Lower the pressure or raise K or k_r",
+            )
+
+
+@dataclass(frozen=True)
+class RingDamping:
+    """Damping of the foundation (viscous) and of the belt (loss factor), section 5.3.
+
+    Parameters
+    ----------
+    radial_n_s_m3 : float
+        Radial damping c_r of the foundation, N·s/m³.
+    circumferential_n_s_m3 : float
+        Circumferential damping c_θ of the foundation, N·s/m³.
+    loss_factor : float
+        η in E' = E(1 + iη); acts on K and D.
+    on_pretension : bool
+        Whether η also acts on the stiffness that the static hoop tension brings, as in the paper.
+
+    Raises
+    ------
+    ParameterError
+        For a negative or non-finite value.
+    """
+
+    radial_n_s_m3: float
+    circumferential_n_s_m3: float
+    loss_factor: float
+    on_pretension: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("radial_n_s_m3", "circumferential_n_s_m3", "loss_factor"):
+            _require(name, getattr(self, name), positive=False)
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """The rigid wheel: a body that moves in its plane and turns about its axis.
+
+    Parameters
+    ----------
+    mass_kg : float
+        Mass of the whole wheel, kg (the paper's m times the belt width).
+    inertia_kg_m2 : float
+        Moment of inertia about the axis, kg·m² (the paper's I_r times the belt width).
+
+    Raises
+    ------
+    ParameterError
+        For a value that is not finite and greater than zero.
+    """
+
+    mass_kg: float
+    inertia_kg_m2: float
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            _require(entry.name, getattr(self, entry.name), positive=True)

@@ -1,0 +1,153 @@
+"""The ring at rest: natural frequencies, mode shapes and modal masses at Ω = 0."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model._arrays import finite_array, whole_orders
+from model.equilibrium import PressureLoad
+from model.errors import InstabilityError, ParameterError
+from model.harmonics import harmonics, roots_at_rest
+from model.parameters import RingParameters
+
+
+def natural_frequencies_hz(
+    ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
+) -> NDArray[np.float64]:
+    """Natural frequencies at Ω = 0 that a radial sensor sees, one per order.
+
+    For n ≥ 1 the inextensional (smaller) root of eq 14, for n = 0 the breathing mode
+    ω² = m11/(ρh); the torsion of order 0 has no radial part, see `torsion_frequency_hz`.
+
+    Parameters
+    ----------
+    ring : RingParameters
+        The ring.
+    orders : array_like of int
+        Circumferential orders; the sign does not matter at Ω = 0.
+    pressure_load : {"dead", "follower"}
+        See `equilibrium`.
+
+    Returns
+    -------
+    ndarray
+        Frequencies in Hz, in the shape of `orders`.
+
+    Raises
+    ------
+    InstabilityError
+        Where the static stiffness of an order is negative.
+    """
+    terms = harmonics(ring, orders, pressure_load=pressure_load)
+    smaller, _ = roots_at_rest(terms)
+    breathing = terms.m11 / terms.mass_per_area_kg_m2
+    return _frequency_hz(np.where(terms.orders == 0, breathing, smaller), terms.orders)
+
+
+def extensional_frequencies_hz(
+    ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
+) -> NDArray[np.float64]:
+    """Extensional (larger) roots of eq 14 at Ω = 0, Hz; arguments as `natural_frequencies_hz`."""
+    terms = harmonics(ring, orders, pressure_load=pressure_load)
+    _, larger = roots_at_rest(terms)
+    return _frequency_hz(larger, terms.orders)
+
+
+def torsion_frequency_hz(ring: RingParameters, *, pressure_load: PressureLoad = "dead") -> float:
+    """Frequency of order 0 in which the belt turns against a fixed hub, ω² = m22/(ρh), Hz."""
+    terms = harmonics(ring, 0, pressure_load=pressure_load)
+    return float(_frequency_hz(terms.m22 / terms.mass_per_area_kg_m2, terms.orders))
+
+
+def displacement_ratio(
+    ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
+) -> NDArray[np.float64]:
+    """Ratio B_n of the inextensional eigenvector [1, iB_n] of Table 2 at Ω = 0.
+
+    u_r = cos nθ·cos ωt comes with u_θ = −B_n sin nθ·cos ωt (eq 20). Close to 1/n; zero for the
+    breathing mode n = 0; odd in n.
+    """
+    terms = harmonics(ring, orders, pressure_load=pressure_load)
+    smaller, _ = roots_at_rest(terms)
+    denominator = terms.m22 - terms.mass_per_area_kg_m2 * smaller
+    flat = terms.orders == 0
+    return np.asarray(np.where(flat, 0.0, terms.c / np.where(flat, 1.0, denominator)))
+
+
+def modal_mass_kg(
+    ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
+) -> NDArray[np.float64]:
+    """Modal mass of a mode with radial shape cos nθ of unit amplitude.
+
+    ρh·b·a·π(1 + B_n²) for n ≥ 1 and 2π·ρh·b·a for the breathing mode (from eqs 35 and 20).
+
+    Parameters
+    ----------
+    ring : RingParameters
+        The ring, with its belt width.
+    orders : array_like of int
+        Circumferential orders.
+    pressure_load : {"dead", "follower"}
+        See `equilibrium`.
+
+    Returns
+    -------
+    ndarray
+        Modal masses in kg, in the shape of `orders`.
+
+    Raises
+    ------
+    ParameterError
+        Where the ring has no belt width.
+    """
+    ratio = displacement_ratio(ring, orders, pressure_load=pressure_load)
+    line = ring.mass_per_area_kg_m2 * belt_width_m(ring) * ring.mean_radius_m
+    both = line * np.pi * (1.0 + ratio**2)
+    return np.where(whole_orders(orders) == 0, 2.0 * np.pi * line, both)
+
+
+def radial_shape(order: int, angles_rad: ArrayLike) -> NDArray[np.float64]:
+    """Radial mode shapes of one order on the circle.
+
+    Parameters
+    ----------
+    order : int
+        Circumferential order n ≥ 0.
+    angles_rad : array_like, shape (n_angles,)
+        Angles θ, rad.
+
+    Returns
+    -------
+    ndarray, shape (n_angles, 2)
+        cos nθ and sin nθ, which span the order; for n = 0 one column of ones.
+    """
+    angles = finite_array("angles_rad", angles_rad)
+    n = int(whole_orders(order))
+    if n == 0:
+        return np.ones((angles.size, 1))
+    return np.column_stack([np.cos(n * angles), np.sin(n * angles)])
+
+
+def belt_width_m(ring: RingParameters) -> float:
+    """Belt width of the ring, m; refuses a ring without one."""
+    if ring.belt_width_m is None:
+        raise ParameterError(
+            "belt_width_m",
+            "not given",
+            "masses and absolute amplitudes need the belt width: the model is per unit of width",
+            "Give belt_width_m",
+        )
+    return ring.belt_width_m
+
+
+def _frequency_hz(squared: NDArray[np.float64], orders: NDArray[np.int_]) -> NDArray[np.float64]:
+    if np.any(squared < 0):
+        lowest = int(np.argmin(squared))
+        raise InstabilityError(
+            "ring",
+            f"ω² = {squared.flat[lowest]:.4g} rad²/s² for order {orders.flat[lowest]}",
+            "the static stiffness of this order is negative: the ring buckles",
+            "Raise the foundation stiffness or the bending stiffness",
+        )
+    return np.asarray(np.sqrt(squared) / (2.0 * np.pi))

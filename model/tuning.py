@@ -1,0 +1,218 @@
+"""From measured natural frequencies to the parameters of a ring (section 4, eqs 16–18)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model._arrays import finite_array, require_one_each, require_positive, whole_orders
+from model.equilibrium import PressureLoad
+from model.identifiability import (
+    AT_BOUND,
+    GIVEN,
+    IDENTIFIED,
+    NOT_IDENTIFIED,
+    Correlation,
+    LinearFit,
+    correlation,
+    error_level,
+    verdicts,
+)
+from model.parameters import RingParameters
+from model.sensitivity import frequency_sensitivity
+from model.tuning_problem import AXIAL, PARAMETERS, TuningProblem
+from model.tuning_result import TuningResult
+from model.tuning_search import TYPICAL, Search, plan_search
+
+_NOMINAL = 0.005  # relative frequency error that judges identifiability where none is known
+
+
+def tune_ring(
+    orders: ArrayLike,
+    frequencies_hz: ArrayLike,
+    *,
+    mean_radius_m: float,
+    inflation_pressure_pa: float,
+    frequency_std_hz: ArrayLike | None = None,
+    belt_width_m: float | None = None,
+    objective: str = "frequency",
+    given: Mapping[str, float] | None = None,
+    start: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    radial_growth_m: float | None = None,
+    pressure_load: PressureLoad = "dead",
+) -> TuningResult:
+    """Tune ρh, k_r, k_θ and D on natural frequencies at Ω = 0.
+
+    K follows k_r by eq 16 from the radial growth of the belt on inflation. The frequencies of
+    n ≥ 1 hardly depend on K (d ln f / d ln K below 0.02), so without a measured growth, a given K
+    or the breathing frequency (order 0) K is a placeholder and marked "not identified".
+
+    Parameters
+    ----------
+    orders : array_like of int, shape (n_orders,)
+        Circumferential orders, each once; 0 is the breathing mode.
+    frequencies_hz : array_like, shape (n_orders,)
+        Measured undamped natural frequencies, Hz.
+    mean_radius_m, inflation_pressure_pa : float
+        Mean radius a and pressure p_o; they set the scale, which no frequency can.
+    frequency_std_hz : array_like, shape (n_orders,), or None
+        Standard deviations of the frequencies, Hz. They set the parameters' standard deviations
+        unless the model's misfit asks for larger ones; they do not weigh the fit.
+    belt_width_m : float or None
+        Belt width b, kept with the ring.
+    objective : {"frequency", "paper"}
+        Sum of squares of relative frequency deviations, or of eq 18. The latter weighs n = 7 about
+        200 times as much as n = 1.
+    given : mapping of str to float, or None
+        Parameters of `RingParameters` that are known and stay.
+    start : mapping of str to float, or None
+        Further starting values; without them several are derived from the data.
+    bounds : mapping of str to (float, float), or None
+        Bounds of free parameters in place of the default ones.
+    radial_growth_m : float or None
+        Measured radial growth u_r° of the belt on inflation: determines K by eq 16.
+    pressure_load : {"dead", "follower"}
+        Pressure load the ring is tuned for; use the same one with it later.
+
+    Returns
+    -------
+    TuningResult
+        The ring and what is known about each of its parameters.
+
+    Raises
+    ------
+    ParameterError
+        For fewer than two frequencies, values that make no sense, or contradictory arguments.
+
+    References
+    ----------
+    Section 4 of the paper, eqs 16 (K from u_r°), 17 and 18 (objective).
+    """
+    numbers, measured, relative_given = _checked(orders, frequencies_hz, frequency_std_hz)
+    problem = TuningProblem(
+        numbers,
+        measured,
+        mean_radius_m,
+        inflation_pressure_pa,
+        belt_width_m,
+        objective,
+        given or {},
+        start or {},
+        bounds or {},
+        radial_growth_m,
+        pressure_load,
+    )
+    search = plan_search(problem)
+    values, found = search.run()
+    ring = search.ring(values)
+    how, std, relations, relative, source = _judge(search, values, relative_given)
+    return TuningResult(
+        ring=ring,
+        std=std,
+        how=how,
+        orders=numbers,
+        measured_hz=measured,
+        model_hz=problem.frequencies_hz(ring),
+        relative_std=relative,
+        correlation=relations,
+        sensitivity=frequency_sensitivity(ring, numbers, pressure_load=pressure_load),
+        objective=objective,
+        notes=(*_remarks(search, how), source, found),
+    )
+
+
+def _checked(
+    orders: ArrayLike, frequencies_hz: ArrayLike, std_hz: ArrayLike | None
+) -> tuple[NDArray[np.int_], NDArray[np.float64], NDArray[np.float64] | None]:
+    numbers = np.atleast_1d(whole_orders(orders))
+    measured = np.atleast_1d(finite_array("frequencies_hz", frequencies_hz))
+    require_one_each("frequencies_hz", numbers, measured)
+    require_positive("frequencies_hz", measured)
+    if std_hz is None:
+        return numbers, measured, None
+    deviations = np.atleast_1d(finite_array("frequency_std_hz", std_hz))
+    require_one_each("frequency_std_hz", numbers, deviations)
+    require_positive("frequency_std_hz", deviations)
+    return numbers, measured, deviations / measured
+
+
+def _judge(
+    search: Search, values: NDArray[np.float64], relative_given: NDArray[np.float64] | None
+) -> tuple[dict[str, str], dict[str, float], Correlation, NDArray[np.float64], str]:
+    """How each parameter was obtained, with standard deviations and correlations."""
+    problem, ring = search.problem, search.ring(values)
+    inner = ~search.at_bound(values)
+    names = tuple(name for name, kept in zip(search.free, inner, strict=True) if kept)
+    slope = search.residual_slope(values)[:, inner]
+    fit = LinearFit(names, values[inner], slope, problem.data_slope(ring))
+    relative, source = error_level(fit, problem.residual(ring), relative_given)
+    covariance = fit.covariance(np.where(np.isfinite(relative), relative, _NOMINAL))
+    found, std = verdicts(fit, covariance, _undetermined(search, ring, fit))
+    how = dict.fromkeys(("mean_radius_m", "inflation_pressure_pa"), GIVEN)
+    if problem.belt_width_m is not None:
+        how["belt_width_m"] = GIVEN
+    for name in PARAMETERS:
+        how[name] = found.get(name) or _obtained(search, name)
+    known = std if np.all(np.isfinite(relative)) else {}
+    return how, known, correlation(names, covariance), relative, source
+
+
+def _undetermined(search: Search, ring: RingParameters, fit: LinearFit) -> dict[str, bool]:
+    """What could move without a trace if the assumed parameters were free as well."""
+    if not search.assumed:
+        return fit.undetermined()
+    names = (*fit.names, *search.assumed)
+    wider = replace(
+        search,
+        free=names,
+        assumed={},
+        scale=np.array([TYPICAL[name] for name in names]),
+        lower=np.zeros(len(names)),
+        upper=np.full(len(names), np.inf),
+    )
+    values = np.array([getattr(ring, name) for name in names])
+    slope = wider.residual_slope(values)
+    return LinearFit(names, values, slope, fit.data_slope).undetermined()
+
+
+def _obtained(search: Search, name: str) -> str:
+    """How a parameter was obtained that the fit did not move freely."""
+    if name in search.problem.given:
+        return GIVEN
+    if name in search.free:
+        return AT_BOUND
+    by_growth = name == AXIAL and search.problem.radial_growth_m is not None
+    return IDENTIFIED if by_growth else NOT_IDENTIFIED
+
+
+def _remarks(search: Search, how: dict[str, str]) -> list[str]:
+    """Sentences on what the frequencies do not tell."""
+    problem = search.problem
+    remarks = []
+    if how[AXIAL] == NOT_IDENTIFIED:
+        remarks.append(
+            "These frequencies do not determine the axial stiffness K: it follows by eq 16 from an "
+            f"assumed radial growth of {1e3 * problem.growth_m:.2f} mm on inflation. Give K, the "
+            "measured growth or the breathing frequency to determine it."
+        )
+    for name, value in search.assumed.items():
+        remarks.append(
+            f"{problem.orders.size} frequencies are fewer than the unknowns: {name} was assumed "
+            f"to be {value:g}; the others hold for that value only."
+        )
+    for name in search.free:
+        if how[name] == NOT_IDENTIFIED:
+            remarks.append(
+                f"{name} is not identified: its standard deviation exceeds half its value, or "
+                "other parameters can stand in for it."
+            )
+        if how[name] == AT_BOUND:
+            remarks.append(
+                f"{name} ended on a bound of its range; the other standard deviations hold with it "
+                "fixed there."
+            )
+    return remarks
