@@ -22,6 +22,8 @@ class FileContent:
         Its time series.
     frf : FRF or None
         Its FRFs, as inertance.
+    frf_names : tuple of str
+        Names of the FRFs, as those of channels.
     findings : tuple of Finding
         What was assumed, converted or left out.
     """
@@ -29,6 +31,7 @@ class FileContent:
     path: Path
     recording: Recording | None = None
     frf: FRF | None = None
+    frf_names: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
 
 

@@ -17,7 +17,7 @@ from ema.io.sampling import even_step
 from ema.io.units import is_stated, parse_unit
 from ema.recording import UNKNOWN, Channel, Recording
 
-SUFFIXES = (".csv", ".tsv", ".txt")
+SUFFIXES = (".csv", ".tsv")
 _LONGEST_HEADER = 1 << 20
 _SEPARATORS = ("\t", ";", ",")
 _TIME_NAMES = {"t", "time"}

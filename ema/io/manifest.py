@@ -15,9 +15,11 @@ from ema.recording import Processing, Tyre
 
 MANIFEST_NAME = "campaign.toml"
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+_SIMILAR = 0.8  # a free key that resembles a known one this much is a slip
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
 
 class _Section(BaseModel):
@@ -33,6 +35,14 @@ class TyreSection(_Section):
     inflation_pressure_pa: Positive | None = None
     mean_radius_m: Positive | None = None
     belt_width_m: Positive | None = None
+
+    @model_validator(mode="after")
+    def _no_slips(self) -> TyreSection:
+        for key in self.model_extra or {}:
+            similar = difflib.get_close_matches(key, type(self).model_fields, 1, _SIMILAR)
+            if similar:
+                raise ValueError(f"the key {key!r} resembles {similar[0]!r}; rename one of them")
+        return self
 
     def tyre(self) -> Tyre:
         """Return the tyre, with free keys as texts."""
@@ -61,7 +71,7 @@ class SensorsSection(_Section):
 class GridSection(_Section):
     """``[grid]``: node k lies at k·360/positions degrees."""
 
-    positions: Annotated[int, Field(ge=3, le=100_000)]
+    positions: Annotated[int, Field(ge=3, le=100_000, strict=True)]
 
 
 class ExcitationSection(_Section):
@@ -75,10 +85,10 @@ class ExcitationSection(_Section):
 class ProcessingSection(_Section):
     """``[processing]``: how recordings become FRFs."""
 
-    averages: Annotated[int, Field(ge=1)] | None = None
+    averages: Annotated[int, Field(ge=1, strict=True)] | None = None
     block_seconds: Positive | None = None
     window: str | None = None
-    overlap: Annotated[float, Field(ge=0, lt=1)] | None = None
+    overlap: Annotated[float, Field(ge=0, lt=1, strict=True)] | None = None
     band_hz: tuple[NotNegative, Positive] | None = None
 
     @model_validator(mode="after")
@@ -130,7 +140,7 @@ def read_manifest(path: Path) -> Manifest:
         reason = error.strerror or str(error)
         rule = "a campaign is described by a manifest that can be read"
         raise ManifestError(str(path), reason, rule, "Check name and rights") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # TOML, encoding, an endless number, nesting
         rule = "a manifest is TOML in UTF-8"
         raise ManifestError(path.name, str(error), rule, "Correct the place named") from error
     try:
@@ -173,7 +183,7 @@ def _explain(path: Path, error: ValidationError) -> ManifestError:
     where = f"{path.name}, {_dotted(place)}" if place else path.name
     if first["type"] == "extra_forbidden":
         remedy = nearest(str(place[-1]), _valid_keys(place[:-1]))
-        return ManifestError(where, "this key", "it is not known here", remedy)
+        return ManifestError(where, f"key {place[-1]!r}", "it is not known here", remedy)
     if first["type"] == "missing":
         return ManifestError(where, "nothing", "this key is required", "Add it")
     found = repr(first["input"])

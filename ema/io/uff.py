@@ -67,7 +67,8 @@ def read_uff(path: Path) -> FileContent:
     if responses:
         frf, noticed = read_frf(path, responses, around.units, around.angle_deg)
         findings += noticed
-    return FileContent(path, recording, frf, findings)
+    names = tuple(_channel_name(_header(each), row) for row, each in enumerate(responses, 1))
+    return FileContent(path, recording, frf, names, findings)
 
 
 def _header(dataset: Dataset) -> Header58:

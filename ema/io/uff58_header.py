@@ -240,7 +240,7 @@ def parse_header(lines: list[str]) -> Header58:
         If a line is missing or a column holds no number; lines are counted from the delimiter.
     """
     if len(lines) <= HEADER_LINES:
-        rule = f"a dataset 58 has {HEADER_LINES} header lines"
+        rule = f"a dataset 58 has {HEADER_LINES} header lines: the file is truncated"
         raise HeaderError(len(lines) + 1, f"{max(len(lines) - 1, 0)} header lines", rule)
     codes = _columns(lines[6], _IDENTITY_COLUMNS, 8, _integer)
     return Header58(
