@@ -1,0 +1,154 @@
+"""The modes behind a simulated campaign, and the inertance that follows from them exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model import damping_ratios, modal_mass_kg, natural_frequencies_hz
+from model.reference import (
+    REFITTED_DAMPING,
+    TABLE_3_DAMPING_RATIOS,
+    TABLE_3_FREQUENCIES_HZ,
+    TABLE_3_ORDERS,
+    TABLE_4_RING,
+)
+
+HIGHEST_ORDER = 16
+_LINES_AT_ONCE = 65_536
+
+
+@dataclass(frozen=True)
+class TruthMode:
+    """One real mode of a tyre with radial shape cos(n(θ − orientation)).
+
+    Parameters
+    ----------
+    order : int
+        Circumferential order n.
+    member : str
+        Empty for an order whose two members coincide, ``"a"`` or ``"b"`` for one of a split pair.
+    frequency_hz : float
+        Undamped natural frequency, Hz.
+    damping_ratio : float
+        Damping ratio.
+    modal_mass_kg : float
+        Modal mass for a unit amplitude of the shape, kg.
+    orientation_deg : float
+        Angle of an antinode, degrees.
+    """
+
+    order: int
+    member: str
+    frequency_hz: float
+    damping_ratio: float
+    modal_mass_kg: float
+    orientation_deg: float = 0.0
+
+    def shape(self, angles_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Radial shape at `angles_deg`."""
+        return np.asarray(np.cos(self.order * np.deg2rad(angles_deg - self.orientation_deg)))
+
+
+def truth_modes(
+    *, split_percent: float = 0.0, shaker_between: float = 0.5
+) -> tuple[TruthMode, ...]:
+    """Modes of the tyre of the paper.
+
+    Orders 1 to 7 have the frequencies and damping ratios of Table 3; orders 8 to 16 and the
+    breathing mode those of the ring of Table 4 with the damping refitted to Table 3. Modal masses
+    are those of the ring.
+
+    Parameters
+    ----------
+    split_percent : float
+        Distance between the two frequencies of each order n ≥ 1, percent of their mean. Without
+        a split a force at 0° excites the cosine member alone.
+    shaker_between : float
+        Where the force at 0° acts on a split order: 0 on an antinode of member a, 1 on one of
+        member b.
+
+    Returns
+    -------
+    tuple of TruthMode
+        Ascending in order.
+    """
+    orders = np.arange(HIGHEST_ORDER + 1)
+    frequencies = natural_frequencies_hz(TABLE_4_RING, orders)
+    ratios = damping_ratios(TABLE_4_RING, REFITTED_DAMPING, orders)
+    frequencies[TABLE_3_ORDERS] = TABLE_3_FREQUENCIES_HZ
+    ratios[TABLE_3_ORDERS] = TABLE_3_DAMPING_RATIOS
+    masses = modal_mass_kg(TABLE_4_RING, orders)
+    modes: list[TruthMode] = []
+    for row in zip(orders, frequencies, ratios, masses, strict=True):
+        order, (frequency, ratio, mass) = int(row[0]), map(float, row[1:])
+        if order == 0 or split_percent == 0:
+            modes.append(TruthMode(order, "", frequency, ratio, mass))
+            continue
+        turned = -90.0 / order * shaker_between
+        for member, sign, angle in (("a", -1, turned), ("b", 1, turned + 90.0 / order)):
+            moved = frequency * (1.0 + sign * split_percent / 200.0)
+            modes.append(TruthMode(order, member, moved, ratio, mass, angle))
+    return tuple(modes)
+
+
+@dataclass(frozen=True, eq=False)
+class ModalSum:
+    """Inertance as a sum over poles: H_i = −ω² Σ_r [A_ir/(jω − s_r) + A*_ir/(jω − s*_r)].
+
+    Parameters
+    ----------
+    poles : ndarray of complex, shape (n_modes,)
+        Poles s_r in the upper half plane, rad/s.
+    residues : ndarray of complex, shape (n_positions, n_modes)
+        Residues A_ir of receptance.
+    """
+
+    poles: NDArray[np.complex128]
+    residues: NDArray[np.complex128]
+
+    def inertance(self, position: int, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Inertance of one position at angular frequencies `omega`, (m/s²)/N."""
+        values = np.empty(omega.size, dtype=complex)
+        for start in range(0, omega.size, _LINES_AT_ONCE):
+            lines = slice(start, start + _LINES_AT_ONCE)
+            s = 1j * omega[lines, None]
+            residue = self.residues[position]
+            sums = residue / (s - self.poles) + residue.conj() / (s - self.poles.conj())
+            values[lines] = -(omega[lines] ** 2) * sums.sum(axis=1)
+        return values
+
+
+def modal_sum(
+    modes: tuple[TruthMode, ...],
+    angles_deg: NDArray[np.float64],
+    force_deg: float,
+    *,
+    sensor_mass_kg: float = 0.0,
+) -> ModalSum:
+    """Solve the tyre with a sensor of some mass at each of `angles_deg`.
+
+    The sensors add the same mass matrix in modal coordinates that they add in space, so poles and
+    residues are exact for the modes given; without mass they are those of the modes themselves.
+    """
+    omega = 2.0 * np.pi * np.array([mode.frequency_hz for mode in modes])
+    mass = np.array([mode.modal_mass_kg for mode in modes])
+    ratio = np.array([mode.damping_ratio for mode in modes])
+    shapes = np.column_stack([mode.shape(angles_deg) for mode in modes])
+    at_force = np.array([mode.shape(np.array([force_deg]))[0] for mode in modes])
+    inertia = np.diag(mass) + sensor_mass_kg * shapes.T @ shapes
+
+    size = len(modes)
+    state = np.zeros((2 * size, 2 * size))
+    state[:size, size:] = np.eye(size)
+    state[size:, :size] = -np.linalg.solve(inertia, np.diag(mass * omega**2))
+    state[size:, size:] = -np.linalg.solve(inertia, np.diag(2.0 * mass * ratio * omega))
+    poles, vectors = np.linalg.eig(state)
+    drive = np.concatenate([np.zeros(size), np.linalg.solve(inertia, at_force)])
+    participation = np.linalg.solve(vectors, drive.astype(complex))
+    upper = np.flatnonzero(poles.imag > 0)
+    upper = upper[np.argsort(poles[upper].imag)]
+    residues = shapes @ vectors[:size, upper] * participation[upper]
+    return ModalSum(poles[upper], residues)
