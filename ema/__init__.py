@@ -1,5 +1,26 @@
 """Measurement: recordings become FRFs, FRFs become poles and modes with error bars."""
 
+from ema.curve_fit import fit_modes
+from ema.errors import DataQualityWarning, FitError, InputError
+from ema.frf import FRF, estimate_frf
 from ema.io.campaign import read_campaign
+from ema.modes import ModalModel, Mode
+from ema.recording import Campaign, Processing
+from ema.stability import StabilityDiagram, build_stability, select_poles
 
-__all__ = ["read_campaign"]
+__all__ = [
+    "FRF",
+    "Campaign",
+    "DataQualityWarning",
+    "FitError",
+    "InputError",
+    "ModalModel",
+    "Mode",
+    "Processing",
+    "StabilityDiagram",
+    "build_stability",
+    "estimate_frf",
+    "fit_modes",
+    "read_campaign",
+    "select_poles",
+]

@@ -83,18 +83,24 @@ class BlockPlan:
             shift = lag * self.step_samples
             if shift >= self.block_samples:
                 break
-            overlap = self.taper[shift:] @ self.taper[:-shift] / self.block_samples
-            correlation += 2 * (1 - lag / self.n_blocks) * overlap**2
+            shared = float(self.taper[shift:] @ self.taper[:-shift]) / self.block_samples
+            correlation += 2 * (1 - lag / self.n_blocks) * shared**2
         return self.n_blocks / (1 + correlation)
 
 
 def plan_blocks(
-    n_samples: int, sampling_rate_hz: float, processing: Processing, place: str
+    n_samples: int,
+    sampling_rate_hz: float,
+    processing: Processing,
+    place: str,
+    *,
+    steady: bool = True,
 ) -> BlockPlan:
     """Cut a recording into blocks as asked for, or as suits a tyre.
 
     By default Hann windows overlap by half over blocks of 4 s, or a quarter of a shorter
-    recording. The paper's setting is ``averages=10, window="boxcar"``.
+    recording; a sweep, burst or impact stays one block without a window. The paper's setting is
+    ``averages=10, window="boxcar"``.
 
     Parameters
     ----------
@@ -105,13 +111,16 @@ def plan_blocks(
         Averages or block length, window, overlap; None for the default.
     place : str
         What to name in an error.
+    steady : bool
+        Whether the force looks alike all along the recording.
 
     Raises
     ------
     InputError
         If the blocks asked for do not fit the recording.
     """
-    window = processing.window or DEFAULT_WINDOW
+    whole = not (steady or processing.averages or processing.block_seconds)
+    window = processing.window or ("boxcar" if whole else DEFAULT_WINDOW)
     overlap = processing.overlap
     if overlap is None:
         overlap = 0.0 if window == "boxcar" else 0.5
@@ -120,6 +129,8 @@ def plan_blocks(
         block_s = duration_s / (1 + (processing.averages - 1) * (1 - overlap))
     elif processing.block_seconds is not None:
         block_s = processing.block_seconds
+    elif whole:
+        block_s = duration_s
     else:
         block_s = min(LONGEST_DEFAULT_BLOCK_S, duration_s / FEWEST_DEFAULT_LENGTHS)
     block = int(block_s * sampling_rate_hz * (1 + 1e-9))

@@ -31,6 +31,8 @@ _STAND_IN_START, _STAND_IN_REACH = 1.05, (1.005, 1.25)
 _STAND_IN_DAMPING = 0.02
 # Lines over which the noise level is smoothed: σ of one line is itself uncertain.
 _SMOOTHING_LINES = 21
+# A correction for random excitation that fits worse than this shows that it was not random.
+_WORSE = 1.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +124,7 @@ def _noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
     )
     smooth = uniform_filter1d(power, _SMOOTHING_LINES, axis=1, mode="nearest")
     floor = 1e-12 * np.max(np.abs(frf.values[:, lines])) ** 2
-    return np.sqrt(np.maximum(smooth, max(floor, np.finfo(float).tiny)))
+    return np.asarray(np.sqrt(np.maximum(smooth, max(floor, np.finfo(float).tiny))))
 
 
 def _starting_poles(
@@ -144,7 +146,9 @@ def _starting_poles(
     return np.append(poles[in_band | shown], stand_in)
 
 
-def _bounds(start: NDArray[np.complex128], highest_hz: float) -> tuple[NDArray, NDArray]:
+def _bounds(
+    start: NDArray[np.complex128], highest_hz: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     decay, frequency = -start.real, start.imag
     reach = np.maximum(_FREQUENCY_REACH, decay / frequency) * frequency
     lower = np.column_stack([decay / _DAMPING_REACH, frequency - reach])
@@ -164,7 +168,7 @@ def _fit(task: _Task, start: NDArray[np.complex128]) -> _Fit:
 def _fit_without_leakage(
     frf: FRF, task: _Task, start: NDArray[np.complex128]
 ) -> tuple[_Fit, list[str]]:
-    """Fit as measured and, for averaged blocks, with the window's bias taken out; keep the better."""
+    """Fit as measured and, for averaged blocks, with the bias of the window taken out."""
     plain = _fit(task, start)
     if frf.blocks is None or frf.blocks.n_blocks < 2:
         return plain, []
@@ -178,8 +182,8 @@ def _fit_without_leakage(
         )
         cleared = replace(task, values=task.values - bias)
         corrected = _fit(cleared, np.append(corrected.solution.poles[:-1], start[-1]))
-    if corrected.misfit > plain.misfit:
-        return plain, ["The window's bias was left in: taking it out did not improve the fit."]
+    if corrected.misfit > _WORSE * plain.misfit:
+        return plain, ["The bias of window and block length was left in: taking it out fits worse."]
     return corrected, ["The bias of window and block length was taken out of the curve fit."]
 
 
@@ -208,14 +212,14 @@ def _model(frf: FRF, fit: _Fit, band_hz: tuple[float, float], notes: list[str]) 
         )
         for r, pole in enumerate(solution.poles)
     ]
-    inside = np.array([band_hz[0] <= mode.frequency_hz <= band_hz[1] for mode in modes])
-    rows = np.flatnonzero(np.repeat(inside, 2))
-    if not np.any(inside):
+    ascending = np.argsort(np.abs(solution.poles))
+    inside = [r for r in ascending if band_hz[0] <= modes[r].frequency_hz <= band_hz[1]]
+    if not inside:
         raise FitError("all poles left the band during the curve fit. Pin frequencies.")
-    chosen = tuple(mode for mode, keep in zip(modes, inside, strict=True) if keep)
+    rows = np.ravel([[2 * r, 2 * r + 1] for r in inside])
     model = ModalModel(
-        modes=label_modes(chosen, frf.position_deg),
-        guard_modes=tuple(mode for mode, keep in zip(modes, inside, strict=True) if not keep),
+        modes=label_modes([modes[r] for r in inside], frf.position_deg),
+        guard_modes=tuple(modes[r] for r in ascending if r not in inside),
         residual_terms=ResidualTerms(solution.lower, solution.upper),
         band_hz=band_hz,
         fit_band_hz=(float(task.frequency_hz[0]), float(task.frequency_hz[-1])),

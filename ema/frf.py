@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from ema._arrays import readonly
 from ema.blocks import BlockPlan, plan_blocks
 from ema.errors import InputError
+from ema.excitation import is_steady
 from ema.recording import Campaign, Processing, Run
 from ema.spectra import Spectra, measure_spectra, pooled
 
@@ -35,6 +37,8 @@ class FRF:
         Angles counter-clockwise from the excitation's zero; NaN where there is no circle.
     run : tuple of str
         The run each row was measured in; several names joined by "+" where rows were averaged.
+    channel : tuple of str
+        Name of the channel each row was measured with; empty where unknown.
     blocks : BlockPlan or None
         How the recordings were cut; None for FRFs from a file.
     n_effective : float
@@ -50,6 +54,7 @@ class FRF:
     node: NDArray[np.int_]
     position_deg: NDArray[np.float64]
     run: tuple[str, ...]
+    channel: tuple[str, ...] = ()
     blocks: BlockPlan | None = None
     n_effective: float = float("nan")
     reference: FRF | None = None
@@ -64,6 +69,8 @@ class FRF:
             ("position_deg", float),
         ):
             object.__setattr__(self, name, readonly(getattr(self, name), dtype))
+        if not self.channel:
+            object.__setattr__(self, "channel", ("",) * self.n_positions)
 
     @property
     def n_positions(self) -> int:
@@ -80,6 +87,7 @@ class FRF:
             node=self.node[chosen],
             position_deg=self.position_deg[chosen],
             run=tuple(np.asarray(self.run, dtype=object)[chosen]),
+            channel=tuple(np.asarray(self.channel, dtype=object)[chosen]),
         )
 
 
@@ -134,7 +142,13 @@ def _common_plan(runs: Sequence[Run], processing: Processing) -> BlockPlan:
                 f"{shortest.name} has {rate:g} Hz and all runs must agree",
                 "Resample one of them or process them apart",
             )
-    return plan_blocks(shortest.recording.n_samples, rate, processing, shortest.name)
+    return plan_blocks(
+        shortest.recording.n_samples,
+        rate,
+        processing,
+        shortest.name,
+        steady=is_steady(shortest.force),
+    )
 
 
 def _run_spectra(run: Run, plan: BlockPlan) -> Spectra:
@@ -157,14 +171,26 @@ def _positions_frf(
     node = np.array([-1 if response.node is None else response.node for _, response in responses])
     key = np.where(np.isfinite(angle), np.round(angle, 6), node)
     _, first, place = np.unique(key, return_index=True, return_inverse=True)
-    names = [
-        "+".join(run.name for (run, _), there in zip(responses, place, strict=True) if there == p)
-        for p in range(first.size)
-    ]
+    run = _joined([run.name for run, _ in responses], place)
+    channel = _joined([response.channel.name for _, response in responses], place)
     parts = [part.rows(slice(len(run.responses))) for part, run in zip(spectra, runs, strict=True)]
     return _as_frf(
-        pooled(parts, place, first.size), plan, estimator, node[first], angle[first], names
+        pooled(parts, place, first.size),
+        plan,
+        estimator,
+        node[first],
+        angle[first],
+        run,
+        channel,
     )
+
+
+def _joined(words: list[str], place: NDArray[np.int_]) -> list[str]:
+    """Words that share a place, joined; each only once."""
+    there: dict[int, dict[str, None]] = {int(p): {} for p in np.unique(place)}
+    for word, p in zip(words, place, strict=True):
+        there[int(p)][word] = None
+    return ["+".join(there[p]) for p in sorted(there)]
 
 
 def _reference_frf(
@@ -178,7 +204,9 @@ def _reference_frf(
     )
     nodes = np.full(len(pairs), -1)
     angle = np.full(len(pairs), _number(campaign.reference_deg))
-    return _as_frf(last, plan, estimator, nodes, angle, [run.name for run, _ in pairs])
+    runs = [run.name for run, _ in pairs]
+    names = [run.reference.name for run, _ in pairs if run.reference is not None]
+    return _as_frf(last, plan, estimator, nodes, angle, runs, names)
 
 
 def _as_frf(
@@ -188,6 +216,7 @@ def _as_frf(
     node: NDArray[np.int_],
     position_deg: NDArray[np.float64],
     run: list[str],
+    channel: list[str],
 ) -> FRF:
     power = spectra.force * spectra.response
     coherence = np.divide(
@@ -202,6 +231,7 @@ def _as_frf(
         node=node,
         position_deg=position_deg,
         run=tuple(run),
+        channel=tuple(channel),
         blocks=plan,
         n_effective=float(np.min(spectra.n_effective)),
     )
@@ -232,8 +262,9 @@ def _hv(spectra: Spectra) -> NDArray[np.complex128]:
     return np.asarray(direction * np.sqrt(np.abs(_ratio(spectra.response, spectra.force))))
 
 
-def _ratio(above: NDArray[np.generic], below: NDArray[np.generic]) -> NDArray[np.complex128]:
-    return np.divide(above, below, out=np.zeros(above.shape, complex), where=np.abs(below) > 0)
+def _ratio(above: NDArray[Any], below: NDArray[Any]) -> NDArray[np.complex128]:
+    ratio = np.divide(above, below, out=np.zeros(above.shape, complex), where=np.abs(below) > 0)
+    return np.asarray(ratio)
 
 
 ESTIMATORS: dict[str, Callable[[Spectra], NDArray[np.complex128]]] = {

@@ -129,8 +129,7 @@ def _representative(poles: NDArray[np.complex128], order: NDArray[np.int_]) -> c
 def _reasons(sizes: NDArray[np.int_], large: NDArray[np.bool_], max_order: int) -> list[str]:
     fewest = sizes[large].min() if np.any(large) else 0
     return [
-        f"kept: in {size} of {max_order - 1} model orders"
-        if kept
-        else f"dropped: in {size} of {max_order - 1} model orders, the modes are in {fewest} or more"
+        f"{'kept' if kept else 'dropped'}: in {size} of {max_order - 1} model orders"
+        + ("" if kept else f", the modes are in {fewest} or more")
         for size, kept in zip(sizes, large, strict=True)
     ]

@@ -56,7 +56,7 @@ def useful_length(responses: NDArray[np.complex128], shortest: int) -> int:
     noise = np.median(power[n_samples // 2 : max(n_samples * 9 // 10, n_samples // 2 + 1)])
     above = np.cumsum((power - noise)[: n_samples // 2][::-1])[::-1]
     useful = int(np.argmax(above < _TAIL_ENERGY * above[0])) or n_samples // 2
-    return min(max(useful, shortest), n_samples * 9 // 10)
+    return int(min(max(useful, shortest), n_samples * 9 // 10))
 
 
 def normal_matrix(responses: NDArray[np.complex128], max_order: int) -> NDArray[np.complex128]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +89,7 @@ def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spec
     n_places : int
     """
 
-    def add(name: str) -> NDArray[np.generic]:
+    def add(name: str) -> NDArray[Any]:
         rows = np.concatenate([getattr(part, name) for part in parts])
         total = np.zeros((n_places, *rows.shape[1:]), dtype=rows.dtype)
         np.add.at(total, place, rows)

@@ -110,8 +110,8 @@ def project(omega: Real, values: Complex, weight: Real, poles: Complex) -> Proje
     slopes[0::2] = inertia * (direct**2 + mirrored**2)
     slopes[1::2] = 1j * inertia * (direct**2 - mirrored**2)
 
-    basis_real, slopes_real = _stacked(basis * weight), _stacked(slopes * weight)
-    target = _stacked(values * weight)
+    basis_real, slopes_real = _stacked(basis, weight), _stacked(slopes, weight)
+    target = _stacked(values, weight)
     size = np.linalg.norm(basis_real, axis=0)
     orthonormal, triangle = np.linalg.qr(basis_real / size)
     inside = orthonormal.T @ target
@@ -131,8 +131,10 @@ def project(omega: Real, values: Complex, weight: Real, poles: Complex) -> Proje
     )
 
 
-def _stacked(rows: Complex) -> Real:
-    return np.concatenate([rows.real, rows.imag], axis=1).T
+def _stacked(rows: Complex, weight: Real) -> Real:
+    """Weighted rows as real columns, real parts above imaginary parts."""
+    weighted = rows * weight
+    return np.asarray(np.concatenate([weighted.real, weighted.imag], axis=1).T)
 
 
 def fit_poles(

@@ -10,38 +10,11 @@ from numpy.typing import NDArray
 
 from ema.frf import FRF
 from ema.modes import ModalModel
-from ema.quality import Finding
+from ema.quality import Finding, ReferenceCheck
 from ema.recording import Tyre
 from ema.stability import StabilityDiagram
 from model.damping import DampingResult
-from model.tuning import TuningResult
-
-
-@dataclass(frozen=True, eq=False)
-class ReferenceCheck:
-    """The fixed reference sensor over the runs.
-
-    Parameters
-    ----------
-    run : tuple of str
-        Run names.
-    frequency_hz : ndarray, shape (n_frequencies,)
-    values : ndarray of complex, shape (n_runs, n_frequencies)
-        Inertance at the reference sensor, run by run.
-    std : ndarray, shape (n_runs, n_frequencies)
-        Its standard deviation per quadrature.
-    ratio : float
-        RMS of the deviation from the mean, over its standard deviation; 1 is pure noise.
-    consistent : bool
-        Whether the runs show one and the same tyre.
-    """
-
-    run: tuple[str, ...]
-    frequency_hz: NDArray[np.float64]
-    values: NDArray[np.complex128]
-    std: NDArray[np.float64]
-    ratio: float
-    consistent: bool
+from model.tuning_result import TuningResult
 
 
 @dataclass(frozen=True, eq=False)

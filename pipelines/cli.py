@@ -1,0 +1,187 @@
+"""The command line: ``ringmodal``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipelines import console
+from pipelines.cli_simulate import simulate
+
+app = typer.Typer(
+    name="ringmodal",
+    help="Modal analysis of tyres: from recordings to modes, ring parameters and a report.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+app.add_typer(simulate, name="simulate")
+
+Out = Annotated[
+    Path, typer.Option("--out", help="Folder for the result; appears whole or not at all.")
+]
+Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
+NoReport = Annotated[bool, typer.Option("--no-report", help="Stop before the report.")]
+NoTune = Annotated[bool, typer.Option("--no-tune", help="Stop at the modes: no ring parameters.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="No progress messages.")]
+Objective = Annotated[
+    str,
+    typer.Option(
+        help="What the tuning minimises: 'frequency' (relative errors) or 'paper' (eq. 18)."
+    ),
+]
+Given = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--given",
+        metavar="NAME=VALUE",
+        help="A ring parameter known from elsewhere, in SI, e.g. mass_per_area_kg_m2=19.7.",
+    ),
+]
+
+
+@app.command()
+def process(
+    campaign: Annotated[
+        list[Path], typer.Argument(help="Campaign folder, its campaign.toml, or recordings.")
+    ],
+    out: Out,
+    band_hz: Annotated[
+        tuple[float, float] | None,
+        typer.Option(help="Band in Hz in which modes are sought. [default for a tyre: 20 260]"),
+    ] = None,
+    averages: Annotated[
+        int | None, typer.Option(min=1, help="Number of averages; sets the block length.")
+    ] = None,
+    block_seconds: Annotated[
+        float | None,
+        typer.Option(help="Block length in s. [default: 4, a quarter of a shorter recording]"),
+    ] = None,
+    window: Annotated[
+        str | None, typer.Option(help="Any scipy window name. [default: hann]")
+    ] = None,
+    overlap: Annotated[
+        float | None,
+        typer.Option(min=0.0, max=0.95, help="Share of a block. [default: 0.5; boxcar 0]"),
+    ] = None,
+    estimator: Annotated[str, typer.Option(help="H1, H2 or Hv.")] = "H1",
+    max_order: Annotated[
+        int, typer.Option(min=4, max=200, help="Highest model order of the stability diagram.")
+    ] = 60,
+    pin: Annotated[
+        str | None,
+        typer.Option(metavar="HZ,HZ,…", help="Take the modes next to these frequencies instead."),
+    ] = None,
+    objective: Objective = "frequency",
+    given: Given = None,
+    no_tune: NoTune = False,
+    no_report: NoReport = False,
+    force: Force = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Recordings → FRFs → poles → modes → ring parameters → validation → report.
+
+    Example: ringmodal process sample_data/tyre_225_55R17 --out result
+    """
+    from ema.recording import Processing
+    from pipelines.options import Options
+    from pipelines.process import process as run
+    from pipelines.store import require_free, save
+
+    options = Options(
+        processing=Processing(averages, block_seconds, window, overlap, band_hz),
+        estimator=estimator,
+        max_order=max_order,
+        pinned_hz=console.numbers("--pin", pin),
+        tune=not no_tune,
+        objective=objective,
+        given=console.assignments("--given", given),
+    )
+    require_free(out, force=force)
+    result = run(campaign[0] if len(campaign) == 1 else campaign, options, console.progress(quiet))
+    save(result, out, report=not no_report, force=force)
+    console.show(result, out, as_json=as_json, report=not no_report)
+
+
+@app.command()
+def tune(
+    result_folder: Annotated[Path, typer.Argument(help="Folder of an earlier result.")],
+    objective: Objective = "frequency",
+    given: Given = None,
+    no_report: NoReport = False,
+    as_json: Json = False,
+) -> None:
+    """Determine the ring's parameters again, from the modes of an earlier result.
+
+    Example: ringmodal tune result --objective paper
+    """
+    from pipelines.store import save
+
+    result = console.tuned_again(result_folder, objective, console.assignments("--given", given))
+    save(result, result_folder, report=not no_report, force=True)
+    console.show(result, result_folder, as_json=as_json, report=not no_report)
+
+
+@app.command()
+def report(
+    result_folder: Annotated[Path, typer.Argument(help="Folder of an earlier result.")],
+) -> None:
+    """Write the report of an earlier result again.
+
+    Example: ringmodal report result
+    """
+    from pipelines.store import save
+
+    save(console.tuned_again(result_folder), result_folder, force=True)
+    typer.echo(f"Report: {result_folder / 'report.html'}")
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option("--out", help="Folder for the demonstration.")] = Path(
+        "demo"
+    ),
+) -> None:
+    """Process the sample campaign and say where the report is.
+
+    Example: ringmodal demo --out demo
+    """
+    from pipelines.demo import run_demo
+
+    result, folder = run_demo(out)
+    console.show(result, folder, as_json=False, report=True)
+
+
+@app.command()
+def inspect(
+    files: Annotated[list[Path], typer.Argument(help="Recordings.")],
+    as_json: Json = False,
+) -> None:
+    """Show channels, quantities, units, rates, lengths and levels of recordings.
+
+    Example: ringmodal inspect config_1.uff
+    """
+    from pipelines.inspection import inspect_files
+
+    console.show_channels(inspect_files(files), as_json=as_json)
+
+
+def main() -> None:
+    """Run the command line; bad input ends with one message and exit code 2."""
+    from ema.errors import FitError, InputError
+    from model.errors import ParameterError
+
+    try:
+        app()
+    except (InputError, FitError, ParameterError) as error:
+        console.complain(error)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

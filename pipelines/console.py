@@ -1,0 +1,211 @@
+"""What the command line reads and prints."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ema.errors import InputError
+
+if TYPE_CHECKING:
+    from pipelines.inspection import ChannelSummary
+    from pipelines.result import Result
+
+
+def numbers(option: str, text: str | None) -> tuple[float, ...]:
+    """Numbers of a comma-separated option."""
+    if text is None:
+        return ()
+    try:
+        return tuple(float(part) for part in text.split(",") if part.strip())
+    except ValueError as error:
+        raise InputError(
+            option, repr(text), "it must be numbers separated by commas", "Write e.g. 78.7,100.3"
+        ) from error
+
+
+def assignments(option: str, texts: list[str] | None) -> dict[str, float]:
+    """Values of a repeated NAME=VALUE option."""
+    values = {}
+    for text in texts or []:
+        name, _, value = text.partition("=")
+        try:
+            values[name.strip()] = float(value)
+        except ValueError as error:
+            raise InputError(
+                option, repr(text), "it must be NAME=NUMBER", "Write e.g. mass_per_area_kg_m2=19.7"
+            ) from error
+    return values
+
+
+def progress(quiet: bool) -> Callable[[str], None]:
+    """Print the name of each stage on standard error as it starts."""
+
+    def say(message: str) -> None:
+        if not quiet:
+            print(message, file=sys.stderr)  # noqa: T201
+
+    return say
+
+
+def complain(error: Exception) -> None:
+    """Print one message about bad input on standard error."""
+    print(f"Error: {error}", file=sys.stderr)  # noqa: T201
+
+
+def tuned_again(
+    folder: Path, objective: str | None = None, given: dict[str, float] | None = None
+) -> Result:
+    """Load a result and determine its ring again; what is not chosen stays as it was."""
+    from pipelines.options import Options
+    from pipelines.process import tune
+    from pipelines.store import load
+
+    result = load(folder)
+    earlier = result.provenance["options"]
+    options = Options(
+        tune=True if objective is not None else earlier["tune"],
+        objective=objective or earlier["objective"],
+        given=earlier["given"] if given is None else given,
+    )
+    chosen = {"tune": options.tune, "objective": options.objective, "given": options.given}
+    again = tune(result, options)
+    return replace(again, provenance={**result.provenance, "options": {**earlier, **chosen}})
+
+
+def show(result: Result, folder: Path, *, as_json: bool, report: bool) -> None:
+    """Print the modes and where everything is; warnings go to standard error."""
+    if as_json:
+        print(json.dumps(summary(result, folder), indent=2, allow_nan=False))  # noqa: T201
+        return
+    from rich.console import Console
+
+    output, errors = Console(), Console(stderr=True)
+    output.print(_modes_table(result))
+    if result.tuning is not None:
+        output.print(_ring_table(result))
+    for finding in result.findings:
+        if finding.verdict != "ok":
+            where = " ".join(part for part in (finding.run, finding.channel) if part)
+            text = f"{finding.check}: {where}: {finding.detail}"
+            errors.print(f"Warning: {text}", style="yellow", markup=False)
+    for note in result.notes:
+        errors.print(f"Note: {note}", markup=False, highlight=False)
+    output.print(f"Result: {folder}", markup=False, highlight=False, soft_wrap=True)
+    if report:
+        page = folder / "report.html"
+        output.print(f"Report: {page}", markup=False, highlight=False, soft_wrap=True)
+
+
+def summary(result: Result, folder: Path) -> dict[str, Any]:
+    """Content of ``--json``: modes, ring, damping, warnings."""
+    from pipelines import tables
+
+    modes = [dict(zip(tables.MODES, row, strict=True)) for row in tables.modes_rows(result)]
+    ring: dict[str, Any] = {}
+    if result.tuning is not None:
+        for name, how in result.tuning.how.items():
+            value = getattr(result.tuning.ring, name)
+            ring[name] = {"value": value, "how": how, "std": result.tuning.std.get(name)}
+    plain: dict[str, Any] = _plain(
+        {
+            "result": str(folder),
+            "modes": modes,
+            "ring": ring,
+            "warnings": [f.detail for f in result.findings if f.verdict != "ok"],
+            "notes": list(result.notes),
+        }
+    )
+    return plain
+
+
+def show_channels(channels: list[ChannelSummary], *, as_json: bool) -> None:
+    """Print what is in recordings."""
+    if as_json:
+        rows = [_plain(vars(channel)) for channel in channels]
+        print(json.dumps(rows, indent=2, allow_nan=False))  # noqa: T201
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="Channels")
+    for name in (
+        "file",
+        "channel",
+        "node",
+        "quantity",
+        "unit",
+        "rate in Hz",
+        "samples",
+        "rms",
+        "peak",
+        "mean",
+    ):
+        table.add_column(
+            name, justify="left" if name in ("file", "channel", "quantity", "unit") else "right"
+        )
+    for c in channels:
+        node = "" if c.node is None else str(c.node)
+        levels = (f"{value:.4g}" for value in (c.rms, c.peak, c.mean))
+        table.add_row(
+            c.file,
+            c.channel,
+            node,
+            c.quantity,
+            c.unit,
+            f"{c.sampling_rate_hz:g}",
+            str(c.n_samples),
+            *levels,
+        )
+    Console().print(table)
+
+
+def _modes_table(result: Result) -> Any:
+    from rich.table import Table
+
+    from pipelines.report.numbers import value_with_std
+
+    table = Table(title=f"Modes of {result.name}")
+    for heading in ("mode", "order", "frequency in Hz", "damping in %", "MPC", "purity", "status"):
+        table.add_column(heading, justify="left" if heading == "status" else "right")
+    for number, mode in enumerate(result.modal_model.modes, start=1):
+        table.add_row(
+            str(number),
+            "" if mode.order is None else f"{mode.order}{mode.member}",
+            value_with_std(mode.frequency_hz, mode.frequency_std_hz),
+            value_with_std(100 * mode.damping_ratio, 100 * mode.damping_std),
+            f"{mode.mpc:.3f}",
+            "" if mode.order is None else f"{mode.order_purity:.3f}",
+            mode.status,
+        )
+    return table
+
+
+def _ring_table(result: Result) -> Any:
+    from rich.table import Table
+
+    from pipelines.report.numbers import value_with_std
+
+    assert result.tuning is not None
+    table = Table(title="Ring")
+    for heading in ("parameter", "value", "obtained"):
+        table.add_column(heading, justify="right" if heading == "value" else "left")
+    for name, how in result.tuning.how.items():
+        value, std = getattr(result.tuning.ring, name), result.tuning.std.get(name, float("nan"))
+        table.add_row(name, value_with_std(value, std), how)
+    return table
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no NaN and knows no numpy numbers."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    return None if isinstance(value, float) and value != value else value

@@ -1,0 +1,56 @@
+"""What a user can choose, one name per choice, the same in Python and on the command line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ema.recording import Campaign, Processing
+
+TYRE_BAND_HZ = (20.0, 260.0)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Choices for a whole run; None leaves the manifest or a default in force.
+
+    Parameters
+    ----------
+    processing : Processing
+        Averages, block length, window, overlap and band; what is set here overrides the manifest.
+    estimator : {"H1", "H2", "Hv"}
+        FRF estimator.
+    max_order : int
+        Highest model order of the stability diagram.
+    pinned_hz : tuple of float
+        Frequencies of the modes, instead of the automatic selection; empty for automatic.
+    tune : bool
+        Whether to determine the ring's parameters.
+    objective : {"frequency", "paper"}
+        What the tuning minimises: relative frequency errors, or the residual of eq. 18.
+    given : dict
+        Ring parameters known from elsewhere, by name, in SI.
+    """
+
+    processing: Processing = field(default_factory=Processing)
+    estimator: str = "H1"
+    max_order: int = 60
+    pinned_hz: tuple[float, ...] = ()
+    tune: bool = True
+    objective: str = "frequency"
+    given: dict[str, float] = field(default_factory=dict)
+
+
+def processing_in_force(campaign: Campaign, chosen: Processing) -> Processing:
+    """Combine the manifest's processing with what was chosen on top of it.
+
+    Averages and block length exclude each other: choosing one drops the manifest's other.
+    """
+    manifest = campaign.processing
+    lengths = chosen if chosen.averages or chosen.block_seconds else manifest
+    return Processing(
+        averages=lengths.averages,
+        block_seconds=lengths.block_seconds,
+        window=chosen.window or manifest.window,
+        overlap=manifest.overlap if chosen.overlap is None else chosen.overlap,
+        band_hz=chosen.band_hz or manifest.band_hz,
+    )

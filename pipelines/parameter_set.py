@@ -1,0 +1,245 @@
+"""A tyre's parameter set as TOML: every value with its uncertainty and how it was obtained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ema.errors import InputError
+from model.damping import DampingResult
+from model.parameters import RingDamping, RingParameters, Wheel
+from model.tuning_result import TuningResult
+
+SCHEMA = 1
+RING_NAMES = (
+    "mean_radius_m",
+    "belt_width_m",
+    "mass_per_area_kg_m2",
+    "radial_stiffness_n_m3",
+    "circumferential_stiffness_n_m3",
+    "axial_stiffness_n_m",
+    "bending_stiffness_n_m",
+)
+DAMPING_NAMES = ("radial_n_s_m3", "circumferential_n_s_m3", "loss_factor")
+WHEEL_NAMES = ("mass_kg", "inertia_kg_m2")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One value of a parameter set.
+
+    Parameters
+    ----------
+    value : float
+        SI.
+    how : str
+        ``"given"``, ``"identified"``, ``"not identified"`` or ``"at bound"``.
+    std : float or None
+        Standard deviation; None where unknown.
+    """
+
+    value: float
+    how: str = "given"
+    std: float | None = None
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """Content of a ``tyre.toml``.
+
+    Parameters
+    ----------
+    designation : str
+    conditions : dict
+        At least ``inflation_pressure_pa``.
+    ring, damping : dict of str to Parameter
+    wheel : dict of str to float
+    provenance : dict
+    """
+
+    designation: str
+    conditions: dict[str, Any]
+    ring: dict[str, Parameter]
+    damping: dict[str, Parameter] = field(default_factory=dict)
+    wheel: dict[str, float] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def ring_parameters(self) -> RingParameters:
+        """The ring, ready for the model."""
+        values = {name: parameter.value for name, parameter in self.ring.items()}
+        return RingParameters(
+            **values, inflation_pressure_pa=self.conditions["inflation_pressure_pa"]
+        )
+
+    @property
+    def ring_damping(self) -> RingDamping | None:
+        """The damping; None where the set holds none."""
+        if not self.damping:
+            return None
+        radial, circumferential, loss = (self.damping[name].value for name in DAMPING_NAMES)
+        return RingDamping(radial, circumferential, loss)
+
+    @property
+    def wheel_parameters(self) -> Wheel | None:
+        """The wheel; None where the set holds none."""
+        return Wheel(**self.wheel) if self.wheel else None
+
+
+def from_tuning(
+    designation: str,
+    tuning: TuningResult,
+    damping: DampingResult | None,
+    provenance: dict[str, Any],
+) -> ParameterSet:
+    """Parameter set of a tuned ring."""
+    ring = {
+        name: Parameter(
+            float(getattr(tuning.ring, name)),
+            tuning.how.get(name, "given"),
+            _finite(tuning.std.get(name)),
+        )
+        for name in RING_NAMES
+        if getattr(tuning.ring, name) is not None
+    }
+    damped = {}
+    if damping is not None:
+        damped = {
+            name: Parameter(
+                float(getattr(damping.damping, name)),
+                damping.how[name],
+                _finite(damping.std.get(name)),
+            )
+            for name in DAMPING_NAMES
+        }
+    conditions = {"inflation_pressure_pa": float(tuning.ring.inflation_pressure_pa)}
+    return ParameterSet(designation, conditions, ring, damped, {}, provenance)
+
+
+def write_parameter_set(path: Path, parameters: ParameterSet) -> None:
+    """Write a parameter set as TOML."""
+    import tomlkit
+
+    document = tomlkit.document()
+    document["schema"] = SCHEMA
+    document["designation"] = parameters.designation
+    document["conditions"] = parameters.conditions
+    for name in ("ring", "damping"):
+        section = getattr(parameters, name)
+        if section:
+            table = tomlkit.table()
+            for key, parameter in section.items():
+                table[key] = _inline(parameter)
+            document[name] = table
+    if parameters.wheel:
+        document["wheel"] = parameters.wheel
+    if parameters.provenance:
+        document["provenance"] = parameters.provenance
+    path.write_text(tomlkit.dumps(document), encoding="utf-8", newline="\n")
+
+
+def read_parameter_set(path: Path | str) -> ParameterSet:
+    """Read a parameter set.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, no TOML, or lacks or misspells a parameter.
+    """
+    import tomllib
+
+    path = Path(path)
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            str(path),
+            error.strerror or "unreadable",
+            "it must be a parameter set",
+            "Check the path",
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(
+            path.name, str(error), "it must be TOML in UTF-8", "Correct the line"
+        ) from error
+    conditions = _section(path, content, "conditions")
+    if "inflation_pressure_pa" not in conditions:
+        raise _missing(path, "conditions", "inflation_pressure_pa")
+    return ParameterSet(
+        designation=str(content.get("designation", path.stem)),
+        conditions=conditions,
+        ring=_parameters(path, content, "ring", RING_NAMES, optional=("belt_width_m",)),
+        damping=_parameters(path, content, "damping", DAMPING_NAMES)
+        if "damping" in content
+        else {},
+        wheel=_section(path, content, "wheel") if "wheel" in content else {},
+        provenance=content.get("provenance", {}),
+    )
+
+
+def _parameters(
+    path: Path,
+    content: dict[str, Any],
+    name: str,
+    known: tuple[str, ...],
+    optional: tuple[str, ...] = (),
+) -> dict[str, Parameter]:
+    section = _section(path, content, name)
+    for key in section:
+        if key not in known:
+            raise InputError(
+                f"{path.name}, [{name}]",
+                f"unknown key {key!r}",
+                f"known are {', '.join(known)}",
+                "Correct or remove it",
+            )
+    for key in known:
+        if key not in section and key not in optional:
+            raise _missing(path, name, key)
+    return {key: _parameter(path, name, key, entry) for key, entry in section.items()}
+
+
+def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
+    fields = entry if isinstance(entry, dict) else {"value": entry}
+    value, std = fields.get("value"), fields.get("std")
+    if not isinstance(value, int | float) or not isinstance(std, int | float | None):
+        raise InputError(
+            f"{path.name}, [{section}] {key}",
+            str(entry),
+            "value and std must be numbers",
+            "Write { value = …, how = …, std = … }",
+        )
+    return Parameter(
+        float(value), str(fields.get("how", "given")), None if std is None else float(std)
+    )
+
+
+def _section(path: Path, content: dict[str, Any], name: str) -> dict[str, Any]:
+    section = content.get(name)
+    if not isinstance(section, dict):
+        raise InputError(
+            path.name, f"no section [{name}]", "a parameter set needs it", f"Add [{name}]"
+        )
+    return section
+
+
+def _missing(path: Path, section: str, key: str) -> InputError:
+    return InputError(
+        f"{path.name}, [{section}]", f"no {key}", "a parameter set needs it", f"Add {key} = …"
+    )
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or value != value else float(value)
+
+
+def _inline(parameter: Parameter) -> Any:
+    import tomlkit
+
+    entry = tomlkit.inline_table()
+    entry["value"] = parameter.value
+    entry["how"] = parameter.how
+    if parameter.std is not None:
+        entry["std"] = parameter.std
+    return entry

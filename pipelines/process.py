@@ -1,0 +1,166 @@
+"""The whole story: a campaign becomes modes, the modes become a ring."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import ema
+import model
+from ema.errors import InputError
+from ema.frf import FRF
+from ema.modes import ModalModel
+from ema.quality import (
+    averages_finding,
+    check_reference,
+    coherence_findings,
+    coherent_band,
+    reference_finding,
+)
+from ema.recording import Campaign, Tyre
+from pipelines.options import TYRE_BAND_HZ, Options, processing_in_force
+from pipelines.provenance import Stopwatch, provenance
+from pipelines.result import Result
+from pipelines.validate import ring_modes, validate
+
+
+def process(
+    source: str | Path | Sequence[str | Path],
+    options: Options | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Result:
+    """Recordings → FRFs → poles → modes → ring parameters → validation.
+
+    Parameters
+    ----------
+    source : path or sequence of paths
+        A campaign's folder, its manifest, or recordings.
+    options : Options, optional
+    progress : callable, optional
+        Told the name of each stage as it starts.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    InputError
+        If the input cannot be used; nothing is written anywhere.
+    FitError
+        If no modes can be identified.
+    """
+    options = options or Options()
+    watch = Stopwatch(progress or (lambda name: None))
+    with watch.stage("read", "Reading"):
+        campaign = ema.read_campaign(source)
+        _require_ring_data(campaign, options)
+    processing = processing_in_force(campaign, options.processing)
+    with watch.stage("frf", "Estimating FRFs"):
+        frf = ema.estimate_frf(campaign, processing, estimator=options.estimator)
+        band_hz = processing.band_hz or _default_band(campaign, frf)
+        reference = None if frf.reference is None else check_reference(frf.reference, band_hz)
+    with watch.stage("poles", "Finding poles"):
+        diagram = ema.build_stability(frf, band_hz, max_order=options.max_order)
+        poles = ema.select_poles(diagram, options.pinned_hz or None)
+    with watch.stage("modes", "Fitting modes"):
+        modal_model = ema.fit_modes(frf, poles)
+    findings = [
+        *campaign.findings,
+        *averages_finding(frf),
+        *coherence_findings(frf, band_hz),
+        *([reference_finding(reference)] if reference else []),
+    ]
+    measured = Result(
+        name=campaign.name,
+        tyre=campaign.tyre,
+        frf=frf,
+        diagram=diagram,
+        modal_model=modal_model,
+        reference=reference,
+        tuning=None,
+        damping=None,
+        validation=None,
+        excitation_deg=campaign.excitation_deg,
+        reference_deg=campaign.reference_deg,
+        findings=tuple(findings),
+        notes=modal_model.notes,
+    )
+    with watch.stage("ring", "Tuning the ring"):
+        result = tune(measured, options)
+    return replace(
+        result,
+        provenance=provenance(campaign, options, replace(processing, band_hz=band_hz), frf, watch),
+    )
+
+
+def tune(result: Result, options: Options) -> Result:
+    """Add ring parameters and validation to identified modes, or the reason why there are none."""
+    tyre, modal_model = result.tyre, result.modal_model
+    reason = _why_no_ring(tyre, modal_model, options)
+    if reason or tyre is None or tyre.mean_radius_m is None or tyre.inflation_pressure_pa is None:
+        return replace(result, notes=(*result.notes, reason))
+    modes = ring_modes(modal_model)
+    orders = np.array([mode.order for mode in modes])
+    tuning = model.tune_ring(
+        orders,
+        [mode.frequency_hz for mode in modes],
+        mean_radius_m=tyre.mean_radius_m,
+        inflation_pressure_pa=tyre.inflation_pressure_pa,
+        belt_width_m=tyre.belt_width_m,
+        frequency_std_hz=[mode.frequency_std_hz for mode in modes],
+        objective=options.objective,
+        given=options.given,
+    )
+    damping = model.identify_damping(
+        tuning.ring,
+        orders,
+        [mode.damping_ratio for mode in modes],
+        [mode.damping_std for mode in modes],
+    )
+    return replace(
+        result,
+        tuning=tuning,
+        damping=damping,
+        validation=validate(modal_model, modes, tuning, damping),
+        notes=(*result.notes, *tuning.notes, *damping.notes),
+    )
+
+
+def _require_ring_data(campaign: Campaign, options: Options) -> None:
+    """Refuse a tyre without pressure or radius before an hour of processing, not after."""
+    if campaign.tyre is None or not options.tune:
+        return
+    for name in ("inflation_pressure_pa", "mean_radius_m"):
+        if getattr(campaign.tyre, name) is None:
+            raise InputError(
+                f"{campaign.sources[0].name}, [tyre]",
+                f"no {name}",
+                "without it no ring parameters can be determined",
+                f"Add {name} = …, or stop at the modes with --no-tune",
+            )
+
+
+def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:
+    """Band of a tyre; for any other structure the widest one that the force excites well."""
+    if campaign.has_circle or campaign.tyre is not None:
+        return TYRE_BAND_HZ
+    return coherent_band(frf)
+
+
+def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -> str:
+    if not options.tune:
+        return "The ring steps were left out as asked for (--no-tune)."
+    if tyre is None:
+        return "No [tyre] in the manifest: the ring steps were left out."
+    if tyre.mean_radius_m is None or tyre.inflation_pressure_pa is None:
+        return "No mean radius or inflation pressure: no ring parameters can be determined."
+    if not np.all(np.isfinite(modal_model.position_deg)):
+        return "No [grid] in the manifest: without angles there are no orders and no ring."
+    n_orders = len(ring_modes(modal_model))
+    if n_orders < 3:
+        return f"Only {n_orders} circumferential orders were identified; a ring needs three."
+    return ""

@@ -1,0 +1,92 @@
+"""Where a result comes from: software, inputs, choices, time."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from ema.frf import FRF
+from ema.recording import Campaign, Processing
+from pipelines.options import Options
+
+LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pyuff")
+
+
+@dataclass
+class Stopwatch:
+    """Wall time of each stage, in the order they ran, and who is told when one starts."""
+
+    announce: Callable[[str], None]
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str, activity: str) -> Iterator[None]:
+        """Announce an activity and time what happens inside."""
+        self.announce(f"{activity} …")
+        start = perf_counter()
+        yield
+        self.seconds[name] = round(perf_counter() - start, 4)
+
+
+def software_version() -> str:
+    """Version of the installed distribution."""
+    return _version("ringmodal")
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of Python and of the libraries that numbers pass through."""
+    return {"python": platform.python_version(), **{name: _version(name) for name in LIBRARIES}}
+
+
+def provenance(
+    campaign: Campaign, options: Options, processing: Processing, frf: FRF, watch: Stopwatch
+) -> dict[str, Any]:
+    """Content of ``provenance.json``: versions, inputs, options in force, stage times."""
+    return {
+        "software": {"ringmodal": software_version(), **library_versions()},
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "campaign": campaign.name,
+        "inputs": [
+            {"file": path.name, "bytes": path.stat().st_size, "sha256": sha256(path)}
+            for path in campaign.sources
+        ],
+        "options": {
+            **asdict(options),
+            "processing": {**asdict(processing), **_blocks_in_force(frf)},
+        },
+        "stage_seconds": watch.seconds,
+    }
+
+
+def sha256(path: Path) -> str:
+    """Checksum of a file, read piece by piece."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _blocks_in_force(frf: FRF) -> dict[str, Any]:
+    if frf.blocks is None:
+        return {}
+    return {
+        "window": frf.blocks.window,
+        "block_seconds": frf.blocks.block_s,
+        "overlap": frf.blocks.overlap,
+        "averages_per_run": frf.blocks.n_blocks,
+        "effective_averages": round(frf.n_effective, 2),
+        "sampling_rate_hz": frf.blocks.sampling_rate_hz,
+    }
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"

@@ -1,0 +1,227 @@
+"""The result folder: written whole or not at all, and read back for later stages."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.errors import InputError
+from ema.frf import FRF
+from pipelines import tables
+from pipelines.identification_file import read_identification, write_identification
+from pipelines.parameter_set import from_tuning, write_parameter_set
+from pipelines.result import Result
+
+MARKER = "provenance.json"  # every result folder has it, no other folder of a user's should
+
+
+def save(result: Result, folder: Path | str, *, report: bool = True, force: bool = False) -> None:
+    """Write a result folder as the contract describes it.
+
+    Parameters
+    ----------
+    result : Result
+    folder : path
+        Appears whole or not at all.
+    report : bool
+        Whether to write ``report.html``.
+    force : bool
+        Replace an existing result.
+
+    Raises
+    ------
+    InputError
+        If the folder exists and may not be replaced, or cannot be written.
+    """
+    folder = Path(folder)
+    require_free(folder, force=force)
+    with _whole(folder) as partial:
+        _write_tables(result, partial)
+        _write_frfs(result.frf, partial)
+        write_identification(result, partial)
+        if result.tuning is not None and result.tyre is not None:
+            origin = {
+                "software": f"ringmodal {result.provenance['software']['ringmodal']}",
+                "created": result.provenance["created"],
+                "campaign": result.name,
+                "inputs": {entry["file"]: entry["sha256"] for entry in result.provenance["inputs"]},
+            }
+            parameters = from_tuning(result.tyre.designation, result.tuning, result.damping, origin)
+            write_parameter_set(partial / "tyre.toml", parameters)
+        _write_json(partial / MARKER, {**result.provenance, "warnings": _warnings(result)})
+        if report:
+            from pipelines.report import write_report
+
+            write_report(result, partial / "report.html")
+
+
+def load(folder: Path | str) -> Result:
+    """Read a result folder back: everything but tuning, damping and validation.
+
+    Those follow from the modes; `pipelines.process.tune` adds them again.
+
+    Raises
+    ------
+    InputError
+        If the folder is no result or is damaged.
+    """
+    folder = Path(folder)
+    if not (folder / MARKER).is_file():
+        raise InputError(
+            str(folder),
+            f"no {MARKER}",
+            "it must be a result folder",
+            "Run `ringmodal process` first",
+        )
+    try:
+        record = json.loads((folder / MARKER).read_text(encoding="utf-8"))
+        return read_identification(folder, record, read_frf(folder / "frf.parquet"))
+    except (OSError, KeyError, json.JSONDecodeError) as error:
+        raise InputError(
+            str(folder), f"unreadable ({error})", "the result is incomplete", "Process it again"
+        ) from error
+
+
+def read_frf(path: Path) -> FRF:
+    """Read the FRFs of ``frf.parquet`` (or ``reference.parquet``)."""
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(path)
+    n_positions = int(table.schema.metadata[b"n_positions"])
+
+    def grid(name: str) -> NDArray[Any]:
+        return np.asarray(table[name].to_numpy()).reshape(n_positions, -1)
+
+    return FRF(
+        frequency_hz=grid("frequency_hz")[0],
+        values=grid("real") + 1j * grid("imag"),
+        coherence=grid("coherence"),
+        std=grid("std"),
+        node=grid("node")[:, 0],
+        position_deg=grid("position_deg")[:, 0],
+        run=tuple(str(name) for name in grid("run")[:, 0]),
+        channel=tuple(str(name) for name in grid("channel")[:, 0]),
+    )
+
+
+def require_free(folder: Path, *, force: bool) -> None:
+    """Refuse a place where a result may not be written, before anything is computed."""
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise InputError(str(folder), "a file", "a result is a folder", "Choose another --out")
+    if not any(folder.iterdir()):
+        return
+    if not (folder / MARKER).is_file():
+        raise InputError(
+            str(folder),
+            "a folder with other files",
+            "a result needs a folder of its own",
+            "Choose another --out",
+        )
+    if not force:
+        raise InputError(
+            str(folder),
+            "an earlier result",
+            "it is not overwritten unasked",
+            "Choose another --out, or replace it with --force",
+        )
+
+
+@contextmanager
+def _whole(folder: Path) -> Iterator[Path]:
+    """Yield a folder beside the wanted one, put into its place only when all is written."""
+    try:
+        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
+        partial = Path(
+            tempfile.mkdtemp(
+                prefix=f".{folder.name}.", suffix=".partial", dir=folder.absolute().parent
+            )
+        )
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+    try:
+        yield partial
+        partial.chmod(0o755)
+        _replace(partial, folder)
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def _replace(partial: Path, folder: Path) -> None:
+    if not folder.exists():
+        partial.rename(folder)
+        return
+    old = partial.with_suffix(".old")
+    folder.rename(old)
+    partial.rename(folder)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _unwritable(folder: Path, error: OSError) -> InputError:
+    return InputError(
+        str(folder),
+        error.strerror or str(error),
+        "the result could not be written and nothing was left behind",
+        "Check free space and permissions, or choose another --out",
+    )
+
+
+def _write_tables(result: Result, folder: Path) -> None:
+    tables.write_csv(folder / "modes.csv", tables.MODES, tables.modes_rows(result))
+    tables.write_csv(
+        folder / "shapes.csv", tables.shapes_columns(result), tables.shapes_rows(result)
+    )
+    tables.write_csv(folder / "quality.csv", tables.QUALITY, tables.quality_rows(result))
+    tables.write_csv(folder / "validation.csv", tables.VALIDATION, tables.validation_rows(result))
+    _write_parquet(folder / "poles.parquet", tables.poles_columns(result.diagram), {}, {})
+
+
+def _write_frfs(frf: FRF, folder: Path) -> None:
+    from ema.io.uff_write import write_frfs
+
+    write_frfs(folder / "frf.uff", frf)
+    for name, rows in (("frf", frf), ("reference", frf.reference)):
+        if rows is None:
+            continue
+        words = {"run": rows.run, "channel": rows.channel}
+        metadata = {"n_positions": str(rows.n_positions)}
+        _write_parquet(folder / f"{name}.parquet", tables.frf_columns(rows), words, metadata)
+
+
+def _write_parquet(
+    path: Path,
+    columns: dict[str, NDArray[Any]],
+    words: dict[str, tuple[str, ...]],
+    metadata: dict[str, str],
+) -> None:
+    """Write columns; `words` hold one text for each of the equal pieces of the table."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    data: dict[str, Any] = dict(columns)
+    n_rows = len(next(iter(columns.values())))
+    for name, texts in words.items():
+        index = np.repeat(np.arange(len(texts), dtype=np.int32), n_rows // len(texts))
+        data[name] = pa.DictionaryArray.from_arrays(index, pa.array(texts))
+    pq.write_table(pa.table(data).replace_schema_metadata(metadata), path)
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    text = json.dumps(content, indent=2, ensure_ascii=False, default=str)
+    path.write_text(text + "\n", encoding="utf-8", newline="\n")
+
+
+def _warnings(result: Result) -> list[dict[str, Any]]:
+    return [asdict(finding) for finding in result.findings if finding.verdict != "ok"]
