@@ -45,7 +45,7 @@ _IDENTITY_COLUMNS = {
 }
 _FORM_COLUMNS = {"ordinate": (0, 10), "n_values": (10, 20), "spacing": (20, 30)}
 _ABSCISSA_COLUMNS = {"abscissa_min": (30, 43), "abscissa_step": (43, 56)}
-_AXIS_COLUMNS = {"data_type": (0, 10), "length": (10, 15), "force": (15, 20), "temp": (20, 25)}
+_AXIS_COLUMNS = {"data_type": (0, 10), "length": (10, 15), "force": (15, 20)}
 
 
 class HeaderError(Exception):
