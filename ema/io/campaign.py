@@ -17,7 +17,7 @@ from ema.io.manifest import MANIFEST_NAME, Manifest, nearest, read_manifest, res
 from ema.io.positions import Grid
 from ema.io.roles import Wanted, assign, reference_place
 from ema.quality import EXCLUDED, WARNING, Finding
-from ema.recording import ACCELERATION, Campaign, Recording, Run
+from ema.recording import Campaign, Recording, Run
 
 _RATE_TOLERANCE = 1e-4  # relative: programs print rates with few digits
 
@@ -183,7 +183,7 @@ def _fill_runs(
             channel
             for recording, each in recordings
             for channel in recording.channels
-            if channel.quantity == ACCELERATION and channel.name != each.reference
+            if each.may_be_response(channel)
         ],
     )
     runs = []

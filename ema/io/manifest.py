@@ -178,7 +178,8 @@ def nearest(name: str, names: Iterable[str]) -> str:
 
 
 def _explain(path: Path, error: ValidationError) -> ManifestError:
-    first = error.errors()[0]
+    # A misspelt key also leaves its place empty: the key is what the author has to see.
+    first = min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
     place = tuple(first["loc"])
     where = f"{path.name}, {_dotted(place)}" if place else path.name
     if first["type"] == "extra_forbidden":

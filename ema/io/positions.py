@@ -50,9 +50,13 @@ class Grid:
         numbers = {name: number for number, name in enumerate(names, 1)}
         return cls(positions, False, numbers)
 
-    def angle_of(self, node: int) -> float:
-        """Angle of node k, k·360/positions, in degrees."""
-        assert self.positions is not None
+    def angle_of(self, node: int | None) -> float | None:
+        """Angle of node k, k·360/positions, in degrees; None for a node that is not on the grid.
+
+        Nodes may be counted from 0 or from 1: the last one then meets node 0.
+        """
+        if node is None or self.positions is None or not 0 <= node <= self.positions:
+            return None
         return (node % self.positions) * 360.0 / self.positions
 
     def known_place(self, channel: Channel, positions_deg: dict[str, float] | None) -> Place:
@@ -61,8 +65,8 @@ class Grid:
         if self.positions is None:
             return Place(self.numbers.get(channel.name) if node is None else node)
         angle = (positions_deg or {}).get(channel.name, channel.angle_deg)
-        if angle is None:
-            return Place(node, None if node is None else self.angle_of(node))
+        if angle is None and (angle := self.angle_of(node)) is None:
+            return Place(node)
         angle = angle % 360.0
         steps = angle * self.positions / 360.0
         if abs(steps - round(steps)) > _ON_GRID:
@@ -90,8 +94,9 @@ class Grid:
                 findings.append(remark(path, channel.name, "node", detail))
             return place
         if place.angle_deg is None:
-            found = f"no position of {channel.name!r} in {path.name}"
-            rule = "with [grid], each response has a position or a node number"
+            node = "no node" if place.node is None else f"node {place.node}"
+            found = f"no position of {channel.name!r} ({node}) in {path.name}"
+            rule = f"each response has a position or a node from 0 to {self.positions}"
             remedy = "Add positions_deg = { CHANNEL = degrees, … } to its run"
             raise ManifestError(f"{MANIFEST_NAME}, runs", found, rule, remedy)
         if place.node is None:

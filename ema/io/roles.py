@@ -40,6 +40,14 @@ class Wanted:
     positions_deg: dict[str, float] | None = None
     where: str = ""
 
+    def may_be_response(self, channel: Channel) -> bool:
+        """Whether a channel looks like a response: one with a position, or else an acceleration."""
+        if channel.name in (self.force, self.reference):
+            return False
+        if self.positions_deg is not None:
+            return channel.name in self.positions_deg
+        return channel.quantity == ACCELERATION
+
     @classmethod
     def from_section(cls, section: RunSection, number: int, force: str | None) -> Wanted:
         """Take what `section`, the `number`-th run of a manifest, asks for."""
@@ -61,14 +69,7 @@ def assign(recording: Recording, wanted: Wanted, grid: Grid) -> tuple[Run, list[
     _check_names(recording)
     findings: list[Finding] = []
     force = _force(recording, wanted, findings)
-    reference = None
-    if wanted.reference is not None:
-        named = _named(recording, wanted.reference, wanted, "reference")
-        reference = _as(named, ACCELERATION, recording, wanted, findings)
-        if reference.name == force.name:
-            rule = "one channel cannot be the reference and the force"
-            remedy = f"Name the reference sensor, e.g. one of {', '.join(recording.names)}"
-            raise ManifestError(f"{wanted.where}, reference", repr(force.name), rule, remedy)
+    reference = _reference(recording, wanted, force, findings)
     if wanted.positions_deg is not None and grid.positions is None:
         detail = "positions_deg without [grid]: there is no circle, angles are not used"
         findings.append(remark(recording.path, "", "grid", detail))
@@ -159,6 +160,19 @@ def _force(recording: Recording, wanted: Wanted, findings: list[Finding]) -> Cha
     raise _fault(recording, wanted, found, rule, remedy)
 
 
+def _reference(
+    recording: Recording, wanted: Wanted, force: Channel, findings: list[Finding]
+) -> Channel | None:
+    if wanted.reference is None:
+        return None
+    named = _named(recording, wanted.reference, wanted, "reference")
+    if named.name == force.name:
+        rule = "one channel cannot be the reference and the force"
+        remedy = f"Name the reference sensor, one of {', '.join(recording.names)}"
+        raise ManifestError(f"{wanted.where}, reference", repr(force.name), rule, remedy)
+    return _as(named, ACCELERATION, recording, wanted, findings)
+
+
 def _responses(
     recording: Recording, wanted: Wanted, taken: set[str], findings: list[Finding]
 ) -> list[Channel]:
@@ -171,10 +185,8 @@ def _responses(
     for channel in recording.channels:
         if channel.name in taken:
             continue
-        if positions is not None and channel.name in positions:
+        if wanted.may_be_response(channel):
             chosen.append(_as(channel, ACCELERATION, recording, wanted, findings))
-        elif positions is None and channel.quantity == ACCELERATION:
-            chosen.append(channel)
         else:
             reason = "no acceleration" if positions is None else "not listed in positions_deg"
             findings.append(remark(recording.path, channel.name, "ignored", reason))
