@@ -1,0 +1,43 @@
+"""Every figure of the project: ``plot_*(data, …, ax) -> ax``, to be drawn in `styled_figure`."""
+
+from pipelines.figures_data import plot_coherence, plot_reference, plot_setup
+from pipelines.figures_modes import (
+    mode_name,
+    plot_frac,
+    plot_frf_magnitude,
+    plot_frf_phase,
+    plot_mac,
+    plot_shape_by_node,
+    plot_shape_on_circle,
+    plot_stability,
+)
+from pipelines.figures_ring import (
+    plot_damping,
+    plot_dispersion,
+    plot_frequency_error,
+    plot_frequency_scatter,
+)
+from pipelines.figures_style import Margins, place_name, png, png_uri, styled_figure
+
+__all__ = [
+    "Margins",
+    "mode_name",
+    "place_name",
+    "plot_coherence",
+    "plot_damping",
+    "plot_dispersion",
+    "plot_frac",
+    "plot_frequency_error",
+    "plot_frequency_scatter",
+    "plot_frf_magnitude",
+    "plot_frf_phase",
+    "plot_mac",
+    "plot_reference",
+    "plot_setup",
+    "plot_shape_by_node",
+    "plot_shape_on_circle",
+    "plot_stability",
+    "png",
+    "png_uri",
+    "styled_figure",
+]

@@ -1,0 +1,67 @@
+"""The report: one HTML file that needs no network.
+
+Sections are built in Python from a `Result`, block by block; the template only sets them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+
+from pipelines.report import closing, identification, measurement, ring
+from pipelines.report.blocks import Section
+from pipelines.result import Result
+
+SECTIONS = (
+    closing.summary,
+    measurement.identity,
+    measurement.setup,
+    measurement.quality,
+    identification.stability,
+    identification.modes,
+    identification.responses,
+    identification.shapes,
+    ring.validation,
+    ring.parameters,
+    closing.warnings,
+    closing.origin,
+    closing.definitions,
+)
+
+
+def report_sections(result: Result) -> tuple[Section, ...]:
+    """All sections of the report in their order."""
+    return tuple(build(result) for build in SECTIONS)
+
+
+def render_report(result: Result) -> str:
+    """Render a result as one self-contained HTML page.
+
+    Parameters
+    ----------
+    result : Result
+
+    Returns
+    -------
+    str
+        HTML with styles and pictures inside; texts from files appear as text.
+    """
+    environment = Environment(
+        loader=PackageLoader("pipelines.report", "."),
+        autoescape=select_autoescape(),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    subject = result.tyre.designation if result.tyre is not None else result.name
+    return environment.get_template("report.html").render(
+        subject=subject, sections=report_sections(result)
+    )
+
+
+def write_report(result: Result, path: str | Path) -> Path:
+    """Write the report to `path` and return it."""
+    target = Path(path)
+    target.write_text(render_report(result), encoding="utf-8")
+    return target

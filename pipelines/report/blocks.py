@@ -1,0 +1,108 @@
+"""What a report is made of: sections of paragraphs, facts, tables and pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """A paragraph of text.
+
+    Parameters
+    ----------
+    text : str
+    tone : str
+        ``"plain"``, ``"good"`` (a verdict in favour) or ``"warning"``.
+    """
+
+    text: str
+    tone: str = "plain"
+    kind: ClassVar[str] = "paragraph"
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Sentences one below the other."""
+
+    items: tuple[str, ...]
+    tone: str = "plain"
+    kind: ClassVar[str] = "listing"
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Pairs of a name and a value with its unit."""
+
+    rows: tuple[tuple[str, str], ...]
+    kind: ClassVar[str] = "facts"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table.
+
+    Parameters
+    ----------
+    caption : str
+        What the table holds.
+    head : tuple of str
+        Column titles with units.
+    rows : tuple of tuple of str
+        Cells, as printed.
+    words : tuple of int
+        Columns with words, set flush left; all others hold numbers.
+    folded : bool
+        Whether it is shown on demand only; printed always.
+    """
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    words: tuple[int, ...] = ()
+    folded: bool = False
+    kind: ClassVar[str] = "table"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure with its caption.
+
+    Parameters
+    ----------
+    source : str
+        Data URI.
+    alternative : str
+        What the picture shows, for readers who cannot see it.
+    caption : str
+        What to look for.
+    wide : bool
+        Whether it needs the whole width of the page.
+    """
+
+    source: str
+    alternative: str
+    caption: str
+    wide: bool = False
+    kind: ClassVar[str] = "picture"
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Pictures and facts side by side where the page is wide enough."""
+
+    blocks: tuple[Facts | Picture, ...]
+    kind: ClassVar[str] = "beside"
+
+
+Block = Paragraph | Listing | Facts | Table | Picture | Beside
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the report."""
+
+    anchor: str
+    title: str
+    blocks: tuple[Block, ...]

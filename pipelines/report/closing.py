@@ -1,0 +1,139 @@
+"""Sections at both ends of the report: summary, warnings, origin, definitions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ema.quality import EXCLUDED, WARNING, ReferenceCheck
+from pipelines.report.blocks import Block, Facts, Listing, Paragraph, Section, Table
+from pipelines.report.measurement import flatten
+from pipelines.report.notes import listed, remaining_notes
+from pipelines.report.numbers import number
+from pipelines.result import Result
+
+DEFINITIONS = (
+    ("Inertance", "FRF of acceleration over force, estimated as H1 = G_xf/G_ff, time e^{+jωt}."),
+    (
+        "Coherence γ²",
+        "Share of the response's power that the force explains linearly, 0 to 1; with one "
+        "average it is 1 and says nothing.",
+    ),
+    (
+        "Pole, frequency, damping ratio",
+        "s = −ζω₀ + jω₀√(1−ζ²); the frequency is the undamped |s|/2π, the damping ratio −Re s/|s|.",
+    ),
+    (
+        "Model order",
+        "Order of the polynomial from which LSCE takes the poles; physical poles stay where they "
+        "are when it grows.",
+    ),
+    ("Order n", "Number of waves around the circumference."),
+    ("Purity", "Share of a shape's power in its order, 0 to 1."),
+    ("MPC", "Modal phase collinearity: 1 for a standing wave, towards 0 for a travelling one."),
+    ("MPD", "Mean phase deviation of a shape from a real one, in degrees."),
+    ("MAC, AutoMAC", "|φᴴψ|²/((φᴴφ)(ψᴴψ)): 1 for shapes that are alike; a set with itself."),
+    ("FRAC", "The same of a measured and a fitted FRF over the fitted lines."),
+    ("±", "One standard deviation."),
+)
+REFERENCES = (
+    "Bendat, J. S.; Piersol, A. G.: Random Data. Wiley, 2010. (H1, coherence, random errors)",
+    "Brown, D. L.; Allemang, R. J.; Zimmerman, R.; Mergeay, M.: Parameter estimation techniques "
+    "for modal analysis. SAE 790221, 1979. (LSCE)",
+    "Reynders, E.; Houbrechts, J.; De Roeck, G.: Fully automated (operational) modal analysis. "
+    "Mechanical Systems and Signal Processing 29, 2012. (clusters, MPD)",
+    "Golub, G. H.; Pereyra, V.: The differentiation of pseudo-inverses and nonlinear least squares "
+    "problems whose variables separate. SIAM J. Numer. Anal. 10, 1973. (curve fit)",
+    "Allemang, R. J.; Brown, D. L.: A correlation coefficient for modal vector analysis. "
+    "IMAC, 1982. (MAC)",
+    "Pappa, R. S.; Elliott, K. B.; Schenk, A.: Consistent-mode indicator for the eigensystem "
+    "realization algorithm. J. Guidance, Control, and Dynamics 16, 1993. (MPC)",
+    "Heylen, W.; Lammens, S.: FRAC: a consistent way of comparing frequency response functions. "
+    "Int. Conf. on Identification in Engineering Systems, 1996.",
+)
+
+
+def summary(result: Result) -> Section:
+    """Say in a few lines what came out."""
+    rows = [("Modes", _modes_found(result)), ("Fit", _fit_quality(result))]
+    if result.reference is not None:
+        rows.append(("Reference sensor", _reference_verdict(result.reference)))
+    if result.validation is not None:
+        error = np.abs(result.validation.error_percent)
+        worst = int(np.argmax(error))
+        found = f"largest deviation {error[worst]:.2f} % at n = {result.validation.order[worst]}"
+        rows.append(("Ring model", found))
+    else:
+        rows.append(("Ring model", "left out"))
+    rows.append(("Attention", _attention(result)))
+    return Section("summary", "Summary", (Facts(tuple(rows)),))
+
+
+def warnings(result: Result) -> Section:
+    """Collect what a reader of the numbers must know."""
+    listing = listed(remaining_notes(result))
+    none = Paragraph("Nothing beyond the notes that stand with modes, ring and data quality.")
+    return Section("notes", "Warnings and notes", listing or (none,))
+
+
+def origin(result: Result) -> Section:
+    """Say which software and which files the numbers come from."""
+    provenance = result.provenance
+    created = (("Processed", str(provenance["created"])),) if "created" in provenance else ()
+    software = tuple(flatten(provenance.get("software", {})).items())
+    inputs = tuple(
+        (str(entry["file"]), str(entry["bytes"]), str(entry["sha256"]))
+        for entry in provenance.get("inputs", ())
+    )
+    times = tuple(
+        (stage, f"{seconds:.2f}") for stage, seconds in provenance.get("stage_seconds", {}).items()
+    )
+    blocks: tuple[Block, ...] = (
+        Facts((*created, *software)),
+        Table("Input files", ("file", "bytes", "SHA-256"), inputs, (0, 2)),
+        Table("Time of each stage", ("stage", "time / s"), times, (0,), folded=True),
+    )
+    return Section("origin", "Software and inputs", tuple(filter(_filled, blocks)))
+
+
+def _filled(block: Block) -> bool:
+    return not isinstance(block, Facts | Table) or bool(block.rows)
+
+
+def definitions(_result: Result) -> Section:
+    """Explain the words and name the sources."""
+    return Section(
+        "definitions", "Definitions and references", (Facts(DEFINITIONS), Listing(REFERENCES))
+    )
+
+
+def _modes_found(result: Result) -> str:
+    modes = result.modal_model.modes
+    low, high = result.modal_model.band_hz
+    band = f"between {low:g} and {high:g} Hz"
+    if not modes:
+        return f"none {band}"
+    text = f"{len(modes)} {band}"
+    orders = sorted({mode.order for mode in modes if mode.order is not None})
+    return f"{text}, orders {', '.join(map(str, orders))}" if orders else text
+
+
+def _fit_quality(result: Result) -> str:
+    frac = result.modal_model.frac
+    return f"median FRAC {np.median(frac):.4f}, lowest {np.min(frac):.4f}"
+
+
+def _reference_verdict(check: ReferenceCheck) -> str:
+    if not np.isfinite(check.ratio):
+        return "not judged, its noise is unknown"
+    verdict = "one and the same tyre in all runs" if check.consistent else "the runs differ"
+    return f"{verdict} ({number(check.ratio, 3)} times the noise)"
+
+
+def _attention(result: Result) -> str:
+    verdicts = [finding.verdict for finding in result.findings]
+    parts = (
+        ("warnings on data", verdicts.count(WARNING)),
+        ("channels or runs excluded", verdicts.count(EXCLUDED)),
+        ("modes with a remark", sum(mode.status != "ok" for mode in result.modal_model.modes)),
+    )
+    return "; ".join(f"{what}: {count}" for what, count in parts if count) or "nothing stands out"

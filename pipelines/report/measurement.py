@@ -1,0 +1,223 @@
+"""Sections on what was measured: identity, set-up and processing, data quality."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ema.frf import FRF
+from ema.quality import OK, Finding, ReferenceCheck
+from pipelines import figures
+from pipelines.report.blocks import Beside, Block, Facts, Paragraph, Picture, Section, Table
+from pipelines.report.numbers import DASH, number, plain
+from pipelines.result import Result
+
+
+def identity(result: Result) -> Section:
+    """Say which tyre or structure was tested."""
+    return Section("identity", "Identity", (Facts(_identity_rows(result)),))
+
+
+def setup(result: Result) -> Section:
+    """Say where force and sensors sat and how recordings became FRFs."""
+    facts = Facts(_setup_rows(result))
+    on_circle = bool(np.isfinite(result.frf.position_deg).any())
+    blocks: list[Block] = [Beside((_setup_sketch(result), facts)) if on_circle else facts]
+    options = flatten(result.provenance.get("options", {}))
+    if options:
+        rows = tuple(options.items())
+        blocks.append(Table("Options in force", ("option", "value"), rows, (0, 1), folded=True))
+    return Section("setup", "Set-up and processing", tuple(blocks))
+
+
+def quality(result: Result) -> Section:
+    """Say how far the data can be trusted."""
+    pictures = (*_coherence(result), *_reference(result.reference))
+    blocks: list[Block] = [
+        *([Beside(pictures)] if pictures else []),
+        *_verdicts(result),
+        *_findings(result.findings),
+    ]
+    return Section("quality", "Data quality", tuple(blocks))
+
+
+def flatten(mapping: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """Nested options as ``{"stage.option": "value"}``."""
+    flat: dict[str, str] = {}
+    for key, value in mapping.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, Mapping):
+            flat |= flatten(value, f"{name}.")
+        else:
+            flat[name] = _as_text(value)
+    return flat
+
+
+def _as_text(value: Any) -> str:
+    if value is None:
+        return "default"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return plain(value)
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_as_text, value)) or DASH
+    return str(value)
+
+
+def _identity_rows(result: Result) -> tuple[tuple[str, str], ...]:
+    tyre = result.tyre
+    if tyre is None:
+        return (("Object", "structure, not described as a tyre"), ("Campaign", result.name))
+    rows = [("Tyre", tyre.designation), ("Campaign", result.name)]
+    if tyre.inflation_pressure_pa is not None:
+        pressure = tyre.inflation_pressure_pa
+        rows.append(("Inflation pressure", f"{pressure / 1e3:g} kPa ({pressure / 1e5:g} bar)"))
+    if tyre.mean_radius_m is not None:
+        rows.append(("Mean radius", f"{tyre.mean_radius_m:g} m"))
+    if tyre.belt_width_m is not None:
+        rows.append(("Belt width", f"{tyre.belt_width_m:g} m"))
+    return (*rows, *((key.replace("_", " "), text) for key, text in tyre.details.items()))
+
+
+def _setup_rows(result: Result) -> tuple[tuple[str, str], ...]:
+    frf = result.frf
+    runs = dict.fromkeys(name for names in frf.run for name in names.split("+") if name)
+    spacing = float(np.mean(np.diff(frf.frequency_hz)))
+    low, high = result.diagram.band_hz
+    first, last = plain(float(frf.frequency_hz[0])), plain(float(frf.frequency_hz[-1]))
+    rows = [
+        ("Positions", f"{frf.n_positions}"),
+        ("Runs", f"{len(runs)}: {', '.join(runs)}" if runs else DASH),
+        ("Force", _degrees(result.excitation_deg)),
+        ("Reference sensor", _degrees(result.reference_deg)),
+        ("Quantity", "inertance (acceleration over force), (m/s²)/N"),
+        *_block_rows(frf),
+        ("Lines", f"{frf.frequency_hz.size} from {first} to {last} Hz, {spacing:.4g} Hz apart"),
+        ("Band of interest", f"{low:g} to {high:g} Hz"),
+    ]
+    return tuple((name, text) for name, text in rows if text != DASH)
+
+
+def _block_rows(frf: FRF) -> list[tuple[str, str]]:
+    if frf.blocks is None:
+        return [("FRFs", "as found in the files")]
+    blocks = frf.blocks
+    return [
+        ("Sampling rate", f"{blocks.sampling_rate_hz:g} Hz"),
+        (
+            "Averages",
+            f"{blocks.n_blocks} blocks of {blocks.block_s:g} s, {blocks.window} window, overlap "
+            f"{100 * blocks.overlap:g} %; worth {number(frf.n_effective, 3)} independent ones",
+        ),
+    ]
+
+
+def _degrees(angle: float | None) -> str:
+    return DASH if angle is None else f"at {angle:g}°"
+
+
+def _setup_sketch(result: Result) -> Picture:
+    with figures.styled_figure(11.5, 9.5, margins=figures.Margins(0.1, 0.1, 0.1, 0.1)) as (
+        figure,
+        ax,
+    ):
+        figures.plot_setup(result.frf, ax, result.excitation_deg, result.reference_deg)
+    return Picture(
+        figures.png_uri(figure),
+        f"Circle with {result.frf.values.shape[0]} measured positions and the force.",
+        "Measured positions by run, seen from the side; angles run counter-clockwise. "
+        "Look for gaps: an order with more than half as many waves as there are positions "
+        "cannot be told from a lower one.",
+    )
+
+
+def _coherence(result: Result) -> tuple[Picture, ...]:
+    low, high = result.diagram.band_hz
+    inside = (result.frf.frequency_hz >= low) & (result.frf.frequency_hz <= high)
+    in_band = result.frf.coherence[:, inside]
+    known = in_band[np.isfinite(in_band)]
+    if known.size == 0:
+        return ()
+    median = float(np.median(known))
+    with figures.styled_figure(13, 9, margins=figures.Margins(right=0.9)) as (figure, ax):
+        figures.plot_coherence(result.frf, ax, result.diagram.band_hz)
+    return (
+        Picture(
+            figures.png_uri(figure),
+            f"Map of the coherence over positions and frequency; median {median:.3f}.",
+            f"Coherence, position by position; the median over the band is {median:.3f}. Dark rows "
+            "are sensors that did not follow the force, dark columns are frequencies without "
+            "excitation; dark spots along the nodal lines of a mode are natural.",
+        ),
+    )
+
+
+def _reference(check: ReferenceCheck | None) -> tuple[Picture, ...]:
+    if check is None:
+        return ()
+    with figures.styled_figure(13, 9) as (figure, ax):
+        figures.plot_reference(check, ax)
+    return (
+        Picture(
+            figures.png_uri(figure),
+            f"Inertance of the reference sensor in {len(check.run)} runs, one curve a run.",
+            "Inertance of the reference sensor, run by run. The curves should lie on each other; "
+            "peaks that move from run to run mean that the tyre changed (temperature, pressure).",
+        ),
+    )
+
+
+def _verdicts(result: Result) -> tuple[Paragraph, ...]:
+    coherence = (
+        ()
+        if np.isfinite(result.frf.coherence).any()
+        else (Paragraph("The coherence is unknown: noise could not be judged."),)
+    )
+    return (*coherence, _reference_verdict(result.reference))
+
+
+def _reference_verdict(check: ReferenceCheck | None) -> Paragraph:
+    if check is None:
+        return Paragraph("No reference sensor stayed in place: drift between runs was not checked.")
+    if not np.isfinite(check.ratio):
+        text = "The noise at the reference sensor is unknown: drift between runs was not judged."
+        return Paragraph(text, "warning")
+    found = (
+        f"At the reference sensor the runs differ {number(check.ratio, 3)} times as much as noise "
+        "explains (1 is noise alone)"
+    )
+    if check.consistent:
+        return Paragraph(f"{found}: they show one and the same tyre.", "good")
+    return Paragraph(f"{found}: the tyre or the set-up changed between runs.", "warning")
+
+
+def _findings(findings: tuple[Finding, ...]) -> list[Block]:
+    head = ("run", "channel", "position", "check", "verdict", "detail")
+    words = (0, 1, 3, 4, 5)
+    doubtful = tuple(_finding_row(finding) for finding in findings if finding.verdict != OK)
+    passed = tuple(_finding_row(finding) for finding in findings if finding.verdict == OK)
+    blocks: list[Block] = []
+    if doubtful:
+        blocks.append(Table("Warnings and exclusions", head, doubtful, words))
+    else:
+        blocks.append(
+            Paragraph("No channel or run was excluded or gave cause for a warning.", "good")
+        )
+    if passed:
+        blocks.append(Table(f"Checks passed ({len(passed)})", head, passed, words, folded=True))
+    return blocks
+
+
+def _finding_row(finding: Finding) -> tuple[str, ...]:
+    position = DASH if finding.position_deg is None else f"{finding.position_deg:g}°"
+    return (
+        finding.run or DASH,
+        finding.channel or DASH,
+        position,
+        finding.check,
+        finding.verdict,
+        finding.detail,
+    )

@@ -1,0 +1,260 @@
+"""The report: rounded numbers, hostile texts as text, every state a result can be in."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+from math import inf, nan
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from results import structure_result, tyre_result
+
+from ema.modes import ModalModel
+from ema.quality import EXCLUDED, Finding
+from ema.recording import Tyre
+from pipelines.report import measurement, render_report, report_sections, write_report
+from pipelines.report.blocks import Beside, Paragraph, Picture, Table
+from pipelines.report.identification import shown_rows
+from pipelines.report.numbers import number, plain, signed, value_with_std
+
+HOSTILE = "<script>alert('x')</script>\"&{{ 7 * 7 }}"
+VOID = {"meta", "img", "br", "link", "input"}
+
+
+class Page(HTMLParser):
+    """Tags of a page, and whether every one that opens also closes."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.open, self.tags, self.attributes, self.text = [], [], [], ""
+        self.feed(html)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+@pytest.fixture(scope="module")
+def tyre():
+    return tyre_result()
+
+
+@pytest.fixture(scope="module")
+def sections(tyre):
+    return report_sections(tyre)
+
+
+@pytest.fixture(scope="module")
+def page(tyre):
+    return Page(render_report(tyre))
+
+
+@pytest.fixture(scope="module")
+def structure_page():
+    return Page(render_report(structure_result()))
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "printed"),
+    [
+        (100.3123, 0.0213, "100.312 ± 0.021"),
+        (100.3123, 0.0341, "100.31 ± 0.03"),
+        (100.3123, 0.0298, "100.31 ± 0.03"),
+        (8.271e6, 8.4e4, "(8.27 ± 0.08) × 10⁶"),
+        (6.56e5, 1.4e5, "(6.6 ± 1.4) × 10⁵"),
+        (7.45, 1.8, "7.5 ± 1.8"),
+        (686.4, 27.1, "686 ± 27"),
+        (686.4, 271.0, "690 ± 270"),
+        (1.2e-5, 3e-7, "(1.20 ± 0.03) × 10⁻⁵"),
+        (0.0, 0.5, "0.0 ± 0.5"),
+        (-3.2, 0.5, "−3.2 ± 0.5"),
+        (2.0, 96.0, "0 ± 100"),
+        (2.0, 94.0, "0 ± 90"),
+        (5.0, nan, "5.000"),
+        (5.0, 0.0, "5.000"),
+        (5.0, None, "5.000"),
+        (nan, 1.0, "–"),
+    ],
+)
+def test_values_end_where_their_uncertainty_does(value, std, printed):
+    assert value_with_std(value, std) == printed
+
+
+@pytest.mark.parametrize(
+    ("value", "printed"),
+    [
+        (0, "0"),
+        (1234.5, "1234"),
+        (99949, "99949"),
+        (2.2e5, "2.200 × 10⁵"),
+        (0.012345, "0.01235"),
+        (9.9996, "10.00"),
+        (None, "–"),
+        (inf, "–"),
+    ],
+)
+def test_numbers_keep_four_digits(value, printed):
+    assert number(value) == printed
+
+
+def test_signs_and_given_values():
+    assert [signed(1.234, 2), signed(-0.5, 1), signed(nan, 1)] == ["+1.23", "−0.5", "–"]
+    assert [plain(220000.0), plain(0.33), plain(None)] == ["220000", "0.33", "–"]
+
+
+def read_back(text):
+    match = re.fullmatch(r"\(?([−\d.]+) ± ([\d.]+)\)?(?: × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?", text)
+    exponent = (match[3] or "⁰").translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
+    scale = 10.0 ** int(exponent)
+    return float(match[1].replace("−", "-")) * scale, float(match[2]) * scale
+
+
+@given(
+    st.floats(-1e12, 1e12, allow_nan=False),
+    st.floats(1e-9, 1e9, allow_nan=False),
+)
+def test_what_is_printed_is_within_a_fifth_of_the_uncertainty(value, std):
+    printed, printed_std = read_back(value_with_std(value, std))
+    assert abs(printed - value) <= 0.2 * std + 1e-12 * abs(value)
+    assert printed_std == pytest.approx(std, rel=0.2)
+
+
+def test_the_report_is_one_well_formed_file(page):
+    assert not page.open
+    assert page.tags.count("h1") == 1
+    assert {"link", "script", "iframe"}.isdisjoint(page.tags)
+    for _, attributes in page.attributes:
+        for name in ("src", "href"):
+            assert attributes.get(name, "#").startswith(("#", "data:image/png;base64,"))
+
+
+def test_every_link_inside_has_its_target(page):
+    anchors = {attributes["id"] for _, attributes in page.attributes if "id" in attributes}
+    for _, attributes in page.attributes:
+        target = attributes.get("href") or "#" + attributes.get("aria-labelledby", "summary")
+        assert target.removeprefix("#") in anchors
+
+
+def test_every_picture_says_what_it_shows_and_what_to_look_for(sections):
+    blocks = [block for section in sections for block in section.blocks]
+    inside = [one for block in blocks if isinstance(block, Beside) for one in block.blocks]
+    pictures = [block for block in [*blocks, *inside] if isinstance(block, Picture)]
+    assert len(pictures) >= 12
+    for picture in pictures:
+        assert picture.alternative.endswith(".")
+        assert len(picture.caption) > 40
+
+
+def test_tables_have_a_cell_for_every_title(sections):
+    for section in sections:
+        for block in section.blocks:
+            if isinstance(block, Table):
+                assert all(len(row) == len(block.head) for row in block.rows)
+
+
+def test_the_numbers_are_there(page, tyre):
+    for mode in tyre.modal_model.modes:
+        assert value_with_std(mode.frequency_hz, mode.frequency_std_hz) in page.text
+    assert "220 kPa (2.2 bar)" in page.text
+    assert "0123456789abcdef" * 4 in page.text
+    assert "50 Hz line 12 dB above its sides" in page.text
+    for note in (*tyre.notes, *tyre.tuning.notes, *tyre.damping.notes):
+        assert note in page.text
+
+
+def test_a_structure_gets_its_report_and_the_reason_for_what_is_missing(structure_page):
+    assert "The ring steps were left out." in structure_page.text
+    assert "There is no grid and no tyre" in structure_page.text
+    assert "The coherence is unknown" in structure_page.text
+    assert "node 1" in structure_page.text
+    assert "nan" not in re.sub(r"[a-z]+nan|nan[a-z]+", "", structure_page.text.lower())
+
+
+def test_texts_from_files_stay_texts(tyre):
+    hostile = replace(
+        tyre,
+        name=HOSTILE,
+        tyre=Tyre(HOSTILE, 2.2e5, 0.33, details={HOSTILE: HOSTILE}),
+        frf=replace(tyre.frf, run=(HOSTILE,) * 72),
+        notes=(HOSTILE,),
+        findings=(Finding(HOSTILE, HOSTILE * 100, None, "level", EXCLUDED, HOSTILE),),
+        provenance={"inputs": [{"file": HOSTILE, "bytes": 1, "sha256": "0"}]},
+    )
+    page = Page(render_report(hostile))
+    assert "script" not in page.tags
+    assert HOSTILE in page.text
+    assert not page.open
+
+
+def test_a_result_without_modes_says_so(tyre):
+    model = tyre.modal_model
+    nothing = ModalModel(
+        (),
+        (),
+        model.residual_terms,
+        model.band_hz,
+        model.fit_band_hz,
+        np.zeros((0, 0)),
+        model.frac,
+        model.misfit,
+        model.node,
+        model.position_deg,
+    )
+    bare = replace(
+        tyre,
+        modal_model=nothing,
+        tuning=None,
+        damping=None,
+        validation=None,
+        diagram=replace(tyre.diagram, clusters=()),
+        reference=None,
+    )
+    page = Page(render_report(bare))
+    assert "No mode was found in the band." in page.text
+    assert "No reference sensor stayed in place" in page.text
+
+
+@pytest.mark.parametrize(
+    ("ratio", "consistent", "words"),
+    [
+        (1.0, True, "they show one and the same tyre"),
+        (9.0, False, "the tyre or the set-up changed between runs"),
+        (nan, True, "drift between runs was not judged"),
+    ],
+)
+def test_the_verdict_on_the_reference_is_in_words(tyre, ratio, consistent, words):
+    check = replace(tyre.reference, ratio=ratio, consistent=consistent)
+    blocks = measurement.quality(replace(tyre, reference=check)).blocks
+    assert any(words in block.text for block in blocks if isinstance(block, Paragraph))
+
+
+def test_shown_frfs_are_the_drive_point_100_degrees_and_the_worst(tyre):
+    assert shown_rows(tyre)[:2] == (0, 20)
+    assert shown_rows(tyre)[2] == int(np.argmin(tyre.modal_model.frac))
+    turned = replace(tyre, excitation_deg=355.0)
+    assert shown_rows(turned)[:2] == (71, 19)
+
+
+def test_written_file_is_what_was_rendered(tyre, tmp_path):
+    target = write_report(tyre, tmp_path / "report.html")
+    assert target.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert target.stat().st_size < 6e6
+
+
+def test_figures_need_no_window_system():
+    program = "import sys, pipelines.report; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
