@@ -130,9 +130,8 @@ def show_channels(channels: list[ChannelSummary], *, as_json: bool) -> None:
         print(json.dumps(rows, indent=2, allow_nan=False))  # noqa: T201
         return
     from rich.console import Console
-    from rich.table import Table
 
-    table = Table(title="Channels")
+    table = _table("Channels")
     for name in (
         "file",
         "channel",
@@ -164,14 +163,19 @@ def show_channels(channels: list[ChannelSummary], *, as_json: bool) -> None:
     Console().print(table)
 
 
-def _modes_table(result: Result) -> Any:
+def _table(title: str) -> Any:
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
+    return Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), title_justify="left")
+
+
+def _modes_table(result: Result) -> Any:
     from pipelines.report.numbers import value_with_std
 
-    table = Table(title=f"Modes of {result.name}")
+    table = _table(f"Modes of {result.name}")
     for heading in ("mode", "order", "frequency in Hz", "damping in %", "MPC", "purity", "status"):
-        table.add_column(heading, justify="left" if heading == "status" else "right")
+        table.add_column(heading, justify="left" if heading == "status" else "right", no_wrap=True)
     for number, mode in enumerate(result.modal_model.modes, start=1):
         table.add_row(
             str(number),
@@ -186,14 +190,13 @@ def _modes_table(result: Result) -> Any:
 
 
 def _ring_table(result: Result) -> Any:
-    from rich.table import Table
-
     from pipelines.report.numbers import value_with_std
 
-    assert result.tuning is not None
-    table = Table(title="Ring")
+    table = _table("Ring")
     for heading in ("parameter", "value", "obtained"):
-        table.add_column(heading, justify="right" if heading == "value" else "left")
+        table.add_column(heading, justify="right" if heading == "value" else "left", no_wrap=True)
+    if result.tuning is None:
+        return table
     for name, how in result.tuning.how.items():
         value, std = getattr(result.tuning.ring, name), result.tuning.std.get(name, float("nan"))
         table.add_row(name, value_with_std(value, std), how)
