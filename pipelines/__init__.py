@@ -1,0 +1,1 @@
+"""The stories: campaign to result, result folder, figures, report, command line."""
