@@ -177,18 +177,14 @@ def _fill_runs(
         if content.recording is not None
     ]
     _check_rates([recording for recording, _ in recordings])
-    grid = Grid.over(
-        campaign.positions,
-        [
-            channel
-            for recording, each in recordings
-            for channel in recording.channels
-            if each.may_be_response(channel)
-        ],
-    )
-    runs = []
-    reference_deg = None
-    excitation_deg = campaign.excitation_deg
+    candidates = [
+        channel
+        for recording, each in recordings
+        for channel in recording.channels
+        if each.may_be_response(channel)
+    ]
+    grid = Grid.over(campaign.positions, candidates)
+    runs, reference_deg, excitation_deg = [], None, campaign.excitation_deg
     for recording, each in recordings:
         run, noticed = assign(recording, each, grid)
         runs.append(run)

@@ -14,7 +14,7 @@ from ema.errors import RecordingFormatError
 from ema.io.uff58_header import Header58, parse_number
 from ema.io.uff_scan import COPY_AGAIN, Dataset, place
 
-_CHUNK_LINES = 20_000
+_CHUNK_BYTES = 1 << 21
 _LONGEST_LINE = 4096
 _D_TO_E = bytes.maketrans(b"Dd", b"Ee")
 
@@ -63,6 +63,7 @@ def _split(
 
 def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.float64]:
     begin, end = dataset.payload
+    where = place(path, dataset.index)
     widths = _widths(header)
     per_value = (2 if header.is_complex else 1) + (0 if header.even else 1)
     expected = header.n_values * per_value
@@ -72,17 +73,20 @@ def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.flo
     with path.open("rb") as file:
         file.seek(begin)
         while file.tell() < end:
-            lines = _some_lines(file, end, place(path, dataset.index))
-            block = _regular(lines, widths)
-            if block is None:
-                block = _irregular(lines, widths, place(path, dataset.index))
-            room = numbers[count : count + len(block)]
-            room[:] = block[: len(room)]
-            count += len(block)
+            text = _some_lines(file, end)
+            length = (text.find(b"\n") + 1) or len(text)
+            even = len(text) - len(text) % length  # the last line is shorter, as a rule
+            for part in filter(None, (text[:even], text[even:])):
+                block = _regular(part, length, widths)
+                if block is None:
+                    block = _irregular(part, widths, where)
+                room = numbers[count : count + len(block)]
+                room[:] = block[: len(room)]
+                count += len(block)
     if count != expected:
         found = f"{count // per_value} of {header.n_values} values"
         rule = "the file is truncated" if count < expected else "there are more than stated"
-        raise RecordingFormatError(place(path, dataset.index), found, rule, COPY_AGAIN)
+        raise RecordingFormatError(where, found, rule, COPY_AGAIN)
     return numbers
 
 
@@ -95,26 +99,18 @@ def _widths(header: Header58) -> tuple[int, ...]:
     return (13, 20, 20) if header.is_complex else (13, 20, 13, 20)
 
 
-def _some_lines(file: BinaryIO, end: int, where: str) -> list[bytes]:
-    lines: list[bytes] = []
-    while len(lines) < _CHUNK_LINES and file.tell() < end:
-        line = file.readline(min(_LONGEST_LINE, end - file.tell()))
-        if len(line) == _LONGEST_LINE:
-            found = f"a line of more than {_LONGEST_LINE} characters"
-            rule = "lines of a dataset 58 have 80 columns"
-            raise RecordingFormatError(where, found, rule, COPY_AGAIN)
-        lines.append(line)
-    return lines
+def _some_lines(file: BinaryIO, end: int) -> bytes:
+    """Next part of a payload, up to the end of a line."""
+    text = file.read(min(_CHUNK_BYTES, end - file.tell()))
+    return text + file.readline(min(_LONGEST_LINE, end - file.tell()))
 
 
-def _regular(lines: list[bytes], widths: tuple[int, ...]) -> NDArray[np.float64] | None:
-    """Convert full lines of equally wide, right-aligned numbers at once; None if they are not."""
+def _regular(text: bytes, length: int, widths: tuple[int, ...]) -> NDArray[np.float64] | None:
+    """Convert equally long lines of right-aligned numbers at once; None if they are not such."""
     width, line_width = widths[0], sum(widths)
-    text = b"".join(lines)
-    length, rest = divmod(len(text), len(lines))
-    if rest or len(set(widths)) > 1 or length <= line_width:
+    if len(text) % length or len(set(widths)) > 1 or length <= line_width:
         return None
-    table = np.frombuffer(text, np.uint8).reshape(len(lines), length)
+    table = np.frombuffer(text, np.uint8).reshape(-1, length)
     tail = table[:, line_width:]
     fields = table[:, :line_width].reshape(-1, width)
     if not np.isin(tail, list(b" \r\n")).all() or not ((fields == ord(".")).sum(axis=1) == 1).all():
@@ -134,18 +130,21 @@ def _regular(lines: list[bytes], widths: tuple[int, ...]) -> NDArray[np.float64]
     except pa.ArrowInvalid:
         return None  # an oddity somewhere: number by number tells which
     values: NDArray[np.float64] = parsed.column(0).to_numpy()
-    return values
+    return values if len(values) == len(fields) else None
 
 
-def _irregular(lines: list[bytes], widths: tuple[int, ...], where: str) -> NDArray[np.float64]:
+def _irregular(text: bytes, widths: tuple[int, ...], where: str) -> NDArray[np.float64]:
     """Convert line by line: separated numbers, or touching ones cut by their columns."""
     numbers: list[float] = []
-    for line in lines:
-        text = line.decode("latin-1").rstrip()
+    for line in text.decode("latin-1").split("\n"):
+        if len(line) > _LONGEST_LINE:
+            found = f"a line of more than {_LONGEST_LINE} characters"
+            rule = "lines of a dataset 58 have 80 columns"
+            raise RecordingFormatError(where, found, rule, COPY_AGAIN)
         try:
-            numbers += [parse_number(word) for word in text.split()]
+            numbers += [parse_number(word) for word in line.split()]
         except ValueError:
-            numbers += _by_columns(text, widths, where)
+            numbers += _by_columns(line.rstrip(), widths, where)
     return np.array(numbers, dtype=np.float64)
 
 
