@@ -187,10 +187,6 @@ def _fit_without_leakage(
     return corrected, ["The bias of window and block length was taken out of the curve fit."]
 
 
-"""
-"""
-
-
 def _model(frf: FRF, fit: _Fit, band_hz: tuple[float, float], notes: list[str]) -> ModalModel:
     solution, task = fit.solution, fit.task
     correlation = line_correlation(frf.blocks)
