@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.blocks import BlockPlan
-from ema.variable_projection import Projection, slope_rows
-
-Real = NDArray[np.float64]
+from ema.pole_fit import PoleFit
+from ema.variable_projection import Projection, Real, slope_rows
 
 
 def line_correlation(plan: BlockPlan | None) -> float:
@@ -20,10 +19,8 @@ def line_correlation(plan: BlockPlan | None) -> float:
     return 1.0 if plan is None else float(np.mean(plan.taper**4))
 
 
-def pole_covariance(
-    solution: Projection, scale: Real, run: NDArray[np.int_], correlation: float
-) -> Real:
-    """Covariance of (Re s, Im s) of all poles, (2 n_modes, 2 n_modes), in (rad/s)².
+def parameter_covariance(fit: PoleFit, correlation: float) -> Real:
+    """Covariance of (Re s, Im s) of all poles in rad/s, then of the drift of the runs.
 
     N⁻¹ (Σ g gᵀ) N⁻¹ with the score g of each run and line (White 1980, clustered): it follows
     the residuals as they are, whether noise, leakage or a model that does not quite fit, and the
@@ -32,32 +29,29 @@ def pole_covariance(
 
     Parameters
     ----------
-    solution : Projection
-    scale : ndarray, shape (n_positions,)
-        Weights of the positions in the fit.
-    run : ndarray of int, shape (n_positions,)
-        Run each position was measured in.
+    fit : PoleFit
     correlation : float
         From `line_correlation`.
+
+    Returns
+    -------
+    ndarray, shape (n_parameters, n_parameters)
     """
-    inverse = _inverse(solution.normal_matrix(scale))
-    restored = solution.misfit / np.sqrt(np.clip(1 - solution.leverage, 0.1, 1))[:, None]
-    rows = slope_rows(solution.poles.size)
+    inverse = _inverse(fit.normal_matrix())
     middle = np.zeros_like(inverse)
-    for number in np.unique(run):
-        here = run == number
-        weighted = solution.coefficients[:, :, here] * scale[here] ** 2
-        along = np.einsum("fi,kpi->fkp", restored[:, here], weighted)
-        score = np.einsum("fkp,fkp->fk", solution.slopes[:, rows], along)
-        n_lines = score.shape[0] // 2
-        line = score[:n_lines] + score[n_lines:]
-        middle += line.T @ line
+    for number, (part, rows) in enumerate(zip(fit.parts, fit.groups, strict=True)):
+        transform = fit.transform(number)
+        run, scale = fit.lines.run[rows], fit.lines.scale[rows]
+        for name in np.unique(run):
+            score = _line_scores(part, scale, run == name) @ transform
+            middle += score.T @ score
     return np.asarray(correlation * inverse @ middle @ inverse)
 
 
 def frequency_damping_covariance(poles: NDArray[np.complex128], covariance: Real) -> Real:
     """Covariance of (frequency_hz, damping_ratio), mode by mode, from that of (Re s, Im s)."""
-    transform = np.zeros_like(covariance)
+    n = 2 * poles.size
+    transform = np.zeros((n, n))
     for r, s in enumerate(poles):
         size = abs(s)
         rows, columns = slice(2 * r, 2 * r + 2), slice(2 * r, 2 * r + 2)
@@ -65,31 +59,43 @@ def frequency_damping_covariance(poles: NDArray[np.complex128], covariance: Real
             [s.real / size / (2 * np.pi), s.imag / size / (2 * np.pi)],
             [-(s.imag**2) / size**3, s.real * s.imag / size**3],
         ]
-    return np.asarray(transform @ covariance @ transform.T)
+    return np.asarray(transform @ covariance[:n, :n] @ transform.T)
 
 
-def residue_std(solution: Projection, covariance: Real, noise: Real, correlation: float) -> Real:
+def residue_std(fit: PoleFit, covariance: Real, correlation: float) -> Real:
     """Standard deviation of the residues' parts (RMS of real and imaginary), like `residues`.
 
     From the residuals of each position at given poles, and from the poles' own uncertainty.
 
     Parameters
     ----------
-    solution : Projection
+    fit : PoleFit
     covariance : ndarray
-        From `pole_covariance`.
-    noise : ndarray, shape (n_positions,)
-        RMS of each position's weighted residuals.
+        From `parameter_covariance`.
     correlation : float
         From `line_correlation`.
     """
-    n_modes = solution.poles.size
-    own = correlation * np.diag(solution.unscaled)[:-2, None] * noise**2
-    following = solution.following[:-2, slope_rows(n_modes)]
-    slope = np.einsum("akp,kpi->iak", following, solution.coefficients)
-    shared = np.einsum("iak,kl,ial->ai", slope, covariance, slope)
-    variance = own + shared
-    return np.asarray(np.sqrt((variance[0::2] + variance[1::2]) / 2).T)
+    noise = fit.noise
+    std = np.empty(fit.residues.shape)
+    for number, (part, rows) in enumerate(zip(fit.parts, fit.groups, strict=True)):
+        transform = fit.transform(number)
+        poles = transform @ covariance @ transform.T
+        own = correlation * np.diag(part.unscaled)[:-2, None] * noise[rows] ** 2
+        following = part.following[:-2, slope_rows(fit.poles.size)]
+        slope = np.einsum("akp,kpi->iak", following, part.coefficients)
+        variance = own + np.einsum("iak,kl,ial->ai", slope, poles, slope)
+        std[rows] = np.sqrt((variance[0::2] + variance[1::2]) / 2).T
+    return std
+
+
+def _line_scores(part: Projection, scale: Real, here: NDArray[np.bool_]) -> Real:
+    """Score of each line from the positions of one run, (n_frequencies, 2 n_modes)."""
+    restored = part.misfit[:, here] / np.sqrt(np.clip(1 - part.leverage, 0.1, 1))[:, None]
+    weighted = part.coefficients[:, :, here] * scale[here] ** 2
+    along = np.einsum("fi,kpi->fkp", restored, weighted)
+    score = np.einsum("fkp,fkp->fk", part.slopes[:, slope_rows(part.poles.size)], along)
+    n_lines = score.shape[0] // 2
+    return np.asarray(score[:n_lines] + score[n_lines:])
 
 
 def _inverse(normal: Real) -> Real:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,16 +11,16 @@ from ema.circumference import label_modes
 from ema.covariance import (
     frequency_damping_covariance,
     line_correlation,
-    pole_covariance,
+    parameter_covariance,
     residue_std,
 )
 from ema.errors import FitError
 from ema.frf import FRF
 from ema.leakage import leakage_bias
 from ema.mac import frac
-from ema.modes import ModalModel, Mode, ResidualTerms
+from ema.modes import NO_DRIFT, Drift, ModalModel, Mode, ResidualTerms
+from ema.pole_fit import Lines, PoleFit, evaluate, fit_poles
 from ema.stability import PoleSelection, widened_band
-from ema.variable_projection import Projection, fit_poles
 
 # Bounds around the poles of LSCE: the fit refines them, it does not look for others.
 _FREQUENCY_REACH = 0.01  # share of the frequency, or the damping ratio where that is larger
@@ -33,36 +33,9 @@ _STAND_IN_DAMPING = 0.02
 _SMOOTHING_LINES = 21
 # A correction for random excitation that fits worse than this shows that it was not random.
 _WORSE = 1.05
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """The lines and weights of one fit."""
-
-    frequency_hz: NDArray[np.float64]
-    values: NDArray[np.complex128]
-    weight: NDArray[np.float64]
-    scale: NDArray[np.float64]
-
-    @property
-    def omega(self) -> NDArray[np.float64]:
-        return 2 * np.pi * self.frequency_hz
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """Outcome of one fit; the last pole is the stand-in for modes above."""
-
-    task: _Task
-    solution: Projection
-    at_bound: NDArray[np.bool_]
-
-    @property
-    def misfit(self) -> float:
-        """Reduced χ²."""
-        weighted = self.solution.misfit * self.task.scale
-        n_linear = weighted.shape[1] * (2 * self.solution.poles.size + 2)
-        return float(np.sum(weighted**2) / max(weighted.size - n_linear, 1))
+# A drift is taken for real when chance would show it once in 10 000 campaigns.
+_DRIFT_CHANCE = 1e-4
+_LEAKAGE_ROUNDS = 2
 
 
 def fit_modes(
@@ -72,7 +45,9 @@ def fit_modes(
 
     Weighted least squares with 1/σ, the noise level of the FRFs over frequency and position;
     poles move within bounds around their start values. Where the FRFs come from blocks of a
-    random excitation, the bias of the window is taken out if that fits better.
+    random excitation, the bias of the window is taken out. Where the natural frequencies differ
+    from run to run by more than chance, each run gets its own state: shapes stay common, all
+    frequencies of a run move together, and the result is that of the first run.
 
     Parameters
     ----------
@@ -93,18 +68,60 @@ def fit_modes(
     """
     selection = poles if isinstance(poles, PoleSelection) else PoleSelection.around(poles)
     band_hz = band_hz or selection.band_hz
-    task = _task(frf, band_hz)
-    start = _starting_poles(selection.poles, task, band_hz)
-    fit, notes = _fit_without_leakage(frf, task, start)
+    lines = lines_to_fit(frf, band_hz)
+    start = _starting_poles(selection.poles, lines, band_hz)
+    fit = fit_bounded(lines, start, _drift_start(frf, lines, start))
+    fit, notes = _without_leakage(frf, fit)
     return _model(frf, fit, band_hz, notes)
 
 
-def _task(frf: FRF, band_hz: tuple[float, float]) -> _Task:
-    lines = widened_band(frf, band_hz)
-    level = _noise_level(frf, lines)
+def lines_to_fit(frf: FRF, band_hz: tuple[float, float]) -> Lines:
+    """Lines of the band and a margin, with weights from their noise."""
+    chosen = widened_band(frf, band_hz)
+    level = _noise_level(frf, chosen)
     common = np.exp(np.mean(np.log(level), axis=0))
     own = np.exp(np.mean(np.log(level / common), axis=1))
-    return _Task(frf.frequency_hz[lines], frf.values[:, lines], 1 / common, 1 / own)
+    names = frf.run_names
+    run = np.array([names.index(name) for name in frf.run])
+    return Lines(frf.frequency_hz[chosen], frf.values[:, chosen], 1 / common, 1 / own, run)
+
+
+def fit_bounded(
+    lines: Lines, start: NDArray[np.complex128], drift: NDArray[np.float64] | None = None
+) -> PoleFit:
+    """Fit poles within the bounds that suit start values from a stability diagram."""
+    lower, upper = _bounds(start, lines.frequency_hz[-1])
+    return fit_poles(lines, start, lower, upper, drift)
+
+
+def drift_in_one_step(fit: PoleFit, correlation: float) -> tuple[NDArray[np.float64], float]:
+    """Drift of the runs, one Gauss–Newton step away from a common state, and its chance.
+
+    Returns
+    -------
+    drift : ndarray, shape (n_runs,)
+        Relative to the first run.
+    chance : float
+        Probability of a drift as large from noise alone (χ² test).
+    """
+    from scipy.stats import chi2
+
+    apart = evaluate(fit.lines, fit.poles, np.zeros(fit.lines.n_runs))
+    covariance = parameter_covariance(apart, correlation)
+    step = -np.linalg.lstsq(apart.normal_matrix(), apart.gradient(), rcond=1e-12)[0]
+    own = slice(2 * fit.poles.size, None)
+    size = float(step[own] @ np.linalg.pinv(covariance[own, own], rcond=1e-10) @ step[own])
+    return np.append(0.0, step[own]), float(chi2.sf(size, fit.lines.n_runs - 1))
+
+
+def _drift_start(
+    frf: FRF, lines: Lines, start: NDArray[np.complex128]
+) -> NDArray[np.float64] | None:
+    """Start values of a drift from run to run; None where the runs show one and the same state."""
+    if lines.n_runs < 2 or not np.all(np.isfinite(frf.std)):
+        return None
+    drift, chance = drift_in_one_step(fit_bounded(lines, start), line_correlation(frf.blocks))
+    return drift if chance < _DRIFT_CHANCE else None
 
 
 def _noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
@@ -114,25 +131,21 @@ def _noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
     """
     from scipy.ndimage import uniform_filter1d
 
+    values = frf.values[:, lines]
     known = np.all(np.isfinite(frf.std[:, lines]))
-    power = (
-        frf.std[:, lines] ** 2
-        if known
-        else np.broadcast_to(
-            np.mean(np.abs(frf.values[:, lines]) ** 2, axis=0), frf.values[:, lines].shape
-        )
-    )
+    relative = np.broadcast_to(np.mean(np.abs(values) ** 2, axis=0), values.shape)
+    power = frf.std[:, lines] ** 2 if known else relative
     smooth = uniform_filter1d(power, _SMOOTHING_LINES, axis=1, mode="nearest")
-    floor = 1e-12 * np.max(np.abs(frf.values[:, lines])) ** 2
+    floor = 1e-12 * np.max(np.abs(values)) ** 2
     return np.asarray(np.sqrt(np.maximum(smooth, max(floor, np.finfo(float).tiny))))
 
 
 def _starting_poles(
-    poles: NDArray[np.complex128], task: _Task, band_hz: tuple[float, float]
+    poles: NDArray[np.complex128], lines: Lines, band_hz: tuple[float, float]
 ) -> NDArray[np.complex128]:
     """Poles that the lines show on both sides, and the stand-in for everything above."""
     frequency_hz = np.abs(poles) / (2 * np.pi)
-    low, high = task.frequency_hz[[0, -1]]
+    low, high = lines.frequency_hz[[0, -1]]
     half_width_hz = -poles.real / (2 * np.pi)
     in_band = (frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1])
     shown = (frequency_hz - low > half_width_hz) & (high - frequency_hz > half_width_hz)
@@ -157,58 +170,30 @@ def _bounds(
     return lower.ravel(), upper.ravel()
 
 
-def _fit(task: _Task, start: NDArray[np.complex128]) -> _Fit:
-    lower, upper = _bounds(start, task.frequency_hz[-1])
-    solution, at_bound = fit_poles(
-        task.omega, task.values, task.weight, task.scale, start, lower, upper
-    )
-    return _Fit(task, solution, at_bound)
-
-
-def _fit_without_leakage(
-    frf: FRF, task: _Task, start: NDArray[np.complex128]
-) -> tuple[_Fit, list[str]]:
-    """Fit as measured and, for averaged blocks, with the bias of the window taken out."""
-    plain = _fit(task, start)
+def _without_leakage(frf: FRF, plain: PoleFit) -> tuple[PoleFit, list[str]]:
+    """Fit again, for averaged blocks, with the bias of the window taken out of the FRFs."""
     if frf.blocks is None or frf.blocks.n_blocks < 2:
         return plain, []
-    corrected = plain
-    for _ in range(2):
+    cleared = plain
+    for _ in range(_LEAKAGE_ROUNDS):
         bias = leakage_bias(
-            frf.blocks,
-            task.frequency_hz,
-            corrected.solution.poles[:-1],
-            corrected.solution.residues[:, :-1],
+            frf.blocks, plain.lines.frequency_hz, cleared.poles[:-1], cleared.residues[:, :-1]
         )
-        cleared = replace(task, values=task.values - bias)
-        corrected = _fit(cleared, np.append(corrected.solution.poles[:-1], start[-1]))
-    if corrected.misfit > _WORSE * plain.misfit:
-        return plain, ["The bias of window and block length was left in: taking it out fits worse."]
-    return corrected, ["The bias of window and block length was taken out of the curve fit."]
+        lines = replace(plain.lines, values=plain.lines.values - bias)
+        start = np.append(cleared.poles[:-1], plain.poles[-1])
+        cleared = fit_bounded(lines, start, cleared.drift if cleared.drift.size > 1 else None)
+    if cleared.misfit > _WORSE * plain.misfit:
+        note = "The bias of window and block length was left in: taking it out fits worse."
+        return plain, [note]
+    return cleared, ["The bias of window and block length was taken out of the curve fit."]
 
 
-def _model(frf: FRF, fit: _Fit, band_hz: tuple[float, float], notes: list[str]) -> ModalModel:
-    solution, task = fit.solution, fit.task
+def _model(frf: FRF, fit: PoleFit, band_hz: tuple[float, float], notes: list[str]) -> ModalModel:
     correlation = line_correlation(frf.blocks)
-    run = np.unique(np.asarray(frf.run), return_inverse=True)[1]
-    covariance = pole_covariance(solution, task.scale, run, correlation)
-    noise = np.sqrt(np.mean(solution.misfit**2, axis=0))
-    spread = residue_std(solution, covariance, noise, correlation)
-    both = frequency_damping_covariance(solution.poles, covariance)
-    std = np.sqrt(np.diag(both)).reshape(-1, 2)
-    bound = fit.at_bound.reshape(-1, 2)
-    modes = [
-        Mode(
-            pole=complex(pole),
-            frequency_std_hz=float(std[r, 0]),
-            damping_std=float(std[r, 1]),
-            residues=solution.residues[:, r],
-            residues_std=spread[:, r],
-            status="at bound" if np.any(bound[r]) else "ok",
-        )
-        for r, pole in enumerate(solution.poles)
-    ]
-    ascending = np.argsort(np.abs(solution.poles))
+    covariance = parameter_covariance(fit, correlation)
+    both = frequency_damping_covariance(fit.poles, covariance)
+    modes = _modes(fit, both, residue_std(fit, covariance, correlation))
+    ascending = np.argsort(np.abs(fit.poles))
     inside = [r for r in ascending if band_hz[0] <= modes[r].frequency_hz <= band_hz[1]]
     if not inside:
         raise FitError("all poles left the band during the curve fit. Pin frequencies.")
@@ -216,14 +201,42 @@ def _model(frf: FRF, fit: _Fit, band_hz: tuple[float, float], notes: list[str]) 
     model = ModalModel(
         modes=label_modes([modes[r] for r in inside], frf.position_deg),
         guard_modes=tuple(modes[r] for r in ascending if r not in inside),
-        residual_terms=ResidualTerms(solution.lower, solution.upper),
+        residual_terms=ResidualTerms(fit.lower, fit.upper),
         band_hz=band_hz,
-        fit_band_hz=(float(task.frequency_hz[0]), float(task.frequency_hz[-1])),
+        fit_band_hz=(float(fit.lines.frequency_hz[0]), float(fit.lines.frequency_hz[-1])),
         covariance=both[np.ix_(rows, rows)],
         frac=np.zeros(frf.n_positions),
         misfit=fit.misfit if np.all(np.isfinite(frf.std)) else float("nan"),
         node=frf.node,
         position_deg=frf.position_deg,
+        drift=_drift(frf, fit, covariance),
         notes=tuple(notes),
     )
-    return replace(model, frac=frac(task.values, model.synthesise(task.frequency_hz)))
+    measured = model.synthesise(fit.lines.frequency_hz, run=frf.run)
+    return replace(model, frac=frac(fit.lines.values, measured))
+
+
+def _modes(
+    fit: PoleFit, covariance: NDArray[np.float64], residues_std: NDArray[np.float64]
+) -> list[Mode]:
+    std = np.sqrt(np.diag(covariance)).reshape(-1, 2)
+    bound = fit.at_bound.reshape(-1, 2)
+    residues = fit.residues
+    return [
+        Mode(
+            pole=complex(pole),
+            frequency_std_hz=float(std[r, 0]),
+            damping_std=float(std[r, 1]),
+            residues=residues[:, r],
+            residues_std=residues_std[:, r],
+            status="at bound" if np.any(bound[r]) else "ok",
+        )
+        for r, pole in enumerate(fit.poles)
+    ]
+
+
+def _drift(frf: FRF, fit: PoleFit, covariance: NDArray[np.float64]) -> Drift:
+    if fit.drift.size == 1:
+        return NO_DRIFT
+    std = np.sqrt(np.diag(covariance))[2 * fit.poles.size :]
+    return Drift(frf.run_names, 100 * fit.drift, 100 * np.append(0.0, std))

@@ -77,6 +77,12 @@ class FRF:
         """Number of rows."""
         return int(self.values.shape[0])
 
+    @property
+    def run_names(self) -> tuple[str, ...]:
+        """Runs in the order of the campaign, as far as it is known, otherwise by name."""
+        order = dict.fromkeys(self.reference.run if self.reference is not None else ())
+        return tuple(dict.fromkeys([*order, *sorted(set(self.run))]))
+
     def rows(self, chosen: NDArray[np.generic]) -> FRF:
         """Keep the chosen rows (indices or a mask) only."""
         return replace(

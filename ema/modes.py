@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,6 +99,34 @@ class ResidualTerms:
 
 
 @dataclass(frozen=True, eq=False)
+class Drift:
+    """How far the natural frequencies of each run are from those of the first.
+
+    Parameters
+    ----------
+    run : tuple of str
+        Run names in the order of the campaign; empty where all runs share one state.
+    percent, std_percent : ndarray, shape (n_runs,)
+        Common shift of all frequencies and its standard deviation.
+    """
+
+    run: tuple[str, ...]
+    percent: NDArray[np.float64]
+    std_percent: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "percent", readonly(self.percent))
+        object.__setattr__(self, "std_percent", readonly(self.std_percent))
+
+    def factor(self, run: str) -> float:
+        """Poles of a run over those of the first run."""
+        return 1 + float(self.percent[self.run.index(run)]) / 100 if run in self.run else 1.0
+
+
+NO_DRIFT = Drift((), np.zeros(0), np.zeros(0))
+
+
+@dataclass(frozen=True, eq=False)
 class ModalModel:
     """The modes of a band and everything needed to draw the FRFs from them.
 
@@ -121,6 +150,8 @@ class ModalModel:
         Reduced χ² of the fit: 1 where the residuals are as large as the noise.
     node, position_deg : ndarray, shape (n_positions,)
         Where the rows are, as in `FRF`.
+    drift : Drift
+        Drift over the runs; the modes are those of the first run's state.
     notes : tuple of str
         What was assumed, dropped or reached a bound, in words.
     """
@@ -135,6 +166,7 @@ class ModalModel:
     misfit: float
     node: NDArray[np.int_]
     position_deg: NDArray[np.float64]
+    drift: Drift = NO_DRIFT
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -156,14 +188,28 @@ class ModalModel:
         """Damping ratios of the modes."""
         return np.array([mode.damping_ratio for mode in self.modes])
 
-    def synthesise(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Inertances of all positions at `frequency_hz`, (n_positions, n_frequencies)."""
+    def synthesise(
+        self, frequency_hz: NDArray[np.float64], run: Sequence[str] | None = None
+    ) -> NDArray[np.complex128]:
+        """Inertances of all positions, (n_positions, n_frequencies).
+
+        Parameters
+        ----------
+        frequency_hz : ndarray, shape (n_frequencies,)
+        run : sequence of str, optional
+            Run of each position, to see each in the state it was measured in; without it, all in
+            the state of the first run.
+        """
         everything = self.modes + self.guard_modes
         poles = np.array([mode.pole for mode in everything])
         residues = np.stack([mode.residues for mode in everything], axis=1)
-        return synthesise(
-            frequency_hz, poles, residues, self.residual_terms.lower, self.residual_terms.upper
-        )
+        factors = np.array([self.drift.factor(name) for name in run or [""] * len(residues)])
+        values = np.empty((len(residues), np.size(frequency_hz)), dtype=complex)
+        for factor in np.unique(factors):
+            rows = factors == factor
+            terms = self.residual_terms.lower[rows], self.residual_terms.upper[rows]
+            values[rows] = synthesise(frequency_hz, factor * poles, residues[rows], *terms)
+        return values
 
 
 def synthesise(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ema._arrays import readonly
+from ema.drift import align_runs
 from ema.errors import FitError
 from ema.frf import FRF
 from ema.interpretation import interpret
@@ -189,7 +190,7 @@ def build_stability(
         Where the band holds too few lines.
     """
     lines = widened_band(frf, band_hz)
-    frequency_hz, values = frf.frequency_hz[lines], frf.values[:, lines]
+    frequency_hz, values = frf.frequency_hz[lines], align_runs(frf, lines)
     responses, step_s = impulse_responses(frequency_hz, values)
     max_order = max(min(max_order, responses.shape[1] // 4), 2)
     length = useful_length(responses, shortest=3 * max_order)

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.errors import FitError
-
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -135,84 +133,3 @@ def _stacked(rows: Complex, weight: Real) -> Real:
     """Weighted rows as real columns, real parts above imaginary parts."""
     weighted = rows * weight
     return np.asarray(np.concatenate([weighted.real, weighted.imag], axis=1).T)
-
-
-def fit_poles(
-    omega: Real,
-    values: Complex,
-    weight: Real,
-    scale: Real,
-    start: Complex,
-    lower: Real,
-    upper: Real,
-) -> tuple[Projection, NDArray[np.bool_]]:
-    """Poles within bounds that leave the smallest weighted misfit over all positions.
-
-    Parameters
-    ----------
-    omega, values, weight
-        As in `project`.
-    scale : ndarray, shape (n_positions,)
-        Weight of each position beside the common weight over frequency.
-    start : ndarray of complex, shape (n_modes,)
-        Poles from LSCE.
-    lower, upper : ndarray, shape (2 n_modes,)
-        Bounds of (decay rate −Re s, frequency Im s), mode by mode, in rad/s.
-
-    Returns
-    -------
-    solution : Projection
-    at_bound : ndarray of bool, shape (2 n_modes,)
-        Parameters that ended on a bound.
-    """
-    from scipy.optimize import least_squares
-
-    def poles_of(x: Real) -> Complex:
-        return np.asarray(-x[0::2] + 1j * x[1::2])
-
-    memory: dict[bytes, tuple[Real, Real]] = {}
-
-    def compressed(x: Real) -> tuple[Real, Real]:
-        """Residual and Jacobian of the same cost and gradient, in 2 n_modes + 1 rows.
-
-        Any pair with equal JᵀJ, Jᵀr and rᵀr takes the same steps.
-        """
-        if x.tobytes() not in memory:
-            memory.clear()
-            memory[x.tobytes()] = _compress(project(omega, values, weight, poles_of(x)), scale)
-        return memory[x.tobytes()]
-
-    first = np.ravel(np.column_stack([-start.real, start.imag]))
-    inside = np.clip(first, lower + 1e-9 * (upper - lower), upper - 1e-9 * (upper - lower))
-    found = least_squares(
-        lambda x: compressed(x)[0],
-        inside,
-        lambda x: compressed(x)[1],
-        bounds=(lower, upper),
-        x_scale=np.repeat(-start.real, 2),
-        xtol=1e-10,
-        ftol=1e-12,
-        gtol=1e-12,
-        max_nfev=60,
-    )
-    if not np.all(np.isfinite(found.x)):
-        raise FitError("the curve fit diverged. Pin the frequencies or narrow the band.")
-    near = 1e-3 * (upper - lower)
-    at_bound = (found.x - lower < near) | (upper - found.x < near)
-    return project(omega, values, weight, poles_of(found.x)), at_bound
-
-
-def _compress(solution: Projection, scale: Real) -> tuple[Real, Real]:
-    sign = np.tile([-1.0, 1.0], solution.poles.size)  # the parameter is the decay rate −Re s
-    normal = solution.normal_matrix(scale) * np.outer(sign, sign)
-    gradient = solution.gradient(scale) * sign
-    size = np.sqrt(np.diag(normal))
-    size[size == 0] = 1.0
-    value, vector = np.linalg.eigh(normal / np.outer(size, size))
-    value = np.clip(value, value[-1] * 1e-14, None)
-    jacobian = np.sqrt(value)[:, None] * vector.T * size
-    inside = (vector.T @ (gradient / size)) / np.sqrt(value)
-    cost = np.sum((solution.misfit * scale) ** 2)
-    rest = np.sqrt(max(cost - inside @ inside, 0.0))
-    rows = np.vstack([jacobian, np.zeros(jacobian.shape[1])])
-    return np.append(inside, rest), rows

@@ -1,0 +1,250 @@
+"""Poles within bounds that leave the smallest misfit, for one state of the tyre or one per run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.errors import FitError
+from ema.variable_projection import Complex, Projection, Real, project
+
+_LARGEST_DRIFT = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """What is fitted: lines of all positions and their weights.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n_frequencies,)
+    values : ndarray of complex, shape (n_positions, n_frequencies)
+        Inertances.
+    weight : ndarray, shape (n_frequencies,)
+        1/σ over frequency, shared by the positions.
+    scale : ndarray, shape (n_positions,)
+        Weight of each position beside the common one.
+    run : ndarray of int, shape (n_positions,)
+        Run each position was measured in, 0 … n_runs − 1.
+    """
+
+    frequency_hz: Real
+    values: Complex
+    weight: Real
+    scale: Real
+    run: NDArray[np.int_]
+
+    @property
+    def omega(self) -> Real:
+        """Lines in rad/s."""
+        return np.asarray(2 * np.pi * self.frequency_hz)
+
+    @property
+    def n_runs(self) -> int:
+        """Number of runs."""
+        return int(self.run.max()) + 1
+
+
+@dataclass(frozen=True, eq=False)
+class PoleFit:
+    """Fitted poles of the first run's state, and what each group of positions says.
+
+    Parameters
+    ----------
+    lines : Lines
+    poles : ndarray of complex, shape (n_modes,)
+        rad/s, in the state of the first run.
+    drift : ndarray, shape (n_groups,)
+        All poles of a group are (1 + drift) times `poles`; the first is 0.
+    groups : tuple of ndarray of int
+        Positions of each group: all together, or run by run.
+    parts : tuple of Projection
+        Linear solution of each group.
+    at_bound : ndarray of bool, shape (2 n_modes,)
+        Decay rates and frequencies that ended on a bound, mode by mode.
+    """
+
+    lines: Lines
+    poles: Complex
+    drift: Real
+    groups: tuple[NDArray[np.int_], ...]
+    parts: tuple[Projection, ...]
+    at_bound: NDArray[np.bool_]
+
+    @property
+    def n_parameters(self) -> int:
+        """Nonlinear parameters: two per pole and the drift of each group but the first."""
+        return 2 * self.poles.size + len(self.groups) - 1
+
+    @property
+    def residues(self) -> Complex:
+        """Residues of all positions, (n_positions, n_modes)."""
+        return self._gathered(lambda part: part.residues)
+
+    @property
+    def lower(self) -> Real:
+        """Residual terms L, (n_positions,)."""
+        return self._gathered(lambda part: part.lower)
+
+    @property
+    def upper(self) -> Real:
+        """Residual terms U, (n_positions,)."""
+        return self._gathered(lambda part: part.upper)
+
+    @property
+    def noise(self) -> Real:
+        """RMS of each position's weighted residuals, (n_positions,)."""
+        return self._gathered(lambda part: np.sqrt(np.mean(part.misfit**2, axis=0)))
+
+    @property
+    def chi_square(self) -> float:
+        """Weighted sum of squared residuals."""
+        scale = self.lines.scale
+        return float(
+            sum(
+                np.sum((part.misfit * scale[rows]) ** 2)
+                for part, rows in zip(self.parts, self.groups, strict=True)
+            )
+        )
+
+    @property
+    def misfit(self) -> float:
+        """Reduced χ², 1 where the residuals are as large as the noise."""
+        n_data = 2 * self.lines.values.size
+        n_linear = self.lines.scale.size * (2 * self.poles.size + 2)
+        return self.chi_square / max(n_data - n_linear - self.n_parameters, 1)
+
+    def transform(self, group: int) -> Real:
+        """Derivative of a group's (Re s, Im s) to all parameters, (2 n_modes, n_parameters)."""
+        n = 2 * self.poles.size
+        matrix = np.zeros((n, self.n_parameters))
+        matrix[np.arange(n), np.arange(n)] = 1 + self.drift[group]
+        if group:
+            matrix[:, n + group - 1] = _interleaved(self.poles)
+        return matrix
+
+    def normal_matrix(self) -> Real:
+        """JᵀJ of all parameters."""
+        total = np.zeros((self.n_parameters, self.n_parameters))
+        for number, (part, rows) in enumerate(zip(self.parts, self.groups, strict=True)):
+            t = self.transform(number)
+            total += t.T @ part.normal_matrix(self.lines.scale[rows]) @ t
+        return total
+
+    def gradient(self) -> Real:
+        """Jᵀr of all parameters."""
+        total = np.zeros(self.n_parameters)
+        for number, (part, rows) in enumerate(zip(self.parts, self.groups, strict=True)):
+            total += self.transform(number).T @ part.gradient(self.lines.scale[rows])
+        return total
+
+    def _gathered(self, of: Callable[[Projection], NDArray[Any]]) -> NDArray[Any]:
+        pieces = [of(part) for part in self.parts]
+        whole = np.empty((self.lines.scale.size, *pieces[0].shape[1:]), dtype=pieces[0].dtype)
+        for piece, rows in zip(pieces, self.groups, strict=True):
+            whole[rows] = piece
+        return whole
+
+
+def evaluate(
+    lines: Lines, poles: Complex, drift: Real, at_bound: NDArray[np.bool_] | None = None
+) -> PoleFit:
+    """Solve the linear problem of each group for given poles and drift.
+
+    A single drift value puts all positions into one group.
+    """
+    everything = np.arange(lines.scale.size)
+    groups = (
+        (everything,)
+        if drift.size == 1
+        else tuple(np.flatnonzero(lines.run == number) for number in range(drift.size))
+    )
+    parts = tuple(
+        project(lines.omega, lines.values[rows], lines.weight, poles * (1 + shift))
+        for rows, shift in zip(groups, drift, strict=True)
+    )
+    bound = np.zeros(2 * poles.size, dtype=bool) if at_bound is None else at_bound
+    return PoleFit(lines, poles, drift, groups, parts, bound)
+
+
+def fit_poles(
+    lines: Lines, start: Complex, lower: Real, upper: Real, drift: Real | None = None
+) -> PoleFit:
+    """Poles within bounds that leave the smallest weighted misfit over all positions.
+
+    Parameters
+    ----------
+    lines : Lines
+    start : ndarray of complex, shape (n_modes,)
+        Poles from the stability diagram.
+    lower, upper : ndarray, shape (2 n_modes,)
+        Bounds of (decay rate −Re s, frequency Im s), mode by mode, in rad/s.
+    drift : ndarray, shape (n_runs,), optional
+        Start values of a drift of all poles from run to run; without it the runs share one state.
+
+    Raises
+    ------
+    FitError
+        If the fit diverges.
+    """
+    from scipy.optimize import least_squares
+
+    n = 2 * start.size
+    shifts = np.zeros(0) if drift is None else drift[1:] - drift[0]
+    sign = np.concatenate([np.tile([-1.0, 1.0], start.size), np.ones(shifts.size)])
+    low = np.concatenate([lower, np.full(shifts.size, -_LARGEST_DRIFT)])
+    high = np.concatenate([upper, np.full(shifts.size, _LARGEST_DRIFT)])
+    first = np.concatenate([sign[:n] * _interleaved(start), shifts])
+    room = 1e-9 * (high - low)
+    memory: dict[bytes, PoleFit] = {}
+
+    def at(x: Real) -> PoleFit:
+        if x.tobytes() not in memory:
+            memory.clear()
+            poles = -x[0:n:2] + 1j * x[1:n:2]
+            memory[x.tobytes()] = evaluate(lines, poles, np.append(0.0, x[n:]))
+        return memory[x.tobytes()]
+
+    found = least_squares(
+        lambda x: _compressed(at(x), sign)[0],
+        np.clip(first, low + room, high - room),
+        lambda x: _compressed(at(x), sign)[1],
+        bounds=(low, high),
+        x_scale=np.concatenate([np.repeat(-start.real, 2), np.full(shifts.size, 1e-3)]),
+        xtol=1e-10,
+        ftol=1e-12,
+        gtol=1e-12,
+        max_nfev=60,
+    )
+    if not np.all(np.isfinite(found.x)):
+        raise FitError("the curve fit diverged. Pin the frequencies or narrow the band.")
+    near = 1e-3 * (upper - lower)
+    x = found.x[:n]
+    return replace(at(found.x), at_bound=(x - lower < near) | (upper - x < near))
+
+
+def _interleaved(poles: Complex) -> Real:
+    return np.ravel(np.column_stack([poles.real, poles.imag]))
+
+
+def _compressed(fit: PoleFit, sign: Real) -> tuple[Real, Real]:
+    """Residual and Jacobian of the same cost and gradient, in n_parameters + 1 rows.
+
+    Any pair with equal JᵀJ, Jᵀr and rᵀr takes the same steps. `sign` turns (Re s, Im s) into the
+    parameters of the search.
+    """
+    normal = fit.normal_matrix() * np.outer(sign, sign)
+    gradient = fit.gradient() * sign
+    size = np.sqrt(np.diag(normal))
+    size[size == 0] = 1.0
+    value, vector = np.linalg.eigh(normal / np.outer(size, size))
+    value = np.clip(value, value[-1] * 1e-14, None)
+    jacobian = np.sqrt(value)[:, None] * vector.T * size
+    inside = (vector.T @ (gradient / size)) / np.sqrt(value)
+    rest = np.sqrt(max(fit.chi_square - inside @ inside, 0.0))
+    rows = np.vstack([jacobian, np.zeros(jacobian.shape[1])])
+    return np.append(inside, rest), rows
