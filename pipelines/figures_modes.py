@@ -66,7 +66,8 @@ def plot_stability(diagram: StabilityDiagram, ax: Axes) -> Axes:
     ax.set_ylim(bottom=0)
     ax.set_xlabel("frequency / Hz")
     ax.set_ylabel("model order")
-    _name_clusters([cluster for cluster in diagram.clusters if cluster.kept], ax)
+    in_band = [cluster for cluster in diagram.clusters if low <= cluster.frequency_hz <= high]
+    _name_clusters([cluster for cluster in in_band if cluster.kept], ax)
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4, handletextpad=0.2)
     return ax
 
@@ -92,6 +93,7 @@ def plot_frf_magnitude(frf: FRF, model: ModalModel, row: int, ax: Axes) -> Axes:
     ax.plot(frf.frequency_hz[fitted], synthesis, color=FITTED, label="fitted", lw=2.0)
     ax.plot(frf.frequency_hz[shown], measured, "--", color=MEASURED, label="measured", lw=0.8)
     log_axis(ax)
+    _shade_outside(model.band_hz, ax)
     ax.set_title(place_name(int(frf.node[row]), float(frf.position_deg[row])))
     ax.set_ylabel("|inertance| / ((m/s²)/N)")
     ax.legend(loc="lower right")
@@ -118,6 +120,7 @@ def plot_frf_phase(frf: FRF, model: ModalModel, row: int, ax: Axes) -> Axes:
     synthesis = _wrapped_phase_deg(_fitted(frf, model, row, fitted))
     ax.plot(frf.frequency_hz[fitted], synthesis, color=FITTED, lw=2.0)
     ax.plot(frf.frequency_hz[shown], measured, "--", color=MEASURED, lw=0.8)
+    _shade_outside(model.band_hz, ax)
     ax.set_ylim(-190, 190)
     ax.set_yticks([-180, -90, 0, 90, 180])
     ax.set_xlabel("frequency / Hz")
@@ -296,6 +299,15 @@ def _shown_lines(frf: FRF, model: ModalModel) -> tuple[NDArray[np.bool_], NDArra
     shown = (frf.frequency_hz >= low) & (frf.frequency_hz <= high)
     fitted = (frf.frequency_hz >= model.fit_band_hz[0]) & (frf.frequency_hz <= model.fit_band_hz[1])
     return shown, fitted
+
+
+def _shade_outside(band_hz: tuple[float, float], ax: Axes) -> None:
+    """Grey what was fitted for the sake of the band only."""
+    left, right = ax.dataLim.intervalx
+    ax.set_xlim(left, right)
+    for start, stop in ((left, band_hz[0]), (band_hz[1], right)):
+        if stop > start:
+            ax.axvspan(start, stop, color="#EEEEEE", linewidth=0)
 
 
 def _fitted(

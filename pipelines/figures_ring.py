@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from pipelines.figures_style import FAINT, FITTED, MEASURED, RING
+from pipelines.figures_style import FAINT, MEASURED, RING
 from pipelines.result import Validation
 
 
@@ -112,10 +112,19 @@ def plot_damping(validation: Validation, ax: Axes) -> Axes:
     Axes
     """
     measured, ring = 100 * validation.measured_damping, 100 * validation.model_damping
-    ax.plot(validation.order, measured, "o", color=MEASURED, markerfacecolor="none", markersize=7)
-    ax.plot(validation.order, ring, "-", marker=".", color=FITTED)
+    ax.plot(validation.order, ring, "-", marker=".", color=RING, label="ring model")
+    ax.plot(
+        validation.order,
+        measured,
+        "o",
+        color=MEASURED,
+        markerfacecolor="none",
+        markersize=7,
+        label="measured",
+    )
     ax.set_ylim(0, 1.15 * float(np.nanmax(np.concatenate([measured, ring]))))
     ax.set_xticks(validation.order)
     ax.set_xlabel("order n")
     ax.set_ylabel("damping ratio / %")
+    ax.legend(loc="lower left")
     return ax

@@ -13,7 +13,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import ArrayLike, NDArray
 
 # Okabe & Ito (2008): told apart with any colour vision, and in grey by their brightness.
@@ -125,7 +125,7 @@ def log_axis(ax: Axes, decades: float = 4.0) -> None:
     steps = (1.0,) if top / bottom > 50 else (1.0, 2.0, 5.0)
     ax.yaxis.set_major_locator(LogLocator(subs=steps))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.yaxis.set_minor_formatter(NullFormatter())
+    ax.yaxis.set_minor_locator(NullLocator())
 
 
 def place_name(node: int, position_deg: float) -> str:

@@ -13,18 +13,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from markupsafe import escape
 from results import structure_result, tyre_result
 
-from ema.modes import ModalModel
+from ema.modes import ModalModel, ResidualTerms
 from ema.quality import EXCLUDED, Finding
 from ema.recording import Tyre
-from pipelines.report import measurement, render_report, report_sections, write_report
+from pipelines.report import breakable, measurement, render_report, report_sections, write_report
 from pipelines.report.blocks import Beside, Paragraph, Picture, Table
 from pipelines.report.identification import shown_rows
 from pipelines.report.numbers import number, plain, signed, value_with_std
 
 HOSTILE = "<script>alert('x')</script>\"&{{ 7 * 7 }}"
-VOID = {"meta", "img", "br", "link", "input"}
+VOID = {"meta", "img", "br", "link", "input", "wbr"}
 
 
 class Page(HTMLParser):
@@ -258,3 +259,30 @@ def test_written_file_is_what_was_rendered(tyre, tmp_path):
 def test_figures_need_no_window_system():
     program = "import sys, pipelines.report; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+
+
+@given(st.text(st.characters(exclude_categories=["Cs"]), max_size=120))
+def test_long_words_may_break_and_are_copied_whole(text):
+    html = str(breakable(text))
+    assert html.replace("<wbr>", "") == str(escape(text))
+    assert all(len(piece) <= 32 * 6 for piece in re.split(r"<wbr>|\s", html))
+
+
+def test_a_single_position_has_no_shape_and_no_shape_numbers():
+    result = structure_result()
+    model = result.modal_model
+    one = ModalModel(
+        tuple(replace(m, residues=m.residues[:1], residues_std=[0.0]) for m in model.modes),
+        (),
+        ResidualTerms(model.residual_terms.lower[:1], model.residual_terms.upper[:1]),
+        model.band_hz,
+        model.fit_band_hz,
+        model.covariance,
+        model.frac[:1],
+        model.misfit,
+        model.node[:1],
+        model.position_deg[:1],
+    )
+    page = Page(render_report(replace(result, modal_model=one, frf=result.frf.rows([0]))))
+    assert "A single position holds no shape." in page.text
+    assert "MPD / °" not in page.text

@@ -8,11 +8,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
 
 from pipelines.report import closing, identification, measurement, ring
 from pipelines.report.blocks import Section
 from pipelines.result import Result
 
+LONG_WORD, PIECE = 32, 16  # characters: a checksum breaks, a file name does not
 SECTIONS = (
     closing.summary,
     measurement.identity,
@@ -54,9 +56,20 @@ def render_report(result: Result) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["breakable"] = breakable
     subject = result.tyre.designation if result.tyre is not None else result.name
     return environment.get_template("report.html").render(
         subject=subject, sections=report_sections(result)
+    )
+
+
+def breakable(text: str) -> Markup:
+    """Escaped text in which long words may break, without changing what is copied from it."""
+    return Markup(" ").join(
+        Markup("<wbr>").join(word[start : start + PIECE] for start in range(0, len(word), PIECE))
+        if len(word) > LONG_WORD
+        else word
+        for word in text.split(" ")
     )
 
 

@@ -54,7 +54,7 @@ class Table:
     words : tuple of int
         Columns with words, set flush left; all others hold numbers.
     folded : bool
-        Whether it is shown on demand only; printed always.
+        Whether it is shown on demand only; what is open is printed.
     """
 
     caption: str

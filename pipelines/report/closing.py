@@ -109,7 +109,7 @@ def definitions(_result: Result) -> Section:
 def _modes_found(result: Result) -> str:
     modes = result.modal_model.modes
     low, high = result.modal_model.band_hz
-    band = f"between {low:g} and {high:g} Hz"
+    band = f"between {low:.4g} and {high:.4g} Hz"
     if not modes:
         return f"none {band}"
     text = f"{len(modes)} {band}"

@@ -24,8 +24,11 @@ NODE_MARGINS = figures.Margins(0.8, 0.1, 0.6, 0.6, between_columns=0.8, between_
 def stability(result: Result) -> Section:
     """Show every pole, and why clusters of them were kept or dropped."""
     diagram = result.diagram
-    kept = [cluster for cluster in diagram.clusters if cluster.kept]
-    dropped = [cluster for cluster in diagram.clusters if not cluster.kept]
+    low, high = diagram.band_hz
+    inside = [cluster for cluster in diagram.clusters if low <= cluster.frequency_hz <= high]
+    kept = [cluster for cluster in inside if cluster.kept]
+    dropped = [cluster for cluster in inside if not cluster.kept]
+    beyond = [cluster for cluster in diagram.clusters if cluster not in inside]
     with figures.styled_figure(17.5, 10.5, margins=STABILITY_MARGINS) as (figure, ax):
         figures.plot_stability(diagram, ax)
     picture = Picture(
@@ -38,7 +41,11 @@ def stability(result: Result) -> Section:
     )
     head = ("frequency / Hz", "damping ratio / %", "model orders", "verdict", "reason")
     blocks: list[Block] = [picture]
-    for caption, clusters in (("Clusters kept", kept), ("Clusters dropped", dropped)):
+    for caption, clusters in (
+        ("Clusters kept", kept),
+        ("Clusters dropped", dropped),
+        ("Clusters outside the band; those kept support the fit, not the result", beyond),
+    ):
         if clusters:
             rows = tuple(map(_cluster_row, clusters))
             title = f"{caption} ({len(clusters)})"
@@ -52,18 +59,11 @@ def modes(result: Result) -> Section:
     if not model.modes:
         found: Block = Paragraph(NO_MODE, "warning")
         return Section("modes", "Modes", (found, *listed(model.notes)))
-    head = (
-        "mode",
-        "order n",
-        "frequency / Hz",
-        "damping ratio / %",
-        "MPC",
-        "MPD / °",
-        "purity",
-        "status",
-    )
-    rows = tuple(_mode_row(index, mode) for index, mode in enumerate(model.modes, 1))
-    table = Table("Identified modes", head, rows, words=(7,))
+    columns = {
+        title: cells for title, cells in _mode_columns(model).items() if set(cells) != {DASH}
+    }
+    rows = tuple(zip(*columns.values(), strict=True))
+    table = Table("Identified modes", tuple(columns), rows, words=(len(columns) - 1,))
     return Section("modes", "Modes", (table, Paragraph(_fit_text(model)), *listed(model.notes)))
 
 
@@ -72,7 +72,8 @@ def responses(result: Result) -> Section:
     if not result.modal_model.modes:
         return Section("frf", "Measured and fitted FRFs", (Paragraph(NO_MODE),))
     pictures = tuple(_response(result, row) for row in shown_rows(result))
-    return Section("frf", "Measured and fitted FRFs", (Beside((*pictures, _frac(result))),))
+    frac = (_frac(result),) if result.frf.n_positions > 1 else ()
+    return Section("frf", "Measured and fitted FRFs", (Beside((*pictures, *frac)),))
 
 
 def shapes(result: Result) -> Section:
@@ -80,6 +81,8 @@ def shapes(result: Result) -> Section:
     model = result.modal_model
     if not model.modes:
         return Section("shapes", "Shapes", (Paragraph(NO_MODE),))
+    if result.frf.n_positions == 1:
+        return Section("shapes", "Shapes", (Paragraph("A single position holds no shape."),))
     return Section("shapes", "Shapes", (_shapes(model), _auto_mac(model)))
 
 
@@ -110,23 +113,27 @@ def _cluster_row(cluster: Cluster) -> tuple[str, ...]:
     )
 
 
-def _mode_row(index: int, mode: Mode) -> tuple[str, ...]:
-    return (
-        str(index),
-        DASH if mode.order is None else f"{mode.order}{mode.member}",
-        value_with_std(mode.frequency_hz, mode.frequency_std_hz, digits=5),
-        value_with_std(100 * mode.damping_ratio, 100 * mode.damping_std, digits=3),
-        f"{mode.mpc:.3f}",
-        f"{mode.mpd_deg:.1f}",
-        f"{mode.order_purity:.3f}" if np.isfinite(mode.order_purity) else DASH,
-        mode.status,
-    )
+def _mode_columns(model: ModalModel) -> dict[str, list[str]]:
+    modes = model.modes
+    shape_known = model.frac.size > 1
+    return {
+        "mode": [str(index) for index, _ in enumerate(modes, 1)],
+        "order n": [DASH if m.order is None else f"{m.order}{m.member}" for m in modes],
+        "frequency / Hz": [value_with_std(m.frequency_hz, m.frequency_std_hz, 5) for m in modes],
+        "damping ratio / %": [
+            value_with_std(100 * m.damping_ratio, 100 * m.damping_std, 3) for m in modes
+        ],
+        "MPC": [f"{m.mpc:.3f}" if shape_known else DASH for m in modes],
+        "MPD / °": [f"{m.mpd_deg:.1f}" if shape_known else DASH for m in modes],
+        "purity": [f"{m.order_purity:.3f}" if np.isfinite(m.order_purity) else DASH for m in modes],
+        "status": [m.status for m in modes],
+    }
 
 
 def _fit_text(model: ModalModel) -> str:
     low, high = model.fit_band_hz
     text = (
-        f"Fitted to {model.frac.size} FRFs between {low:g} and {high:g} Hz; ± is one standard "
+        f"Fitted to {model.frac.size} FRFs between {low:.4g} and {high:.4g} Hz; ± is one standard "
         "deviation."
     )
     if not np.isfinite(model.misfit):
@@ -151,7 +158,7 @@ def _response(result: Result, row: int) -> Picture:
         f"Magnitude and phase of the inertance at {name}, measured and fitted.",
         f"Inertance at {name}, FRAC {model.frac[row]:.4f}. The fitted curve should pass through "
         "the measured one at peaks and between them; a shift between peaks points to a missing "
-        "mode.",
+        "mode. Grey: fitted, but outside the band of interest.",
     )
 
 
@@ -163,8 +170,8 @@ def _frac(result: Result) -> Picture:
         figures.plot_frac(model, ax)
     return Picture(
         figures.png_uri(figure),
-        f"FRAC of all positions; the lowest is {model.frac[worst]:.3f} at {name}.",
-        f"FRAC, measured against fitted, at every position; the lowest is {model.frac[worst]:.3f} "
+        f"FRAC of all positions; the lowest is {model.frac[worst]:.4f} at {name}.",
+        f"FRAC, measured against fitted, at every position; the lowest is {model.frac[worst]:.4f} "
         f"at {name} (dashed: 0.9). A single low value points to a faulty sensor, many of them to "
         "missing modes.",
     )

@@ -57,7 +57,7 @@ def flatten(mapping: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
 
 def _as_text(value: Any) -> str:
     if value is None:
-        return "default"
+        return DASH
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
@@ -87,7 +87,7 @@ def _setup_rows(result: Result) -> tuple[tuple[str, str], ...]:
     runs = dict.fromkeys(name for names in frf.run for name in names.split("+") if name)
     spacing = float(np.mean(np.diff(frf.frequency_hz)))
     low, high = result.diagram.band_hz
-    first, last = plain(float(frf.frequency_hz[0])), plain(float(frf.frequency_hz[-1]))
+    first, last = frf.frequency_hz[[0, -1]]
     rows = [
         ("Positions", f"{frf.n_positions}"),
         ("Runs", f"{len(runs)}: {', '.join(runs)}" if runs else DASH),
@@ -95,8 +95,11 @@ def _setup_rows(result: Result) -> tuple[tuple[str, str], ...]:
         ("Reference sensor", _degrees(result.reference_deg)),
         ("Quantity", "inertance (acceleration over force), (m/s²)/N"),
         *_block_rows(frf),
-        ("Lines", f"{frf.frequency_hz.size} from {first} to {last} Hz, {spacing:.4g} Hz apart"),
-        ("Band of interest", f"{low:g} to {high:g} Hz"),
+        (
+            "Lines",
+            f"{frf.frequency_hz.size} from {first:.6g} to {last:.6g} Hz, {spacing:.4g} Hz apart",
+        ),
+        ("Band of interest", f"{low:.4g} to {high:.4g} Hz"),
     ]
     return tuple((name, text) for name, text in rows if text != DASH)
 
@@ -109,7 +112,7 @@ def _block_rows(frf: FRF) -> list[tuple[str, str]]:
         ("Sampling rate", f"{blocks.sampling_rate_hz:g} Hz"),
         (
             "Averages",
-            f"{blocks.n_blocks} blocks of {blocks.block_s:g} s, {blocks.window} window, overlap "
+            f"{blocks.n_blocks} a run, of {blocks.block_s:g} s; {blocks.window} window, overlap "
             f"{100 * blocks.overlap:g} %; worth {number(frf.n_effective, 3)} independent ones",
         ),
     ]

@@ -118,8 +118,8 @@ def _mac(found: Validation) -> Picture:
         ax.set_ylabel("measured, order n")
     return Picture(
         figures.png_uri(figure),
-        f"MAC of measured and model shapes; the lowest value on the diagonal is {lowest:.2f}.",
-        f"MAC of measured against model shapes; the lowest value on the diagonal is {lowest:.2f}. "
+        f"MAC of measured and model shapes; the lowest value on the diagonal is {lowest:.3f}.",
+        f"MAC of measured against model shapes; the lowest value on the diagonal is {lowest:.3f}. "
         "Each model order is a plane of cos nθ and sin nθ; the comparison takes the direction in "
         "it that suits the measurement best.",
     )
@@ -146,7 +146,8 @@ def _damping_picture(found: Validation) -> tuple[Picture, ...]:
         Picture(
             figures.png_uri(figure),
             "Damping ratio over order, measured and of the ring.",
-            "Damping ratio over order, measured (circles) and of the ring (line).",
+            "Damping ratio over order, measured and of the ring. Three parameters stand for all "
+            "orders: one that stands off loses more or less energy than belt and sidewall explain.",
         ),
     )
 
