@@ -69,10 +69,24 @@ class BlockPlan:
 
     @cached_property
     def taper(self) -> NDArray[np.float64]:
-        """The window, scaled to a mean square of 1."""
+        """The window, scaled to a mean square of 1.
+
+        Raises
+        ------
+        InputError
+            If there is no window of that name.
+        """
         from scipy.signal import get_window
 
-        taper = get_window(self.window, self.block_samples)
+        try:
+            taper = get_window(self.window, self.block_samples)
+        except ValueError as error:
+            raise InputError(
+                "window",
+                repr(self.window),
+                "it must be a window of scipy that needs no parameter",
+                "Choose e.g. 'hann' or 'boxcar'",
+            ) from error
         return np.asarray(taper / np.sqrt(np.mean(taper**2)))
 
     @property
@@ -119,20 +133,14 @@ def plan_blocks(
     InputError
         If the blocks asked for do not fit the recording.
     """
-    whole = not (steady or processing.averages or processing.block_seconds)
+    chosen = processing.averages is not None or processing.block_seconds is not None
+    whole = not (steady or chosen)
     window = processing.window or ("boxcar" if whole else DEFAULT_WINDOW)
     overlap = processing.overlap
     if overlap is None:
         overlap = 0.0 if window == "boxcar" else 0.5
     duration_s = n_samples / sampling_rate_hz
-    if processing.averages is not None:
-        block_s = duration_s / (1 + (processing.averages - 1) * (1 - overlap))
-    elif processing.block_seconds is not None:
-        block_s = processing.block_seconds
-    elif whole:
-        block_s = duration_s
-    else:
-        block_s = min(LONGEST_DEFAULT_BLOCK_S, duration_s / FEWEST_DEFAULT_LENGTHS)
+    block_s = _block_seconds(duration_s, processing, overlap, whole)
     block = int(block_s * sampling_rate_hz * (1 + 1e-9))
     if not 8 <= block <= n_samples:
         raise InputError(
@@ -141,6 +149,18 @@ def plan_blocks(
             "a block needs at least 8 samples and must fit into the recording",
             "Choose other averages or block_seconds",
         )
-    step = max(round(block * (1 - overlap)), 1)
+    # Rounded down, so that the last of the averages asked for still fits.
+    step = max(int(block * (1 - overlap) * (1 + 1e-9)), 1)
     n_blocks = 1 + (n_samples - block) // step
     return BlockPlan(sampling_rate_hz, block, step, n_blocks, window)
+
+
+def _block_seconds(duration_s: float, processing: Processing, overlap: float, whole: bool) -> float:
+    if processing.averages is not None:
+        lengths = 1 + (processing.averages - 1) * (1 - overlap)
+        return duration_s / lengths if lengths > 0 else 0.0
+    if processing.block_seconds is not None:
+        return processing.block_seconds
+    if whole:
+        return duration_s
+    return min(LONGEST_DEFAULT_BLOCK_S, duration_s / FEWEST_DEFAULT_LENGTHS)

@@ -265,12 +265,12 @@ def _h2(spectra: Spectra) -> NDArray[np.complex128]:
 def _hv(spectra: Spectra) -> NDArray[np.complex128]:
     """Geometric mean of H1 and H2, with the phase they share."""
     direction = _ratio(spectra.cross, np.abs(spectra.cross))
-    return np.asarray(direction * np.sqrt(np.abs(_ratio(spectra.response, spectra.force))))
+    return np.asarray(direction * np.sqrt(_ratio(spectra.response, spectra.force)))
 
 
-def _ratio(above: NDArray[Any], below: NDArray[Any]) -> NDArray[np.complex128]:
-    ratio = np.divide(above, below, out=np.zeros(above.shape, complex), where=np.abs(below) > 0)
-    return np.asarray(ratio)
+def _ratio(above: NDArray[Any], below: NDArray[Any]) -> NDArray[Any]:
+    zero = np.zeros(above.shape, np.result_type(above, below))
+    return np.asarray(np.divide(above, below, out=zero, where=np.abs(below) > 0))
 
 
 ESTIMATORS: dict[str, Callable[[Spectra], NDArray[np.complex128]]] = {

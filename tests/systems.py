@@ -1,11 +1,24 @@
-"""Systems with exactly known modes, as frequency responses."""
+"""Systems with exactly known modes, as frequency responses and as recordings."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from ema.frf import FRF
 from ema.modes import synthesise
+from ema.recording import (
+    ACCELERATION,
+    FORCE,
+    Campaign,
+    Channel,
+    Processing,
+    Recording,
+    Response,
+    Run,
+)
 
 TABLE_3_HZ = np.array([78.73, 100.31, 121.40, 145.45, 170.78, 196.52, 224.40])
 TABLE_3_DAMPING = np.array([0.039, 0.033, 0.024, 0.022, 0.021, 0.020, 0.018])
@@ -14,10 +27,94 @@ BEYOND_DAMPING = np.full(4, 0.018)
 MASS_KG = 4.0
 
 
+@dataclass(frozen=True, eq=False)
+class Lumped:
+    """Masses, dampers and springs with printed answers, and a grid of lines that shows them."""
+
+    mass: np.ndarray
+    damping: np.ndarray
+    stiffness: np.ndarray
+    printed_hz: tuple[float, ...]
+    printed_damping: tuple[float, ...]
+    digits_hz: float
+    digits_damping: float
+    frequency_hz: np.ndarray
+    band_hz: tuple[float, float]
+
+    @property
+    def poles(self):
+        """Eigenvalues of the state matrix in the upper half plane, ascending."""
+        n = len(self.mass)
+        inverse = np.linalg.inv(self.mass)
+        state = np.block(
+            [[np.zeros((n, n)), np.eye(n)], [-inverse @ self.stiffness, -inverse @ self.damping]]
+        )
+        values = np.linalg.eigvals(state)
+        values = values[values.imag > 0]
+        return values[np.argsort(np.abs(values))]
+
+    def inertance(self, frequency_hz):
+        """−ω² (K + jωC − ω²M)⁻¹, the force on the first mass."""
+        omega = 2 * np.pi * np.asarray(frequency_hz)[:, None, None]
+        dynamic = self.stiffness + 1j * omega * self.damping - omega**2 * self.mass
+        return (-(omega**2) * np.linalg.inv(dynamic))[:, :, 0].T
+
+    def frf(self):
+        return noise_free_frf(self.frequency_hz, self.inertance(self.frequency_hz))
+
+
+_COUPLED = np.array([[2.0, -1.0], [-1.0, 2.0]])
+THREE_MASSES = Lumped(
+    mass=np.eye(3),
+    damping=40 * np.eye(3),
+    stiffness=np.array([[237315.0, -161e3, 0], [-161e3, 398315.0, -161e3], [0, -161e3, 398315.0]]),
+    printed_hz=(52.3528, 90.9642, 123.1862),
+    printed_damping=(0.060801, 0.034993, 0.025840),
+    digits_hz=0.5e-4,
+    digits_damping=0.5e-6,
+    frequency_hz=np.arange(1, 800) / 4,
+    band_hz=(20.0, 180.0),
+)
+TWO_MASSES = Lumped(
+    mass=np.diag([1, 0.1]),
+    damping=0.1 * _COUPLED,
+    stiffness=400 * _COUPLED,
+    printed_hz=(3.84695, 14.42593),
+    printed_damping=(0.0030214, 0.0113301),
+    digits_hz=0.5e-5,
+    digits_damping=0.5e-7,
+    frequency_hz=np.arange(1, 8000) / 200,
+    band_hz=(1.0, 30.0),
+)
+
+
+def noise_free_frf(frequency_hz, values, **changes):
+    """FRFs at numbered nodes of any structure; nothing is known about their noise."""
+    unknown = np.full(values.shape, np.nan)
+    parts = {
+        "frequency_hz": frequency_hz,
+        "values": values,
+        "coherence": unknown,
+        "std": unknown,
+        "node": np.arange(1, len(values) + 1),
+        "position_deg": np.full(len(values), np.nan),
+        "run": ("run",) * len(values),
+    }
+    return FRF(**(parts | changes))
+
+
 def pole(frequency_hz, damping_ratio):
     omega = 2 * np.pi * np.asarray(frequency_hz)
     zeta = np.asarray(damping_ratio)
     return omega * (-zeta + 1j * np.sqrt(1 - zeta**2))
+
+
+def frequency_hz_of(poles):
+    return np.abs(poles) / (2 * np.pi)
+
+
+def damping_of(poles):
+    return -np.real(poles) / np.abs(poles)
 
 
 def residue(poles, mass_kg=MASS_KG):
@@ -29,29 +126,27 @@ def table_3_poles():
     return pole(np.r_[TABLE_3_HZ, BEYOND_HZ], np.r_[TABLE_3_DAMPING, BEYOND_DAMPING])
 
 
-def tyre_frf(
-    snr_db=np.inf,
-    averages=100,
-    seed=0,
-    positions=72,
-    frequency_hz=None,
-    poles=None,
-    orders=None,
-    split_percent=0.0,
-    orientation=0.5,
-):
+def tyre_residues(position_deg, poles=None):
+    """Residues of orders 1, 2 … for a force at 0°, (n_positions, n_modes)."""
+    poles = table_3_poles() if poles is None else poles
+    orders = np.arange(1, len(poles) + 1)
+    return np.cos(np.outer(np.deg2rad(position_deg), orders)) * residue(poles)
+
+
+def inertance(frequency_hz, poles, residues):
+    """Inertances of a modal sum without residual terms."""
+    zero = np.zeros(len(residues))
+    return synthesise(np.asarray(frequency_hz), poles, residues, zero, zero)
+
+
+def tyre_frf(snr_db=np.inf, averages=100, seed=0, positions=72, frequency_hz=None):
     """FRFs of the paper's Table 3 at equidistant points, orders 8 … 11 outside the band.
 
     Noise is white over the lines, equal for all sensors, and known: `std` is exact.
     """
     frequency_hz = np.arange(1, 4 * 400) / 4 if frequency_hz is None else frequency_hz
-    poles = table_3_poles() if poles is None else poles
-    orders = np.arange(1, len(poles) + 1) if orders is None else orders
-    angles = 2 * np.pi * np.arange(positions) / positions
-    shapes = np.cos(np.outer(angles, orders))
-    residues = shapes * residue(poles)
-    zero = np.zeros(positions)
-    clean = synthesise(frequency_hz, poles, residues, zero, zero)
+    position_deg = np.arange(positions) * 360 / positions
+    clean = inertance(frequency_hz, table_3_poles(), tyre_residues(position_deg))
     rng = np.random.default_rng(seed)
     band = (frequency_hz > 20) & (frequency_hz < 260)
     level = np.sqrt(np.mean(np.abs(clean[:, band]) ** 2)) * 10 ** (-snr_db / 20)
@@ -64,6 +159,51 @@ def tyre_frf(
         coherence=coherence,
         std=std,
         node=np.arange(positions),
-        position_deg=np.rad2deg(angles),
+        position_deg=position_deg,
         run=("run",) * positions,
     )
+
+
+def white(n_samples, seed, n_rows=None):
+    """White noise of variance 1."""
+    shape = n_samples if n_rows is None else (n_rows, n_samples)
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+def responses_to(force, rate_hz, poles, residues):
+    """Accelerations that answer a force, one row per row of `residues`; the force is periodic."""
+    lines_hz = np.fft.rfftfreq(force.size, 1 / rate_hz)
+    spectrum = np.fft.rfft(force)
+    return np.fft.irfft(inertance(lines_hz, poles, residues) * spectrum, force.size)
+
+
+def run_of(
+    force,
+    responses,
+    rate_hz=1000.0,
+    *,
+    name="run_1.uff",
+    position_deg=None,
+    node=None,
+    reference=None,
+):
+    """A run whose channels are in memory, in SI."""
+    sensors = [
+        Channel(f"A{row + 1:02d}", ACCELERATION, "m/s^2", samples)
+        for row, samples in enumerate(np.atleast_2d(responses))
+    ]
+    load_cell = Channel("force", FORCE, "N", np.asarray(force))
+    fixed = None if reference is None else Channel("REF", ACCELERATION, "m/s^2", reference)
+    channels = (load_cell, *sensors, *([fixed] if fixed else []))
+    angles = [None] * len(sensors) if position_deg is None else position_deg
+    nodes = range(1, len(sensors) + 1) if node is None else node
+    places = tuple(
+        Response(channel, int(number), None if angle is None else float(angle))
+        for channel, number, angle in zip(sensors, nodes, angles, strict=True)
+    )
+    return Run(name, Recording(Path(name), rate_hz, channels), load_cell, places, fixed)
+
+
+def campaign_of(*runs, **processing):
+    """A campaign of such runs; `processing` as in `Processing`."""
+    return Campaign(name="made", runs=runs, processing=Processing(**processing))
