@@ -60,3 +60,11 @@ def require_one_each(name: str, orders: NDArray[np.int_], values: NDArray[np.flo
             "each order, zero or more, may appear once",
             "Average the two members of a pair, or pick one",
         )
+
+
+def require_order_limit(highest_order: int) -> None:
+    """Refuse a highest order that is not a whole number of at least one."""
+    if int(highest_order) != highest_order or highest_order < 1:
+        raise ParameterError(
+            "highest_order", f"{highest_order}", "a whole number, one at least", "Raise it"
+        )

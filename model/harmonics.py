@@ -30,6 +30,9 @@ class Harmonics:
         Static part of M11, M22 and M12/i, N/m³.
     determinant : ndarray
         m11·m22 − c² (a_0 of eq 14), N²/m⁶, formed without the cancellation of the membrane terms.
+    inextensional : ndarray
+        n²·m11 − 2n·c + m22, N/m³: the static stiffness that is left for u_r = −u_θ' (eq 33), times
+        n². It holds no K.
     mass_per_area_kg_m2 : float
         ρh, kg/m².
     rest : Equilibrium
@@ -42,14 +45,15 @@ class Harmonics:
     m22: NDArray[Any]
     c: NDArray[Any]
     determinant: NDArray[Any]
+    inextensional: NDArray[Any]
     mass_per_area_kg_m2: float
     rest: Equilibrium
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "orders", readonly(self.orders, int))
         object.__setattr__(self, "speed_rad_s", readonly(self.speed_rad_s))
-        for name in ("m11", "m22", "c", "determinant"):
-            values = getattr(self, name)
+        for name in ("m11", "m22", "c", "determinant", "inextensional"):
+            values = np.asarray(getattr(self, name))
             object.__setattr__(self, name, readonly(values, values.dtype))
 
     @property
@@ -117,6 +121,7 @@ def harmonics(
         m22=n**2 * s + q,
         c=n * s,
         determinant=s * inextensional + p * q,
+        inextensional=inextensional,
         mass_per_area_kg_m2=ring.mass_per_area_kg_m2,
         rest=rest,
     )

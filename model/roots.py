@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.equilibrium import PressureLoad
+from model.errors import ParameterError
 from model.harmonics import Harmonics, harmonics
 from model.parameters import RingDamping, RingParameters
 
@@ -55,6 +56,49 @@ def characteristic_roots(
         size = np.abs(roots).max(axis=-1, keepdims=True)
         roots = np.where(np.abs(roots.imag) <= REAL_ROOT * size, roots.real, roots)
     return _in_table_order(roots, terms.orders)
+
+
+def eigenvector_ratios(
+    ring: RingParameters,
+    orders: ArrayLike,
+    speed_rad_s: ArrayLike = 0.0,
+    *,
+    pressure_load: PressureLoad = "dead",
+) -> NDArray[np.float64]:
+    """Ratios b_k of the eigenvectors [1, i·b_k] of eq 12, in the order k = 1…4 of Table 2.
+
+    Table 2 writes the sign out: b = B_{n,k} for the inextensional pair of n ≥ 1, −B_{n,k} for the
+    extensional one; both change sign with n (as corrected: n ≤ −1).
+
+    Parameters
+    ----------
+    ring : RingParameters
+        The ring.
+    orders, speed_rad_s : array_like
+        Orders n ≠ 0 and angular speeds Ω in rad/s, of shapes that broadcast.
+    pressure_load : {"dead", "follower"}
+        See `equilibrium`.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        NaN where the root is unstable.
+
+    Raises
+    ------
+    ParameterError
+        For order 0, whose torsion has no radial part to be scaled by.
+    """
+    terms = harmonics(ring, orders, speed_rad_s, pressure_load=pressure_load)
+    if np.any(terms.orders == 0):
+        raise ParameterError(
+            "orders", "0", "only waves (n ≠ 0) have a ratio u_θ/u_r at any speed", "Leave it out"
+        )
+    roots = characteristic_roots(ring, orders, speed_rad_s, pressure_load=pressure_load)
+    omega = np.where(roots.imag == 0, roots.real, np.nan)
+    mass, speed = terms.mass_per_area_kg_m2, terms.speed_rad_s[..., None]
+    coupling = terms.c[..., None] - 2.0 * mass * speed * omega
+    return np.asarray(coupling / (terms.m22[..., None] - mass * omega**2))
 
 
 def _polynomial(terms: Harmonics, damping: RingDamping | None) -> NDArray[Any]:
