@@ -313,7 +313,7 @@ def _shade_outside(band_hz: tuple[float, float], ax: Axes) -> None:
 def _fitted(
     frf: FRF, model: ModalModel, row: int, lines: NDArray[np.bool_]
 ) -> NDArray[np.complex128]:
-    return np.asarray(model.synthesise(frf.frequency_hz[lines])[row])
+    return np.asarray(model.synthesise(frf.frequency_hz[lines], frf.run)[row])
 
 
 def _wrapped_phase_deg(values: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from results import structure_result, tyre_result
 
+from ema.modes import Drift
 from pipelines import figures
 from pipelines.figures_style import STYLE, literal, short, sparse_labels, spread
 
@@ -141,6 +142,17 @@ def test_fitted_frf_is_the_models(tyre):
     exact = np.abs(tyre.modal_model.synthesise(fitted.get_xdata())[20])
     np.testing.assert_allclose(fitted.get_ydata(), exact)
     assert ax.get_title(loc="left") == "node 20, 100°"
+
+
+def test_fitted_frf_is_drawn_in_the_state_of_its_run(tyre):
+    drift = Drift(("config_3.uff",), [-0.5], [0.01])
+    drifted = replace(tyre.modal_model, drift=drift)
+    assert tyre.frf.run[20] == "config_3.uff"
+    ax = drawn(figures.plot_frf_magnitude, tyre.frf, drifted, 20)
+    fitted = next(line for line in ax.lines if line.get_label() == "fitted")
+    exact = np.abs(drifted.synthesise(fitted.get_xdata(), tyre.frf.run)[20])
+    np.testing.assert_allclose(fitted.get_ydata(), exact)
+    assert not np.allclose(exact, np.abs(drifted.synthesise(fitted.get_xdata())[20]), rtol=1e-3)
 
 
 def test_phase_has_no_line_across_the_picture(tyre):

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from markupsafe import escape
 from results import structure_result, tyre_result
 
-from ema.modes import ModalModel, ResidualTerms
+from ema.modes import Drift, ModalModel, ResidualTerms
 from ema.quality import EXCLUDED, Finding
 from ema.recording import Tyre
 from pipelines.report import breakable, measurement, render_report, report_sections, write_report
@@ -241,6 +241,15 @@ def test_the_verdict_on_the_reference_is_in_words(tyre, ratio, consistent, words
     check = replace(tyre.reference, ratio=ratio, consistent=consistent)
     blocks = measurement.quality(replace(tyre, reference=check)).blocks
     assert any(words in block.text for block in blocks if isinstance(block, Paragraph))
+
+
+def test_drift_is_listed_by_run(tyre):
+    drift = Drift(tyre.reference.run, [0, -0.1, -0.2, -0.3, -0.2, -0.1], [0, *[0.011] * 5])
+    drifted = replace(tyre, modal_model=replace(tyre.modal_model, drift=drift))
+    tables = [block for block in measurement.quality(drifted).blocks if isinstance(block, Table)]
+    rows = next(table.rows for table in tables if table.head == ("run", "drift / %"))
+    assert rows[0] == ("config_1.uff", "0")
+    assert rows[3] == ("config_4.uff", "−0.300 ± 0.011")
 
 
 def test_shown_frfs_are_the_drive_point_100_degrees_and_the_worst(tyre):

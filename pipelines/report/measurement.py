@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from ema.frf import FRF
+from ema.modes import Drift
 from ema.quality import OK, Finding, ReferenceCheck
 from pipelines import figures
 from pipelines.report.blocks import Beside, Block, Facts, Paragraph, Picture, Section, Table
-from pipelines.report.numbers import DASH, number, plain
+from pipelines.report.numbers import DASH, number, plain, value_with_std
 from pipelines.result import Result
 
 
@@ -38,6 +39,7 @@ def quality(result: Result) -> Section:
     blocks: list[Block] = [
         *([Beside(pictures)] if pictures else []),
         *_verdicts(result),
+        *_drift(result.modal_model.drift),
         *_findings(result.findings),
     ]
     return Section("quality", "Data quality", tuple(blocks))
@@ -195,6 +197,17 @@ def _reference_verdict(check: ReferenceCheck | None) -> Paragraph:
     if check.consistent:
         return Paragraph(f"{found}: they show one and the same tyre.", "good")
     return Paragraph(f"{found}: the tyre or the set-up changed between runs.", "warning")
+
+
+def _drift(drift: Drift) -> tuple[Table, ...]:
+    if not drift.run:
+        return ()
+    rows = tuple(
+        (run, value_with_std(float(percent), float(std), digits=2))
+        for run, percent, std in zip(drift.run, drift.percent, drift.std_percent, strict=True)
+    )
+    caption = "Drift of the natural frequencies; modes are given in the state of the first run"
+    return (Table(caption, ("run", "drift / %"), rows, words=(0,)),)
 
 
 def _findings(findings: tuple[Finding, ...]) -> list[Block]:
