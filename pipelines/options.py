@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from ema.errors import InputError
 from ema.recording import Campaign, Processing
 
 TYRE_BAND_HZ = (20.0, 260.0)
@@ -44,9 +45,29 @@ def processing_in_force(campaign: Campaign, chosen: Processing) -> Processing:
     """Combine the manifest's processing with what was chosen on top of it.
 
     Averages and block length exclude each other: choosing one drops the manifest's other.
+
+    Raises
+    ------
+    InputError
+        If both are chosen, or the band is none.
     """
+    if chosen.averages is not None and chosen.block_seconds is not None:
+        raise InputError(
+            "processing",
+            f"averages {chosen.averages} and block_seconds {chosen.block_seconds:g}",
+            "each sets the length of the blocks",
+            "Leave one of them out",
+        )
+    if chosen.band_hz is not None and not 0 <= chosen.band_hz[0] < chosen.band_hz[1]:
+        raise InputError(
+            "band_hz",
+            f"{chosen.band_hz[0]:g} to {chosen.band_hz[1]:g} Hz",
+            "a band runs from a lower to a higher frequency",
+            "Correct the limits",
+        )
     manifest = campaign.processing
-    lengths = chosen if chosen.averages or chosen.block_seconds else manifest
+    own = chosen.averages is not None or chosen.block_seconds is not None
+    lengths = chosen if own else manifest
     return Processing(
         averages=lengths.averages,
         block_seconds=lengths.block_seconds,

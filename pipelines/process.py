@@ -62,12 +62,12 @@ def process(
     with watch.stage("frf", "Estimating FRFs"):
         frf = ema.estimate_frf(campaign, processing, estimator=options.estimator)
         band_hz = processing.band_hz or _default_band(campaign, frf)
-        reference = None if frf.reference is None else check_reference(frf.reference, band_hz)
     with watch.stage("poles", "Finding poles"):
         diagram = ema.build_stability(frf, band_hz, max_order=options.max_order)
         poles = ema.select_poles(diagram, options.pinned_hz or None)
     with watch.stage("modes", "Fitting modes"):
         modal_model = ema.fit_modes(frf, poles)
+    reference = None if frf.reference is None else check_reference(frf.reference, band_hz)
     findings = [
         *campaign.findings,
         *averages_finding(frf),
