@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ema._arrays import readonly
 from ema.drift import align_runs
-from ema.errors import FitError
+from ema.errors import FitError, InputError
 from ema.frf import FRF
 from ema.interpretation import interpret
 from ema.lsce import (
@@ -21,6 +21,7 @@ from ema.lsce import (
     useful_length,
 )
 from ema.mac import mac
+from ema.plscf import line_weight, reduced_normal_matrix
 
 STABLE_FREQUENCY = 0.01
 STABLE_DAMPING = 0.05
@@ -76,7 +77,7 @@ class StabilityDiagram:
     band_hz : tuple of float
         Band in which modes are sought.
     model_order : ndarray of int, shape (n_poles,)
-        LSCE model order each pole comes from.
+        Model order each pole comes from.
     poles : ndarray of complex, shape (n_poles,)
         Poles in rad/s, upper half plane.
     stable_frequency, stable_damping : ndarray of bool, shape (n_poles,)
@@ -166,6 +167,7 @@ def build_stability(
     *,
     max_order: int = 60,
     max_damping: float = 0.2,
+    method: str = "lsce",
 ) -> StabilityDiagram:
     """Poles of all model orders, matched from order to order, clustered and judged.
 
@@ -179,6 +181,9 @@ def build_stability(
         Highest model order: the number of poles in the band.
     max_damping : float
         Poles with a larger damping ratio are not taken for modes.
+    method : {"lsce", "plscf"}
+        Least-squares complex exponentials from impulse responses, or polyreference least-squares
+        complex frequency from the FRFs, weighted with their noise.
 
     Returns
     -------
@@ -186,9 +191,15 @@ def build_stability(
 
     Raises
     ------
+    InputError
+        If there is no such method.
     FitError
         Where the band holds too few lines.
     """
+    if method not in METHODS:
+        raise InputError(
+            "poles", f"method {method!r}", f"known are {', '.join(METHODS)}", "Choose one"
+        )
     lines = widened_band(frf, band_hz)
     frequency_hz, values = frf.frequency_hz[lines], align_runs(frf, lines)
     responses, step_s = impulse_responses(frequency_hz, values)
@@ -196,7 +207,8 @@ def build_stability(
     length = useful_length(responses, shortest=3 * max_order)
     # The first sample holds the direct part of an inertance and the residual terms.
     piece = responses[:, 1:length]
-    found = _poles_of_all_orders(piece, max_order, step_s, frequency_hz[0], max_damping)
+    matrix = METHODS[method](piece, values, frf.std[:, lines], max_order)
+    found = _poles_of_all_orders(matrix, piece, step_s, frequency_hz[0], max_damping)
     label, verdicts = interpret(
         found.model_order, found.poles, found.shapes, found.step_total, max_order
     )
@@ -281,17 +293,39 @@ def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:
     return slice(start, stop)
 
 
-def _poles_of_all_orders(
+def _lsce(
     piece: NDArray[np.complex128],
+    values: NDArray[np.complex128],
+    std: NDArray[np.float64],
     max_order: int,
+) -> NDArray[np.complex128]:
+    return normal_matrix(piece, max_order)
+
+
+def _plscf(
+    piece: NDArray[np.complex128],
+    values: NDArray[np.complex128],
+    std: NDArray[np.float64],
+    max_order: int,
+) -> NDArray[np.complex128]:
+    return reduced_normal_matrix(values, max_order, line_weight(std))
+
+
+#: Normal matrix whose leading blocks give the poles of every order, from (impulse responses,
+#: FRFs, their σ, highest order).
+METHODS: dict[str, Callable[..., NDArray[np.complex128]]] = {"lsce": _lsce, "plscf": _plscf}
+
+
+def _poles_of_all_orders(
+    matrix: NDArray[np.complex128],
+    piece: NDArray[np.complex128],
     step_s: float,
     lowest_hz: float,
     max_damping: float,
 ) -> _Found:
-    matrix = normal_matrix(piece, max_order)
     rows: list[tuple[NDArray[np.generic], ...]] = []
     previous = np.zeros(0, dtype=complex), np.zeros((0, piece.shape[0]), dtype=complex)
-    for order in range(2, max_order + 1):
+    for order in range(2, len(matrix)):
         poles = poles_of_order(matrix, order, step_s, lowest_hz)
         damping = -poles.real / np.abs(poles)
         poles = poles[(damping > 0) & (damping < max_damping) & (poles.imag > 0)]
