@@ -3,6 +3,7 @@
 from ema.curve_fit import fit_modes
 from ema.errors import DataQualityWarning, FitError, InputError
 from ema.frf import FRF, estimate_frf
+from ema.identify import Identification, SensorMass, identify_modes
 from ema.io.campaign import read_campaign
 from ema.modes import ModalModel, Mode
 from ema.recording import Campaign, Processing
@@ -13,14 +14,17 @@ __all__ = [
     "Campaign",
     "DataQualityWarning",
     "FitError",
+    "Identification",
     "InputError",
     "ModalModel",
     "Mode",
     "Processing",
+    "SensorMass",
     "StabilityDiagram",
     "build_stability",
     "estimate_frf",
     "fit_modes",
+    "identify_modes",
     "read_campaign",
     "select_poles",
 ]

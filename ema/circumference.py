@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.modes import Mode
+
+# Condition number of the least-squares problem above which orders get mixed up.
+_WELL_CONDITIONED = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,15 +64,21 @@ def order_content(shape: NDArray[np.complex128], position_deg: NDArray[np.float6
     return OrderContent(cosine, sine)
 
 
-def highest_order(position_deg: NDArray[np.float64]) -> int:
-    """Highest order that the positions can tell from lower ones.
+@cache
+def _highest_order(position_deg: tuple[float, ...]) -> int:
+    angles = np.array(position_deg)
+    for highest in range((angles.size - 1) // 2, 0, -1):
+        if np.linalg.cond(circle_basis(angles, highest)) < _WELL_CONDITIONED:
+            return highest
+    return 0
 
-    The widest gap between neighbours must hold less than half a wave, and there must be more
-    positions than unknowns.
+
+def highest_order(position_deg: NDArray[np.float64]) -> int:
+    """Highest order up to which the positions can tell all orders from each other.
+
+    35 for 72 equidistant positions; fewer where positions are missing.
     """
-    turned = np.sort(np.mod(position_deg, 360))
-    gap = float(np.max(np.diff(np.append(turned, turned[0] + 360))))
-    return int(max(min((turned.size - 1) // 2, np.ceil(180 / gap) - 1), 0))
+    return _highest_order(tuple(float(angle) for angle in position_deg))
 
 
 def circle_basis(position_deg: NDArray[np.float64], highest: int) -> NDArray[np.float64]:

@@ -19,6 +19,7 @@ from ema.frf import FRF
 from ema.leakage import leakage_bias
 from ema.mac import frac
 from ema.modes import NO_DRIFT, Drift, ModalModel, Mode, ResidualTerms
+from ema.noise import noise_level
 from ema.pole_fit import Lines, PoleFit, evaluate, fit_poles
 from ema.stability import PoleSelection, widened_band
 
@@ -29,8 +30,6 @@ _DAMPING_REACH = 4.0  # factor
 # cost 0.6 % of damping in the lowest mode of a tyre.
 _STAND_IN_START, _STAND_IN_REACH = 1.05, (1.005, 1.25)
 _STAND_IN_DAMPING = 0.02
-# Lines over which the noise level is smoothed: σ of one line is itself uncertain.
-_SMOOTHING_LINES = 21
 # A correction for random excitation that fits worse than this shows that it was not random.
 _WORSE = 1.05
 # A drift is taken for real when chance would show it once in 10 000 campaigns.
@@ -78,7 +77,7 @@ def fit_modes(
 def lines_to_fit(frf: FRF, band_hz: tuple[float, float]) -> Lines:
     """Lines of the band and a margin, with weights from their noise."""
     chosen = widened_band(frf, band_hz)
-    level = _noise_level(frf, chosen)
+    level = noise_level(frf, chosen)
     common = np.exp(np.mean(np.log(level), axis=0))
     own = np.exp(np.mean(np.log(level / common), axis=1))
     names = frf.run_names
@@ -122,22 +121,6 @@ def _drift_start(
         return None
     drift, chance = drift_in_one_step(fit_bounded(lines, start), line_correlation(frf.blocks))
     return drift if chance < _DRIFT_CHANCE else None
-
-
-def _noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
-    """Standard deviation to weigh each line with, smoothed, (n_positions, n_frequencies).
-
-    Where it is unknown, lines are taken as equally good relative to the FRFs around them.
-    """
-    from scipy.ndimage import uniform_filter1d
-
-    values = frf.values[:, lines]
-    known = np.all(np.isfinite(frf.std[:, lines]))
-    relative = np.broadcast_to(np.mean(np.abs(values) ** 2, axis=0), values.shape)
-    power = frf.std[:, lines] ** 2 if known else relative
-    smooth = uniform_filter1d(power, _SMOOTHING_LINES, axis=1, mode="nearest")
-    floor = 1e-12 * np.max(np.abs(values)) ** 2
-    return np.asarray(np.sqrt(np.maximum(smooth, max(floor, np.finfo(float).tiny))))
 
 
 def _starting_poles(

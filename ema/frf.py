@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,8 @@ class FRF:
         Independent averages; NaN where unknown.
     reference : FRF or None
         The fixed reference sensor, one row per run.
+    clipped, force_clipped : ndarray, shape (n_positions,)
+        Share of samples of the sensor and of its run's force that sit on the signal's extremes.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -58,6 +60,8 @@ class FRF:
     blocks: BlockPlan | None = None
     n_effective: float = float("nan")
     reference: FRF | None = None
+    clipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    force_clipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         for name, dtype in (
@@ -67,10 +71,15 @@ class FRF:
             ("std", float),
             ("node", int),
             ("position_deg", float),
+            ("clipped", float),
+            ("force_clipped", float),
         ):
             object.__setattr__(self, name, readonly(getattr(self, name), dtype))
         if not self.channel:
             object.__setattr__(self, "channel", ("",) * self.n_positions)
+        for name in ("clipped", "force_clipped"):
+            if not getattr(self, name).size:
+                object.__setattr__(self, name, readonly(np.zeros(self.n_positions)))
 
     @property
     def n_positions(self) -> int:
@@ -94,6 +103,8 @@ class FRF:
             position_deg=self.position_deg[chosen],
             run=tuple(np.asarray(self.run, dtype=object)[chosen]),
             channel=tuple(np.asarray(self.channel, dtype=object)[chosen]),
+            clipped=self.clipped[chosen],
+            force_clipped=self.force_clipped[chosen],
         )
 
 
@@ -240,6 +251,8 @@ def _as_frf(
         channel=tuple(channel),
         blocks=plan,
         n_effective=float(np.min(spectra.n_effective)),
+        clipped=spectra.clipped,
+        force_clipped=spectra.force_clipped,
     )
 
 

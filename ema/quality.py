@@ -116,19 +116,24 @@ def coherence_findings(frf: FRF, band_hz: tuple[float, float]) -> list[Finding]:
     for row, median in enumerate(np.median(frf.coherence[:, lines], axis=1)):
         if np.isnan(median):
             continue
-        angle = frf.position_deg[row]
-        findings.append(
-            Finding(
-                run=frf.run[row],
-                channel=frf.channel[row],
-                position_deg=float(angle) if np.isfinite(angle) else None,
-                check="coherence",
-                verdict=OK if median >= _POOR_COHERENCE else WARNING,
-                detail=f"median coherence {median:.3f} between {band_hz[0]:g} and {band_hz[1]:g} Hz"
-                + ("" if median >= _POOR_COHERENCE else f", below {_POOR_COHERENCE:g}"),
-            )
-        )
+        poor = median < _POOR_COHERENCE
+        detail = f"median coherence {median:.3f} between {band_hz[0]:g} and {band_hz[1]:g} Hz"
+        detail += f", below {_POOR_COHERENCE:g}" if poor else ""
+        findings.append(position_finding(frf, row, "coherence", WARNING if poor else OK, detail))
     return findings
+
+
+def position_finding(frf: FRF, row: int, check: str, verdict: str, detail: str) -> Finding:
+    """Finding about one row of some FRFs."""
+    angle = frf.position_deg[row]
+    return Finding(
+        run=frf.run[row],
+        channel=frf.channel[row],
+        position_deg=float(angle) if np.isfinite(angle) else None,
+        check=check,
+        verdict=verdict,
+        detail=detail,
+    )
 
 
 def averages_finding(frf: FRF) -> list[Finding]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -26,18 +26,20 @@ class Spectra:
         Cross spectra X F* of responses and force.
     n_effective : ndarray, shape (n_rows,)
         Independent averages.
+    clipped, force_clipped : ndarray, shape (n_rows,)
+        Share of samples of response and force that sit on the extremes of their block.
     """
 
     force: NDArray[np.float64]
     response: NDArray[np.float64]
     cross: NDArray[np.complex128]
     n_effective: NDArray[np.float64]
+    clipped: NDArray[np.float64]
+    force_clipped: NDArray[np.float64]
 
     def rows(self, chosen: slice) -> Spectra:
         """Keep the chosen rows only."""
-        return Spectra(
-            self.force[chosen], self.response[chosen], self.cross[chosen], self.n_effective[chosen]
-        )
+        return Spectra(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
@@ -62,8 +64,10 @@ def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
     force = np.zeros(plan.frequency_hz.size)
     response = np.zeros((len(sensors), force.size))
     cross = np.zeros(response.shape, dtype=complex)
+    clipped = np.zeros(len(channels))
     for start in plan.starts:
         block = np.stack([c.block(start, start + plan.block_samples) for c in channels])
+        clipped += _on_extremes(block)
         block -= block.mean(axis=1, keepdims=True)
         spectrum = rfft(block * plan.taper, axis=1)[:, lines]
         force += np.abs(spectrum[0]) ** 2
@@ -74,7 +78,16 @@ def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
         response,
         cross,
         np.full(len(sensors), plan.n_effective),
+        clipped[1:] / plan.n_blocks,
+        np.full(len(sensors), clipped[0] / plan.n_blocks),
     )
+
+
+def _on_extremes(block: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share of samples equal to a block's largest or smallest; one of each is no clipping."""
+    high, low = block.max(axis=1, keepdims=True), block.min(axis=1, keepdims=True)
+    count = np.count_nonzero((block == high) | (block == low), axis=1) - 2
+    return np.asarray(np.maximum(count, 0) / block.shape[1])
 
 
 def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spectra:
@@ -95,4 +108,10 @@ def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spec
         np.add.at(total, place, rows)
         return total
 
-    return Spectra(*(add(name) for name in ("force", "response", "cross", "n_effective")))
+    def largest(name: str) -> NDArray[Any]:
+        worst = np.zeros(n_places)
+        np.maximum.at(worst, place, np.concatenate([getattr(part, name) for part in parts]))
+        return worst
+
+    sums = (add(name) for name in ("force", "response", "cross", "n_effective"))
+    return Spectra(*sums, *(largest(name) for name in ("clipped", "force_clipped")))

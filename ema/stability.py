@@ -21,6 +21,7 @@ from ema.lsce import (
     useful_length,
 )
 from ema.mac import mac
+from ema.noise import without_spikes
 from ema.plscf import line_weight, reduced_normal_matrix
 
 STABLE_FREQUENCY = 0.01
@@ -202,6 +203,7 @@ def build_stability(
         )
     lines = widened_band(frf, band_hz)
     frequency_hz, values = frf.frequency_hz[lines], align_runs(frf, lines)
+    values = without_spikes(frf, lines, values)
     responses, step_s = impulse_responses(frequency_hz, values)
     max_order = max(min(max_order, responses.shape[1] // 4), 2)
     length = useful_length(responses, shortest=3 * max_order)
@@ -247,13 +249,14 @@ def select_poles(
     Raises
     ------
     FitError
-        Where nothing was found, or nothing within 5 % of a pinned frequency.
+        Where nothing was found, nothing within 5 % of a pinned frequency, or one pole for two.
     """
     kept = [cluster for cluster in diagram.clusters if cluster.kept]
     if pinned_hz is not None:
         low, high = diagram.band_hz
+        chosen = _pinned_poles(diagram, pinned_hz)
         guards = [c.pole for c in kept if not low <= c.frequency_hz <= high]
-        chosen = [_pinned_pole(diagram, wanted) for wanted in pinned_hz] + guards
+        chosen += [pole for pole in guards if pole not in chosen]
     else:
         chosen = [cluster.pole for cluster in kept]
     if not chosen:
@@ -278,8 +281,8 @@ def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:
     high = int(np.searchsorted(frequency_hz, band_hz[1], side="right"))
     if high - low < _FEWEST_LINES:
         raise FitError(
-            f"only {high - low} frequency lines between {band_hz[0]:g} and {band_hz[1]:g} Hz; "
-            f"at least {_FEWEST_LINES} are needed. Widen the band or use longer blocks."
+            f"only {max(high - low, 0)} frequency lines between {band_hz[0]:g} and "
+            f"{band_hz[1]:g} Hz; at least {_FEWEST_LINES} are needed. Widen the band or use longer blocks."
         )
     margin = int(_MARGIN * (high - low))
     # FRFs without σ get no verdict on their noise: the margin stays whole.
@@ -364,8 +367,24 @@ def _steps(
     return frequency, damping, total
 
 
+def _pinned_poles(diagram: StabilityDiagram, pinned_hz: Sequence[float]) -> list[complex]:
+    """One pole for each frequency; the same pole twice would leave the curve fit without answer."""
+    wanted_at: dict[complex, float] = {}
+    for wanted in pinned_hz:
+        pole = _pinned_pole(diagram, wanted)
+        if pole in wanted_at:
+            raise FitError(
+                f"the pinned {wanted_at[pole]:g} and {wanted:g} Hz lead to the same pole at "
+                f"{abs(pole) / (2 * np.pi):.2f} Hz. Leave one of them out."
+            )
+        wanted_at[pole] = wanted
+    return list(wanted_at)
+
+
 def _pinned_pole(diagram: StabilityDiagram, wanted_hz: float) -> complex:
     """Pole of the largest cluster within 5 % of a frequency, or of the nearest single pole."""
+    if not wanted_hz > 0:
+        raise FitError(f"the pinned {wanted_hz:g} Hz is no frequency. Correct it or leave it out.")
     near = [c for c in diagram.clusters if abs(c.frequency_hz / wanted_hz - 1) < _PIN_REACH / 5]
     if near:
         return max(near, key=lambda cluster: cluster.size).pole

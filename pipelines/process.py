@@ -12,6 +12,8 @@ import ema
 import model
 from ema.errors import InputError
 from ema.frf import FRF
+from ema.identify import SensorMass
+from ema.mass_loading import sensors_of_runs
 from ema.modes import ModalModel
 from ema.quality import (
     averages_finding,
@@ -60,25 +62,30 @@ def process(
         _require_ring_data(campaign, options)
     processing = processing_in_force(campaign, options.processing)
     with watch.stage("frf", "Estimating FRFs"):
-        frf = ema.estimate_frf(campaign, processing, estimator=options.estimator)
-        band_hz = processing.band_hz or _default_band(campaign, frf)
-    with watch.stage("poles", "Finding poles"):
-        diagram = ema.build_stability(frf, band_hz, max_order=options.max_order)
-        poles = ema.select_poles(diagram, options.pinned_hz or None)
-    with watch.stage("modes", "Fitting modes"):
-        modal_model = ema.fit_modes(frf, poles)
+        estimated = ema.estimate_frf(campaign, processing, estimator=options.estimator)
+        band_hz = processing.band_hz or _default_band(campaign, estimated)
+    with watch.stage("modes", "Identifying modes"):
+        found = ema.identify_modes(
+            estimated,
+            band_hz,
+            pinned_hz=options.pinned_hz or None,
+            sensor_mass=_sensor_mass(campaign),
+            max_order=options.max_order,
+        )
+    frf, modal_model = found.frf, found.model
     reference = None if frf.reference is None else check_reference(frf.reference, band_hz)
     findings = [
         *campaign.findings,
-        *averages_finding(frf),
-        *coherence_findings(frf, band_hz),
+        *averages_finding(estimated),
+        *coherence_findings(estimated, band_hz),
+        *found.findings,
         *([reference_finding(reference)] if reference else []),
     ]
     measured = Result(
         name=campaign.name,
         tyre=campaign.tyre,
         frf=frf,
-        diagram=diagram,
+        diagram=found.diagram,
         modal_model=modal_model,
         reference=reference,
         tuning=None,
@@ -142,6 +149,14 @@ def _require_ring_data(campaign: Campaign, options: Options) -> None:
                 "without it no ring parameters can be determined",
                 f"Add {name} = …, or stop at the modes with --no-tune",
             )
+
+
+def _sensor_mass(campaign: Campaign) -> SensorMass | None:
+    if campaign.sensor_mass_kg is None or not campaign.has_circle:
+        return None
+    return SensorMass(
+        campaign.sensor_mass_kg, sensors_of_runs(campaign), campaign.excitation_deg or 0.0
+    )
 
 
 def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:

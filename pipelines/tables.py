@@ -119,8 +119,8 @@ def frf_columns(frf: FRF) -> dict[str, NDArray[Any]]:
         "frequency_hz": np.tile(frf.frequency_hz, frf.n_positions),
         "real": frf.values.real.ravel(),
         "imag": frf.values.imag.ravel(),
-        "coherence": frf.coherence.ravel(),
-        "std": frf.std.ravel(),
+        "coherence": frf.coherence.ravel().astype(np.float32),
+        "std": frf.std.ravel().astype(np.float32),
     }
 
 

@@ -1,0 +1,180 @@
+"""Sensors that contradict the modes all others agree on: flipped, wrongly scaled, swapped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.circumference import circle_basis
+from ema.frf import FRF
+from ema.modes import ModalModel, Mode
+from ema.quality import EXCLUDED, WARNING, Finding, position_finding
+
+# Shapes of the ring's modes that the check rests on.
+_PURE = 0.5
+_FEWEST_MODES = 2
+# What a sensor may deviate from the shapes, as a share of them, before it is looked at …
+_TOLERANCE = 0.25
+# … and, beyond its own noise, in standard deviations.
+_SIGNIFICANT = 5.0
+# A gain between these is how sensors are; farther off it is a wrong sensitivity.
+_GAIN = (0.8, 1.25)
+_ROUNDS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class _Shapes:
+    """Measured and expected residues of the ring's modes, each mode scaled to RMS 1.
+
+    Parameters
+    ----------
+    measured, expected : ndarray of complex, shape (n_positions, n_modes)
+    noise : ndarray, shape (n_positions,)
+        RMS standard deviation over the modes.
+    """
+
+    measured: NDArray[np.complex128]
+    expected: NDArray[np.complex128]
+    noise: NDArray[np.float64]
+
+    def gain(self, row: int, as_if: int) -> float:
+        """Factor of the measured shape of a row over what is expected at row `as_if`."""
+        expected = self.expected[as_if]
+        power = float(np.sum(np.abs(expected) ** 2))
+        return float(np.real(np.vdot(expected, self.measured[row]))) / power if power else 0.0
+
+    def mismatch(self, row: int, as_if: int, gain: float) -> float:
+        """What a gain leaves unexplained, as a share of the expected shape."""
+        left = self.measured[row] - gain * self.expected[as_if]
+        size = np.linalg.norm(gain * self.expected[as_if])
+        return float(np.linalg.norm(left) / size) if size else np.inf
+
+    def limit(self, as_if: int, gain: float) -> float:
+        """Largest mismatch that a healthy sensor shows there."""
+        size = abs(gain) * np.linalg.norm(self.expected[as_if])
+        noise = self.noise[as_if] * np.sqrt(2 * self.expected.shape[1])
+        return float(_TOLERANCE + _SIGNIFICANT * noise / size) if size else np.inf
+
+
+def check_consistency(frf: FRF, model: ModalModel) -> tuple[FRF, list[Finding]]:
+    """Compare every sensor with the shapes that all sensors together show.
+
+    Each mode of the ring is cos n(θ − θ_n) all around; fitted robustly, the few sensors that
+    disagree stand out by the gain and the mismatch over all modes. A flipped or wrongly scaled
+    sensor and two swapped ones are corrected, what else contradicts the modes is left out.
+
+    Parameters
+    ----------
+    frf : FRF
+        Of a closed circle of positions.
+    model : ModalModel
+        Modes fitted to these FRFs.
+
+    Returns
+    -------
+    corrected : FRF
+    findings : list of Finding
+        One for every sensor that was corrected or left out.
+    """
+    modes = [m for m in model.modes if m.order is not None and m.order_purity > _PURE]
+    if len(modes) < _FEWEST_MODES:
+        return frf, []
+    shapes = _shapes(modes, frf.position_deg)
+    factor = np.ones(frf.n_positions)
+    source = np.arange(frf.n_positions)
+    findings: dict[int, Finding] = {}
+    suspects = []
+    for row in range(frf.n_positions):
+        gain = shapes.gain(row, row)
+        if shapes.mismatch(row, row, gain) > shapes.limit(row, gain):
+            suspects.append(row)
+        elif gain < 0 or not _GAIN[0] <= gain <= _GAIN[1]:
+            factor[row] = _sensible_factor(gain)
+            findings[row] = position_finding(frf, row, *_gain_finding(gain))
+    for first, second in _swapped(frf, shapes, suspects):
+        source[[first, second]] = second, first
+        for row, other in ((first, second), (second, first)):
+            text = f"swapped with {frf.channel[other]}; both were put right"
+            findings[row] = position_finding(frf, row, "swapped", WARNING, text)
+    lost = [row for row in suspects if row not in findings]
+    for row in lost:
+        share = shapes.mismatch(row, row, shapes.gain(row, row))
+        text = f"contradicts the modes of all other sensors by {100 * min(share, 9.99):.0f} %"
+        findings[row] = position_finding(frf, row, "inconsistent", EXCLUDED, text)
+    corrected = _corrected(frf, factor, source)
+    kept = np.setdiff1d(np.arange(frf.n_positions), lost)
+    return corrected.rows(kept), [findings[row] for row in sorted(findings)]
+
+
+def _shapes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> _Shapes:
+    measured, expected, noise = [], [], []
+    for mode in modes:
+        basis = circle_basis(position_deg, mode.order or 0)
+        own = basis[:, :1] if not mode.order else basis[:, -2:]
+        fitted = own @ _robust(own, mode.residues)
+        size = np.sqrt(np.mean(np.abs(fitted) ** 2))
+        measured.append(mode.residues / size)
+        expected.append(fitted / size)
+        noise.append(mode.residues_std / size)
+    spread = np.sqrt(np.mean(np.square(noise), axis=0))
+    return _Shapes(np.array(measured).T, np.array(expected).T, spread)
+
+
+def _robust(basis: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Least absolute deviations, by reweighting: a minority of wrong sensors has no say."""
+    weight = np.ones(values.size)
+    amplitude = np.zeros(basis.shape[1], dtype=complex)
+    for _ in range(_ROUNDS):
+        root = np.sqrt(weight)[:, None]
+        amplitude = np.linalg.lstsq(root * basis, root[:, 0] * values, rcond=None)[0]
+        left = np.abs(values - basis @ amplitude)
+        weight = 1 / np.maximum(left, 1e-3 * np.max(np.abs(values)))
+    return amplitude
+
+
+def _sensible_factor(gain: float) -> float:
+    """What to multiply with: a flipped sensor of right sensitivity keeps its own calibration."""
+    return -1.0 if _GAIN[0] <= -gain <= _GAIN[1] else 1 / gain
+
+
+def _gain_finding(gain: float) -> tuple[str, str, str]:
+    if _GAIN[0] <= -gain <= _GAIN[1]:
+        text = f"fits the modes with a factor of {gain:.2f}: the sign was turned"
+        return "flipped", WARNING, text
+    turned = " and with the wrong sign" if gain < 0 else ""
+    text = f"reads {abs(gain):.3g} times what the modes say{turned}: divided by that"
+    return "scaled", WARNING, text
+
+
+def _swapped(frf: FRF, shapes: _Shapes, suspects: Sequence[int]) -> list[tuple[int, int]]:
+    """Pairs of one run's suspects of which each fits the other's place."""
+    pairs: list[tuple[int, int]] = []
+    taken: set[int] = set()
+    for number, first in enumerate(suspects):
+        for second in suspects[number + 1 :]:
+            if frf.run[first] != frf.run[second] or {first, second} & taken:
+                continue
+            if _fits(shapes, first, second) and _fits(shapes, second, first):
+                pairs.append((first, second))
+                taken |= {first, second}
+    return pairs
+
+
+def _fits(shapes: _Shapes, row: int, as_if: int) -> bool:
+    gain = shapes.gain(row, as_if)
+    close = shapes.mismatch(row, as_if, gain) <= shapes.limit(as_if, gain)
+    return close and _GAIN[0] <= gain <= _GAIN[1]
+
+
+def _corrected(frf: FRF, factor: NDArray[np.float64], source: NDArray[np.int_]) -> FRF:
+    moved = frf.rows(source)
+    return replace(
+        moved,
+        values=moved.values * factor[:, None],
+        std=moved.std * np.abs(factor)[:, None],
+        node=frf.node,
+        position_deg=frf.position_deg,
+    )

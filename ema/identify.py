@@ -1,0 +1,120 @@
+"""Identification as a whole: FRFs in, modes and everything found on the way out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.consistency import check_consistency
+from ema.curve_fit import fit_modes
+from ema.frf import FRF
+from ema.mass_loading import unloaded
+from ema.modes import ModalModel
+from ema.quality import Finding
+from ema.screening import screen
+from ema.stability import PoleSelection, StabilityDiagram, build_stability, select_poles
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """What `identify_modes` found.
+
+    Parameters
+    ----------
+    frf : FRF
+        The FRFs that were used: faulty channels left out or put right, sensor mass taken off.
+    diagram : StabilityDiagram
+    model : ModalModel
+    findings : tuple of Finding
+        Everything excluded, corrected or doubtful.
+    """
+
+    frf: FRF
+    diagram: StabilityDiagram
+    model: ModalModel
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SensorMass:
+    """Mass of the sensors and where they sat.
+
+    Parameters
+    ----------
+    mass_kg : float
+        Mass of one sensor.
+    sensors_deg : dict of str to ndarray
+        Angles of all sensors of each run.
+    excitation_deg : float
+        Angle of the force.
+    """
+
+    mass_kg: float
+    sensors_deg: dict[str, NDArray[np.float64]]
+    excitation_deg: float = 0.0
+
+
+def identify_modes(
+    frf: FRF,
+    band_hz: tuple[float, float] = (20.0, 260.0),
+    *,
+    pinned_hz: Sequence[float] | None = None,
+    sensor_mass: SensorMass | None = None,
+    max_order: int = 60,
+) -> Identification:
+    """Identify the modes of a band, after a look at every channel.
+
+    Screening → poles → modes → consistency of the sensors → sensor mass → poles → modes; what
+    needs no correction is done once.
+
+    Parameters
+    ----------
+    frf : FRF
+    band_hz : tuple of float
+        Band of the result.
+    pinned_hz : sequence of float, optional
+        Frequencies of the modes, instead of the automatic selection.
+    sensor_mass : SensorMass, optional
+        Corrects to the bare tyre.
+    max_order : int
+        Highest model order.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    InputError
+        If no channel is usable.
+    FitError
+        If no mode can be identified.
+    """
+    usable, findings = screen(frf, band_hz)
+    diagram, model = _once(usable, band_hz, pinned_hz, max_order)
+    if _on_circle(usable):
+        checked, contradictions = check_consistency(usable, model)
+        findings = findings + contradictions
+        if sensor_mass is not None:
+            checked = unloaded(
+                checked, sensor_mass.sensors_deg, sensor_mass.mass_kg, sensor_mass.excitation_deg
+            )
+        if contradictions or sensor_mass is not None:
+            usable = checked
+            diagram, model = _once(usable, band_hz, pinned_hz, max_order)
+    return Identification(usable, diagram, model, tuple(findings))
+
+
+def _once(
+    frf: FRF, band_hz: tuple[float, float], pinned_hz: Sequence[float] | None, max_order: int
+) -> tuple[StabilityDiagram, ModalModel]:
+    diagram = build_stability(frf, band_hz, max_order=max_order)
+    poles: PoleSelection = select_poles(diagram, pinned_hz)
+    return diagram, fit_modes(frf, poles)
+
+
+def _on_circle(frf: FRF) -> bool:
+    return bool(np.all(np.isfinite(frf.position_deg))) and frf.n_positions > 2

@@ -1,0 +1,66 @@
+"""The noise level of FRFs over frequency, and lines that stick out of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.frf import FRF
+
+# Lines over which the level is smoothed: σ of one line is itself uncertain.
+_SMOOTHING_LINES = 21
+# A line whose σ is this many times the level around it carries hum or another tone.
+_SPIKE = 3.0
+
+
+def noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
+    """Standard deviation to weigh each line with, (n_positions, n_frequencies).
+
+    Smoothed over neighbouring lines, except where a line sticks out. Where σ is unknown, lines
+    are taken as equally good relative to the FRFs around them.
+
+    Parameters
+    ----------
+    frf : FRF
+    lines : slice
+        Lines to use.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    values = frf.values[:, lines]
+    floor = max(1e-12 * np.max(np.abs(values)) ** 2, np.finfo(float).tiny)
+    if not np.all(np.isfinite(frf.std[:, lines])):
+        power = np.broadcast_to(np.mean(np.abs(values) ** 2, axis=0), values.shape)
+        smooth = uniform_filter1d(power, _SMOOTHING_LINES, axis=1, mode="nearest")
+        return np.asarray(np.sqrt(np.maximum(smooth, floor)))
+    power = frf.std[:, lines] ** 2
+    around = _median_level(power)
+    spikes = power > _SPIKE**2 * around
+    smooth = uniform_filter1d(
+        np.where(spikes, around, power), _SMOOTHING_LINES, axis=1, mode="nearest"
+    )
+    return np.asarray(np.sqrt(np.maximum(np.where(spikes, power, smooth), floor)))
+
+
+def without_spikes(
+    frf: FRF, lines: slice, values: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """FRFs with lines that carry a tone, such as mains hum, replaced from their neighbours.
+
+    In an impulse response a tone never decays and looks like a mode without damping.
+    """
+    std = frf.std[:, lines]
+    if not np.all(np.isfinite(std)):
+        return values
+    spikes = std**2 > _SPIKE**2 * _median_level(std**2)
+    number = np.arange(values.shape[1])
+    for row in np.flatnonzero(spikes.any(axis=1)):
+        good = ~spikes[row]
+        values[row] = np.interp(number, number[good], values[row, good])
+    return values
+
+
+def _median_level(power: NDArray[np.float64]) -> NDArray[np.float64]:
+    from scipy.ndimage import median_filter
+
+    return np.asarray(median_filter(power, size=(1, _SMOOTHING_LINES), mode="nearest"))
