@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -162,6 +162,20 @@ def tyre_frf(snr_db=np.inf, averages=100, seed=0, positions=72, frequency_hz=Non
         position_deg=position_deg,
         run=("run",) * positions,
     )
+
+
+def drifting_frf(percent_per_run, snr_db=20, averages=100):
+    """The tyre of `tyre_frf` in six runs of twelve sensors, a little stiffer from run to run."""
+    still = tyre_frf(snr_db, averages)
+    run = np.arange(72) % 6
+    values = np.array(still.values)
+    residues = tyre_residues(still.position_deg)
+    for number in range(1, 6):
+        rows = run == number
+        drifted = table_3_poles() * (1 + percent_per_run / 100 * number)
+        values[rows] += inertance(still.frequency_hz, drifted, residues[rows])
+        values[rows] -= inertance(still.frequency_hz, table_3_poles(), residues[rows])
+    return replace(still, values=values, run=tuple(f"run_{number}" for number in run))
 
 
 def white(n_samples, seed, n_rows=None):
