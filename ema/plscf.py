@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-# Lines over which the noise level is smoothed: σ of one line is itself uncertain.
+# Lines whose median is the noise level: σ of one line is itself uncertain, or that of a tone.
 _SMOOTHING_LINES = 21
 
 
@@ -65,12 +65,12 @@ def line_weight(std: NDArray[np.float64]) -> NDArray[np.float64] | None:
     ndarray, shape (n_lines,), or None
         None where σ is unknown, or zero: nothing then tells a good line from a poor one.
     """
-    from scipy.ndimage import uniform_filter1d
+    from scipy.ndimage import median_filter
 
     level = np.median(std, axis=0)
     if not np.all(level > 0):
         return None
-    smooth = np.sqrt(uniform_filter1d(level**2, _SMOOTHING_LINES, mode="nearest"))
+    smooth = median_filter(level, _SMOOTHING_LINES, mode="nearest")
     return np.asarray(smooth.min() / smooth)
 
 
