@@ -1,13 +1,11 @@
 """The flexible ring on an elastic foundation: a model of a tyre's in-plane vibration."""
 
-from model.bifurcation import Bifurcation, bifurcation, critical_speeds_rad_s
 from model.cleat import Cleat, CleatTest
+from model.coefficients import Harmonics, harmonics
 from model.contact import ContactPatch, contact_patch
 from model.damping import DampingResult, damping_ratios, identify_damping
-from model.equilibrium import Equilibrium, equilibrium
 from model.errors import InstabilityError, ParameterError
 from model.forced import inertance, inextensional_inertance
-from model.harmonics import Harmonics, harmonics
 from model.hub import HubResponse, free_hub_roots, hub_response
 from model.loaded import LoadedRing, load_ring, loaded_frequencies_hz
 from model.loaded_modes import LoadedModes
@@ -21,7 +19,9 @@ from model.ring import (
     torsion_frequency_hz,
 )
 from model.roots import characteristic_roots, eigenvector_ratios
+from model.rotation import Bifurcation, bifurcation, critical_speeds_rad_s
 from model.sensitivity import Sensitivity, frequency_sensitivity
+from model.steady_state import Equilibrium, equilibrium
 from model.transfer import ForcedRing
 from model.tuning import tune_ring
 from model.tuning_result import TuningResult

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model._arrays import finite_array
-from model.bifurcation import Frame, require_frame
 from model.errors import ParameterError
 from model.forced import Direction
 from model.ring import belt_width_m
+from model.rotation import Frame, require_frame
 from model.transfer import Complex, ForcedRing, frozen_omega
 from model.transient import HarmonicModes, exponential_convolution, harmonic_modes
 

@@ -15,7 +15,6 @@ from model._arrays import (
     require_positive,
     whole_orders,
 )
-from model.equilibrium import PressureLoad
 from model.identifiability import (
     AT_BOUND,
     NOT_IDENTIFIED,
@@ -28,6 +27,7 @@ from model.identifiability import (
 from model.parameters import RingDamping, RingParameters
 from model.ring import natural_frequencies_hz
 from model.roots import characteristic_roots
+from model.steady_state import PressureLoad
 
 _NAMES = ("radial_n_s_m3", "circumferential_n_s_m3", "loss_factor")
 _NOMINAL = 0.05  # relative error of a damping ratio that judges identifiability where none is known

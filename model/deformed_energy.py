@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from model.circle_fields import Array, CircleFields
-from model.equilibrium import PressureLoad
 from model.parameters import RingParameters
+from model.steady_state import PressureLoad
 
 
 def elastic_slope(ring: RingParameters, fields: CircleFields, coefficients: Array) -> Array:

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model._arrays import readonly
-from model.equilibrium import PressureLoad
 from model.errors import ParameterError
 from model.forced import Direction
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m
 from model.roots import REAL_ROOT
+from model.steady_state import PressureLoad
 from model.transfer import Complex, ForcedRing, frozen_omega
 
 _UNDAMPED = RingDamping(0.0, 0.0, 0.0)

@@ -21,10 +21,10 @@ from model.deformed_energy import (
     elastic_slope,
     pressure_force,
 )
-from model.equilibrium import PressureLoad, equilibrium, require_pressure_load
 from model.errors import InstabilityError, ParameterError
 from model.loaded_modes import LoadedModes
 from model.parameters import RingParameters
+from model.steady_state import PressureLoad, equilibrium, require_pressure_load
 
 _POINTS_PER_ORDER = 12
 _FEWEST_POINTS = 360

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model._arrays import finite_array, whole_orders
-from model.equilibrium import PressureLoad
+from model.coefficients import harmonics, roots_at_rest
 from model.errors import InstabilityError, ParameterError
-from model.harmonics import harmonics, roots_at_rest
 from model.parameters import RingParameters
+from model.steady_state import PressureLoad
 
 
 def natural_frequencies_hz(

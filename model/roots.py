@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.equilibrium import PressureLoad
+from model.coefficients import Harmonics, harmonics
 from model.errors import ParameterError
-from model.harmonics import Harmonics, harmonics
 from model.parameters import RingDamping, RingParameters
+from model.steady_state import PressureLoad
 
 #: Imaginary part over the largest root below which a root counts as real: a double root is
 #: resolved to the square root of the machine precision only.

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model._arrays import readonly, whole_orders
-from model.equilibrium import PressureLoad
 from model.parameters import RingParameters
 from model.ring import natural_frequencies_hz
+from model.steady_state import PressureLoad
 
 #: Parameters that the frequencies of a ring depend on, besides its radius.
 SENSITIVE = (

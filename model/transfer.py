@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model._arrays import finite_array, readonly, require_order_limit
-from model.bifurcation import Frame, require_frame
-from model.equilibrium import PressureLoad
-from model.harmonics import Harmonics, harmonics
+from model.coefficients import Harmonics, harmonics
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m
+from model.rotation import Frame, require_frame
+from model.steady_state import PressureLoad
 
 Complex = NDArray[np.complexfloating[Any, Any]]
 

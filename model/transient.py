@@ -84,8 +84,9 @@ def harmonic_modes(forced: ForcedRing) -> HarmonicModes:
     state[:, 2:, 2:] = -damping / rho
     poles, shapes = np.linalg.eig(state)
     _require_stable(orders, poles)
-    drive = np.linalg.inv(shapes)[:, :, 2:] / rho
-    return HarmonicModes(orders, poles.astype(complex), shapes.astype(complex), drive, rho)
+    shapes = shapes.astype(complex)
+    drive = np.asarray(np.linalg.inv(shapes)[:, :, 2:] / rho, dtype=complex)
+    return HarmonicModes(orders, poles.astype(complex), shapes, drive, rho)
 
 
 def _stiffness_and_damping(forced: ForcedRing, orders: NDArray[np.int_]) -> tuple[Complex, Complex]:

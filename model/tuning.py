@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model._arrays import finite_array, require_one_each, require_positive, whole_orders
-from model.equilibrium import PressureLoad
 from model.identifiability import (
     AT_BOUND,
     GIVEN,
@@ -23,6 +22,7 @@ from model.identifiability import (
 )
 from model.parameters import RingParameters
 from model.sensitivity import frequency_sensitivity
+from model.steady_state import PressureLoad
 from model.tuning_problem import AXIAL, PARAMETERS, TuningProblem
 from model.tuning_result import TuningResult
 from model.tuning_search import TYPICAL, Search, plan_search

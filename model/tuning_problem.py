@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model._arrays import readonly
-from model.equilibrium import PressureLoad, require_pressure_load
+from model.coefficients import harmonics
 from model.errors import ParameterError
-from model.harmonics import harmonics
 from model.parameters import RingParameters
 from model.ring import natural_frequencies_hz
+from model.steady_state import PressureLoad, require_pressure_load
 
 MASS = "mass_per_area_kg_m2"
 RADIAL = "radial_stiffness_n_m3"
@@ -52,7 +52,7 @@ class TuningProblem:
     radial_growth_m : float or None
         Measured u_r° of eq 16.
     pressure_load : {"dead", "follower"}
-        See `model.equilibrium`.
+        See `model.steady_state`.
 
     Raises
     ------

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model._arrays import finite_array
-from model.bifurcation import wave_orders
-from model.equilibrium import PressureLoad
 from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
 from model.roots import characteristic_roots, eigenvector_ratios
+from model.rotation import wave_orders
+from model.steady_state import PressureLoad
 
 #: Reference systems: on the wheel, in space, and turning so that the pair stands (eq 29).
 WaveFrame = Literal["rotating", "absolute", "stationary"]

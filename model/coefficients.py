@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model._arrays import finite_array, readonly, whole_orders
-from model.equilibrium import Equilibrium, PressureLoad, equilibrium
 from model.parameters import RingDamping, RingParameters
+from model.steady_state import Equilibrium, PressureLoad, equilibrium
 
 
 @dataclass(frozen=True, eq=False)

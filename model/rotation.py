@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model._arrays import finite_array, readonly, whole_orders
-from model.equilibrium import PressureLoad
+from model.coefficients import harmonics
 from model.errors import ParameterError
-from model.harmonics import harmonics
 from model.parameters import RingParameters
 from model.roots import characteristic_roots
+from model.steady_state import PressureLoad
 
 #: Where an observer is: turning with the wheel, or fixed in space.
 Frame = Literal["rotating", "absolute"]
