@@ -30,7 +30,7 @@ def mac(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
         )
     product = np.abs(a.conj() @ b.T) ** 2
     power = np.outer(_power(a), _power(b))
-    return np.asarray(np.divide(product, power, out=np.zeros_like(product), where=power > 0))
+    return np.asarray(np.divide(product, power, out=np.zeros(product.shape), where=power > 0))
 
 
 def auto_mac(shapes: ArrayLike) -> NDArray[np.float64]:
@@ -53,7 +53,7 @@ def frac(measured: ArrayLike, fitted: ArrayLike) -> NDArray[np.float64]:
     a, b = np.atleast_2d(np.asarray(measured)), np.atleast_2d(np.asarray(fitted))
     product = np.abs(np.sum(a.conj() * b, axis=1)) ** 2
     power = _power(a) * _power(b)
-    return np.asarray(np.divide(product, power, out=np.zeros_like(product), where=power > 0))
+    return np.asarray(np.divide(product, power, out=np.zeros(product.shape), where=power > 0))
 
 
 def mpc(shape: ArrayLike) -> float:

@@ -1,0 +1,64 @@
+"""Steady shaker noise against events: sweeps, bursts and impacts."""
+
+import numpy as np
+import pytest
+import systems
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import butter, chirp, sosfilt
+
+from ema.excitation import is_steady
+from ema.recording import FORCE, Channel
+
+RATE_HZ, DURATION_S = 2000.0, 20.0
+TIMES_S = np.arange(round(RATE_HZ * DURATION_S)) / RATE_HZ
+
+
+def steady(samples):
+    return is_steady(Channel("force", FORCE, "N", samples))
+
+
+def noise(seed=0):
+    return systems.white(TIMES_S.size, seed)
+
+
+def shaker_noise():
+    return sosfilt(butter(4, [10, 900], "bandpass", fs=RATE_HZ, output="sos"), noise())
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        pytest.param(noise(), id="white"),
+        pytest.param(shaker_noise(), id="band-limited"),
+        pytest.param(50 + 10 * noise(), id="preloaded"),
+        pytest.param(np.cumsum(noise()) * 0.01 + noise(), id="with a drifting offset"),
+        pytest.param(np.tile(noise()[:2000], 20), id="periodic"),
+        pytest.param(np.sin(2 * np.pi * 80 * TIMES_S), id="a tone"),
+    ],
+)
+def test_a_force_that_goes_on_is_steady(force):
+    assert steady(force)
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        pytest.param(chirp(TIMES_S, 10, DURATION_S, 900), id="sweep"),
+        pytest.param(chirp(TIMES_S, 10, DURATION_S, 900, "logarithmic"), id="log sweep"),
+        pytest.param(noise() * (TIMES_S < 4), id="burst"),
+        pytest.param(1000 * np.exp(-0.5 * ((TIMES_S - 0.5) / 1e-3) ** 2), id="impact"),
+    ],
+)
+def test_an_event_is_not(force):
+    assert not steady(force + 1e-3 * noise(1))
+
+
+@given(st.integers(0, 2**31), st.integers(2_000, 40_000))
+def test_white_noise_of_any_length_is_steady(seed, n_samples):
+    assert steady(systems.white(n_samples, seed))
+
+
+@pytest.mark.parametrize("force", [np.zeros(40_000), np.full(40_000, 50.0), noise()[:200]])
+def test_what_cannot_be_judged_counts_as_steady(force):
+    assert steady(force)
