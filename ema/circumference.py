@@ -88,9 +88,14 @@ def circle_basis(position_deg: NDArray[np.float64], highest: int) -> NDArray[np.
     return np.column_stack([np.ones(phase.shape[0]), waves])
 
 
+def on_circle(position_deg: NDArray[np.float64]) -> bool:
+    """Whether positions have angles, and enough of them to speak of orders."""
+    return bool(position_deg.size > 2 and np.all(np.isfinite(position_deg)))
+
+
 def label_modes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> tuple[Mode, ...]:
     """Give each mode its circumferential order and purity; unchanged where there is no circle."""
-    if position_deg.size < 3 or not np.all(np.isfinite(position_deg)):
+    if not on_circle(position_deg):
         return tuple(modes)
     contents = [order_content(mode.residues, position_deg) for mode in modes]
     return tuple(

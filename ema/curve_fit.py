@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ema.circumference import label_modes
+from ema.circumference import label_modes, on_circle
 from ema.covariance import (
     frequency_damping_covariance,
     line_correlation,
@@ -15,12 +15,14 @@ from ema.covariance import (
     residue_std,
 )
 from ema.errors import FitError
+from ema.family import judged
 from ema.frf import FRF
 from ema.leakage import leakage_bias
 from ema.mac import frac
 from ema.modes import NO_DRIFT, Drift, ModalModel, Mode, ResidualTerms
 from ema.noise import noise_level
 from ema.pole_fit import Lines, PoleFit, evaluate, fit_poles
+from ema.resolution import OrderReport, resolve_orders
 from ema.stability import PoleSelection, widened_band
 
 # Bounds around the poles of LSCE: the fit refines them, it does not look for others.
@@ -35,6 +37,7 @@ _WORSE = 1.05
 # A drift is taken for real when chance would show it once in 10 000 campaigns.
 _DRIFT_CHANCE = 1e-4
 _LEAKAGE_ROUNDS = 2
+_PAIR_ROUNDS = 3
 
 
 def fit_modes(
@@ -69,9 +72,19 @@ def fit_modes(
     band_hz = band_hz or selection.band_hz
     lines = lines_to_fit(frf, band_hz)
     start = _starting_poles(selection.poles, lines, band_hz)
-    fit = fit_bounded(lines, start, _drift_start(frf, lines, start))
-    fit, notes = _without_leakage(frf, fit)
-    return _model(frf, fit, band_hz, notes)
+    drift = _drift_start(frf, lines, start)
+    fit, notes = _without_leakage(frf, fit_bounded(lines, start, drift))
+    if not on_circle(frf.position_deg):
+        return _model(frf, fit, band_hz, notes, ())
+    chosen, correlation = widened_band(frf, band_hz), line_correlation(frf.blocks)
+    reports: tuple[OrderReport, ...] = ()
+    for _ in range(_PAIR_ROUNDS):
+        labelled = label_modes(_modes(fit), frf.position_deg)[:-1]
+        poles, reports, changed = resolve_orders(frf, chosen, fit, labelled, correlation)
+        if not changed:
+            break
+        fit, notes = _without_leakage(frf, fit_bounded(lines, _last(poles, fit), drift))
+    return _model(frf, fit, band_hz, notes, reports)
 
 
 def lines_to_fit(frf: FRF, band_hz: tuple[float, float]) -> Lines:
@@ -171,7 +184,19 @@ def _without_leakage(frf: FRF, plain: PoleFit) -> tuple[PoleFit, list[str]]:
     return cleared, ["The bias of window and block length was taken out of the curve fit."]
 
 
-def _model(frf: FRF, fit: PoleFit, band_hz: tuple[float, float], notes: list[str]) -> ModalModel:
+def _last(poles: NDArray[np.complex128], fit: PoleFit) -> NDArray[np.complex128]:
+    """Poles with the stand-in of a fit at the end, where it belongs."""
+    others = poles[poles != fit.poles[-1]]
+    return np.append(others[np.argsort(np.abs(others))], fit.poles[-1])
+
+
+def _model(
+    frf: FRF,
+    fit: PoleFit,
+    band_hz: tuple[float, float],
+    notes: list[str],
+    reports: tuple[OrderReport, ...],
+) -> ModalModel:
     correlation = line_correlation(frf.blocks)
     covariance = parameter_covariance(fit, correlation)
     both = frequency_damping_covariance(fit.poles, covariance)
@@ -182,7 +207,7 @@ def _model(frf: FRF, fit: PoleFit, band_hz: tuple[float, float], notes: list[str
         raise FitError("all poles left the band during the curve fit. Pin frequencies.")
     rows = np.ravel([[2 * r, 2 * r + 1] for r in inside])
     model = ModalModel(
-        modes=label_modes([modes[r] for r in inside], frf.position_deg),
+        modes=judged(label_modes([modes[r] for r in inside], frf.position_deg), reports),
         guard_modes=tuple(modes[r] for r in ascending if r not in inside),
         residual_terms=ResidualTerms(fit.lower, fit.upper),
         band_hz=band_hz,
@@ -193,6 +218,7 @@ def _model(frf: FRF, fit: PoleFit, band_hz: tuple[float, float], notes: list[str
         node=frf.node,
         position_deg=frf.position_deg,
         drift=_drift(frf, fit, covariance),
+        orders=reports,
         notes=tuple(notes),
     )
     measured = model.synthesise(fit.lines.frequency_hz, run=frf.run)
@@ -200,8 +226,14 @@ def _model(frf: FRF, fit: PoleFit, band_hz: tuple[float, float], notes: list[str
 
 
 def _modes(
-    fit: PoleFit, covariance: NDArray[np.float64], residues_std: NDArray[np.float64]
+    fit: PoleFit,
+    covariance: NDArray[np.float64] | None = None,
+    residues_std: NDArray[np.float64] | None = None,
 ) -> list[Mode]:
+    if covariance is None or residues_std is None:
+        unknown = 2 * fit.poles.size
+        covariance = np.full((unknown, unknown), np.nan)
+        residues_std = np.full(fit.residues.shape, np.nan)
     std = np.sqrt(np.diag(covariance)).reshape(-1, 2)
     bound = fit.at_bound.reshape(-1, 2)
     residues = fit.residues

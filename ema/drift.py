@@ -43,7 +43,7 @@ def align_runs(frf: FRF, lines: slice) -> NDArray[np.complex128]:
         shift, scatter = _shift(poles[0], poles[number])
         if abs(shift) > _CLEAR * scatter:
             rows = run == number
-            values[rows] = _stretched(frequency_hz, values[rows], 1 + shift)
+            values[rows] = stretched(frequency_hz, values[rows], 1 + shift)
     return values
 
 
@@ -75,9 +75,10 @@ def _shift(first: NDArray[np.complex128], other: NDArray[np.complex128]) -> tupl
     return median, spread / np.sqrt(pairs.size)
 
 
-def _stretched(
+def stretched(
     frequency_hz: NDArray[np.float64], values: NDArray[np.complex128], factor: float
 ) -> NDArray[np.complex128]:
+    """FRFs whose natural frequencies are `factor` too high, on the lines of the right ones."""
     from scipy.interpolate import CubicSpline
 
     within = np.clip(frequency_hz * factor, frequency_hz[0], frequency_hz[-1])

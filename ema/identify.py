@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.circumference import on_circle
 from ema.consistency import check_consistency
 from ema.curve_fit import fit_modes
 from ema.frf import FRF
@@ -95,7 +96,7 @@ def identify_modes(
     """
     usable, findings = screen(frf, band_hz)
     diagram, model = _once(usable, band_hz, pinned_hz, max_order)
-    if _on_circle(usable):
+    if on_circle(usable.position_deg):
         checked, contradictions = check_consistency(usable, model)
         findings = findings + contradictions
         if sensor_mass is not None:
@@ -114,7 +115,3 @@ def _once(
     diagram = build_stability(frf, band_hz, max_order=max_order)
     poles: PoleSelection = select_poles(diagram, pinned_hz)
     return diagram, fit_modes(frf, poles)
-
-
-def _on_circle(frf: FRF) -> bool:
-    return bool(np.all(np.isfinite(frf.position_deg))) and frf.n_positions > 2

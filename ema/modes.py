@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema._arrays import readonly
 from ema.mac import mpc, mpd_deg
+
+if TYPE_CHECKING:
+    from ema.resolution import OrderReport
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +156,8 @@ class ModalModel:
         Where the rows are, as in `FRF`.
     drift : Drift
         Drift over the runs; the modes are those of the first run's state.
+    orders : tuple of OrderReport
+        Verdict on the pair of each order of the ring, and what the order says by itself.
     notes : tuple of str
         What was assumed, dropped or reached a bound, in words.
     """
@@ -167,6 +173,7 @@ class ModalModel:
     node: NDArray[np.int_]
     position_deg: NDArray[np.float64]
     drift: Drift = NO_DRIFT
+    orders: tuple[OrderReport, ...] = ()
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -172,7 +172,13 @@ def evaluate(
 
 
 def fit_poles(
-    lines: Lines, start: Complex, lower: Real, upper: Real, drift: Real | None = None
+    lines: Lines,
+    start: Complex,
+    lower: Real,
+    upper: Real,
+    drift: Real | None = None,
+    *,
+    tries: int = 60,
 ) -> PoleFit:
     """Poles within bounds that leave the smallest weighted misfit over all positions.
 
@@ -185,6 +191,8 @@ def fit_poles(
         Bounds of (decay rate −Re s, frequency Im s), mode by mode, in rad/s.
     drift : ndarray, shape (n_runs,), optional
         Start values of a drift of all poles from run to run; without it the runs share one state.
+    tries : int
+        Most steps of the search.
 
     Raises
     ------
@@ -200,31 +208,31 @@ def fit_poles(
     high = np.concatenate([upper, np.full(shifts.size, _LARGEST_DRIFT)])
     first = np.concatenate([sign[:n] * _interleaved(start), shifts])
     room = 1e-9 * (high - low)
-    memory: dict[bytes, PoleFit] = {}
+    memory: dict[bytes, tuple[PoleFit, Real, Real]] = {}
 
-    def at(x: Real) -> PoleFit:
+    def at(x: Real) -> tuple[PoleFit, Real, Real]:
         if x.tobytes() not in memory:
             memory.clear()
-            poles = -x[0:n:2] + 1j * x[1:n:2]
-            memory[x.tobytes()] = evaluate(lines, poles, np.append(0.0, x[n:]))
+            fit = evaluate(lines, -x[0:n:2] + 1j * x[1:n:2], np.append(0.0, x[n:]))
+            memory[x.tobytes()] = fit, *_compressed(fit, sign)
         return memory[x.tobytes()]
 
     found = least_squares(
-        lambda x: _compressed(at(x), sign)[0],
+        lambda x: at(x)[1],
         np.clip(first, low + room, high - room),
-        lambda x: _compressed(at(x), sign)[1],
+        lambda x: at(x)[2],
         bounds=(low, high),
         x_scale=np.concatenate([np.repeat(-start.real, 2), np.full(shifts.size, 1e-3)]),
         xtol=1e-10,
         ftol=1e-12,
         gtol=1e-12,
-        max_nfev=60,
+        max_nfev=tries,
     )
     if not np.all(np.isfinite(found.x)):
         raise FitError("the curve fit diverged. Pin the frequencies or narrow the band.")
     near = 1e-3 * (upper - lower)
     x = found.x[:n]
-    return replace(at(found.x), at_bound=(x - lower < near) | (upper - x < near))
+    return replace(at(found.x)[0], at_bound=(x - lower < near) | (upper - x < near))
 
 
 def _interleaved(poles: Complex) -> Real:

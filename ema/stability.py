@@ -282,7 +282,8 @@ def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:
     if high - low < _FEWEST_LINES:
         raise FitError(
             f"only {max(high - low, 0)} frequency lines between {band_hz[0]:g} and "
-            f"{band_hz[1]:g} Hz; at least {_FEWEST_LINES} are needed. Widen the band or use longer blocks."
+            f"{band_hz[1]:g} Hz; at least {_FEWEST_LINES} are needed. "
+            "Widen the band or use longer blocks."
         )
     margin = int(_MARGIN * (high - low))
     # FRFs without σ get no verdict on their noise: the margin stays whole.

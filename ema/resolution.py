@@ -1,0 +1,124 @@
+"""Order by order: one mode of a pair or both, and what the order says by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.covariance import frequency_damping_covariance, parameter_covariance
+from ema.drift import stretched
+from ema.errors import FitError
+from ema.family import family
+from ema.frf import FRF
+from ema.modes import Mode, synthesise
+from ema.orders import OrderDecomposition, OrderFrf, fit_order
+from ema.pairs import PairVerdict, judge_pair
+from ema.pole_fit import PoleFit
+
+
+@dataclass(frozen=True)
+class OrderReport:
+    """What one circumferential order shows.
+
+    Parameters
+    ----------
+    pair : PairVerdict
+        One mode or both members of the pair, with the evidence.
+    frequency_hz, frequency_std_hz, damping_ratio, damping_std : float
+        Main mode identified from this order's FRFs alone; NaN where that failed.
+    """
+
+    pair: PairVerdict
+    frequency_hz: float = float("nan")
+    frequency_std_hz: float = float("nan")
+    damping_ratio: float = float("nan")
+    damping_std: float = float("nan")
+
+    @property
+    def order(self) -> int:
+        """Circumferential order."""
+        return self.pair.order
+
+
+def resolve_orders(
+    frf: FRF, lines: slice, fit: PoleFit, modes: Sequence[Mode], correlation: float
+) -> tuple[NDArray[np.complex128], tuple[OrderReport, ...], bool]:
+    """Decide for every order of the ring whether its pair is resolved.
+
+    Parameters
+    ----------
+    frf : FRF
+        Of a closed circle of positions, with known noise.
+    lines : slice
+        Lines of the fit.
+    fit : PoleFit
+    modes : sequence of Mode
+        One for each pole of the fit, with orders.
+    correlation : float
+        From `ema.covariance.line_correlation`.
+
+    Returns
+    -------
+    poles : ndarray of complex
+        Poles to fit with: those of the fit, with single poles replaced by pairs or the reverse.
+    reports : tuple of OrderReport
+    changed : bool
+        Whether a pole was added or taken away.
+    """
+    values = _in_one_state(fit)
+    left = values - _synthesis(fit, range(fit.poles.size))
+    decomposition = OrderDecomposition(frf)
+    poles: list[complex] = [complex(pole) for pole in fit.poles]
+    dropped: set[int] = set()
+    reports = []
+    for order, members in family(modes).items():
+        own = left + _synthesis(fit, members, residual_terms=False)
+        alone = decomposition.order(order, lines, own)
+        verdict, found = judge_pair(alone, fit.poles[members], correlation)
+        if found.size != len(members):
+            dropped |= set(members)
+            poles += [complex(pole) for pole in found]
+        everything = decomposition.order(order, lines, values)
+        reports.append(_by_itself(OrderReport(verdict), everything, found, correlation))
+    kept = [pole for k, pole in enumerate(poles) if k not in dropped]
+    return np.array(kept), tuple(reports), bool(dropped)
+
+
+def _in_one_state(fit: PoleFit) -> NDArray[np.complex128]:
+    """FRFs of all runs in the state of the first."""
+    values = np.array(fit.lines.values)
+    for rows, shift in zip(fit.groups, fit.drift, strict=True):
+        if shift:
+            values[rows] = stretched(fit.lines.frequency_hz, values[rows], 1 + shift)
+    return values
+
+
+def _synthesis(
+    fit: PoleFit, members: Sequence[int], *, residual_terms: bool = True
+) -> NDArray[np.complex128]:
+    rows = list(members)
+    terms = (fit.lower, fit.upper) if residual_terms else (0 * fit.lower, 0 * fit.upper)
+    return synthesise(fit.lines.frequency_hz, fit.poles[rows], fit.residues[:, rows], *terms)
+
+
+def _by_itself(
+    report: OrderReport, order: OrderFrf, poles: NDArray[np.complex128], correlation: float
+) -> OrderReport:
+    try:
+        fit = fit_order(order, poles)
+    except FitError:
+        return report
+    covariance = parameter_covariance(fit, correlation)
+    std = np.sqrt(np.diag(frequency_damping_covariance(fit.poles, covariance)))
+    main = int(np.argmax(np.linalg.norm(fit.residues, axis=0)))
+    pole = fit.poles[main]
+    return replace(
+        report,
+        frequency_hz=float(abs(pole) / (2 * np.pi)),
+        frequency_std_hz=float(std[2 * main]),
+        damping_ratio=float(-pole.real / abs(pole)),
+        damping_std=float(std[2 * main + 1]),
+    )
