@@ -11,9 +11,11 @@ import numpy as np
 
 from ema.blocks import BlockPlan
 from ema.frf import FRF
-from ema.modes import ModalModel, Mode, ResidualTerms
+from ema.modes import Drift, ModalModel, Mode, ResidualTerms
+from ema.pairs import PairVerdict
 from ema.quality import Finding, check_reference
 from ema.recording import Tyre
+from ema.resolution import OrderReport
 from ema.stability import Cluster, StabilityDiagram
 from pipelines.result import Result
 
@@ -37,7 +39,13 @@ def write_identification(result: Result, folder: Path) -> None:
         "misfit": model.misfit,
         "covariance": model.covariance.tolist(),
         "frac": model.frac.tolist(),
+        "drift": {
+            "run": model.drift.run,
+            "percent": model.drift.percent.tolist(),
+            "std_percent": model.drift.std_percent.tolist(),
+        },
         "notes": model.notes,
+        "orders": [asdict(report) for report in model.orders],
         "modes": [_mode_record(mode) for mode in model.modes],
         "guard_modes": [_mode_record(mode) for mode in model.guard_modes],
         "clusters": [{**asdict(c), "pole": _pair(c.pole)} for c in diagram.clusters],
@@ -138,6 +146,15 @@ def _read_model(content: dict[str, Any], frf: FRF, path: Path) -> ModalModel:
         misfit=content["misfit"],
         node=frf.node,
         position_deg=frf.position_deg,
+        drift=Drift(
+            tuple(content["drift"]["run"]),
+            np.array(content["drift"]["percent"]),
+            np.array(content["drift"]["std_percent"]),
+        ),
+        orders=tuple(
+            OrderReport(**{**report, "pair": PairVerdict(**report["pair"])})
+            for report in content["orders"]
+        ),
         notes=tuple(content["notes"]),
     )
 

@@ -26,7 +26,7 @@ from ema.recording import Campaign, Tyre
 from pipelines.options import TYRE_BAND_HZ, Options, processing_in_force
 from pipelines.provenance import Stopwatch, provenance
 from pipelines.result import Result
-from pipelines.validate import ring_modes, validate
+from pipelines.validate import ring_orders, validate
 
 
 def process(
@@ -110,29 +110,29 @@ def tune(result: Result, options: Options) -> Result:
     reason = _why_no_ring(tyre, modal_model, options)
     if reason or tyre is None or tyre.mean_radius_m is None or tyre.inflation_pressure_pa is None:
         return replace(result, notes=(*result.notes, reason))
-    modes = ring_modes(modal_model)
-    orders = np.array([mode.order for mode in modes])
+    orders = ring_orders(modal_model)
+    numbers = np.array([order.order for order in orders])
     tuning = model.tune_ring(
-        orders,
-        [mode.frequency_hz for mode in modes],
+        numbers,
+        [order.frequency_hz for order in orders],
         mean_radius_m=tyre.mean_radius_m,
         inflation_pressure_pa=tyre.inflation_pressure_pa,
         belt_width_m=tyre.belt_width_m,
-        frequency_std_hz=[mode.frequency_std_hz for mode in modes],
+        frequency_std_hz=[order.frequency_std_hz for order in orders],
         objective=options.objective,
         given=options.given,
     )
     damping = model.identify_damping(
         tuning.ring,
-        orders,
-        [mode.damping_ratio for mode in modes],
-        [mode.damping_std for mode in modes],
+        numbers,
+        [order.damping_ratio for order in orders],
+        [order.damping_std for order in orders],
     )
     return replace(
         result,
         tuning=tuning,
         damping=damping,
-        validation=validate(modal_model, modes, tuning, damping),
+        validation=validate(modal_model, orders, tuning, damping),
         notes=(*result.notes, *tuning.notes, *damping.notes),
     )
 
@@ -175,7 +175,7 @@ def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -
         return "No mean radius or inflation pressure: no ring parameters can be determined."
     if not np.all(np.isfinite(modal_model.position_deg)):
         return "No [grid] in the manifest: without angles there are no orders and no ring."
-    n_orders = len(ring_modes(modal_model))
+    n_orders = len(ring_orders(modal_model))
     if n_orders < 3:
         return f"Only {n_orders} circumferential orders were identified; a ring needs three."
     return ""

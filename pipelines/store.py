@@ -85,7 +85,7 @@ def load(folder: Path | str) -> Result:
     try:
         record = json.loads((folder / MARKER).read_text(encoding="utf-8"))
         return read_identification(folder, record, read_frf(folder / "frf.parquet"))
-    except (OSError, KeyError, json.JSONDecodeError) as error:
+    except (OSError, KeyError, ValueError, TypeError) as error:  # whatever damaged files make
         raise InputError(
             str(folder), f"unreadable ({error})", "the result is incomplete", "Process it again"
         ) from error
@@ -183,6 +183,7 @@ def _write_tables(result: Result, folder: Path) -> None:
     tables.write_csv(
         folder / "shapes.csv", tables.shapes_columns(result), tables.shapes_rows(result)
     )
+    tables.write_csv(folder / "orders.csv", tables.ORDERS, tables.orders_rows(result))
     tables.write_csv(folder / "quality.csv", tables.QUALITY, tables.quality_rows(result))
     tables.write_csv(folder / "validation.csv", tables.VALIDATION, tables.validation_rows(result))
     _write_parquet(folder / "poles.parquet", tables.poles_columns(result.diagram), {}, {})

@@ -39,6 +39,16 @@ VALIDATION = (
     "model_damping",
     "mac",
 )
+ORDERS = (
+    "order",
+    "verdict",
+    "chance",
+    "frequency_hz",
+    "frequency_std_hz",
+    "damping_ratio",
+    "damping_ratio_std",
+    "evidence",
+)
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
@@ -81,6 +91,23 @@ def shapes_rows(result: Result) -> list[Row]:
         (number, where, value.real, value.imag)
         for number, mode in enumerate(result.modal_model.modes, start=1)
         for where, value in zip(place, mode.shape, strict=True)
+    ]
+
+
+def orders_rows(result: Result) -> list[Row]:
+    """Rows of ``orders.csv``: each order by itself, and the verdict on its pair."""
+    return [
+        (
+            report.order,
+            report.pair.verdict,
+            report.pair.chance,
+            report.frequency_hz,
+            report.frequency_std_hz,
+            report.damping_ratio,
+            report.damping_std,
+            report.pair.evidence,
+        )
+        for report in result.modal_model.orders
     ]
 
 

@@ -2,39 +2,62 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.circumference import order_content
+from ema.family import family
 from ema.mac import auto_mac, mac
 from ema.modes import ModalModel, Mode
 from model.damping import DampingResult
 from model.tuning_result import TuningResult
 from pipelines.result import Validation
 
-# A shape with less of its power in one order is not one of the ring's.
-PUREST_ENOUGH = 0.5
 
+@dataclass(frozen=True, eq=False)
+class RingOrder:
+    """One circumferential order of the ring as measured: one mode, or both of a pair.
 
-def ring_modes(model: ModalModel) -> tuple[Mode, ...]:
-    """Choose the mode that stands for each circumferential order n ≥ 1 of the ring.
-
-    Of several modes of one order the one that the force drives most, |A|ω, is the ring's own:
-    it has the smallest modal mass.
+    The ring model knows no split: for it a pair has the mean of its two frequencies.
     """
-    chosen: dict[int, Mode] = {}
-    for mode in model.modes:
-        if not mode.order or mode.order_purity < PUREST_ENOUGH:
-            continue
-        rival = chosen.get(mode.order)
-        if rival is None or _drive(mode) > _drive(rival):
-            chosen[mode.order] = mode
-    return tuple(chosen[order] for order in sorted(chosen))
+
+    order: int
+    modes: tuple[Mode, ...]
+
+    @property
+    def frequency_hz(self) -> float:
+        """Mean frequency of the members."""
+        return float(np.mean([mode.frequency_hz for mode in self.modes]))
+
+    @property
+    def frequency_std_hz(self) -> float:
+        """Standard deviation of `frequency_hz`."""
+        return _std_of_mean([mode.frequency_std_hz for mode in self.modes])
+
+    @property
+    def damping_ratio(self) -> float:
+        """Mean damping ratio of the members."""
+        return float(np.mean([mode.damping_ratio for mode in self.modes]))
+
+    @property
+    def damping_std(self) -> float:
+        """Standard deviation of `damping_ratio`."""
+        return _std_of_mean([mode.damping_std for mode in self.modes])
+
+
+def ring_orders(model: ModalModel) -> tuple[RingOrder, ...]:
+    """Modes of the ring's family by order, the stronger member of a pair first."""
+    members = family(model.modes)
+    return tuple(
+        RingOrder(order, tuple(model.modes[k] for k in members[order])) for order in sorted(members)
+    )
 
 
 def validate(
     model: ModalModel,
-    modes: tuple[Mode, ...],
+    orders: tuple[RingOrder, ...],
     tuning: TuningResult,
     damping: DampingResult | None,
 ) -> Validation:
@@ -44,19 +67,20 @@ def validate(
     ----------
     model : ModalModel
         All measured modes, for the AutoMAC.
-    modes : tuple of Mode
-        One per order, from `ring_modes`.
+    orders : tuple of RingOrder
+        From `ring_orders`.
     tuning : TuningResult
     damping : DampingResult or None
     """
-    measured = np.array([mode.residues for mode in modes])
+    main = [order.modes[0] for order in orders]
+    expected = [aligned_shape(mode, model.position_deg) for mode in main]
     return Validation(
-        order=np.array([mode.order for mode in modes]),
-        measured_hz=np.array([mode.frequency_hz for mode in modes]),
+        order=np.array([order.order for order in orders]),
+        measured_hz=np.array([order.frequency_hz for order in orders]),
         model_hz=tuning.model_hz,
-        measured_damping=np.array([mode.damping_ratio for mode in modes]),
-        model_damping=damping.model if damping else np.full(len(modes), np.nan),
-        mac=mac(measured, np.array([aligned_shape(m, model.position_deg) for m in modes])),
+        measured_damping=np.array([order.damping_ratio for order in orders]),
+        model_damping=damping.model if damping else np.full(len(orders), np.nan),
+        mac=mac(np.array([mode.residues for mode in main]), np.array(expected)),
         auto_mac=auto_mac(np.array([mode.residues for mode in model.modes])),
     )
 
@@ -74,5 +98,5 @@ def aligned_shape(mode: Mode, position_deg: NDArray[np.float64]) -> NDArray[np.f
     return np.asarray(cosine * np.cos(angle) + sine * np.sin(angle))
 
 
-def _drive(mode: Mode) -> float:
-    return float(np.sqrt(np.mean(np.abs(mode.residues) ** 2)) * abs(mode.pole))
+def _std_of_mean(stds: list[float]) -> float:
+    return float(np.sqrt(np.sum(np.square(stds))) / len(stds))
