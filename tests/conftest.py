@@ -1,0 +1,71 @@
+"""What several test files share: the sample campaign, processed once, and a short one to break."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from pipelines.process import process
+from pipelines.simulate_campaign import simulate_campaign
+from pipelines.store import save
+
+SAMPLE = Path(__file__).parents[1] / "sample_data" / "tyre_225_55R17"
+
+
+@pytest.fixture(scope="session")
+def sample_campaign():
+    return SAMPLE
+
+
+@pytest.fixture(scope="session")
+def truth():
+    """Modes of the sample campaign by order."""
+    content = tomllib.loads((SAMPLE / "truth.toml").read_text())
+    return {mode["order"]: mode for mode in content["modes"]}
+
+
+@pytest.fixture(scope="session")
+def sample_result():
+    return process(SAMPLE)
+
+
+@pytest.fixture(scope="session")
+def sample_folder(sample_result, tmp_path_factory):
+    """The result folder of the sample campaign, report included; not to be changed."""
+    folder = tmp_path_factory.mktemp("sample") / "result"
+    save(sample_result, folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def short_campaign(tmp_path_factory):
+    """A campaign of six runs of 4 s; not to be changed."""
+    return simulate_campaign(tmp_path_factory.mktemp("short") / "campaign", duration_s=4.0)
+
+
+@pytest.fixture(scope="session")
+def short_result(short_campaign):
+    return process(short_campaign)
+
+
+@pytest.fixture
+def campaign_copy(short_campaign, tmp_path):
+    """A copy of the short campaign, to be broken."""
+    return Path(shutil.copytree(short_campaign, tmp_path / "campaign"))
+
+
+@pytest.fixture
+def edit_manifest(campaign_copy):
+    """Replace a text in the copy's manifest and return the campaign."""
+
+    def edit(old, new):
+        manifest = campaign_copy / "campaign.toml"
+        text = manifest.read_text()
+        assert old in text
+        manifest.write_text(text.replace(old, new))
+        return campaign_copy
+
+    return edit
