@@ -15,7 +15,7 @@ from model.errors import ParameterError
 from model.forced import Direction
 from model.ring import belt_width_m
 from model.rotation import Frame, require_frame
-from model.transfer import Complex, ForcedRing, frozen_omega
+from model.transfer import Complex, ForcedRing, angular_frequency
 from model.transient import HarmonicModes, exponential_convolution, harmonic_modes
 
 #: What is read at the response point: u, its first or its second derivative in time.
@@ -145,7 +145,7 @@ class CleatTest:
         The acceleration includes the blow itself, which `response` leaves out of an ideal impulse.
         Arguments as `response`, with frequencies in Hz for times.
         """
-        omega = frozen_omega(frequency_hz)
+        omega = angular_frequency(frequency_hz)
         row, derivative = _component(direction), _derivative(quantity)
         turning = require_frame(frame) * self.forced.speed_rad_s
         total = np.zeros(omega.size, dtype=complex)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from model._arrays import finite_array
 from model.errors import ParameterError
 from model.ring import belt_width_m
-from model.transfer import Complex, ForcedRing, frozen_omega
+from model.transfer import Complex, ForcedRing, angular_frequency
 
 #: Direction of a force or a response on the belt.
 Direction = Literal["radial", "circumferential"]
@@ -59,7 +59,7 @@ def inertance(
     ParameterError
         For a ring without belt width, unless `per_width`; for unknown directions.
     """
-    omega, angles = frozen_omega(frequency_hz), finite_array("response_rad", response_rad)
+    omega, angles = angular_frequency(frequency_hz), finite_array("response_rad", response_rad)
     around = np.atleast_1d(angles) - force_rad
     total = np.zeros((around.size, omega.size), dtype=complex)
     for start in range(0, forced.orders.size, _ORDERS_AT_ONCE):
@@ -104,7 +104,7 @@ def inextensional_inertance(
         raise ParameterError(
             "wheel", "free", "the inextensional form is for a fixed hub", "Use `inertance`"
         )
-    omega, angles = frozen_omega(frequency_hz), finite_array("response_rad", response_rad)
+    omega, angles = angular_frequency(frequency_hz), finite_array("response_rad", response_rad)
     around = np.atleast_1d(angles) - force_rad
     orders = forced.orders[forced.orders != 0]
     n = orders[:, None].astype(float)

@@ -24,7 +24,7 @@ from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m
 from model.roots import REAL_ROOT
 from model.steady_state import PressureLoad
-from model.transfer import Complex, ForcedRing, frozen_omega
+from model.transfer import Complex, ForcedRing, angular_frequency
 
 _UNDAMPED = RingDamping(0.0, 0.0, 0.0)
 
@@ -185,7 +185,7 @@ def hub_response(
     ParameterError
         For a ring without belt width or an unknown direction.
     """
-    omega = frozen_omega(frequency_hz)
+    omega = angular_frequency(frequency_hz)
     backward, turning, forward = (
         _one_order(forced, order, omega, force_rad, force_direction) for order in (-1, 0, 1)
     )

@@ -122,7 +122,7 @@ class LoadedRing:
         """
         if self.speed_rad_s == 0:
             squared, shapes = np.linalg.eigh(self.stiffness / self._mass)
-            _refuse_growth(float(np.sqrt(max(-squared[0], 0.0))))
+            _refuse_buckling(float(squared[0]))
             return LoadedModes(self.fields, np.sqrt(squared) / (2.0 * np.pi), shapes)
         size = self.coefficients.size
         state = np.zeros((2 * size, 2 * size))
@@ -173,6 +173,8 @@ def load_ring(
     ------
     ParameterError
         Where the load is too large for the search to find an equilibrium.
+    InstabilityError
+        Where the equilibrium of a standing ring is unstable.
     """
     require_order_limit(highest_order)
     require_pressure_load(pressure_load)
@@ -189,7 +191,10 @@ def load_ring(
     )
     if start is not None and start.coefficients.size == state.coefficients.size:
         state = _moved(state, start.coefficients, _resampled(start, fields))
-    return _press(state, pressure)
+    state = _press(state, pressure)
+    if state.speed_rad_s == 0:
+        _refuse_buckling(float(np.linalg.eigvalsh(state.stiffness)[0]))
+    return state
 
 
 def loaded_frequencies_hz(
@@ -315,10 +320,20 @@ def _newton(state: LoadedRing, contact_pa: Array) -> LoadedRing | None:
     return None
 
 
+def _refuse_buckling(lowest_stiffness: float) -> None:
+    if lowest_stiffness < 0:
+        raise InstabilityError(
+            "contact",
+            f"a stiffness of {lowest_stiffness:.4g}",
+            "the equilibrium found is unstable: the ring buckles",
+            "Lower the load or raise the inflation pressure",
+        )
+
+
 def _refuse_growth(growth_1_s: float) -> None:
     if growth_1_s > 0:
         raise InstabilityError(
-            "loaded ring",
+            "speed_rad_s",
             f"a motion grows by {growth_1_s:.4g} 1/s",
             "an unstable state has no natural frequencies",
             "Lower the load or the speed",

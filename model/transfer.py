@@ -81,8 +81,13 @@ class ForcedRing:
     def rotating_omega(
         self, orders: NDArray[np.int_], omega_rad_s: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Frequencies at which harmonics are excited on the tyre, (n_orders, n_frequencies)."""
+        """Frequencies at which harmonics are excited on the tyre.
+
+        Shape (n_orders, n_frequencies), or (1, n_frequencies) where they are the same for all.
+        """
         shift = require_frame(self.frame) * self.speed_rad_s
+        if shift == 0:
+            return omega_rad_s[None, :]
         return omega_rad_s[None, :] + shift * orders[:, None]
 
     def compliance(
@@ -124,10 +129,11 @@ class ForcedRing:
         inertia = rho * omega**2
         m11 = _signed(terms.m11, omega) + (1j * damping.radial_n_s_m3 * omega - inertia)
         m22 = _signed(terms.m22, omega) + (1j * damping.circumferential_n_s_m3 * omega - inertia)
-        m12 = 1j * (_signed(terms.c, omega) - 2.0 * rho * self.speed_rad_s * omega)
+        m12 = 1j * _signed(terms.c, omega) - 2j * rho * self.speed_rad_s * omega
         if self.wheel is not None:
+            lines = np.broadcast_to(omega, m11.shape)
             for row in np.flatnonzero(np.abs(orders) <= 1):
-                self._condense_wheel(int(orders[row]), omega[row], m11[row], m12[row], m22[row])
+                self._condense_wheel(int(orders[row]), lines[row], m11[row], m12[row], m22[row])
         return m11, m12, m22
 
     def bed(self, omega: NDArray[np.float64]) -> tuple[Complex, Complex]:
@@ -193,6 +199,6 @@ def _signed(values: NDArray[Any], omega: NDArray[np.float64]) -> NDArray[Any]:
     return column
 
 
-def frozen_omega(frequency_hz: ArrayLike) -> NDArray[np.float64]:
+def angular_frequency(frequency_hz: ArrayLike) -> NDArray[np.float64]:
     """Take frequencies in Hz as angular frequencies, shape (n_frequencies,)."""
     return readonly(2.0 * np.pi * np.atleast_1d(finite_array("frequency_hz", frequency_hz)))

@@ -16,6 +16,7 @@ from model import (
 from model.reference import TABLE_3_FREQUENCIES_HZ as MEASURED
 from model.reference import TABLE_3_ORDERS as ORDERS
 from model.reference import TABLE_4_RING
+from model.tuning_problem import TuningProblem
 
 TYRE = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
 MASS = {"mass_per_area_kg_m2": 19.69}
@@ -47,6 +48,21 @@ def test_standard_deviations_at_half_a_percent_noise():
     assert relative["radial_stiffness_n_m3"] == pytest.approx(0.01, abs=3e-3)
     assert relative["circumferential_stiffness_n_m3"] == pytest.approx(0.09, abs=8e-3)
     assert relative["bending_stiffness_n_m"] == pytest.approx(0.18, abs=8e-3)
+
+
+def test_standard_deviations_at_table_4():
+    truth = natural_frequencies_hz(TABLE_4_RING, ORDERS)
+    given = MASS | {"axial_stiffness_n_m": 2.52e7}
+    result = tune_ring(ORDERS, truth, given=given, frequency_std_hz=0.005 * truth, **TYRE)
+    relative = {name: std / getattr(result.ring, name) for name, std in result.std.items()}
+    assert relative["circumferential_stiffness_n_m3"] == pytest.approx(0.21, abs=5e-3)
+    assert relative["bending_stiffness_n_m"] == pytest.approx(0.24, abs=5e-3)
+
+
+def test_the_papers_objective_weighs_order_7_two_hundred_times_order_1():
+    problem = TuningProblem(ORDERS, MEASURED, 0.33, 2.2e5, objective="paper")
+    slope = problem.data_slope(TABLE_4_RING)
+    assert slope[6] / slope[0] == pytest.approx(200.0, rel=0.02)
 
 
 def test_standard_deviations_never_fall_below_the_misfit():
