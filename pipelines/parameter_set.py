@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from ema.errors import InputError
 from model.damping import DampingResult
@@ -163,6 +163,13 @@ def read_parameter_set(path: Path | str) -> ParameterSet:
         raise InputError(
             path.name, str(error), "it must be TOML in UTF-8", "Correct the line"
         ) from error
+    if content.get("schema") != SCHEMA:
+        raise InputError(
+            f"{path.name}, schema",
+            repr(content.get("schema")),
+            f"this version reads schema {SCHEMA}",
+            f"Write schema = {SCHEMA}, or use the version of ringmodal that wrote the file",
+        )
     conditions = _section(path, content, "conditions")
     if "inflation_pressure_pa" not in conditions:
         raise _missing(path, "conditions", "inflation_pressure_pa")
@@ -203,7 +210,7 @@ def _parameters(
 def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
     fields = entry if isinstance(entry, dict) else {"value": entry}
     value, std = fields.get("value"), fields.get("std")
-    if not isinstance(value, int | float) or not isinstance(std, int | float | None):
+    if not _is_number(value) or not (std is None or _is_number(std)):
         raise InputError(
             f"{path.name}, [{section}] {key}",
             str(entry),
@@ -213,6 +220,10 @@ def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
     return Parameter(
         float(value), str(fields.get("how", "given")), None if std is None else float(std)
     )
+
+
+def _is_number(value: object) -> TypeGuard[int | float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _section(path: Path, content: dict[str, Any], name: str) -> dict[str, Any]:
