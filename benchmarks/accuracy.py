@@ -69,7 +69,8 @@ def _timed(tyre: RandomTyre, find: Callable[[], list[FoundMode]], drift: float) 
 
 
 HEADER = (
-    "| method | to find | missed | invented (said to be foreign) | frequency error, %: median, 95th | "
+    "| method | to find | missed | invented (said to be foreign) "
+    "| frequency error, %: median, 95th | "
     "damping error, %: median, 95th | 95 % intervals cover: frequency, damping | s per tyre |\n"
     "|---|---|---|---|---|---|---|---|"
 )
