@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ema.band_ends import band_shift
 from ema.circumference import label_modes, on_circle
 from ema.covariance import (
     frequency_damping_covariance,
@@ -80,7 +81,7 @@ def fit_modes(
     reports: tuple[OrderReport, ...] = ()
     for _ in range(_PAIR_ROUNDS):
         labelled = label_modes(_modes(fit), frf.position_deg)[:-1]
-        poles, reports, changed = resolve_orders(frf, chosen, fit, labelled, correlation)
+        poles, reports, changed = resolve_orders(frf, chosen, fit, labelled, band_hz, correlation)
         if not changed:
             break
         fit, notes = _without_leakage(frf, fit_bounded(lines, _last(poles, fit), drift))
@@ -150,9 +151,12 @@ def _starting_poles(
             f"no pole between {band_hz[0]:g} and {band_hz[1]:g} Hz to start the curve fit from. "
             "Pin frequencies or change the band."
         )
-    omega = 2 * np.pi * high * _STAND_IN_START
-    stand_in = omega * (-_STAND_IN_DAMPING + 1j)
-    return np.append(poles[in_band | shown], stand_in)
+    return _with_stand_in(poles[in_band | shown], lines)
+
+
+def _with_stand_in(poles: NDArray[np.complex128], lines: Lines) -> NDArray[np.complex128]:
+    omega = 2 * np.pi * lines.frequency_hz[-1] * _STAND_IN_START
+    return np.append(poles, omega * (-_STAND_IN_DAMPING + 1j))
 
 
 def _bounds(
@@ -200,7 +204,7 @@ def _model(
     correlation = line_correlation(frf.blocks)
     covariance = parameter_covariance(fit, correlation)
     both = frequency_damping_covariance(fit.poles, covariance)
-    modes = _modes(fit, both, residue_std(fit, covariance, correlation))
+    modes = _with_band_shift(_modes(fit, both, residue_std(fit, covariance, correlation)), fit)
     ascending = np.argsort(np.abs(fit.poles))
     inside = [r for r in ascending if band_hz[0] <= modes[r].frequency_hz <= band_hz[1]]
     if not inside:
@@ -247,6 +251,19 @@ def _modes(
             status="at bound" if np.any(bound[r]) else "ok",
         )
         for r, pole in enumerate(fit.poles)
+    ]
+
+
+def _with_band_shift(modes: list[Mode], fit: PoleFit) -> list[Mode]:
+    drift = fit.drift if fit.drift.size > 1 else None
+
+    def refit(lines: Lines, poles: NDArray[np.complex128]) -> PoleFit:
+        return fit_bounded(lines, _with_stand_in(poles, lines), drift)
+
+    shifts = band_shift(fit, refit)
+    return [
+        replace(mode, frequency_band_shift_hz=float(hz), damping_band_shift=float(ratio))
+        for mode, (hz, ratio) in zip(modes, shifts, strict=True)
     ]
 
 

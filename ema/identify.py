@@ -16,7 +16,8 @@ from ema.mass_loading import unloaded
 from ema.modes import ModalModel
 from ema.quality import Finding
 from ema.screening import screen
-from ema.stability import PoleSelection, StabilityDiagram, build_stability, select_poles
+from ema.second_opinion import OTHER, Opinion, second_opinion
+from ema.stability import StabilityDiagram, build_stability, select_poles
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,8 @@ class Identification:
         The FRFs that were used: faulty channels left out or put right, sensor mass taken off.
     diagram : StabilityDiagram
     model : ModalModel
+    opinions : tuple of Opinion
+        What another pole estimator says about the modes.
     findings : tuple of Finding
         Everything excluded, corrected or doubtful.
     """
@@ -36,6 +39,7 @@ class Identification:
     frf: FRF
     diagram: StabilityDiagram
     model: ModalModel
+    opinions: tuple[Opinion, ...]
     findings: tuple[Finding, ...]
 
 
@@ -65,6 +69,7 @@ def identify_modes(
     pinned_hz: Sequence[float] | None = None,
     sensor_mass: SensorMass | None = None,
     max_order: int = 60,
+    method: str = "lsce",
 ) -> Identification:
     """Identify the modes of a band, after a look at every channel.
 
@@ -82,6 +87,8 @@ def identify_modes(
         Corrects to the bare tyre.
     max_order : int
         Highest model order.
+    method : {"lsce", "plscf"}
+        Pole estimator; the other one gives the second opinion.
 
     Returns
     -------
@@ -94,8 +101,13 @@ def identify_modes(
     FitError
         If no mode can be identified.
     """
+
+    def once(frf: FRF) -> tuple[StabilityDiagram, ModalModel]:
+        diagram = build_stability(frf, band_hz, max_order=max_order, method=method)
+        return diagram, fit_modes(frf, select_poles(diagram, pinned_hz))
+
     usable, findings = screen(frf, band_hz)
-    diagram, model = _once(usable, band_hz, pinned_hz, max_order)
+    diagram, model = once(usable)
     if on_circle(usable.position_deg):
         checked, contradictions = check_consistency(usable, model)
         findings = findings + contradictions
@@ -105,13 +117,6 @@ def identify_modes(
             )
         if contradictions or sensor_mass is not None:
             usable = checked
-            diagram, model = _once(usable, band_hz, pinned_hz, max_order)
-    return Identification(usable, diagram, model, tuple(findings))
-
-
-def _once(
-    frf: FRF, band_hz: tuple[float, float], pinned_hz: Sequence[float] | None, max_order: int
-) -> tuple[StabilityDiagram, ModalModel]:
-    diagram = build_stability(frf, band_hz, max_order=max_order)
-    poles: PoleSelection = select_poles(diagram, pinned_hz)
-    return diagram, fit_modes(frf, poles)
+            diagram, model = once(usable)
+    opinions = second_opinion(usable, model.modes, band_hz, OTHER[method], max_order)
+    return Identification(usable, diagram, model, opinions, tuple(findings))

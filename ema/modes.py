@@ -38,6 +38,9 @@ class Mode:
         Share of the shape's power in its circumferential order; NaN without a circle.
     status : str
         ``"ok"``, or what the reader of the number must know, e.g. ``"at bound"``.
+    frequency_band_shift_hz, damping_band_shift : float
+        Largest change when the band loses lines at either end; not part of the standard
+        deviations. NaN next to the ends.
     """
 
     pole: complex
@@ -49,6 +52,8 @@ class Mode:
     member: str = ""
     order_purity: float = float("nan")
     status: str = "ok"
+    frequency_band_shift_hz: float = float("nan")
+    damping_band_shift: float = float("nan")
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "residues", readonly(self.residues, complex))
@@ -63,6 +68,11 @@ class Mode:
     def damping_ratio(self) -> float:
         """Damping ratio −Re(s)/|s|."""
         return float(-self.pole.real / abs(self.pole))
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the status says more than which member of a pair is seen."""
+        return "at bound" in self.status or "outside" in self.status
 
     @property
     def shape(self) -> NDArray[np.complex128]:

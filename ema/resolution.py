@@ -44,7 +44,12 @@ class OrderReport:
 
 
 def resolve_orders(
-    frf: FRF, lines: slice, fit: PoleFit, modes: Sequence[Mode], correlation: float
+    frf: FRF,
+    lines: slice,
+    fit: PoleFit,
+    modes: Sequence[Mode],
+    band_hz: tuple[float, float],
+    correlation: float,
 ) -> tuple[NDArray[np.complex128], tuple[OrderReport, ...], bool]:
     """Decide for every order of the ring whether its pair is resolved.
 
@@ -57,6 +62,8 @@ def resolve_orders(
     fit : PoleFit
     modes : sequence of Mode
         One for each pole of the fit, with orders.
+    band_hz : tuple of float
+        Band of the result; orders outside are left as they are.
     correlation : float
         From `ema.covariance.line_correlation`.
 
@@ -75,6 +82,8 @@ def resolve_orders(
     dropped: set[int] = set()
     reports = []
     for order, members in family(modes).items():
+        if not band_hz[0] <= modes[members[0]].frequency_hz <= band_hz[1]:
+            continue
         own = left + _synthesis(fit, members, residual_terms=False)
         alone = decomposition.order(order, lines, own)
         verdict, found = judge_pair(alone, fit.poles[members], correlation)

@@ -134,6 +134,6 @@ def _attention(result: Result) -> str:
     parts = (
         ("warnings on data", verdicts.count(WARNING)),
         ("channels or runs excluded", verdicts.count(EXCLUDED)),
-        ("modes with a remark", sum(mode.status != "ok" for mode in result.modal_model.modes)),
+        ("modes with a remark", sum(mode.doubtful for mode in result.modal_model.modes)),
     )
     return "; ".join(f"{what}: {count}" for what, count in parts if count) or "nothing stands out"
