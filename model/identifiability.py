@@ -77,10 +77,19 @@ class LinearFit:
 
     def covariance(self, relative_std: ArrayLike) -> NDArray[np.float64]:
         """Covariance of the parameters for independent relative errors of the data."""
-        scale = self._scale()
-        gain = np.linalg.pinv(self._scaled_slope(), rcond=_RANK)
-        spread = gain * (self.data_slope * np.asarray(relative_std, dtype=float))
-        return np.asarray(spread @ spread.T * np.outer(scale, scale))
+        return self.spread(np.diag(self.data_slope * np.asarray(relative_std, dtype=float)))
+
+    def spread(self, residual_changes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Covariance of the parameters for independent unit causes that change the residuals.
+
+        Parameters
+        ----------
+        residual_changes : ndarray, shape (n_data, n_causes)
+            Change of each residual by each cause.
+        """
+        gain = np.linalg.pinv(self._scaled_slope(), rcond=_RANK) * self._scale()[:, None]
+        moved = gain @ residual_changes
+        return np.asarray(moved @ moved.T)
 
     def _scale(self) -> NDArray[np.float64]:
         return np.where(self.values > 0, self.values, 1.0)

@@ -54,6 +54,14 @@ class Bifurcation:
             object.__setattr__(self, name, readonly(getattr(self, name)))
 
     @property
+    def standing_hz(self) -> NDArray[np.float64]:
+        """Frequency of both waves in the frame in which the pair stands still (eqs 31, 32), Hz.
+
+        (ω_{n,1} + ω_{n,2})/4π, the mean of the two in any frame; shape (n_orders, n_speeds).
+        """
+        return np.asarray(0.5 * (self.regressive_hz + self.progressive_hz))
+
+    @property
     def stable(self) -> NDArray[np.bool_]:
         """Whether order and speed have frequencies at all."""
         return np.asarray(self.growth_rate_1_s == 0)

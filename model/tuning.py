@@ -25,7 +25,7 @@ from model.sensitivity import frequency_sensitivity
 from model.steady_state import PressureLoad
 from model.tuning_problem import AXIAL, PARAMETERS, TuningProblem
 from model.tuning_result import TuningResult
-from model.tuning_search import TYPICAL, Search, plan_search
+from model.tuning_search import Search, plan_search
 
 _NOMINAL = 0.005  # relative frequency error that judges identifiability where none is known
 
@@ -151,7 +151,9 @@ def _judge(
     fit = LinearFit(names, values[inner], slope, problem.data_slope(ring))
     relative, source = error_level(fit, problem.residual(ring), relative_given)
     covariance = fit.covariance(np.where(np.isfinite(relative), relative, _NOMINAL))
-    found, std = verdicts(fit, covariance, _undetermined(search, ring, fit))
+    if search.assumed:
+        covariance = covariance + fit.spread(_assumption_slope(search, ring))
+    found, std = verdicts(fit, covariance, fit.undetermined())
     how = dict.fromkeys(("mean_radius_m", "inflation_pressure_pa"), GIVEN)
     if problem.belt_width_m is not None:
         how["belt_width_m"] = GIVEN
@@ -161,22 +163,20 @@ def _judge(
     return how, known, correlation(names, covariance), relative, source
 
 
-def _undetermined(search: Search, ring: RingParameters, fit: LinearFit) -> dict[str, bool]:
-    """What could move without a trace if the assumed parameters were free as well."""
-    if not search.assumed:
-        return fit.undetermined()
-    names = (*fit.names, *search.assumed)
+def _assumption_slope(search: Search, ring: RingParameters) -> NDArray[np.float64]:
+    """Change of the residuals if each assumed parameter were wrong by its own size."""
+    names = tuple(search.assumed)
+    sizes = np.array(list(search.assumed.values()))
+    others = {name: getattr(ring, name) for name in search.free}
     wider = replace(
         search,
         free=names,
-        assumed={},
-        scale=np.array([TYPICAL[name] for name in names]),
-        lower=np.zeros(len(names)),
-        upper=np.full(len(names), np.inf),
+        assumed=others,
+        scale=sizes,
+        lower=np.zeros(sizes.size),
+        upper=np.full(sizes.size, np.inf),
     )
-    values = np.array([getattr(ring, name) for name in names])
-    slope = wider.residual_slope(values)
-    return LinearFit(names, values, slope, fit.data_slope).undetermined()
+    return np.asarray(wider.residual_slope(sizes) * sizes)
 
 
 def _obtained(search: Search, name: str) -> str:
@@ -202,7 +202,7 @@ def _remarks(search: Search, how: dict[str, str]) -> list[str]:
     for name, value in search.assumed.items():
         remarks.append(
             f"{problem.orders.size} frequencies are fewer than the unknowns: {name} was assumed "
-            f"to be {value:g}; the others hold for that value only."
+            f"to be {value:g}, uncertain by its own size."
         )
     for name in search.free:
         if how[name] == NOT_IDENTIFIED:

@@ -24,8 +24,9 @@ from model.tuning_problem import (
 
 #: Sizes of a passenger-car tyre: they scale the search and stand in for what is left open.
 TYPICAL = {MASS: 20.0, RADIAL: 8e6, CIRCUMFERENTIAL: 1e6, BENDING: 8.0}
-#: What is assumed, in this sequence, where there are fewer frequencies than unknowns.
-FIRST_ASSUMED = (MASS, BENDING)
+#: What is assumed, in this sequence, where there are fewer frequencies than unknowns: D first, it
+#: moves frequencies least.
+FIRST_ASSUMED = (BENDING, MASS)
 
 _START_MASSES = (6.0, 12.0, 20.0, 45.0)
 _AT_BOUND = 1e-4  # distance to a bound, over the parameter's scale, that counts as on it

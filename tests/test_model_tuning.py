@@ -171,15 +171,41 @@ def test_a_belt_that_wants_negative_bending_stiffness_gets_none():
     assert result.how["bending_stiffness_n_m"] == "at bound"
 
 
-@pytest.mark.parametrize("count", [2, 3])
-def test_too_few_frequencies_leave_everything_conditional(count):
+@pytest.mark.parametrize(
+    ("count", "assumed"),
+    [(3, ["bending_stiffness_n_m"]), (2, ["bending_stiffness_n_m", "mass_per_area_kg_m2"])],
+)
+def test_too_few_frequencies_leave_parameters_assumed(count, assumed):
     result = tune_ring(ORDERS[:count], MEASURED[:count], **TYRE)
     np.testing.assert_allclose(result.error_percent, 0.0, atol=1e-5)
-    assert result.ring.mass_per_area_kg_m2 == 20.0
-    assert result.how["mass_per_area_kg_m2"] == "not identified"
-    assert result.how["radial_stiffness_n_m3"] == "not identified"
+    for name in assumed:
+        assert getattr(result.ring, name) == {"b": 8.0, "m": 20.0}[name[0]]
+        assert result.how[name] == "not identified"
+        assert any(f"{name} was assumed" in note for note in result.notes)
+    radial = "identified" if count == 3 else "not identified"
+    assert result.how["radial_stiffness_n_m3"] == radial
     assert result.std == {}
-    assert any("fewer than the unknowns" in note for note in result.notes)
+
+
+def test_what_is_assumed_widens_the_standard_deviations():
+    truth = natural_frequencies_hz(TABLE_4_RING, [1, 2, 3])
+    std = {"frequency_std_hz": 1e-4 * truth}
+    assumed = tune_ring([1, 2, 3], truth, start={"bending_stiffness_n_m": 7.0}, **std, **TYRE)
+    given = tune_ring([1, 2, 3], truth, given={"bending_stiffness_n_m": 7.0}, **std, **TYRE)
+    assert assumed.ring.mass_per_area_kg_m2 == pytest.approx(given.ring.mass_per_area_kg_m2)
+    name = "mass_per_area_kg_m2"
+    assert assumed.std[name] > 3 * given.std[name]
+    off = tune_ring([1, 2, 3], truth, given={"bending_stiffness_n_m": 7.7}, **TYRE)
+    moved = off.ring.mass_per_area_kg_m2 - given.ring.mass_per_area_kg_m2
+    widened = np.sqrt(assumed.std[name] ** 2 - given.std[name] ** 2)
+    assert widened == pytest.approx(abs(moved) / 0.1, rel=0.05)
+
+
+def test_too_few_frequencies_and_a_bound_at_once():
+    bounds = {"circumferential_stiffness_n_m3": (0.0, 1e5)}
+    result = tune_ring(ORDERS[:3], MEASURED[:3], bounds=bounds, **TYRE)
+    assert result.how["circumferential_stiffness_n_m3"] == "at bound"
+    assert result.how["bending_stiffness_n_m"] == "not identified"
 
 
 def test_a_given_mass_makes_three_frequencies_enough():
