@@ -22,19 +22,19 @@ def run_demo(out: Path) -> tuple[Result, Path]:
     out : Path
         Folder for the demonstration; an earlier demonstration is replaced.
     """
-    result = process(_campaign(out))
+    result = process(sample_campaign(out / "campaign"))
     folder = out / "result"
     save(result, folder, force=True)
     return result, folder
 
 
-def _campaign(out: Path) -> Path:
+def sample_campaign(folder: Path) -> Path:
+    """The sample campaign of the project's folder; simulated into `folder` where not at hand."""
     for root in (Path.cwd(), Path(__file__).resolve().parents[1]):
         if (root / SAMPLE / "campaign.toml").is_file():
             return root / SAMPLE
-    campaign = out / "campaign"
-    if not (campaign / "campaign.toml").is_file():
+    if not (folder / "campaign.toml").is_file():
         from pipelines.simulate_campaign import simulate_campaign
 
-        simulate_campaign(campaign)
-    return campaign
+        simulate_campaign(folder)
+    return folder

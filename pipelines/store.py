@@ -44,7 +44,7 @@ def save(result: Result, folder: Path | str, *, report: bool = True, force: bool
     """
     folder = Path(folder)
     require_free(folder, force=force)
-    with _whole(folder) as partial:
+    with written_whole(folder) as partial:
         _write_tables(result, partial)
         _write_frfs(result.frf, partial)
         write_identification(result, partial)
@@ -113,15 +113,29 @@ def read_frf(path: Path) -> FRF:
     )
 
 
-def require_free(folder: Path, *, force: bool) -> None:
-    """Refuse a place where a result may not be written, before anything is computed."""
+def require_free(folder: Path, *, force: bool, marker: str = MARKER) -> None:
+    """Refuse a place where a result may not be written, before anything is computed.
+
+    Parameters
+    ----------
+    folder : Path
+    force : bool
+        Whether an earlier result may be replaced.
+    marker : str
+        File by which an earlier result is known.
+
+    Raises
+    ------
+    InputError
+        For a file, a folder with other files, or an earlier result without `force`.
+    """
     if not folder.exists():
         return
     if not folder.is_dir():
         raise InputError(str(folder), "a file", "a result is a folder", "Choose another --out")
     if not any(folder.iterdir()):
         return
-    if not (folder / MARKER).is_file():
+    if not (folder / marker).is_file():
         raise InputError(
             str(folder),
             "a folder with other files",
@@ -138,8 +152,14 @@ def require_free(folder: Path, *, force: bool) -> None:
 
 
 @contextmanager
-def _whole(folder: Path) -> Iterator[Path]:
-    """Yield a folder beside the wanted one, put into its place only when all is written."""
+def written_whole(folder: Path) -> Iterator[Path]:
+    """Yield a folder beside the wanted one, put into its place only when all is written.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written; nothing is left behind.
+    """
     try:
         folder.absolute().parent.mkdir(parents=True, exist_ok=True)
         partial = Path(

@@ -146,7 +146,7 @@ def test_inspect_lists_the_channels(ringmodal, short_campaign):
 
 
 def test_demo_ends_by_naming_the_report(ringmodal, short_campaign, tmp_path, monkeypatch):
-    monkeypatch.setattr(demo, "_campaign", lambda out: short_campaign)
+    monkeypatch.setattr(demo, "sample_campaign", lambda out: short_campaign)
     code, output, _ = ringmodal("demo", "--out", tmp_path / "demo")
     report = tmp_path / "demo" / "result" / "report.html"
     assert code == 0
@@ -155,7 +155,7 @@ def test_demo_ends_by_naming_the_report(ringmodal, short_campaign, tmp_path, mon
 
 
 def test_the_demo_takes_the_sample_campaign(sample_campaign, tmp_path):
-    assert demo._campaign(tmp_path).resolve() == sample_campaign.resolve()
+    assert demo.sample_campaign(tmp_path).resolve() == sample_campaign.resolve()
 
 
 def test_help_names_every_command(ringmodal):

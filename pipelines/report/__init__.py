@@ -49,6 +49,26 @@ def render_report(result: Result) -> str:
     str
         HTML with styles and pictures inside; texts from files appear as text.
     """
+    subject = result.tyre.designation if result.tyre is not None else result.name
+    return render_page("Modal report", subject, report_sections(result))
+
+
+def render_page(kind: str, subject: str, sections: tuple[Section, ...]) -> str:
+    """Render sections as one self-contained HTML page.
+
+    Parameters
+    ----------
+    kind : str
+        What sort of page it is, above its title.
+    subject : str
+        Its title.
+    sections : tuple of Section
+
+    Returns
+    -------
+    str
+        HTML; texts appear as text.
+    """
     environment = Environment(
         loader=PackageLoader("pipelines.report", "."),
         autoescape=select_autoescape(),
@@ -57,9 +77,8 @@ def render_report(result: Result) -> str:
         lstrip_blocks=True,
     )
     environment.filters["breakable"] = breakable
-    subject = result.tyre.designation if result.tyre is not None else result.name
     return environment.get_template("report.html").render(
-        subject=subject, sections=report_sections(result)
+        kind=kind, subject=subject, sections=sections
     )
 
 
