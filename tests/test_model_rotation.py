@@ -212,6 +212,14 @@ def test_at_rest_the_pair_stands():
     )
 
 
+@pytest.mark.parametrize("frame", ["rotating", "absolute"])
+def test_the_standing_frequency_is_that_of_the_stationary_frame(frame):
+    found = bifurcation(TABLE_4_RING, ORDERS, SPEED, frame=frame)
+    for order, standing_hz in zip(ORDERS, found.standing_hz[:, 0], strict=True):
+        seen = wave_pair(TABLE_4_RING, order, SPEED).frequencies_rad_s("stationary")
+        np.testing.assert_allclose(np.array(seen) / (2 * np.pi), standing_hz, rtol=1e-12)
+
+
 def test_in_the_stationary_frame_the_pair_stands_at_any_speed():
     """Eqs 30 to 32, 30b as corrected."""
     pair = wave_pair(TABLE_4_RING, 3, SPEED)
