@@ -7,10 +7,20 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from pipelines.process import process
 from pipelines.simulate_campaign import simulate_campaign
 from pipelines.store import save
+
+# The same examples everywhere, and no verdict that depends on how busy a machine is.
+settings.register_profile(
+    "repeatable",
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("repeatable")
 
 SAMPLE = Path(__file__).parents[1] / "sample_data" / "tyre_225_55R17"
 
