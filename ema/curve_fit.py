@@ -73,10 +73,11 @@ def fit_modes(
     band_hz = band_hz or selection.band_hz
     lines = lines_to_fit(frf, band_hz)
     start = _starting_poles(selection.poles, lines, band_hz)
-    drift = _drift_start(frf, lines, start)
+    seen = _drift_seen(frf, lines, start)
+    drift = seen.percent / 100 if seen.applied else None
     fit, notes = _without_leakage(frf, fit_bounded(lines, start, drift))
     if not on_circle(frf.position_deg):
-        return _model(frf, fit, band_hz, notes, ())
+        return _model(frf, fit, band_hz, notes, (), seen)
     chosen, correlation = widened_band(frf, band_hz), line_correlation(frf.blocks)
     reports: tuple[OrderReport, ...] = ()
     for _ in range(_PAIR_ROUNDS):
@@ -85,7 +86,7 @@ def fit_modes(
         if not changed:
             break
         fit, notes = _without_leakage(frf, fit_bounded(lines, _last(poles, fit), drift))
-    return _model(frf, fit, band_hz, notes, reports)
+    return _model(frf, fit, band_hz, notes, reports, seen)
 
 
 def lines_to_fit(frf: FRF, band_hz: tuple[float, float]) -> Lines:
@@ -107,34 +108,26 @@ def fit_bounded(
     return fit_poles(lines, start, lower, upper, drift)
 
 
-def drift_in_one_step(fit: PoleFit, correlation: float) -> tuple[NDArray[np.float64], float]:
-    """Drift of the runs, one Gauss–Newton step away from a common state, and its chance.
-
-    Returns
-    -------
-    drift : ndarray, shape (n_runs,)
-        Relative to the first run.
-    chance : float
-        Probability of a drift as large from noise alone (χ² test).
-    """
+def drift_in_one_step(fit: PoleFit, run: tuple[str, ...], correlation: float) -> Drift:
+    """Drift of the runs, one Gauss–Newton step away from a common state, tested against chance."""
     from scipy.stats import chi2
 
     apart = evaluate(fit.lines, fit.poles, np.zeros(fit.lines.n_runs))
-    covariance = parameter_covariance(apart, correlation)
-    step = -np.linalg.lstsq(apart.normal_matrix(), apart.gradient(), rcond=1e-12)[0]
     own = slice(2 * fit.poles.size, None)
-    size = float(step[own] @ np.linalg.pinv(covariance[own, own], rcond=1e-10) @ step[own])
-    return np.append(0.0, step[own]), float(chi2.sf(size, fit.lines.n_runs - 1))
+    covariance = parameter_covariance(apart, correlation)[own, own]
+    step = -np.linalg.lstsq(apart.normal_matrix(), apart.gradient(), rcond=1e-12)[0][own]
+    size = float(step @ np.linalg.pinv(covariance, rcond=1e-10) @ step)
+    chance = float(chi2.sf(size, step.size))
+    std = np.sqrt(np.diag(covariance))
+    percent = 100 * np.append(0.0, step), 100 * np.append(0.0, std)
+    return Drift(run, *percent, applied=chance < _DRIFT_CHANCE, chance=chance)
 
 
-def _drift_start(
-    frf: FRF, lines: Lines, start: NDArray[np.complex128]
-) -> NDArray[np.float64] | None:
-    """Start values of a drift from run to run; None where the runs show one and the same state."""
+def _drift_seen(frf: FRF, lines: Lines, start: NDArray[np.complex128]) -> Drift:
     if lines.n_runs < 2 or not np.all(np.isfinite(frf.std)):
-        return None
-    drift, chance = drift_in_one_step(fit_bounded(lines, start), line_correlation(frf.blocks))
-    return drift if chance < _DRIFT_CHANCE else None
+        return NO_DRIFT
+    fit = fit_bounded(lines, start)
+    return drift_in_one_step(fit, frf.run_names, line_correlation(frf.blocks))
 
 
 def _starting_poles(
@@ -200,6 +193,7 @@ def _model(
     band_hz: tuple[float, float],
     notes: list[str],
     reports: tuple[OrderReport, ...],
+    seen: Drift,
 ) -> ModalModel:
     correlation = line_correlation(frf.blocks)
     covariance = parameter_covariance(fit, correlation)
@@ -221,7 +215,7 @@ def _model(
         misfit=fit.misfit if np.all(np.isfinite(frf.std)) else float("nan"),
         node=frf.node,
         position_deg=frf.position_deg,
-        drift=_drift(frf, fit, covariance),
+        drift=_drift(seen, fit, covariance),
         orders=reports,
         notes=tuple(notes),
     )
@@ -267,8 +261,8 @@ def _with_band_shift(modes: list[Mode], fit: PoleFit) -> list[Mode]:
     ]
 
 
-def _drift(frf: FRF, fit: PoleFit, covariance: NDArray[np.float64]) -> Drift:
-    if fit.drift.size == 1:
-        return NO_DRIFT
+def _drift(seen: Drift, fit: PoleFit, covariance: NDArray[np.float64]) -> Drift:
+    if not seen.applied or fit.drift.size == 1:
+        return seen
     std = np.sqrt(np.diag(covariance))[2 * fit.poles.size :]
-    return Drift(frf.run_names, 100 * fit.drift, 100 * np.append(0.0, std))
+    return replace(seen, percent=100 * fit.drift, std_percent=100 * np.append(0.0, std))

@@ -67,6 +67,7 @@ def identify_modes(
     band_hz: tuple[float, float] = (20.0, 260.0),
     *,
     pinned_hz: Sequence[float] | None = None,
+    excluded_hz: Sequence[float] = (),
     sensor_mass: SensorMass | None = None,
     max_order: int = 60,
     method: str = "lsce",
@@ -83,6 +84,8 @@ def identify_modes(
         Band of the result.
     pinned_hz : sequence of float, optional
         Frequencies of the modes, instead of the automatic selection.
+    excluded_hz : sequence of float
+        Frequencies of poles that are no modes.
     sensor_mass : SensorMass, optional
         Corrects to the bare tyre.
     max_order : int
@@ -104,7 +107,7 @@ def identify_modes(
 
     def once(frf: FRF) -> tuple[StabilityDiagram, ModalModel]:
         diagram = build_stability(frf, band_hz, max_order=max_order, method=method)
-        return diagram, fit_modes(frf, select_poles(diagram, pinned_hz))
+        return diagram, fit_modes(frf, select_poles(diagram, pinned_hz, excluded_hz))
 
     usable, findings = screen(frf, band_hz)
     diagram, model = once(usable)

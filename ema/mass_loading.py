@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ema.circumference import circle_basis, highest_order
 from ema.frf import FRF
+from ema.modes import ModalModel
 from ema.recording import Campaign
 
 # The correction is a few percent of the FRFs; each round leaves a few percent of its error.
@@ -63,6 +64,24 @@ def unloaded(
     ]
     spilled = [_spilled_power(bare, sensors_deg) for bare in transfers]
     return transfers[int(np.argmin(spilled))]
+
+
+def loading_note(model: ModalModel, n_sensors: int, excitation_deg: float) -> str:
+    """Say how large the effect of the sensors may be where their mass is not given."""
+    angle = (model.position_deg - excitation_deg + 180) % 360 - 180
+    drive = int(np.argmin(np.abs(angle)))
+    if abs(angle[drive]) > 2.5 or not model.modes:
+        return "Sensor mass not given: nothing was corrected for it."
+    residues = np.array([mode.residues for mode in model.modes])
+    worst = loading_percent(
+        model.frequencies_hz, residues, residues[:, drive], n_sensors, mass_kg=1e-3
+    )
+    order = model.modes[int(np.argmax(worst))].order
+    return (
+        f"Sensor mass not given, nothing was corrected for it: each gram per sensor lowers the "
+        f"natural frequencies by about {np.median(worst) / 2:.2f} %, at most {worst.max():.2f} % "
+        f"(order {order}, all sensors on antinodes)."
+    )
 
 
 def _repeated(

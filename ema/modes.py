@@ -119,14 +119,20 @@ class Drift:
     Parameters
     ----------
     run : tuple of str
-        Run names in the order of the campaign; empty where all runs share one state.
+        Run names in the order of the campaign; empty where there is nothing to compare.
     percent, std_percent : ndarray, shape (n_runs,)
         Common shift of all frequencies and its standard deviation.
+    applied : bool
+        Whether the shift is more than chance, so that each run was fitted in its own state.
+    chance : float
+        Probability of shifts as large from noise alone; NaN where unknown.
     """
 
     run: tuple[str, ...]
     percent: NDArray[np.float64]
     std_percent: NDArray[np.float64]
+    applied: bool = True
+    chance: float = float("nan")
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "percent", readonly(self.percent))
@@ -134,10 +140,12 @@ class Drift:
 
     def factor(self, run: str) -> float:
         """Poles of a run over those of the first run."""
-        return 1 + float(self.percent[self.run.index(run)]) / 100 if run in self.run else 1.0
+        if not self.applied or run not in self.run:
+            return 1.0
+        return 1 + float(self.percent[self.run.index(run)]) / 100
 
 
-NO_DRIFT = Drift((), np.zeros(0), np.zeros(0))
+NO_DRIFT = Drift((), np.zeros(0), np.zeros(0), applied=False)
 
 
 @dataclass(frozen=True, eq=False)

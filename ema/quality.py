@@ -12,6 +12,7 @@ from ema._arrays import readonly
 
 if TYPE_CHECKING:
     from ema.frf import FRF
+    from ema.modes import Drift
 
 OK = "ok"
 WARNING = "warning"
@@ -157,6 +158,27 @@ def coherent_band(frf: FRF) -> tuple[float, float]:
     stops = np.array([start + np.argmin(good[start:]) for start in starts])
     widest = np.argmax(stops - starts)
     return float(frf.frequency_hz[starts[widest]]), float(frf.frequency_hz[stops[widest] - 1])
+
+
+def drift_findings(drift: Drift) -> list[Finding]:
+    """Drift of each run against the first, one finding each; none with a single run."""
+    if len(drift.run) < 2:
+        return []
+    verdict = WARNING if drift.applied else OK
+    says = "; the run was fitted in its own state" if drift.applied else "; no more than chance"
+    return [
+        Finding(
+            run=run,
+            channel="",
+            position_deg=None,
+            check="drift",
+            verdict=verdict,
+            detail=f"natural frequencies {percent:+.4f} ± {std:.4f} % against {drift.run[0]}{says}",
+        )
+        for run, percent, std in zip(
+            drift.run[1:], drift.percent[1:], drift.std_percent[1:], strict=True
+        )
+    ]
 
 
 def reference_finding(check: ReferenceCheck) -> Finding:

@@ -32,6 +32,7 @@ _MARGIN = 0.15
 _MARGIN_NOISE = 2.0
 _FEWEST_LINES = 32
 _PIN_REACH = 0.05
+_EXCLUDE_REACH = 0.01
 
 
 @dataclass(frozen=True)
@@ -231,7 +232,9 @@ def build_stability(
 
 
 def select_poles(
-    diagram: StabilityDiagram, pinned_hz: Sequence[float] | None = None
+    diagram: StabilityDiagram,
+    pinned_hz: Sequence[float] | None = None,
+    excluded_hz: Sequence[float] = (),
 ) -> PoleSelection:
     """Choose the poles that start the curve fit, those just outside the band included.
 
@@ -240,6 +243,8 @@ def select_poles(
     diagram : StabilityDiagram
     pinned_hz : sequence of float, optional
         Take one pole next to each of these frequencies instead of the automatic selection.
+    excluded_hz : sequence of float
+        Leave out the pole nearest to each of these frequencies (within 1 %).
 
     Returns
     -------
@@ -251,7 +256,8 @@ def select_poles(
     FitError
         Where nothing was found, nothing within 5 % of a pinned frequency, or one pole for two.
     """
-    kept = [cluster for cluster in diagram.clusters if cluster.kept]
+    excluded = {_excluded(diagram, wanted) for wanted in excluded_hz}
+    kept = [c for c in diagram.clusters if c.kept and c.label not in excluded]
     if pinned_hz is not None:
         low, high = diagram.band_hz
         chosen = _pinned_poles(diagram, pinned_hz)
@@ -380,6 +386,18 @@ def _pinned_poles(diagram: StabilityDiagram, pinned_hz: Sequence[float]) -> list
             )
         wanted_at[pole] = wanted
     return list(wanted_at)
+
+
+def _excluded(diagram: StabilityDiagram, wanted_hz: float) -> int:
+    """Label of the kept cluster nearest to a frequency that the user wants left out."""
+    kept = [cluster for cluster in diagram.clusters if cluster.kept]
+    near = min(kept, key=lambda c: abs(c.frequency_hz - wanted_hz), default=None)
+    if near is None or abs(near.frequency_hz / wanted_hz - 1) > _EXCLUDE_REACH:
+        raise FitError(
+            f"no mode within {100 * _EXCLUDE_REACH:g} % of the excluded {wanted_hz:g} Hz. "
+            "Leave it out or correct the frequency."
+        )
+    return near.label
 
 
 def _pinned_pole(diagram: StabilityDiagram, wanted_hz: float) -> complex:

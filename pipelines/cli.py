@@ -72,9 +72,16 @@ def process(
     max_order: Annotated[
         int, typer.Option(min=4, max=200, help="Highest model order of the stability diagram.")
     ] = 60,
+    method: Annotated[
+        str, typer.Option(help="Pole estimator, lsce or plscf; the other is the second opinion.")
+    ] = "lsce",
     pin: Annotated[
         str | None,
         typer.Option(metavar="HZ,HZ,…", help="Take the modes next to these frequencies instead."),
+    ] = None,
+    exclude: Annotated[
+        str | None,
+        typer.Option(metavar="HZ,HZ,…", help="Leave out the modes at these frequencies."),
     ] = None,
     objective: Objective = "frequency",
     given: Given = None,
@@ -98,6 +105,8 @@ def process(
         estimator=estimator,
         max_order=max_order,
         pinned_hz=console.numbers("--pin", pin),
+        excluded_hz=console.numbers("--exclude", exclude),
+        method=method,
         tune=not no_tune,
         objective=objective,
         given=console.assignments("--given", given),

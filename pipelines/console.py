@@ -88,17 +88,28 @@ def show(result: Result, folder: Path, *, as_json: bool, report: bool) -> None:
     output.print(_modes_table(result))
     if result.tuning is not None:
         output.print(_ring_table(result))
-    for finding in result.findings:
-        if finding.verdict != "ok":
-            where = " ".join(part for part in (finding.run, finding.channel) if part)
-            text = f"{finding.check}: {where}: {finding.detail}"
-            errors.print(f"Warning: {text}", style="yellow", markup=False)
+    for text in warnings(result):
+        errors.print(f"Warning: {text}", style="yellow", markup=False)
     for note in result.notes:
         errors.print(f"Note: {note}", markup=False, highlight=False)
     output.print(f"Result: {folder}", markup=False, highlight=False, soft_wrap=True)
     if report:
         page = folder / "report.html"
         output.print(f"Report: {page}", markup=False, highlight=False, soft_wrap=True)
+
+
+def warnings(result: Result) -> list[str]:
+    """Findings that are not in order, one line for each check that found any."""
+    by_check: dict[str, list[str]] = {}
+    for finding in result.findings:
+        if finding.verdict != "ok":
+            where = " ".join(part for part in (finding.run, finding.channel) if part)
+            by_check.setdefault(finding.check, []).append(f"{where}: {finding.detail}")
+    return [
+        f"{check}: {found[-1]}"
+        + (f" (and {len(found) - 1} more, see quality.csv)" if len(found) > 1 else "")
+        for check, found in by_check.items()
+    ]
 
 
 def summary(result: Result, folder: Path) -> dict[str, Any]:

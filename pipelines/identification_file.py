@@ -16,6 +16,7 @@ from ema.pairs import PairVerdict
 from ema.quality import Finding, check_reference
 from ema.recording import Tyre
 from ema.resolution import OrderReport
+from ema.second_opinion import Opinion
 from ema.stability import Cluster, StabilityDiagram
 from pipelines.result import Result
 
@@ -32,6 +33,7 @@ def write_identification(result: Result, folder: Path) -> None:
         "excitation_deg": result.excitation_deg,
         "reference_deg": result.reference_deg,
         "findings": [asdict(finding) for finding in result.findings],
+        "opinions": [asdict(opinion) for opinion in result.opinions],
         "blocks": None if result.frf.blocks is None else asdict(result.frf.blocks),
         "n_effective": result.frf.n_effective,
         "band_hz": model.band_hz,
@@ -43,6 +45,8 @@ def write_identification(result: Result, folder: Path) -> None:
             "run": model.drift.run,
             "percent": model.drift.percent.tolist(),
             "std_percent": model.drift.std_percent.tolist(),
+            "applied": model.drift.applied,
+            "chance": model.drift.chance,
         },
         "notes": model.notes,
         "orders": [asdict(report) for report in model.orders],
@@ -83,6 +87,7 @@ def read_identification(folder: Path, record: dict[str, Any], frf: FRF) -> Resul
         excitation_deg=content["excitation_deg"],
         reference_deg=content["reference_deg"],
         findings=tuple(Finding(**finding) for finding in content["findings"]),
+        opinions=tuple(Opinion(**opinion) for opinion in content["opinions"]),
         notes=model.notes,
         provenance={key: value for key, value in record.items() if key != "warnings"},
     )
@@ -97,6 +102,8 @@ def _mode_record(mode: Mode) -> dict[str, Any]:
         "member": mode.member,
         "order_purity": mode.order_purity,
         "status": mode.status,
+        "frequency_band_shift_hz": mode.frequency_band_shift_hz,
+        "damping_band_shift": mode.damping_band_shift,
     }
 
 
@@ -150,6 +157,8 @@ def _read_model(content: dict[str, Any], frf: FRF, path: Path) -> ModalModel:
             tuple(content["drift"]["run"]),
             np.array(content["drift"]["percent"]),
             np.array(content["drift"]["std_percent"]),
+            content["drift"]["applied"],
+            content["drift"]["chance"],
         ),
         orders=tuple(
             OrderReport(**{**report, "pair": PairVerdict(**report["pair"])})

@@ -24,6 +24,10 @@ class Options:
         Highest model order of the stability diagram.
     pinned_hz : tuple of float
         Frequencies of the modes, instead of the automatic selection; empty for automatic.
+    excluded_hz : tuple of float
+        Frequencies of poles that are no modes.
+    method : {"lsce", "plscf"}
+        Pole estimator; the other one gives the second opinion.
     tune : bool
         Whether to determine the ring's parameters.
     objective : {"frequency", "paper"}
@@ -36,6 +40,8 @@ class Options:
     estimator: str = "H1"
     max_order: int = 60
     pinned_hz: tuple[float, ...] = ()
+    excluded_hz: tuple[float, ...] = ()
+    method: str = "lsce"
     tune: bool = True
     objective: str = "frequency"
     given: dict[str, float] = field(default_factory=dict)

@@ -13,13 +13,14 @@ import model
 from ema.errors import InputError
 from ema.frf import FRF
 from ema.identify import SensorMass
-from ema.mass_loading import sensors_of_runs
+from ema.mass_loading import loading_note, sensors_of_runs
 from ema.modes import ModalModel
 from ema.quality import (
     averages_finding,
     check_reference,
     coherence_findings,
     coherent_band,
+    drift_findings,
     reference_finding,
 )
 from ema.recording import Campaign, Tyre
@@ -69,10 +70,13 @@ def process(
             estimated,
             band_hz,
             pinned_hz=options.pinned_hz or None,
+            excluded_hz=options.excluded_hz,
             sensor_mass=_sensor_mass(campaign),
             max_order=options.max_order,
+            method=options.method,
         )
-    frf, modal_model = found.frf, found.model
+    frf, notes = found.frf, (*found.model.notes, *_mass_note(campaign, found.model))
+    modal_model = replace(found.model, notes=notes)
     reference = None if frf.reference is None else check_reference(frf.reference, band_hz)
     findings = [
         *campaign.findings,
@@ -80,6 +84,7 @@ def process(
         *coherence_findings(estimated, band_hz),
         *found.findings,
         *([reference_finding(reference)] if reference else []),
+        *drift_findings(modal_model.drift),
     ]
     measured = Result(
         name=campaign.name,
@@ -94,6 +99,7 @@ def process(
         excitation_deg=campaign.excitation_deg,
         reference_deg=campaign.reference_deg,
         findings=tuple(findings),
+        opinions=found.opinions,
         notes=modal_model.notes,
     )
     with watch.stage("ring", "Tuning the ring"):
@@ -157,6 +163,16 @@ def _sensor_mass(campaign: Campaign) -> SensorMass | None:
     return SensorMass(
         campaign.sensor_mass_kg, sensors_of_runs(campaign), campaign.excitation_deg or 0.0
     )
+
+
+def _mass_note(campaign: Campaign, modal_model: ModalModel) -> list[str]:
+    if not campaign.has_circle or not campaign.runs:
+        return []
+    if campaign.sensor_mass_kg is not None:
+        grams = 1e3 * campaign.sensor_mass_kg
+        return [f"Corrected to the bare tyre: the mass of the sensors, {grams:g} g each, is off."]
+    seats = max(angles.size for angles in sensors_of_runs(campaign).values())
+    return [loading_note(modal_model, seats, campaign.excitation_deg or 0.0)]
 
 
 def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:

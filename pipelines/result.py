@@ -12,6 +12,7 @@ from ema.frf import FRF
 from ema.modes import ModalModel
 from ema.quality import Finding, ReferenceCheck
 from ema.recording import Tyre
+from ema.second_opinion import Opinion
 from ema.stability import StabilityDiagram
 from model.damping import DampingResult
 from model.tuning_result import TuningResult
@@ -65,6 +66,8 @@ class Result:
         None where the ring steps were left out; `notes` says why.
     excitation_deg, reference_deg : float or None
         Angles of the force and of the reference sensor.
+    opinions : tuple of Opinion
+        What another pole estimator says about the modes.
     findings : tuple of Finding
         Lines of ``quality.csv``.
     notes : tuple of str
@@ -84,6 +87,7 @@ class Result:
     validation: Validation | None
     excitation_deg: float | None
     reference_deg: float | None
+    opinions: tuple[Opinion, ...] = ()
     findings: tuple[Finding, ...] = ()
     notes: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)

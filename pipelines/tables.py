@@ -28,6 +28,8 @@ MODES = (
     "mpd_deg",
     "order_purity",
     "status",
+    "frequency_band_shift_hz",
+    "damping_ratio_band_shift",
 )
 QUALITY = ("run", "channel", "position_deg", "check", "verdict", "detail")
 VALIDATION = (
@@ -74,6 +76,8 @@ def modes_rows(result: Result) -> list[Row]:
             mode.mpd_deg,
             mode.order_purity,
             mode.status,
+            mode.frequency_band_shift_hz,
+            mode.damping_band_shift,
         )
         for number, mode in enumerate(result.modal_model.modes, start=1)
     ]

@@ -64,7 +64,8 @@ def modes(result: Result) -> Section:
     }
     rows = tuple(zip(*columns.values(), strict=True))
     table = Table("Identified modes", tuple(columns), rows, words=(len(columns) - 1,))
-    return Section("modes", "Modes", (table, Paragraph(_fit_text(model)), *listed(model.notes)))
+    blocks: tuple[Block, ...] = (table, Paragraph(_fit_text(model)), *listed(model.notes))
+    return Section("modes", "Modes", (*blocks, *_orders(model), *_opinions(result)))
 
 
 def responses(result: Result) -> Section:
@@ -128,6 +129,47 @@ def _mode_columns(model: ModalModel) -> dict[str, list[str]]:
         "purity": [f"{m.order_purity:.3f}" if np.isfinite(m.order_purity) else DASH for m in modes],
         "status": [m.status for m in modes],
     }
+
+
+def _orders(model: ModalModel) -> tuple[Block, ...]:
+    if not model.orders:
+        return ()
+    head = ("order n", "pair", "alone: frequency / Hz", "alone: damping / %", "evidence")
+    rows = tuple(
+        (
+            str(report.order),
+            report.pair.verdict,
+            value_with_std(report.frequency_hz, report.frequency_std_hz, 5),
+            value_with_std(100 * report.damping_ratio, 100 * report.damping_std, 3),
+            report.pair.evidence,
+        )
+        for report in model.orders
+    )
+    text = (
+        "Every order n ≥ 1 of a tyre is a pair of modes, of which one shaker sees one combination. "
+        "Each order's own FRFs (the part that goes with cos nθ and sin nθ) are tested for a second "
+        "pole and identified by themselves, independently of the table above."
+    )
+    return (Paragraph(text), Table("Orders one by one", head, rows, words=(1, 4)))
+
+
+def _opinions(result: Result) -> tuple[Block, ...]:
+    if not result.opinions:
+        return ()
+    name = {"plscf": "p-LSCF", "lsce": "LSCE"}[result.opinions[0].method]
+    apart = [opinion for opinion in result.opinions if not opinion.agrees]
+    if not apart:
+        text = (
+            f"A second estimator ({name}) finds the same modes, within 0.5 % and 10 % of damping."
+        )
+        return (Paragraph(text, "good"),)
+    head = ("mode / Hz", f"{name}: frequency / Hz", f"{name}: damping / %")
+    rows = tuple(
+        (number(o.mode_hz, 5), number(o.frequency_hz, 5), number(100 * o.damping_ratio, 3))
+        for o in apart
+    )
+    text = f"A second estimator ({name}) disagrees on {len(apart)} modes; look at these twice."
+    return (Paragraph(text, "warning"), Table("Where the estimators disagree", head, rows))
 
 
 def _fit_text(model: ModalModel) -> str:
