@@ -9,6 +9,7 @@ the extra ``benchmark``.
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Callable
 
@@ -18,7 +19,7 @@ from scoring import FoundMode, Match, Score, score, true_frequencies_hz
 from tyres import BAND_HZ, RandomTyre, measured_frf, random_tyre
 
 import ema
-from ema.errors import FitError
+from ema.errors import FitError, InputError
 from ema.family import FOREIGN
 from ema.frf import FRF
 
@@ -62,8 +63,8 @@ def _timed(tyre: RandomTyre, find: Callable[[], list[FoundMode]], drift: float) 
     start = time.perf_counter()
     try:
         found = find()
-    except FitError as error:
-        print(f"no result: {error}")
+    except (FitError, InputError, np.linalg.LinAlgError) as error:
+        print(f"no result: {error}", file=sys.stderr)
         found = []
     return score(tyre, found, time.perf_counter() - start, drift)
 
