@@ -142,7 +142,7 @@ def show_channels(channels: list[ChannelSummary], *, as_json: bool) -> None:
         return
     from rich.console import Console
 
-    table = _table("Channels")
+    table = empty_table("Channels")
     for name in (
         "file",
         "channel",
@@ -174,7 +174,8 @@ def show_channels(channels: list[ChannelSummary], *, as_json: bool) -> None:
     Console().print(table)
 
 
-def _table(title: str) -> Any:
+def empty_table(title: str) -> Any:
+    """A table as the command line prints it, without columns yet."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
@@ -184,7 +185,7 @@ def _table(title: str) -> Any:
 def _modes_table(result: Result) -> Any:
     from pipelines.report.numbers import value_with_std
 
-    table = _table(f"Modes of {result.name}")
+    table = empty_table(f"Modes of {result.name}")
     for heading in ("mode", "order", "frequency in Hz", "damping in %", "MPC", "purity", "status"):
         table.add_column(heading, justify="left" if heading == "status" else "right", no_wrap=True)
     for number, mode in enumerate(result.modal_model.modes, start=1):
@@ -203,7 +204,7 @@ def _modes_table(result: Result) -> Any:
 def _ring_table(result: Result) -> Any:
     from pipelines.report.numbers import value_with_std
 
-    table = _table("Ring")
+    table = empty_table("Ring")
     for heading in ("parameter", "value", "obtained"):
         table.add_column(heading, justify="right" if heading == "value" else "left", no_wrap=True)
     if result.tuning is None:
