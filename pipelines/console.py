@@ -104,7 +104,8 @@ def warnings(result: Result) -> list[str]:
     for finding in result.findings:
         if finding.verdict != "ok":
             where = " ".join(part for part in (finding.run, finding.channel) if part)
-            by_check.setdefault(finding.check, []).append(f"{where}: {finding.detail}")
+            text = f"{where}: {finding.detail}" if where else finding.detail
+            by_check.setdefault(finding.check, []).append(text)
     return [
         f"{check}: {found[-1]}"
         + (f" (and {len(found) - 1} more, see quality.csv)" if len(found) > 1 else "")

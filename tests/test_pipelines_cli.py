@@ -124,6 +124,13 @@ def test_report_again_keeps_everything_else(ringmodal, processed):
     assert (processed / "tyre.toml").read_bytes() == tyre
 
 
+def test_what_the_data_do_not_tell_is_a_warning(ringmodal, short_campaign, out):
+    arguments = ("--averages", 1, "--no-report", "--quiet", "--no-tune")
+    code, _, errors = ringmodal("process", short_campaign, "--out", out, *arguments)
+    assert code == 0
+    assert "Warning: averages: a single average" in errors
+
+
 def test_an_existing_result_asks_for_force(ringmodal, short_campaign, processed):
     before = (processed / "provenance.json").read_bytes()
     arguments = ("process", short_campaign, "--out", processed, "--no-report", "--quiet")
