@@ -22,6 +22,7 @@ from pipelines.figures_style import (
     place_name,
     sparse_labels,
     spread,
+    wrapped_phase_deg,
 )
 
 DEFLECTION = 0.3  # largest drawn deflection, in radii
@@ -116,8 +117,8 @@ def plot_frf_phase(frf: FRF, model: ModalModel, row: int, ax: Axes) -> Axes:
     Axes
     """
     shown, fitted = _shown_lines(frf, model)
-    measured = _wrapped_phase_deg(frf.values[row, shown])
-    synthesis = _wrapped_phase_deg(_fitted(frf, model, row, fitted))
+    measured = wrapped_phase_deg(frf.values[row, shown])
+    synthesis = wrapped_phase_deg(_fitted(frf, model, row, fitted))
     ax.plot(frf.frequency_hz[fitted], synthesis, color=FITTED, lw=2.0)
     ax.plot(frf.frequency_hz[shown], measured, "--", color=MEASURED, lw=0.8)
     _shade_outside(model.band_hz, ax)
@@ -314,13 +315,6 @@ def _fitted(
     frf: FRF, model: ModalModel, row: int, lines: NDArray[np.bool_]
 ) -> NDArray[np.complex128]:
     return np.asarray(model.synthesise(frf.frequency_hz[lines], frf.run)[row])
-
-
-def _wrapped_phase_deg(values: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Phase with a gap wherever it wraps, so that no line crosses the picture."""
-    phase = np.rad2deg(np.angle(values))
-    phase[1:][np.abs(np.diff(phase)) > 180] = np.nan
-    return np.asarray(phase)
 
 
 def _long(names: Sequence[str]) -> bool:

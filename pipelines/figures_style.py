@@ -128,6 +128,13 @@ def log_axis(ax: Axes, decades: float = 4.0) -> None:
     ax.yaxis.set_minor_locator(NullLocator())
 
 
+def wrapped_phase_deg(values: ArrayLike) -> NDArray[np.float64]:
+    """Phase of complex values with a gap wherever it wraps, so that no line crosses the picture."""
+    phase = np.rad2deg(np.angle(values))
+    phase[1:][np.abs(np.diff(phase)) > 180] = np.nan
+    return np.asarray(phase)
+
+
 def place_name(node: int, position_deg: float) -> str:
     """Name of a position as labels show it: "node 20, 100°"."""
     where = [f"node {node}"] if node >= 0 else []
