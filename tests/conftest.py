@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shutil
+import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from pipelines import cli
 from pipelines.process import process
 from pipelines.simulate_campaign import simulate_campaign
 from pipelines.store import save
@@ -79,3 +81,17 @@ def edit_manifest(campaign_copy):
         return campaign_copy
 
     return edit
+
+
+@pytest.fixture
+def ringmodal(capsys, monkeypatch):
+    """Run a command in this process; returns exit code, standard output and standard error."""
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["ringmodal", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        captured = capsys.readouterr()
+        return ended.value.code or 0, captured.out, captured.err
+
+    return run

@@ -13,20 +13,6 @@ from pipelines import cli, demo
 
 
 @pytest.fixture
-def ringmodal(capsys, monkeypatch):
-    """Run a command in this process; returns exit code, standard output and standard error."""
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["ringmodal", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        captured = capsys.readouterr()
-        return ended.value.code or 0, captured.out, captured.err
-
-    return run
-
-
-@pytest.fixture
 def out(tmp_path):
     (tmp_path / "results").mkdir()
     return tmp_path / "results" / "result"
