@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-simulate = typer.Typer(help="The ring model at work: virtual measurements.", no_args_is_help=True)
+from pipelines import simulate_options as option
+from pipelines.simulate_options import (
+    Directions,
+    Frames,
+    Hubs,
+    PressureLoads,
+    Quantities,
+    WaveFrames,
+)
+
+simulate = typer.Typer(
+    help="The ring model at work: frequencies, forced vibration, virtual measurements.",
+    no_args_is_help=True,
+)
 
 
 class FileFormat(StrEnum):
@@ -16,11 +30,6 @@ class FileFormat(StrEnum):
 
     uff = "uff"
     csv = "csv"
-
-
-@simulate.callback()
-def _group() -> None:
-    """Keep the commands below the group, however few they are."""
 
 
 @simulate.command()
@@ -64,3 +73,236 @@ def campaign(
     )
     typer.echo(f"Campaign: {written}")
     typer.echo(f"Next: ringmodal process {written} --out result")
+
+
+@simulate.command()
+def frequencies(
+    tyre: option.Tyre = None,
+    orders: Annotated[str, typer.Option(metavar="FROM:TO", help="Orders n ≥ 1.")] = "1:7",
+    speed_rad_s: Annotated[
+        str, typer.Option(metavar="FROM:TO:STEP", help="Angular speed in rad/s, one or several.")
+    ] = "0",
+    frame: Annotated[WaveFrames, typer.Option(help="Where the observer is.")] = WaveFrames.rotating,
+    extensional: Annotated[bool, typer.Option(help="The extensional waves instead.")] = False,
+    pressure_load: option.PressureLoad = PressureLoads.dead,
+    out: option.Out = None,
+    figure: option.FigureFile = None,
+    as_json: option.Json = False,
+) -> None:
+    """Frequencies in Hz of the regressive and the progressive wave of each order, over speed.
+
+    Example: ringmodal simulate frequencies --speed-rad-s 0:100:1 --orders 1:4 --out waves.csv
+    """
+    from pipelines import simulate_show as show
+    from pipelines.simulate_frequencies import simulate_frequencies
+    from pipelines.simulate_ranges import orders_of, values_of
+
+    found = simulate_frequencies(
+        show.announced(tyre).ring,
+        orders_of("--orders", orders),
+        values_of("--speed-rad-s", speed_rad_s),
+        frame.value,
+        extensional=extensional,
+        pressure_load=pressure_load.value,
+    )
+    show.frequencies(found, frame.value, show.Targets(out, figure, as_json))
+
+
+@simulate.command()
+def inertance(
+    tyre: option.Tyre = None,
+    at_deg: option.AtAngle = 100.0,
+    force_deg: option.ForceAngle = 0.0,
+    speed_rad_s: option.Speed = 0.0,
+    frequency_hz: option.FrequencyRange = "20:300:0.1",
+    harmonics: option.Harmonics = 200,
+    frame: Annotated[
+        Frames, typer.Option(help="Whether force and response stay on the tyre or in space.")
+    ] = Frames.rotating,
+    inextensional: Annotated[bool, typer.Option(help="Take the belt as inextensible.")] = False,
+    pretension_loss: option.PretensionLoss = True,
+    pressure_load: option.PressureLoad = PressureLoads.dead,
+    out: option.Out = None,
+    figure: option.FigureFile = None,
+    as_json: option.Json = False,
+) -> None:
+    """Radial inertance between two angles in (m/s²)/N; in (m/s²)/(N/m) without a belt width.
+
+    Example: ringmodal simulate inertance --at-deg 100 --speed-rad-s 67.3 --out inertance.csv
+    """
+    from model import ForcedRing
+    from pipelines import simulate_show as show
+    from pipelines.simulate_inertance import simulate_inertance
+    from pipelines.simulate_ranges import values_of
+    from pipelines.simulate_tyre import damping_of
+
+    chosen = show.announced(tyre)
+    forced = ForcedRing(
+        chosen.ring,
+        damping_of(chosen, on_pretension=pretension_loss),
+        speed_rad_s,
+        pressure_load=pressure_load.value,
+        highest_order=harmonics,
+        frame=frame.value,
+    )
+    lines = values_of("--frequency-hz", frequency_hz)
+    found = simulate_inertance(forced, lines, at_deg, force_deg, inextensional=inextensional)
+    show.inertance(found, chosen, show.Targets(out, figure, as_json))
+
+
+@simulate.command()
+def cleat(
+    tyre: option.Tyre = None,
+    at_deg: option.AtAngle = 100.0,
+    frame: Annotated[
+        Frames, typer.Option(help="Whether the point watched stays on the tyre or in space.")
+    ] = Frames.rotating,
+    direction: Annotated[Directions, typer.Option(help="Component.")] = Directions.radial,
+    quantity: Annotated[Quantities, typer.Option(help="m, m/s or m/s².")] = Quantities.acceleration,
+    speed_rad_s: option.Speed = 67.3,
+    contact_deg: Annotated[float, typer.Option(help="Angle of the contact in degrees.")] = 0.0,
+    radial_n_s: Annotated[
+        float, typer.Option(help="Radial momentum of the blow in N s, outwards positive.")
+    ] = -1.0,
+    circumferential_n_s: Annotated[
+        float, typer.Option(help="Circumferential momentum of the blow in N s.")
+    ] = 0.0,
+    duration_s: Annotated[
+        float, typer.Option(help="Length of the half-sine in s; 0 for an ideal impulse.")
+    ] = 0.004,
+    force_frame: Annotated[
+        Frames, typer.Option(help="Whether the blow stays on the tread it hits or in space.")
+    ] = Frames.rotating,
+    times_s: Annotated[str, typer.Option(metavar="FROM:TO:STEP", help="Times in s.")] = (
+        "0:0.3:0.0005"
+    ),
+    frequency_hz: option.FrequencyRange = "0:300:0.5",
+    harmonics: option.Harmonics = 200,
+    pretension_loss: option.PretensionLoss = True,
+    out: option.Out = None,
+    spectrum: option.SpectrumFile = None,
+    figure: option.FigureFile = None,
+    as_json: option.Json = False,
+) -> None:
+    """What a point of the rolling tyre feels when it runs over a cleat, in time and frequency.
+
+    Example: ringmodal simulate cleat --at-deg 90 --frame absolute --figure cleat.png
+    """
+    from model import Cleat, CleatTest, ForcedRing
+    from pipelines import simulate_show as show
+    from pipelines.simulate_cleat import Observer, simulate_cleat
+    from pipelines.simulate_ranges import values_of
+    from pipelines.simulate_tyre import damping_of
+
+    chosen = show.announced(tyre)
+    forced = ForcedRing(
+        chosen.ring,
+        damping_of(chosen, on_pretension=pretension_loss),
+        speed_rad_s,
+        highest_order=harmonics,
+        frame=force_frame.value,
+    )
+    blow = Cleat(radial_n_s, circumferential_n_s, duration_s, math.radians(contact_deg))
+    observer = Observer(
+        at_deg,
+        frame.value,
+        direction.value,
+        quantity.value,
+    )
+    found = simulate_cleat(
+        CleatTest(forced, blow),
+        observer,
+        values_of("--times-s", times_s),
+        values_of("--frequency-hz", frequency_hz),
+    )
+    show.cleat(found, show.Targets(out, figure, as_json), spectrum)
+
+
+@simulate.command()
+def loaded(
+    tyre: option.Tyre = None,
+    load_n: Annotated[
+        str, typer.Option(metavar="FROM:TO:STEP", help="Vertical loads in N; 0 is the free tyre.")
+    ] = "0:4000:1000",
+    modes: Annotated[int, typer.Option(min=1, help="How many of the lowest modes.")] = 15,
+    harmonics: Annotated[
+        int, typer.Option(min=8, max=200, help="Harmonics of the deflected shape.")
+    ] = 60,
+    pressure_load: option.PressureLoad = PressureLoads.dead,
+    out: option.Out = None,
+    figure: option.FigureFile = None,
+    as_json: option.Json = False,
+) -> None:
+    """Natural frequencies in Hz of the standing tyre pressed on the road, over vertical load.
+
+    Example: ringmodal simulate loaded --load-n 0:4000:500 --figure loaded.svg
+    """
+    from pipelines import simulate_show as show
+    from pipelines.simulate_loaded import simulate_loaded
+    from pipelines.simulate_ranges import values_of
+
+    found = simulate_loaded(
+        show.announced(tyre).ring,
+        values_of("--load-n", load_n),
+        modes,
+        highest_order=harmonics,
+        pressure_load=pressure_load.value,
+    )
+    show.loaded(found, show.Targets(out, figure, as_json))
+
+
+@simulate.command()
+def hub(
+    tyre: option.Tyre = None,
+    hub: Annotated[Hubs, typer.Option(help="Whether the wheel can move.")] = Hubs.fixed,
+    wheel_mass_kg: Annotated[
+        float | None, typer.Option(help="Mass of the wheel in kg, in place of the tyre's own.")
+    ] = None,
+    wheel_inertia_kg_m2: Annotated[
+        float | None,
+        typer.Option(help="Its moment of inertia in kg m², in place of the tyre's own."),
+    ] = None,
+    force_deg: option.ForceAngle = 0.0,
+    direction: Annotated[
+        Directions, typer.Option(help="Direction of the force.")
+    ] = Directions.radial,
+    speed_rad_s: option.Speed = 0.0,
+    frequency_hz: option.FrequencyRange = "1:300:0.25",
+    frame: Annotated[
+        Frames, typer.Option(help="Whether force and axes stay on the tyre or in space.")
+    ] = Frames.absolute,
+    pretension_loss: option.PretensionLoss = True,
+    out: option.Out = None,
+    figure: option.FigureFile = None,
+    as_json: option.Json = False,
+) -> None:
+    """Forces in N/N and moment in N m/N at the hub per unit of force on the belt.
+
+    A free wheel also moves (m/N, rad/N); pressure then follows the belt.
+
+    Example: ringmodal simulate hub --hub free --wheel-mass-kg 12 --wheel-inertia-kg-m2 0.6
+    """
+    from model import ForcedRing, hub_response
+    from pipelines import simulate_show as show
+    from pipelines.simulate_hub import wheel_of
+    from pipelines.simulate_ranges import values_of
+    from pipelines.simulate_tyre import damping_of
+
+    chosen = show.announced(tyre)
+    wheel = None
+    if hub is Hubs.free:
+        wheel = wheel_of(chosen.wheel, wheel_mass_kg, wheel_inertia_kg_m2)
+    forced = ForcedRing(
+        chosen.ring,
+        damping_of(chosen, on_pretension=pretension_loss),
+        speed_rad_s,
+        wheel,
+        frame=frame.value,
+    )
+    found = hub_response(
+        forced,
+        values_of("--frequency-hz", frequency_hz),
+        math.radians(force_deg),
+        force_direction=direction.value,
+    )
+    show.hub(found, forced, show.Targets(out, figure, as_json))

@@ -128,7 +128,7 @@ def log_axis(ax: Axes, decades: float = 4.0) -> None:
     ax.yaxis.set_minor_locator(NullLocator())
 
 
-def wrapped_phase_deg(values: ArrayLike) -> NDArray[np.float64]:
+def wrapped_phase_deg(values: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Phase of complex values with a gap wherever it wraps, so that no line crosses the picture."""
     phase = np.rad2deg(np.angle(values))
     phase[1:][np.abs(np.diff(phase)) > 180] = np.nan
@@ -189,6 +189,11 @@ def series_style(index: int) -> dict[str, Any]:
         "color": SERIES[index % len(SERIES)],
         "marker": MARKERS[index % len(MARKERS)],
     }
+
+
+def shades(count: int) -> list[Any]:
+    """Colours from dark to light for a sequence, all visible on white."""
+    return [mpl.colormaps["viridis"](share) for share in np.linspace(0.0, 0.92, count)]
 
 
 def sparse_labels(labels: Sequence[str], at_most: int = 13) -> tuple[list[int], list[str]]:

@@ -1,0 +1,135 @@
+"""Where simulated numbers go: files by their ending, the screen, or a program."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ema.errors import InputError
+from pipelines.console import empty_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TABLE_ENDINGS = (".csv", ".parquet")
+FIGURE_ENDINGS = (".png", ".svg")
+
+Columns = Mapping[str, NDArray[Any]]
+
+
+def require_target(path: Path, endings: tuple[str, ...]) -> Path:
+    """Refuse a file that could not be written, before anything is computed.
+
+    Raises
+    ------
+    InputError
+        For another ending, or a folder that does not exist.
+    """
+    if path.suffix.lower() not in endings:
+        raise InputError(
+            str(path),
+            f"the ending {path.suffix!r}",
+            f"it must be {' or '.join(endings)}",
+            "Choose another name",
+        )
+    if path.is_dir() or not path.absolute().parent.is_dir():
+        found = "a folder" if path.is_dir() else "a place in a folder that does not exist"
+        raise InputError(str(path), found, "it must be a new or old file", "Choose another place")
+    return path
+
+
+def write_columns(path: Path, columns: Columns, note: str = "") -> None:
+    """Write a table as CSV or Parquet, by the ending of `path`; whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    columns : mapping of str to ndarray
+        Columns of equal length.
+    note : str
+        What a reader must know; a Parquet file carries it as its metadata.
+    """
+    from pipelines import tables
+
+    def write(partial: Path) -> None:
+        if path.suffix.lower() == ".csv":
+            rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+            tables.write_csv(partial, tuple(columns), rows)
+        else:
+            _write_parquet(partial, columns, note)
+
+    _write_whole(path, write)
+
+
+def write_figure(path: Path, figure: Figure) -> None:
+    """Write a figure as PNG or SVG, by the ending of `path`; whole or not at all."""
+    from pipelines.figures_file import figure_bytes  # drawing takes a second to load
+
+    content = figure_bytes(figure, path.suffix.lower().lstrip("."))
+    _write_whole(path, lambda partial: partial.write_bytes(content))
+
+
+def print_json(content: Mapping[str, Any]) -> None:
+    """Print arrays, numbers and texts as JSON; numbers that are none become null."""
+    listed = {name: _listed(value) for name, value in content.items()}
+    print(json.dumps(listed, allow_nan=False, ensure_ascii=False))  # noqa: T201
+
+
+def print_rows(title: str, columns: Mapping[str, ArrayLike], places: Mapping[str, int]) -> None:
+    """Print a table for people, each column with its number of digits after the point."""
+    from rich.console import Console
+
+    console, table = Console(), empty_table("")  # a title would wrap at the table's width
+    for name in columns:
+        table.add_column(name, justify="right")
+    for row in zip(*(np.asarray(values) for values in columns.values()), strict=True):
+        cells = zip(columns, row, strict=True)
+        table.add_row(*(_cell(value, places.get(name, 0)) for name, value in cells))
+    console.print(title, markup=False, highlight=False)
+    console.print(table)
+
+
+def _write_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Write beside `path` and put the file in its place when it is complete."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        write(partial)
+        partial.replace(path)
+    except OSError as error:
+        raise InputError(
+            str(path),
+            error.strerror or str(error),
+            "the file could not be written",
+            "Check free space and permissions, or choose another place",
+        ) from error
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _write_parquet(path: Path, columns: Columns, note: str) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = pa.table({name: np.asarray(values) for name, values in columns.items()})
+    pq.write_table(table.replace_schema_metadata({"note": note} if note else None), path)
+
+
+def _listed(value: Any) -> Any:
+    if isinstance(value, str):
+        return value
+    array = np.asarray(value)
+    plain = array.astype(object)
+    plain[~np.isfinite(array)] = None
+    return plain.tolist()
+
+
+def _cell(value: Any, places: int) -> str:
+    if isinstance(value, str):
+        return value
+    return f"{value:.{places}f}" if np.isfinite(value) else "–"
