@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.pole_fit import Lines, PoleFit
+from ema.pole_fit import N_STAND_INS, Lines, PoleFit
 
 # Share of the lines that is left out at one end.
 _TRIM = 0.06
@@ -48,15 +48,16 @@ def _shift(
         frequency_hz=fit.lines.frequency_hz[kept],
         values=fit.lines.values[:, kept],
         weight=fit.lines.weight[kept],
+        importance=fit.lines.importance[kept],
     )
-    poles = fit.poles[:-1]
+    poles = fit.poles[:-N_STAND_INS]
     frequency_hz, half_width_hz = np.abs(poles) / (2 * np.pi), -poles.real / (2 * np.pi)
     low, high = lines.frequency_hz[[0, -1]]
     inside = (frequency_hz - low > half_width_hz) & (high - frequency_hz > half_width_hz)
     shift = np.full((fit.poles.size, 2), np.nan)
     if not np.any(inside):
         return shift
-    again = refit(lines, poles[inside]).poles[:-1]
+    again = refit(lines, poles[inside]).poles[:-N_STAND_INS]
     rows = np.flatnonzero(inside)
     shift[rows, 0] = np.abs(again) / (2 * np.pi) - frequency_hz[inside]
     shift[rows, 1] = again.real / -np.abs(again) - poles[inside].real / -np.abs(poles[inside])

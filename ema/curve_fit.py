@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,21 +22,25 @@ from ema.leakage import leakage_bias
 from ema.mac import frac
 from ema.modes import NO_DRIFT, Drift, ModalModel, Mode, ResidualTerms
 from ema.noise import noise_level
-from ema.pole_fit import Lines, PoleFit, evaluate, fit_poles
+from ema.pole_fit import N_STAND_INS, Lines, PoleFit, evaluate, fit_poles
 from ema.resolution import OrderReport, resolve_orders
 from ema.stability import PoleSelection, widened_band
 
 # Bounds around the poles of LSCE: the fit refines them, it does not look for others.
 _FREQUENCY_REACH = 0.01  # share of the frequency, or the damping ratio where that is larger
 _DAMPING_REACH = 4.0  # factor
-# One free pole just above the lines stands for all modes farther up: two residual terms alone
-# cost 0.6 % of damping in the lowest mode of a tyre.
-_STAND_IN_START, _STAND_IN_REACH = 1.05, (1.005, 1.25)
+# Free poles just above the lines stand for all modes farther up: two residual terms alone cost
+# 0.6 % of damping in the lowest mode of a tyre. There are two, as modes of a tyre come in pairs.
+_STAND_INS, _STAND_IN_REACH = (1.03, 1.09), (1.002, 1.3)
 _STAND_IN_DAMPING = 0.02
+# What lies beyond the lines disturbs those next to it: their weight falls to this at the ends.
+_END_WEIGHT = 0.05
 # A correction for random excitation that fits worse than this shows that it was not random.
 _WORSE = 1.05
 # A drift is taken for real when chance would show it once in 10 000 campaigns.
 _DRIFT_CHANCE = 1e-4
+# So is a mode, by the size of its residues.
+_RESIDUE_CHANCE = 1e-4
 _LEAKAGE_ROUNDS = 2
 _PAIR_ROUNDS = 3
 
@@ -73,20 +77,64 @@ def fit_modes(
     band_hz = band_hz or selection.band_hz
     lines = lines_to_fit(frf, band_hz)
     start = _starting_poles(selection.poles, lines, band_hz)
-    seen = _drift_seen(frf, lines, start)
+    plain = fit_bounded(lines, start)
+    seen = _drift_seen(frf, plain)
     drift = seen.percent / 100 if seen.applied else None
-    fit, notes = _without_leakage(frf, fit_bounded(lines, start, drift))
+    if seen.applied:
+        plain = fit_bounded(lines, start, drift)
+    fit, notes = _without_leakage(frf, plain)
+    refit = _Refit(frf, lines, drift)
+    if not selection.pinned:
+        fit, notes = _significant(refit, fit, notes, band_hz)
     if not on_circle(frf.position_deg):
         return _model(frf, fit, band_hz, notes, (), seen)
     chosen, correlation = widened_band(frf, band_hz), line_correlation(frf.blocks)
     reports: tuple[OrderReport, ...] = ()
     for _ in range(_PAIR_ROUNDS):
-        labelled = label_modes(_modes(fit), frf.position_deg)[:-1]
+        labelled = label_modes(_modes(fit), frf.position_deg)[:-N_STAND_INS]
         poles, reports, changed = resolve_orders(frf, chosen, fit, labelled, band_hz, correlation)
-        if not changed:
+        if selection.pinned or not changed:
             break
-        fit, notes = _without_leakage(frf, fit_bounded(lines, _last(poles, fit), drift))
+        fit, notes = refit(_last(poles, fit))
     return _model(frf, fit, band_hz, notes, reports, seen)
+
+
+@dataclass(frozen=True, eq=False)
+class _Refit:
+    """The same fit from other poles."""
+
+    frf: FRF
+    lines: Lines
+    drift: NDArray[np.float64] | None
+
+    def __call__(self, poles: NDArray[np.complex128]) -> tuple[PoleFit, list[str]]:
+        return _without_leakage(self.frf, fit_bounded(self.lines, poles, self.drift))
+
+
+def _significant(
+    refit: _Refit, fit: PoleFit, notes: list[str], band_hz: tuple[float, float]
+) -> tuple[PoleFit, list[str]]:
+    """Fit without the poles of the band whose residues are no larger than their uncertainty.
+
+    A pole may be stable from model order to model order and yet be only a wiggle of the noise.
+    """
+    from scipy.stats import chi2
+
+    correlation = line_correlation(refit.frf.blocks)
+    std = residue_std(fit, parameter_covariance(fit, correlation), correlation)
+    size = np.sum(np.abs(fit.residues) ** 2 / std**2, axis=0)
+    frequency_hz = np.abs(fit.poles) / (2 * np.pi)
+    inside = (frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1])
+    inside[-N_STAND_INS:] = False
+    noise = inside & ~(chi2.sf(size, 2 * fit.lines.scale.size) < _RESIDUE_CHANCE)
+    if not np.any(noise) or np.all(noise | ~inside):
+        return fit, notes
+    again, notes = refit(fit.poles[~noise])
+    dropped = [
+        f"The pole at {hz:.2f} Hz was dropped: its residues are no larger than their uncertainty."
+        for hz in frequency_hz[noise]
+    ]
+    return again, notes + dropped
 
 
 def lines_to_fit(frf: FRF, band_hz: tuple[float, float]) -> Lines:
@@ -97,7 +145,21 @@ def lines_to_fit(frf: FRF, band_hz: tuple[float, float]) -> Lines:
     own = np.exp(np.mean(np.log(level / common), axis=1))
     names = frf.run_names
     run = np.array([names.index(name) for name in frf.run])
-    return Lines(frf.frequency_hz[chosen], frf.values[:, chosen], 1 / common, 1 / own, run)
+    frequency_hz = frf.frequency_hz[chosen]
+    importance = _importance(frequency_hz, band_hz)
+    values = frf.values[:, chosen]
+    return Lines(frequency_hz, values, importance / common, 1 / own, run, importance)
+
+
+def _importance(
+    frequency_hz: NDArray[np.float64], band_hz: tuple[float, float]
+) -> NDArray[np.float64]:
+    """Weight 1 in the band, falling along the margins on either side."""
+    low, high = frequency_hz[[0, -1]]
+    below = (band_hz[0] - frequency_hz) / max(band_hz[0] - low, 1e-12)
+    above = (frequency_hz - band_hz[1]) / max(high - band_hz[1], 1e-12)
+    outside = np.clip(np.maximum(below, above), 0, 1)
+    return np.asarray(_END_WEIGHT ** (outside**2))
 
 
 def fit_bounded(
@@ -123,10 +185,9 @@ def drift_in_one_step(fit: PoleFit, run: tuple[str, ...], correlation: float) ->
     return Drift(run, *percent, applied=chance < _DRIFT_CHANCE, chance=chance)
 
 
-def _drift_seen(frf: FRF, lines: Lines, start: NDArray[np.complex128]) -> Drift:
-    if lines.n_runs < 2 or not np.all(np.isfinite(frf.std)):
+def _drift_seen(frf: FRF, fit: PoleFit) -> Drift:
+    if fit.lines.n_runs < 2 or not np.all(np.isfinite(frf.std)):
         return NO_DRIFT
-    fit = fit_bounded(lines, start)
     return drift_in_one_step(fit, frf.run_names, line_correlation(frf.blocks))
 
 
@@ -148,7 +209,7 @@ def _starting_poles(
 
 
 def _with_stand_in(poles: NDArray[np.complex128], lines: Lines) -> NDArray[np.complex128]:
-    omega = 2 * np.pi * lines.frequency_hz[-1] * _STAND_IN_START
+    omega = 2 * np.pi * lines.frequency_hz[-1] * np.array(_STAND_INS)
     return np.append(poles, omega * (-_STAND_IN_DAMPING + 1j))
 
 
@@ -159,7 +220,10 @@ def _bounds(
     reach = np.maximum(_FREQUENCY_REACH, decay / frequency) * frequency
     lower = np.column_stack([decay / _DAMPING_REACH, frequency - reach])
     upper = np.column_stack([decay * _DAMPING_REACH, frequency + reach])
-    lower[-1, 1], upper[-1, 1] = 2 * np.pi * highest_hz * np.array(_STAND_IN_REACH)
+    stand_ins = slice(-len(_STAND_INS), None)
+    lower[stand_ins, 1], upper[stand_ins, 1] = (
+        2 * np.pi * highest_hz * np.array([_STAND_IN_REACH]).T
+    )
     return lower.ravel(), upper.ravel()
 
 
@@ -170,10 +234,13 @@ def _without_leakage(frf: FRF, plain: PoleFit) -> tuple[PoleFit, list[str]]:
     cleared = plain
     for _ in range(_LEAKAGE_ROUNDS):
         bias = leakage_bias(
-            frf.blocks, plain.lines.frequency_hz, cleared.poles[:-1], cleared.residues[:, :-1]
+            frf.blocks,
+            plain.lines.frequency_hz,
+            cleared.poles[:-N_STAND_INS],
+            cleared.residues[:, :-N_STAND_INS],
         )
         lines = replace(plain.lines, values=plain.lines.values - bias)
-        start = np.append(cleared.poles[:-1], plain.poles[-1])
+        start = np.append(cleared.poles[:-N_STAND_INS], plain.poles[-N_STAND_INS:])
         cleared = fit_bounded(lines, start, cleared.drift if cleared.drift.size > 1 else None)
     if cleared.misfit > _WORSE * plain.misfit:
         note = "The bias of window and block length was left in: taking it out fits worse."
@@ -182,9 +249,10 @@ def _without_leakage(frf: FRF, plain: PoleFit) -> tuple[PoleFit, list[str]]:
 
 
 def _last(poles: NDArray[np.complex128], fit: PoleFit) -> NDArray[np.complex128]:
-    """Poles with the stand-in of a fit at the end, where it belongs."""
-    others = poles[poles != fit.poles[-1]]
-    return np.append(others[np.argsort(np.abs(others))], fit.poles[-1])
+    """Poles with the stand-ins of a fit at the end, where they belong."""
+    stand_ins = fit.poles[-N_STAND_INS:]
+    others = poles[~np.isin(poles, stand_ins)]
+    return np.append(others[np.argsort(np.abs(others))], stand_ins)
 
 
 def _model(

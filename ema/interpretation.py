@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.pole_history import PoleHistory
+
 # The cut of the tree follows the diagram, within what can still mean "the same mode".
 _CUT_RANGE = (0.01, 0.1)
 
@@ -25,22 +27,12 @@ class Verdict:
     reason: str
 
 
-def interpret(
-    model_order: NDArray[np.int_],
-    poles: NDArray[np.complex128],
-    shapes: NDArray[np.complex128],
-    step: NDArray[np.float64],
-    max_order: int,
-) -> tuple[NDArray[np.int_], list[Verdict]]:
+def interpret(history: PoleHistory, max_order: int) -> tuple[NDArray[np.int_], list[Verdict]]:
     """Group the poles of all orders and decide which groups are modes.
 
     Parameters
     ----------
-    model_order : ndarray of int, shape (n_poles,)
-    poles : ndarray of complex, shape (n_poles,)
-    shapes : ndarray of complex, shape (n_poles, n_positions)
-    step : ndarray, shape (n_poles,)
-        |Δλ|/max|λ| + 1 − MAC to the matching pole of the order before; inf where there is none.
+    history : PoleHistory
     max_order : int
         Highest model order of the diagram.
 
@@ -51,28 +43,64 @@ def interpret(
     verdicts : list of Verdict
         One per cluster, ascending in frequency.
     """
+    step, poles, order = history.step_total, history.poles, history.model_order
     label = np.full(poles.size, -1)
-    cleared = np.flatnonzero(np.isfinite(step))
-    if cleared.size < 2:
+    matched = np.isfinite(step)
+    if np.count_nonzero(matched) < 2:
         return label, []
-    cut = _cut(step[cleared])
-    steady = cleared[step[cleared] < _CUT_RANGE[1]]
-    if steady.size < 2:
+    tracks = _tracks(history, _cut(step[matched]))
+    if not tracks:
         return label, []
-    groups = _groups(poles[steady], shapes[steady], cut)
-    members = [steady[groups == number] for number in np.unique(groups)]
+    members = _joined(tracks, history)
     members.sort(key=lambda rows: float(np.median(np.abs(poles[rows]))))
-    sizes = np.array([np.unique(model_order[rows]).size for rows in members])
+    sizes = np.array([np.unique(order[rows]).size for rows in members])
     large = _large(sizes)
     for number, rows in enumerate(members):
         label[rows] = number
     verdicts = [
-        Verdict(_representative(poles[rows], model_order[rows]), int(size), bool(kept), reason)
+        Verdict(_representative(poles[rows], order[rows]), int(size), bool(kept), reason)
         for rows, size, kept, reason in zip(
             members, sizes, large, _reasons(sizes, large, max_order), strict=True
         )
     ]
     return label, verdicts
+
+
+def _tracks(history: PoleHistory, cut: float) -> list[NDArray[np.int_]]:
+    """Chains of poles that follow each other in steps below the cut, two or more in a row."""
+    track = np.full(history.poles.size, -1)
+    count = 0
+    for row in np.flatnonzero(history.step_total < cut):
+        before = history.match[row]
+        if track[before] < 0:
+            track[before] = count
+            count += 1
+        track[row] = track[before]
+    return [np.flatnonzero(track == number) for number in range(count)]
+
+
+def _joined(tracks: list[NDArray[np.int_]], history: PoleHistory) -> list[NDArray[np.int_]]:
+    """Tracks of one and the same pole, interrupted in between, as one.
+
+    Average linkage of the tracks' last poles; tracks that run side by side are different poles.
+    """
+    last = np.array([rows[-1] for rows in tracks])
+    groups = _groups(history.poles[last], history.shapes[last], _CUT_RANGE[1])
+    joined: list[NDArray[np.int_]] = []
+    for number in np.unique(groups):
+        parts = [tracks[k] for k in np.flatnonzero(groups == number)]
+        parts.sort(key=len, reverse=True)
+        chains: list[NDArray[np.int_]] = []
+        for rows in parts:
+            for k, chain in enumerate(chains):
+                side_by_side = np.intersect1d(history.model_order[chain], history.model_order[rows])
+                if side_by_side.size <= 1:
+                    chains[k] = np.concatenate([chain, rows])
+                    break
+            else:
+                chains.append(rows)
+        joined += chains
+    return joined
 
 
 def _cut(step: NDArray[np.float64]) -> float:
@@ -86,6 +114,8 @@ def _groups(
     poles: NDArray[np.complex128], shapes: NDArray[np.complex128], cut: float
 ) -> NDArray[np.int_]:
     """Average-linkage clusters with d = |Δλ|/max|λ| + 1 − MAC."""
+    if poles.size < 2:
+        return np.ones(poles.size, dtype=int)
     from scipy.cluster.hierarchy import fcluster, linkage
     from scipy.spatial.distance import squareform
 

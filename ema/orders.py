@@ -95,6 +95,7 @@ def fit_order(order: OrderFrf, start: Complex, *, tries: int = 30) -> PoleFit:
         weight=np.ones(np.count_nonzero(near)),
         scale=1 / level if known else np.ones(level.size),
         run=np.zeros(level.size, dtype=int),
+        importance=np.ones(np.count_nonzero(near)),
     )
     decay, frequency = -start.real, start.imag
     lower = np.column_stack([decay / 4, frequency - 2 * decay]).ravel()

@@ -16,18 +16,16 @@ from ema.interpretation import interpret
 from ema.lsce import (
     impulse_responses,
     normal_matrix,
-    poles_of_order,
-    shapes_of_poles,
     useful_length,
 )
-from ema.mac import mac
 from ema.noise import without_spikes
 from ema.plscf import line_weight, reduced_normal_matrix
+from ema.pole_history import pole_history
 
 STABLE_FREQUENCY = 0.01
 STABLE_DAMPING = 0.05
 # Beyond the band, lines are used up to this share of its width, for modes just outside it …
-_MARGIN = 0.15
+_MARGIN = 0.25
 # … as long as they are not noisier than the noisiest part of the band by more than this factor.
 _MARGIN_NOISE = 2.0
 _FEWEST_LINES = 32
@@ -135,10 +133,13 @@ class PoleSelection:
         rad/s; poles outside the band guard its ends.
     band_hz : tuple of float
         Band whose modes are wanted.
+    pinned : bool
+        Whether the user chose them: then none is added and none dropped.
     """
 
     poles: NDArray[np.complex128]
     band_hz: tuple[float, float]
+    pinned: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "poles", readonly(self.poles, complex))
@@ -149,18 +150,6 @@ class PoleSelection:
         given = np.atleast_1d(np.asarray(poles, dtype=complex))
         frequency_hz = np.abs(given) / (2 * np.pi)
         return cls(given, (0.8 * float(frequency_hz.min()), 1.2 * float(frequency_hz.max())))
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """Poles of all orders with their shapes and their distance to the order before."""
-
-    model_order: NDArray[np.int_]
-    poles: NDArray[np.complex128]
-    shapes: NDArray[np.complex128]
-    step_frequency: NDArray[np.float64]
-    step_damping: NDArray[np.float64]
-    step_total: NDArray[np.float64]
 
 
 def build_stability(
@@ -211,10 +200,8 @@ def build_stability(
     # The first sample holds the direct part of an inertance and the residual terms.
     piece = responses[:, 1:length]
     matrix = METHODS[method](piece, values, frf.std[:, lines], max_order)
-    found = _poles_of_all_orders(matrix, piece, step_s, frequency_hz[0], max_damping)
-    label, verdicts = interpret(
-        found.model_order, found.poles, found.shapes, found.step_total, max_order
-    )
+    found = pole_history(matrix, piece, step_s, frequency_hz[0], max_damping)
+    label, verdicts = interpret(found, max_order)
     return StabilityDiagram(
         band_hz=band_hz,
         model_order=found.model_order,
@@ -271,7 +258,8 @@ def select_poles(
             "is stable over the model orders. Check coherence and band, or pin frequencies."
         )
     poles = np.array(chosen)
-    return PoleSelection(poles[np.argsort(np.abs(poles))], diagram.band_hz)
+    pinned = pinned_hz is not None
+    return PoleSelection(poles[np.argsort(np.abs(poles))], diagram.band_hz, pinned)
 
 
 def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:
@@ -324,54 +312,6 @@ def _plscf(
 #: Normal matrix whose leading blocks give the poles of every order, from (impulse responses,
 #: FRFs, their σ, highest order).
 METHODS: dict[str, Callable[..., NDArray[np.complex128]]] = {"lsce": _lsce, "plscf": _plscf}
-
-
-def _poles_of_all_orders(
-    matrix: NDArray[np.complex128],
-    piece: NDArray[np.complex128],
-    step_s: float,
-    lowest_hz: float,
-    max_damping: float,
-) -> _Found:
-    rows: list[tuple[NDArray[np.generic], ...]] = []
-    previous = np.zeros(0, dtype=complex), np.zeros((0, piece.shape[0]), dtype=complex)
-    for order in range(2, len(matrix)):
-        poles = poles_of_order(matrix, order, step_s, lowest_hz)
-        damping = -poles.real / np.abs(poles)
-        poles = poles[(damping > 0) & (damping < max_damping) & (poles.imag > 0)]
-        shapes = shapes_of_poles(piece, poles, step_s, lowest_hz)
-        steps = _steps(*previous, poles, shapes)
-        rows.append((np.full(poles.size, order), poles, shapes, *steps))
-        previous = poles, shapes
-    return _Found(*(np.concatenate(column) for column in zip(*rows, strict=True)))
-
-
-def _steps(
-    old_poles: NDArray[np.complex128],
-    old_shapes: NDArray[np.complex128],
-    poles: NDArray[np.complex128],
-    shapes: NDArray[np.complex128],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Change of frequency, damping and everything from the nearest pole of the order before.
-
-    One to one: only mutual nearest neighbours match; the others are infinitely far.
-    """
-    far = np.full(poles.size, np.inf)
-    if not (old_poles.size and poles.size):
-        return far, far.copy(), far.copy()
-    largest = np.maximum(np.abs(old_poles)[:, None], np.abs(poles)[None, :])
-    distance = np.abs(old_poles[:, None] - poles[None, :]) / largest
-    nearest_old, nearest_new = distance.argmin(axis=0), distance.argmin(axis=1)
-    new = np.flatnonzero(nearest_new[nearest_old] == np.arange(poles.size))
-    old = nearest_old[new]
-    frequency, damping, total = far, far.copy(), far.copy()
-    frequency[new] = np.abs(np.abs(poles[new]) / np.abs(old_poles[old]) - 1)
-    ratio_new = poles[new].real / np.abs(poles[new])
-    ratio_old = old_poles[old].real / np.abs(old_poles[old])
-    damping[new] = np.abs(ratio_new / ratio_old - 1)
-    likeness = mac(old_shapes, shapes)[old, new]
-    total[new] = distance[old, new] + 1 - likeness
-    return frequency, damping, total
 
 
 def _pinned_poles(diagram: StabilityDiagram, pinned_hz: Sequence[float]) -> list[complex]:

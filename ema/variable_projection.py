@@ -9,6 +9,7 @@ measured FRFs is ever formed (O'Leary & Rust 2013 for the single-response case).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +28,14 @@ class Projection:
     residues : ndarray of complex, shape (n_positions, n_modes)
     lower, upper : ndarray, shape (n_positions,)
         Residual terms.
-    misfit : ndarray, shape (2 n_frequencies, n_positions)
-        Weighted residuals, real parts above imaginary parts.
+    target : ndarray, shape (2 n_frequencies, n_positions)
+        Weighted FRFs, real parts above imaginary parts.
+    orthonormal : ndarray, shape (2 n_frequencies, 2 n_modes + 2)
+        Orthonormal basis of everything linear.
+    inside : ndarray, shape (2 n_modes + 2, n_positions)
+        The target in that basis.
     slopes : ndarray, shape (2 n_frequencies, 2 n_modes)
         Derivatives of the modal terms to each pole, with everything linear projected out.
-    leverage : ndarray, shape (2 n_frequencies,)
-        Share of each weighted line that the linear parameters follow.
     unscaled : ndarray, shape (2 n_modes + 2, 2 n_modes + 2)
         Inverse normal matrix of the linear parameters of one position at unit weight.
     following : ndarray, shape (2 n_modes + 2, 2 n_modes)
@@ -43,13 +46,32 @@ class Projection:
     residues: Complex
     lower: Real
     upper: Real
-    misfit: Real
+    target: Real
+    orthonormal: Real
+    inside: Real
     slopes: Real
-    leverage: Real
     unscaled: Real
     following: Real
 
+    @cached_property
+    def misfit(self) -> Real:
+        """Weighted residuals, (2 n_frequencies, n_positions), real parts above imaginary parts."""
+        return self.target - self.orthonormal @ self.inside
+
     @property
+    def leverage(self) -> Real:
+        """Share of each weighted line that the linear parameters follow, (2 n_frequencies,)."""
+        return np.asarray(np.sum(self.orthonormal**2, axis=1))
+
+    def chi_square(self, power: Real, scale: Real) -> float:
+        """Weighted sum of squared residuals.
+
+        `power` is the sum of squares of the target per position, which never changes.
+        """
+        left = power - np.sum(self.inside**2, axis=0)
+        return float(np.sum(np.maximum(left, 0.0) * scale**2))
+
+    @cached_property
     def coefficients(self) -> NDArray[np.float64]:
         """What multiplies `slopes` in the Jacobian, (2 n_modes parameters, 2, n_positions).
 
@@ -68,7 +90,8 @@ class Projection:
 
     def gradient(self, scale: Real) -> Real:
         """Jᵀr of the poles' parameters, (2 n_modes,)."""
-        projected = self.slopes.T @ (self.misfit * scale)
+        # The slopes hold nothing that is linear, so they see residuals and target alike.
+        projected = (self.slopes.T @ self.target) * scale
         rows = slope_rows(self.poles.size)
         return np.asarray(-np.einsum("kpi,kpi->k", self.coefficients * scale, projected[rows]))
 
@@ -84,15 +107,15 @@ def slope_rows(n_modes: int) -> NDArray[np.int_]:
     return np.asarray(np.repeat(np.arange(2 * n_modes).reshape(n_modes, 2), 2, axis=0))
 
 
-def project(omega: Real, values: Complex, weight: Real, poles: Complex) -> Projection:
+def project(omega: Real, target: Real, weight: Real, poles: Complex) -> Projection:
     """Best residues and residual terms for given poles, and the slopes towards better poles.
 
     Parameters
     ----------
     omega : ndarray, shape (n_frequencies,)
         rad/s.
-    values : ndarray of complex, shape (n_positions, n_frequencies)
-        Inertances.
+    target : ndarray, shape (2 n_frequencies, n_positions)
+        Weighted inertances from `stacked`.
     weight : ndarray, shape (n_frequencies,)
         1/σ over frequency, shared by the positions.
     poles : ndarray of complex, shape (n_modes,)
@@ -108,12 +131,11 @@ def project(omega: Real, values: Complex, weight: Real, poles: Complex) -> Proje
     slopes[0::2] = inertia * (direct**2 + mirrored**2)
     slopes[1::2] = 1j * inertia * (direct**2 - mirrored**2)
 
-    basis_real, slopes_real = _stacked(basis, weight), _stacked(slopes, weight)
-    target = _stacked(values, weight)
+    basis_real, slopes_real = stacked(basis, weight), stacked(slopes, weight)
     size = np.linalg.norm(basis_real, axis=0)
     orthonormal, triangle = np.linalg.qr(basis_real / size)
     inside = orthonormal.T @ target
-    inverse = np.linalg.inv(triangle) / size[:, None]
+    inverse = _inverse(triangle) / size[:, None]
     linear = inverse @ inside
     seen = orthonormal.T @ slopes_real
     return Projection(
@@ -121,15 +143,24 @@ def project(omega: Real, values: Complex, weight: Real, poles: Complex) -> Proje
         residues=np.asarray((linear[0:-2:2] + 1j * linear[1:-2:2]).T),
         lower=linear[-2],
         upper=linear[-1],
-        misfit=target - orthonormal @ inside,
+        target=target,
+        orthonormal=orthonormal,
+        inside=inside,
         slopes=slopes_real - orthonormal @ seen,
-        leverage=np.asarray(np.sum(orthonormal**2, axis=1)),
         unscaled=inverse @ inverse.T,
         following=inverse @ seen,
     )
 
 
-def _stacked(rows: Complex, weight: Real) -> Real:
+def _inverse(triangle: Real) -> Real:
+    """Inverse of R; where two poles coincide, the least-norm one."""
+    diagonal = np.abs(np.diag(triangle))
+    if diagonal.min() > 1e-9 * diagonal.max():
+        return np.asarray(np.linalg.inv(triangle))
+    return np.asarray(np.linalg.pinv(triangle, rcond=1e-9))
+
+
+def stacked(rows: Complex, weight: Real) -> Real:
     """Weighted rows as real columns, real parts above imaginary parts."""
     weighted = rows * weight
     return np.asarray(np.concatenate([weighted.real, weighted.imag], axis=1).T)
