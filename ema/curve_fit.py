@@ -81,8 +81,8 @@ def fit_modes(
     seen = _drift_seen(frf, plain)
     drift = seen.percent / 100 if seen.applied else None
     if seen.applied:
-        plain = fit_bounded(lines, start, drift)
-    fit, notes = _without_leakage(frf, plain)
+        plain = fit_bounded(lines, plain.poles, drift, start)
+    fit, notes = _without_leakage(frf, plain, start)
     refit = _Refit(frf, lines, drift)
     if not selection.pinned:
         fit, notes = _significant(refit, fit, notes, band_hz)
@@ -108,7 +108,7 @@ class _Refit:
     drift: NDArray[np.float64] | None
 
     def __call__(self, poles: NDArray[np.complex128]) -> tuple[PoleFit, list[str]]:
-        return _without_leakage(self.frf, fit_bounded(self.lines, poles, self.drift))
+        return _without_leakage(self.frf, fit_bounded(self.lines, poles, self.drift), poles)
 
 
 def _significant(
@@ -163,10 +163,16 @@ def _importance(
 
 
 def fit_bounded(
-    lines: Lines, start: NDArray[np.complex128], drift: NDArray[np.float64] | None = None
+    lines: Lines,
+    start: NDArray[np.complex128],
+    drift: NDArray[np.float64] | None = None,
+    around: NDArray[np.complex128] | None = None,
 ) -> PoleFit:
-    """Fit poles within the bounds that suit start values from a stability diagram."""
-    lower, upper = _bounds(start, lines.frequency_hz[-1])
+    """Fit poles within the bounds that suit start values from a stability diagram.
+
+    A fit that goes on from an earlier one keeps its bounds `around` the diagram's poles.
+    """
+    lower, upper = _bounds(start if around is None else around, lines.frequency_hz[-1])
     return fit_poles(lines, start, lower, upper, drift)
 
 
@@ -227,7 +233,9 @@ def _bounds(
     return lower.ravel(), upper.ravel()
 
 
-def _without_leakage(frf: FRF, plain: PoleFit) -> tuple[PoleFit, list[str]]:
+def _without_leakage(
+    frf: FRF, plain: PoleFit, around: NDArray[np.complex128]
+) -> tuple[PoleFit, list[str]]:
     """Fit again, for averaged blocks, with the bias of the window taken out of the FRFs."""
     if frf.blocks is None or frf.blocks.n_blocks < 2:
         return plain, []
@@ -241,7 +249,8 @@ def _without_leakage(frf: FRF, plain: PoleFit) -> tuple[PoleFit, list[str]]:
         )
         lines = replace(plain.lines, values=plain.lines.values - bias)
         start = np.append(cleared.poles[:-N_STAND_INS], plain.poles[-N_STAND_INS:])
-        cleared = fit_bounded(lines, start, cleared.drift if cleared.drift.size > 1 else None)
+        drift = cleared.drift if cleared.drift.size > 1 else None
+        cleared = fit_bounded(lines, start, drift, around)
     if cleared.misfit > _WORSE * plain.misfit:
         note = "The bias of window and block length was left in: taking it out fits worse."
         return plain, [note]

@@ -5,7 +5,7 @@ import pytest
 import systems
 
 from ema.pole_fit import Lines, evaluate, fit_poles
-from ema.variable_projection import project
+from ema.variable_projection import project, stacked
 
 TRUE_POLES = systems.pole([60.0, 85.0], [0.03, 0.02])
 FREQUENCY_HZ = np.linspace(40, 110, 60)
@@ -28,12 +28,14 @@ def measured(noise=0.0, seed=0):
 
 def lines_of(values, run=None):
     run = np.zeros(N_POSITIONS, dtype=int) if run is None else run
-    return Lines(FREQUENCY_HZ, values, WEIGHT, SCALE, run)
+    return Lines(FREQUENCY_HZ, values, WEIGHT, SCALE, run, np.ones(FREQUENCY_HZ.size))
 
 
 def residuals(values, parameters):
     """Weighted residuals at poles given as (Re s, Im s) one after the other."""
-    solution = project(OMEGA, values, WEIGHT, parameters[0::2] + 1j * parameters[1::2])
+    solution = project(
+        OMEGA, stacked(values, WEIGHT), WEIGHT, parameters[0::2] + 1j * parameters[1::2]
+    )
     return np.ravel(solution.misfit * SCALE)
 
 
@@ -50,7 +52,7 @@ def test_linear_parameters_are_exact_at_the_true_poles():
     values, residues = measured()
     lower, upper = np.array([0.1, -0.2, 0.3, 0.0]), np.array([1e-6, 2e-6, -1e-6, 0.0])
     values = values + lower[:, None] - OMEGA**2 * upper[:, None]
-    solution = project(OMEGA, values, WEIGHT, TRUE_POLES)
+    solution = project(OMEGA, stacked(values, WEIGHT), WEIGHT, TRUE_POLES)
     np.testing.assert_allclose(solution.residues, residues, rtol=1e-9)
     np.testing.assert_allclose(solution.lower, lower, atol=1e-9)
     np.testing.assert_allclose(solution.upper, upper, atol=1e-14)
@@ -66,7 +68,7 @@ def test_the_gradient_is_that_of_the_cost():
         return 0.5 * np.sum(residuals(values, parameters) ** 2)
 
     poles = at[0::2] + 1j * at[1::2]
-    found = project(OMEGA, values, WEIGHT, poles).gradient(SCALE)
+    found = project(OMEGA, stacked(values, WEIGHT), WEIGHT, poles).gradient(SCALE)
     np.testing.assert_allclose(found, central_differences(cost, at), rtol=1e-5)
 
 
@@ -75,7 +77,7 @@ def test_the_normal_matrix_is_that_of_the_residuals():
     values, _ = measured()
     at = parameters_of(TRUE_POLES)
     jacobian = central_differences(lambda x: residuals(values, x), at)
-    found = project(OMEGA, values, WEIGHT, TRUE_POLES).normal_matrix(SCALE)
+    found = project(OMEGA, stacked(values, WEIGHT), WEIGHT, TRUE_POLES).normal_matrix(SCALE)
     expected = jacobian.T @ jacobian
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
@@ -140,6 +142,7 @@ def test_the_misfit_is_one_where_the_weights_are_the_noise():
         np.full(FREQUENCY_HZ.size, 1 / noise),
         np.ones(N_POSITIONS),
         np.zeros(N_POSITIONS, dtype=int),
+        np.ones(FREQUENCY_HZ.size),
     )
     fit = fit_poles(lines, TRUE_POLES, *bounds_around(TRUE_POLES, 0.5))
     n_data = 2 * values.size
