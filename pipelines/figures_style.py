@@ -113,7 +113,12 @@ def png(figure: Figure) -> bytes:
 
 def png_uri(figure: Figure) -> str:
     """The figure as a data URI that stands in an HTML file."""
-    return "data:image/png;base64," + b64encode(png(figure)).decode("ascii")
+    return data_uri(png(figure))
+
+
+def data_uri(picture: bytes) -> str:
+    """A picture in PNG as a data URI."""
+    return "data:image/png;base64," + b64encode(picture).decode("ascii")
 
 
 def log_axis(ax: Axes, decades: float = 4.0) -> None:
