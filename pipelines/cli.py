@@ -167,6 +167,24 @@ def demo(
 
 
 @app.command()
+def paper(
+    out: Out,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compute the paper's tables and figures, beside what it prints.
+
+    Example: ringmodal paper --out paper
+    """
+    from pipelines.paper import PAGE, reproduce_paper
+
+    chapters = reproduce_paper(out, force=force, progress=console.progress(quiet))
+    for statement in (one for chapter in chapters for one in chapter.statements):
+        typer.echo(f"{statement.place}: {statement.verdict}. {statement.found}")
+    typer.echo(f"Report: {out / PAGE}")
+
+
+@app.command()
 def inspect(
     files: Annotated[list[Path], typer.Argument(help="Recordings.")],
     as_json: Json = False,
