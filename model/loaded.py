@@ -224,7 +224,13 @@ def loaded_frequencies_hz(
         Ascending frequencies, Hz. Each order gives two: one symmetric about the contact, one not.
     dominant_order : ndarray of int, shape (n_loads, n_modes)
         Order with the largest share of each shape.
+
+    Raises
+    ------
+    ParameterError
+        For more modes than so many harmonics have, and as `load_ring`.
     """
+    _require_modes(n_modes, highest_order)
     loads = np.atleast_1d(finite_array("loads_n", loads_n))
     frequencies = np.empty((loads.size, n_modes))
     orders = np.empty((loads.size, n_modes), dtype=int)
@@ -240,6 +246,18 @@ def loaded_frequencies_hz(
         frequencies[row] = modes.frequency_hz[:n_modes]
         orders[row] = modes.dominant_order[:n_modes]
     return frequencies, orders
+
+
+def _require_modes(n_modes: int, highest_order: int) -> None:
+    require_order_limit(highest_order)
+    most = 2 * (2 * highest_order + 1)
+    if not 1 <= n_modes <= most:
+        raise ParameterError(
+            "n_modes",
+            f"{n_modes}",
+            f"harmonics up to {highest_order} have 1 to {most} modes",
+            "Ask for fewer modes or raise the highest order",
+        )
 
 
 def _points(highest_order: int) -> int:

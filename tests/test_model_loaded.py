@@ -214,6 +214,7 @@ def test_an_unstable_state_has_no_frequencies(pressed):
         (lambda: ContactPatch(np.nan, 0.1), "finite"),
         (lambda: load_ring(TABLE_4_RING, np.zeros(20), highest_order=10), "more than 20"),
         (lambda: load_ring(TABLE_4_RING, np.zeros(20), highest_order=0), "whole number"),
+        (lambda: loaded_frequencies_hz(TABLE_4_RING, 0.0, 43, highest_order=10), "1 to 42 modes"),
         (lambda: load_ring(TABLE_4_RING, np.full(40, 4e6), highest_order=8), "buckles"),
         (lambda: load_ring(TABLE_4_RING, np.full(40, 1e8), highest_order=8), "no equilibrium"),
     ],
