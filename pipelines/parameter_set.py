@@ -173,6 +173,7 @@ def read_parameter_set(path: Path | str) -> ParameterSet:
     conditions = _section(path, content, "conditions")
     if "inflation_pressure_pa" not in conditions:
         raise _missing(path, "conditions", "inflation_pressure_pa")
+    _require_number(path, "conditions", conditions, "inflation_pressure_pa")
     return ParameterSet(
         designation=str(content.get("designation", path.stem)),
         conditions=conditions,
@@ -180,7 +181,7 @@ def read_parameter_set(path: Path | str) -> ParameterSet:
         damping=_parameters(path, content, "damping", DAMPING_NAMES)
         if "damping" in content
         else {},
-        wheel=_section(path, content, "wheel") if "wheel" in content else {},
+        wheel=_wheel(path, content) if "wheel" in content else {},
         provenance=content.get("provenance", {}),
     )
 
@@ -192,6 +193,25 @@ def _parameters(
     known: tuple[str, ...],
     optional: tuple[str, ...] = (),
 ) -> dict[str, Parameter]:
+    section = _known_section(path, content, name, known, optional)
+    return {key: _parameter(path, name, key, entry) for key, entry in section.items()}
+
+
+def _wheel(path: Path, content: dict[str, Any]) -> dict[str, float]:
+    section = _known_section(path, content, "wheel", WHEEL_NAMES)
+    for key in section:
+        _require_number(path, "wheel", section, key)
+    return section
+
+
+def _known_section(
+    path: Path,
+    content: dict[str, Any],
+    name: str,
+    known: tuple[str, ...],
+    optional: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """A section that holds all of its keys and no other ones."""
     section = _section(path, content, name)
     for key in section:
         if key not in known:
@@ -204,7 +224,17 @@ def _parameters(
     for key in known:
         if key not in section and key not in optional:
             raise _missing(path, name, key)
-    return {key: _parameter(path, name, key, entry) for key, entry in section.items()}
+    return section
+
+
+def _require_number(path: Path, name: str, section: dict[str, Any], key: str) -> None:
+    if not _is_number(section[key]):
+        raise InputError(
+            f"{path.name}, [{name}] {key}",
+            repr(section[key]),
+            "it must be a number",
+            f"Write {key} = …, without quotes",
+        )
 
 
 def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:

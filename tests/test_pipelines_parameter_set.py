@@ -130,7 +130,14 @@ def test_every_set_comes_back_to_the_last_digit(
 ):
     path = tmp_path_factory.mktemp("sets") / "tyre.toml"
     conditions = {"inflation_pressure_pa": pressure, "rim": "7J×17"}
-    made = ParameterSet(designation, conditions, ring, damping, {"mass_kg": 12.0}, {"note": "a"})
+    made = ParameterSet(
+        designation,
+        conditions,
+        ring,
+        damping,
+        {"mass_kg": 12.0, "inertia_kg_m2": 0.6},
+        {"note": "a"},
+    )
     write_parameter_set(path, made)
     assert read_parameter_set(path) == made
 
@@ -147,6 +154,10 @@ def test_every_set_comes_back_to_the_last_digit(
         ("value = 19.69", "value = true", "must be numbers"),
         ("std = 1.8", 'std = "small"', "must be numbers"),
         ("loss_factor =", "loss =", "unknown key 'loss'"),
+        ("= 220000.0", '= "high"', r"\[conditions\] inflation_pressure_pa: 'high'.*a number"),
+        ("mass_kg = 12.0", "mass = 12.0", r"\[wheel\]: unknown key 'mass'"),
+        ("mass_kg = 12.0", "", r"\[wheel\]: no mass_kg"),
+        ("mass_kg = 12.0", "mass_kg = [12.0]", r"\[wheel\] mass_kg.*a number"),
         ("schema = 1", "schema = ", "must be TOML"),
     ],
 )
