@@ -45,7 +45,7 @@ class LoadedSweep:
     @property
     def contact_deflection_m(self) -> float:
         """Deflection towards the axle in the middle of the contact, at the largest load."""
-        return float(-self.deflection_m[np.argmin(np.abs(self.angle_deg))])
+        return 0.0 - float(self.deflection_m[np.argmin(np.abs(self.angle_deg))])
 
     @property
     def columns(self) -> dict[str, NDArray[Any]]:

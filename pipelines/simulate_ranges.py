@@ -40,21 +40,7 @@ def values_of(option: str, text: str) -> NDArray[np.float64]:
         return np.array(parts)
     if "," in text or len(parts) > 3:
         raise _not_understood(option, text)
-    start, stop, step = (*parts, 1.0)[:3]
-    if not (step > 0 and stop >= start):
-        raise InputError(
-            option, repr(text), "a range runs upwards in steps above zero", "Write e.g. 0:100:0.5"
-        )
-    steps = (stop - start) / step
-    if not steps < MOST_VALUES:
-        raise InputError(
-            option,
-            f"{text!r}, {steps:.3g} values",
-            f"at most {MOST_VALUES} values",
-            "Widen the step or narrow the range",
-        )
-    count = int(steps + 1e-6) + 1
-    return np.asarray(np.round(start + step * np.arange(count), 12))
+    return _range(option, text, *(*parts, 1.0)[:3])
 
 
 def orders_of(option: str, text: str) -> NDArray[np.int_]:
@@ -72,6 +58,24 @@ def orders_of(option: str, text: str) -> NDArray[np.int_]:
             option, repr(text), "circumferential orders are whole numbers", "Write e.g. 1:7"
         )
     return whole.astype(int)
+
+
+def _range(option: str, text: str, start: float, stop: float, step: float) -> NDArray[np.float64]:
+    """START:STOP:STEP with both ends."""
+    if not (step > 0 and stop >= start):
+        raise InputError(
+            option, repr(text), "a range runs upwards in steps above zero", "Write e.g. 0:100:0.5"
+        )
+    steps = (stop - start) / step
+    if not steps < MOST_VALUES:
+        raise InputError(
+            option,
+            f"{text!r}, {steps:.3g} values",
+            f"at most {MOST_VALUES} values",
+            "Widen the step or narrow the range",
+        )
+    count = int(steps + 1e-6) + 1
+    return np.asarray(np.round(start + step * np.arange(count), 12))
 
 
 def _not_understood(option: str, text: str) -> InputError:

@@ -21,6 +21,8 @@ from pipelines.simulate_tyre import SimulatedTyre, tyre_to_simulate
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+FEW_LINES = 20  # so many are printed, of more only the peaks
+
 
 @dataclass(frozen=True)
 class Targets:
@@ -88,11 +90,12 @@ def inertance(found: SimulatedInertance, tyre: SimulatedTyre, targets: Targets) 
     if targets.as_json:
         print_json({"unit": found.unit, **found.columns})
     if targets.screen:
-        frequency_hz, height = found.peaks
-        rows = {"frequency_hz": frequency_hz, "magnitude": height}
-        print_rows(
-            f"Peaks of the inertance, {found.unit}", rows, {"frequency_hz": 2, "magnitude": 4}
-        )
+        places = {"frequency_hz": 2, "real": 5, "imag": 5, "magnitude": 5, "phase_deg": 2}
+        if found.frequency_hz.size <= FEW_LINES:
+            print_rows(f"Inertance, {found.unit}", found.columns, places)
+        else:
+            peaks = dict(zip(("frequency_hz", "magnitude"), found.peaks, strict=True))
+            print_rows(f"Peaks of the inertance, {found.unit}", peaks, places)
     if targets.figure is not None:
         with styled_figure(15, 11, 2, sharex=True, height_ratios=(3, 2)) as (figure, (top, below)):
             figures_forced.plot_inertances({"inertance": found}, top)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ema.errors import InputError
+from model.errors import ParameterError
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.reference import DESIGNATION, TABLE_4_RING, TABLE_5_DAMPING
 from pipelines.parameter_set import read_parameter_set
@@ -38,16 +39,17 @@ def tyre_to_simulate(path: Path | None) -> SimulatedTyre:
     Raises
     ------
     InputError
-        If the file is no parameter set.
-    ParameterError
-        If its values make no ring.
+        If the file is no parameter set, or its values make no ring.
     """
     if path is None:
         return SimulatedTyre(f"the sample tyre {DESIGNATION}", TABLE_4_RING, TABLE_5_DAMPING)
     found = read_parameter_set(path)
-    return SimulatedTyre(
-        str(path), found.ring_parameters, found.ring_damping, found.wheel_parameters
-    )
+    try:
+        return SimulatedTyre(
+            str(path), found.ring_parameters, found.ring_damping, found.wheel_parameters
+        )
+    except ParameterError as error:
+        raise InputError(f"{path}, {error.where}", error.found, error.rule, error.remedy) from error
 
 
 def damping_of(tyre: SimulatedTyre, *, on_pretension: bool = True) -> RingDamping:

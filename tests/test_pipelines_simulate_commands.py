@@ -147,6 +147,13 @@ def test_inertance_without_belt_width_is_per_width_and_says_so(ringmodal, narrow
     np.testing.assert_allclose(peaks[:, 1], heights, atol=6e-4)
 
 
+def test_few_lines_are_printed_as_they_are(ringmodal):
+    _, output, _ = ringmodal("simulate", "inertance", "--frequency-hz", "75.4")
+    row = next(line.split() for line in output.splitlines() if line.strip()[:1].isdigit())
+    assert float(row[0]) == 75.4
+    assert float(row[3]) == pytest.approx(0.041 / 0.19, rel=0.01)
+
+
 def test_inextensional_belt(ringmodal):
     command = ("simulate", "inertance", "--frequency-hz", "80:120:10", "--json")
     exact = json.loads(ringmodal(*command)[1])
@@ -244,6 +251,7 @@ def test_the_wheel_of_the_parameter_set_counts(ringmodal, sample_tyre, tmp_path)
         (("inertance", "--frequency-hz", "10:20:nan"), "nan"),
         (("cleat", "--duration-s", "-1"), "duration_s"),
         (("loaded", "--load-n", "90000"), "half angle"),
+        (("loaded", "--load-n", "0", "--modes", "500"), "1 to 242 modes"),
         (("loaded", "--load-n", "-100"), "load above zero"),
         (("hub", "--hub", "free"), "wheel"),
         (("hub", "--hub", "free", "--wheel-mass-kg", "0", "--wheel-inertia-kg-m2", "1"), "zero"),
@@ -257,6 +265,15 @@ def test_bad_input_ends_with_one_message(ringmodal, tmp_path, monkeypatch, argum
     assert len(lines) == 1
     assert lines[0].startswith("Error: ") and says in lines[0]
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_value_that_makes_no_ring_is_named_with_its_file(ringmodal, sample_tyre, tmp_path):
+    tyre = tmp_path / "odd.toml"
+    text = sample_tyre.read_text(encoding="utf-8")
+    tyre.write_text(text.replace("8270000.0", "-8270000.0"), "utf-8")
+    code, output, errors = ringmodal("simulate", "frequencies", "--tyre", tyre)
+    assert (code, output) == (2, "")
+    assert errors.startswith(f"Error: {tyre}, radial_stiffness_n_m3: -8.27e+06; ")
 
 
 @pytest.mark.parametrize("frame", ["moon", ""])
