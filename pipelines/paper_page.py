@@ -68,7 +68,12 @@ def _summary(chapters: Sequence[Chapter]) -> Section:
     if apart:
         blocks += [
             Paragraph(f"{len(apart)} do not hold as printed. Both sides are shown:"),
-            Listing(tuple(f"{one.place}: {one.printed}. {one.found}" for one in apart), "warning"),
+            Listing(
+                tuple(
+                    f"{one.place}. The paper: {one.printed}. Computed: {one.found}" for one in apart
+                ),
+                "warning",
+            ),
         ]
     return Section("summary", "Summary", (*blocks, statements_table(chapters).block))
 
