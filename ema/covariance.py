@@ -45,7 +45,9 @@ def parameter_covariance(fit: PoleFit, correlation: float) -> Real:
         for name in np.unique(run):
             score = _line_scores(part, scale, run == name) @ transform
             middle += score.T @ score
-    return np.asarray(correlation * inverse @ middle @ inverse)
+    slope = fit.likeness_slope()
+    middle = correlation * middle + slope.T @ slope
+    return np.asarray(inverse @ middle @ inverse)
 
 
 def frequency_damping_covariance(poles: NDArray[np.complex128], covariance: Real) -> Real:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from ema.covariance import (
     residue_std,
 )
 from ema.errors import FitError
-from ema.family import judged
+from ema.family import family, judged
 from ema.frf import FRF
 from ema.leakage import leakage_bias
 from ema.mac import frac
@@ -93,9 +94,14 @@ def fit_modes(
     for _ in range(_PAIR_ROUNDS):
         labelled = label_modes(_modes(fit), frf.position_deg)[:-N_STAND_INS]
         poles, reports, changed = resolve_orders(frf, chosen, fit, labelled, band_hz, correlation)
-        if selection.pinned or not changed:
+        changed = changed and not selection.pinned
+        if changed:
+            fit, notes = refit(_last(poles, fit))
+            labelled = label_modes(_modes(fit), frf.position_deg)[:-N_STAND_INS]
+        if _pairs(labelled) != fit.pairs:
+            fit, notes = refit(fit.poles, _pairs(labelled))
+        if not changed:
             break
-        fit, notes = refit(_last(poles, fit))
     return _model(frf, fit, band_hz, notes, reports, seen)
 
 
@@ -107,8 +113,18 @@ class _Refit:
     lines: Lines
     drift: NDArray[np.float64] | None
 
-    def __call__(self, poles: NDArray[np.complex128]) -> tuple[PoleFit, list[str]]:
-        return _without_leakage(self.frf, fit_bounded(self.lines, poles, self.drift), poles)
+    def __call__(
+        self, poles: NDArray[np.complex128], pairs: tuple[tuple[int, int], ...] = ()
+    ) -> tuple[PoleFit, list[str]]:
+        known = pairs if np.all(np.isfinite(self.frf.std)) else ()
+        fit = fit_bounded(self.lines, poles, self.drift, pairs=known)
+        return _without_leakage(self.frf, fit, poles)
+
+
+def _pairs(labelled: Sequence[Mode]) -> tuple[tuple[int, int], ...]:
+    """Poles that are the two members of one order of the ring."""
+    members = [sorted(chosen) for chosen in family(labelled).values() if len(chosen) == 2]
+    return tuple((first, second) for first, second in sorted(members))
 
 
 def _significant(
@@ -167,13 +183,14 @@ def fit_bounded(
     start: NDArray[np.complex128],
     drift: NDArray[np.float64] | None = None,
     around: NDArray[np.complex128] | None = None,
+    pairs: tuple[tuple[int, int], ...] = (),
 ) -> PoleFit:
     """Fit poles within the bounds that suit start values from a stability diagram.
 
     A fit that goes on from an earlier one keeps its bounds `around` the diagram's poles.
     """
     lower, upper = _bounds(start if around is None else around, lines.frequency_hz[-1])
-    return fit_poles(lines, start, lower, upper, drift)
+    return fit_poles(lines, start, lower, upper, drift, pairs=pairs)
 
 
 def drift_in_one_step(fit: PoleFit, run: tuple[str, ...], correlation: float) -> Drift:
@@ -250,7 +267,7 @@ def _without_leakage(
         lines = replace(plain.lines, values=plain.lines.values - bias)
         start = np.append(cleared.poles[:-N_STAND_INS], plain.poles[-N_STAND_INS:])
         drift = cleared.drift if cleared.drift.size > 1 else None
-        cleared = fit_bounded(lines, start, drift, around)
+        cleared = fit_bounded(lines, start, drift, around, plain.pairs)
     if cleared.misfit > _WORSE * plain.misfit:
         note = "The bias of window and block length was left in: taking it out fits worse."
         return plain, [note]

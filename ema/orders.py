@@ -65,7 +65,9 @@ class OrderDecomposition:
         return OrderFrf(order, self._frf.frequency_hz[lines], rows @ measured, np.sqrt(variance))
 
 
-def fit_order(order: OrderFrf, start: Complex, *, tries: int = 30) -> PoleFit:
+def fit_order(
+    order: OrderFrf, start: Complex, *, damping_reach: float = 4.0, tries: int = 30
+) -> PoleFit:
     """Fit the poles of one order to its own FRFs, around their resonance.
 
     Parameters
@@ -73,6 +75,8 @@ def fit_order(order: OrderFrf, start: Complex, *, tries: int = 30) -> PoleFit:
     order : OrderFrf
     start : ndarray of complex, shape (n_modes,)
         One pole, or the two of a pair.
+    damping_reach : float
+        Factor within which the damping stays around the start.
     tries : int
         Most steps of the search.
 
@@ -98,6 +102,6 @@ def fit_order(order: OrderFrf, start: Complex, *, tries: int = 30) -> PoleFit:
         importance=np.ones(np.count_nonzero(near)),
     )
     decay, frequency = -start.real, start.imag
-    lower = np.column_stack([decay / 4, frequency - 2 * decay]).ravel()
-    upper = np.column_stack([decay * 4, frequency + 2 * decay]).ravel()
+    lower = np.column_stack([decay / damping_reach, frequency - 2 * decay]).ravel()
+    upper = np.column_stack([decay * damping_reach, frequency + 2 * decay]).ravel()
     return fit_poles(lines, start, lower, upper, tries=tries)

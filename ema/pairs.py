@@ -23,6 +23,10 @@ _SEPARATION = 3.0
 # … their damping by no more than this factor, and neither may be weaker than this share.
 _DAMPING_FACTOR = 1.6
 _SHARE = 0.03
+# Damping of pairs that are searched for stays within this factor of the one pole's …
+_ALIKE = 1.3
+# … and the misfit that this costs at most.
+_MUCH_WORSE = 1.02
 # Steps after which a second pole that is there shows in the misfit.
 _FIRST_TRIES = 8
 
@@ -77,16 +81,17 @@ def judge_pair(
         return PairVerdict(number, verdict, float("nan"), text), poles
     try:
         one = fit_order(order, np.array([np.mean(poles)]))
-        two = _best_two(order, poles)
-        chance = _chance(one, two, correlation)
-        if poles.size == 1 and chance < _CHANCE:
-            two = fit_order(order, two.poles)
+        start = poles if poles.size > 1 else _beside(one.poles[0])[0]
+        two = fit_order(order, start, tries=_FIRST_TRIES)
+        chance, doubt = _chance(one, two, correlation), _doubt(two, correlation)
+        if doubt and chance < _CHANCE:
+            two = _searched(order, one.poles[0], two)
+            chance, doubt = _chance(one, two, correlation), _doubt(two, correlation)
     except FitError as error:
         return PairVerdict(number, NOT_RESOLVABLE, float("nan"), str(error)), poles
     if not chance < _CHANCE:
         text = f"one pole explains the order; a second may fit better by chance (p = {chance:.2g})"
         return PairVerdict(number, NOT_RESOLVABLE, chance, text), one.poles
-    doubt = _doubt(two, correlation)
     if doubt:
         text = f"a second pole fits better (p = {chance:.2g}), but {doubt}"
         return PairVerdict(number, NOT_RESOLVABLE, chance, text), poles
@@ -94,18 +99,21 @@ def judge_pair(
     return PairVerdict(number, RESOLVED, chance, text), two.poles[np.argsort(np.abs(two.poles))]
 
 
-def _best_two(order: OrderFrf, poles: NDArray[np.complex128]) -> PoleFit:
-    """Two poles: those found already, or what comes of splitting a single one."""
-    if poles.size > 1:
-        return fit_order(order, poles)
-    return fit_order(order, _around(complex(poles[0])), tries=_FIRST_TRIES)
+def _searched(order: OrderFrf, pole: complex, found: PoleFit) -> PoleFit:
+    """Best of some pairs around one pole whose members are damped alike, if any is better.
+
+    Turning a tyre turns its modes: the members of a pair differ in frequency, hardly in damping.
+    """
+    fits = [fit_order(order, start, damping_reach=_ALIKE) for start in _beside(pole)]
+    best = min(fits, key=lambda fit: fit.chi_square)
+    return best if best.chi_square < _MUCH_WORSE * found.chi_square else found
 
 
-def _around(pole: complex) -> NDArray[np.complex128]:
-    """Two poles around one: split by its width, and damped less than the sum looks."""
+def _beside(pole: complex) -> list[NDArray[np.complex128]]:
+    """Two poles split evenly around one, and the one with another above or below it."""
     width = -pole.real
-    apart = 0.5j * width
-    return np.asarray(np.array([pole - apart, pole + apart], dtype=complex) + 0.12 * width)
+    shifts = ((-0.5j, 0.5j), (0.0, 1.0j), (0.0, -1.0j))
+    return [np.asarray(pole + width * (0.1 + np.array(pair))) for pair in shifts]
 
 
 def _chance(one: PoleFit, two: PoleFit, correlation: float) -> float:
@@ -124,8 +132,8 @@ def _doubt(two: PoleFit, correlation: float) -> str:
     spread = np.sqrt(max(covariance[1, 1] + covariance[3, 3] - 2 * covariance[1, 3], 0.0))
     damping = -two.poles.real
     strength = np.linalg.norm(two.residues, axis=0)
-    if np.any(two.at_bound):
-        return "its frequency or damping is not determined"
+    if np.any(two.at_bound[1::2]):
+        return "its frequency is not determined"
     if gap < _SEPARATION * spread:
         return f"the two frequencies differ by only {gap / spread:.1f} standard deviations"
     unlike = damping.max() / damping.min()

@@ -14,6 +14,8 @@ from ema.errors import FitError
 from ema.variable_projection import Complex, Projection, Real, project, stacked
 
 _LARGEST_DRIFT = 0.03
+# Members of a pair differ in their decay rate by about this share.
+_ALIKE = 0.1
 #: The last poles of a fit stand for modes above the lines.
 N_STAND_INS = 2
 
@@ -82,6 +84,8 @@ class PoleFit:
         Linear solution of each group.
     at_bound : ndarray of bool, shape (2 n_modes,)
         Decay rates and frequencies that ended on a bound, mode by mode.
+    pairs : tuple of (int, int)
+        Poles that are members of one pair, and therefore damped alike.
     """
 
     lines: Lines
@@ -90,6 +94,7 @@ class PoleFit:
     groups: tuple[NDArray[np.int_], ...]
     parts: tuple[Projection, ...]
     at_bound: NDArray[np.bool_]
+    pairs: tuple[tuple[int, int], ...] = ()
 
     @property
     def n_parameters(self) -> int:
@@ -147,14 +152,29 @@ class PoleFit:
         for number, (part, rows) in enumerate(zip(self.parts, self.groups, strict=True)):
             t = self.transform(number)
             total += t.T @ part.normal_matrix(self.lines.scale[rows]) @ t
-        return total
+        slope = self.likeness_slope()
+        return np.asarray(total + slope.T @ slope)
 
     def gradient(self) -> Real:
         """Jᵀr of all parameters."""
         total = np.zeros(self.n_parameters)
         for number, (part, rows) in enumerate(zip(self.parts, self.groups, strict=True)):
             total += self.transform(number).T @ part.gradient(self.lines.scale[rows])
-        return total
+        return np.asarray(total + self.likeness_slope().T @ self.unlikeness)
+
+    @property
+    def unlikeness(self) -> Real:
+        """How unlike the members of each pair are damped, in standard deviations of `_ALIKE`."""
+        first, second = np.array(self.pairs, dtype=int).reshape(-1, 2).T
+        return np.asarray(np.log(self.poles[first].real / self.poles[second].real) / _ALIKE)
+
+    def likeness_slope(self) -> Real:
+        """Derivative of `unlikeness` to all parameters, (n_pairs, n_parameters)."""
+        slope = np.zeros((len(self.pairs), self.n_parameters))
+        for row, (first, second) in enumerate(self.pairs):
+            slope[row, 2 * first] = 1 / (_ALIKE * self.poles[first].real)
+            slope[row, 2 * second] = -1 / (_ALIKE * self.poles[second].real)
+        return slope
 
     def _gathered(self, of: Callable[[Projection], NDArray[Any]]) -> NDArray[Any]:
         pieces = [of(part) for part in self.parts]
@@ -165,7 +185,7 @@ class PoleFit:
 
 
 def evaluate(
-    lines: Lines, poles: Complex, drift: Real, at_bound: NDArray[np.bool_] | None = None
+    lines: Lines, poles: Complex, drift: Real, pairs: tuple[tuple[int, int], ...] = ()
 ) -> PoleFit:
     """Solve the linear problem of each group for given poles and drift.
 
@@ -181,8 +201,8 @@ def evaluate(
         project(lines.omega, lines.target[:, rows], lines.weight, poles * (1 + shift))
         for rows, shift in zip(groups, drift, strict=True)
     )
-    bound = np.zeros(2 * poles.size, dtype=bool) if at_bound is None else at_bound
-    return PoleFit(lines, poles, drift, groups, parts, bound)
+    nowhere = np.zeros(2 * poles.size, dtype=bool)
+    return PoleFit(lines, poles, drift, groups, parts, nowhere, pairs)
 
 
 def fit_poles(
@@ -192,6 +212,7 @@ def fit_poles(
     upper: Real,
     drift: Real | None = None,
     *,
+    pairs: tuple[tuple[int, int], ...] = (),
     tries: int = 60,
 ) -> PoleFit:
     """Poles within bounds that leave the smallest weighted misfit over all positions.
@@ -205,6 +226,10 @@ def fit_poles(
         Bounds of (decay rate −Re s, frequency Im s), mode by mode, in rad/s.
     drift : ndarray, shape (n_runs,), optional
         Start values of a drift of all poles from run to run; without it the runs share one state.
+    pairs : tuple of (int, int)
+        Poles that are members of one pair. Turning a tyre turns its modes, so that the members
+        differ in frequency but hardly in damping: that they are alike within 10 % (one standard
+        deviation) counts as much as any measured value, and helps where one is hardly driven.
     tries : int
         Most steps of the search.
 
@@ -227,7 +252,7 @@ def fit_poles(
     def at(x: Real) -> tuple[PoleFit, Real, Real]:
         if x.tobytes() not in memory:
             memory.clear()
-            fit = evaluate(lines, -x[0:n:2] + 1j * x[1:n:2], np.append(0.0, x[n:]))
+            fit = evaluate(lines, -x[0:n:2] + 1j * x[1:n:2], np.append(0.0, x[n:]), pairs)
             memory[x.tobytes()] = fit, *_compressed(fit, sign)
         return memory[x.tobytes()]
 
@@ -268,6 +293,7 @@ def _compressed(fit: PoleFit, sign: Real) -> tuple[Real, Real]:
     value = np.clip(value, value[-1] * 1e-14, None)
     jacobian = np.sqrt(value)[:, None] * vector.T * size
     inside = (vector.T @ (gradient / size)) / np.sqrt(value)
-    rest = np.sqrt(max(fit.chi_square - inside @ inside, 0.0))
+    cost = fit.chi_square + float(np.sum(fit.unlikeness**2))
+    rest = np.sqrt(max(cost - inside @ inside, 0.0))
     rows = np.vstack([jacobian, np.zeros(jacobian.shape[1])])
     return np.append(inside, rest), rows
