@@ -185,6 +185,23 @@ def paper(
 
 
 @app.command()
+def init(
+    folder: Annotated[Path, typer.Argument(help="Folder with recordings.")],
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing manifest.")] = False,
+) -> None:
+    """Draft a campaign.toml from the recordings in a folder.
+
+    Example: ringmodal init measurements/tyre_7
+    """
+    from pipelines.draft import draft_manifest, write_draft
+
+    draft = draft_manifest(folder)
+    typer.echo(f"Draft: {write_draft(folder, draft, force=force)}")
+    for text in draft.missing:
+        typer.echo(f"To fill in: {text}")
+
+
+@app.command()
 def inspect(
     files: Annotated[list[Path], typer.Argument(help="Recordings.")],
     as_json: Json = False,
