@@ -187,7 +187,7 @@ def _modes_table(result: Result) -> Any:
     from pipelines.report.numbers import value_with_std
 
     table = empty_table(f"Modes of {result.name}")
-    for heading in ("mode", "order", "frequency in Hz", "damping in %", "MPC", "purity", "status"):
+    for heading in ("mode", "order", "frequency in Hz", "damping in %", "purity", "status"):
         table.add_column(heading, justify="left" if heading == "status" else "right", no_wrap=True)
     for number, mode in enumerate(result.modal_model.modes, start=1):
         table.add_row(
@@ -195,7 +195,6 @@ def _modes_table(result: Result) -> Any:
             "" if mode.order is None else f"{mode.order}{mode.member}",
             value_with_std(mode.frequency_hz, mode.frequency_std_hz),
             value_with_std(100 * mode.damping_ratio, 100 * mode.damping_std),
-            f"{mode.mpc:.3f}",
             "" if mode.order is None else f"{mode.order_purity:.3f}",
             mode.status,
         )
