@@ -28,7 +28,7 @@ from ema.frf import FRF
 from ema.mac import frac
 from ema.modes import NO_DRIFT, Drift, ModalModel, Mode, ResidualTerms
 from ema.pole_fit import Lines, PoleFit, evaluate
-from ema.pole_set import Refit, modes_of, settled, significant
+from ema.pole_set import Refit, modes_of, pairs_of, settled, significant
 from ema.resolution import OrderReport
 from ema.stability import PoleSelection
 
@@ -68,11 +68,12 @@ def fit_modes(
     band_hz = band_hz or selection.band_hz
     lines = lines_to_fit(frf, band_hz)
     start = starting_poles(selection.poles, lines, band_hz)
-    plain = fit_bounded(lines, start)
+    pairs = pairs_of(evaluate(lines, start, np.zeros(1)), frf)
+    plain = fit_bounded(lines, start, pairs=pairs)
     seen = _drift_seen(frf, plain)
     drift = seen.percent / 100 if seen.applied else None
     if seen.applied:
-        plain = fit_bounded(lines, plain.poles, drift, start)
+        plain = fit_bounded(lines, plain.poles, drift, start, pairs)
     fit, notes = without_leakage(frf, plain, start)
     refit = Refit(frf, lines, drift)
     if not selection.pinned:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.bounded_fit import fit_bounded, without_leakage
-from ema.circumference import label_modes
+from ema.circumference import label_modes, on_circle
 from ema.covariance import line_correlation, parameter_covariance, residue_std
 from ema.family import PURE, family
 from ema.frf import FRF
 from ema.modes import Mode
-from ema.pole_fit import N_STAND_INS, Lines, PoleFit
+from ema.pole_fit import N_STAND_INS, Lines, PoleFit, evaluate
 from ema.resolution import OrderReport, resolve_orders
 from ema.stability import widened_band
 
@@ -31,12 +31,11 @@ class Refit:
     lines: Lines
     drift: NDArray[np.float64] | None
 
-    def __call__(
-        self, poles: NDArray[np.complex128], pairs: tuple[tuple[int, int], ...] = ()
-    ) -> tuple[PoleFit, list[str]]:
+    def __call__(self, poles: NDArray[np.complex128]) -> tuple[PoleFit, list[str]]:
         """Fit from other poles, and what is to be said about it."""
-        known = pairs if np.all(np.isfinite(self.frf.std)) else ()
-        fit = fit_bounded(self.lines, poles, self.drift, pairs=known)
+        shift = np.zeros(1) if self.drift is None else self.drift
+        pairs = pairs_of(evaluate(self.lines, poles, shift), self.frf)
+        fit = fit_bounded(self.lines, poles, self.drift, pairs=pairs)
         return without_leakage(self.frf, fit, poles)
 
 
@@ -67,9 +66,9 @@ def settled(
         if changed and not pinned:
             fit, notes = refit(_last(poles, fit))
             continue
-        if _pairs(labelled) == fit.pairs:
+        if pairs_of(fit, frf) == fit.pairs:
             break
-        fit, notes = refit(fit.poles, _pairs(labelled))
+        fit, notes = refit(fit.poles)
     return fit, notes, reports
 
 
@@ -88,10 +87,13 @@ def _astray(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
     return astray
 
 
-def _pairs(labelled: Sequence[Mode]) -> tuple[tuple[int, int], ...]:
-    """Poles that are the two members of one order of the ring."""
-    members = [sorted(chosen) for chosen in family(labelled).values() if len(chosen) == 2]
-    return tuple((first, second) for first, second in sorted(members))
+def pairs_of(fit: PoleFit, frf: FRF) -> tuple[tuple[int, int], ...]:
+    """Poles that are the two members of one order; none without a circle or with unknown noise."""
+    if not on_circle(frf.position_deg) or not np.all(np.isfinite(frf.std)):
+        return ()
+    members = family(_labelled(fit, frf)).values()
+    pairs = [sorted(chosen) for chosen in members if len(chosen) == 2]
+    return tuple((first, second) for first, second in sorted(pairs))
 
 
 def _last(poles: NDArray[np.complex128], fit: PoleFit) -> NDArray[np.complex128]:
