@@ -52,21 +52,19 @@ def process(
     out: Out,
     band_hz: Annotated[
         tuple[float, float] | None,
-        typer.Option(help="Band in Hz in which modes are sought. [default for a tyre: 20 260]"),
+        typer.Option(help="Band in Hz in which modes are sought. Default for a tyre: 20 260."),
     ] = None,
     averages: Annotated[
         int | None, typer.Option(min=1, help="Number of averages; sets the block length.")
     ] = None,
     block_seconds: Annotated[
         float | None,
-        typer.Option(help="Block length in s. [default: 4, a quarter of a shorter recording]"),
+        typer.Option(help="Block length in s. Default: 4, or a quarter of a shorter recording."),
     ] = None,
-    window: Annotated[
-        str | None, typer.Option(help="Any scipy window name. [default: hann]")
-    ] = None,
+    window: Annotated[str | None, typer.Option(help="Any scipy window name; default hann.")] = None,
     overlap: Annotated[
         float | None,
-        typer.Option(min=0.0, max=0.95, help="Share of a block. [default: 0.5; boxcar 0]"),
+        typer.Option(min=0.0, max=0.95, help="Share of a block. Default: 0.5, boxcar 0."),
     ] = None,
     estimator: Annotated[str, typer.Option(help="H1, H2 or Hv.")] = "H1",
     max_order: Annotated[
