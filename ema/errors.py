@@ -13,11 +13,12 @@ class InputError(ValueError):
     rule : str
         The rule it breaks, e.g. ``"the file is truncated"``.
     remedy : str
-        What the user can do, as a sentence without its full stop.
+        What the user can do, as a sentence without its full stop, or as a question.
     """
 
     def __init__(self, where: str, found: str, rule: str, remedy: str) -> None:
-        super().__init__(f"{where}: {found}; {rule}. {remedy}.")
+        end = "" if remedy.endswith("?") else "."
+        super().__init__(f"{where}: {found}; {rule}. {remedy}{end}")
         self.where = where
         self.found = found
         self.rule = rule

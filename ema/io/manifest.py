@@ -174,7 +174,7 @@ def nearest(name: str, names: Iterable[str]) -> str:
     """Suggest the most similar name, or list the names where none is similar."""
     known = list(names)
     similar = difflib.get_close_matches(name, known, n=1)
-    return f"Did you mean {similar[0]!r}" if similar else f"Known are {', '.join(known) or 'none'}"
+    return f"Did you mean {similar[0]!r}?" if similar else f"Known are {', '.join(known) or 'none'}"
 
 
 def _explain(path: Path, error: ValidationError) -> ManifestError:
