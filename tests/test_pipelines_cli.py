@@ -34,7 +34,7 @@ def assert_refused(outcome, out, *says):
     assert "Traceback" not in errors
     lines = errors.strip().splitlines()
     assert len(lines) == 1
-    assert re.fullmatch(r"Error: .+: .+; .+\. .+\.", lines[0])
+    assert re.fullmatch(r"Error: .+: .+; .+\. .+[.?]", lines[0])
     for words in says:
         assert words in lines[0]
     assert list(out.parent.iterdir()) == []
