@@ -74,8 +74,9 @@ def identify_modes(
 ) -> Identification:
     """Identify the modes of a band, after a look at every channel.
 
-    Screening → poles → modes → consistency of the sensors → sensor mass → poles → modes; what
-    needs no correction is done once.
+    Screening → sensor mass → poles → modes → consistency of the sensors; where that corrects
+    anything, sensor mass → poles → modes again. The mass comes off first, as it differs from run
+    to run and would make healthy sensors contradict each other.
 
     Parameters
     ----------
@@ -110,16 +111,20 @@ def identify_modes(
         return diagram, fit_modes(frf, select_poles(diagram, pinned_hz, excluded_hz))
 
     usable, findings = screen(frf, band_hz)
-    diagram, model = once(usable)
+    bare = _bare(usable, sensor_mass)
+    diagram, model = once(bare)
     if on_circle(usable.position_deg):
         checked, contradictions = check_consistency(usable, model)
         findings = findings + contradictions
-        if sensor_mass is not None:
-            checked = unloaded(
-                checked, sensor_mass.sensors_deg, sensor_mass.mass_kg, sensor_mass.excitation_deg
-            )
-        if contradictions or sensor_mass is not None:
-            usable = checked
-            diagram, model = once(usable)
-    opinions = second_opinion(usable, model.modes, band_hz, OTHER[method], max_order)
-    return Identification(usable, diagram, model, opinions, tuple(findings))
+        if contradictions:
+            bare = _bare(checked, sensor_mass)
+            diagram, model = once(bare)
+    opinions = second_opinion(bare, model.modes, band_hz, OTHER[method], max_order)
+    return Identification(bare, diagram, model, opinions, tuple(findings))
+
+
+def _bare(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
+    """FRFs without the mass of the sensors, where it is known."""
+    if sensor_mass is None or not on_circle(frf.position_deg):
+        return frf
+    return unloaded(frf, sensor_mass.sensors_deg, sensor_mass.mass_kg, sensor_mass.excitation_deg)

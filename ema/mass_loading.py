@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.circumference import circle_basis, highest_order
+from ema.errors import InputError
+from ema.family import family
 from ema.frf import FRF
 from ema.modes import ModalModel
 from ema.recording import Campaign
+from ema.ring_inertance import mass_push
 
-# The correction is a few percent of the FRFs; each round leaves a few percent of its error.
-_ROUNDS = 4
+# Share of an FRF that orders above the highest one resolved may hold.
+_UNRESOLVED = 1e-3
 
 
 def sensors_of_runs(campaign: Campaign) -> dict[str, NDArray[np.float64]]:
@@ -36,17 +39,15 @@ def unloaded(
     """FRFs of the bare tyre, without the mass of the sensors.
 
     A sensor of mass m at θ_k pulls with −m a_k; pushing back with +m a_k bares the tyre:
-    H_bare(θ_i) = H(θ_i) + m Σ_k Y(θ_i, θ_k) H(θ_k), exactly. The transfer inertances Y between
-    sensors follow from those to the shaker, Y(θ_i, θ_k) = H_bare(θ_i − θ_k), as the tyre is the
-    same all around; H_bare on both sides is found by repetition. Run by run, so that orders which
-    divide the sensors' spacing get each run's own correction. Whether both members of a pair answer
-    to the sensors, or only the driven one, is taken from the FRFs: what differs from run to run
-    afterwards was corrected wrongly.
+    H_bare(θ_i) = H(θ_i) + m Σ_k Y(θ_i, θ_k) H(θ_k), exactly. The inertances Y between sensors
+    follow from those to the shaker as far as the tyre is the same all around; where the two members
+    of an order's pair differ, their orientation and what the sensors do differently from run to run
+    tell the rest (`ema.ring_inertance`).
 
     Parameters
     ----------
     frf : FRF
-        Of a closed circle of positions, one run per row.
+        Of a closed circle of positions.
     sensors_deg : dict of str to ndarray
         Angles of all sensors of each run, from `sensors_of_runs`.
     mass_kg : float
@@ -57,63 +58,56 @@ def unloaded(
     Returns
     -------
     FRF
-        With the reference sensor's rows corrected likewise.
+        With the reference sensor's rows corrected likewise, where its angle is known.
+
+    Raises
+    ------
+    InputError
+        If the sensors of a run are unknown.
     """
-    transfers = [
-        _repeated(frf, sensors_deg, mass_kg, excitation_deg, split=split) for split in (False, True)
-    ]
-    spilled = [_spilled_power(bare, sensors_deg) for bare in transfers]
-    return transfers[int(np.argmin(spilled))]
+    fixed = frf.reference
+    if fixed is not None and not np.all(np.isfinite(fixed.position_deg)):
+        fixed = None
+    rows = frf if fixed is None else _joined(frf, fixed)
+    basis, seats = _waves(frf, rows, sensors_deg, excitation_deg)
+    pulls = {
+        name: mass_kg * seats[name].T @ _at_seats(rows, name, angles, seats[name], basis)
+        for name, angles in sensors_deg.items()
+    }
+    names = list(dict.fromkeys(rows.run))
+    pull = np.stack([_of_run(pulls, name) for name in names])
+    run = np.array([names.index(name) for name in rows.run])
+    noise = _noise_of_lines(rows)
+    values = rows.values + mass_push(rows.frequency_hz, rows.values, noise, basis, pull, run)
+    if fixed is None:
+        return replace(frf, values=values)
+    return replace(
+        frf,
+        values=values[: frf.n_positions],
+        reference=replace(fixed, values=values[frf.n_positions :]),
+    )
 
 
 def loading_note(model: ModalModel, n_sensors: int, excitation_deg: float) -> str:
     """Say how large the effect of the sensors may be where their mass is not given."""
     angle = (model.position_deg - excitation_deg + 180) % 360 - 180
     drive = int(np.argmin(np.abs(angle)))
-    if abs(angle[drive]) > 2.5 or not model.modes:
+    modes = [model.modes[chosen[0]] for chosen in family(model.modes).values()]
+    if abs(angle[drive]) > 2.5 or not modes:
         return "Sensor mass not given: nothing was corrected for it."
-    residues = np.array([mode.residues for mode in model.modes])
     worst = loading_percent(
-        model.frequencies_hz, residues, residues[:, drive], n_sensors, mass_kg=1e-3
+        np.array([mode.frequency_hz for mode in modes]),
+        np.array([mode.residues for mode in modes]),
+        np.array([mode.residues[drive] for mode in modes]),
+        n_sensors,
+        mass_kg=1e-3,
     )
-    order = model.modes[int(np.argmax(worst))].order
+    order = modes[int(np.argmax(worst))].order
     return (
         f"Sensor mass not given, nothing was corrected for it: each gram per sensor lowers the "
         f"natural frequencies by about {np.median(worst) / 2:.2f} %, at most {worst.max():.2f} % "
         f"(order {order}, all sensors on antinodes)."
     )
-
-
-def _repeated(
-    frf: FRF,
-    sensors_deg: dict[str, NDArray[np.float64]],
-    mass_kg: float,
-    excitation_deg: float,
-    *,
-    split: bool,
-) -> FRF:
-    order = highest_order(frf.position_deg)
-    basis = circle_basis(frf.position_deg - excitation_deg, order)
-    inverse = np.linalg.pinv(basis)
-    bare = frf
-    for _ in range(_ROUNDS):
-        amplitude = inverse @ bare.values
-        # Even orders c_n of H(θ) = Σ c_n cos nθ + s_n sin nθ about the force.
-        even = np.concatenate([amplitude[:1], amplitude[1::2]])
-        values = np.array(frf.values)
-        fixed = None if frf.reference is None else np.array(frf.reference.values)
-        for run, seats in sensors_deg.items():
-            pull = mass_kg * _pull(frf, run, seats, bare.values)
-            rows = np.flatnonzero([name == run for name in frf.run])
-            push = _Push(even, seats - excitation_deg, pull, split)
-            values[rows] += push.at(frf.position_deg[rows] - excitation_deg)
-            if frf.reference is not None and fixed is not None and run in frf.reference.run:
-                seat = [frf.reference.run.index(run)]
-                fixed[seat] += push.at(frf.reference.position_deg[seat] - excitation_deg)
-        bare = replace(frf, values=values)
-        if frf.reference is not None and fixed is not None:
-            bare = replace(bare, reference=replace(frf.reference, values=fixed))
-    return bare
 
 
 def loading_percent(
@@ -143,60 +137,74 @@ def loading_percent(
     return np.asarray(100 * 0.5 * mass_kg * n_sensors * antinode)
 
 
-def _spilled_power(frf: FRF, sensors_deg: dict[str, NDArray[np.float64]]) -> float:
-    """Power in orders that a correction which differs wrongly from run to run spills into.
+def _joined(frf: FRF, reference: FRF) -> FRF:
+    """Positions and reference sensor as rows of one."""
+    return replace(
+        frf,
+        values=np.concatenate([frf.values, reference.values]),
+        coherence=np.concatenate([frf.coherence, reference.coherence]),
+        std=np.concatenate([frf.std, reference.std]),
+        node=np.concatenate([frf.node, reference.node]),
+        position_deg=np.concatenate([frf.position_deg, reference.position_deg]),
+        run=frf.run + reference.run,
+        channel=frf.channel + reference.channel,
+        clipped=np.zeros(0),
+        force_clipped=np.zeros(0),
+    )
 
-    With N sensors a run, an error in order n shows in N ± n too; above 3N/2 a tyre has little else.
+
+def _waves(
+    frf: FRF,
+    rows: FRF,
+    sensors_deg: dict[str, NDArray[np.float64]],
+    excitation_deg: float,
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+    """Waves around the shaker at all rows and at the sensors' seats of each run.
+
+    To N sensors, orders n and n ± N look alike. A correction that differs from run to run shows in
+    all of them; above 3N/2, where a tyre has little of its own, it must not be taken for the tyre.
     """
-    n_sensors = max(seats.size for seats in sensors_deg.values())
-    highest = highest_order(frf.position_deg)
-    amplitude = np.linalg.pinv(circle_basis(frf.position_deg, highest)) @ frf.values
-    first = min(3 * n_sensors // 2 - 1, highest)
-    power = np.sum(np.abs(amplitude[2 * first :]) ** 2, axis=0)
-    noise = np.nan_to_num(np.median(frf.std, axis=0) ** 2, nan=1.0)
-    return float(np.sum(np.divide(power, noise, out=np.zeros_like(power), where=noise > 0)))
+    n_sensors = max((angles.size for angles in sensors_deg.values()), default=0)
+    highest = min(highest_order(frf.position_deg), max(3 * n_sensors // 2 - 2, 1))
+    basis = circle_basis(rows.position_deg - excitation_deg, highest)
+    seats = {
+        name: circle_basis(angles - excitation_deg, highest) for name, angles in sensors_deg.items()
+    }
+    return basis, seats
 
 
-def _pull(
-    frf: FRF, run: str, seats: NDArray[np.float64], bare: NDArray[np.complex128]
+def _at_seats(
+    frf: FRF,
+    run: str,
+    angles_deg: NDArray[np.float64],
+    waves: NDArray[np.float64],
+    basis: NDArray[np.float64],
 ) -> NDArray[np.complex128]:
-    """Acceleration at each seat as measured, or of the nearest position where none was usable."""
-    there = np.full((seats.size, frf.frequency_hz.size), np.nan, dtype=complex)
-    for number, seat in enumerate(seats):
-        distance = np.abs((frf.position_deg - seat + 180) % 360 - 180)
-        same = [row for row in np.flatnonzero(distance < 1e-6) if frf.run[row] == run]
+    """Inertance at each seat as measured, or as its neighbours say where nothing was usable."""
+    around = waves @ (np.linalg.pinv(basis) @ frf.values)
+    for number, angle in enumerate(angles_deg):
+        away = np.abs((frf.position_deg - angle + 180) % 360 - 180)
+        same = [row for row in np.flatnonzero(away < 1e-6) if frf.run[row] == run]
         if same:
-            there[number] = frf.values[same[0]]
-        elif frf.reference is not None and run in frf.reference.run and _is_seat(frf, seat):
-            there[number] = frf.reference.values[frf.reference.run.index(run)]
-        else:
-            there[number] = bare[np.argmin(distance)]
-    return there
+            around[number] = frf.values[same[0]]
+    return np.asarray(around)
 
 
-def _is_seat(frf: FRF, seat: float) -> bool:
-    return frf.reference is not None and bool(np.all(frf.reference.position_deg == seat))
+def _of_run(pulls: dict[str, NDArray[np.complex128]], name: str) -> NDArray[np.complex128]:
+    """Pull of the sensors of a run, or their mean where a row was averaged over several runs."""
+    known = [pulls[name]] if name in pulls else [pulls[p] for p in name.split("+") if p in pulls]
+    if not known:
+        raise InputError(
+            f"run {name!r}",
+            "no sensors",
+            "taking off the sensors' mass needs the angles of all sensors of each run",
+            "Give the positions of its sensors, or leave the mass out",
+        )
+    return np.asarray(np.mean(known, axis=0))
 
 
-@dataclass(frozen=True, eq=False)
-class _Push:
-    """Forces at the sensors' seats and the response of the ring to them.
-
-    With c_n the inertance of order n, a force at θ_k answers at θ_i with c_n cos n(θ_i − θ_k)
-    where both members of a pair respond alike, and with c_n cos nθ_i cos nθ_k where the pair is so
-    far split that only the member which the shaker drives does.
-    """
-
-    even: NDArray[np.complex128]
-    seats_deg: NDArray[np.float64]
-    force: NDArray[np.complex128]
-    split: bool
-
-    def at(self, angle_deg: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Response at some angles, (n_angles, n_frequencies)."""
-        highest = self.even.shape[0] - 1
-        orders = np.concatenate([self.even[:1], np.repeat(self.even[1:], 2, axis=0)])
-        if self.split:
-            orders[2::2] = 0
-        seats = circle_basis(self.seats_deg, highest)
-        return np.asarray(circle_basis(angle_deg, highest) @ (orders * (seats.T @ self.force)))
+def _noise_of_lines(frf: FRF) -> NDArray[np.float64]:
+    """Standard deviation of each line, above what orders too high to be told apart may hold."""
+    size = np.sqrt(np.mean(np.abs(frf.values) ** 2, axis=0))
+    floor = np.maximum(_UNRESOLVED * size, 1e-12 * size.max())
+    return np.asarray(np.fmax(np.median(frf.std, axis=0), floor))

@@ -158,7 +158,7 @@ def _require_ring_data(campaign: Campaign, options: Options) -> None:
 
 
 def _sensor_mass(campaign: Campaign) -> SensorMass | None:
-    if campaign.sensor_mass_kg is None or not campaign.has_circle:
+    if campaign.sensor_mass_kg is None or not campaign.has_circle or not campaign.runs:
         return None
     return SensorMass(
         campaign.sensor_mass_kg, sensors_of_runs(campaign), campaign.excitation_deg or 0.0
@@ -166,6 +166,11 @@ def _sensor_mass(campaign: Campaign) -> SensorMass | None:
 
 
 def _mass_note(campaign: Campaign, modal_model: ModalModel) -> list[str]:
+    if campaign.sensor_mass_kg is not None and campaign.has_circle and not campaign.runs:
+        return [
+            "Sensor mass given, but FRFs from a file do not say which sensors sat on the tyre "
+            "together: nothing was corrected for it."
+        ]
     if not campaign.has_circle or not campaign.runs:
         return []
     if campaign.sensor_mass_kg is not None:
