@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference import circle_basis
+from ema.circumference import circle_basis, label_modes
 from ema.frf import FRF
 from ema.modes import ModalModel, Mode
 from ema.quality import EXCLUDED, WARNING, Finding, position_finding
@@ -16,12 +16,16 @@ from ema.quality import EXCLUDED, WARNING, Finding, position_finding
 # Shapes of the ring's modes that the check rests on.
 _PURE = 0.5
 _FEWEST_MODES = 2
+# No shape of a single order exceeds its median magnitude by this factor.
+_LOUD = 2.0
 # What a sensor may deviate from the shapes, as a share of them, before it is looked at …
 _TOLERANCE = 0.25
 # … and, beyond its own noise, in standard deviations.
 _SIGNIFICANT = 5.0
 # A gain between these is how sensors are; farther off it is a wrong sensitivity.
 _GAIN = (0.8, 1.25)
+# A run of which more than this share of the sensors contradicts the others is odd as a whole.
+_MOST = 0.5
 _ROUNDS = 20
 
 
@@ -79,7 +83,7 @@ def check_consistency(frf: FRF, model: ModalModel) -> tuple[FRF, list[Finding]]:
     findings : list of Finding
         One for every sensor that was corrected or left out.
     """
-    modes = [m for m in model.modes if m.order is not None and m.order_purity > _PURE]
+    modes = _ring_modes(model, frf.position_deg)
     if len(modes) < _FEWEST_MODES:
         return frf, []
     shapes = _shapes(modes, frf.position_deg)
@@ -99,14 +103,50 @@ def check_consistency(frf: FRF, model: ModalModel) -> tuple[FRF, list[Finding]]:
         for row, other in ((first, second), (second, first)):
             text = f"swapped with {frf.channel[other]}; both were put right"
             findings[row] = position_finding(frf, row, "swapped", WARNING, text)
-    lost = [row for row in suspects if row not in findings]
-    for row in lost:
+    alone, odd_runs = _without_odd_runs(frf, [row for row in suspects if row not in findings])
+    for row in alone:
         share = shapes.mismatch(row, row, shapes.gain(row, row))
         text = f"contradicts the modes of all other sensors by {100 * min(share, 9.99):.0f} %"
         findings[row] = position_finding(frf, row, "inconsistent", EXCLUDED, text)
     corrected = _corrected(frf, factor, source)
-    kept = np.setdiff1d(np.arange(frf.n_positions), lost)
-    return corrected.rows(kept), [findings[row] for row in sorted(findings)]
+    kept = np.setdiff1d(np.arange(frf.n_positions), alone)
+    return corrected.rows(kept), [findings[row] for row in sorted(findings)] + odd_runs
+
+
+def _without_odd_runs(frf: FRF, suspects: Sequence[int]) -> tuple[list[int], list[Finding]]:
+    """Suspects that stand alone in their run, and the runs most sensors of which are suspects.
+
+    Sensors do not fail by the dozen: such a run saw the tyre in another state.
+    """
+    count = {name: [frf.run[row] for row in suspects].count(name) for name in set(frf.run)}
+    odd = sorted(name for name, n in count.items() if n > _MOST * frf.run.count(name))
+    findings = [
+        Finding(
+            run=name,
+            channel="",
+            position_deg=None,
+            check="inconsistent",
+            verdict=WARNING,
+            detail=f"{count[name]} of {frf.run.count(name)} sensors contradict the modes of the "
+            "other runs together: the run saw the tyre in another state; it was left in",
+        )
+        for name in odd
+    ]
+    return [row for row in suspects if frf.run[row] not in odd], findings
+
+
+def _ring_modes(model: ModalModel, position_deg: NDArray[np.float64]) -> list[Mode]:
+    """Modes of one order each, told without trust in any position that reads far too much."""
+    limits = [_LOUD * np.median(np.abs(mode.residues)) for mode in model.modes]
+    tamed = [
+        replace(mode, residues=mode.residues * np.minimum(1, limit / np.abs(mode.residues)))
+        for mode, limit in zip(model.modes, limits, strict=True)
+    ]
+    return [
+        replace(mode, order=seen.order)
+        for mode, seen in zip(model.modes, label_modes(tamed, position_deg), strict=True)
+        if seen.order is not None and seen.order_purity > _PURE
+    ]
 
 
 def _shapes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> _Shapes:

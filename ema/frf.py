@@ -88,9 +88,10 @@ class FRF:
 
     @property
     def run_names(self) -> tuple[str, ...]:
-        """Runs in the order of the campaign, as far as it is known, otherwise by name."""
+        """Runs with a row here, in the order of the campaign where it is known, else by name."""
+        here = set(self.run)
         order = dict.fromkeys(self.reference.run if self.reference is not None else ())
-        return tuple(dict.fromkeys([*order, *sorted(set(self.run))]))
+        return tuple(name for name in dict.fromkeys([*order, *sorted(here)]) if name in here)
 
     def rows(self, chosen: NDArray[np.generic]) -> FRF:
         """Keep the chosen rows (indices or a mask) only."""

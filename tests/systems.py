@@ -19,12 +19,17 @@ from ema.recording import (
     Response,
     Run,
 )
+from pipelines.campaign_truth import modal_sum
+from pipelines.simulate_campaign import FORCE_BAND_HZ, N_RUNS, POSITIONS, REFERENCE_DEG
 
 TABLE_3_HZ = np.array([78.73, 100.31, 121.40, 145.45, 170.78, 196.52, 224.40])
 TABLE_3_DAMPING = np.array([0.039, 0.033, 0.024, 0.022, 0.021, 0.020, 0.018])
 BEYOND_HZ = np.array([253.1, 282.9, 313.9, 346.2])  # n = 8 … 11, outside the band of interest
 BEYOND_DAMPING = np.full(4, 0.018)
 MASS_KG = 4.0
+
+LINES_HZ = np.arange(1, 1401) / 4  # of blocks of 4 s
+NYQUIST_HZ = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,3 +226,59 @@ def run_of(
 def campaign_of(*runs, **processing):
     """A campaign of such runs; `processing` as in `Processing`."""
     return Campaign(name="made", runs=runs, processing=Processing(**processing))
+
+
+def campaign_frf(
+    modes,
+    snr_db=np.inf,
+    *,
+    seed=0,
+    drift_percent=np.zeros(N_RUNS),
+    sensor_mass_kg=0.0,
+    averages=62,
+    frequency_hz=LINES_HZ,
+):
+    """FRFs of a tyre with known modes: six runs of twelve sensors and the fixed reference.
+
+    By default those of 250 s in independent blocks of 4 s. Noise is that of a simulated campaign
+    of the same `snr_db`; as in a measurement, σ and coherence are estimates that scatter.
+    """
+    run = np.append(np.arange(POSITIONS) % N_RUNS, np.arange(N_RUNS))
+    position_deg = np.append(np.arange(POSITIONS) * 360 / POSITIONS, np.full(N_RUNS, REFERENCE_DEG))
+    clean = np.empty((run.size, frequency_hz.size), dtype=complex)
+    for number, percent in enumerate(drift_percent):
+        state = [replace(m, frequency_hz=m.frequency_hz * (1 + percent / 100)) for m in modes]
+        rows = run == number
+        clean[rows] = true_inertance(state, position_deg[rows], frequency_hz, sensor_mass_kg)
+    rng = np.random.default_rng(seed)
+    noise = max(response_level(modes) * 10 ** (-snr_db / 20), 1e-12)
+    error = rng.standard_normal((2, *clean.shape)) * noise / np.sqrt(2 * averages)
+    left = noise**2 * rng.gamma(averages - 1, 1 / (averages - 1), clean.shape)
+    values = clean + error[0] + 1j * error[1]
+    power = np.abs(values) ** 2
+    frf = FRF(
+        frequency_hz=frequency_hz,
+        values=values,
+        coherence=power / (power + left),
+        std=np.sqrt(left / (2 * averages)),
+        node=np.append(np.arange(POSITIONS), np.full(N_RUNS, -1)),
+        position_deg=position_deg,
+        run=tuple(f"run_{number + 1}" for number in run),
+        channel=tuple(f"A{k // N_RUNS + 1:02d}" for k in range(POSITIONS)) + ("REF",) * N_RUNS,
+        n_effective=float(averages),
+    )
+    return replace(frf.rows(np.arange(POSITIONS)), reference=frf.rows(np.arange(POSITIONS, 78)))
+
+
+def true_inertance(modes, position_deg, frequency_hz, sensor_mass_kg=0.0):
+    """Inertances of a tyre for a force at 0°, with a sensor at each of the positions."""
+    system = modal_sum(tuple(modes), position_deg, 0.0, sensor_mass_kg=sensor_mass_kg)
+    omega = 2 * np.pi * frequency_hz
+    return np.array([system.inertance(row, omega) for row in range(position_deg.size)])
+
+
+def response_level(modes):
+    """Inertance of white noise that is as strong as the responses to the shaker's band."""
+    lines_hz = np.arange(*FORCE_BAND_HZ)
+    power = np.abs(true_inertance(modes, np.arange(0.0, 360.0, 30.0), lines_hz)) ** 2
+    return float(np.sqrt(power.sum(axis=1).mean() / NYQUIST_HZ))
