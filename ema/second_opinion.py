@@ -17,6 +17,8 @@ OTHER = {"lsce": "plscf", "plscf": "lsce"}
 # Two estimators agree on a mode within these, before the curve fit.
 _FREQUENCY = 0.005
 _DAMPING = 0.10
+# Model orders that show every mode of a tyre; a second look need not go further.
+_ENOUGH = 40
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def second_opinion(
     """
     try:
         selection = select_poles(
-            build_stability(frf, band_hz, max_order=max_order, method=method)
+            build_stability(frf, band_hz, max_order=min(max_order, _ENOUGH), method=method)
         ).poles
     except FitError:
         selection = np.zeros(0, dtype=complex)
