@@ -172,7 +172,7 @@ def identify_damping(
         measured=measured,
         model=fitted,
         correlation=correlation(names, covariance),
-        notes=(note, *_notes(how, measured.size)),
+        notes=(f"Damping: {note[0].lower()}{note[1:]}", *_notes(how, measured.size)),
     )
 
 
