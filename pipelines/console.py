@@ -143,36 +143,20 @@ def show_channels(channels: list[ChannelSummary], *, as_json: bool) -> None:
         return
     from rich.console import Console
 
-    table = empty_table("Channels")
-    for name in (
-        "file",
-        "channel",
-        "node",
-        "quantity",
-        "unit",
-        "rate in Hz",
-        "samples",
-        "rms",
-        "peak",
-        "mean",
-    ):
-        table.add_column(
-            name, justify="left" if name in ("file", "channel", "quantity", "unit") else "right"
-        )
-    for c in channels:
-        node = "" if c.node is None else str(c.node)
-        levels = (f"{value:.4g}" for value in (c.rms, c.peak, c.mean))
-        table.add_row(
-            c.file,
-            c.channel,
-            node,
-            c.quantity,
-            c.unit,
-            f"{c.sampling_rate_hz:g}",
-            str(c.n_samples),
-            *levels,
-        )
-    Console().print(table)
+    console = Console()
+    for file in dict.fromkeys(c.file for c in channels):
+        rows = [c for c in channels if c.file == file]
+        title = f"{file}: {rows[0].n_samples} samples at {rows[0].sampling_rate_hz:g} Hz"
+        table = empty_table(title)
+        for name in ("channel", "quantity", "unit"):
+            table.add_column(name)
+        for name in ("node", "rms", "peak", "mean"):
+            table.add_column(name, justify="right", no_wrap=True)
+        for c in rows:
+            node = "" if c.node is None else str(c.node)
+            levels = (f"{value:.4g}" for value in (c.rms, c.peak, c.mean))
+            table.add_row(c.channel, c.quantity, c.unit, node, *levels)
+        console.print(table)
 
 
 def empty_table(title: str) -> Any:
