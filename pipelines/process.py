@@ -12,7 +12,7 @@ import ema
 import model
 from ema.errors import InputError
 from ema.frf import FRF
-from ema.identify import SensorMass
+from ema.identify import Identification, SensorMass
 from ema.mass_loading import loading_note, sensors_of_runs
 from ema.modes import ModalModel
 from ema.quality import (
@@ -75,38 +75,46 @@ def process(
             max_order=options.max_order,
             method=options.method,
         )
-    frf, notes = found.frf, (*found.model.notes, *_mass_note(campaign, found.model))
-    modal_model = replace(found.model, notes=notes)
-    reference = None if frf.reference is None else check_reference(frf.reference, band_hz)
-    findings = [
-        *campaign.findings,
-        *averages_finding(estimated),
-        *coherence_findings(estimated, band_hz),
-        *found.findings,
-        *([reference_finding(reference)] if reference else []),
-        *drift_findings(modal_model.drift),
-    ]
-    measured = Result(
+    measured = _measured(campaign, estimated, found, band_hz)
+    with watch.stage("ring", "Tuning the ring"):
+        result = tune(measured, options)
+    return replace(
+        result,
+        provenance=provenance(
+            campaign, options, replace(processing, band_hz=band_hz), found.frf, watch
+        ),
+    )
+
+
+def _measured(
+    campaign: Campaign, estimated: FRF, found: Identification, band_hz: tuple[float, float]
+) -> Result:
+    """Gather what was identified, with everything that was checked on the way."""
+    notes = (*found.model.notes, *_mass_note(campaign, found.model))
+    fixed = found.frf.reference
+    reference = None if fixed is None else check_reference(fixed, band_hz)
+    return Result(
         name=campaign.name,
         tyre=campaign.tyre,
-        frf=frf,
+        frf=found.frf,
         diagram=found.diagram,
-        modal_model=modal_model,
+        modal_model=replace(found.model, notes=notes),
         reference=reference,
         tuning=None,
         damping=None,
         validation=None,
         excitation_deg=campaign.excitation_deg,
         reference_deg=campaign.reference_deg,
-        findings=tuple(findings),
+        findings=(
+            *campaign.findings,
+            *averages_finding(estimated),
+            *coherence_findings(estimated, band_hz),
+            *found.findings,
+            *([reference_finding(reference)] if reference else []),
+            *drift_findings(found.model.drift),
+        ),
         opinions=found.opinions,
-        notes=modal_model.notes,
-    )
-    with watch.stage("ring", "Tuning the ring"):
-        result = tune(measured, options)
-    return replace(
-        result,
-        provenance=provenance(campaign, options, replace(processing, band_hz=band_hz), frf, watch),
+        notes=notes,
     )
 
 
