@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ema.modes import Mode
-from ema.pairs import NOT_RESOLVABLE
+from ema.pairs import NOT_RESOLVABLE, RESOLVED
 
 if TYPE_CHECKING:
     from ema.resolution import OrderReport
@@ -62,9 +62,9 @@ def judged(modes: Sequence[Mode], reports: Sequence[OrderReport]) -> tuple[Mode,
     own = [k for chosen in members.values() for k in chosen]
     named = list(modes)
     for order, chosen in members.items():
-        letters = ("a", "b") if len(chosen) == 2 else ("",)
-        for k, letter in zip(sorted(chosen), letters, strict=True):
-            status = verdicts.get(order, NOT_RESOLVABLE)
+        status = verdicts.get(order, NOT_RESOLVABLE)
+        letters = "ab" if status == RESOLVED else ("", "")
+        for k, letter in zip(sorted(chosen), letters, strict=False):
             named[k] = replace(modes[k], member=letter, status=_joined(status, modes[k].status))
     for k in set(range(len(modes))) - set(own):
         reason = f"{FOREIGN}: {why_foreign(modes[k], [modes[o] for o in own])}"

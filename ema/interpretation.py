@@ -55,13 +55,16 @@ def interpret(history: PoleHistory, max_order: int) -> tuple[NDArray[np.int_], l
     members.sort(key=lambda rows: float(np.median(np.abs(poles[rows]))))
     sizes = np.array([np.unique(order[rows]).size for rows in members])
     large = _large(sizes)
+    whole = _broken_up(members, sizes, large, history)
     for number, rows in enumerate(members):
         label[rows] = number
+    reasons = _reasons(sizes, large, max_order)
+    for number, count in whole.items():
+        large[number] = True
+        reasons[number] = f"kept: with the pieces beside it in {count} of {max_order - 1} orders"
     verdicts = [
         Verdict(_representative(poles[rows], order[rows]), int(size), bool(kept), reason)
-        for rows, size, kept, reason in zip(
-            members, sizes, large, _reasons(sizes, large, max_order), strict=True
-        )
+        for rows, size, kept, reason in zip(members, sizes, large, reasons, strict=True)
     ]
     return label, verdicts
 
@@ -134,6 +137,33 @@ def _large(sizes: NDArray[np.int_]) -> NDArray[np.bool_]:
     padded = np.concatenate([sizes, np.zeros(np.sum(sizes > sizes.max() / 5))]).astype(float)
     boundary = _two_means(np.sort(padded), 0.0, float(sizes.max()))
     return np.asarray(sizes > boundary)
+
+
+def _broken_up(
+    members: list[NDArray[np.int_]],
+    sizes: NDArray[np.int_],
+    large: NDArray[np.bool_],
+    history: PoleHistory,
+) -> dict[int, int]:
+    """Largest pieces of tracks that broke up, with the number of orders that all pieces cover.
+
+    Two poles that lie too close together for their shapes to settle swap and break off: neither
+    is large, though the resonance shows in as many orders as any other. A piece counts where no
+    large track lies within the half-width of its resonance.
+    """
+    poles, order = history.poles, history.model_order
+    centre = np.array([_representative(poles[rows], order[rows]) for rows in members])
+    near = np.abs(centre[:, None] - centre) < np.minimum.outer(-centre.real, -centre.real)
+    whole: dict[int, int] = {}
+    for number in np.argsort(-sizes):
+        beside = near[number]
+        if not np.any(large) or np.any(large & beside) or any(beside[k] for k in whole):
+            continue
+        covered = np.concatenate([members[k] for k in np.flatnonzero(beside)])
+        count = int(np.unique(order[covered]).size)
+        if count >= sizes[large].min():
+            whole[int(number)] = count
+    return whole
 
 
 def _two_means(values: NDArray[np.float64], low: float, high: float) -> float:

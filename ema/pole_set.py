@@ -108,17 +108,18 @@ def significant(
 ) -> tuple[PoleFit, list[str]]:
     """Fit without the poles of the band whose residues are no larger than their uncertainty.
 
-    A pole may be stable from model order to model order and yet be only a wiggle of the noise.
+    A pole may be stable from model order to model order and yet be only a wiggle of the noise. Of
+    two that share a resonance, neither may be determined: only the lesser one goes.
     """
     from scipy.stats import chi2
 
-    correlation = line_correlation(refit.frf.blocks)
-    std = residue_std(fit, parameter_covariance(fit, correlation), correlation)
-    size = np.sum(np.abs(fit.residues) ** 2 / std**2, axis=0)
+    size = _residue_size(fit, line_correlation(refit.frf.blocks))
     frequency_hz = np.abs(fit.poles) / (2 * np.pi)
     inside = (frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1])
     inside[-N_STAND_INS:] = False
     noise = inside & ~(chi2.sf(size, 2 * fit.lines.scale.size) < _RESIDUE_CHANCE)
+    lesser = size[:, None] > size
+    noise &= ~np.any(noise & _share_resonance(fit.poles) & lesser, axis=1)
     if not np.any(noise) or np.all(noise | ~inside):
         return fit, notes
     again, notes = refit(fit.poles[~noise])
@@ -127,6 +128,26 @@ def significant(
         for hz in frequency_hz[noise]
     ]
     return again, notes + dropped
+
+
+def _residue_size(fit: PoleFit, correlation: float) -> NDArray[np.float64]:
+    """Residues of each pole over their standard deviations, squared and summed over positions.
+
+    What is uncertain about a pole moves its residues at all positions together. Where two poles
+    share a resonance this says nothing about whether both are there: they are judged at the poles
+    found.
+    """
+    covariance = parameter_covariance(fit, correlation)
+    alone = residue_std(fit, covariance, correlation)
+    beside = residue_std(fit, np.zeros_like(covariance), correlation)
+    std = np.where(np.any(_share_resonance(fit.poles), axis=1), beside, alone)
+    return np.asarray(np.sum(np.abs(fit.residues) ** 2 / std**2, axis=0))
+
+
+def _share_resonance(poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    """Which poles lie within the half-width of each other's resonance, (n_poles, n_poles)."""
+    near = np.abs(poles[:, None] - poles) < np.minimum.outer(-poles.real, -poles.real)
+    return np.asarray(near & ~np.eye(poles.size, dtype=bool))
 
 
 def modes_of(
