@@ -233,7 +233,7 @@ def campaign_frf(
     snr_db=np.inf,
     *,
     seed=0,
-    drift_percent=np.zeros(N_RUNS),
+    drift_percent=(0.0,) * N_RUNS,
     sensor_mass_kg=0.0,
     averages=62,
     frequency_hz=LINES_HZ,
