@@ -63,7 +63,9 @@ class _Shapes:
         return float(_TOLERANCE + _SIGNIFICANT * noise / size) if size else np.inf
 
 
-def check_consistency(frf: FRF, model: ModalModel) -> tuple[FRF, list[Finding]]:
+def check_consistency(
+    frf: FRF, model: ModalModel, *, exclude: bool = True
+) -> tuple[FRF, list[Finding]]:
     """Compare every sensor with the shapes that all sensors together show.
 
     Each mode of the ring is cos n(θ − θ_n) all around; fitted robustly, the few sensors that
@@ -76,6 +78,8 @@ def check_consistency(frf: FRF, model: ModalModel) -> tuple[FRF, list[Finding]]:
         Of a closed circle of positions.
     model : ModalModel
         Modes fitted to these FRFs.
+    exclude : bool
+        Whether to leave out what cannot be put right.
 
     Returns
     -------
@@ -103,7 +107,8 @@ def check_consistency(frf: FRF, model: ModalModel) -> tuple[FRF, list[Finding]]:
         for row, other in ((first, second), (second, first)):
             text = f"swapped with {frf.channel[other]}; both were put right"
             findings[row] = position_finding(frf, row, "swapped", WARNING, text)
-    alone, odd_runs = _without_odd_runs(frf, [row for row in suspects if row not in findings])
+    lost = [row for row in suspects if row not in findings and exclude]
+    alone, odd_runs = _without_odd_runs(frf, lost)
     for row in alone:
         share = shapes.mismatch(row, row, shapes.gain(row, row))
         text = f"contradicts the modes of all other sensors by {100 * min(share, 9.99):.0f} %"
@@ -171,7 +176,7 @@ def _robust(basis: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArr
         root = np.sqrt(weight)[:, None]
         amplitude = np.linalg.lstsq(root * basis, root[:, 0] * values, rcond=None)[0]
         left = np.abs(values - basis @ amplitude)
-        weight = 1 / np.maximum(left, 1e-3 * np.max(np.abs(values)))
+        weight = 1 / np.maximum(left, 1e-3 * np.median(np.abs(values)))
     return amplitude
 
 

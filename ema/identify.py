@@ -76,7 +76,8 @@ def identify_modes(
 
     Screening → sensor mass → poles → modes → consistency of the sensors; where that corrects
     anything, sensor mass → poles → modes again. The mass comes off first, as it differs from run
-    to run and would make healthy sensors contradict each other.
+    to run and would make healthy sensors contradict each other; but a sensor of wrong sign or
+    sensitivity would pull in the wrong way, so those are put right before.
 
     Parameters
     ----------
@@ -111,9 +112,13 @@ def identify_modes(
         return diagram, fit_modes(frf, select_poles(diagram, pinned_hz, excluded_hz))
 
     usable, findings = screen(frf, band_hz)
+    circle = on_circle(usable.position_deg)
+    if sensor_mass is not None and circle:
+        usable, turned = check_consistency(usable, once(usable)[1], exclude=False)
+        findings = findings + turned
     bare = _bare(usable, sensor_mass)
     diagram, model = once(bare)
-    if on_circle(usable.position_deg):
+    if circle:
         checked, contradictions = check_consistency(usable, model)
         findings = findings + contradictions
         if contradictions:
