@@ -28,7 +28,8 @@ BEYOND_HZ = np.array([253.1, 282.9, 313.9, 346.2])  # n = 8 … 11, outside the 
 BEYOND_DAMPING = np.full(4, 0.018)
 MASS_KG = 4.0
 
-LINES_HZ = np.arange(1, 1401) / 4  # of blocks of 4 s
+LINES_HZ = np.arange(1, 701) / 2  # of blocks of 2 s
+AVERAGES = 124  # of 2 s each: runs of about 250 s
 NYQUIST_HZ = 1000.0
 
 
@@ -235,13 +236,13 @@ def campaign_frf(
     seed=0,
     drift_percent=(0.0,) * N_RUNS,
     sensor_mass_kg=0.0,
-    averages=62,
+    averages=AVERAGES,
     frequency_hz=LINES_HZ,
 ):
     """FRFs of a tyre with known modes: six runs of twelve sensors and the fixed reference.
 
-    By default those of 250 s in independent blocks of 4 s. Noise is that of a simulated campaign
-    of the same `snr_db`; as in a measurement, σ and coherence are estimates that scatter.
+    By default those of independent blocks. Noise is that of a simulated campaign of the same
+    `snr_db`; as in a measurement, σ and coherence are estimates that scatter.
     """
     run = np.append(np.arange(POSITIONS) % N_RUNS, np.arange(N_RUNS))
     position_deg = np.append(np.arange(POSITIONS) * 360 / POSITIONS, np.full(N_RUNS, REFERENCE_DEG))
@@ -268,6 +269,40 @@ def campaign_frf(
         n_effective=float(averages),
     )
     return replace(frf.rows(np.arange(POSITIONS)), reference=frf.rows(np.arange(POSITIONS, 78)))
+
+
+def seats_deg():
+    """Angles of the thirteen sensors of `campaign_frf` in each run."""
+    spacing = np.arange(0, POSITIONS, N_RUNS) * 360 / POSITIONS
+    step = 360 / POSITIONS
+    return {
+        f"run_{run + 1}": np.append(spacing + step * run, REFERENCE_DEG) for run in range(N_RUNS)
+    }
+
+
+def edited(frf, rows, **fields):
+    """The FRFs with some rows replaced."""
+    changed = {}
+    for name, value in fields.items():
+        changed[name] = np.array(getattr(frf, name))
+        changed[name][rows] = value
+    return replace(frf, **changed)
+
+
+def assert_modes(model, truth, *, frequency=5e-4, damping=0.02):
+    """Each of the true modes is found once, within relative bounds, and none besides them."""
+    expected = sorted(truth, key=lambda mode: mode.frequency_hz)
+    end_hz = expected[-1].frequency_hz * 1.03
+    found = [mode for mode in model.modes if mode.frequency_hz < end_hz]
+    assert [mode.order for mode in found] == [mode.order for mode in expected]
+    for mode, true in zip(found, expected, strict=True):
+        assert abs(mode.frequency_hz / true.frequency_hz - 1) < frequency, mode.order
+        assert abs(mode.damping_ratio / true.damping_ratio - 1) < damping, mode.order
+
+
+def of_orders(modes, orders=range(1, 8), member=None):
+    """True modes of some orders, and of one member of their pairs."""
+    return [m for m in modes if m.order in orders and member in (None, m.member)]
 
 
 def true_inertance(modes, position_deg, frequency_hz, sensor_mass_kg=0.0):
