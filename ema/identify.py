@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,14 +107,16 @@ def identify_modes(
         If no mode can be identified.
     """
 
-    def once(frf: FRF) -> tuple[StabilityDiagram, ModalModel]:
+    def once(frf: FRF, *, roughly: bool = False) -> tuple[StabilityDiagram, ModalModel]:
         diagram = build_stability(frf, band_hz, max_order=max_order, method=method)
-        return diagram, fit_modes(frf, select_poles(diagram, pinned_hz, excluded_hz))
+        selection = select_poles(diagram, pinned_hz, excluded_hz)
+        return diagram, fit_modes(frf, replace(selection, pinned=selection.pinned or roughly))
 
     usable, findings = screen(frf, band_hz)
     circle = on_circle(usable.position_deg)
     if sensor_mass is not None and circle:
-        usable, turned = check_consistency(usable, once(usable)[1], exclude=False)
+        # Poles as found will do: what the mass does to pairs is not worth sorting out.
+        usable, turned = check_consistency(usable, once(usable, roughly=True)[1], exclude=False)
         findings = findings + turned
     bare = _bare(usable, sensor_mass)
     diagram, model = once(bare)
