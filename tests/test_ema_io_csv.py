@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ema.errors import RecordingFormatError
-from ema.io.csv import read_csv
 from ema.io.formats import READERS, is_recording, read_file
+from ema.io.readers.text import read as read_csv
 
 
 def read(tmp_path, text, encoding="utf-8"):

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from ema.errors import RecordingFormatError
 from ema.io.geometry import angles_on_circle
-from ema.io.uff import read_uff
+from ema.io.readers.uff import read as read_uff
 from ema.io.units import parse_ratio, parse_unit
 
 G = 9.80665

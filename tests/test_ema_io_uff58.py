@@ -20,8 +20,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ema.errors import RecordingFormatError
+from ema.io.readers.uff import read as read_uff
 from ema.io.sampling import even_step, plainest, step_and_inverse
-from ema.io.uff import read_uff
 from ema.io.uff58_header import parse_number
 
 VALUES = [0.0, -1.5, 2.25, 1e-3, -3e5, 7.0, 0.125, -0.0]

@@ -10,9 +10,9 @@ from hypothesis.extra import numpy as hnp
 
 from ema.errors import InputError
 from ema.frf import FRF
-from ema.io.csv import read_csv
 from ema.io.csv_write import write_csv
-from ema.io.uff import read_uff
+from ema.io.readers.text import read as read_csv
+from ema.io.readers.uff import read as read_uff
 from ema.io.uff_write import write_frfs, write_time_series
 from ema.recording import Channel
 

@@ -1,25 +1,35 @@
-"""The formats that can be read: adding one is one module and its line here."""
+"""The formats that can be read: adding one is one module in `ema.io.readers`."""
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 from collections.abc import Callable
 from pathlib import Path
 
 from ema.errors import RecordingFormatError
-from ema.io import csv, uff
+from ema.io import readers
 from ema.io.content import FileContent
 
 Reader = Callable[[Path], FileContent]
 
-READERS: dict[str, Reader] = {
-    **dict.fromkeys(uff.SUFFIXES, uff.read_uff),
-    **dict.fromkeys(csv.SUFFIXES, csv.read_csv),
-}
+
+def _found(endings: str) -> dict[str, Reader]:
+    """Readers by the endings that their modules list under a name."""
+    table: dict[str, Reader] = {}
+    for module in sorted(pkgutil.iter_modules(readers.__path__), key=lambda each: each.name):
+        reader = importlib.import_module(f"{readers.__name__}.{module.name}")
+        table |= dict.fromkeys(getattr(reader, endings, ()), reader.read)
+    return table
+
+
+READERS: dict[str, Reader] = _found("SUFFIXES")
+_NAMED_READERS: dict[str, Reader] = _found("NAMED_SUFFIXES")
 
 
 def is_recording(path: Path) -> bool:
     """Whether the name's ending is one of a known format."""
-    return path.suffix.lower() in READERS
+    return _reader(path, READERS) is not None
 
 
 def read_file(path: Path) -> FileContent:
@@ -33,9 +43,16 @@ def read_file(path: Path) -> FileContent:
     if not path.exists():
         rule = "the file does not exist"
         raise RecordingFormatError(str(path), "nothing there", rule, "Check the name")
-    reader = READERS.get(path.suffix.lower())
+    reader = _reader(path, READERS) or _reader(path, _NAMED_READERS)
     if reader is None or not path.is_file():
         found = f"ending {path.suffix!r}" if path.is_file() else "not a file"
-        rule = f"recordings end in {', '.join(sorted(READERS))}"
+        rule = f"recordings end in {', '.join(sorted({**READERS, **_NAMED_READERS}))}"
         raise RecordingFormatError(str(path), found, rule, "Export it in one of these formats")
     return reader(path)
+
+
+def _reader(path: Path, table: dict[str, Reader]) -> Reader | None:
+    """Reader of the longest ending that fits: ``.csv.gz`` before ``.gz``."""
+    name = path.name.lower()
+    fitting = [ending for ending in table if name.endswith(ending)]
+    return table[max(fitting, key=len)] if fitting else None

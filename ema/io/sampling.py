@@ -82,3 +82,25 @@ def even_step(abscissa: NDArray[np.float64]) -> tuple[float, float] | None:
     if inverse_digits <= step_digits:
         return 1.0 / inverse, inverse
     return plain_step, 1.0 / plain_step
+
+
+def jump(stamps: NDArray[np.float64]) -> str:
+    """Say where time stamps leave their even steps, for a message.
+
+    Parameters
+    ----------
+    stamps : ndarray, shape (n,)
+        Time in s that `even_step` refused.
+    """
+    if len(stamps) < 2:
+        return f"{len(stamps)} time stamp"
+    missing = np.flatnonzero(~np.isfinite(stamps))
+    if missing.size:
+        return f"no time in row {missing[0] + 1} of {len(stamps)}"
+    steps = np.diff(stamps)
+    usual = float(np.median(steps))
+    row = int(np.argmax(np.abs(steps - usual)))
+    return (
+        f"time goes from {stamps[row]:g} s to {stamps[row + 1]:g} s at row {row + 2} "
+        f"of {len(stamps)}, elsewhere in steps of {usual:g} s"
+    )

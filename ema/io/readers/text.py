@@ -12,19 +12,13 @@ import pyarrow.csv
 from numpy.typing import NDArray
 
 from ema.errors import RecordingFormatError
-from ema.io.content import FileContent, remark
-from ema.io.sampling import even_step
-from ema.io.units import is_stated, parse_unit
-from ema.recording import UNKNOWN, Channel, Recording
+from ema.io.columns import EXPORT_AGAIN, Column, content_of_columns, name_and_unit
+from ema.io.content import FileContent
 
 SUFFIXES = (".csv", ".tsv")
 _LONGEST_HEADER = 1 << 20
 _SEPARATORS = ("\t", ";", ",")
-_TIME_NAMES = {"t", "time"}
-_SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
-_CELL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$")
 _NUMBER = re.compile(r"^[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$")
-_EXPORT_AGAIN = "Correct the file or export it again"
 
 
 @dataclass(frozen=True)
@@ -37,7 +31,7 @@ class _Header:
     units: tuple[str, ...]
 
 
-def read_csv(path: Path) -> FileContent:
+def read(path: Path) -> FileContent:
     """Read the time series of a CSV file with a header row such as ``time [s],A01 [m/s^2]``.
 
     Columns are separated by comma, semicolon or tab; with the latter two, a decimal comma is
@@ -49,33 +43,11 @@ def read_csv(path: Path) -> FileContent:
         If the file is missing or empty, has no header, a cell is no number, or time is uneven.
     """
     header, first_row = _read_header(path)
-    time = _time_column(header)
     named = [index for index, name in enumerate(header.names) if name]
     columns = _read_columns(path, header, named, decimal_point=_decimal_point(header, first_row))
-    channels = []
-    findings = []
-    for index in named:
-        if index == time:
-            continue
-        name, text = header.names[index], header.units[index]
-        unit = parse_unit(text)
-        if unit is None and is_stated(text):
-            findings.append(remark(path, name, "unit", f"unit {text!r} is not known"))
-        channels.append(
-            Channel(
-                name=name,
-                quantity=UNKNOWN if unit is None else unit.quantity,
-                unit=text,
-                samples=columns[index],
-                scale_to_si=1.0 if unit is None else unit.factor,
-            )
-        )
-    if not channels:
-        found = f"columns {', '.join(filter(None, header.names))}"
-        rule = "at least one column holds a channel"
-        raise RecordingFormatError(_line(path, 1), found, rule, _EXPORT_AGAIN)
-    rate = np.nan if time is None else _rate(path, columns[time], _SECONDS[header.units[time]])
-    return FileContent(path, Recording(path, rate, tuple(channels)), findings=tuple(findings))
+    return content_of_columns(
+        path, [Column(header.names[i], header.units[i], columns[i]) for i in named]
+    )
 
 
 def _line(path: Path, number: int) -> str:
@@ -95,10 +67,10 @@ def _read_header(path: Path) -> tuple[_Header, str]:
     if not raw.strip() or not row:
         found = "no rows below the header" if raw.strip() else "the file is empty"
         rule = "a table begins with a header row and holds at least one row of numbers"
-        raise RecordingFormatError(str(path), found, rule, _EXPORT_AGAIN)
+        raise RecordingFormatError(str(path), found, rule, EXPORT_AGAIN)
     if b"\x00" in raw:
         rule = "a table is text in UTF-8 or latin-1"
-        raise RecordingFormatError(_line(path, 1), "binary data", rule, _EXPORT_AGAIN)
+        raise RecordingFormatError(_line(path, 1), "binary data", rule, EXPORT_AGAIN)
     try:
         text, encoding = raw.decode("utf-8-sig"), "utf8"
     except UnicodeDecodeError:
@@ -109,21 +81,12 @@ def _read_header(path: Path) -> tuple[_Header, str]:
         found = f"no header: {cells[0][:20]!r} …"
         rule = "the first line names each column, its unit in square brackets"
         raise RecordingFormatError(_line(path, 1), found, rule, "Add a header line")
-    matches = [_CELL.match(cell) for cell in cells]
-    names = tuple(match["name"] if match else "" for match in matches)
-    units = tuple((match["unit"] or "").strip() if match else "" for match in matches)
+    names, units = zip(*(name_and_unit(cell) for cell in cells), strict=True)
     return _Header(encoding, separator, names, units), row.decode("latin-1")
 
 
 def _decimal_point(header: _Header, row: str) -> str:
     return "," if header.separator != "," and "," in row and "." not in row else "."
-
-
-def _time_column(header: _Header) -> int | None:
-    for index, (name, unit) in enumerate(zip(header.names, header.units, strict=True)):
-        if name.lower() in _TIME_NAMES and unit in _SECONDS:
-            return index
-    return None
 
 
 def _read_columns(
@@ -147,23 +110,13 @@ def _read_columns(
         )
     except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
         rule = f"each of the {len(labels)} columns holds a number in every row"
-        raise RecordingFormatError(path.name, str(error), rule, _EXPORT_AGAIN) from error
+        raise RecordingFormatError(path.name, str(error), rule, EXPORT_AGAIN) from error
     if not table.num_rows:
         rule = "a table holds at least one row of numbers"
-        raise RecordingFormatError(path.name, "blank rows only", rule, _EXPORT_AGAIN)
+        raise RecordingFormatError(path.name, "blank rows only", rule, EXPORT_AGAIN)
     columns = {}
     for index, label in zip(wanted, chosen, strict=True):
         samples = table.column(label).to_numpy()
         samples.setflags(write=False)
         columns[index] = samples
     return columns
-
-
-def _rate(path: Path, time: NDArray[np.float64], seconds: float) -> float:
-    steps = even_step(time * seconds)
-    if steps is None:
-        found = f"time from {time[0]:g} to {time[-1]:g} in {len(time)} rows, not at equal steps"
-        rule = "spectra need a constant sampling rate"
-        remedy = "Look for dropped samples, or resample"
-        raise RecordingFormatError(path.name, found, rule, remedy)
-    return steps[1]

@@ -39,7 +39,7 @@ class _Surroundings:
     not_round: bool = False
 
 
-def read_uff(path: Path) -> FileContent:
+def read(path: Path) -> FileContent:
     """Read the time series and FRFs of a universal file.
 
     Payloads of 58b stay on disk as memory maps. Other function types and datasets that say
