@@ -6,17 +6,15 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
 from numpy.typing import NDArray
 
 from ema.errors import RecordingFormatError
 from ema.io.uff58_header import Header58, parse_number
+from ema.io.uff_columns import convert_lines
 from ema.io.uff_scan import COPY_AGAIN, Dataset, place
 
 _CHUNK_BYTES = 1 << 21
 _LONGEST_LINE = 4096
-_D_TO_E = bytes.maketrans(b"Dd", b"Ee")
 
 
 def read_values(path: Path, dataset: Dataset) -> tuple[NDArray[np.float64] | None, NDArray[Any]]:
@@ -77,7 +75,7 @@ def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.flo
             length = (text.find(b"\n") + 1) or len(text)
             even = len(text) - len(text) % length  # the last line is shorter, as a rule
             for part in filter(None, (text[:even], text[even:])):
-                block = _regular(part, length, widths)
+                block = convert_lines(part, length, widths)
                 if block is None:
                     block = _irregular(part, widths, where)
                 room = numbers[count : count + len(block)]
@@ -103,34 +101,6 @@ def _some_lines(file: BinaryIO, end: int) -> bytes:
     """Next part of a payload, up to the end of a line."""
     text = file.read(min(_CHUNK_BYTES, end - file.tell()))
     return text + file.readline(min(_LONGEST_LINE, end - file.tell()))
-
-
-def _regular(text: bytes, length: int, widths: tuple[int, ...]) -> NDArray[np.float64] | None:
-    """Convert equally long lines of right-aligned numbers at once; None if they are not such."""
-    width, line_width = widths[0], sum(widths)
-    if len(text) % length or len(set(widths)) > 1 or length <= line_width:
-        return None
-    table = np.frombuffer(text, np.uint8).reshape(-1, length)
-    tail = table[:, line_width:]
-    fields = table[:, :line_width].reshape(-1, width)
-    if not np.isin(tail, list(b" \r\n")).all() or not ((fields == ord(".")).sum(axis=1) == 1).all():
-        return None
-    if (fields[:, -1] == ord(" ")).any():
-        return None
-    column = np.full((len(fields), width + 1), ord("\n"), np.uint8)
-    column[:, :width] = fields
-    try:
-        parsed = pa.csv.read_csv(
-            pa.BufferReader(column.tobytes().translate(_D_TO_E)),
-            read_options=pa.csv.ReadOptions(column_names=["value"]),
-            convert_options=pa.csv.ConvertOptions(
-                column_types={"value": pa.float64()}, null_values=[]
-            ),
-        )
-    except pa.ArrowInvalid:
-        return None  # an oddity somewhere: number by number tells which
-    values: NDArray[np.float64] = parsed.column(0).to_numpy()
-    return values if len(values) == len(fields) else None
 
 
 def _irregular(text: bytes, widths: tuple[int, ...], where: str) -> NDArray[np.float64]:
