@@ -29,7 +29,10 @@ def is_steady(force: Channel) -> bool:
     if length < 4 * _BANDS:
         return True
     starts = np.linspace(0, force.n_samples - length, _SEGMENTS).astype(int)
-    power = np.array([_band_power(force.block(start, start + length)) for start in starts])
+    segments = [force.block(start, start + length) for start in starts]
+    power = np.array([_band_power(part) for part in segments if np.all(np.isfinite(part))])
+    if len(power) < 2:
+        return True
     weight = power.mean(axis=0)
     if not np.any(weight > 0):
         return True

@@ -47,6 +47,8 @@ class FRF:
         The fixed reference sensor, one row per run.
     clipped, force_clipped : ndarray, shape (n_positions,)
         Share of samples of the sensor and of its run's force that sit on the signal's extremes.
+    missing : ndarray, shape (n_positions,)
+        Share of the averages left out because samples are missing.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -62,6 +64,7 @@ class FRF:
     reference: FRF | None = None
     clipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     force_clipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    missing: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         for name, dtype in (
@@ -73,11 +76,12 @@ class FRF:
             ("position_deg", float),
             ("clipped", float),
             ("force_clipped", float),
+            ("missing", float),
         ):
             object.__setattr__(self, name, readonly(getattr(self, name), dtype))
         if not self.channel:
             object.__setattr__(self, "channel", ("",) * self.n_positions)
-        for name in ("clipped", "force_clipped"):
+        for name in ("clipped", "force_clipped", "missing"):
             if not getattr(self, name).size:
                 object.__setattr__(self, name, readonly(np.zeros(self.n_positions)))
 
@@ -106,6 +110,7 @@ class FRF:
             channel=tuple(np.asarray(self.channel, dtype=object)[chosen]),
             clipped=self.clipped[chosen],
             force_clipped=self.force_clipped[chosen],
+            missing=self.missing[chosen],
         )
 
 
@@ -171,6 +176,13 @@ def _common_plan(runs: Sequence[Run], processing: Processing) -> BlockPlan:
 
 def _run_spectra(run: Run, plan: BlockPlan) -> Spectra:
     spectra = measure_spectra(run, plan.for_length(run.recording.n_samples))
+    if not np.any(spectra.n_effective):
+        raise InputError(
+            f"{run.name}, channel {run.force.name!r}",
+            f"samples missing in every block of {plan.block_s:g} s",
+            "spectra need blocks in which no sample is missing",
+            "Export the run again, or leave it out",
+        )
     if not np.any(spectra.force > 0):
         raise InputError(
             f"{run.name}, channel {run.force.name!r}",
@@ -241,6 +253,7 @@ def _as_frf(
         np.abs(spectra.cross) ** 2, power, out=np.zeros(power.shape), where=power > 0
     )
     values = ESTIMATORS[estimator](spectra)
+    missing = 1 - spectra.n_effective / spectra.n_planned
     return FRF(
         frequency_hz=plan.frequency_hz,
         values=values,
@@ -251,9 +264,10 @@ def _as_frf(
         run=tuple(run),
         channel=tuple(channel),
         blocks=plan,
-        n_effective=float(np.min(spectra.n_effective)),
+        n_effective=float(np.min(spectra.n_effective, where=missing < 0.5, initial=np.inf)),
         clipped=spectra.clipped,
         force_clipped=spectra.force_clipped,
+        missing=missing,
     )
 
 

@@ -18,6 +18,7 @@ ACCELERATION = "acceleration"
 FORCE = "force"
 VELOCITY = "velocity"
 DISPLACEMENT = "displacement"
+VOLTAGE = "voltage"
 UNKNOWN = "unknown"
 
 
@@ -30,13 +31,14 @@ class Channel:
     name : str
         The name it is found by (UFF 58: first ID line; CSV: header cell without the unit).
     quantity : str
-        ``"acceleration"``, ``"force"``, ``"velocity"``, ``"displacement"`` or ``"unknown"``.
+        ``"acceleration"``, ``"force"``, ``"velocity"``, ``"displacement"``, ``"voltage"`` or
+        ``"unknown"``.
     unit : str
         Unit as the file states it; empty where it states none.
     samples : ndarray, shape (n_samples,)
         Samples as stored, in the file's unit and precision; memory-mapped where the format allows.
     scale_to_si : float
-        Factor from stored samples to SI (m/s², N, m/s, m); carries the sign of the direction too.
+        Factor from stored samples to SI (m/s², N, m/s, m, V); carries the direction's sign too.
     node : int or None
         Node number, where the file has one.
     angle_deg : float or None
@@ -58,7 +60,8 @@ class Channel:
 
     def block(self, start: int, stop: int) -> NDArray[np.float64]:
         """Samples `start` to `stop` in SI units and double precision."""
-        return np.asarray(self.samples[start:stop], dtype=np.float64) * self.scale_to_si
+        with np.errstate(invalid="ignore"):  # signalling NaNs become quiet ones
+            return np.asarray(self.samples[start:stop], dtype=np.float64) * self.scale_to_si
 
 
 @dataclass(frozen=True, eq=False)

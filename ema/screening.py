@@ -15,12 +15,14 @@ _DEAD_DB = -50.0
 _CLIPPED, _FEW_CLIPPED = 1e-3, 1e-4
 # A channel whose coherence is this much lower than that of the others sees something else.
 _INCOHERENT_SHARE, _INCOHERENT = 0.4, 0.3
+# More averages than this lost to missing samples: the channel is worth less than a guess.
+_MISSING = 0.5
 _HUM_HZ = (50.0, 60.0)
 _HUM_DB = 20.0
 
 
 def screen(frf: FRF, band_hz: tuple[float, float]) -> tuple[FRF, list[Finding]]:
-    """Leave out channels that are dead, clipped or incoherent; remark on hum and wandering.
+    """Leave out channels that are dead, clipped, incoherent or full of gaps; remark on hum.
 
     Parameters
     ----------
@@ -44,6 +46,7 @@ def screen(frf: FRF, band_hz: tuple[float, float]) -> tuple[FRF, list[Finding]]:
         **_incoherent(frf, band_hz),
         **_clipped(frf),
         **_dead(frf, band_hz),
+        **_missing(frf),
     }
     findings = [position_finding(frf, row, *found) for row, found in sorted(faults.items())]
     excluded = np.array([f in faults and faults[f][1] == EXCLUDED for f in range(frf.n_positions)])
@@ -85,6 +88,17 @@ def _clipped(frf: FRF) -> dict[int, _Fault]:
             f"{100 * frf.clipped[row]:.2g} % of the samples sit on the limits of the signal",
         )
         for row in np.flatnonzero(frf.clipped > _FEW_CLIPPED)
+    }
+
+
+def _missing(frf: FRF) -> dict[int, _Fault]:
+    return {
+        int(row): (
+            "missing samples",
+            EXCLUDED if frf.missing[row] > _MISSING else WARNING,
+            f"{100 * frf.missing[row]:.2g} % of the averages left out, as samples are missing",
+        )
+        for row in np.flatnonzero(frf.missing > 0)
     }
 
 

@@ -24,8 +24,8 @@ class Spectra:
         Auto spectra of the responses.
     cross : ndarray of complex, shape (n_rows, n_frequencies)
         Cross spectra X F* of responses and force.
-    n_effective : ndarray, shape (n_rows,)
-        Independent averages.
+    n_effective, n_planned : ndarray, shape (n_rows,)
+        Independent averages, and what they would be if no sample were missing.
     clipped, force_clipped : ndarray, shape (n_rows,)
         Share of samples of response and force that sit on the extremes of their block.
     """
@@ -34,6 +34,7 @@ class Spectra:
     response: NDArray[np.float64]
     cross: NDArray[np.complex128]
     n_effective: NDArray[np.float64]
+    n_planned: NDArray[np.float64]
     clipped: NDArray[np.float64]
     force_clipped: NDArray[np.float64]
 
@@ -46,7 +47,8 @@ def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
     """Spectra of all responses of a run and, in the last row, of its reference sensor.
 
     Only one block of all channels is in memory at a time. Means are removed block by block: the
-    shaker's preload is a constant force that says nothing about the tyre.
+    shaker's preload is a constant force that says nothing about the tyre. A block in which samples
+    of a channel are missing (not finite) is left out for that channel; without the force, for all.
 
     Parameters
     ----------
@@ -64,19 +66,31 @@ def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
     force = np.zeros(plan.frequency_hz.size)
     response = np.zeros((len(sensors), force.size))
     cross = np.zeros(response.shape, dtype=complex)
+    gaps = np.zeros(response.shape)  # power of the force in blocks that a sensor lacks
     clipped = np.zeros(len(channels))
+    n_used = np.zeros(len(sensors))
     for start in plan.starts:
         block = np.stack([c.block(start, start + plan.block_samples) for c in channels])
+        mean = block.mean(axis=1, keepdims=True)
+        whole = np.isfinite(mean[:, 0])
+        if not whole[0]:
+            continue
         clipped += _on_extremes(block)
-        block -= block.mean(axis=1, keepdims=True)
+        block -= mean
+        block[~whole] = 0.0
         spectrum = rfft(block * plan.taper, axis=1)[:, lines]
-        force += np.abs(spectrum[0]) ** 2
+        power = np.abs(spectrum[0]) ** 2
+        force += power
+        gaps[~whole[1:]] += power
         response += np.abs(spectrum[1:]) ** 2
         cross += spectrum[1:] * spectrum[0].conj()
+        n_used += whole[1:]
+    gaps[n_used == 0] = force  # exactly, whatever the rounding
     return Spectra(
-        np.broadcast_to(force, response.shape),
+        force - gaps,
         response,
         cross,
+        plan.n_effective * n_used / plan.n_blocks,
         np.full(len(sensors), plan.n_effective),
         clipped[1:] / plan.n_blocks,
         np.full(len(sensors), clipped[0] / plan.n_blocks),
@@ -113,5 +127,5 @@ def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spec
         np.maximum.at(worst, place, np.concatenate([getattr(part, name) for part in parts]))
         return worst
 
-    sums = (add(name) for name in ("force", "response", "cross", "n_effective"))
+    sums = (add(name) for name in ("force", "response", "cross", "n_effective", "n_planned"))
     return Spectra(*sums, *(largest(name) for name in ("clipped", "force_clipped")))

@@ -50,7 +50,7 @@ def run_file(*, force=None, nodes=(1, 2), names=("A01", "A02"), reference="REF",
 def folder(tmp_path):
     (tmp_path / "campaign.toml").write_text(MANIFEST)
     (tmp_path / "config_1.uff").write_bytes(run_file())
-    (tmp_path / "config_2.uff").write_bytes(run_file())
+    (tmp_path / "config_2.uff").write_bytes(run_file() + b"\n")  # one byte from a duplicate
     return tmp_path
 
 
@@ -194,7 +194,7 @@ def test_without_nodes_a_grid_needs_positions(folder):
     text = re.sub(r"positions_deg = .*\n", "", MANIFEST)
     (folder / "campaign.toml").write_text(text)
     for number in (1, 2):
-        (folder / f"config_{number}.uff").write_bytes(zero)
+        (folder / f"config_{number}.uff").write_bytes(zero + b"\n" * number)
     with pytest.raises(ManifestError, match="no position of 'A01'"):
         ema.read_campaign(folder)
 
@@ -234,7 +234,7 @@ def test_a_table_takes_its_rate_and_units_from_the_manifest(tmp_path):
 
 def test_recordings_without_a_manifest(tmp_path):
     for number in (10, 2):
-        content = run_file(reference=None)
+        content = run_file(reference=None) + b"\n" * number
         (tmp_path / f"run_{number}.uff").write_bytes(content)
     campaign = ema.read_campaign(tmp_path)
     assert [run.name for run in campaign.runs] == ["run_2.uff", "run_10.uff"]

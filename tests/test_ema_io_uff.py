@@ -50,7 +50,7 @@ def channel(tmp_path, **header):
         ((8, 0, 0, "Displacement", "µm"), "displacement", 1e-6),
         ((0, 1, 0, "Acceleration", "m/s²"), "acceleration", 1.0),
         ((15, 0, 0, "Pressure", "Pa"), "unknown", 1.0),
-        ((12, 0, 0, "Acceleration", "V"), "unknown", 1.0),
+        ((12, 0, 0, "Acceleration", "V"), "voltage", 1.0),
     ],
 )
 def test_quantity_and_unit(tmp_path, axis, quantity, factor):
@@ -255,7 +255,7 @@ def test_uneven_lines_that_are_equidistant(tmp_path):
         ("lbf", "force", 4.4482216152605),
         ("um", "displacement", 1e-6),
         ("μm", "displacement", 1e-6),
-        ("volts", "unknown", 1.0),
+        ("volts", "voltage", 1.0),
     ],
 )
 def test_unit_texts(text, quantity, factor):

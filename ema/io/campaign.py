@@ -11,15 +11,21 @@ import numpy as np
 
 from ema.errors import ManifestError, RecordingFormatError
 from ema.io import frf_rows
+from ema.io.agreement import (
+    RATE_TOLERANCE,
+    check_duplicates,
+    check_rates,
+    coverage_findings,
+    run_names,
+)
+from ema.io.calibration import calibrated
 from ema.io.content import FileContent
 from ema.io.formats import is_recording, read_file
 from ema.io.manifest import MANIFEST_NAME, Manifest, nearest, read_manifest, resolve
 from ema.io.positions import Grid
 from ema.io.roles import Wanted, assign, reference_place
-from ema.quality import EXCLUDED, WARNING, Finding
+from ema.quality import EXCLUDED, Finding
 from ema.recording import Campaign, Recording, Run
-
-_RATE_TOLERANCE = 1e-4  # relative: programs print rates with few digits
 
 
 def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
@@ -92,6 +98,7 @@ def _with_manifest(path: Path) -> Campaign:
     contents = _read_all(files)
     rate = manifest.acquisition.sampling_rate_hz
     contents = [replace(each, recording=_with_rate(each.recording, rate)) for each in contents]
+    contents = _calibrated(contents, manifest)
     angle = manifest.excitation.position_deg
     campaign = Campaign(
         name=path.resolve().parent.name,
@@ -122,6 +129,7 @@ def _files_of(path: Path, manifest: Manifest) -> list[Path]:
 
 
 def _read_all(paths: Sequence[Path]) -> list[FileContent]:
+    check_duplicates([path for path in paths if path.is_file()])
     contents = [read_file(path) for path in paths]
     if all(each.recording is None and each.frf is None for each in contents):
         notes = "; ".join(finding.detail for each in contents for finding in each.findings)
@@ -132,13 +140,26 @@ def _read_all(paths: Sequence[Path]) -> list[FileContent]:
     return contents
 
 
+def _calibrated(contents: list[FileContent], manifest: Manifest) -> list[FileContent]:
+    recordings = [each.recording for each in contents if each.recording is not None]
+    if not manifest.calibration:
+        return contents
+    done, findings = calibrated(recordings, manifest.calibration)
+    by_path = {recording.path: recording for recording in done}
+    contents = [
+        each if each.recording is None else replace(each, recording=by_path[each.recording.path])
+        for each in contents
+    ]
+    return [replace(contents[0], findings=(*contents[0].findings, *findings)), *contents[1:]]
+
+
 def _with_rate(recording: Recording | None, rate_hz: float | None) -> Recording | None:
     """Check the file's rate against the manifest's, or take that where the file has none."""
     if recording is None or rate_hz is None:
         return recording
     if np.isnan(recording.sampling_rate_hz):
         return replace(recording, sampling_rate_hz=rate_hz)
-    if abs(recording.sampling_rate_hz - rate_hz) > _RATE_TOLERANCE * rate_hz:
+    if abs(recording.sampling_rate_hz - rate_hz) > RATE_TOLERANCE * rate_hz:
         where = f"{MANIFEST_NAME}, acquisition.sampling_rate_hz"
         rule = f"{recording.path.name} was sampled at {recording.sampling_rate_hz:g} Hz"
         remedy = "Correct the manifest, or leave the key out"
@@ -176,7 +197,7 @@ def _fill_runs(
         for content, each in zip(contents, wanted, strict=True)
         if content.recording is not None
     ]
-    _check_rates([recording for recording, _ in recordings])
+    check_rates([recording for recording, _ in recordings])
     candidates = [
         channel
         for recording, each in recordings
@@ -185,15 +206,16 @@ def _fill_runs(
     ]
     grid = Grid.over(campaign.positions, candidates)
     runs, reference_deg, excitation_deg = [], None, campaign.excitation_deg
-    for recording, each in recordings:
-        run, noticed = assign(recording, each, grid)
+    names = run_names([recording.path for recording, _ in recordings])
+    for name, (recording, each) in zip(names, recordings, strict=True):
+        run, noticed = assign(recording, each, grid, name)
         runs.append(run)
         findings += noticed
         if run.reference is not None:
             reference_deg = _same_place(run, each, grid, reference_deg)
         if excitation_deg is None:
             excitation_deg = grid.known_place(run.force, each.positions_deg).angle_deg
-    findings += _missing_positions(campaign.positions, runs)
+    findings += coverage_findings(runs, campaign.positions)
     return replace(
         campaign,
         runs=tuple(runs),
@@ -201,23 +223,6 @@ def _fill_runs(
         reference_deg=reference_deg,
         findings=tuple(findings),
     )
-
-
-def _check_rates(recordings: Sequence[Recording]) -> None:
-    first = recordings[0]
-    for recording in recordings:
-        rate = recording.sampling_rate_hz
-        if np.isnan(rate):
-            rule = "without a time column, the manifest has to say"
-            remedy = (
-                "Set acquisition.sampling_rate_hz in campaign.toml "
-                "(`ringmodal init FOLDER` drafts one)"
-            )
-            raise RecordingFormatError(recording.path.name, "no sampling rate", rule, remedy)
-        if abs(rate - first.sampling_rate_hz) > _RATE_TOLERANCE * rate:
-            rule = f"{first.path.name} was sampled at {first.sampling_rate_hz:g} Hz"
-            remedy = "All runs of a campaign share one rate: resample, or process them apart"
-            raise RecordingFormatError(recording.path.name, f"{rate:g} Hz", rule, remedy)
 
 
 def _same_place(run: Run, wanted: Wanted, grid: Grid, others: float | None) -> float | None:
@@ -233,16 +238,3 @@ def _same_place(run: Run, wanted: Wanted, grid: Grid, others: float | None) -> f
 def _left_out(content: FileContent) -> Finding:
     detail = "time series beside FRFs: the FRFs enter, the time series are left out"
     return Finding(content.path.name, "", None, "content", EXCLUDED, detail)
-
-
-def _missing_positions(positions: int | None, runs: Sequence[Run]) -> list[Finding]:
-    if positions is None:
-        return []
-    measured = {response.node for run in runs for response in run.responses}
-    missing = [node for node in range(positions) if node not in measured]
-    if not missing:
-        return []
-    angles = ", ".join(f"{node * 360.0 / positions:g}" for node in missing[:12])
-    more = " …" if len(missing) > 12 else ""
-    detail = f"{len(missing)} of {positions} grid positions not measured: {angles}{more} degrees"
-    return [Finding("", "", None, "grid", WARNING, detail)]

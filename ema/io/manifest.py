@@ -68,6 +68,19 @@ class SensorsSection(_Section):
     mass_kg: NotNegative | None = None
 
 
+class CalibrationSection(_Section):
+    """An entry of ``[calibration]``: what the samples of some channels mean."""
+
+    unit: str | None = None
+    sensitivity: str | None = None
+
+    @model_validator(mode="after")
+    def _says_something(self) -> CalibrationSection:
+        if self.unit is None and self.sensitivity is None:
+            raise ValueError("an entry has a unit or a sensitivity")
+        return self
+
+
 class GridSection(_Section):
     """``[grid]``: node k lies at k·360/positions degrees."""
 
@@ -119,6 +132,7 @@ class Manifest(_Section):
     tyre: TyreSection | None = None
     acquisition: AcquisitionSection = AcquisitionSection()
     sensors: SensorsSection = SensorsSection()
+    calibration: dict[str, CalibrationSection] = {}
     grid: GridSection | None = None
     excitation: ExcitationSection = ExcitationSection()
     processing: ProcessingSection = ProcessingSection()

@@ -11,7 +11,7 @@ from ema.io.manifest import MANIFEST_NAME, RunSection, nearest
 from ema.io.positions import Grid, Place
 from ema.io.units import SI_UNIT, is_stated
 from ema.quality import Finding
-from ema.recording import ACCELERATION, FORCE, UNKNOWN, Channel, Recording, Response, Run
+from ema.recording import ACCELERATION, FORCE, UNKNOWN, VOLTAGE, Channel, Recording, Response, Run
 
 _INIT = "Write a manifest that names it; `ringmodal init FOLDER` drafts one"
 
@@ -55,8 +55,10 @@ class Wanted:
         return cls(True, force, section.reference, section.positions_deg, where)
 
 
-def assign(recording: Recording, wanted: Wanted, grid: Grid) -> tuple[Run, list[Finding]]:
-    """Give each channel of a recording its role and place.
+def assign(
+    recording: Recording, wanted: Wanted, grid: Grid, name: str
+) -> tuple[Run, list[Finding]]:
+    """Give each channel of a recording its role and place; `name` is that of the run.
 
     Raises
     ------
@@ -83,7 +85,6 @@ def assign(recording: Recording, wanted: Wanted, grid: Grid) -> tuple[Run, list[
         rule = "a run has at least one acceleration besides the force and the reference"
         raise _fault(recording, wanted, _list(recording), rule, "Check units and types of data")
     _check_places(recording, wanted, responses)
-    name = recording.path.name
     return Run(name, recording, force, tuple(responses), reference), findings
 
 
@@ -138,6 +139,10 @@ def _as(
         found = f"{channel.name!r} measures {channel.quantity}{unit}"
         rule = f"its role needs {quantity} in a known unit"
         remedy = f"Convert it to {SI_UNIT[quantity]}, or choose another channel"
+        if channel.quantity == VOLTAGE:
+            remedy = (
+                f'Add [calibration] to {MANIFEST_NAME}: {channel.name} = {{ sensitivity = "…" }}'
+            )
         raise _fault(recording, wanted, found, rule, remedy)
     detail = f"no unit stated; taken as {quantity} in {SI_UNIT[quantity]}"
     findings.append(remark(recording.path, channel.name, "unit", detail))

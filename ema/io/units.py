@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ema.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOCITY
+from ema.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOCITY, VOLTAGE
 
 STANDARD_GRAVITY_M_S2 = 9.80665  # exact, CGPM 1901
 POUND_FORCE_N = 4.4482216152605  # exact, pound × standard gravity
-SI_UNIT = {ACCELERATION: "m/s^2", VELOCITY: "m/s", DISPLACEMENT: "m", FORCE: "N"}
+SI_UNIT = {
+    ACCELERATION: "m/s^2",
+    VELOCITY: "m/s",
+    DISPLACEMENT: "m",
+    FORCE: "N",
+    VOLTAGE: "V",
+}
 
 _LENGTH_M = {
     "m": 1.0,
@@ -45,7 +51,8 @@ _GRAVITY_M_S2 = {
 }
 _PER_SECOND = ("/s", "/sec", "s^-1")
 _PER_SECOND_SQUARED = ("/s^2", "/s2", "/s/s", "/sec^2", "/sec2", "s^-2", "s-2")
-_ELECTRIC = ("V", "mV", "volt", "volts", "A", "C", "pC")
+_VOLT = {"V": 1.0, "volt": 1.0, "volts": 1.0, "mV": 1e-3, "uV": 1e-6, "kV": 1e3}
+_ELECTRIC = ("A", "mA", "C", "pC")  # no channel of these can be calibrated here
 _NOTHING = {"", "none", "-", "n/a", "unknown"}
 _SPELLINGS = {"²": "^2", "⁻": "-", "μ": "u", "µ": "u", "**": "^", "·": "", "*": "", " ": ""}
 
@@ -57,8 +64,7 @@ class Unit:
     Parameters
     ----------
     quantity : str
-        As in `ema.recording.Channel`; ``"unknown"`` for volts and the like, which measure
-        nothing mechanical without a sensitivity.
+        As in `ema.recording.Channel`; ``"unknown"`` for charge and current.
     factor : float
         Factor from this unit to SI.
     """
@@ -71,6 +77,7 @@ def _known_units() -> dict[str, Unit]:
     """Table of all spellings, after `_normalise`."""
     table = {text: Unit(FORCE, factor) for text, factor in _FORCE_N.items()}
     table |= {text: Unit(ACCELERATION, factor) for text, factor in _GRAVITY_M_S2.items()}
+    table |= {text: Unit(VOLTAGE, factor) for text, factor in _VOLT.items()}
     table |= {text: Unit(UNKNOWN, 1.0) for text in _ELECTRIC}
     for length, factor in _LENGTH_M.items():
         table[length] = Unit(DISPLACEMENT, factor)
