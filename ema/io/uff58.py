@@ -63,7 +63,7 @@ def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.flo
     begin, end = dataset.payload
     where = place(path, dataset.index)
     widths = _widths(header)
-    per_value = (2 if header.is_complex else 1) + (0 if header.even else 1)
+    per_value = header.numbers_per_value
     expected = header.n_values * per_value
     # A number takes two bytes at least: no header makes this larger than four times the file.
     numbers = np.empty(min(expected, (end - begin) // 2 + 1))

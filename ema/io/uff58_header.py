@@ -135,6 +135,11 @@ class Header58:
         """Whether the ordinate is stored in double precision."""
         return self.ordinate in (REAL_DOUBLE, COMPLEX_DOUBLE)
 
+    @property
+    def numbers_per_value(self) -> int:
+        """Numbers that make a value: one or two parts, and its abscissa where spacing is uneven."""
+        return (2 if self.is_complex else 1) + (0 if self.even else 1)
+
 
 def parse_number(text: str) -> float:
     """Read a Fortran real: ``1.5D-03`` and ``1.5-103`` are numbers there too.

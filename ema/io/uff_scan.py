@@ -19,6 +19,8 @@ from ema.io.uff58_header import (
 )
 
 _LONGEST_LINE = 256  # header lines have 80 columns; nothing longer is looked at
+_WORTH_A_JUMP = 1 << 20  # bytes of text that are searched faster than a jump is worth
+_CHUNK_BYTES = 1 << 12
 _IGNORED_BETWEEN = b" \t\r\n\x00\x1a"  # blank lines, padding, the end mark of old systems
 COPY_AGAIN = "Copy or export the file again, or drop the run"
 
@@ -56,7 +58,10 @@ class Dataset:
 
 
 def scan(path: Path) -> tuple[Dataset, ...]:
-    """List the datasets of a universal file, seeking over binary payloads.
+    """List the datasets of a universal file, seeking over the values of functions.
+
+    Binary payloads end where their byte count says; text of equally long lines ends where their
+    number says. The delimiter has to stand there; else it is searched for.
 
     Raises
     ------
@@ -127,7 +132,9 @@ def _function(path: Path, data: mmap.mmap, index: int, start: int, after: int) -
         raise RecordingFormatError(where, fault.found, fault.rule, COPY_AGAIN) from None
     if header.binary:
         return _binary_function(path, data, Dataset(index, 58, start, start, header), position)
-    closing = _find_delimiter(data, position - 1)
+    closing = _predicted_delimiter(data, position, header)
+    if closing is None:
+        closing = _find_delimiter(data, position - 1)
     if closing is None:
         raise _unclosed(path, index, 58)
     stop = _line(data, closing)[1]
@@ -210,17 +217,31 @@ def _line(data: mmap.mmap, position: int) -> tuple[bytes, int]:
 
 def _next_content(data: mmap.mmap, position: int) -> int:
     """Skip blank lines; back to the start of the line that holds something."""
-    while position < len(data):
-        line, following = _line(data, position)
-        if line.strip(_IGNORED_BETWEEN) or following == position:
-            break
-        position = following
-    return position
+    begin = position
+    while part := data[begin : begin + _CHUNK_BYTES]:
+        content = part.lstrip(_IGNORED_BETWEEN)
+        begin += len(part) - len(content)
+        if content:
+            return max(position, data.rfind(b"\n", position, begin) + 1)
+    return len(data)
 
 
 def _is_delimiter(data: mmap.mmap, position: int) -> bool:
-    line, _ = _line(data, position)
+    line = data[position : position + _LONGEST_LINE].partition(b"\n")[0]
     return line.startswith(DELIMITER) and line.strip(_IGNORED_BETWEEN) == b"-1"
+
+
+def _predicted_delimiter(data: mmap.mmap, begin: int, header: Header58) -> int | None:
+    """Closing delimiter where long text of equal lines has to end; None if it is not there."""
+    line = data[begin : begin + _LONGEST_LINE].partition(b"\n")[0]
+    per_line, length = line.count(b"."), len(line) + 1
+    n_numbers = header.n_values * header.numbers_per_value
+    end = begin + n_numbers // max(per_line, 1) * length
+    if not per_line or end - begin < _WORTH_A_JUMP or end > len(data):
+        return None
+    if any(data[each - 1 : each] != b"\n" for each in (end, end - length)):
+        return None
+    return _find_delimiter(data, end - 1, min(end + 2 * length, len(data)))
 
 
 def _find_delimiter(
@@ -241,6 +262,6 @@ def _closed_at(data: mmap.mmap, position: int) -> int | None:
     """Byte behind the closing delimiter, if one stands at `position` or after a line end."""
     if position > len(data):
         return None
-    while data[position : position + 1] in (b"\r", b"\n"):
-        position += 1
+    behind = data[position : position + _LONGEST_LINE]
+    position += len(behind) - len(behind.lstrip(b"\r\n"))
     return _line(data, position)[1] if _is_delimiter(data, position) else None
