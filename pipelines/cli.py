@@ -10,6 +10,7 @@ import typer
 
 from pipelines import console
 from pipelines.cli_simulate import simulate
+from pipelines.interrupt import Interrupted, interruptible, stating_what_stands
 
 app = typer.Typer(
     name="ringmodal",
@@ -20,12 +21,29 @@ app = typer.Typer(
 )
 app.add_typer(simulate, name="simulate")
 
+
+@app.callback()
+def common(
+    debug: Annotated[
+        bool,
+        typer.Option(
+            "--debug", envvar="RINGMODAL_DEBUG", help="Show where a fault of the program happened."
+        ),
+    ] = False,
+) -> None:
+    """Choose what a fault of the program shows, before any command runs."""
+    sys.excepthook = sys.__excepthook__ if debug else console.report_fault
+
+
 Out = Annotated[
     Path, typer.Option("--out", help="Folder for the result; appears whole or not at all.")
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
 NoReport = Annotated[bool, typer.Option("--no-report", help="Stop before the report.")]
 NoTune = Annotated[bool, typer.Option("--no-tune", help="Stop at the modes: no ring parameters.")]
+Strict = Annotated[
+    bool, typer.Option("--strict", help="Refuse recordings that give any warning; write nothing.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress messages.")]
 Objective = Annotated[
@@ -86,6 +104,7 @@ def process(
     no_tune: NoTune = False,
     no_report: NoReport = False,
     force: Force = False,
+    strict: Strict = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -96,7 +115,8 @@ def process(
     from ema.recording import Processing
     from pipelines.options import Options
     from pipelines.process import process as run
-    from pipelines.store import require_free, save
+    from pipelines.result_folder import require_free
+    from pipelines.store import save
 
     options = Options(
         processing=Processing(averages, block_seconds, window, overlap, band_hz),
@@ -108,11 +128,14 @@ def process(
         tune=not no_tune,
         objective=objective,
         given=console.assignments("--given", given),
+        strict=strict,
     )
-    require_free(out, force=force)
-    result = run(campaign[0] if len(campaign) == 1 else campaign, options, console.progress(quiet))
-    save(result, out, report=not no_report, force=force)
-    console.show(result, out, as_json=as_json, report=not no_report)
+    source = campaign[0] if len(campaign) == 1 else campaign
+    with stating_what_stands(out):
+        require_free(out, force=force)
+        result = run(source, options, console.progress(quiet))
+        save(result, out, report=not no_report, force=force)
+        console.show(result, out, as_json=as_json, report=not no_report)
 
 
 @app.command()
@@ -121,6 +144,7 @@ def tune(
     objective: Objective = "frequency",
     given: Given = None,
     no_report: NoReport = False,
+    strict: Strict = False,
     as_json: Json = False,
 ) -> None:
     """Determine the ring's parameters again, from the modes of an earlier result.
@@ -129,9 +153,11 @@ def tune(
     """
     from pipelines.store import save
 
-    result = console.tuned_again(result_folder, objective, console.assignments("--given", given))
-    save(result, result_folder, report=not no_report, force=True)
-    console.show(result, result_folder, as_json=as_json, report=not no_report)
+    values = console.assignments("--given", given)
+    with stating_what_stands(result_folder):
+        result = console.tuned_again(result_folder, objective, values, strict=strict)
+        save(result, result_folder, report=not no_report, force=True)
+        console.show(result, result_folder, as_json=as_json, report=not no_report)
 
 
 @app.command()
@@ -144,7 +170,8 @@ def report(
     """
     from pipelines.store import save
 
-    save(console.tuned_again(result_folder), result_folder, force=True)
+    with stating_what_stands(result_folder):
+        save(console.tuned_again(result_folder), result_folder, force=True)
     typer.echo(f"Report: {result_folder / 'report.html'}")
 
 
@@ -160,7 +187,8 @@ def demo(
     """
     from pipelines.demo import run_demo
 
-    result, folder = run_demo(out)
+    with stating_what_stands(out / "result"):
+        result, folder = run_demo(out)
     console.show(result, folder, as_json=False, report=True)
 
 
@@ -176,7 +204,8 @@ def paper(
     """
     from pipelines.paper import PAGE, reproduce_paper
 
-    chapters = reproduce_paper(out, force=force, progress=console.progress(quiet))
+    with stating_what_stands(out):
+        chapters = reproduce_paper(out, force=force, progress=console.progress(quiet))
     for statement in (one for chapter in chapters for one in chapter.statements):
         typer.echo(f"{statement.place}: {statement.verdict}. {statement.found}")
     typer.echo(f"Report: {out / PAGE}")
@@ -214,15 +243,31 @@ def inspect(
 
 
 def main() -> None:
-    """Run the command line; bad input ends with one message and exit code 2."""
+    """Run the command line; whatever ends it early ends with one message and its exit code.
+
+    2 for bad input and for files that cannot be read or written, 130 or 143 when asked to stop, 1
+    for too little memory and for a fault of the program.
+    """
     from ema.errors import FitError, InputError
     from model.errors import ParameterError
 
-    try:
-        app()
-    except (InputError, FitError, ParameterError) as error:
-        console.complain(error)
-        sys.exit(2)
+    with interruptible():
+        try:
+            app()
+        except (InputError, FitError, ParameterError) as error:
+            console.complain(f"Error: {error}")
+            sys.exit(2)
+        except OSError as error:
+            if error.filename is None:
+                raise
+            console.complain(console.file_trouble(error))
+            sys.exit(2)
+        except MemoryError as error:
+            console.complain(console.out_of_memory(error))
+            sys.exit(1)
+        except Interrupted as interrupted:
+            console.complain(f"Interrupted: {interrupted.outcome}.")
+            sys.exit(interrupted.exit_code)
 
 
 if __name__ == "__main__":

@@ -57,20 +57,22 @@ def campaign(
 
     Example: ringmodal simulate campaign virtual --duration-s 60 --snr-db 20
     """
+    from pipelines.interrupt import stating_what_stands
     from pipelines.simulate_campaign import simulate_campaign
 
-    written = simulate_campaign(
-        folder,
-        seed=seed,
-        duration_s=duration_s,
-        sampling_rate_hz=sampling_rate_hz,
-        snr_db=snr_db,
-        file_format=file_format.value,
-        split_percent=split_percent,
-        shaker_between=shaker_between,
-        sensor_mass_kg=sensor_mass_kg,
-        drift_percent=drift_percent,
-    )
+    with stating_what_stands(folder):
+        written = simulate_campaign(
+            folder,
+            seed=seed,
+            duration_s=duration_s,
+            sampling_rate_hz=sampling_rate_hz,
+            snr_db=snr_db,
+            file_format=file_format.value,
+            split_percent=split_percent,
+            shaker_between=shaker_between,
+            sensor_mass_kg=sensor_mass_kg,
+            drift_percent=drift_percent,
+        )
     typer.echo(f"Campaign: {written}")
     typer.echo(f"Next: ringmodal process {written} --out result")
 

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from ema.errors import InputError
@@ -52,20 +53,54 @@ def progress(quiet: bool) -> Callable[[str], None]:
     return say
 
 
-def complain(error: Exception) -> None:
-    """Print one message about bad input on standard error."""
-    print(f"Error: {error}", file=sys.stderr)  # noqa: T201
+def complain(message: str) -> None:
+    """Print one message on standard error."""
+    print(message, file=sys.stderr)  # noqa: T201
+
+
+def file_trouble(error: OSError) -> str:
+    """Message for a file that cannot be read or written any more."""
+    return (
+        f"Error: {error.filename}: {error.strerror}; it could be neither read nor written. "
+        "Check that the drive is there and what it permits."
+    )
+
+
+def out_of_memory(error: MemoryError) -> str:
+    """Message for recordings that are too large for the machine."""
+    detail = f" ({error})" if str(error) else ""
+    return (
+        f"Error: not enough memory{detail}. "
+        "Close other programs, take shorter blocks or a narrower band, or use a larger machine."
+    )
+
+
+def report_fault(
+    kind: type[BaseException], fault: BaseException, _: TracebackType | None = None
+) -> None:
+    """Say in one line that the program is at fault; Python ends it with exit code 1."""
+    complain(
+        f"Fault of the program: {kind.__name__}: {fault}. Please report it "
+        "with the command and this line; `ringmodal --debug …` or RINGMODAL_DEBUG=1 shows where."
+    )
 
 
 def tuned_again(
-    folder: Path, objective: str | None = None, given: dict[str, float] | None = None
+    folder: Path,
+    objective: str | None = None,
+    given: dict[str, float] | None = None,
+    *,
+    strict: bool = False,
 ) -> Result:
     """Load a result and determine its ring again; what is not chosen stays as it was."""
     from pipelines.options import Options
     from pipelines.process import tune
     from pipelines.store import load
+    from pipelines.strict import refuse_warnings
 
     result = load(folder)
+    if strict:
+        refuse_warnings(result.findings)
     earlier = result.provenance["options"]
     options = Options(
         tune=True if objective is not None else earlier["tune"],

@@ -34,6 +34,8 @@ class Options:
         What the tuning minimises: relative frequency errors, or the residual of eq. 18.
     given : dict
         Ring parameters known from elsewhere, by name, in SI.
+    strict : bool
+        Whether warnings about the recordings are errors.
     """
 
     processing: Processing = field(default_factory=Processing)
@@ -45,6 +47,7 @@ class Options:
     tune: bool = True
     objective: str = "frequency"
     given: dict[str, float] = field(default_factory=dict)
+    strict: bool = False
 
 
 def processing_in_force(campaign: Campaign, chosen: Processing) -> Processing:

@@ -16,7 +16,7 @@ from pipelines.paper_tuning import tuning
 from pipelines.paper_waves import waves
 from pipelines.process import process
 from pipelines.result import Result
-from pipelines.store import require_free, written_whole
+from pipelines.result_folder import require_free, written_whole
 from pipelines.tables import write_csv
 
 PAGE = "paper.html"  # by which an earlier reproduction is known
@@ -52,7 +52,7 @@ def reproduce_paper(
     if progress is not None:
         progress("Computing the paper's tables and figures …")
     chapters = paper_chapters(result)
-    write_paper(chapters, result, folder)
+    write_paper(chapters, result, folder, force=force)
     return chapters
 
 
@@ -61,16 +61,18 @@ def paper_chapters(result: Result) -> tuple[Chapter, ...]:
     return (identification(result), tuning(result), waves(), damping(), forced_response(result))
 
 
-def write_paper(chapters: tuple[Chapter, ...], result: Result, folder: Path) -> None:
+def write_paper(
+    chapters: tuple[Chapter, ...], result: Result, folder: Path, *, force: bool = False
+) -> None:
     """Write page, tables and figures; the folder appears whole or not at all.
 
     Raises
     ------
     InputError
-        If it cannot be written.
+        If the folder exists and may not be replaced, or cannot be written.
     """
     parts = [part for chapter in chapters for part in chapter.parts]
-    with written_whole(folder) as partial:
+    with written_whole(folder, force=force, marker=PAGE) as partial:
         for part in (*parts, statements_table(chapters)):
             if isinstance(part, NumberTable):
                 write_csv(partial / f"{part.name}.csv", part.file_columns, part.file_rows)

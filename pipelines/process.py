@@ -27,6 +27,7 @@ from ema.recording import Campaign, Tyre
 from pipelines.options import TYRE_BAND_HZ, Options, processing_in_force
 from pipelines.provenance import Stopwatch, provenance
 from pipelines.result import Result
+from pipelines.strict import refuse_warnings
 from pipelines.validate import ring_orders, validate
 
 
@@ -52,7 +53,7 @@ def process(
     Raises
     ------
     InputError
-        If the input cannot be used; nothing is written anywhere.
+        If the input cannot be used, or gives a warning in a strict run; nothing is written.
     FitError
         If no modes can be identified.
     """
@@ -61,6 +62,8 @@ def process(
     with watch.stage("read", "Reading"):
         campaign = ema.read_campaign(source)
         _require_ring_data(campaign, options)
+        if options.strict:
+            refuse_warnings(campaign.findings)
     processing = processing_in_force(campaign, options.processing)
     with watch.stage("frf", "Estimating FRFs"):
         estimated = ema.estimate_frf(campaign, processing, estimator=options.estimator)
@@ -76,6 +79,8 @@ def process(
             method=options.method,
         )
     measured = _measured(campaign, estimated, found, band_hz)
+    if options.strict:
+        refuse_warnings(measured.findings)
     with watch.stage("ring", "Tuning the ring"):
         result = tune(measured, options)
     return replace(

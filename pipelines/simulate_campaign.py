@@ -18,6 +18,7 @@ from ema.io.uff_write import write_time_series
 from ema.recording import ACCELERATION, FORCE, Channel
 from model.reference import DESIGNATION, TABLE_4_RING
 from pipelines.campaign_truth import HIGHEST_ORDER, TruthMode, modal_sum, truth_modes
+from pipelines.result_folder import written_whole
 
 POSITIONS = 72
 N_RUNS = 6
@@ -112,7 +113,7 @@ def simulate_campaign(
     ----------
     folder : Path or str
         New or empty folder. Gets ``config_1`` … ``config_6``, ``campaign.toml``, ``README.md`` and
-        ``truth.toml``, which the processing never reads.
+        ``truth.toml``, which the processing never reads; all of them or nothing.
     seed : int
         Same seed and options, same bytes.
     duration_s, sampling_rate_hz : float
@@ -136,7 +137,7 @@ def simulate_campaign(
     Raises
     ------
     InputError
-        If the folder holds anything, or an option is out of its range.
+        If the folder holds anything or cannot be written, or an option is out of its range.
     """
     folder = Path(folder)
     setup = Setup(
@@ -156,14 +157,14 @@ def simulate_campaign(
     _require_empty(folder)
     modes = truth_modes(split_percent=split_percent, shaker_between=shaker_between)
     write = write_time_series if file_format == "uff" else write_csv
-    folder.mkdir(parents=True, exist_ok=True)
-    names = []
-    for run, channels in enumerate(simulate_runs(modes, setup)):
-        names.append(f"config_{run + 1}.{file_format}")
-        write(folder / names[-1], channels, sampling_rate_hz)
-    _write_text(folder / "campaign.toml", _manifest(names, setup))
-    _write_text(folder / "truth.toml", _truth(modes, setup))
-    _write_text(folder / "README.md", _readme(folder, names, setup))
+    with written_whole(folder, marker=None) as partial:
+        names = []
+        for run, channels in enumerate(simulate_runs(modes, setup)):
+            names.append(f"config_{run + 1}.{file_format}")
+            write(partial / names[-1], channels, sampling_rate_hz)
+        _write_text(partial / "campaign.toml", _manifest(names, setup))
+        _write_text(partial / "truth.toml", _truth(modes, setup))
+        _write_text(partial / "README.md", _readme(partial, names, setup))
     return folder
 
 

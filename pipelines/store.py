@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -20,8 +16,7 @@ from pipelines import tables
 from pipelines.identification_file import read_identification, write_identification
 from pipelines.parameter_set import from_tuning, write_parameter_set
 from pipelines.result import Result
-
-MARKER = "provenance.json"  # every result folder has it, no other folder of a user's should
+from pipelines.result_folder import MARKER, recover, written_whole
 
 
 def save(result: Result, folder: Path | str, *, report: bool = True, force: bool = False) -> None:
@@ -43,8 +38,7 @@ def save(result: Result, folder: Path | str, *, report: bool = True, force: bool
         If the folder exists and may not be replaced, or cannot be written.
     """
     folder = Path(folder)
-    require_free(folder, force=force)
-    with written_whole(folder) as partial:
+    with written_whole(folder, force=force) as partial:
         _write_tables(result, partial)
         _write_frfs(result.frf, partial)
         write_identification(result, partial)
@@ -75,6 +69,7 @@ def load(folder: Path | str) -> Result:
         If the folder is no result or is damaged.
     """
     folder = Path(folder)
+    recover(folder)
     if not (folder / MARKER).is_file():
         raise InputError(
             str(folder),
@@ -110,91 +105,6 @@ def read_frf(path: Path) -> FRF:
         position_deg=grid("position_deg")[:, 0],
         run=tuple(str(name) for name in grid("run")[:, 0]),
         channel=tuple(str(name) for name in grid("channel")[:, 0]),
-    )
-
-
-def require_free(folder: Path, *, force: bool, marker: str = MARKER) -> None:
-    """Refuse a place where a result may not be written, before anything is computed.
-
-    Parameters
-    ----------
-    folder : Path
-    force : bool
-        Whether an earlier result may be replaced.
-    marker : str
-        File by which an earlier result is known.
-
-    Raises
-    ------
-    InputError
-        For a file, a folder with other files, or an earlier result without `force`.
-    """
-    if not folder.exists():
-        return
-    if not folder.is_dir():
-        raise InputError(str(folder), "a file", "a result is a folder", "Choose another --out")
-    if not any(folder.iterdir()):
-        return
-    if not (folder / marker).is_file():
-        raise InputError(
-            str(folder),
-            "a folder with other files",
-            "a result needs a folder of its own",
-            "Choose another --out",
-        )
-    if not force:
-        raise InputError(
-            str(folder),
-            "an earlier result",
-            "it is not overwritten unasked",
-            "Choose another --out, or replace it with --force",
-        )
-
-
-@contextmanager
-def written_whole(folder: Path) -> Iterator[Path]:
-    """Yield a folder beside the wanted one, put into its place only when all is written.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written; nothing is left behind.
-    """
-    try:
-        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
-        partial = Path(
-            tempfile.mkdtemp(
-                prefix=f".{folder.name}.", suffix=".partial", dir=folder.absolute().parent
-            )
-        )
-    except OSError as error:
-        raise _unwritable(folder, error) from error
-    try:
-        yield partial
-        partial.chmod(0o755)
-        _replace(partial, folder)
-    except OSError as error:
-        raise _unwritable(folder, error) from error
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
-
-
-def _replace(partial: Path, folder: Path) -> None:
-    if not folder.exists():
-        partial.rename(folder)
-        return
-    old = partial.with_suffix(".old")
-    folder.rename(old)
-    partial.rename(folder)
-    shutil.rmtree(old, ignore_errors=True)
-
-
-def _unwritable(folder: Path, error: OSError) -> InputError:
-    return InputError(
-        str(folder),
-        error.strerror or str(error),
-        "the result could not be written and nothing was left behind",
-        "Check free space and permissions, or choose another --out",
     )
 
 

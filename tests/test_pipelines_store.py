@@ -10,7 +10,8 @@ from ema.errors import InputError
 from pipelines import report
 from pipelines.options import Options
 from pipelines.process import process, tune
-from pipelines.store import MARKER, load, require_free, save
+from pipelines.result_folder import MARKER, require_free
+from pipelines.store import load, save
 
 
 @pytest.fixture(scope="module")
