@@ -1,0 +1,236 @@
+"""What one signal is like: its level, and whether it is clipped, dead, incomplete or hums."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.mains_hum import Hum, HumMeter
+from ema.plateaus import Plateaus
+from ema.quality import WARNING, Finding
+from ema.recording import FORCE, Channel
+
+_PIECE = 1 << 18
+_SENSELESS = 1e30  # in SI, beyond any signal: what programs write where they have no number
+# Limits of the signal lie beyond its rms; the rest between impacts or bursts does not.
+_LIMIT_RMS = 1.0
+# A sensor that holds one value this long, though its signal is steady else, has dropped out.
+_DROPOUT_SHARE, _DROPOUT_SAMPLES = 0.01, 100
+_STEADY_CREST = 8.0
+_LOUD_HUM = 0.01  # of the rms
+
+
+@dataclass(frozen=True)
+class SignalSummary:
+    """One signal in SI units; missing samples count nowhere but in `n_missing`.
+
+    Parameters
+    ----------
+    n_samples : int
+    mean : float
+        The constant part (DC). NaN, as all levels, where every sample is missing.
+    rms : float
+        Of the whole signal, its mean included.
+    rms_ac : float
+        Of the signal about its mean.
+    lowest, highest : float
+        Extreme samples.
+    n_clipped_low, n_clipped_high : int
+        Samples on flat tops at the lowest and the highest value.
+    n_missing : int
+        Samples that are not finite, or beyond any signal (1e30).
+    first_missing : int or None
+        Index of the first of them.
+    longest_hold, longest_hold_start : int
+        Length and first sample of the longest run of one value.
+    hum : Hum or None
+        Lines of the mains; None where there are none, or the signal is too short to tell.
+    """
+
+    n_samples: int
+    mean: float
+    rms: float
+    rms_ac: float
+    lowest: float
+    highest: float
+    n_clipped_low: int
+    n_clipped_high: int
+    n_missing: int
+    first_missing: int | None
+    longest_hold: int
+    longest_hold_start: int
+    hum: Hum | None
+
+    @property
+    def peak(self) -> float:
+        """Largest magnitude, the mean included."""
+        return max(abs(self.lowest), abs(self.highest))
+
+    @property
+    def crest_factor(self) -> float:
+        """Largest deviation from the mean over the rms about it; NaN for a constant."""
+        if not self.rms_ac > 0:
+            return float("nan")
+        return max(self.highest - self.mean, self.mean - self.lowest) / self.rms_ac
+
+    @property
+    def clipped_share(self) -> float:
+        """Share of samples on flat tops at the limits of the signal."""
+        return (self.n_clipped_low + self.n_clipped_high) / max(self.n_samples, 1)
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether there is nothing but one value, or no value at all."""
+        return not self.highest > self.lowest
+
+
+@dataclass
+class _Moments:
+    """Mean and sum of squares about it, merged piece by piece (Chan, Golub & LeVeque 1983)."""
+
+    n: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
+    lowest: float = np.inf
+    highest: float = -np.inf
+
+    def add(self, samples: NDArray[np.float64]) -> None:
+        if not samples.size:
+            return
+        mean = float(samples.mean())
+        about = samples - mean
+        n, shift = self.n + samples.size, mean - self.mean
+        self.squares += float(about @ about) + shift**2 * self.n * samples.size / n
+        self.mean += shift * samples.size / n
+        self.n = n
+        self.lowest = min(self.lowest, float(samples.min()))
+        self.highest = max(self.highest, float(samples.max()))
+
+
+def summarise(channel: Channel, sampling_rate_hz: float = float("nan")) -> SignalSummary:
+    """Summarise a channel in one pass; a piece of it is in memory at a time.
+
+    Parameters
+    ----------
+    channel : Channel
+    sampling_rate_hz : float, optional
+        Without it hum is not sought.
+    """
+    moments, plateaus = _Moments(), Plateaus()
+    hum_meter = HumMeter(sampling_rate_hz, channel.n_samples)
+    n_missing, first_missing = 0, None
+    for start in range(0, channel.n_samples, _PIECE):
+        piece = channel.block(start, min(start + _PIECE, channel.n_samples))
+        known = np.abs(piece) < _SENSELESS
+        if not known.all():
+            n_missing += int(np.count_nonzero(~known))
+            if first_missing is None:
+                first_missing = start + int(np.argmin(known))
+            piece = np.where(known, piece, np.nan)
+        moments.add(piece[known])
+        plateaus.add(piece)
+        hum_meter.add(piece)
+    empty = moments.n == 0
+    rms_ac = np.nan if empty else float(np.sqrt(moments.squares / moments.n))
+    mean = np.nan if empty else moments.mean
+    if moments.highest == moments.lowest:  # exactly, whatever the rounding of the mean
+        mean, rms_ac = moments.lowest, 0.0
+    low, high = plateaus.clipped()
+    return SignalSummary(
+        n_samples=channel.n_samples,
+        mean=mean,
+        rms=float(np.hypot(mean, rms_ac)),
+        rms_ac=rms_ac,
+        lowest=np.nan if empty else moments.lowest,
+        highest=np.nan if empty else moments.highest,
+        n_clipped_low=low if mean - moments.lowest > _LIMIT_RMS * rms_ac else 0,
+        n_clipped_high=high if moments.highest - mean > _LIMIT_RMS * rms_ac else 0,
+        n_missing=n_missing,
+        first_missing=first_missing,
+        longest_hold=plateaus.longest,
+        longest_hold_start=plateaus.longest_start,
+        hum=hum_meter.hum(rms_ac),
+    )
+
+
+def signal_findings(summary: SignalSummary, file: str, channel: Channel) -> list[Finding]:
+    """Everything about a signal that is not in order, one warning each.
+
+    Parameters
+    ----------
+    summary : SignalSummary
+        Of `channel`.
+    file : str
+        Name of the file, as the findings show it.
+    channel : Channel
+    """
+    said = {
+        "missing samples": _missing(summary),
+        "silent": _silent(summary, channel),
+        "clipped": _clipped(summary, channel),
+        "dropout": _dropout(summary, channel),
+        "hum": _hum(summary),
+    }
+    return [
+        Finding(file, channel.name, channel.angle_deg, check, WARNING, detail)
+        for check, detail in said.items()
+        if detail
+    ]
+
+
+def _missing(summary: SignalSummary) -> str:
+    if not summary.n_missing:
+        return ""
+    if summary.n_missing == summary.n_samples:
+        return "there is no number in it"
+    share = 100 * summary.n_missing / summary.n_samples
+    first = summary.first_missing
+    return (
+        f"{summary.n_missing} samples are no numbers ({share:.2g} %), the first is sample {first}"
+    )
+
+
+def _silent(summary: SignalSummary, channel: Channel) -> str:
+    if not summary.is_silent or summary.n_missing == summary.n_samples:
+        return ""
+    return f"it holds nothing but the value {_level(summary.highest, channel)}"
+
+
+def _clipped(summary: SignalSummary, channel: Channel) -> str:
+    low, high = summary.n_clipped_low, summary.n_clipped_high
+    if not low and not high:
+        return ""
+    symmetric = np.isclose(summary.highest, -summary.lowest, rtol=1e-3)
+    if low and high and symmetric:
+        limits = f"±{_level(summary.highest, channel)}"
+    else:
+        ends = ((summary.lowest, low), (summary.highest, high))
+        limits = " and ".join(_level(value, channel) for value, count in ends if count)
+    return f"{100 * summary.clipped_share:.2g} % of the samples ({low + high}) lie flat at {limits}"
+
+
+def _dropout(summary: SignalSummary, channel: Channel) -> str:
+    held = summary.longest_hold
+    shortest = max(_DROPOUT_SAMPLES, _DROPOUT_SHARE * summary.n_samples)
+    event = not summary.crest_factor < _STEADY_CREST
+    # A force may well be zero between impacts and bursts.
+    if channel.quantity == FORCE or summary.is_silent or event or held < shortest:
+        return ""
+    return f"{held} samples in a row hold one value, from sample {summary.longest_hold_start}"
+
+
+def _hum(summary: SignalSummary) -> str:
+    hum = summary.hum
+    if hum is None or hum.rms < _LOUD_HUM * summary.rms_ac:
+        return ""
+    share = 100 * hum.rms / summary.rms_ac
+    where = f"strongest at {hum.frequency_hz:g} Hz"
+    return f"hum of the {hum.mains_hz:g} Hz mains makes {share:.2g} % of the rms, {where}"
+
+
+def _level(value: float, channel: Channel) -> str:
+    from ema.io.units import SI_UNIT
+
+    return f"{value:.4g} {SI_UNIT.get(channel.quantity, '')}".rstrip()
