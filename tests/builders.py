@@ -117,12 +117,12 @@ def response58(n=8, **header):
     return binary58(values, **{"name": "A01", "node": 1, "n": n} | header)
 
 
-def frf58(values, **header):
-    """A 58b accelerance in complex double precision."""
+def frf58(values, *, single=False, **header):
+    """A 58b accelerance, complex."""
     parts = [part for value in values for part in (value.real, value.imag)]
     defaults = {
         "function_type": 4,
-        "ordinate": 6,
+        "ordinate": 5 if single else 6,
         "n": len(values),
         "step": "  1.00000E+00",
         "abscissa": (18, 0, 0, "Frequency", "Hz"),
@@ -130,4 +130,4 @@ def frf58(values, **header):
         "reference_node": 1,
         "reference_direction": 3,
     }
-    return binary58(floats(parts, double=True), **defaults | header)
+    return binary58(floats(parts, double=not single), **defaults | header)

@@ -1,6 +1,7 @@
 """Universal files: units, signs, geometry and FRFs, from scenarios with known answers."""
 
 import re
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -273,3 +274,19 @@ def test_ratios():
     assert (motion.quantity, force.quantity) == ("acceleration", "force")
     assert parse_ratio("m/s^2") is None
     assert parse_ratio("N") is None
+
+
+def test_single_precision_frfs_take_twice_their_file(tmp_path):
+    values = np.random.default_rng(5).normal(size=(40, 8000)).astype("<f4")
+    path = tmp_path / "a.uff"
+    path.write_bytes(
+        b"".join(frf58(row.view("<c8"), node=k, single=True) for k, row in enumerate(values))
+    )
+    tracemalloc.start()
+    try:
+        frf = read_uff(path).frf
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert frf.values.nbytes > 1.9 * path.stat().st_size
+    assert peak < 2.5 * path.stat().st_size

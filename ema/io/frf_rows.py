@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ema._arrays import stacked
 from ema.errors import RecordingFormatError
 from ema.frf import FRF
 from ema.io.content import FileContent
@@ -57,9 +58,9 @@ def merge(
     ]
     return FRF(
         frequency_hz=first,
-        values=np.concatenate([frf.values for frf in frfs]),
-        coherence=np.concatenate([frf.coherence for frf in frfs]),
-        std=np.concatenate([frf.std for frf in frfs]),
+        values=stacked([frf.values for frf in frfs]),
+        coherence=stacked([frf.coherence for frf in frfs]),
+        std=stacked([frf.std for frf in frfs]),
         node=np.array([-1 if place.node is None else place.node for place in places]),
         position_deg=np.array(
             [np.nan if place.angle_deg is None else place.angle_deg for place in places]

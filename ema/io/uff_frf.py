@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema._arrays import constant
 from ema.errors import RecordingFormatError
 from ema.frf import FRF
 from ema.io.content import remark
@@ -56,7 +57,8 @@ def read_frf(
     if roving:
         detail = "one response, roving force: by reciprocity the force's nodes are the positions"
         findings.append(remark(path, "", "reciprocity", detail))
-    unknown = np.broadcast_to(np.nan, values.shape)
+    values.setflags(write=False)
+    unknown = constant(np.nan, values.shape)
     frf = FRF(
         frequency_hz=frequency_hz,
         values=values,
