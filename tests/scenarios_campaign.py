@@ -46,7 +46,7 @@ positions_deg = { A01 = 90.0, REF = 2.5 }
 """
 _RUN = force() + sensor() + sensor(ACCELERATION[::-1], name="REF", node=40)
 _TURNED = force(FORCE[::-1]) + sensor() + sensor(name="REF", node=40)
-_RUNS = {"a.uff": _RUN, "b.uff": _TURNED}
+RUNS = {"a.uff": _RUN, "b.uff": _TURNED}
 _AS_WRITTEN = Read(
     runs=2,
     channels=("force", "A01", "REF"),
@@ -59,12 +59,12 @@ _AS_WRITTEN = Read(
 def _changed(name, old, new, expected, pending="", more=None):
     assert old in MANIFEST
     text = MANIFEST.replace(old, new, 1).encode()
-    files = {**_RUNS, "campaign.toml": text, **(more or {})}
+    files = {**RUNS, "campaign.toml": text, **(more or {})}
     return Scenario(f"manifest {name}", files, expected, pending=pending)
 
 
 def _whole(name, content, expected):
-    return Scenario(f"manifest {name}", {**_RUNS, "campaign.toml": content}, expected)
+    return Scenario(f"manifest {name}", {**RUNS, "campaign.toml": content}, expected)
 
 
 WRITING = (
