@@ -96,7 +96,7 @@ class HumMeter:
         if self._count < _SEGMENTS or not signal_rms > 0:
             return None
         power = self._sum / self._count
-        frequency_hz: NDArray[np.float64] = np.arange(power.size) * (self._rate_hz / self._length)
+        frequency_hz = np.asarray(np.arange(power.size) * (self._rate_hz / self._length))
         tones = self._tones(power)
         found = [self._of_mains(mains, power, frequency_hz, tones) for mains in _MAINS_HZ]
         hums = [(hum, n) for hum, n in found if hum and hum.rms > _AUDIBLE * signal_rms]

@@ -69,11 +69,14 @@ class SignalSummary:
         return max(abs(self.lowest), abs(self.highest))
 
     @property
+    def peak_ac(self) -> float:
+        """Largest deviation from the mean."""
+        return max(self.highest - self.mean, self.mean - self.lowest)
+
+    @property
     def crest_factor(self) -> float:
         """Largest deviation from the mean over the rms about it; NaN for a constant."""
-        if not self.rms_ac > 0:
-            return float("nan")
-        return max(self.highest - self.mean, self.mean - self.lowest) / self.rms_ac
+        return self.peak_ac / self.rms_ac if self.rms_ac > 0 else float("nan")
 
     @property
     def clipped_share(self) -> float:
@@ -109,6 +112,13 @@ class _Moments:
         self.highest = max(self.highest, float(samples.max()))
 
 
+def known_samples(channel: Channel, start: int, stop: int) -> NDArray[np.float64]:
+    """Samples `start` to `stop` of a channel in SI; NaN where they are missing or senseless."""
+    with np.errstate(over="ignore"):  # what leaves the range of numbers is no signal either
+        piece = channel.block(start, stop)
+    return np.where(np.abs(piece) < _SENSELESS, piece, np.nan)
+
+
 def summarise(channel: Channel, sampling_rate_hz: float = float("nan")) -> SignalSummary:
     """Summarise a channel in one pass; a piece of it is in memory at a time.
 
@@ -122,13 +132,12 @@ def summarise(channel: Channel, sampling_rate_hz: float = float("nan")) -> Signa
     hum_meter = HumMeter(sampling_rate_hz, channel.n_samples)
     n_missing, first_missing = 0, None
     for start in range(0, channel.n_samples, _PIECE):
-        piece = channel.block(start, min(start + _PIECE, channel.n_samples))
-        known = np.abs(piece) < _SENSELESS
+        piece = known_samples(channel, start, min(start + _PIECE, channel.n_samples))
+        known = np.isfinite(piece)
         if not known.all():
             n_missing += int(np.count_nonzero(~known))
             if first_missing is None:
                 first_missing = start + int(np.argmin(known))
-            piece = np.where(known, piece, np.nan)
         moments.add(piece[known])
         plateaus.add(piece)
         hum_meter.add(piece)
