@@ -53,7 +53,7 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
     if len(paths) == 1 and paths[0].is_dir():
         if (paths[0] / MANIFEST_NAME).exists():
             return _with_manifest(paths[0] / MANIFEST_NAME)
-        return _without_manifest(paths[0].resolve().name, _recordings_in(paths[0]))
+        return _without_manifest(paths[0].resolve().name, recordings_in(paths[0]))
     if len(paths) == 1 and paths[0].suffix.lower() == ".toml":
         return _with_manifest(paths[0])
     if not paths:
@@ -63,8 +63,14 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
     return _without_manifest(name, paths)
 
 
-def _recordings_in(folder: Path) -> list[Path]:
-    """Recordings of a folder, config_2 before config_10."""
+def recordings_in(folder: Path) -> list[Path]:
+    """Recordings of a folder, config_2 before config_10.
+
+    Raises
+    ------
+    RecordingFormatError
+        If there are none.
+    """
     found = [path for path in folder.iterdir() if path.is_file() and is_recording(path)]
     if not found:
         rule = f"a campaign holds recordings, and a {MANIFEST_NAME} where they do not say enough"
