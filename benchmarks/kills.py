@@ -1,0 +1,174 @@
+"""Kill `ringmodal process` at random moments and look at what is left: ``kills.py --kills 100``.
+
+A small campaign is processed into an empty place and, every second time, over an earlier result
+made with other options. Each process is ended by SIGKILL, which no program can catch, at a moment
+drawn evenly from its whole duration. The place must then hold nothing, or the earlier result, or
+the new one: every file of the contract, readable, and with the checksum that completed runs gave.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+from pipelines.provenance import sha256
+from pipelines.simulate_campaign import simulate_campaign
+from pipelines.store import load
+
+TABLES = ("modes.csv", "shapes.csv", "quality.csv", "validation.csv")
+PARQUET = ("frf.parquet", "poles.parquet")
+CONTRACT = (*TABLES, *PARQUET, "frf.uff", "tyre.toml", "report.html", "provenance.json")
+DATED = ("report.html", "provenance.json")  # differ from run to run by date and stage times
+
+EARLIER = ("--estimator", "H2", "--max-order", "40")
+NEW: tuple[str, ...] = ()
+
+NOTHING, OLD_STANDS, NEW_STANDS, PARTIAL = "nothing", "the earlier result", "the new one", "PARTIAL"
+
+
+@dataclass(frozen=True)
+class Checksums:
+    """What completed runs with the earlier and with the new options wrote."""
+
+    earlier: dict[str, str]
+    new: dict[str, str]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--kills", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=1)
+    chosen = parser.parse_args()
+    draw = random.Random(chosen.seed)
+    with tempfile.TemporaryDirectory() as scratch:
+        campaign = simulate_campaign(Path(scratch) / "campaign", duration_s=4.0)
+        earlier, new = Path(scratch) / "earlier", Path(scratch) / "new"
+        complete(campaign, earlier, EARLIER)
+        complete(campaign, new, NEW)
+        start = time.perf_counter()
+        complete(campaign, new, (*NEW, "--force"))
+        duration_s = time.perf_counter() - start
+        expected = Checksums(checksums(earlier), checksums(new))
+        place = Path(scratch) / "place" / "result"
+        rows = []
+        for number in range(chosen.kills):
+            replacing = number % 2 == 1
+            prepare(place, earlier if replacing else None)
+            stage = kill_at(campaign, place, draw.uniform(0.0, duration_s))
+            rows.append((replacing, stage, verdict(place, expected, replacing), leftovers(place)))
+        complete(campaign, place, (*NEW, "--force"))
+        report(rows, duration_s, leftovers(place))
+    sys.exit(any(row[2] == PARTIAL for row in rows))
+
+
+def command(campaign: Path, out: Path, options: tuple[str, ...]) -> list[str]:
+    program = [sys.executable, "-m", "pipelines.cli", "process", str(campaign)]
+    return [*program, "--out", str(out), *options]
+
+
+def complete(campaign: Path, out: Path, options: tuple[str, ...]) -> None:
+    subprocess.run(command(campaign, out, options), check=True, capture_output=True)
+
+
+def prepare(place: Path, earlier: Path | None) -> None:
+    """Leave what killed processes left beside the place: the next one is to clean up."""
+    place.parent.mkdir(exist_ok=True)
+    shutil.rmtree(place, ignore_errors=True)
+    if earlier is not None:
+        shutil.copytree(earlier, place)
+
+
+def kill_at(campaign: Path, place: Path, delay_s: float) -> str:
+    """Kill a run after a time and return what it did then."""
+    with tempfile.TemporaryFile("w+") as errors:
+        running = subprocess.Popen(
+            command(campaign, place, (*NEW, "--force")), stdout=subprocess.DEVNULL, stderr=errors
+        )
+        time.sleep(delay_s)
+        writing = any(f"-{running.pid}-" in path.name for path in hidden(place))
+        running.kill()
+        running.wait()
+        errors.seek(0)
+        stages = [line for line in errors.read().splitlines() if line.endswith("…")]
+    if running.returncode == 0:
+        return "finished before"
+    if not stages:
+        return "Starting"
+    return "Writing" if writing else stages[-1].removesuffix(" …")
+
+
+def hidden(place: Path) -> list[Path]:
+    return [path for path in place.parent.iterdir() if path.name.startswith(".")]
+
+
+def leftovers(place: Path) -> int:
+    """Hidden folders beside the place, for the next run to remove."""
+    return len(hidden(place))
+
+
+def verdict(place: Path, expected: Checksums, replacing: bool) -> str:
+    """What is at the place; anything that is not one complete result is partial."""
+    if not place.exists():
+        return PARTIAL if replacing else NOTHING
+    found = checksums(place)
+    if not readable(place):
+        return PARTIAL
+    estimator = json.loads((place / "provenance.json").read_text())["options"]["estimator"]
+    if found == expected.new and estimator == "H1":
+        return NEW_STANDS
+    return OLD_STANDS if replacing and found == expected.earlier and estimator == "H2" else PARTIAL
+
+
+def checksums(folder: Path) -> dict[str, str]:
+    return {path.name: "" if path.name in DATED else sha256(path) for path in folder.iterdir()}
+
+
+def readable(folder: Path) -> bool:
+    """Whether every file of the contract is there and can be read to its end."""
+    if any(not (folder / name).is_file() for name in CONTRACT):
+        return False
+    load(folder)
+    for name in TABLES:
+        with (folder / name).open(newline="") as file:
+            if len({len(row) for row in csv.reader(file)}) != 1:
+                return False
+    for name in PARQUET:
+        pq.read_table(folder / name)
+    tomllib.loads((folder / "tyre.toml").read_text())
+    return (folder / "report.html").read_text().rstrip().endswith("</html>")
+
+
+def report(rows: list[tuple[bool, str, str, int]], duration_s: float, left_at_the_end: int) -> None:
+    print(f"{len(rows)} kills at random moments of a process of {duration_s:.1f} s:\n")
+    kinds = (NOTHING, OLD_STANDS, NEW_STANDS, PARTIAL)
+    print("| killed while | place | " + " | ".join(kinds) + " |")
+    print("|---|---|" + "---:|" * len(kinds))
+    for stage in sorted({row[1] for row in rows}):
+        for replacing in (False, True):
+            counts = Counter(row[2] for row in rows if row[:2] == (replacing, stage))
+            if counts:
+                cells = " | ".join(str(counts[kind]) for kind in kinds)
+                print(f"| {stage} | {'earlier result' if replacing else 'empty'} | {cells} |")
+    most = max(row[3] for row in rows)
+    print(
+        f"\nHidden folders beside the place: {most} at most, {left_at_the_end} after one more run."
+    )
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    main()
