@@ -11,6 +11,13 @@ NAMES = {
     "uff": "input.uff",
     "csv": "input.csv",
     "gzip": "input.csv.gz",
+    "lvm": "input.lvm",
+    "parquet": "input.parquet",
+    "feather": "input.feather",
+    "matlab": "input.mat",
+    "hdf5": "input.h5",
+    "tdms": "input.tdms",
+    "wav": "input.wav",
     "manifest": "campaign.toml",
 }
 

@@ -5,13 +5,15 @@ import re
 import numpy as np
 import pytest
 from scenarios import Read
+from scenarios_binary import SCENARIOS as BINARY
 from scenarios_campaign import SCENARIOS as CAMPAIGN
 from scenarios_uff import SCENARIOS as UFF
+from scenarios_uff_headers import SCENARIOS as UFF_HEADERS
 
 import ema
 from ema.errors import InputError
 
-SCENARIOS = (*UFF, *CAMPAIGN)
+SCENARIOS = (*UFF, *UFF_HEADERS, *CAMPAIGN, *BINARY)
 
 
 def test_scenarios_have_names_of_their_own():
