@@ -130,7 +130,11 @@ ROLES = (
         units164(0.0, 1.0) + RUN,
         bad_file("a.uff", "units 0", "positive"),
     ),
-    uff("dataset 164 cut short", dataset(164, row("10d", 9)) + RUN, bad_file("a.uff", "164|end of the dataset")),
+    uff(
+        "dataset 164 cut short",
+        dataset(164, row("10d", 9)) + RUN,
+        bad_file("a.uff", "164|end of the dataset"),
+    ),
     uff(
         "words for coordinates",
         nodes15({1: (0, 0, 0)}).replace(b"0.00000E+00", b"    nowhere") + RUN,
