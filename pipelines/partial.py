@@ -8,7 +8,7 @@ import secrets
 import shutil
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -64,11 +64,9 @@ def remove_abandoned(place: Path) -> None:
 def discard(path: Path, place: Path) -> None:
     """Remove a folder beside `place` such that a kill leaves no half of it under its name."""
     discarded = partial_name(place)
-    try:
+    with suppress(OSError):  # it is not there, or stays until the next time
         path.rename(discarded)
-    except FileNotFoundError:
-        return
-    shutil.rmtree(discarded, ignore_errors=True)
+        shutil.rmtree(discarded, ignore_errors=True)
 
 
 def _prefix(place: Path) -> str:

@@ -83,6 +83,7 @@ def written_whole(
                     raise
                 _refuse_occupied(folder, place, force=force, marker=marker)
                 _replace(partial, place)
+            discard(_aside(place), place)  # ours, or what a killed process left
 
 
 def recover(folder: Path) -> None:
@@ -151,7 +152,7 @@ def _to_disk(folder: Path) -> None:
 
 
 def _replace(partial: Path, place: Path) -> None:
-    """Put `partial` in place of a folder; what was there ends as `partial` or is removed."""
+    """Put `partial` in place of a folder; what was there ends as `partial` or aside."""
     if exchange(partial, place):
         return
     aside = _aside(place)
@@ -161,13 +162,12 @@ def _replace(partial: Path, place: Path) -> None:
             discard(aside, place)
             place.rename(aside)
             partial.rename(place)
-            break
+            return
         except OSError:
             if not attempts_left:
                 raise
         finally:
             recover(place)
-    discard(aside, place)
 
 
 @contextmanager
