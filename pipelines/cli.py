@@ -230,16 +230,31 @@ def init(
 
 @app.command()
 def inspect(
-    files: Annotated[list[Path], typer.Argument(help="Recordings.")],
+    files: Annotated[
+        list[Path], typer.Argument(help="Recordings, folders of recordings, or a campaign.toml.")
+    ],
+    headers: Annotated[
+        bool, typer.Option("--headers", help="Only what headers say: signals are not looked at.")
+    ] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit code 2 if anything looks wrong.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Show channels, quantities, units, rates, lengths and levels of recordings.
+    """Show channels, units, rates, lengths and levels of recordings, and what looks wrong.
 
     Example: ringmodal inspect config_1.uff
     """
+    from pipelines.console_channels import show_inspection
     from pipelines.inspection import inspect_files
 
-    console.show_channels(inspect_files(files), as_json=as_json)
+    inspection = inspect_files(files, levels=not headers)
+    if inspection.files:
+        show_inspection(inspection, as_json=as_json)
+    for error in inspection.errors:
+        console.complain(f"Error: {error}")
+    if inspection.errors or (strict and inspection.looks_wrong):
+        raise typer.Exit(2)
 
 
 def main() -> None:

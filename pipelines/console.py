@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from ema.errors import InputError
 
 if TYPE_CHECKING:
-    from pipelines.inspection import ChannelSummary
     from pipelines.result import Result
 
 
@@ -158,7 +158,7 @@ def summary(result: Result, folder: Path) -> dict[str, Any]:
         for name, how in result.tuning.how.items():
             value = getattr(result.tuning.ring, name)
             ring[name] = {"value": value, "how": how, "std": result.tuning.std.get(name)}
-    plain: dict[str, Any] = _plain(
+    content: dict[str, Any] = plain(
         {
             "result": str(folder),
             "modes": modes,
@@ -167,31 +167,7 @@ def summary(result: Result, folder: Path) -> dict[str, Any]:
             "notes": list(result.notes),
         }
     )
-    return plain
-
-
-def show_channels(channels: list[ChannelSummary], *, as_json: bool) -> None:
-    """Print what is in recordings."""
-    if as_json:
-        rows = [_plain(vars(channel)) for channel in channels]
-        print(json.dumps(rows, indent=2, allow_nan=False))  # noqa: T201
-        return
-    from rich.console import Console
-
-    console = Console()
-    for file in dict.fromkeys(c.file for c in channels):
-        rows = [c for c in channels if c.file == file]
-        title = f"{file}: {rows[0].n_samples} samples at {rows[0].sampling_rate_hz:g} Hz"
-        table = empty_table(title)
-        for name in ("channel", "quantity", "unit"):
-            table.add_column(name)
-        for name in ("node", "rms", "peak", "mean"):
-            table.add_column(name, justify="right", no_wrap=True)
-        for c in rows:
-            node = "" if c.node is None else str(c.node)
-            levels = (f"{value:.4g}" for value in (c.rms, c.peak, c.mean))
-            table.add_row(c.channel, c.quantity, c.unit, node, *levels)
-        console.print(table)
+    return content
 
 
 def empty_table(title: str) -> Any:
@@ -234,12 +210,12 @@ def _ring_table(result: Result) -> Any:
     return table
 
 
-def _plain(value: Any) -> Any:
-    """JSON has no NaN and knows no numpy numbers."""
+def plain(value: Any) -> Any:
+    """Values as JSON has them: it knows neither NaN nor infinity, nor numpy's numbers."""
     if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
+        return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
+        return [plain(entry) for entry in value]
     if hasattr(value, "item"):
         value = value.item()
-    return None if isinstance(value, float) and value != value else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value

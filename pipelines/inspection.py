@@ -2,68 +2,212 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import fnmatch
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from ema.errors import InputError
+from ema.frf import FRF
+from ema.io.calibration import calibrated
+from ema.io.campaign import recordings_in
 from ema.io.formats import read_file
-from ema.recording import Channel
+from ema.io.manifest import MANIFEST_NAME, Manifest, read_manifest, resolve
+from ema.io.units import is_stated
+from ema.level_check import level_findings
+from ema.quality import OK, WARNING, Finding
+from ema.recording import VOLTAGE, Channel, Recording
+from ema.signal_summary import SignalSummary, signal_findings, summarise
 
-_PIECE = 1 << 20
+# What a reader left out is worth a note; it does not make a file look wrong.
+_NOTES = ("content",)
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelReport:
+    """One channel of a file: what it is, and its signal in SI units where it was looked at."""
+
+    channel: Channel
+    signal: SignalSummary | None
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class FileReport:
+    """What one file holds and what looks wrong in it.
+
+    Parameters
+    ----------
+    path : Path
+    size_bytes : int
+    sampling_rate_hz : float
+        NaN where neither file nor manifest say, and without time series.
+    channels : tuple of ChannelReport
+        Time series.
+    frf : FRF or None
+        FRFs.
+    frf_names : tuple of str
+        Their names.
+    findings : tuple of Finding
+        About the file, not one of its channels.
+    """
+
+    path: Path
+    size_bytes: int
+    sampling_rate_hz: float
+    channels: tuple[ChannelReport, ...]
+    frf: FRF | None
+    frf_names: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def all_findings(self) -> tuple[Finding, ...]:
+        """Findings about the file and its channels."""
+        return (*self.findings, *(each for row in self.channels for each in row.findings))
+
+    @property
+    def wrong(self) -> tuple[Finding, ...]:
+        """What looks wrong."""
+        return tuple(f for f in self.all_findings if f.verdict != OK and f.check not in _NOTES)
+
+    @property
+    def notes(self) -> tuple[Finding, ...]:
+        """What is worth knowing, and no fault."""
+        return tuple(f for f in self.all_findings if f.verdict == OK or f.check in _NOTES)
 
 
 @dataclass(frozen=True)
-class ChannelSummary:
-    """One channel of a file: what it is and how large its signal is, in SI units."""
+class Inspection:
+    """Reports on all files that can be read, and what is wrong with the others."""
 
-    file: str
-    channel: str
-    node: int | None
-    quantity: str
-    unit: str
-    sampling_rate_hz: float
-    n_samples: int
-    rms: float
-    peak: float
-    mean: float
+    files: tuple[FileReport, ...]
+    errors: tuple[InputError, ...]
+
+    @property
+    def looks_wrong(self) -> bool:
+        """Whether any file has a fault."""
+        return bool(self.errors) or any(report.wrong for report in self.files)
 
 
-def inspect_files(files: Sequence[Path]) -> list[ChannelSummary]:
-    """Summarise all channels of some recordings.
+def inspect_files(sources: Sequence[Path], *, levels: bool = True) -> Inspection:
+    """Look into recordings, one after the other; a bad one does not hide the others.
 
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
+    Parameters
+    ----------
+    sources : sequence of Path
+        Recordings, folders of recordings, or manifests. A manifest (in a folder, or named) gives
+        sampling rate and calibration where the files do not.
+    levels : bool
+        Whether to go through the signals; without, only headers are told.
     """
-    summaries = []
-    for path in files:
-        recording = read_file(path).recording
-        if recording is None:
-            continue
-        rate = recording.sampling_rate_hz
-        summaries += [_summary(path, channel, rate) for channel in recording.channels]
-    return summaries
-
-
-def _summary(path: Path, channel: Channel, rate_hz: float) -> ChannelSummary:
-    total = squares = peak = 0.0
-    for start in range(0, channel.n_samples, _PIECE):
-        piece = channel.block(start, min(start + _PIECE, channel.n_samples))
-        total += float(piece.sum())
-        squares += float(piece @ piece)
-        peak = max(peak, float(np.max(np.abs(piece))))
-    return ChannelSummary(
-        file=path.name,
-        channel=channel.name,
-        node=channel.node,
-        quantity=channel.quantity,
-        unit=channel.unit,
-        sampling_rate_hz=rate_hz,
-        n_samples=channel.n_samples,
-        rms=float(np.sqrt(squares / channel.n_samples)),
-        peak=peak,
-        mean=total / channel.n_samples,
+    found = [each for source in sources for each in _look(source, levels)]
+    return Inspection(
+        tuple(each for each in found if isinstance(each, FileReport)),
+        tuple(each for each in found if isinstance(each, InputError)),
     )
+
+
+def _look(source: Path, levels: bool) -> Iterator[FileReport | InputError]:
+    """Report on each file of a source, or the error that is in the way."""
+    manifest, files = None, [source]
+    if source.is_dir() or source.suffix.lower() == ".toml":
+        files = []
+        try:
+            files = recordings_in(source) if source.is_dir() else []
+            manifest = _manifest_of(source)
+            if manifest is not None and not files:
+                files = [resolve(source, run.file) for run in manifest.runs]
+        except InputError as error:
+            yield error
+    for path in files:
+        try:
+            yield _report(path, manifest, levels)
+        except InputError as error:
+            yield error
+
+
+def _manifest_of(source: Path) -> Manifest | None:
+    path = source / MANIFEST_NAME if source.is_dir() else source
+    return None if source.is_dir() and not path.exists() else read_manifest(path)
+
+
+def _report(path: Path, manifest: Manifest | None, levels: bool) -> FileReport:
+    content = read_file(path)
+    recording, findings = content.recording, list(content.findings)
+    channels: tuple[ChannelReport, ...] = ()
+    rate_hz = float("nan")
+    if recording is not None:
+        recording, noticed = _with_manifest(recording, manifest)
+        findings += [*noticed, *_remarks(recording)]
+        summaries = None
+        rate_hz = recording.sampling_rate_hz
+        if levels:
+            summaries = [summarise(channel, rate_hz) for channel in recording.channels]
+            findings += level_findings(recording, summaries)
+        channels = tuple(_channel_reports(recording, summaries, findings))
+    names = {row.channel.name for row in channels}
+    return FileReport(
+        path=path,
+        size_bytes=path.stat().st_size,
+        sampling_rate_hz=rate_hz,
+        channels=channels,
+        frf=content.frf,
+        frf_names=content.frf_names,
+        findings=tuple(finding for finding in findings if finding.channel not in names),
+    )
+
+
+def _with_manifest(
+    recording: Recording, manifest: Manifest | None
+) -> tuple[Recording, list[Finding]]:
+    """Rate and calibration by the manifest, as far as they concern this recording."""
+    if manifest is None:
+        return recording, []
+    rate_hz = manifest.acquisition.sampling_rate_hz
+    if np.isnan(recording.sampling_rate_hz) and rate_hz is not None:
+        recording = replace(recording, sampling_rate_hz=rate_hz)
+    sections = {
+        key: section
+        for key, section in manifest.calibration.items()
+        if key in recording.names or fnmatch.filter(recording.names, key)
+    }
+    recordings, findings = calibrated([recording], sections)
+    return recordings[0], findings
+
+
+def _remarks(recording: Recording) -> list[Finding]:
+    """What the recording leaves open, and the manifest has to say."""
+    file = recording.path.name
+    findings = []
+    if np.isnan(recording.sampling_rate_hz):
+        detail = "not stated: sampling_rate_hz of the manifest's [acquisition] has to say"
+        findings.append(Finding(file, "", None, "sampling rate", OK, detail))
+    for channel in recording.channels:
+        place = (file, channel.name, channel.angle_deg)
+        if channel.quantity == VOLTAGE:
+            detail = "volts: the manifest's [calibration] has to give a sensitivity"
+            findings.append(Finding(*place, "unit", OK, detail))
+        elif not is_stated(channel.unit):
+            detail = "no unit stated: taken as SI, unless the manifest's [calibration] says else"
+            findings.append(Finding(*place, "unit", OK, detail))
+    repeated = [name for name, count in Counter(recording.names).items() if count > 1]
+    for name in repeated:
+        detail = "several channels have this name, and channels are found by their names"
+        findings.append(Finding(file, name, None, "name", WARNING, detail))
+    return findings
+
+
+def _channel_reports(
+    recording: Recording, summaries: Sequence[SignalSummary] | None, findings: Sequence[Finding]
+) -> Iterator[ChannelReport]:
+    for row, channel in enumerate(recording.channels):
+        about = [finding for finding in findings if finding.channel == channel.name]
+        if channel.name in recording.names[:row]:  # said of its first namesake
+            about = []
+        signal = None if summaries is None else summaries[row]
+        if signal is not None:
+            about += signal_findings(signal, recording.path.name, channel)
+        yield ChannelReport(channel, signal, tuple(about))
