@@ -168,7 +168,10 @@ def test_uneven_ascii_double(tmp_path):
         (ascii58(fixed(range(8)), function_type=1, ordinate=5, n=4), "complex values"),
         (binary58(floats(range(8))).replace(b"58b     1", b"58b     7"), "byte order 7"),
         (binary58(floats(range(8))).replace(b"58b     1     2", b"58b     1     5"), "format 5"),
-        (nodes15({1: (1, 0, 0)}).replace(b"0.0", b"x.0") + ascii58(fixed(range(8))), "nodes"),
+        (
+            nodes15({1: (1, 0, 0)}).replace(b"0.0", b"x.0") + ascii58(fixed(range(8))),
+            "columns 54 to",
+        ),
         (units164(0.0, 1.0) + ascii58(fixed(range(8))), "positive"),
         (ascii58(fixed(range(8))) + ascii58(fixed(range(4)), n=4, name="A02"), "'A02'"),
         (
@@ -213,7 +216,10 @@ def test_what_holds_nothing_is_counted_and_left_out(tmp_path):
     found = read(tmp_path, content)
     assert found.recording is None
     assert found.frf is None
-    assert "dataset 2420, function type 2" in found.findings[0].detail
+    assert (
+        "dataset 2420 (coordinate systems), function type 2 (auto spectrum)"
+        in found.findings[0].detail
+    )
 
 
 @pytest.mark.parametrize(

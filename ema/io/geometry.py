@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _ROUND = 0.05  # radii may differ by this part of the radius
+_SENSELESS = 1e100  # larger than any structure in any unit
 _PLANES = {0: (1, 2), 1: (0, 2), 2: (0, 1)}  # normal axis: the axes angles are counted between
 
 
@@ -28,7 +29,7 @@ def angles_on_circle(nodes: Mapping[int, NDArray[np.float64]]) -> dict[int, floa
     if not nodes:
         return {}
     points = np.array(list(nodes.values()), dtype=np.float64)
-    if not np.isfinite(points).all():
+    if not (np.abs(points) < _SENSELESS).all():  # NaN is not smaller than anything
         return {}
     first, second = _PLANES[int(np.argmin(np.ptp(points, axis=0)))]
     if len(points) == 1 and not points[0, [first, second]].any():

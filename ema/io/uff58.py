@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.errors import RecordingFormatError
-from ema.io.uff58_header import Header58, parse_number
+from ema.io.uff58_header import Header58
 from ema.io.uff_columns import convert_lines
 from ema.io.uff_scan import COPY_AGAIN, Dataset, place
+from ema.io.uff_text import line_numbers
 
 _CHUNK_BYTES = 1 << 21
 _LONGEST_LINE = 4096
@@ -111,27 +112,5 @@ def _irregular(text: bytes, widths: tuple[int, ...], where: str) -> NDArray[np.f
             found = f"a line of more than {_LONGEST_LINE} characters"
             rule = "lines of a dataset 58 have 80 columns"
             raise RecordingFormatError(where, found, rule, COPY_AGAIN)
-        try:
-            numbers += [parse_number(word) for word in line.split()]
-        except ValueError:
-            numbers += _by_columns(line.rstrip(), widths, where)
+        numbers += line_numbers(line, widths, where)
     return np.array(numbers, dtype=np.float64)
-
-
-def _by_columns(text: str, widths: tuple[int, ...], where: str) -> list[float]:
-    numbers, begin = [], 0
-    for width in widths:
-        if begin >= len(text):
-            break
-        field = text[begin : begin + width]
-        try:
-            numbers.append(parse_number(field))
-        except ValueError:
-            rule = f"columns {begin + 1} to {begin + width} hold a number"
-            raise RecordingFormatError(where, repr(field), rule, COPY_AGAIN) from None
-        begin += width
-    if text[begin:].strip():
-        found = repr(text[begin:].strip()[:20])
-        rule = f"nothing follows behind column {begin} of a line"
-        raise RecordingFormatError(where, found, rule, COPY_AGAIN)
-    return numbers

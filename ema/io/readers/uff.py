@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pyuff
 from numpy.typing import NDArray
 
 from ema.errors import RecordingFormatError
@@ -19,24 +16,25 @@ from ema.io.sampling import even_step, step_and_inverse
 from ema.io.uff58 import read_values
 from ema.io.uff58_header import FREQUENCY_RESPONSE, TIME_RESPONSE, Header58
 from ema.io.uff_frf import read_frf
+from ema.io.uff_geometry import read_nodes, read_units
+from ema.io.uff_kinds import describe_left_out
 from ema.io.uff_scan import COPY_AGAIN, Dataset, place, scan
 from ema.io.uff_units import UnitSystem, ordinate_unit
 from ema.quality import Finding
 from ema.recording import Channel, Recording
 
 SUFFIXES = (".uff", ".unv", ".uf", ".bunv", ".58", ".ufb")
-_NODES = (2411, 15)  # the first one found counts
 _UNITS = 164
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
 
 
 @dataclass(frozen=True)
-class _Surroundings:
-    """What other datasets of the file say about its functions."""
+class Surroundings:
+    """What other datasets of a file say: units, angles of nodes, and doubts about them."""
 
-    units: UnitSystem = field(default_factory=UnitSystem)
-    angle_deg: dict[int, float] = field(default_factory=dict)
-    not_round: bool = False
+    units: UnitSystem
+    angle_deg: dict[int, float]
+    findings: tuple[Finding, ...] = ()
 
 
 def read(path: Path) -> FileContent:
@@ -57,10 +55,9 @@ def read(path: Path) -> FileContent:
     findings = _remarks(path, datasets, times, responses)
     if not times and not responses:
         return FileContent(path, findings=findings)
-    around = _surroundings(path, datasets, [*times, *responses])
-    if around.not_round:
-        detail = "the nodes of the file's geometry lie on no circle; it gives no angles"
-        findings += (remark(path, "", "geometry", detail),)
+    in_use = {_header(each).response_node for each in (*times, *responses)}
+    around = surroundings(path, datasets, in_use)
+    findings += around.findings
     recording, noticed = _read_recording(path, times, around) if times else (None, ())
     findings += noticed
     frf = None
@@ -91,73 +88,34 @@ def _remarks(
         if dataset.remark:
             name = _header(dataset).id_lines[0]
             findings.append(remark(path, name, "byte count", dataset.remark))
-    used = {dataset.index for dataset in (*times, *responses)}
-    left = sorted(
-        {
-            f"function type {_function_type(each)}" if each.header else f"dataset {each.number}"
-            for each in datasets
-            if each.index not in used and each.number not in (*_NODES, _UNITS, 151)
-        }
-    )
-    if left:
-        detail = f"{', '.join(left)}: nothing in it for this tool, left out"
-        findings.append(remark(path, "", "content", detail))
+    left_out = describe_left_out(datasets)
+    if left_out:
+        findings.append(remark(path, "", "content", left_out))
     return tuple(findings)
 
 
-def _surroundings(
-    path: Path, datasets: Sequence[Dataset], functions: Sequence[Dataset]
-) -> _Surroundings:
-    """Let pyuff read nodes and units, from a small file that holds those datasets alone."""
-    nodes = next((n for n in _NODES if any(each.number == n for each in datasets)), None)
-    wanted = [each for each in datasets if each.number in (nodes, _UNITS)]
-    if not wanted:
-        return _Surroundings()
-    sets = _read_with_pyuff(path, wanted)
+def surroundings(path: Path, datasets: Sequence[Dataset], in_use: set[int]) -> Surroundings:
+    """What the other datasets of a file say about the nodes in use.
+
+    Raises
+    ------
+    RecordingFormatError
+        If nodes, coordinate systems or units are damaged.
+    """
     units = UnitSystem()
-    coordinates: dict[int, NDArray[np.float64]] = {}
-    try:
-        for each in sets:
-            if each["type"] == _UNITS:
-                units = UnitSystem(float(each["length"]), float(each["force"]))
-            else:
-                table = np.array([each["x"], each["y"], each["z"]], dtype=np.float64).T
-                labels = [int(node) for node in each["node_nums"]]
-                coordinates |= dict(zip(labels, table, strict=True))
-    except (KeyError, ValueError, TypeError, OverflowError) as error:
-        found = "datasets of nodes or units that hold something else"
-        rule = "nodes have a number and three coordinates, units have factors"
-        raise RecordingFormatError(path.name, found, rule, COPY_AGAIN) from error
-    if not units.is_valid:
-        found = f"units {units.length} (length) and {units.force} (force)"
-        rule = "factors of dataset 164 are positive numbers"
-        raise RecordingFormatError(path.name, found, rule, COPY_AGAIN)
-    in_use = {_header(each).response_node for each in functions}
-    carrying = {node: point for node, point in coordinates.items() if node in in_use}
+    for each in datasets:
+        if each.number == _UNITS:
+            units = read_units(path, each)
+    nodes, doubt = read_nodes(path, datasets)
+    carrying = {node: point for node, point in nodes.items() if node in in_use}
     angles = angles_on_circle(carrying)
-    return _Surroundings(units, angles, not_round=bool(carrying) and not angles)
-
-
-def _read_with_pyuff(path: Path, datasets: Sequence[Dataset]) -> list[dict[str, Any]]:
-    with tempfile.TemporaryDirectory() as folder, path.open("rb") as file:
-        extract = Path(folder) / "extract.uff"
-        with extract.open("wb") as small:
-            for each in datasets:
-                file.seek(each.start)
-                small.write(file.read(each.stop - each.start).rstrip() + b"\n")
-        try:
-            found = pyuff.UFF(str(extract)).read_sets()
-        except Exception as error:  # pyuff raises nothing more specific
-            kinds = ", ".join(str(each.number) for each in datasets)
-            rule = "nodes and units follow the definition of their dataset"
-            raise RecordingFormatError(
-                path.name, f"datasets {kinds}: {error}", rule, COPY_AGAIN
-            ) from error
-    return list(found) if isinstance(found, list) else [found]
+    if carrying and not angles:
+        doubt = "the nodes of the file's geometry lie on no circle; it gives no angles"
+    return Surroundings(units, angles, (remark(path, "", "geometry", doubt),) if doubt else ())
 
 
 def _read_recording(
-    path: Path, datasets: Sequence[Dataset], around: _Surroundings
+    path: Path, datasets: Sequence[Dataset], around: Surroundings
 ) -> tuple[Recording, tuple[Finding, ...]]:
     channels: list[Channel] = []
     rates: list[float] = []
