@@ -1,122 +1,90 @@
-"""Read tables of text: one channel for each column, its unit in the header's square brackets."""
+"""Read tables of text: one channel for each column, its unit beside or below its name."""
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-import pyarrow as pa
-import pyarrow.csv
-from numpy.typing import NDArray
-
 from ema.errors import RecordingFormatError
-from ema.io.columns import EXPORT_AGAIN, Column, content_of_columns, name_and_unit
-from ema.io.content import FileContent
+from ema.io.columns import EXPORT_AGAIN, Column, content_of_columns, is_time
+from ema.io.content import FileContent, remark
+from ema.io.text_cells import time_unit
+from ema.io.text_layout import Layout, find_layout
+from ema.io.text_source import open_text
+from ema.io.text_table import Cells, read_cells
+from ema.quality import Finding
 
-SUFFIXES = (".csv", ".tsv")
-_LONGEST_HEADER = 1 << 20
-_SEPARATORS = ("\t", ";", ",")
-_NUMBER = re.compile(r"^[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$")
-
-
-@dataclass(frozen=True)
-class _Header:
-    """First line of a table: how it is written, and its cells' names and units."""
-
-    encoding: str
-    separator: str
-    names: tuple[str, ...]
-    units: tuple[str, ...]
+SUFFIXES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
+NAMED_SUFFIXES = (".txt", ".asc", ".dat", ".txt.gz")
 
 
 def read(path: Path) -> FileContent:
-    """Read the time series of a CSV file with a header row such as ``time [s],A01 [m/s^2]``.
+    """Read the time series of a table with a header row such as ``time [s],A01 [m/s^2]``.
 
-    Columns are separated by comma, semicolon or tab; with the latter two, a decimal comma is
-    understood. The rate follows from a column ``time`` or ``t``, and is NaN without one.
+    Columns are separated by comma, semicolon, tab, bar or blanks, with a decimal point or comma;
+    the text is UTF-8, UTF-16 with a byte-order mark, or latin-1, and may be packed by gzip. Up to
+    200 lines of other text may stand above the names, and units in a row below them. The rate
+    follows from a column of time in s or of time stamps, from a line above the names such as
+    ``Sampling rate: 2 kHz``, or from both, which then agree; it is NaN without either.
+    Cells that are empty or say ``NaN`` are samples that are missing.
 
     Raises
     ------
     RecordingFormatError
-        If the file is missing or empty, has no header, a cell is no number, or time is uneven.
+        If the file is missing or empty, has no header, a cell is no number, rows differ in
+        length, the last one is cut short, or time is uneven.
     """
-    header, first_row = _read_header(path)
-    named = [index for index, name in enumerate(header.names) if name]
-    columns = _read_columns(path, header, named, decimal_point=_decimal_point(header, first_row))
-    return content_of_columns(
-        path, [Column(header.names[i], header.units[i], columns[i]) for i in named]
+    with open_text(path) as source:
+        layout = find_layout(source)
+        wanted, findings = _wanted(path, layout)
+        cells = read_cells(source, layout, wanted, source.sections(layout.start))
+    columns = [_column(layout, index, cells.pop(index), path, findings) for index in wanted]
+    content = content_of_columns(
+        path, [column for column in columns if column is not None], rate_hz=layout.rate_hz
     )
+    return replace(content, findings=(*findings, *content.findings))
 
 
-def _line(path: Path, number: int) -> str:
-    return f"{path.name}, line {number}"
+def _wanted(path: Path, layout: Layout) -> tuple[list[int], list[Finding]]:
+    """Columns that are time or channels; which others are left out."""
+    wanted: list[int] = []
+    findings: list[Finding] = []
+    headings = list(zip(layout.names, map(time_unit, layout.names, layout.units), strict=True))
+    has_time = any(
+        is_time(*heading) for i, heading in enumerate(headings) if i not in layout.clocks
+    )
+    for index, name in enumerate(layout.names):
+        if not name and index >= layout.filled:
+            continue
+        if not name:
+            detail = f"column {index + 1} has no name and is left out"
+        elif index in layout.clocks and has_time:
+            detail = "time stamps beside the time are left out"
+        else:
+            wanted.append(index)
+            has_time = has_time or index in layout.clocks
+            continue
+        findings.append(remark(path, name, "ignored", detail))
+    if not wanted:
+        found = f"columns {', '.join(layout.names)}"
+        rule = "at least one column with a name holds numbers"
+        raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
+    return wanted, findings
 
 
-def _read_header(path: Path) -> tuple[_Header, str]:
-    """Cells of the first line, and the second line to tell the decimal sign from."""
-    try:
-        with path.open("rb") as file:
-            raw = file.readline(_LONGEST_HEADER)
-            row = file.readline(_LONGEST_HEADER)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        rule = "it must be a file that can be read"
-        raise RecordingFormatError(str(path), reason, rule, "Check name and rights") from error
-    if not raw.strip() or not row:
-        found = "no rows below the header" if raw.strip() else "the file is empty"
-        rule = "a table begins with a header row and holds at least one row of numbers"
-        raise RecordingFormatError(str(path), found, rule, EXPORT_AGAIN)
-    if b"\x00" in raw:
-        rule = "a table is text in UTF-8 or latin-1"
-        raise RecordingFormatError(_line(path, 1), "binary data", rule, EXPORT_AGAIN)
-    try:
-        text, encoding = raw.decode("utf-8-sig"), "utf8"
-    except UnicodeDecodeError:
-        text, encoding = raw.decode("latin-1"), "latin-1"
-    separator = max(_SEPARATORS, key=text.count)
-    cells = [cell.strip().strip('"').strip() for cell in text.rstrip("\r\n").split(separator)]
-    if any(_NUMBER.match(cell) for cell in cells):
-        found = f"no header: {cells[0][:20]!r} …"
-        rule = "the first line names each column, its unit in square brackets"
-        raise RecordingFormatError(_line(path, 1), found, rule, "Add a header line")
-    names, units = zip(*(name_and_unit(cell) for cell in cells), strict=True)
-    return _Header(encoding, separator, names, units), row.decode("latin-1")
-
-
-def _decimal_point(header: _Header, row: str) -> str:
-    return "," if header.separator != "," and "," in row and "." not in row else "."
-
-
-def _read_columns(
-    path: Path, header: _Header, wanted: list[int], *, decimal_point: str
-) -> dict[int, NDArray[np.float64]]:
-    labels = [str(index) for index in range(len(header.names))]
-    chosen = [labels[index] for index in wanted]
-    try:
-        table = pa.csv.read_csv(
-            path,
-            read_options=pa.csv.ReadOptions(
-                column_names=labels, skip_rows=1, encoding=header.encoding
-            ),
-            parse_options=pa.csv.ParseOptions(delimiter=header.separator),
-            convert_options=pa.csv.ConvertOptions(
-                column_types=dict.fromkeys(chosen, pa.float64()),
-                include_columns=chosen,
-                null_values=[],
-                decimal_point=decimal_point,
-            ),
-        )
-    except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
-        rule = f"each of the {len(labels)} columns holds a number in every row"
-        raise RecordingFormatError(path.name, str(error), rule, EXPORT_AGAIN) from error
-    if not table.num_rows:
-        rule = "a table holds at least one row of numbers"
-        raise RecordingFormatError(path.name, "blank rows only", rule, EXPORT_AGAIN)
-    columns = {}
-    for index, label in zip(wanted, chosen, strict=True):
-        samples = table.column(label).to_numpy()
-        samples.setflags(write=False)
-        columns[index] = samples
-    return columns
+def _column(
+    layout: Layout, index: int, cells: Cells, path: Path, findings: list[Finding]
+) -> Column | None:
+    """A column with its name and unit; None where all its cells are empty."""
+    name, unit = layout.names[index], layout.units[index]
+    n_rows = len(cells.samples)
+    if index in layout.clocks:
+        return Column("time", "s", cells.samples)
+    if cells.n_missing == n_rows:
+        detail = "no number in any row; the column is left out"
+        findings.append(remark(path, name, "ignored", detail))
+        return None
+    if cells.n_missing:
+        detail = f"{cells.n_missing} of {n_rows} missing, the first in row {cells.first_missing}"
+        findings.append(remark(path, name, "missing samples", detail))
+    return Column(name, time_unit(name, unit), cells.samples)
