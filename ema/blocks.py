@@ -76,17 +76,7 @@ class BlockPlan:
         InputError
             If there is no window of that name.
         """
-        from scipy.signal import get_window
-
-        try:
-            taper = get_window(self.window, self.block_samples)
-        except ValueError as error:
-            raise InputError(
-                "window",
-                repr(self.window),
-                "it must be a window of scipy that needs no parameter",
-                "Choose e.g. 'hann' or 'boxcar'",
-            ) from error
+        taper = _window(self.window, self.block_samples)
         return np.asarray(taper / np.sqrt(np.mean(taper**2)))
 
     @property
@@ -100,6 +90,25 @@ class BlockPlan:
             shared = float(self.taper[shift:] @ self.taper[:-shift]) / self.block_samples
             correlation += 2 * (1 - lag / self.n_blocks) * shared**2
         return self.n_blocks / (1 + correlation)
+
+
+def _window(name: str, n_samples: int) -> NDArray[np.float64]:
+    """Periodic window; scipy.signal takes a second to load and is spared for the usual two."""
+    if name == "boxcar":
+        return np.ones(n_samples)
+    if name == "hann":
+        return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi / n_samples * np.arange(n_samples)))
+    from scipy.signal import get_window
+
+    try:
+        return np.asarray(get_window(name, n_samples))
+    except ValueError as error:
+        raise InputError(
+            "window",
+            repr(name),
+            "it must be a window of scipy that needs no parameter",
+            "Choose e.g. 'hann' or 'boxcar'",
+        ) from error
 
 
 def plan_blocks(

@@ -15,6 +15,7 @@ from ema.bounded_fit import (
     with_stand_ins,
     without_leakage,
 )
+from ema.chance import chi_square_tail
 from ema.circumference import label_modes, on_circle
 from ema.covariance import (
     frequency_damping_covariance,
@@ -86,14 +87,12 @@ def fit_modes(
 
 def drift_in_one_step(fit: PoleFit, run: tuple[str, ...], correlation: float) -> Drift:
     """Drift of the runs, one Gauss–Newton step away from a common state, tested against chance."""
-    from scipy.stats import chi2
-
     apart = evaluate(fit.lines, fit.poles, np.zeros(fit.lines.n_runs))
     own = slice(2 * fit.poles.size, None)
     covariance = parameter_covariance(apart, correlation)[own, own]
     step = -np.linalg.lstsq(apart.normal_matrix(), apart.gradient(), rcond=1e-12)[0][own]
     size = float(step @ np.linalg.pinv(covariance, rcond=1e-10) @ step)
-    chance = float(chi2.sf(size, step.size))
+    chance = float(chi_square_tail(size, step.size))
     std = np.sqrt(np.diag(covariance))
     percent = 100 * np.append(0.0, step), 100 * np.append(0.0, std)
     return Drift(run, *percent, applied=chance < _DRIFT_CHANCE, chance=chance)

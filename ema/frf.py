@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,6 +16,7 @@ from ema.errors import InputError
 from ema.excitation import is_steady
 from ema.recording import Campaign, Processing, Run
 from ema.spectra import Spectra, measure_spectra, pooled
+from ema.threads import available_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +150,8 @@ def estimate_frf(
     if campaign.frf is not None:
         return campaign.frf.rows(_order_of(campaign.frf.position_deg, campaign.frf.node))
     plan = _common_plan(campaign.runs, processing or campaign.processing)
-    spectra = [_run_spectra(run, plan) for run in campaign.runs]
+    with ThreadPoolExecutor(available_threads()) as pool:
+        spectra = list(pool.map(lambda run: _run_spectra(run, plan), campaign.runs))
     frf = _positions_frf(campaign.runs, spectra, plan, estimator)
     return replace(frf, reference=_reference_frf(campaign, spectra, plan, estimator))
 

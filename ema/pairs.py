@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.chance import chi_square_tail
 from ema.covariance import parameter_covariance
 from ema.errors import FitError
 from ema.orders import OrderFrf, fit_order
@@ -118,11 +119,9 @@ def _beside(pole: complex) -> list[NDArray[np.complex128]]:
 
 def _chance(one: PoleFit, two: PoleFit, correlation: float) -> float:
     """Likelihood-ratio test with the noise as large as the better fit leaves it."""
-    from scipy.stats import chi2
-
     scale = correlation * max(two.misfit, 1.0)
     freedom = 2 + 2 * one.lines.scale.size
-    return float(chi2.sf(max(one.chi_square - two.chi_square, 0.0) / scale, freedom))
+    return float(chi_square_tail(max(one.chi_square - two.chi_square, 0.0) / scale, freedom))
 
 
 def _doubt(two: PoleFit, correlation: float) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.bounded_fit import fit_bounded, without_leakage
+from ema.chance import chi_square_tail
 from ema.circumference import label_modes, on_circle
 from ema.covariance import line_correlation, parameter_covariance, residue_std
 from ema.family import PURE, family
@@ -111,13 +112,11 @@ def significant(
     A pole may be stable from model order to model order and yet be only a wiggle of the noise. Of
     two that share a resonance, neither may be determined: only the lesser one goes.
     """
-    from scipy.stats import chi2
-
     size = _residue_size(fit, line_correlation(refit.frf.blocks))
     frequency_hz = np.abs(fit.poles) / (2 * np.pi)
     inside = (frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1])
     inside[-N_STAND_INS:] = False
-    noise = inside & ~(chi2.sf(size, 2 * fit.lines.scale.size) < _RESIDUE_CHANCE)
+    noise = inside & ~(chi_square_tail(size, 2 * fit.lines.scale.size) < _RESIDUE_CHANCE)
     lesser = size[:, None] > size
     noise &= ~np.any(noise & _share_resonance(fit.poles) & lesser, axis=1)
     if not np.any(noise) or np.all(noise | ~inside):

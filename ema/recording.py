@@ -63,6 +63,11 @@ class Channel:
         with np.errstate(invalid="ignore"):  # signalling NaNs become quiet ones
             return np.asarray(self.samples[start:stop], dtype=np.float64) * self.scale_to_si
 
+    def read_block(self, start: int, into: NDArray[np.float64]) -> None:
+        """Fill `into` with the samples from `start` on, in SI units."""
+        with np.errstate(invalid="ignore"):
+            np.multiply(self.samples[start : start + into.size], self.scale_to_si, out=into)
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:

@@ -56,52 +56,88 @@ def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
     plan : BlockPlan
         Blocks for the length of this run.
     """
-    from scipy.fft import rfft
-
     sensors = [response.channel for response in run.responses]
     if run.reference is not None:
         sensors.append(run.reference)
-    channels = [run.force, *sensors]
-    lines = slice(1, plan.frequency_hz.size + 1)
-    force = np.zeros(plan.frequency_hz.size)
-    response = np.zeros((len(sensors), force.size))
-    cross = np.zeros(response.shape, dtype=complex)
-    gaps = np.zeros(response.shape)  # power of the force in blocks that a sensor lacks
-    clipped = np.zeros(len(channels))
-    n_used = np.zeros(len(sensors))
+    sums = _Sums(len(sensors), plan)
+    block = np.empty((len(sensors) + 1, plan.block_samples))
+    looked_at = 0  # samples up to here were looked at for clipping: none needs that twice
     for start in plan.starts:
-        block = np.stack([c.block(start, start + plan.block_samples) for c in channels])
+        for row, channel in zip(block, [run.force, *sensors], strict=True):
+            channel.read_block(start, row)
+        fresh = start >= looked_at
+        looked_at = start + plan.block_samples if fresh else looked_at
+        sums.add(block, look_for_clipping=fresh)
+    return sums.spectra()
+
+
+class _Sums:
+    """Running sums over the blocks of a run; the force is row 0 of each block.
+
+    Scratch arrays are kept: the system takes longer to hand out fresh ones than the sums take.
+    """
+
+    def __init__(self, n_sensors: int, plan: BlockPlan) -> None:
+        n_lines = plan.block_samples // 2 + 1
+        self.plan = plan
+        self.squares = np.zeros((n_sensors + 1, 2 * n_lines))  # of real and imaginary parts
+        self.cross = np.zeros((n_sensors, n_lines), dtype=complex)
+        self.gaps = np.zeros((n_sensors, 2 * n_lines))  # of the force, in blocks a sensor lacks
+        self.clipped = np.zeros(n_sensors + 1)
+        self.n_looked_at = 0
+        self.n_used = np.zeros(n_sensors)
+        self._spectrum = np.empty((n_sensors + 1, n_lines), dtype=complex)
+        self._squares = np.empty_like(self.squares)
+        self._cross = np.empty_like(self.cross)
+
+    def add(self, block: NDArray[np.float64], *, look_for_clipping: bool) -> None:
+        """Add a block of all channels, which is overwritten."""
         mean = block.mean(axis=1, keepdims=True)
         whole = np.isfinite(mean[:, 0])
         if not whole[0]:
-            continue
-        clipped += _on_extremes(block)
+            return
+        if look_for_clipping:
+            self.clipped += _on_extremes(block)
+            self.n_looked_at += 1
         block -= mean
         block[~whole] = 0.0
-        spectrum = rfft(block * plan.taper, axis=1)[:, lines]
-        power = np.abs(spectrum[0]) ** 2
-        force += power
-        gaps[~whole[1:]] += power
-        response += np.abs(spectrum[1:]) ** 2
-        cross += spectrum[1:] * spectrum[0].conj()
-        n_used += whole[1:]
-    gaps[n_used == 0] = force  # exactly, whatever the rounding
-    return Spectra(
-        force - gaps,
-        response,
-        cross,
-        plan.n_effective * n_used / plan.n_blocks,
-        np.full(len(sensors), plan.n_effective),
-        clipped[1:] / plan.n_blocks,
-        np.full(len(sensors), clipped[0] / plan.n_blocks),
-    )
+        block *= self.plan.taper
+        spectrum = np.fft.rfft(block, axis=1, out=self._spectrum)
+        parts = spectrum.view(np.float64)
+        self.squares += np.multiply(parts, parts, out=self._squares)
+        self.cross += np.multiply(spectrum[1:], spectrum[0].conj(), out=self._cross)
+        self.gaps[~whole[1:]] += self._squares[0]
+        self.n_used += whole[1:]
+
+    def spectra(self) -> Spectra:
+        """Everything that was added."""
+        self.gaps[self.n_used == 0] = self.squares[0]  # exactly, whatever the rounding
+        lines = slice(1, self.plan.frequency_hz.size + 1)
+        n_sensors = self.n_used.size
+        clipped = self.clipped / max(self.n_looked_at, 1)
+        return Spectra(
+            _power(self.squares[0] - self.gaps)[:, lines],
+            _power(self.squares[1:])[:, lines],
+            self.cross[:, lines],
+            self.plan.n_effective * self.n_used / self.plan.n_blocks,
+            np.full(n_sensors, self.plan.n_effective),
+            clipped[1:],
+            np.full(n_sensors, clipped[0]),
+        )
+
+
+def _power(squares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """|z|² from the squares of real and imaginary parts, which alternate."""
+    return squares[:, ::2] + squares[:, 1::2]
 
 
 def _on_extremes(block: NDArray[np.float64]) -> NDArray[np.float64]:
     """Share of samples equal to a block's largest or smallest; one of each is no clipping."""
-    high, low = block.max(axis=1, keepdims=True), block.min(axis=1, keepdims=True)
-    count = np.count_nonzero((block == high) | (block == low), axis=1) - 2
-    return np.asarray(np.maximum(count, 0) / block.shape[1])
+    share = np.empty(len(block))
+    for number, row in enumerate(block):  # row by row: it stays in the cache
+        count = np.count_nonzero(row == row.max()) + np.count_nonzero(row == row.min())
+        share[number] = max(count - 2, 0) / row.size
+    return share
 
 
 def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spectra:
