@@ -127,7 +127,8 @@ _CHANNEL_COLUMNS: dict[str, Callable[[ChannelReport], str]] = {
     "hum": _of_signal(_hum),
     "missing": _of_signal(lambda signal: str(signal.n_missing or "")),
 }
-_TEXTS = ("channel", "quantity", "unit in\nthe file", "FRF")
+_NAMES = ("channel", "FRF")  # take several lines where they are long
+_TEXTS = ("quantity", "unit in\nthe file")
 _FIRST_TO_GO = ("quantity", "crest")  # on a narrow screen; the unit tells the quantity
 
 
@@ -151,10 +152,15 @@ def _show_table(console: Console, columns: dict[str, list[str]]) -> None:
     columns = {heading: cells for heading, cells in columns.items() if any(cells)}
     table = _table(columns)
     for heading in _FIRST_TO_GO:
-        if console.measure(table).maximum > console.width and heading in columns:
+        if _full_width(console, table) > console.width and heading in columns:
             del columns[heading]
             table = _table(columns)
     console.print(table)
+
+
+def _full_width(console: Console, table: Any) -> int:
+    unlimited = console.options.update(width=1_000_000)
+    return console.measure(table, options=unlimited).maximum
 
 
 def _table(columns: dict[str, list[str]]) -> Any:
@@ -162,10 +168,11 @@ def _table(columns: dict[str, list[str]]) -> Any:
 
     table = empty_table("")
     for heading in columns:
-        if heading in _TEXTS:
+        if heading in _NAMES:
             table.add_column(heading, overflow="fold")
         else:
-            table.add_column(heading, justify="right", no_wrap=True)
+            justify = "left" if heading in _TEXTS else "right"
+            table.add_column(heading, justify=justify, no_wrap=True)
     for cells in zip(*columns.values(), strict=True):
         table.add_row(*(Text(_printable(cell)) for cell in cells))
     return table
