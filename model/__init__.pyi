@@ -1,0 +1,72 @@
+from .cleat import Cleat, CleatTest
+from .coefficients import Harmonics, harmonics
+from .contact import ContactPatch, contact_patch
+from .damping import DampingResult, damping_ratios, identify_damping
+from .errors import InstabilityError, ParameterError
+from .forced import inertance, inextensional_inertance
+from .hub import HubResponse, free_hub_roots, hub_response
+from .loaded import LoadedRing, load_ring, loaded_frequencies_hz
+from .loaded_modes import LoadedModes
+from .parameters import RingDamping, RingParameters, Wheel
+from .ring import (
+    displacement_ratio,
+    extensional_frequencies_hz,
+    modal_mass_kg,
+    natural_frequencies_hz,
+    radial_shape,
+    torsion_frequency_hz,
+)
+from .roots import characteristic_roots, eigenvector_ratios
+from .rotation import Bifurcation, bifurcation, critical_speeds_rad_s
+from .sensitivity import Sensitivity, frequency_sensitivity
+from .steady_state import Equilibrium, equilibrium
+from .transfer import ForcedRing
+from .tuning import tune_ring
+from .tuning_result import TuningResult
+from .waves import WavePair, wave_pair
+
+__all__ = [
+    "Bifurcation",
+    "Cleat",
+    "CleatTest",
+    "ContactPatch",
+    "DampingResult",
+    "Equilibrium",
+    "ForcedRing",
+    "Harmonics",
+    "HubResponse",
+    "InstabilityError",
+    "LoadedModes",
+    "LoadedRing",
+    "ParameterError",
+    "RingDamping",
+    "RingParameters",
+    "Sensitivity",
+    "TuningResult",
+    "WavePair",
+    "Wheel",
+    "bifurcation",
+    "characteristic_roots",
+    "contact_patch",
+    "critical_speeds_rad_s",
+    "damping_ratios",
+    "displacement_ratio",
+    "eigenvector_ratios",
+    "equilibrium",
+    "extensional_frequencies_hz",
+    "free_hub_roots",
+    "frequency_sensitivity",
+    "harmonics",
+    "hub_response",
+    "identify_damping",
+    "inertance",
+    "inextensional_inertance",
+    "load_ring",
+    "loaded_frequencies_hz",
+    "modal_mass_kg",
+    "natural_frequencies_hz",
+    "radial_shape",
+    "torsion_frequency_hz",
+    "tune_ring",
+    "wave_pair",
+]
