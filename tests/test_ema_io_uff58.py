@@ -4,9 +4,7 @@ import re
 
 import numpy as np
 import pytest
-import pyuff
 from builders import (
-    SHARED_DATA,
     ascii58,
     binary58,
     dataset,
@@ -289,48 +287,3 @@ def test_any_payload_is_read_as_stored(tmp_path_factory, payload):
     payload = payload[: len(payload) // 4 * 4] or b"\x00" * 4
     content = binary58(payload, n=len(payload) // 4)
     assert samples(tmp_path_factory.mktemp("any"), content).tobytes() == payload
-
-
-def real_files():
-    if not SHARED_DATA.exists():
-        return []
-    return sorted([*SHARED_DATA.glob("uff_corpus/*.uff"), *SHARED_DATA.glob("real/*/*.uff")])
-
-
-@pytest.mark.skipif(not real_files(), reason="measured data of others are not at hand")
-def test_real_files_are_read_or_refused_with_reason():
-    for path in real_files():
-        try:
-            found = read_uff(path)
-        except RecordingFormatError as error:
-            assert "truncated" in error.rule, path
-            assert path.name == "dataset_milestone_in_header.uff"
-            continue
-        assert found.recording or found.frf or "nothing in it" in found.findings[0].detail, path
-
-
-@pytest.mark.skipif(not real_files(), reason="measured data of others are not at hand")
-def test_real_time_series_equal_those_of_pyuff():
-    compared = 0
-    for path in real_files():
-        if path.name == "dataset_milestone_in_header.uff":
-            continue
-        found = read_uff(path).recording
-        if found is None:
-            continue
-        theirs = pyuff.UFF(str(path))
-        sets = [theirs.read_sets(k) for k, n in enumerate(theirs.get_set_types()) if n == 58]
-        for channel, other in zip(found.channels, sets, strict=True):
-            np.testing.assert_array_equal(channel.samples, other["data"])
-            assert channel.name == other["id1"].strip()
-            compared += 1
-    assert compared >= 14
-
-
-@pytest.mark.skipif(not real_files(), reason="measured data of others are not at hand")
-def test_ruler_has_ten_inertances_on_its_lines():
-    frf = read_uff(SHARED_DATA / "real" / "ruler_grid" / "frf.uff").frf
-    assert frf.values.shape == (10, 3276)
-    assert frf.node.tolist() == list(range(1, 11))
-    assert frf.frequency_hz[1] == pytest.approx(0.6103515625, rel=1e-9)
-    assert np.isnan(frf.coherence).all()

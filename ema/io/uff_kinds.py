@@ -66,7 +66,7 @@ def describe_left_out(datasets: Sequence[Dataset]) -> str:
     others = dict.fromkeys(_name(each) for each in left if each.number not in SHAPES)
     parts = [f"{', '.join(others)}: nothing in it for this tool, left out"] if others else []
     if shapes:
-        parts.append(f"{', '.join(shapes)}: left out here, mode shapes are for ema.read_shapes")
+        parts.append(f"{', '.join(shapes)}: left out; mode shapes are read by ema.read_shapes")
     return "; ".join(parts)
 
 
