@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from pipelines.simulate_output import FIGURE_ENDINGS, TABLE_ENDINGS, require_target
+from pipelines.simulate_targets import FIGURE_ENDINGS, TABLE_ENDINGS, require_target
 
 
 class Frames(StrEnum):
