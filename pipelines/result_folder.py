@@ -177,7 +177,7 @@ def _as_input_error(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise InputError(
             str(folder),
-            error.strerror or str(error),
+            os.strerror(error.errno) if error.errno else str(error),
             "the result could not be written and nothing was left behind",
             "Check free space and permissions, or choose another folder",
         ) from error
