@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 
 from ema.errors import RecordingFormatError
@@ -29,6 +30,7 @@ from ema.io.units import is_stated
 _MOST_PREAMBLE = 200  # lines
 _SAMPLE_ROWS = 20
 _SAMPLE_CELLS = 40_000  # of tables with thousands of columns
+_TIME_WITHIN = 50  # columns
 _MOST_JOINED = 10  # lines of one row, in whose quoted names lines break
 _SEPARATORS = ("\t", ";", ",", "|")
 _OPEN_QUOTE = re.compile(r"(?:^|[\t;,|])[ ]*\"[^\"]*$")
@@ -103,11 +105,17 @@ class _Row:
     """What the cells of a line are, all in all."""
 
     line: _Line
+    separator: str
     width: int
     filled: int
     numbers: int
     texts: int
-    is_heading: bool
+
+    @cached_property
+    def is_heading(self) -> bool:
+        """Whether one of the cells is the name of a time column."""
+        cells = cells_of(self.line.text, self.separator)[:_TIME_WITHIN]
+        return self.texts > 0 and any(map(is_time_label, cells))
 
     @property
     def is_data(self) -> bool:
@@ -221,17 +229,16 @@ def _row(line: _Line, dialect: Dialect) -> _Row:
             numbers += 1
         elif not is_missing(cell) and not is_clock(cell):
             texts += 1
-    return _Row(line, len(cells), filled, numbers, texts, any(map(is_time_label, cells[:50])))
+    return _Row(line, dialect.separator, len(cells), filled, numbers, texts)
 
 
 def _table(lines: Sequence[_Line], dialect: Dialect) -> _Table | None:
     """The longest run of numbers near the beginning, with names above where there are any."""
     rows: list[_Row] = []
-    cells = 0
     for line in lines:
         rows.append(_row(line, dialect))
-        cells += rows[-1].width if rows[-1].is_data else 0
-        if cells > _SAMPLE_CELLS and all(row.is_data for row in rows[-2:]):
+        sample = rows[-min(_SAMPLE_ROWS, 2 + _SAMPLE_CELLS // rows[-1].width) :]
+        if len(sample) > 1 and all(row.is_data for row in sample):
             break
     tables = [_table_at(rows, first, dialect) for first in _starts(rows, dialect)]
     return max(tables, key=lambda each: (each.names is not None, each.n_data), default=None)

@@ -65,7 +65,7 @@ class TextSource:
         for piece in self._pieces(rest, size):
             end = piece.rfind(b"\n") + 1
             if end:
-                yield carried + piece[:end]
+                yield b"".join((carried, memoryview(piece)[:end]))
                 carried = b""
             carried += piece[end:]
             if len(carried) > _LONGEST_LINE:

@@ -91,16 +91,21 @@ class _Column:
         self._first_missing = 0
 
     def append(self, values: NDArray[Any], n_expected: int, *, narrow: bool) -> None:
-        absent = ~np.isfinite(values)
-        if absent.any():
+        with np.errstate(over="ignore", invalid="ignore"):
+            is_complete = np.isfinite(np.sum(values))  # far faster than sample by sample
+        if not is_complete:
+            absent = ~np.isfinite(values)
             values = np.where(absent, np.nan, values)
-            self._first_missing = self._first_missing or self._n + int(np.argmax(absent)) + 1
+            if not self._n_missing and absent.any():
+                self._first_missing = self._n + int(np.argmax(absent)) + 1
             self._n_missing += int(np.count_nonzero(absent))
         if self._array.dtype == np.float32 and not (narrow and _is_single(values)):
             self._array = self._array.astype(np.float64)
         end = self._n + len(values)
         if end > len(self._array):
-            self._array.resize(max(end, n_expected), refcheck=False)
+            larger = np.empty(max(end, n_expected), self._array.dtype)
+            larger[: self._n] = self._array[: self._n]
+            self._array = larger
         self._array[self._n : end] = values
         self._n = end
 
@@ -135,7 +140,7 @@ class _Reader:
             if self._layout.width == 1:
                 self._held += section
             else:
-                self._line += section.count(b"\n")
+                self._line += _n_lines(section)
             return
         if self._layout.width == 1:
             section = self._without_blank_end(section)
@@ -149,10 +154,10 @@ class _Reader:
         for index, column in self._columns.items():
             values = table.column(str(index))
             if index in self._layout.clocks:
-                column.append(self._nanoseconds(index, values), n_expected, narrow=False)
-            else:
-                column.append(values.to_numpy(), n_expected, narrow=narrow)
-        self._line += section.count(b"\n")
+                values = self._nanoseconds(index, values)
+            for chunk in values.chunks:
+                column.append(chunk.to_numpy(zero_copy_only=False), n_expected, narrow=narrow)
+        self._line += _n_lines(section)
         self._tail = section[-(1 << 16) :]
 
     def columns(self) -> dict[int, Cells]:
@@ -291,7 +296,7 @@ class _Reader:
             found = f"the last row ends in {last[-1]!r}, those before in {last[-2]!r} and the like"
             raise RecordingFormatError(where, found, _CUT_SHORT, _COPY_AGAIN)
 
-    def _nanoseconds(self, index: int, stamps: pa.ChunkedArray) -> NDArray[np.int64]:
+    def _nanoseconds(self, index: int, stamps: pa.ChunkedArray) -> pa.ChunkedArray:
         """Time stamps as whole nanoseconds since some moment."""
         compute = pa.compute
         if stamps.null_count:
@@ -302,11 +307,13 @@ class _Reader:
         if "-" not in text[0].as_py():
             text = compute.binary_join_element_wise("1970-01-01", text, " ")
         try:
-            times = text.cast(pa.timestamp("ns"))
+            return text.cast(pa.timestamp("ns")).cast(pa.int64())
         except pa.ArrowInvalid as error:
             raise self._fault(self._line, str(error), _STAMP_RULE, index) from error
-        nanoseconds: NDArray[np.int64] = times.cast(pa.int64()).to_numpy()
-        return nanoseconds
+
+
+def _n_lines(section: bytes) -> int:
+    return int(np.count_nonzero(np.frombuffer(section, np.uint8) == ord("\n")))
 
 
 def _single_blanks(section: bytes) -> bytes:
