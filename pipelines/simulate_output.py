@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ema.errors import InputError
 from pipelines.console import empty_table
+from pipelines.whole_file import file_written_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,14 +32,12 @@ def write_columns(path: Path, columns: Columns, note: str = "") -> None:
     """
     from pipelines import tables
 
-    def write(partial: Path) -> None:
+    with file_written_whole(path) as partial:
         if path.suffix.lower() == ".csv":
             rows = zip(*(values.tolist() for values in columns.values()), strict=True)
             tables.write_csv(partial, tuple(columns), rows)
         else:
             _write_parquet(partial, columns, note)
-
-    _write_whole(path, write)
 
 
 def write_figure(path: Path, figure: Figure) -> None:
@@ -48,7 +45,8 @@ def write_figure(path: Path, figure: Figure) -> None:
     from pipelines.figures_file import figure_bytes  # drawing takes a second to load
 
     content = figure_bytes(figure, path.suffix.lower().lstrip("."))
-    _write_whole(path, lambda partial: partial.write_bytes(content))
+    with file_written_whole(path) as partial:
+        partial.write_bytes(content)
 
 
 def print_json(content: Mapping[str, Any]) -> None:
@@ -69,23 +67,6 @@ def print_rows(title: str, columns: Mapping[str, ArrayLike], places: Mapping[str
         table.add_row(*(_cell(value, places.get(name, 0)) for name, value in cells))
     console.print(title, markup=False, highlight=False)
     console.print(table)
-
-
-def _write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Write beside `path` and put the file in its place when it is complete."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        write(partial)
-        partial.replace(path)
-    except OSError as error:
-        raise InputError(
-            str(path),
-            error.strerror or str(error),
-            "the file could not be written",
-            "Check free space and permissions, or choose another place",
-        ) from error
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def _write_parquet(path: Path, columns: Columns, note: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 from collections.abc import Iterable
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -174,7 +174,7 @@ def resolve(manifest: Path, file: str) -> Path:
     folder = manifest.parent.resolve()
     try:
         target = (folder / file).resolve()
-        inside = not Path(file).is_absolute() and target.is_relative_to(folder)
+        inside = not _starts_elsewhere(file) and target.is_relative_to(folder)
     except (OSError, ValueError, RuntimeError):  # a NUL in the name, a loop of links
         inside = False
     if not inside:
@@ -182,6 +182,11 @@ def resolve(manifest: Path, file: str) -> Path:
         remedy = "Put the recordings beside the manifest"
         raise ManifestError(f"{manifest.name}, runs", f"file {file!r}", rule, remedy)
     return target
+
+
+def _starts_elsewhere(file: str) -> bool:
+    """Whether a path is absolute or names a drive or a share; the same answer on every system."""
+    return bool(PureWindowsPath(file).anchor) or PurePosixPath(file).is_absolute()
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
