@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from ema.errors import RecordingFormatError
 from ema.io.columns import EXPORT_AGAIN, is_time
+from ema.io.content import remark
 from ema.io.text_cells import (
     BLANKS,
     cells_of,
@@ -25,6 +27,7 @@ from ema.io.text_cells import (
 )
 from ema.io.text_layout import Dialect, Layout
 from ema.io.text_source import TextSource
+from ema.quality import Finding
 
 _BLOCK_BYTES = 1 << 20
 _NARROW_BYTES = 4  # cells of fewer bytes are kept in single precision where that is exact
@@ -79,6 +82,17 @@ def read_cells(
     for section in sections:
         reader.take(section, source.share_read)
     return reader.columns()
+
+
+def missing_samples(path: Path, name: str, cells: Cells) -> list[Finding]:
+    """Note how many samples of a channel are missing, where any are."""
+    if not cells.n_missing:
+        return []
+    detail = (
+        f"{cells.n_missing} of {len(cells.samples)} samples are missing, "
+        f"the first in row {cells.first_missing}"
+    )
+    return [remark(path, name, "missing samples", detail)]
 
 
 class _Column:

@@ -11,7 +11,7 @@ from ema.io.content import FileContent, remark
 from ema.io.text_cells import time_unit
 from ema.io.text_layout import Layout, find_layout
 from ema.io.text_source import open_text
-from ema.io.text_table import Cells, read_cells
+from ema.io.text_table import Cells, missing_samples, read_cells
 from ema.quality import Finding
 
 SUFFIXES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
@@ -77,14 +77,11 @@ def _column(
 ) -> Column | None:
     """A column with its name and unit; None where all its cells are empty."""
     name, unit = layout.names[index], layout.units[index]
-    n_rows = len(cells.samples)
     if index in layout.clocks:
         return Column("time", "s", cells.samples)
-    if cells.n_missing == n_rows:
+    if cells.n_missing == len(cells.samples):
         detail = "no number in any row; the column is left out"
         findings.append(remark(path, name, "ignored", detail))
         return None
-    if cells.n_missing:
-        detail = f"{cells.n_missing} of {n_rows} missing, the first in row {cells.first_missing}"
-        findings.append(remark(path, name, "missing samples", detail))
+    findings += missing_samples(path, name, cells)
     return Column(name, time_unit(name, unit), cells.samples)
