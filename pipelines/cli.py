@@ -223,6 +223,8 @@ def init(
     from pipelines.draft import draft_manifest, write_draft
 
     draft = draft_manifest(folder)
+    for text in draft.left_out:
+        console.complain(f"Left out: {text}")
     typer.echo(f"Draft: {write_draft(folder, draft, force=force)}")
     for text in draft.missing:
         typer.echo(f"To fill in: {text}")

@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+import numpy as np
 
 from ema.errors import InputError
-from ema.io.formats import is_recording, read_file
+from ema.io.campaign import recordings_in
+from ema.io.formats import read_file
 from ema.io.manifest import MANIFEST_NAME
-from ema.recording import ACCELERATION, FORCE, Channel, Recording
+from ema.quality import Finding
+from ema.recording import VOLTAGE, Channel
+from pipelines.draft_guesses import (
+    GEOMETRY,
+    NODES,
+    Places,
+    Source,
+    excitation_deg,
+    forces_in,
+    needs_calibration,
+    places_of,
+    reference_of,
+    sensors_in,
+    sources_of,
+)
 
-# A reference sensor keeps one name and sits on no node of the grid, or on the same in all runs.
-_REFERENCE_WORD = "ref"
-_PROBABLE_GRIDS = (72, 36, 48, 60, 90, 120, 180, 360)
+_BARE_KEY = re.compile(r"^[A-Za-z0-9_-]+$")
 _TO_FILL_IN = """\
 # Draft made from the recordings. Fill in what stands in angle brackets, check the rest, and
 # uncomment what applies; every key is explained in docs/conventions.md and the README.
@@ -31,10 +46,35 @@ class Draft:
         TOML; lines to fill in are comments.
     missing : tuple of str
         What the files do not tell, in words.
+    left_out : tuple of str
+        Why files could not be considered.
     """
 
     text: str
     missing: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Sketch:
+    """What is known, or thought, of the campaign."""
+
+    name: str
+    runs: tuple[Source, ...]
+    frfs: tuple[Source, ...]  # beside time series; these go first
+    unread: tuple[Path, ...]
+    force: str | None
+    reference: str | None
+    places: Places
+
+    @property
+    def is_structure(self) -> bool:
+        """Whether places are numbered, but on no circle."""
+        return bool(self.places.known_from) and self.places.positions is None
+
+    @property
+    def sensors(self) -> list[Channel]:
+        return [c for source in self.runs for c in sensors_in(source, self.reference)]
 
 
 def draft_manifest(folder: Path) -> Draft:
@@ -47,118 +87,228 @@ def draft_manifest(folder: Path) -> Draft:
     Raises
     ------
     InputError
-        If the folder holds no recordings, or one cannot be read.
+        If the folder holds no recordings, or none that can be read.
     """
-    files = sorted(path for path in folder.iterdir() if path.is_file() and is_recording(path))
-    recordings = [found for path in files if (found := read_file(path).recording) is not None]
-    if not recordings:
-        raise InputError(
-            str(folder),
-            "no recordings with time series",
-            "a manifest is drafted from recordings",
-            "Copy the files there, or name another folder",
-        )
-    force, reference = _force(recordings), _reference(recordings)
-    positions = _positions(recordings, reference)
-    missing = ["[tyre] inflation_pressure_pa and mean_radius_m, for the ring parameters"]
-    if force is None:
-        missing.append("[excitation] channel, the force")
-    if positions is None:
-        missing.append("positions_deg of each run, the angles of the sensors")
-    parts = [
-        _TO_FILL_IN,
-        "schema = 1\n",
-        _tyre(folder),
-        _acquisition(recordings),
-        f"[grid]\npositions = {positions or 72}\n",
-        _excitation(force),
-        *(_run(recording, reference, force, positions) for recording in recordings),
-    ]
-    return Draft("\n".join(part for part in parts if part), tuple(missing))
+    sources: list[Source] = []
+    errors: dict[Path, str] = {}
+    for path in recordings_in(folder):
+        try:
+            content = read_file(path)
+        except InputError as error:
+            errors[path] = str(error)
+            continue
+        sources += sources_of(content)
+        if content.recording is None and content.frf is None:
+            errors[path] = _nothing_in(path, content.findings)
+    if not sources:
+        found = "; ".join(errors.values())
+        rule = "a manifest is drafted from recordings"
+        raise InputError(str(folder), found, rule, "Copy the files there, or name another folder")
+    series = tuple(source for source in sources if not source.has_frfs)
+    runs = series or tuple(sources)
+    reference = reference_of(runs) if series else None
+    forces = {name for source in runs for name in forces_in(source)}
+    sketch = _Sketch(
+        name=folder.resolve().name,
+        runs=runs,
+        frfs=tuple(source for source in sources if source.has_frfs and series),
+        unread=tuple(errors),
+        force=forces.pop() if len(forces) == 1 else None,
+        reference=reference,
+        places=places_of(runs, reference),
+    )
+    return Draft(_text_of(sketch), tuple(_missing(sketch)), tuple(errors.values()))
 
 
 def write_draft(folder: Path, draft: Draft, *, force: bool = False) -> Path:
-    """Write a draft beside the recordings; an existing manifest is replaced only with `force`."""
+    """Write a draft beside the recordings; an existing manifest is replaced only with `force`.
+
+    Raises
+    ------
+    InputError
+        If there is one, and `force` is not given.
+    """
     path = folder / MANIFEST_NAME
-    if path.exists() and not force:
-        raise InputError(
-            str(path), "a manifest", "it is not overwritten unasked", "Move it away, or use --force"
-        )
-    path.write_text(draft.text, encoding="utf-8", newline="\n")
+    try:
+        with path.open("w" if force else "x", encoding="utf-8", newline="\n") as file:
+            file.write(draft.text)
+    except FileExistsError:
+        remedy = "Move it away, or use --force"
+        raise InputError(str(path), "a manifest", "it is not overwritten unasked", remedy) from None
     return path
 
 
-def _force(recordings: list[Recording]) -> str | None:
-    names = {c.name for r in recordings for c in r.channels if c.quantity == FORCE}
-    return names.pop() if len(names) == 1 else None
+def _nothing_in(path: Path, findings: Sequence[Finding]) -> str:
+    notes = "; ".join(finding.detail for finding in findings)
+    return f"{path.name}: neither time series nor FRFs" + (f" ({notes})" if notes else "")
 
 
-def _reference(recordings: list[Recording]) -> str | None:
-    """Name of the channel that looks like the fixed sensor: by its word, or by a steady node."""
-    names = Counter(c.name for r in recordings for c in _sensors(r))
-    common = [name for name, count in names.items() if count == len(recordings)]
-    called = [name for name in common if name.lower().startswith(_REFERENCE_WORD)]
-    if called or len(recordings) < 2:
-        return called[0] if called else None
-    nodes = {
-        name: {c.node for r in recordings for c in _sensors(r) if c.name == name} for name in common
-    }
-    fixed = [name for name, where in nodes.items() if len(where) == 1 and None not in where]
-    return fixed[0] if len(fixed) == 1 else None
+def _missing(sketch: _Sketch) -> Iterator[str]:
+    """What the user has to say, in the order of the manifest."""
+    if not sketch.is_structure:
+        yield "[tyre] inflation_pressure_pa and mean_radius_m, for the ring parameters"
+    rates = _rates(sketch)
+    if len(rates) > 1:
+        yield f"one sampling rate: the files have {', '.join(f'{rate:g} Hz' for rate in rates)}"
+    if not rates and not sketch.runs[0].has_frfs:
+        yield "[acquisition] sampling_rate_hz, which the files do not state"
+    volts, unitless = _uncalibrated(sketch)
+    if volts:
+        yield f"[calibration] sensitivity of {_listed(volts)}, in volts"
+    if unitless:
+        yield f"[calibration] unit of {_listed(unitless)}; without one they are taken as SI"
+    if _force_is_open(sketch):
+        names = {channel.name for source in sketch.runs for channel in source.channels}
+        yield f"[excitation] channel, the force, one of {_listed(sorted(names))}"
+    if not sketch.places.known_from:
+        yield "[grid] positions, and positions_deg of each run, the angles of the sensors"
+    elif sketch.places.is_guess and sketch.places.positions:
+        known_from = sketch.places.known_from
+        yield f"[grid] positions: {sketch.places.positions} is a guess from {known_from}"
 
 
-def _positions(recordings: list[Recording], reference: str | None) -> int | None:
-    """Grid that the node numbers fill; None where they do not fill one."""
-    nodes = [c.node for r in recordings for c in _sensors(r) if c.name != reference]
-    if not nodes or None in nodes or len(set(nodes)) < len(nodes):
-        return None
-    highest = max(node for node in nodes if node is not None)
-    fitting = [grid for grid in _PROBABLE_GRIDS if highest <= grid and len(nodes) <= grid]
-    return len(nodes) if len(nodes) in fitting else next(iter(sorted(fitting)), None)
+def _listed(names: Sequence[str], most: int = 6) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
-def _sensors(recording: Recording) -> list[Channel]:
-    return [c for c in recording.channels if c.quantity == ACCELERATION]
+def _rates(sketch: _Sketch) -> list[float]:
+    """Sampling rates that files state, each once."""
+    rates = [source.sampling_rate_hz for source in sketch.runs]
+    return list(dict.fromkeys(round(rate, 6) for rate in rates if not np.isnan(rate)))
 
 
-def _tyre(folder: Path) -> str:
-    name = _text(folder.resolve().name)
-    return (
-        f"[tyre]\ndesignation = {name}\n"
-        "# inflation_pressure_pa = <Pa>   # required for the ring parameters\n"
-        "# mean_radius_m = <m>            # required for the ring parameters\n"
-        "# belt_width_m = <m>             # optional: absolute amplitudes of the ring model\n"
-    )
+def _force_is_open(sketch: _Sketch) -> bool:
+    """Whether it is not clear which channel is the force; one in each run needs no naming."""
+    return any(not source.has_frfs and len(forces_in(source)) != 1 for source in sketch.runs)
 
 
-def _acquisition(recordings: list[Recording]) -> str:
-    rate = recordings[0].sampling_rate_hz
-    if rate != rate:
-        return "[acquisition]\n# sampling_rate_hz = <Hz>          # the files do not say\n"
-    return f"[acquisition]\nsampling_rate_hz = {float(rate)!r}\n"
+def _uncalibrated(sketch: _Sketch) -> tuple[list[str], list[str]]:
+    """Names of the channels in volts, and of those without unit."""
+    used = {sketch.reference, *(c.name for c in sketch.sensors)}
+    used.update(name for source in sketch.runs for name in forces_in(source))
+    channels = [
+        channel
+        for source in sketch.runs
+        for channel in source.channels
+        if channel.name in used and needs_calibration(channel)
+    ]
+    volts = dict.fromkeys(c.name for c in channels if c.quantity == VOLTAGE)
+    unitless = dict.fromkeys(c.name for c in channels if c.quantity != VOLTAGE)
+    return list(volts), list(unitless)
 
 
-def _excitation(force: str | None) -> str:
-    channel = f"channel = {_text(force)}" if force else "# channel = <name of the force>"
-    return f'[excitation]\n{channel}\nposition_deg = 0.0\ndirection = "radial"\n'
+def _text_of(sketch: _Sketch) -> str:
+    parts = [
+        _TO_FILL_IN,
+        "schema = 1\n",
+        _tyre(sketch),
+        _acquisition(sketch),
+        _calibration(sketch),
+        _grid(sketch),
+        _excitation(sketch),
+        *(_run(sketch, source) for source in sketch.runs),
+        *(
+            _commented_run(source.path, "FRFs, instead of the time series")
+            for source in sketch.frfs
+        ),
+        *(_commented_run(path, "left out: nothing could be read") for path in sketch.unread),
+    ]
+    return "\n".join(part for part in parts if part)
 
 
-def _run(
-    recording: Recording, reference: str | None, force: str | None, positions: int | None
-) -> str:
-    lines = ["[[runs]]", f"file = {_text(recording.path.name)}"]
-    if reference is not None and reference in recording.names:
-        lines.append(f"reference = {_text(reference)}")
-    sensors = [c for c in _sensors(recording) if c.name != reference]
-    if positions is None:
-        names = ", ".join(f"{_text(c.name)} = <deg>" for c in sensors)
-        lines.append(f"# positions_deg = {{ {names} }}")
+def _tyre(sketch: _Sketch) -> str:
+    lines = [
+        "[tyre]",
+        f"designation = {_text(sketch.name)}",
+        "# inflation_pressure_pa = <Pa>   # required for the ring parameters",
+        "# mean_radius_m = <m>            # required for the ring parameters",
+        "# belt_width_m = <m>             # optional: absolute amplitudes of the ring model",
+    ]
+    if sketch.is_structure:  # a tyre without its data, and without a circle, would be refused
+        lines = ["# Only for a tyre:", *(f"# {line.removeprefix('# ')}" for line in lines)]
+    return _joined(lines)
+
+
+def _acquisition(sketch: _Sketch) -> str:
+    rates = _rates(sketch)
+    if len(rates) == 1:
+        return f"[acquisition]\nsampling_rate_hz = {rates[0]!r}\n"
+    if sketch.runs[0].has_frfs:
+        return ""
+    why = "the files do not say" if not rates else "the files differ, and runs share one rate"
+    return f"[acquisition]\n# sampling_rate_hz = <Hz>          # {why}\n"
+
+
+def _calibration(sketch: _Sketch) -> str:
+    volts, unitless = _uncalibrated(sketch)
+    if not volts and not unitless:
+        return ""
+    lines = ['[calibration]                     # a key may be a pattern such as "A*"']
+    for name in volts:
+        unit = "mV/N" if name == sketch.force else "mV/g"
+        lines.append(f'# {_key(name)} = {{ sensitivity = "<number> {unit}" }}')
+    for name in unitless:
+        unit = "N, kN, …" if name == sketch.force else "m/s^2, g, …"
+        lines.append(f'# {_key(name)} = {{ unit = "<{unit}>" }}')
+    return _joined(lines)
+
+
+def _grid(sketch: _Sketch) -> str:
+    positions, known_from = sketch.places.positions, sketch.places.known_from
+    if positions is not None:
+        guess = "   # a guess: check it" if sketch.places.is_guess else ""
+        return f"[grid]\npositions = {positions}{guess}\n"
+    what = "Only for a circle of sensors:" if known_from else "For a circle of sensors:"
+    return f"# {what}\n# [grid]\n# positions = <number>\n"
+
+
+def _excitation(sketch: _Sketch) -> str:
+    lines = ["[excitation]"]
+    if sketch.force is not None:
+        lines.append(f"channel = {_text(sketch.force)}")
+    elif _force_is_open(sketch):
+        lines.append("# channel = <name of the force>")
+    if not sketch.is_structure:
+        angle = excitation_deg(sketch.runs, sketch.places)
+        assumed = "               # assumed" if angle is None else ""
+        lines += [f"position_deg = {angle or 0.0!r}{assumed}", 'direction = "radial"']
+    return _joined(lines) if len(lines) > 1 else ""
+
+
+def _run(sketch: _Sketch, source: Source) -> str:
+    lines = ["[[runs]]", f"file = {_text(source.path.name)}"]
+    if sketch.reference in [channel.name for channel in source.channels]:
+        lines.append(f"reference = {_text(str(sketch.reference))}")
+    sensors = sensors_in(source, sketch.reference)
+    places = sketch.places
+    # The file itself says where its accelerations are; what is no acceleration yet, is listed.
+    tells = places.known_from in (GEOMETRY, NODES) and not any(map(needs_calibration, sensors))
+    if tells or sketch.is_structure:
+        lines.append(f"# positions follow from {places.known_from}")
+    elif places.angle_deg is not None:
+        known = (f"{_key(c.name)} = {places.angle_deg[source.path, c.name]!r}" for c in sensors)
+        lines.append(f"positions_deg = {{ {', '.join(known)} }}")
     else:
-        lines.append("# positions follow from the node numbers in the file")
+        open_places = (f"{_key(channel.name)} = <deg>" for channel in sensors)
+        lines.append(f"# positions_deg = {{ {', '.join(open_places)} }}")
+    return _joined(lines)
+
+
+def _commented_run(path: Path, why: str) -> str:
+    return f"# {why}\n# [[runs]]\n# file = {_text(path.name)}\n"
+
+
+def _joined(lines: Sequence[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _text(value: Any) -> str:
+def _key(name: str) -> str:
+    return name if _BARE_KEY.match(name) else _text(name)
+
+
+def _text(value: str) -> str:
+    """A string of TOML, whatever signs a name has."""
     import tomlkit
 
-    return tomlkit.item(str(value)).as_string()
+    return tomlkit.item(value).as_string()

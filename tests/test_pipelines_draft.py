@@ -52,5 +52,5 @@ def test_an_existing_manifest_is_kept(bare):
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path):
-    with pytest.raises(InputError, match="no recordings with time series"):
+    with pytest.raises(InputError, match="no recordings"):
         draft_manifest(tmp_path)
