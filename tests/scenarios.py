@@ -118,11 +118,17 @@ def _binary(values, header) -> bytes:
     return binary58(floats(values, big=big, double=double), **header)
 
 
-def table(header="force [N],A01 [m/s^2]", separator=",", eol="\n", time=True) -> str:
+def table(
+    header="force [N],A01 [m/s^2]",
+    separator=",",
+    eol="\n",
+    time=True,
+    signals=(FORCE, ACCELERATION),
+) -> str:
     """A table of force and acceleration under a heading; `time` puts a column before them."""
     rows = []
-    for k in range(N):
+    for k, (first, second) in enumerate(zip(*signals, strict=True)):
         cells = [f"{k / RATE_HZ:.4f}"] if time else []
-        rows.append(separator.join([*cells, f"{FORCE[k]:.1f}", f"{ACCELERATION[k]:.1f}"]))
+        rows.append(separator.join([*cells, f"{first:.1f}", f"{second:.1f}"]))
     heading = (f"time [s]{separator}" if time else "") + header
     return eol.join([heading, *rows]) + eol

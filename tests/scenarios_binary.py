@@ -14,16 +14,18 @@ from scenarios import ACCELERATION, FORCE, RATE_HZ, Read, Scenario, bad_file
 
 _FIRST = {"force": tuple(FORCE[:4]), "A01": tuple(ACCELERATION[:4])}
 _AS_WRITTEN = Read(first=_FIRST)
+_SIGNALS = (FORCE, ACCELERATION)
+_UNITS = {"force": "N", "A01": "m/s^2"}
 
 
-def arrow_table():
+def arrow_table(signals=_SIGNALS):
     """Force and acceleration, units in the metadata of their fields."""
     fields = [
         pa.field("force", pa.float64(), metadata={"unit": "N"}),
         pa.field("A01", pa.float32(), metadata={"unit": "m/s^2"}),
     ]
     return pa.table(
-        [FORCE, ACCELERATION.astype(np.float32)],
+        [signals[0], signals[1].astype(np.float32)],
         schema=pa.schema(fields, metadata={"sampling_rate_hz": "2000"}),
     )
 
@@ -35,10 +37,12 @@ def parquet_file(table=None, **options):
     return sink.getvalue()
 
 
-def feather_file(compression="uncompressed"):
+def feather_file(compression="uncompressed", table=None):
     """Bytes of a Feather file."""
     sink = io.BytesIO()
-    pa.feather.write_feather(arrow_table(), sink, compression=compression)
+    pa.feather.write_feather(
+        arrow_table() if table is None else table, sink, compression=compression
+    )
     return sink.getvalue()
 
 
@@ -67,11 +71,11 @@ def hdf5_file(fill=None):
 
 def _fill_hdf5(file):
     file.attrs["sampling_rate_hz"] = RATE_HZ
-    for name, unit, values in (("force", "N", FORCE), ("A01", "m/s^2", ACCELERATION)):
+    for (name, unit), values in zip(_UNITS.items(), _SIGNALS, strict=True):
         file.create_dataset(name, data=values).attrs["unit"] = unit
 
 
-def tdms_file():
+def tdms_file(signals=_SIGNALS):
     """Bytes of a TDMS file."""
     sink = io.BytesIO()
     with TdmsWriter(sink) as writer:
@@ -82,10 +86,7 @@ def tdms_file():
                     ChannelObject(
                         "run", name, values, {"unit_string": unit, "wf_increment": 1.0 / RATE_HZ}
                     )
-                    for name, unit, values in (
-                        ("force", "N", FORCE),
-                        ("A01", "m/s^2", ACCELERATION),
-                    )
+                    for (name, unit), values in zip(_UNITS.items(), signals, strict=True)
                 ),
             ]
         )
