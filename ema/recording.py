@@ -165,6 +165,12 @@ class Run:
     responses: tuple[Response, ...]
     reference: Channel | None = None
 
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Channels in use: the force, the responses, and the reference sensor last."""
+        sensors = [response.channel for response in self.responses]
+        return (self.force, *sensors, *([self.reference] if self.reference else []))
+
 
 @dataclass(frozen=True, eq=False)
 class Campaign:

@@ -56,14 +56,11 @@ def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
     plan : BlockPlan
         Blocks for the length of this run.
     """
-    sensors = [response.channel for response in run.responses]
-    if run.reference is not None:
-        sensors.append(run.reference)
-    sums = _Sums(len(sensors), plan)
-    block = np.empty((len(sensors) + 1, plan.block_samples))
+    sums = _Sums(len(run.channels) - 1, plan)
+    block = np.empty((len(run.channels), plan.block_samples))
     looked_at = 0  # samples up to here were looked at for clipping: none needs that twice
     for start in plan.starts:
-        for row, channel in zip(block, [run.force, *sensors], strict=True):
+        for row, channel in zip(block, run.channels, strict=True):
             channel.read_block(start, row)
         fresh = start >= looked_at
         looked_at = start + plan.block_samples if fresh else looked_at

@@ -125,3 +125,9 @@ def test_files_of_one_name_are_told_apart_by_their_folder(tmp_path):
         (tmp_path / folder / "run.uff").write_bytes(recording(seed))
     found = ema.read_campaign([tmp_path / "monday" / "run.uff", tmp_path / "tuesday" / "run.uff"])
     assert [run.name for run in found.runs] == ["monday/run.uff", "tuesday/run.uff"]
+
+
+def test_a_level_that_makes_no_sense_is_recorded(campaign):
+    found = campaign([(0, 90), (180, 270)], [recording(1), recording(2, force_scale=1e-4)])
+    levels = [(f.run, f.channel, f.verdict) for f in found.findings if f.check == "level"]
+    assert levels == [("run_2.uff", "force", "warning")]

@@ -24,6 +24,7 @@ from ema.io.formats import is_recording, read_file
 from ema.io.manifest import MANIFEST_NAME, Manifest, nearest, read_manifest, resolve
 from ema.io.positions import Grid
 from ema.io.roles import Wanted, assign, reference_place
+from ema.level_check import level_findings
 from ema.quality import EXCLUDED, Finding
 from ema.recording import Campaign, Recording, Run
 
@@ -221,6 +222,7 @@ def _fill_runs(
             reference_deg = _same_place(run, each, grid, reference_deg)
         if excitation_deg is None:
             excitation_deg = grid.known_place(run.force, each.positions_deg).angle_deg
+        findings += level_findings(replace(recording, channels=run.channels))
     findings += coverage_findings(runs, campaign.positions)
     return replace(
         campaign,
