@@ -89,17 +89,7 @@ def draft_manifest(folder: Path) -> Draft:
     InputError
         If the folder holds no recordings, or none that can be read.
     """
-    sources: list[Source] = []
-    errors: dict[Path, str] = {}
-    for path in recordings_in(folder):
-        try:
-            content = read_file(path)
-        except InputError as error:
-            errors[path] = str(error)
-            continue
-        sources += sources_of(content)
-        if content.recording is None and content.frf is None:
-            errors[path] = _nothing_in(path, content.findings)
+    sources, errors = _read_all(recordings_in(folder))
     if not sources:
         found = "; ".join(errors.values())
         rule = "a manifest is drafted from recordings"
@@ -118,6 +108,25 @@ def draft_manifest(folder: Path) -> Draft:
         places=places_of(runs, reference),
     )
     return Draft(_text_of(sketch), tuple(_missing(sketch)), tuple(errors.values()))
+
+
+def _read_all(paths: Sequence[Path]) -> tuple[list[Source], dict[Path, str]]:
+    """Content of all files that can be used, and what is wrong with the others."""
+    sources: list[Source] = []
+    errors: dict[Path, str] = {}
+    for path in paths:
+        try:
+            path.name.encode()
+            content = read_file(path)
+        except UnicodeEncodeError:
+            errors[path] = f"{path.name!a}: a name that no manifest can hold; rename the file"
+        except InputError as error:
+            errors[path] = str(error)
+        else:
+            sources += sources_of(content)
+            if content.recording is None and content.frf is None:
+                errors[path] = _nothing_in(path, content.findings)
+    return sources, errors
 
 
 def write_draft(folder: Path, draft: Draft, *, force: bool = False) -> Path:
@@ -296,7 +305,8 @@ def _run(sketch: _Sketch, source: Source) -> str:
 
 
 def _commented_run(path: Path, why: str) -> str:
-    return f"# {why}\n# [[runs]]\n# file = {_text(path.name)}\n"
+    name = path.name.encode("utf-8", "replace").decode()
+    return f"# {why}\n# [[runs]]\n# file = {_text(name)}\n"
 
 
 def _joined(lines: Sequence[str]) -> str:
