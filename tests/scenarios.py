@@ -130,5 +130,5 @@ def table(
     for k, (first, second) in enumerate(zip(*signals, strict=True)):
         cells = [f"{k / RATE_HZ:.4f}"] if time else []
         rows.append(separator.join([*cells, f"{first:.1f}", f"{second:.1f}"]))
-    heading = (f"time [s]{separator}" if time else "") + header
+    heading = (f"time [s]{separator}" if time else "") + header.replace(",", separator)
     return eol.join([heading, *rows]) + eol

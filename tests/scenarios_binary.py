@@ -127,7 +127,7 @@ WHOLE = (
 )
 
 _NO_WORD_OF_IT = dict.fromkeys(
-    ("a.parquet", "a.feather", "a.h5"), "say that the file is empty, whatever its format"
+    ("a.parquet", "a.feather"), "say that the file is empty, whatever its format"
 )
 # Every format, spoilt in the same ways: never read short, never anything but a named fault.
 EVERY = tuple(

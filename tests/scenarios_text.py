@@ -128,7 +128,7 @@ DAMAGED = (
         table("A01 [N],A01 [m/s^2]"),
         bad_file("a.csv", "both called 'A01'", "occur once"),
     ),
-    _csv("an unclosed quotation mark", _line(30, _cell(30), ',"5.0'), bad_file("a.csv")),
+    _csv("an unclosed quotation mark", _line(30, _cell(30), ',"5.0'), Read()),
 )
 
 TIMES = (
@@ -206,7 +206,7 @@ _LVM = lvm_file()
 LVM = (
     _lvm("whole", _LVM, _AS_WRITTEN),
     _lvm("decimal commas", lvm_file(decimal=","), _AS_WRITTEN),
-    _lvm("empty", b"", bad_file("a.lvm", "empty")),
+    _lvm("empty", b"", bad_file("a.lvm", "empty|''")),
     _lvm("cut in the header", _LVM[:200], bad_file("a.lvm", "header|End_of_Header")),
     _lvm("cut in a row", _LVM[:-12], bad_file("a.lvm")),
     _lvm("zeros", bytes(1000), bad_file("a.lvm")),

@@ -7,13 +7,14 @@ import pytest
 from scenarios import Read
 from scenarios_binary import SCENARIOS as BINARY
 from scenarios_campaign import SCENARIOS as CAMPAIGN
+from scenarios_text import SCENARIOS as TEXT
 from scenarios_uff import SCENARIOS as UFF
 from scenarios_uff_headers import SCENARIOS as UFF_HEADERS
 
 import ema
 from ema.errors import InputError
 
-SCENARIOS = (*UFF, *UFF_HEADERS, *CAMPAIGN, *BINARY)
+SCENARIOS = (*UFF, *UFF_HEADERS, *TEXT, *CAMPAIGN, *BINARY)
 
 
 def test_scenarios_have_names_of_their_own():
