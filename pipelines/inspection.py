@@ -14,7 +14,7 @@ from ema.errors import InputError
 from ema.frf import FRF
 from ema.io.calibration import calibrated
 from ema.io.campaign import recordings_in
-from ema.io.formats import read_file
+from ema.io.formats import read_file, read_headers
 from ema.io.manifest import MANIFEST_NAME, Manifest, read_manifest, resolve
 from ema.io.units import is_stated
 from ema.level_check import level_findings
@@ -135,7 +135,7 @@ def _manifest_of(source: Path) -> Manifest | None:
 
 
 def _report(path: Path, manifest: Manifest | None, levels: bool) -> FileReport:
-    content = read_file(path)
+    content = read_file(path) if levels else read_headers(path)
     recording, findings = content.recording, list(content.findings)
     channels: tuple[ChannelReport, ...] = ()
     rate_hz = float("nan")

@@ -1,13 +1,16 @@
 """Datasets are found without reading what they hold, whatever their size."""
 
 import mmap
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from builders import DELIMITER, ascii58, binary58, dataset, fixed, floats, header58
 
 from ema.errors import RecordingFormatError
 from ema.io import uff_scan
+from ema.io.formats import read_file, read_headers
 from ema.io.uff_scan import scan
 
 GIGABYTE = 1 << 30
@@ -77,8 +80,9 @@ def test_text_ends_at_the_same_delimiter_with_and_without_a_jump(tmp_path, monke
     first = ascii58(fixed([0.25] * n, eol=eol), n=n, eol=eol)
     (path := tmp_path / "a.uff").write_bytes(first + first)
     jumped = scan(path)
+    assert all(each.is_equal_lines for each in jumped)
     monkeypatch.setattr(uff_scan, "_WORTH_A_JUMP", len(first) * 2)
-    assert jumped == scan(path)
+    assert jumped == tuple(replace(each, is_equal_lines=True) for each in scan(path))
     assert [each.stop for each in jumped] == [len(first), 2 * len(first)]
 
 
@@ -121,3 +125,32 @@ def test_text_behind_padding_is_no_dataset(tmp_path):
     (path := tmp_path / "a.uff").write_bytes(b"\n\n" + binary58(floats(range(8))) + b"\n  what\n")
     with pytest.raises(RecordingFormatError, match="what"):
         scan(path)
+
+
+@pytest.mark.parametrize("n", [120_000, 120_001])
+def test_headers_alone_tell_all_but_the_samples(tmp_path, n):
+    content = ascii58(fixed([0.25] * n), n=n) + binary58(floats([0.5] * n), n=n, name="A02")
+    (path := tmp_path / "a.uff").write_bytes(content)
+    told, read = read_headers(path).recording, read_file(path).recording
+    assert (told.names, told.sampling_rate_hz) == (read.names, read.sampling_rate_hz)
+    assert told.n_samples == read.n_samples == n
+    assert np.isnan(told.channels[0].samples).all()
+    assert told.channels[0].samples.strides == (0,)
+    np.testing.assert_array_equal(told.channels[1].samples, read.channels[1].samples)
+
+
+@pytest.mark.parametrize("there", [-6, -1, 1, 6])
+@pytest.mark.parametrize("n", [120_000, 120_001])
+def test_headers_alone_do_not_hide_missing_samples(tmp_path, n, there):
+    (path := tmp_path / "a.uff").write_bytes(ascii58(fixed([0.25] * (n + there)), n=n))
+    with pytest.raises(RecordingFormatError, match=f"{n + there} of {n} values"):
+        read_headers(path)
+    with pytest.raises(RecordingFormatError, match=f"{n + there} of {n} values"):
+        read_file(path)
+
+
+def test_headers_of_other_formats_are_read_with_their_samples(tmp_path):
+    (path := tmp_path / "a.csv").write_text("time [s],A01 [m/s^2]\n0.0,1.0\n0.5,2.0\n")
+    assert read_headers(path).recording.channels[0].samples.tolist() == [1.0, 2.0]
+    with pytest.raises(RecordingFormatError, match="does not exist"):
+        read_headers(tmp_path / "none.uff")

@@ -14,17 +14,18 @@ from ema.io.content import FileContent
 Reader = Callable[[Path], FileContent]
 
 
-def _found(endings: str) -> dict[str, Reader]:
+def _found(endings: str, verb: str = "read") -> dict[str, Reader]:
     """Readers by the endings that their modules list under a name."""
     table: dict[str, Reader] = {}
     for module in sorted(pkgutil.iter_modules(readers.__path__), key=lambda each: each.name):
         reader = importlib.import_module(f"{readers.__name__}.{module.name}")
-        table |= dict.fromkeys(getattr(reader, endings, ()), reader.read)
+        table |= dict.fromkeys(getattr(reader, endings, ()), getattr(reader, verb, reader.read))
     return table
 
 
 READERS: dict[str, Reader] = _found("SUFFIXES")
 _NAMED_READERS: dict[str, Reader] = _found("NAMED_SUFFIXES")
+_HEADER_READERS: dict[str, Reader] = _found("SUFFIXES", "read_headers")
 
 
 def is_recording(path: Path) -> bool:
@@ -49,6 +50,18 @@ def read_file(path: Path) -> FileContent:
         rule = f"recordings end in {', '.join(sorted({**READERS, **_NAMED_READERS}))}"
         raise RecordingFormatError(str(path), found, rule, "Export it in one of these formats")
     return reader(path)
+
+
+def read_headers(path: Path) -> FileContent:
+    """Read what headers say; samples of formats that must be parsed for them may be NaN.
+
+    Raises
+    ------
+    RecordingFormatError
+        As `read_file`.
+    """
+    reader = _reader(path, _HEADER_READERS) if path.is_file() else None
+    return read_file(path) if reader is None else reader(path)
 
 
 def _reader(path: Path, table: dict[str, Reader]) -> Reader | None:

@@ -8,6 +8,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from ema._arrays import constant
 from ema.errors import RecordingFormatError
 from ema.io.uff58_header import Header58
 from ema.io.uff_columns import convert_lines
@@ -45,6 +46,24 @@ def read_values(path: Path, dataset: Dataset) -> tuple[NDArray[np.float64] | Non
         return None, records
     with np.errstate(invalid="ignore"):  # signalling NaNs; whoever uses the abscissa checks it
         return records["abscissa"].astype(np.float64), records["value"]
+
+
+def read_form(path: Path, dataset: Dataset) -> tuple[NDArray[np.float64] | None, NDArray[Any]]:
+    """Read a dataset as `read_values` does, but leave out long text: NaN for every sample.
+
+    Where its length does not fit the number of values, or the abscissa is among the numbers, it
+    is read all the same.
+
+    Raises
+    ------
+    RecordingFormatError
+        As `read_values`.
+    """
+    header = dataset.header
+    assert header is not None
+    if dataset.layout is not None or not header.even or not dataset.is_equal_lines:
+        return read_values(path, dataset)
+    return None, constant(np.nan, (header.n_values,))
 
 
 def _split(

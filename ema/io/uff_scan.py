@@ -45,6 +45,8 @@ class Dataset:
         One record of a binary payload: a value, or abscissa and value where spacing is uneven.
     remark : str
         What does not fit the definition but could be read all the same.
+    is_equal_lines : bool
+        Whether the payload is long text that ends where lines like its first one have to end.
     """
 
     index: int
@@ -55,6 +57,7 @@ class Dataset:
     payload: tuple[int, int] = (0, 0)
     layout: np.dtype[np.void] | np.dtype[np.inexact] | None = None
     remark: str = ""
+    is_equal_lines: bool = False
 
 
 def scan(path: Path) -> tuple[Dataset, ...]:
@@ -132,13 +135,13 @@ def _function(path: Path, data: mmap.mmap, index: int, start: int, after: int) -
         raise RecordingFormatError(where, fault.found, fault.rule, COPY_AGAIN) from None
     if header.binary:
         return _binary_function(path, data, Dataset(index, 58, start, start, header), position)
-    closing = _predicted_delimiter(data, position, header)
-    if closing is None:
-        closing = _find_delimiter(data, position - 1)
+    predicted = _predicted_delimiter(data, position, header)
+    closing = _find_delimiter(data, position - 1) if predicted is None else predicted
     if closing is None:
         raise _unclosed(path, index, 58)
     stop = _line(data, closing)[1]
-    return Dataset(index, 58, start, stop, header, (position, closing))
+    equal = predicted is not None
+    return Dataset(index, 58, start, stop, header, (position, closing), is_equal_lines=equal)
 
 
 def _binary_function(path: Path, data: mmap.mmap, draft: Dataset, begin: int) -> Dataset:
@@ -235,13 +238,14 @@ def _predicted_delimiter(data: mmap.mmap, begin: int, header: Header58) -> int |
     """Closing delimiter where long text of equal lines has to end; None if it is not there."""
     line = data[begin : begin + _LONGEST_LINE].partition(b"\n")[0]
     per_line, length = line.count(b"."), len(line) + 1
-    n_numbers = header.n_values * header.numbers_per_value
-    end = begin + n_numbers // max(per_line, 1) * length
+    full, rest = divmod(header.n_values * header.numbers_per_value, max(per_line, 1))
+    end = begin + full * length
     if not per_line or end - begin < _WORTH_A_JUMP or end > len(data):
         return None
     if any(data[each - 1 : each] != b"\n" for each in (end, end - length)):
         return None
-    return _find_delimiter(data, end - 1, min(end + 2 * length, len(data)))
+    closing = _find_delimiter(data, end - 1, min(end + length + len(DELIMITER), len(data)))
+    return closing if closing is not None and data[end:closing].count(b".") == rest else None
 
 
 def _find_delimiter(

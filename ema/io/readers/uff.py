@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from ema.errors import RecordingFormatError
 from ema.io.content import FileContent, remark
 from ema.io.geometry import angles_on_circle
 from ema.io.sampling import even_step, step_and_inverse
-from ema.io.uff58 import read_values
+from ema.io.uff58 import read_form, read_values
 from ema.io.uff58_header import FREQUENCY_RESPONSE, TIME_RESPONSE, Header58
 from ema.io.uff_frf import read_frf
 from ema.io.uff_geometry import read_nodes, read_units
@@ -25,6 +26,7 @@ from ema.recording import Channel, Recording
 
 SUFFIXES = (".uff", ".unv", ".uf", ".bunv", ".58", ".ufb")
 _UNITS = 164
+SampleReader = Callable[[Path, Dataset], tuple[NDArray[np.float64] | None, NDArray[Any]]]
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
 
 
@@ -48,6 +50,21 @@ def read(path: Path) -> FileContent:
     RecordingFormatError
         If the file is missing, damaged or truncated, or its channels do not belong together.
     """
+    return _read(path, read_values)
+
+
+def read_headers(path: Path) -> FileContent:
+    """Read a universal file without the numbers of long text: those samples are NaN.
+
+    Raises
+    ------
+    RecordingFormatError
+        As `read`, as far as headers and the places of the datasets show it.
+    """
+    return _read(path, read_form)
+
+
+def _read(path: Path, read_samples: SampleReader) -> FileContent:
     datasets = scan(path)
     functions = [each for each in datasets if each.header is not None]
     times = [each for each in functions if _function_type(each) == TIME_RESPONSE]
@@ -58,7 +75,7 @@ def read(path: Path) -> FileContent:
     in_use = {_header(each).response_node for each in (*times, *responses)}
     around = surroundings(path, datasets, in_use)
     findings += around.findings
-    recording, noticed = _read_recording(path, times, around) if times else (None, ())
+    recording, noticed = _read_recording(path, times, around, read_samples) if times else (None, ())
     findings += noticed
     frf = None
     if responses:
@@ -115,14 +132,14 @@ def surroundings(path: Path, datasets: Sequence[Dataset], in_use: set[int]) -> S
 
 
 def _read_recording(
-    path: Path, datasets: Sequence[Dataset], around: Surroundings
+    path: Path, datasets: Sequence[Dataset], around: Surroundings, read_samples: SampleReader
 ) -> tuple[Recording, tuple[Finding, ...]]:
     channels: list[Channel] = []
     rates: list[float] = []
     findings: list[Finding] = []
     for dataset in datasets:
         header = _header(dataset)
-        abscissa, values = read_values(path, dataset)
+        abscissa, values = read_samples(path, dataset)
         if header.is_complex:
             found = f"{header.id_lines[0]!r} holds complex values"
             rule = "a time response is real"
