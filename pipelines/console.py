@@ -55,7 +55,14 @@ def progress(quiet: bool) -> Callable[[str], None]:
 
 def complain(message: str) -> None:
     """Print one message on standard error."""
-    print(message, file=sys.stderr)  # noqa: T201
+    print(printable(message), file=sys.stderr)  # noqa: T201
+
+
+def printable(text: str) -> str:
+    """A text from a file as a terminal may show it: in one line, without control sequences."""
+    return "".join(
+        sign if sign.isprintable() else " " if sign.isspace() else "\ufffd" for sign in text
+    )
 
 
 def file_trouble(error: OSError) -> str:
@@ -118,19 +125,19 @@ def show(result: Result, folder: Path, *, as_json: bool, report: bool) -> None:
         print(json.dumps(summary(result, folder), indent=2, allow_nan=False))  # noqa: T201
         return
     from rich.console import Console
+    from rich.text import Text
 
     output, errors = Console(), Console(stderr=True)
     output.print(_modes_table(result))
     if result.tuning is not None:
         output.print(_ring_table(result))
     for text in warnings(result):
-        errors.print(f"Warning: {text}", style="yellow", markup=False)
+        errors.print(Text(printable(f"Warning: {text}"), style="yellow"))
     for note in result.notes:
-        errors.print(f"Note: {note}", markup=False, highlight=False)
-    output.print(f"Result: {folder}", markup=False, highlight=False, soft_wrap=True)
+        errors.print(Text(printable(f"Note: {note}")))
+    output.print(Text(printable(f"Result: {folder}")), soft_wrap=True)
     if report:
-        page = folder / "report.html"
-        output.print(f"Report: {page}", markup=False, highlight=False, soft_wrap=True)
+        output.print(Text(printable(f"Report: {folder / 'report.html'}")), soft_wrap=True)
 
 
 def warnings(result: Result) -> list[str]:
@@ -174,8 +181,10 @@ def empty_table(title: str) -> Any:
     """A table as the command line prints it, without columns yet."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
+    from rich.text import Text
 
-    return Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), title_justify="left")
+    title_text = Text(printable(title), style="table.title")
+    return Table(title=title_text, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), title_justify="left")
 
 
 def _modes_table(result: Result) -> Any:

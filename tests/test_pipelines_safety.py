@@ -16,7 +16,7 @@ from results import tyre_result
 import ema
 from ema.errors import InputError
 from ema.quality import EXCLUDED, OK, WARNING, Finding
-from pipelines import cli, result_folder
+from pipelines import cli, console, result_folder
 from pipelines.interrupt import Interrupted, interruptible, stating_what_stands
 from pipelines.result_folder import written_whole
 from pipelines.store import MARKER, load, save
@@ -373,3 +373,18 @@ def test_a_damaged_result_is_named_whatever_happened_to_its_bytes(stored, tmp_pa
     except InputError as error:
         assert error.where == str(copy)
     shutil.rmtree(copy.parent)
+
+
+@pytest.mark.parametrize("name", ["x[/red]y", "[bold]x", "\x1b]0;title\x07\x1b[31m", "a\u202eb\nc"])
+def test_names_from_files_are_texts_on_a_terminal(capsys, name):
+    finding = Finding(name, name, None, "hum", WARNING, name)
+    result = tyre_result(name=name, findings=(finding,), notes=(name,))
+    console.show(result, Path("result"), as_json=False, report=True)
+    console.complain(str(InputError(name, name, name, name)))
+    output, errors = capsys.readouterr()
+    shown = console.printable(name)
+    assert f"Modes of {shown}" in output
+    assert f"Warning: hum: {shown} {shown}: {shown}" in errors
+    assert f"Note: {shown}" in errors
+    assert f"{shown}: {shown}; {shown}. {shown}." in errors
+    assert all(line.isprintable() for line in (output + errors).split("\n"))
