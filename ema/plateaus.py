@@ -23,14 +23,11 @@ class _Extreme:
     n_flat: int = 0
 
     def add(
-        self, values: NDArray[np.float64], lengths: NDArray[np.int_], steep: NDArray[np.bool_]
+        self, top: float, flat_values: NDArray[np.float64], flat_lengths: NDArray[np.int_]
     ) -> None:
-        if not values.size or (top := float(np.max(values))) < self.value:
-            return
         if top > self.value:
             self.value, self.n_flat = top, 0
-        flat = (values == top) & (lengths >= _SHORTEST_TOP) & steep
-        self.n_flat += int(lengths[flat].sum())
+        self.n_flat += int(flat_lengths[flat_values == self.value].sum())
 
 
 class Plateaus:
@@ -105,6 +102,9 @@ class Plateaus:
     def _extend(
         self, values: NDArray[np.float64], lengths: NDArray[np.int_], steep: NDArray[np.bool_]
     ) -> None:
-        known = np.isfinite(values)
-        self._high.add(values[known], lengths[known], steep[known])
-        self._low.add(-values[known], lengths[known], steep[known])
+        if not values.size:
+            return
+        flat = (lengths >= _SHORTEST_TOP) & steep
+        flat_values, flat_lengths = values[flat], lengths[flat]
+        self._high.add(float(np.fmax.reduce(values)), flat_values, flat_lengths)
+        self._low.add(-float(np.fmin.reduce(values)), -flat_values, flat_lengths)

@@ -60,7 +60,7 @@ def _heading(report: FileReport) -> str:
         rate_hz = report.sampling_rate_hz
         parts.append(f"{_count(len(report.channels), 'channel')} of {n_samples} samples")
         if rate_hz > 0:
-            parts[-1] += f" at {rate_hz:.10g} Hz, {n_samples / rate_hz:.4g} s"
+            parts[-1] += f" at {rate_hz:.10g} Hz, {n_samples / rate_hz:.6g} s"
     if report.frf is not None:
         lines_hz = report.frf.frequency_hz
         parts.append(

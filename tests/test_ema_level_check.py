@@ -135,7 +135,7 @@ def test_no_alarm_on_weak_and_strong_shakers(tmp_path, force_n):
     assert level_findings(Recording(content.path, RATE_HZ, channels)) == []
 
 
-@pytest.mark.parametrize("path", ["plate_sweep/run_1.uff"])
+@pytest.mark.parametrize("path", ["plate_sweep/run_1.uff", "beam_impact/acceleration.lvm"])
 def test_no_alarm_on_measured_data(path):
     if not (DATA / path).exists():
         pytest.skip("measured data are not at hand")
