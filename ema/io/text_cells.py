@@ -47,12 +47,6 @@ def is_clock(cell: str) -> bool:
     return _CLOCK.fullmatch(cell) is not None
 
 
-def missing_spellings() -> list[str]:
-    """Spellings of missing samples that programs write."""
-    cases = (str.lower, str.upper, str.capitalize)
-    return sorted({case(text) for text in _MISSING for case in cases} | {"NaN", "-NaN"})
-
-
 def is_not_a_number(cell: str) -> bool:
     """Whether a cell is a missing sample where a number stood, so that no name reads like it."""
     return cell.lower() in _NO_NUMBERS

@@ -28,6 +28,7 @@ from ema.io.text_source import TextSource
 from ema.io.units import is_stated
 
 _MOST_PREAMBLE = 200  # lines
+_MOST_LINES = 2000  # blank ones too
 _SAMPLE_ROWS = 20
 _SAMPLE_CELLS = 40_000  # of tables with thousands of columns
 _TIME_WITHIN = 50  # columns
@@ -170,11 +171,7 @@ def find_layout(source: TextSource) -> Layout:
         tables += [_table(lines, dialect) for dialect in _dialects(lines, (BLANKS,))]
         best = max((each for each in tables if each), key=lambda each: each.rank, default=None)
     if best is None:
-        found = "no rows of numbers"
-        found += " below the header" if lines else ", blank rows only"
-        found += "" if source.is_whole else f" in the first {len(lines)} lines"
-        rule = "a table begins with a header row and holds at least one row of numbers"
-        raise RecordingFormatError(where, found, rule, EXPORT_AGAIN)
+        raise _no_numbers(where, lines)
     if best.names is None:
         raise _no_header(where, lines, best)
     return _layout(where, lines, best, tables)
@@ -183,7 +180,7 @@ def find_layout(source: TextSource) -> Layout:
 def _lines(source: TextSource) -> Iterator[_Line]:
     """Lines that hold something; one whose quoted cell goes on in the next is one with that."""
     text, start, number = source.head, 0, 1
-    while start < len(text):
+    while start < len(text) and number <= _MOST_LINES:
         end = _line_end(text, start)
         joined = end
         for _ in range(_MOST_JOINED):
@@ -301,6 +298,15 @@ def _holds_units(row: _Row, dialect: Dialect, width: int) -> bool:
     cells = [cell for cell in cells if is_stated(cell)]
     known = sum(map(is_known_unit, cells))
     return len(cells) <= width and 2 * known > len(cells) and not row.is_heading
+
+
+def _no_numbers(where: str, lines: Sequence[_Line]) -> RecordingFormatError:
+    if lines:
+        found = f"no rows of numbers below the header, down to line {lines[-1].number}"
+    else:
+        found = "no rows of numbers, nor of anything else, or rows of over a megabyte"
+    rule = f"a table begins with a header row after at most {_MOST_PREAMBLE} others, then numbers"
+    return RecordingFormatError(where, found, rule, EXPORT_AGAIN)
 
 
 def _no_header(where: str, lines: Sequence[_Line], table: _Table) -> RecordingFormatError:

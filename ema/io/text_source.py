@@ -60,7 +60,7 @@ class TextSource:
         """
         rest = self._bytes[len(self.head[:start].encode(self.encoding)) :]
         self._bytes, self.head = b"", ""
-        size = min(max(self._size // 8, _SMALLEST_SECTION), _LARGEST_SECTION)
+        size = min(max(self._size // 4, _SMALLEST_SECTION), _LARGEST_SECTION)
         carried = b""
         for piece in self._pieces(rest, size):
             end = piece.rfind(b"\n") + 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +24,6 @@ from ema.io.text_cells import (
     is_clock,
     is_missing,
     is_number,
-    missing_spellings,
 )
 from ema.io.text_layout import Dialect, Layout
 from ema.io.text_source import TextSource
@@ -33,6 +33,7 @@ _BLOCK_BYTES = 1 << 20
 _NARROW_BYTES = 4  # cells of fewer bytes are kept in single precision where that is exact
 _CUT_SHORT = "the file is cut short"
 _COPY_AGAIN = "Copy or export it again"
+_USUAL_MISSING = ["", "NaN", "nan", "-", "#N/A"]  # for each column Arrow builds a tree of these
 _STAMP_RULE = "a time stamp is hh:mm:ss.s, or date and time as in ISO 8601"
 _TAIL_ROWS = 8
 _DECIMAL = {".": "point", ",": "comma"}
@@ -105,9 +106,8 @@ class _Column:
         self._first_missing = 0
 
     def append(self, values: NDArray[Any], n_expected: int, *, narrow: bool) -> None:
-        with np.errstate(over="ignore", invalid="ignore"):
-            is_complete = np.isfinite(np.sum(values))  # far faster than sample by sample
-        if not is_complete:
+        """Add samples, of which some `n_expected` will come; overflow is to be ignored."""
+        if not math.isfinite(values.sum()):  # far faster than to look at each sample
             absent = ~np.isfinite(values)
             values = np.where(absent, np.nan, values)
             if not self._n_missing and absent.any():
@@ -165,12 +165,13 @@ class _Reader:
         self._n_rows += table.num_rows
         n_expected = int(1.02 * self._n_rows / share_read())
         narrow = len(section) < _NARROW_BYTES * table.num_rows * self._layout.width
-        for index, column in self._columns.items():
-            values = table.column(str(index))
-            if index in self._layout.clocks:
-                values = self._nanoseconds(index, values)
-            for chunk in values.chunks:
-                column.append(chunk.to_numpy(zero_copy_only=False), n_expected, narrow=narrow)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for (index, column), values in zip(self._columns.items(), table.columns, strict=True):
+                if index in self._layout.clocks:
+                    values = self._nanoseconds(index, values)
+                for chunk in values.chunks:
+                    samples = chunk.to_numpy(zero_copy_only=False)
+                    column.append(samples, n_expected, narrow=narrow)
         self._line += _n_lines(section)
         self._tail = section[-(1 << 16) :]
 
@@ -229,10 +230,11 @@ class _Reader:
                 # In a table of one column an empty line is a sample that is missing.
                 ignore_empty_lines=layout.width > 1,
             ),
+            memory_pool=pa.system_memory_pool(),  # the default one holds megabytes in reserve
             convert_options=pa.csv.ConvertOptions(
                 column_types=types,
                 include_columns=chosen,
-                null_values=missing_spellings(),
+                null_values=_USUAL_MISSING,
                 strings_can_be_null=True,
                 decimal_point=layout.dialect.decimal,
                 check_utf8=False,
@@ -340,5 +342,4 @@ def _single_blanks(section: bytes) -> bytes:
 
 def _is_single(values: NDArray[np.float64]) -> bool:
     """Whether single precision holds all values exactly."""
-    with np.errstate(over="ignore"):
-        return np.array_equal(values, values.astype(np.float32), equal_nan=True)
+    return np.array_equal(values, values.astype(np.float32), equal_nan=True)
