@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from pipelines.console_channels import show_inspection
 from pipelines.inspection import inspect_files
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
@@ -219,6 +222,22 @@ def test_what_the_reader_says_is_not_said_again(tmp_path):
     (report,) = inspect_files([tmp_path]).files
     assert report.channels[0].signal.n_missing == 1
     assert [finding.check for finding in report.wrong] == ["missing samples"]
+
+
+@settings(max_examples=40)
+@given(
+    st.text(max_size=12),
+    st.sampled_from(["", "g", "N", "V", "Pa"]),
+    st.lists(st.floats(), min_size=1, max_size=30),
+    st.booleans(),
+)
+def test_any_samples_and_names_are_shown(tmp_path_factory, name, unit, samples, as_json):
+    path = tmp_path_factory.mktemp("any") / "a.parquet"
+    label = f"{name} [{unit}]" if unit else f"A{name}"
+    pd.DataFrame({label.encode("utf-8", "replace").decode(): samples}).to_parquet(path)
+    found = inspect_files([path])
+    assert len(found.files) + len(found.errors) == 1
+    show_inspection(found, as_json=as_json)
 
 
 def test_two_channels_of_one_name(faulty, tmp_path):
