@@ -14,7 +14,6 @@ from ema.errors import InputError, RecordingFormatError
 # What well-kept readers raise on bytes that are not what they expect.
 _ON_DAMAGE = (
     ArithmeticError,
-    AttributeError,
     EOFError,
     LookupError,
     MemoryError,

@@ -40,15 +40,27 @@ def matrix_columns(
         rule = "one side counts samples, the other the channels, which have a name each"
         remedy = "Give as many names as there are channels"
         raise RecordingFormatError(where, found, rule, remedy)
+    signals = matrix.T if columns == n_channels else matrix
+    labels = names or [f"channel {number}" for number in range(1, n_channels + 1)]
+    stated = unit_of_each(where, n_channels, units)
+    pairs = [name_and_unit(label) for label in labels]
+    return [
+        Column(name, unit or own, samples)
+        for (name, own), unit, samples in zip(pairs, stated, signals, strict=True)
+    ]
+
+
+def unit_of_each(where: str, n_channels: int, units: Sequence[str]) -> list[str]:
+    """Unit of each channel, from a list of as many, of one for all, or of none.
+
+    Raises
+    ------
+    RecordingFormatError
+        If the list has another length.
+    """
     if len(units) not in (0, 1, n_channels):
         found = f"{len(units)} units for {n_channels} channels"
         rule = "there is one unit for each channel, or one for all"
         raise RecordingFormatError(where, found, rule, "Correct the list of units")
-    signals = matrix.T if columns == n_channels else matrix
-    labels = names or [f"channel {number}" for number in range(1, n_channels + 1)]
     stated = units if len(units) == n_channels else list(units or ("",)) * n_channels
-    pairs = [name_and_unit(label) for label in labels]
-    return [
-        Column(name, unit.strip() or own, samples)
-        for (name, own), unit, samples in zip(pairs, stated, signals, strict=True)
-    ]
+    return [unit.strip() for unit in stated]
