@@ -108,12 +108,17 @@ def tuned_again(
     result = load(folder)
     if strict:
         refuse_warnings(result.findings)
-    earlier = result.provenance["options"]
-    options = Options(
-        tune=True if objective is not None else earlier["tune"],
-        objective=objective or earlier["objective"],
-        given=earlier["given"] if given is None else given,
-    )
+    earlier = result.provenance.get("options", {})
+    try:
+        options = Options(
+            tune=True if objective is not None else earlier["tune"],
+            objective=objective or earlier["objective"],
+            given=earlier["given"] if given is None else given,
+        )
+    except (KeyError, TypeError) as error:
+        place = f"{folder}, provenance.json, options"
+        rule = "the options of the earlier run are needed"
+        raise InputError(place, f"no {error}", rule, "Process it again") from error
     chosen = {"tune": options.tune, "objective": options.objective, "given": options.given}
     again = tune(result, options)
     return replace(again, provenance={**result.provenance, "options": {**earlier, **chosen}})

@@ -8,6 +8,7 @@ until the next access puts it back.
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -18,7 +19,9 @@ from pipelines.exchange import exchange
 from pipelines.partial import discard, partial_folder
 
 MARKER = "provenance.json"  # every result folder has it, no other folder of a user's should
+FILES = "files"  # its key for the names of all files of the result
 
+_OF_THE_SYSTEM = ("Thumbs.db", "desktop.ini")  # left by file managers, as hidden files are
 _PROBE_BYTES = 2**20
 _ATTEMPTS = 3  # another process may be replacing the same result
 
@@ -37,8 +40,8 @@ def require_free(folder: Path, *, force: bool, marker: str | None = MARKER) -> N
     Raises
     ------
     InputError
-        For a file, a folder with other files, an earlier result without `force`, and a place that
-        is read-only, full or not there.
+        For a file, a folder with other files, an earlier result without `force` or with files that
+        are not its own, and a place that is read-only, full or not there.
     """
     with _as_input_error(folder):
         place = _resolved(folder)
@@ -127,6 +130,21 @@ def _refuse_occupied(folder: Path, place: Path, *, force: bool, marker: str | No
         raise InputError(
             str(folder), "a read-only folder", "it is protected from being replaced", remedy
         )
+    foreign = _foreign(place, marker)
+    if foreign:
+        more = f" and {len(foreign) - 1} more" if foreign[1:] else ""
+        rule = "this is no part of the earlier result and would be lost with it"
+        raise InputError(str(folder), f"{foreign[0]}{more}", rule, "Move it elsewhere")
+
+
+def _foreign(place: Path, marker: str) -> list[str]:
+    """What somebody else put into a result; nothing where the result does not tell its files."""
+    try:
+        own = set(json.loads((place / marker).read_text(encoding="utf-8"))[FILES])
+    except (OSError, ValueError, LookupError, TypeError):
+        return []
+    others = {path.name for path in place.iterdir() if not path.name.startswith(".")}
+    return sorted(others - own - set(_OF_THE_SYSTEM))
 
 
 @contextmanager

@@ -16,7 +16,9 @@ from pipelines import tables
 from pipelines.identification_file import read_identification, write_identification
 from pipelines.parameter_set import from_tuning, write_parameter_set
 from pipelines.result import Result
-from pipelines.result_folder import MARKER, recover, written_whole
+from pipelines.result_folder import FILES, MARKER, recover, written_whole
+
+_OF_DAMAGED_FILES = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError)
 
 
 def save(result: Result, folder: Path | str, *, report: bool = True, force: bool = False) -> None:
@@ -51,11 +53,11 @@ def save(result: Result, folder: Path | str, *, report: bool = True, force: bool
             }
             parameters = from_tuning(result.tyre.designation, result.tuning, result.damping, origin)
             write_parameter_set(partial / "tyre.toml", parameters)
-        _write_json(partial / MARKER, {**result.provenance, "warnings": _warnings(result)})
         if report:
             from pipelines.report import write_report
 
             write_report(result, partial / "report.html")
+        _write_provenance(result, partial)
 
 
 def load(folder: Path | str) -> Result:
@@ -78,9 +80,10 @@ def load(folder: Path | str) -> Result:
             "Run `ringmodal process` first",
         )
     try:
-        record = json.loads((folder / MARKER).read_text(encoding="utf-8"))
+        record = dict(json.loads((folder / MARKER).read_text(encoding="utf-8")))
+        record.pop(FILES, None)
         return read_identification(folder, record, read_frf(folder / "frf.parquet"))
-    except (OSError, KeyError, ValueError, TypeError) as error:  # whatever damaged files make
+    except _OF_DAMAGED_FILES as error:
         raise InputError(
             str(folder), f"unreadable ({error})", "the result is incomplete", "Process it again"
         ) from error
@@ -149,9 +152,12 @@ def _write_parquet(
     pq.write_table(pa.table(data).replace_schema_metadata(metadata), path)
 
 
-def _write_json(path: Path, content: dict[str, Any]) -> None:
+def _write_provenance(result: Result, folder: Path) -> None:
+    """Written last: it lists all files of the result."""
+    files = sorted([MARKER, *(path.name for path in folder.iterdir())])
+    content = {**result.provenance, "warnings": _warnings(result), FILES: files}
     text = json.dumps(content, indent=2, ensure_ascii=False, default=str)
-    path.write_text(text + "\n", encoding="utf-8", newline="\n")
+    (folder / MARKER).write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
 def _warnings(result: Result) -> list[dict[str, Any]]:

@@ -1,5 +1,6 @@
 """What may go wrong outside: interrupts, full drives, faults, warnings that count, damage."""
 
+import json
 import os
 import shutil
 import signal
@@ -388,3 +389,14 @@ def test_names_from_files_are_texts_on_a_terminal(capsys, name):
     assert f"Note: {shown}" in errors
     assert f"{shown}: {shown}; {shown}. {shown}." in errors
     assert all(line.isprintable() for line in (output + errors).split("\n"))
+
+
+@pytest.mark.parametrize("options", [None, {}, {"tune": True}])
+def test_a_result_without_its_options_is_no_fault_of_the_program(
+    ringmodal, stored, tmp_path, options
+):
+    copy = Path(shutil.copytree(stored, tmp_path / "result"))
+    (copy / MARKER).write_text(json.dumps({"options": options}))
+    code, _, errors = ringmodal("report", copy)
+    assert code == 2
+    assert "provenance.json, options" in errors

@@ -1,5 +1,6 @@
 """Result folders: whole or not at all, read back as they were."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -204,3 +205,38 @@ def test_an_incomplete_result_is_named(copy, name):
     (copy / name).unlink()
     with pytest.raises(InputError, match="Process it again"):
         load(copy)
+
+
+@pytest.mark.parametrize("content", ["[]", "null", '"text"', "{}", "[" * 100_000])
+@pytest.mark.parametrize("name", ["identification.json", MARKER])
+def test_a_result_of_the_wrong_shape_is_named(copy, name, content):
+    (copy / name).write_text(content)
+    if (name, content) in ((MARKER, "{}"), (MARKER, "[]")):
+        assert load(copy).provenance == {}  # nothing in it is needed
+        return
+    with pytest.raises(InputError, match="Process it again"):
+        load(copy)
+
+
+def test_a_result_lists_its_files(copy):
+    assert json.loads((copy / MARKER).read_text())["files"] == names(copy)
+    assert "files" not in load(copy).provenance
+
+
+def test_files_of_others_are_not_lost_with_a_result(short_result, copy):
+    (copy / "notes.txt").write_text("The sensor at 30 degrees was loose.")
+    (copy / "pictures").mkdir()
+    (copy / ".DS_Store").write_text("")
+    before = names(copy)
+    with pytest.raises(InputError, match=r"notes\.txt and 1 more; .* would be lost"):
+        save(short_result, copy, report=False, force=True)
+    assert names(copy) == before
+    (copy / "notes.txt").unlink()
+    (copy / "pictures").rmdir()
+    save(short_result, copy, report=False, force=True)
+
+
+def test_a_damaged_result_may_be_replaced(short_result, copy):
+    (copy / MARKER).write_text("{")
+    save(short_result, copy, report=False, force=True)
+    assert load(copy).modal_model.modes
