@@ -90,10 +90,14 @@ class Harness:
         """What is tried with the input."""
         if self.kind == "manifest":
             return [lambda: ema.read_campaign(self.path.parent)]
-        return [lambda: ema.read_campaign(self.path), self._inspect]
+        return [
+            lambda: ema.read_campaign(self.path),
+            lambda: self._inspect(levels=False),
+            lambda: self._inspect(levels=True),
+        ]
 
-    def _inspect(self) -> None:
-        for error in inspect_files([self.path]).errors:
+    def _inspect(self, *, levels: bool) -> None:
+        for error in inspect_files([self.path], levels=levels).errors:
             raise error
 
     def __call__(self, data: bytes) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 
 from ema.blocks import BlockPlan
 from ema.recording import Run
+
+_PIECE_BYTES = 1 << 22  # read at a time: few calls, and it stays near the processor
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +49,7 @@ class Spectra:
 def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
     """Spectra of all responses of a run and, in the last row, of its reference sensor.
 
-    Only one block of all channels is in memory at a time. Means are removed block by block: the
+    Only a few blocks of all channels are in memory at a time. Means are removed block by block: the
     shaker's preload is a constant force that says nothing about the tyre. A block in which samples
     of a channel are missing (not finite) is left out for that channel; without the force, for all.
 
@@ -57,15 +60,28 @@ def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
         Blocks for the length of this run.
     """
     sums = _Sums(len(run.channels) - 1, plan)
-    block = np.empty((len(run.channels), plan.block_samples))
     looked_at = 0  # samples up to here were looked at for clipping: none needs that twice
-    for start in plan.starts:
-        for row, channel in zip(block, run.channels, strict=True):
-            channel.read_block(start, row)
+    for start, block in _blocks(run, plan):
         fresh = start >= looked_at
         looked_at = start + plan.block_samples if fresh else looked_at
         sums.add(block, look_for_clipping=fresh)
     return sums.spectra()
+
+
+def _blocks(run: Run, plan: BlockPlan) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """Start and samples of each block, all channels; several blocks are read at a time."""
+    room = _PIECE_BYTES // (8 * len(run.channels)) - plan.block_samples
+    at_once = 1 + max(room, 0) // plan.step_samples
+    longest = (min(at_once, plan.n_blocks) - 1) * plan.step_samples + plan.block_samples
+    piece = np.empty((len(run.channels), longest))
+    for first in range(0, plan.n_blocks, at_once):
+        starts = plan.starts[first : first + at_once]
+        stop = starts[-1] + plan.block_samples
+        for row, channel in zip(piece, run.channels, strict=True):
+            channel.read_block(starts[0], row[: stop - starts[0]])
+        for start in starts:
+            begin = start - starts[0]
+            yield start, piece[:, begin : begin + plan.block_samples]
 
 
 class _Sums:
@@ -83,20 +99,23 @@ class _Sums:
         self.clipped = np.zeros(n_sensors + 1)
         self.n_looked_at = 0
         self.n_used = np.zeros(n_sensors)
+        self._block = np.empty((n_sensors + 1, plan.block_samples))
         self._spectrum = np.empty((n_sensors + 1, n_lines), dtype=complex)
         self._squares = np.empty_like(self.squares)
         self._cross = np.empty_like(self.cross)
 
     def add(self, block: NDArray[np.float64], *, look_for_clipping: bool) -> None:
-        """Add a block of all channels, which is overwritten."""
-        mean = block.mean(axis=1, keepdims=True)
+        """Add a block of all channels."""
+        with np.errstate(invalid="ignore", over="ignore"):  # such a mean tells that samples miss
+            mean = block.mean(axis=1, keepdims=True)
         whole = np.isfinite(mean[:, 0])
         if not whole[0]:
             return
         if look_for_clipping:
             self.clipped += _on_extremes(block)
             self.n_looked_at += 1
-        block -= mean
+        with np.errstate(invalid="ignore"):
+            block = np.subtract(block, mean, out=self._block)
         block[~whole] = 0.0
         block *= self.plan.taper
         spectrum = np.fft.rfft(block, axis=1, out=self._spectrum)

@@ -191,7 +191,6 @@ NUMBERS = (
         "an ASCII number beyond doubles",
         ASCII_FORCE + ascii_sensor(text=fixed(ACCELERATION[:-6]) + " 1.00000E+400" * 6 + "\n"),
         Read(missing=True),
-        pending="an infinite sample is a missing one, and no warning of numpy's",
     ),
     uff(
         "a word among ASCII numbers",

@@ -20,7 +20,7 @@ from ema.io.agreement import (
 )
 from ema.io.calibration import calibrated
 from ema.io.content import FileContent
-from ema.io.formats import is_recording, read_file
+from ema.io.formats import exists, is_recording, read_file
 from ema.io.manifest import MANIFEST_NAME, Manifest, nearest, read_manifest, resolve
 from ema.io.positions import Grid
 from ema.io.roles import Wanted, assign, reference_place
@@ -65,14 +65,22 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """Recordings of a folder, config_2 before config_10.
+    """Recordings of a folder, config_2 before config_10; hidden files are none.
+
+    A link whose target is gone stays in the list: whoever reads it names it.
 
     Raises
     ------
     RecordingFormatError
-        If there are none.
+        If there are none, or the folder cannot be looked into.
     """
-    found = [path for path in folder.iterdir() if path.is_file() and is_recording(path)]
+    try:
+        listed = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    except OSError as error:
+        rule = "a campaign's folder must be one that can be read"
+        reason = error.strerror or str(error)
+        raise RecordingFormatError(str(folder), reason, rule, "Check name and rights") from error
+    found = [path for path in listed if is_recording(path) and not path.is_dir()]
     if not found:
         rule = f"a campaign holds recordings, and a {MANIFEST_NAME} where they do not say enough"
         remedy = "Check the folder's name"
@@ -125,7 +133,7 @@ def _files_of(path: Path, manifest: Manifest) -> list[Path]:
     for number, section in enumerate(manifest.runs, 1):
         where = f"{path.name}, runs.{number}.file"
         file = resolve(path, section.file)
-        if not file.exists():
+        if not exists(file):
             remedy = nearest(section.file, sorted(each.name for each in path.parent.iterdir()))
             raise ManifestError(where, repr(section.file), "the file does not exist", remedy)
         if file in files:
@@ -136,8 +144,8 @@ def _files_of(path: Path, manifest: Manifest) -> list[Path]:
 
 
 def _read_all(paths: Sequence[Path]) -> list[FileContent]:
-    check_duplicates([path for path in paths if path.is_file()])
     contents = [read_file(path) for path in paths]
+    check_duplicates(paths)
     if all(each.recording is None and each.frf is None for each in contents):
         notes = "; ".join(finding.detail for each in contents for finding in each.findings)
         found = f"no time series and no FRFs ({notes or 'nothing at all'})"

@@ -33,6 +33,14 @@ def is_recording(path: Path) -> bool:
     return _reader(path, READERS) is not None
 
 
+def exists(path: Path) -> bool:
+    """Whether there is such a file or folder; there is none of a name that is too long."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
+
+
 def read_file(path: Path) -> FileContent:
     """Read one file by the reader that its name's ending calls for.
 
@@ -41,7 +49,7 @@ def read_file(path: Path) -> FileContent:
     RecordingFormatError
         If the file is missing, damaged, or of a format that is not known.
     """
-    if not path.exists():
+    if not exists(path):
         rule = "the file does not exist"
         raise RecordingFormatError(str(path), "nothing there", rule, "Check the name")
     reader = _reader(path, READERS) or _reader(path, _NAMED_READERS)
@@ -60,7 +68,7 @@ def read_headers(path: Path) -> FileContent:
     RecordingFormatError
         As `read_file`.
     """
-    reader = _reader(path, _HEADER_READERS) if path.is_file() else None
+    reader = _reader(path, _HEADER_READERS) if exists(path) and path.is_file() else None
     return read_file(path) if reader is None else reader(path)
 
 

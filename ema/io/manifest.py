@@ -128,7 +128,7 @@ class RunSection(_Section):
 class Manifest(_Section):
     """The whole manifest."""
 
-    schema_version: Annotated[Literal[1], Field(alias="schema")]
+    schema_version: Annotated[int, Field(alias="schema", ge=1, le=1, strict=True)]
     tyre: TyreSection | None = None
     acquisition: AcquisitionSection = AcquisitionSection()
     sensors: SensorsSection = SensorsSection()

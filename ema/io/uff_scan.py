@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mmap
+from codecs import BOM_UTF8
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -91,7 +92,8 @@ def place(path: Path, index: int, line: int | None = None) -> str:
 
 def _datasets(path: Path, data: mmap.mmap) -> list[Dataset]:
     found: list[Dataset] = []
-    position = _next_content(data, 0)
+    has_mark = data[: len(BOM_UTF8)] == BOM_UTF8  # left by an editor of text
+    position = _next_content(data, len(BOM_UTF8) if has_mark else 0)
     while position < len(data):
         index = len(found) + 1
         opening, after = _line(data, position)
