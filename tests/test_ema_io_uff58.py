@@ -18,6 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ema.errors import RecordingFormatError
+from ema.io import uff58
 from ema.io.readers.uff import read as read_uff
 from ema.io.sampling import even_step, plainest, step_and_inverse
 from ema.io.uff58_header import parse_number
@@ -126,6 +127,29 @@ def test_ascii_of_more_lines_than_one_chunk(tmp_path):
     values = np.round(np.random.default_rng(1).normal(size=130_001), 4)
     content = ascii58(fixed(values.tolist()), n=len(values))
     np.testing.assert_allclose(samples(tmp_path, content), values, rtol=1e-5)
+
+
+@given(
+    st.lists(
+        st.lists(st.integers(-(10**6), 10**6), min_size=1, max_size=8), min_size=2, max_size=30
+    ),
+    st.integers(1, 200),
+)
+def test_irregular_lines_may_end_anywhere_in_a_chunk(tmp_path_factory, lines, chunk):
+    text = "".join(" ".join(map(str, line)) + "\n" for line in lines)
+    values = [value for line in lines for value in line]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(uff58, "_CHUNK_BYTES", chunk)
+        found = samples(tmp_path_factory.mktemp("any"), ascii58(text, n=len(values)))
+    assert found.tolist() == values
+
+
+@pytest.mark.parametrize("chunk", [1, 78, 79, 80, 1000])
+def test_regular_lines_may_end_anywhere_in_a_chunk(tmp_path, monkeypatch, chunk):
+    monkeypatch.setattr(uff58, "_CHUNK_BYTES", chunk)
+    values = [k / 8 for k in range(201)]
+    found = samples(tmp_path, ascii58(fixed(values, 20, 12, 4), ordinate=4, n=201))
+    assert found.tolist() == values
 
 
 def test_uneven_ascii_double(tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from array import array
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -15,7 +17,7 @@ from ema.io.uff_columns import convert_lines
 from ema.io.uff_scan import COPY_AGAIN, Dataset, place
 from ema.io.uff_text import line_numbers
 
-_CHUNK_BYTES = 1 << 21
+_CHUNK_BYTES = 1 << 20
 _LONGEST_LINE = 4096
 
 
@@ -69,14 +71,12 @@ def read_form(path: Path, dataset: Dataset) -> tuple[NDArray[np.float64] | None,
 def _split(
     header: Header58, numbers: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64] | None, NDArray[Any]]:
-    """Separate abscissa and values; real and imaginary part alternate."""
-    abscissa = None
-    if not header.even:
-        table = numbers.reshape(header.n_values, -1)
-        abscissa, numbers = table[:, 0].copy(), table[:, 1:].ravel()
-    values = numbers.view(np.complex128) if header.is_complex else numbers
+    """Separate abscissa and values, without a copy; real and imaginary part alternate."""
+    table = numbers.reshape(header.n_values, header.numbers_per_value)
+    parts = table if header.even else table[:, 1:]
+    values = (parts.view(np.complex128) if header.is_complex else parts)[:, 0]
     values.setflags(write=False)
-    return abscissa, values
+    return None if header.even else table[:, 0], values
 
 
 def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.float64]:
@@ -92,15 +92,10 @@ def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.flo
         file.seek(begin)
         while file.tell() < end:
             text = _some_lines(file, end)
-            length = (text.find(b"\n") + 1) or len(text)
-            even = len(text) - len(text) % length  # the last line is shorter, as a rule
-            for part in filter(None, (text[:even], text[even:])):
-                block = convert_lines(part, length, widths)
-                if block is None:
-                    block = _irregular(part, widths, where)
-                room = numbers[count : count + len(block)]
-                room[:] = block[: len(room)]
-                count += len(block)
+            block = _convert(text, widths, where)
+            room = numbers[count : count + len(block)]
+            room[:] = block[: len(room)]
+            count += len(block)
     if count != expected:
         found = f"{count // per_value} of {header.n_values} values"
         rule = "the file is truncated" if count < expected else "there are more than stated"
@@ -123,13 +118,25 @@ def _some_lines(file: BinaryIO, end: int) -> bytes:
     return text + file.readline(min(_LONGEST_LINE, end - file.tell()))
 
 
+def _convert(text: bytes, widths: tuple[int, ...], where: str) -> NDArray[np.float64]:
+    """Convert whole lines: equal ones at once, the last one apart because it may be shorter."""
+    length = (text.find(b"\n") + 1) or len(text)
+    end = len(text) - len(text) % length
+    numbers = convert_lines(text[:end], length, widths)
+    if numbers is None:
+        return _irregular(text, widths, where)
+    rest = text[end:]
+    return np.append(numbers, _irregular(rest, widths, where)) if rest else numbers
+
+
 def _irregular(text: bytes, widths: tuple[int, ...], where: str) -> NDArray[np.float64]:
     """Convert line by line: separated numbers, or touching ones cut by their columns."""
-    numbers: list[float] = []
-    for line in text.decode("latin-1").split("\n"):
+    numbers = array("d")
+    for raw in io.BytesIO(text):
+        line = raw.decode("latin-1")
         if len(line) > _LONGEST_LINE:
             found = f"a line of more than {_LONGEST_LINE} characters"
             rule = "lines of a dataset 58 have 80 columns"
             raise RecordingFormatError(where, found, rule, COPY_AGAIN)
-        numbers += line_numbers(line, widths, where)
-    return np.array(numbers, dtype=np.float64)
+        numbers.extend(line_numbers(line, widths, where))
+    return np.frombuffer(numbers, dtype=np.float64)
