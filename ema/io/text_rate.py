@@ -17,14 +17,14 @@ _STEP = (
 )
 _STATEMENT = re.compile(
     rf"[\s#%!/;'\"*]*(?:(?P<rate>{_RATE})|(?P<step>{_STEP}))\s*(?:[\[(](?P<unit>[^\])]*)[\])])?"
-    r"[\s\"]*[:=;,|\s][\s:=\"]*(?P<value>[0-9][0-9.,]*?(?:e[+-]?[0-9]+)?)"
-    r"(?:[\s;,|\"]*[\[(]?(?P<behind>[a-zµμ/1]+(?:/s)?)[\])]?)?[\s;,|\"]*",
+    r"[\s\"]*[:=;,|\s][\s:=\"]*(?P<value>[0-9](?:[0-9.,]*[0-9])?\.?(?:e[+-]?[0-9]+)?)"
+    r"(?:[\s;,|\"]*[\[(]?(?P<behind>[a-zµμ]+(?:/s)?|\b1/s)[\])]?)?[\s;,|\"]*",
     re.IGNORECASE,
 )
 _HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "ks/s": 1e3}
-_SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6}
+_PER_SECOND = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e3, "us": 1e6}
 _LONGEST = 200
-_THOUSANDS = re.compile(r"[0-9]{1,3}(?:[.,][0-9]{3})+")
+_THOUSANDS = re.compile(r"[1-9][0-9]{0,2}(?:[.,][0-9]{3})+")
 
 
 def stated_rate_hz(line: str, decimal: str) -> float | None:
@@ -49,14 +49,14 @@ def stated_rate_hz(line: str, decimal: str) -> float | None:
     value = _plain(match["value"], decimal)
     unit = (match["unit"] or match["behind"] or "").strip().lower()
     unit = unit.replace("µ", "u").replace("μ", "u")
-    factor = (_HERTZ if match["rate"] else _SECONDS).get(unit)
+    factor = (_HERTZ if match["rate"] else _PER_SECOND).get(unit)
     if value is None or factor is None:
         return None
     try:
         step, inverse = step_and_inverse(value)
     except ValueError:
         return None
-    rate_hz = float(value) * factor if match["rate"] else inverse / factor
+    rate_hz = float(value) * factor if match["rate"] else inverse * factor
     return rate_hz if step > 0.0 and math.isfinite(rate_hz) else None
 
 

@@ -168,7 +168,7 @@ class _Reader:
         with np.errstate(over="ignore", invalid="ignore"):
             for (index, column), values in zip(self._columns.items(), table.columns, strict=True):
                 if index in self._layout.clocks:
-                    values = self._nanoseconds(index, values)
+                    values = self._nanoseconds(section, index, values)
                 for chunk in values.chunks:
                     samples = chunk.to_numpy(zero_copy_only=False)
                     column.append(samples, n_expected, narrow=narrow)
@@ -262,7 +262,8 @@ class _Reader:
             cell = cells[index]
             if index in self._layout.clocks:
                 if not is_clock(cell):
-                    raise self._fault(number, repr(cell[:40]), _STAMP_RULE, index)
+                    found = repr(cell[:40]) if cell else "no time"
+                    raise self._fault(number, found, _STAMP_RULE, index)
                 checked[index] = f'"{cell}"'
             elif is_number(cell, decimal):
                 number_text = cell.upper().replace("D", "E")
@@ -312,20 +313,21 @@ class _Reader:
             found = f"the last row ends in {last[-1]!r}, those before in {last[-2]!r} and the like"
             raise RecordingFormatError(where, found, _CUT_SHORT, _COPY_AGAIN)
 
-    def _nanoseconds(self, index: int, stamps: pa.ChunkedArray) -> pa.ChunkedArray:
+    def _nanoseconds(self, section: bytes, index: int, stamps: pa.ChunkedArray) -> pa.ChunkedArray:
         """Time stamps as whole nanoseconds since some moment."""
         compute = pa.compute
-        if stamps.null_count:
-            row = int(np.argmax(stamps.is_null().to_numpy())) + 1
-            raise self._fault(self._line + row - 1, "no time", _STAMP_RULE, index)
         text = compute.utf8_trim_whitespace(compute.replace_substring(stamps, ",", "."))
         text = compute.replace_substring(compute.replace_substring(text, "/", "-"), "Z", "")
-        if "-" not in text[0].as_py():
+        if "-" not in (text[0].as_py() or ""):
             text = compute.binary_join_element_wise("1970-01-01", text, " ")
         try:
-            return text.cast(pa.timestamp("ns")).cast(pa.int64())
+            if not stamps.null_count:
+                return text.cast(pa.timestamp("ns")).cast(pa.int64())
+            found = "a row without a time"
         except pa.ArrowInvalid as error:
-            raise self._fault(self._line, str(error), _STAMP_RULE, index) from error
+            found = str(error)
+        self._checked(section)  # knows the line, unless a stamp merely looks like one
+        raise self._fault(self._line, found, _STAMP_RULE, index)
 
 
 def _n_lines(section: bytes) -> int:
