@@ -18,6 +18,8 @@ from builders import ascii58, fixed, frf58, nodes15, nodes2411, units164
 from scenarios import ACCELERATION, FORCE, RATE_HZ, N, force, sensor, table
 from scenarios_campaign import MANIFEST, RUNS
 from scenarios_text import lvm_file
+from test_ema_io_shapes import shape55, shape2414
+from test_ema_io_uff_geometry import nodes_in, system18, system2420
 
 
 def universal_files() -> dict[str, bytes]:
@@ -33,6 +35,19 @@ def universal_files() -> dict[str, bytes]:
         "geometry": units164(1.0, 1.0) + nodes15(circle) + force() + sensor() + more,
         "nodes_2411": nodes2411(circle) + force() + sensor(),
         "frf": frf58([1 + 1j, 2, 3, 4 - 1j]) + frf58([2, 3, 4, 5j], node=2),
+    }
+
+
+def geometries() -> dict[str, bytes]:
+    """Return nodes in coordinate systems of their own, and mode shapes on them."""
+    circle = {1: (0.3, 0.0, 0.0), 2: (0.3, 90.0, 0.0)}
+    polar = system2420(7, 1, np.eye(3), (0.0, 0.1, 0.0))
+    complex_shape = {1: [1 + 1j, 0j, 2j], 2: [-1j, 0.5 + 0j, 0j]}
+    return {
+        "system_18": system18(7, kind=1) + nodes_in(7, circle) + force() + sensor(),
+        "system_2420": polar + nodes_in(7, circle) + force() + sensor() + shape55(),
+        "shape_2414": nodes2411(circle) + shape2414(),
+        "shape_complex": shape55(complex_shape, analysis=3, kind=5, reals=(-1.0, 400.0) * 3),
     }
 
 
@@ -74,7 +89,7 @@ def _matrix(file) -> None:
 def main() -> None:
     """Write the corpus."""
     written = {
-        "uff": universal_files(),
+        "uff": universal_files() | geometries(),
         "csv": tables(),
         "gzip": {name: gzip.compress(text, mtime=0) for name, text in tables().items()},
         "lvm": {"plain": lvm_file(), "comma": lvm_file(decimal=",")},

@@ -34,6 +34,7 @@ with atheris.instrument_imports(include=["ema", "pipelines", "pyuff", "nptdms", 
 
     import ema
     from ema.errors import InputError
+    from ema.io.shapes import read_shapes
     from pipelines.inspection import inspect_files
 
 FLOOR_BYTES = 64 << 20
@@ -90,7 +91,9 @@ class Harness:
         """What is tried with the input."""
         if self.kind == "manifest":
             return [lambda: ema.read_campaign(self.path.parent)]
+        shapes = [lambda: read_shapes(self.path)] if self.kind == "uff" else []
         return [
+            *shapes,
             lambda: ema.read_campaign(self.path),
             lambda: self._inspect(levels=False),
             lambda: self._inspect(levels=True),
