@@ -12,7 +12,7 @@ from ema.quality import WARNING, Finding
 from ema.recording import ACCELERATION, FORCE, Channel, Recording
 from ema.signal_summary import SignalSummary, known_samples, summarise
 
-_PIECES, _PIECE = 16, 4096
+_PIECES, _PIECE = 4, 4096
 # A weak impact, or a short one in a long recording, has little rms but a peak well above it.
 _PEAK_PER_RMS = 5.0
 
@@ -22,12 +22,10 @@ class _Plausible:
     """Levels a shaker or hammer test has, rms in SI, and the units that get mixed up."""
 
     lowest: float
+    usual: float
     highest: float
     units: tuple[str, ...]
-
-    @property
-    def middle(self) -> float:
-        return float(np.sqrt(self.lowest * self.highest))
+    rare: tuple[str, ...]
 
     def holds(self, rms: float, peak: float) -> bool:
         """Whether rms and largest deviation about the mean are among them."""
@@ -40,9 +38,10 @@ class _Plausible:
 # shakers and load cells. In between lie weak shakers on heavy tyres and strong ones on light
 # structures: a false alarm would teach users not to read the warnings.
 _PLAUSIBLE = {
-    ACCELERATION: _Plausible(0.01, 1000.0, ("m/s^2", "g", "mm/s^2")),
-    FORCE: _Plausible(0.05, 2000.0, ("N", "kN", "lbf", "mN")),
+    ACCELERATION: _Plausible(0.01, 30.0, 1000.0, ("m/s^2", "g", "mm/s^2"), ("mm/s^2",)),
+    FORCE: _Plausible(0.05, 20.0, 2000.0, ("N", "kN", "lbf", "mN"), ("kN", "lbf", "mN")),
 }
+_RARE = np.log(30.0)  # a rare unit has to bring the level this much nearer to the usual one
 
 
 def level_findings(
@@ -110,7 +109,7 @@ def _explain(channel: Channel, rms: float) -> str:
 
 
 def _likely_unit(usual: _Plausible, number: float, *, but: float) -> tuple[str, float] | None:
-    """Unit that brings a number nearest to the middle of what is usual, and its level then."""
+    """Unit that brings a number nearest to the usual level, rare ones last, and its level then."""
     levels = {}
     for name in usual.units:
         unit = parse_unit(name)
@@ -119,4 +118,8 @@ def _likely_unit(usual: _Plausible, number: float, *, but: float) -> tuple[str, 
     fitting = {n: level for n, level in levels.items() if usual.lowest <= level <= usual.highest}
     if not fitting:
         return None
-    return min(fitting.items(), key=lambda item: abs(np.log(item[1] / usual.middle)))
+
+    def oddity(item: tuple[str, float]) -> float:
+        return float(abs(np.log(item[1] / usual.usual)) + _RARE * (item[0] in usual.rare))
+
+    return min(fitting.items(), key=oddity)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.stored import piece
+
 if TYPE_CHECKING:
     from ema.frf import FRF
     from ema.quality import Finding
@@ -60,13 +62,14 @@ class Channel:
 
     def block(self, start: int, stop: int) -> NDArray[np.float64]:
         """Samples `start` to `stop` in SI units and double precision."""
-        with np.errstate(invalid="ignore"):  # signalling NaNs become quiet ones
-            return np.asarray(self.samples[start:stop], dtype=np.float64) * self.scale_to_si
+        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
+            found = piece(self.samples, start, stop)
+            return np.asarray(found, dtype=np.float64) * self.scale_to_si
 
     def read_block(self, start: int, into: NDArray[np.float64]) -> None:
         """Fill `into` with the samples from `start` on, in SI units."""
-        with np.errstate(invalid="ignore"):
-            np.multiply(self.samples[start : start + into.size], self.scale_to_si, out=into)
+        with np.errstate(invalid="ignore", over="ignore"):
+            np.multiply(piece(self.samples, start, start + into.size), self.scale_to_si, out=into)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,55 @@
+"""Samples that stay on disk, piece by piece."""
+
+from __future__ import annotations
+
+import mmap
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.errors import RecordingFormatError
+
+
+def piece(samples: NDArray[Any], start: int, stop: int) -> NDArray[Any]:
+    """Samples `start` to `stop`; those of a memory map are read from its file instead.
+
+    What was read through a map stays in the program's memory for as long as the map is there, and
+    a file that vanishes under it ends the program without a word.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_samples,)
+    start, stop : int
+
+    Raises
+    ------
+    RecordingFormatError
+        If the file became shorter or cannot be read any more.
+    """
+    if not isinstance(samples, np.memmap) or not _is_whole(samples):
+        return samples[start:stop]
+    path = Path(str(samples.filename))
+    start, stop, _ = slice(start, stop).indices(len(samples))
+    offset = samples.offset + start * samples.itemsize
+    count = max(stop - start, 0)
+    try:
+        found = np.fromfile(path, samples.dtype, count, offset=offset)
+    except OSError as error:
+        raise _gone(path, error.strerror or str(error)) from error
+    if len(found) < count:
+        raise _gone(path, f"{len(found)} of {count} samples from sample {start + 1} on")
+    return found
+
+
+def _is_whole(samples: np.memmap[Any, Any]) -> bool:
+    """Whether it is a whole memory map: views of one do not know their place in the file."""
+    is_own = isinstance(samples.base, mmap.mmap) and samples.flags.c_contiguous
+    return is_own and samples.filename is not None
+
+
+def _gone(path: Path, found: str) -> RecordingFormatError:
+    rule = "the file was longer when it was opened"
+    remedy = "Check the drive or the network, and process it again"
+    return RecordingFormatError(str(path), found, rule, remedy)
