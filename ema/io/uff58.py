@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ema._arrays import constant
 from ema.errors import RecordingFormatError
 from ema.io.uff58_header import Header58
+from ema.io.uff_byte_order import check_byte_order
 from ema.io.uff_columns import convert_lines
 from ema.io.uff_scan import COPY_AGAIN, Dataset, place
 from ema.io.uff_text import line_numbers
@@ -34,7 +35,8 @@ def read_values(path: Path, dataset: Dataset) -> tuple[NDArray[np.float64] | Non
     Raises
     ------
     RecordingFormatError
-        If an ASCII payload holds more or fewer values than the header states, or no numbers.
+        If an ASCII payload holds more or fewer values than the header states, or no numbers, or
+        a binary one makes sense in the other byte order alone.
     """
     header = dataset.header
     assert header is not None
@@ -44,6 +46,7 @@ def read_values(path: Path, dataset: Dataset) -> tuple[NDArray[np.float64] | Non
     records: NDArray[Any] = np.memmap(
         path, dtype=dataset.layout, mode="r", offset=begin, shape=(header.n_values,)
     )
+    check_byte_order(place(path, dataset.index, 2), records if header.even else records["value"])
     if header.even:
         return None, records
     with np.errstate(invalid="ignore"):  # signalling NaNs; whoever uses the abscissa checks it
