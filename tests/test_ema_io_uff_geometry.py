@@ -6,8 +6,9 @@ from builders import SHARED_DATA, dataset, nodes15, nodes2411, response58, row, 
 
 from ema.errors import RecordingFormatError
 from ema.io.readers.uff import read as read_uff
-from ema.io.uff_geometry import read_nodes, read_units
+from ema.io.uff_geometry import read_nodes
 from ema.io.uff_scan import scan
+from ema.io.uff_surroundings import read_units
 
 OROS = SHARED_DATA / "uff_corpus" / "mesh_Oros-modal_uff15_uff2412.uff"
 CARTESIAN, CYLINDRICAL, SPHERICAL = 0, 1, 2

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from ema._arrays import readonly
 from ema.errors import RecordingFormatError
 from ema.io.content import remark
-from ema.io.readers.uff import surroundings
 from ema.io.uff_kinds import SHAPES
 from ema.io.uff_scan import COPY_AGAIN, scan
 from ema.io.uff_shapes import ModeRecord, read_mode
+from ema.io.uff_surroundings import read_surroundings
 from ema.quality import Finding
 
 _MOST_GAPS = 8  # cells of the whole table for each value given: files of one structure have about 1
@@ -102,7 +102,7 @@ def read_shapes(path: Path | str) -> ShapeSet:
         raise RecordingFormatError(path.name, held, rule, "Export the modes of the analysis")
     findings = tuple(remark(path, "", "content", f"{each}, left out") for each in left_out)
     node, direction, values = _table(path, modes)
-    around = surroundings(path, datasets, set(node.tolist()))
+    around = read_surroundings(path, datasets, set(node.tolist()))
     return ShapeSet(
         frequency_hz=np.array([mode.frequency_hz for mode in modes]),
         damping_ratio=np.array([mode.damping_ratio for mode in modes]),

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from ema.errors import RecordingFormatError
 from ema.io.uff_scan import COPY_AGAIN, Dataset
 from ema.io.uff_text import Lines, as_integers
-from ema.io.uff_units import UnitSystem
 
 NODES, NODES_DOUBLE = 15, 2411
 COORDINATE_SYSTEMS = (18, 2420)
@@ -29,25 +28,6 @@ class _System:
     origin: NDArray[np.float64]
     axes: NDArray[np.float64]  # one unit vector per row
     where: str
-
-
-def read_units(path: Path, dataset: Dataset) -> UnitSystem:
-    """Factors of dataset 164.
-
-    Raises
-    ------
-    RecordingFormatError
-        If they are missing or not positive.
-    """
-    lines = Lines(path, dataset)
-    lines.text()
-    length, force, *_ = lines.numbers((25,) * 3, 2)
-    units = UnitSystem(length, force)
-    if not units.is_valid:
-        found = f"units {length:g} (length) and {force:g} (force)"
-        rule = "factors of dataset 164 are positive numbers"
-        raise RecordingFormatError(lines.where, found, rule, COPY_AGAIN)
-    return units
 
 
 def read_nodes(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,31 +11,20 @@ from numpy.typing import NDArray
 
 from ema.errors import RecordingFormatError
 from ema.io.content import FileContent, remark
-from ema.io.geometry import angles_on_circle
 from ema.io.sampling import even_step, step_and_inverse
 from ema.io.uff58 import read_form, read_values
 from ema.io.uff58_header import FREQUENCY_RESPONSE, TIME_RESPONSE, Header58
 from ema.io.uff_frf import read_frf
-from ema.io.uff_geometry import read_nodes, read_units
 from ema.io.uff_kinds import describe_left_out
 from ema.io.uff_scan import COPY_AGAIN, Dataset, place, scan
-from ema.io.uff_units import UnitSystem, ordinate_unit
+from ema.io.uff_surroundings import Surroundings, read_surroundings
+from ema.io.uff_units import ordinate_unit
 from ema.quality import Finding
 from ema.recording import Channel, Recording
 
 SUFFIXES = (".uff", ".unv", ".uf", ".bunv", ".58", ".ufb")
-_UNITS = 164
 SampleReader = Callable[[Path, Dataset], tuple[NDArray[np.float64] | None, NDArray[Any]]]
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
-
-
-@dataclass(frozen=True)
-class Surroundings:
-    """What other datasets of a file say: units, angles of nodes, and doubts about them."""
-
-    units: UnitSystem
-    angle_deg: dict[int, float]
-    findings: tuple[Finding, ...] = ()
 
 
 def read(path: Path) -> FileContent:
@@ -73,7 +61,7 @@ def _read(path: Path, read_samples: SampleReader) -> FileContent:
     if not times and not responses:
         return FileContent(path, findings=findings)
     in_use = {_header(each).response_node for each in (*times, *responses)}
-    around = surroundings(path, datasets, in_use)
+    around = read_surroundings(path, datasets, in_use)
     findings += around.findings
     recording, noticed = _read_recording(path, times, around, read_samples) if times else (None, ())
     findings += noticed
@@ -109,26 +97,6 @@ def _remarks(
     if left_out:
         findings.append(remark(path, "", "content", left_out))
     return tuple(findings)
-
-
-def surroundings(path: Path, datasets: Sequence[Dataset], in_use: set[int]) -> Surroundings:
-    """What the other datasets of a file say about the nodes in use.
-
-    Raises
-    ------
-    RecordingFormatError
-        If nodes, coordinate systems or units are damaged.
-    """
-    units = UnitSystem()
-    for each in datasets:
-        if each.number == _UNITS:
-            units = read_units(path, each)
-    nodes, doubt = read_nodes(path, datasets)
-    carrying = {node: point for node, point in nodes.items() if node in in_use}
-    angles = angles_on_circle(carrying)
-    if carrying and not angles:
-        doubt = "the nodes of the file's geometry lie on no circle; it gives no angles"
-    return Surroundings(units, angles, (remark(path, "", "geometry", doubt),) if doubt else ())
 
 
 def _read_recording(
