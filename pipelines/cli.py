@@ -4,13 +4,27 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pipelines import console
+from pipelines.cli_options import (
+    Force,
+    Given,
+    Json,
+    NoReport,
+    Objective,
+    Out,
+    Quiet,
+    Strict,
+    with_processing_options,
+)
 from pipelines.cli_simulate import simulate
 from pipelines.interrupt import Interrupted, interruptible, stating_what_stands
+
+if TYPE_CHECKING:
+    from pipelines.options import Options
 
 app = typer.Typer(
     name="ringmodal",
@@ -35,76 +49,16 @@ def common(
     sys.excepthook = sys.__excepthook__ if debug else console.report_fault
 
 
-Out = Annotated[
-    Path, typer.Option("--out", help="Folder for the result; appears whole or not at all.")
-]
-Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
-NoReport = Annotated[bool, typer.Option("--no-report", help="Stop before the report.")]
-NoTune = Annotated[bool, typer.Option("--no-tune", help="Stop at the modes: no ring parameters.")]
-Strict = Annotated[
-    bool, typer.Option("--strict", help="Refuse recordings that give any warning; write nothing.")
-]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="No progress messages.")]
-Objective = Annotated[
-    str,
-    typer.Option(
-        help="What the tuning minimises: 'frequency' (relative errors) or 'paper' (eq. 18)."
-    ),
-]
-Given = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--given",
-        metavar="NAME=VALUE",
-        help="A ring parameter known from elsewhere, in SI, e.g. mass_per_area_kg_m2=19.7.",
-    ),
-]
-
-
 @app.command()
+@with_processing_options
 def process(
     campaign: Annotated[
         list[Path], typer.Argument(help="Campaign folder, its campaign.toml, or recordings.")
     ],
     out: Out,
-    band_hz: Annotated[
-        tuple[float, float] | None,
-        typer.Option(help="Band in Hz in which modes are sought. Default for a tyre: 20 260."),
-    ] = None,
-    averages: Annotated[
-        int | None, typer.Option(min=1, help="Number of averages; sets the block length.")
-    ] = None,
-    block_seconds: Annotated[
-        float | None,
-        typer.Option(help="Block length in s. Default: 4, or a quarter of a shorter recording."),
-    ] = None,
-    window: Annotated[str | None, typer.Option(help="Any scipy window name; default hann.")] = None,
-    overlap: Annotated[
-        float | None,
-        typer.Option(min=0.0, max=0.95, help="Share of a block. Default: 0.5, boxcar 0."),
-    ] = None,
-    estimator: Annotated[str, typer.Option(help="H1, H2 or Hv.")] = "H1",
-    max_order: Annotated[
-        int, typer.Option(min=4, max=200, help="Highest model order of the stability diagram.")
-    ] = 60,
-    method: Annotated[
-        str, typer.Option(help="Pole estimator, lsce or plscf; the other is the second opinion.")
-    ] = "lsce",
-    pin: Annotated[
-        str | None,
-        typer.Option(metavar="HZ,HZ,…", help="Take the modes next to these frequencies instead."),
-    ] = None,
-    exclude: Annotated[
-        str | None,
-        typer.Option(metavar="HZ,HZ,…", help="Leave out the modes at these frequencies."),
-    ] = None,
-    objective: Objective = "frequency",
-    given: Given = None,
-    no_tune: NoTune = False,
+    options: Options,
     no_report: NoReport = False,
     force: Force = False,
-    strict: Strict = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -112,24 +66,10 @@ def process(
 
     Example: ringmodal process sample_data/tyre_225_55R17 --out result
     """
-    from ema.recording import Processing
-    from pipelines.options import Options
     from pipelines.process import process as run
     from pipelines.result_folder import require_free
     from pipelines.store import save
 
-    options = Options(
-        processing=Processing(averages, block_seconds, window, overlap, band_hz),
-        estimator=estimator,
-        max_order=max_order,
-        pinned_hz=console.numbers("--pin", pin),
-        excluded_hz=console.numbers("--exclude", exclude),
-        method=method,
-        tune=not no_tune,
-        objective=objective,
-        given=console.assignments("--given", given),
-        strict=strict,
-    )
     source = campaign[0] if len(campaign) == 1 else campaign
     with stating_what_stands(out):
         require_free(out, force=force)
