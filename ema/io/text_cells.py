@@ -22,6 +22,7 @@ _MISSING = frozenset((*_NOTHING, *_NO_NUMBERS, *_INFINITIES, *_SPREADSHEET_FAULT
 _CLOCK = re.compile(
     r"(?:[0-9]{4}([-/])[0-9]{2}\1[0-9]{2}[T ])?[0-9]{2}:[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,9})?Z?"
 )
+_THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:[.,][0-9]{3})+")
 # Units behind a name without square brackets: "Force (N)", and "Kraft / N" as in DIN 461.
 _OTHER_LABELS = (
     re.compile(r"(?P<name>.*\S)\s*\((?P<unit>[^()]*(?:\([^()]*\))?[^()]*)\)"),
@@ -35,6 +36,11 @@ _SECONDS = {"seconds": "s", "second": "s", "secs": "s", "sekunden": "s", "msec":
 def is_number(cell: str, decimal: str) -> bool:
     """Whether a cell is a number with this decimal sign."""
     return _NUMBER[decimal].fullmatch(cell) is not None
+
+
+def may_hold_thousands(cell: str) -> bool:
+    """Whether points or commas in a number may as well separate thousands: ``1,234``."""
+    return _THOUSANDS.fullmatch(cell) is not None
 
 
 def is_missing(cell: str) -> bool:

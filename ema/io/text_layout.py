@@ -22,6 +22,7 @@ from ema.io.text_cells import (
     is_number,
     is_time_label,
     label,
+    may_hold_thousands,
 )
 from ema.io.text_rate import stated_rate_hz
 from ema.io.text_source import TextSource
@@ -328,6 +329,7 @@ def _layout(
 ) -> Layout:
     row = table.rows[0]
     assert table.names is not None
+    _check_commas(where, table)
     labels = [label(cell) for cell in _heading(table, table.names)]
     units = [""] * row.width if table.units is None else _heading(table, table.units)
     clocks = cells_of(row.line.text, table.dialect.separator)
@@ -345,6 +347,17 @@ def _layout(
         either_decimal=_either_decimal(table, tables),
         rate_hz=_rate_above(where, lines, table),
     )
+
+
+def _check_commas(where: str, table: _Table) -> None:
+    """Refuse quoted commas between commas where all may separate thousands, as in ``"1,234"``."""
+    if table.dialect != Dialect(",", ","):
+        return
+    cells = [cell for row in table.rows for cell in cells_of(row.line.text, ",") if "," in cell]
+    if cells and all(map(may_hold_thousands, cells)):
+        place = f"{where}, line {table.rows[0].line.number}"
+        rule = "it may be a decimal comma or separate thousands"
+        raise RecordingFormatError(place, repr(cells[0]), rule, "Export plain numbers")
 
 
 def _heading(table: _Table, line: _Line) -> list[str]:

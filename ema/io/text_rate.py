@@ -6,6 +6,7 @@ import math
 import re
 
 from ema.io.sampling import step_and_inverse
+from ema.io.text_cells import may_hold_thousands
 
 _RATE = (
     r"sampl\w*[\s_-]*(?:rate|freq\w*)|scan[\s_-]*rate|abtast(?:rate|frequenz)|fs|f_s|"
@@ -24,7 +25,6 @@ _STATEMENT = re.compile(
 _HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "ks/s": 1e3}
 _PER_SECOND = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e3, "us": 1e6}
 _LONGEST = 200
-_THOUSANDS = re.compile(r"[1-9][0-9]{0,2}(?:[.,][0-9]{3})+")
 
 
 def stated_rate_hz(line: str, decimal: str) -> float | None:
@@ -63,7 +63,7 @@ def stated_rate_hz(line: str, decimal: str) -> float | None:
 def _plain(value: str, decimal: str) -> str | None:
     """Write a number with a decimal point; None where that is not clear."""
     other = "," if decimal == "." else "."
-    if other in value and _THOUSANDS.fullmatch(value):
+    if other in value and may_hold_thousands(value):
         return None
     plain = value.replace(",", ".")
     return plain if plain.count(".") <= 1 else None

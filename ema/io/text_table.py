@@ -137,7 +137,6 @@ class _Reader:
     def __init__(self, where: str, layout: Layout, wanted: Sequence[int]) -> None:
         self._where = where
         self._layout = layout
-        self._clocks = [index for index in wanted if index in layout.clocks]
         self._columns = {
             index: _Column(np.int64 if index in layout.clocks else np.float32) for index in wanted
         }
@@ -300,15 +299,14 @@ class _Reader:
         """Refuse a last line that stops within its last number.
 
         Without a line end it may. It does where all rows before print the same number of
-        decimals in that column, and this one prints fewer.
+        decimals in that column, and this one prints fewer, or nothing at all.
         """
         decimal, separator = self._layout.dialect.decimal, self._layout.dialect.separator
         rows = (self._tail + section).decode("utf-8", errors="replace").splitlines()
         last = [cells_of(row, separator)[-1] for row in rows[-_TAIL_ROWS - 1 :] if row.strip()]
-        if len(last) <= _TAIL_ROWS // 2:
-            return
-        *usual, end = [len(cell.partition(decimal)[2]) for cell in last]
-        if min(usual) == max(usual) > end:
+        *others, end = (len(cell.partition(decimal)[2]) for cell in last)
+        is_empty = len(last) > 1 and all(last[:-1]) and not last[-1]
+        if is_empty or (len(last) > _TAIL_ROWS // 2 and min(others) == max(others) > end):
             where = f"{self._where}, line {self._line}"
             found = f"the last row ends in {last[-1]!r}, those before in {last[-2]!r} and the like"
             raise RecordingFormatError(where, found, _CUT_SHORT, _COPY_AGAIN)
