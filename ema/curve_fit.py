@@ -32,11 +32,13 @@ from ema.pole_fit import Lines, PoleFit, evaluate
 from ema.pole_set import Refit, modes_of, pairs_of, settled, significant
 from ema.resolution import OrderReport
 from ema.stability import PoleSelection
+from ema.threads import one_blas_thread
 
 # A drift is taken for real when chance would show it once in 10 000 campaigns.
 _DRIFT_CHANCE = 1e-4
 
 
+@one_blas_thread
 def fit_modes(
     frf: FRF, poles: PoleSelection | ArrayLike, band_hz: tuple[float, float] | None = None
 ) -> ModalModel:

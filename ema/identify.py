@@ -18,6 +18,7 @@ from ema.quality import Finding
 from ema.screening import screen
 from ema.second_opinion import OTHER, Opinion, second_opinion
 from ema.stability import StabilityDiagram, build_stability, select_poles
+from ema.threads import one_blas_thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,7 @@ class SensorMass:
     excitation_deg: float = 0.0
 
 
+@one_blas_thread
 def identify_modes(
     frf: FRF,
     band_hz: tuple[float, float] = (20.0, 260.0),

@@ -21,6 +21,7 @@ from ema.lsce import (
 from ema.noise import without_spikes
 from ema.plscf import line_weight, reduced_normal_matrix
 from ema.pole_history import pole_history
+from ema.threads import one_blas_thread
 
 STABLE_FREQUENCY = 0.01
 STABLE_DAMPING = 0.05
@@ -152,6 +153,7 @@ class PoleSelection:
         return cls(given, (0.8 * float(frequency_hz.min()), 1.2 * float(frequency_hz.max())))
 
 
+@one_blas_thread
 def build_stability(
     frf: FRF,
     band_hz: tuple[float, float] = (20.0, 260.0),

@@ -106,8 +106,11 @@ def tune_ring(
         radial_growth_m,
         pressure_load,
     )
-    search = plan_search(problem)
-    values, found = search.run()
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, user_api="blas"):  # small matrices: threads only wait for each other
+        search = plan_search(problem)
+        values, found = search.run()
     ring = search.ring(values)
     how, std, relations, relative, source = _judge(search, values, relative_given)
     return TuningResult(
