@@ -21,7 +21,8 @@ from pipelines.cli_options import (
     with_processing_options,
 )
 from pipelines.cli_simulate import simulate
-from pipelines.interrupt import Interrupted, interruptible, stating_what_stands
+from pipelines.interrupt import stating_what_stands
+from pipelines.main import main
 
 if TYPE_CHECKING:
     from pipelines.options import Options
@@ -199,33 +200,7 @@ def inspect(
         raise typer.Exit(2)
 
 
-def main() -> None:
-    """Run the command line; whatever ends it early ends with one message and its exit code.
-
-    2 for bad input and for files that cannot be read or written, 130 or 143 when asked to stop, 1
-    for too little memory and for a fault of the program.
-    """
-    from ema.errors import FitError, InputError
-    from model.errors import ParameterError
-
-    with interruptible():
-        try:
-            app()
-        except (InputError, FitError, ParameterError) as error:
-            console.complain(f"Error: {error}")
-            sys.exit(2)
-        except OSError as error:
-            if error.filename is None:
-                raise
-            console.complain(console.file_trouble(error))
-            sys.exit(2)
-        except MemoryError as error:
-            console.complain(console.out_of_memory(error))
-            sys.exit(1)
-        except Interrupted as interrupted:
-            console.complain(f"Interrupted: {interrupted.outcome}.")
-            sys.exit(interrupted.exit_code)
-
+__all__ = ["app", "main"]
 
 if __name__ == "__main__":
     main()

@@ -49,12 +49,12 @@ def interruptible() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    last_s = -_REPEAT_S
+    received: list[tuple[float, int]] = []
 
     def stop(number: int, _: FrameType | None) -> None:
-        nonlocal last_s
-        repeated = time.monotonic() - last_s < _REPEAT_S
-        last_s = time.monotonic()
+        now_s = time.monotonic()
+        repeated = bool(received) and now_s - received[-1][0] < _REPEAT_S
+        received.append((now_s, number))
         if not repeated:
             raise Interrupted(number)
 
@@ -65,6 +65,10 @@ def interruptible() -> Iterator[None]:
         for number in caught:
             signal.signal(number, stop)
         yield
+    except Exception as error:
+        if received:  # a library took `Interrupted` for its own failure and stumbled later
+            raise Interrupted(received[0][1]) from error
+        raise
     finally:
         for number in caught:
             signal.signal(number, earlier[number])

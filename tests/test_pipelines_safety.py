@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from pipelines.result_folder import written_whole
 from pipelines.store import MARKER, load, save
 from pipelines.strict import refuse_warnings
 
-PROGRAM = [sys.executable, "-m", "pipelines.cli"]
+PROGRAM = [sys.executable, "-m", "pipelines.main"]
 WARNED = Finding("config_1.uff", "A01", 0.0, "hum", WARNING, "50 Hz line 12 dB above its sides")
 
 
@@ -118,7 +119,29 @@ def test_a_repeated_interrupt_does_not_cut_the_cleaning_short(out):
     assert names(out.parent) == []
 
 
-def test_signals_are_as_before_afterwards(monkeypatch):
+def test_an_interrupt_that_a_library_swallowed_still_counts():
+    """As where a module is left half loaded, and misses a name later."""
+    with pytest.raises(Interrupted) as stopped, interruptible():
+        with suppress(BaseException):
+            signal.raise_signal(signal.SIGTERM)
+        raise ImportError("cannot import name")
+    assert stopped.value.exit_code == 143
+    assert isinstance(stopped.value.__cause__, ImportError)
+
+
+def test_the_program_is_ready_for_an_interrupt_before_it_loads_anything_heavy():
+    program = "import sys, pipelines.main; print({'typer', 'numpy', 'ema'} & set(sys.modules))"
+    finished = subprocess.run(
+        [sys.executable, "-c", program],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert finished.stdout.strip() == "set()"
+
+
+def test_signals_are_as_before_afterwards():
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     with interruptible():
         assert signal.getsignal(signal.SIGINT) != before[0]
