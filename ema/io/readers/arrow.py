@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.errors import RecordingFormatError
+from ema.io.arrow_sizes import unpacked_bytes
 from ema.io.claims import check_expansion
 from ema.io.columns import EXPORT_AGAIN, Column, content_of_columns, name_and_unit
 from ema.io.content import FileContent, remark
@@ -19,8 +21,14 @@ from ema.io.stated_rate import stated_rate
 if TYPE_CHECKING:
     import pyarrow as pa
 
+    ReadColumn = Callable[[int], pa.ChunkedArray]
+
 SUFFIXES = (".parquet", ".feather", ".arrow")
 _FEATHER_1 = b"FEA1"
+_ARROW_FILE = b"ARROW1"
+_STREAM_IN_FILE = 8  # what follows the padded magic is a stream
+_FILE_MARK = b"ARROW1"
+_BEFORE_STREAM = 8  # the mark, padded
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
@@ -38,13 +46,12 @@ def read(path: Path) -> FileContent:
         If the file is missing or damaged, claims to be far larger than it is, holds no column of
         numbers, or time is uneven.
     """
-    with reading(path, "a Parquet file" if _is_parquet(path) else "a Feather or Arrow file"):
-        table, left = _parquet(path) if _is_parquet(path) else _ipc(path)
-        table.validate()  # until then, lengths are what the file claims
-        columns = [_column(table, index) for index in range(table.num_columns)]
-        metadata = {
-            key.decode("latin-1"): value for key, value in (table.schema.metadata or {}).items()
-        }
+    parquet = path.suffix.lower() == ".parquet"
+    with reading(path, "a Parquet file" if parquet else "a Feather or Arrow file"):
+        schema, read_column = _parquet(path) if parquet else _ipc(path)
+        kept, left = _split(path, schema)
+        columns = [_column(schema.field(index), read_column(index)) for index in kept]
+        metadata = {key.decode("latin-1"): value for key, value in (schema.metadata or {}).items()}
     content = content_of_columns(path, columns, rate_hz=stated_rate(path, metadata))
     notes = tuple(
         remark(path, name, "content", "a column of something other than numbers, left out")
@@ -53,47 +60,45 @@ def read(path: Path) -> FileContent:
     return replace(content, findings=notes + content.findings)
 
 
-def _is_parquet(path: Path) -> bool:
-    return path.suffix.lower() == ".parquet"
-
-
-def _parquet(path: Path) -> tuple[pa.Table, list[str]]:
+def _parquet(path: Path) -> tuple[pa.Schema, ReadColumn]:
+    """Columns and how one of them is read: one at a time, so that memory holds few copies."""
     import pyarrow.parquet as pq
 
-    with pq.ParquetFile(path) as file:
-        kept, left = _split(path, file.schema_arrow)
-        width = sum(field.type.bit_width // 8 for field in kept)
-        check_expansion(path.name, path, width * file.metadata.num_rows)
-        return file.read([field.name for field in kept]), left
+    file = pq.ParquetFile(path)
+    schema = file.schema_arrow
+    kept, _ = _split(path, schema)
+    width = sum(schema.field(index).type.bit_width // 8 for index in kept)
+    check_expansion(path.name, path, width * file.metadata.num_rows)
+    return schema, lambda index: file.read([schema.names[index]]).column(0)
 
 
-def _ipc(path: Path) -> tuple[pa.Table, list[str]]:
+def _ipc(path: Path) -> tuple[pa.Schema, ReadColumn]:
+    """The same for the two kinds of Arrow files: with a table of contents, or a mere stream."""
     import pyarrow as pa
 
     source = pa.memory_map(str(path))
-    if source.read(len(_FEATHER_1)) == _FEATHER_1:
+    magic = source.read(_STREAM_IN_FILE)
+    if magic.startswith(_FEATHER_1):
         rule = "Feather of version 1 is no longer written by any program"
         raise RecordingFormatError(path.name, "Feather version 1", rule, EXPORT_AGAIN)
+    is_file = magic.startswith(_ARROW_FILE)
+    source.seek(_STREAM_IN_FILE if is_file else 0)
+    messages = pa.ipc.MessageReader.open_stream(source)
+    check_expansion(path.name, path, sum(unpacked_bytes(each) for each in messages))
     source.seek(0)
-    try:
-        table = pa.ipc.open_file(source).read_all()
-    except pa.ArrowInvalid:
-        source.seek(0)
-        table = pa.ipc.open_stream(source).read_all()
-    check_expansion(path.name, path, table.nbytes)
-    kept, left = _split(path, table.schema)
-    return table.select([field.name for field in kept]), left
+    table = (pa.ipc.open_file if is_file else pa.ipc.open_stream)(source).read_all()
+    return table.schema, table.column
 
 
-def _split(path: Path, schema: pa.Schema) -> tuple[list[pa.Field], list[str]]:
-    """Fields of numbers or time, and the names of those that hold neither."""
-    kept = [field for field in schema if _is_channel(field) or _is_stamp(field)]
-    for field in kept:
-        if schema.names.count(field.name) > 1:
-            found = f"two columns {field.name!r}"
+def _split(path: Path, schema: pa.Schema) -> tuple[list[int], list[str]]:
+    """Columns of numbers or time, and the names of those that hold neither."""
+    kept = [index for index, each in enumerate(schema) if _is_channel(each) or _is_stamp(each)]
+    for index in kept:
+        name = schema.names[index]
+        if schema.names.count(name) > 1:
             rule = "columns are told apart by their names"
-            raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
-    return kept, [field.name for field in schema if field not in kept]
+            raise RecordingFormatError(path.name, f"two columns {name!r}", rule, EXPORT_AGAIN)
+    return kept, [name for index, name in enumerate(schema.names) if index not in kept]
 
 
 def _is_channel(field: pa.Field) -> bool:
@@ -109,8 +114,8 @@ def _is_stamp(field: pa.Field) -> bool:
     return bool(types.is_timestamp(field.type) or types.is_duration(field.type))
 
 
-def _column(table: pa.Table, index: int) -> Column:
-    field, values = table.schema.field(index), table.column(index)
+def _column(field: pa.Field, values: pa.ChunkedArray) -> Column:
+    values.validate()  # until then, lengths are what the file claims
     if _is_stamp(field):
         return Column("time", "s", _seconds(values, field.type.unit))
     name, unit = name_and_unit(field.name)
@@ -120,7 +125,7 @@ def _column(table: pa.Table, index: int) -> Column:
     return Column(name, unit or stated.strip(), np.asarray(samples))
 
 
-def _seconds(values: Any, unit: str) -> NDArray[np.float64]:
+def _seconds(values: pa.ChunkedArray, unit: str) -> NDArray[np.float64]:
     """Time since the first stamp, exact for any date."""
     import pyarrow as pa
     import pyarrow.compute as pc

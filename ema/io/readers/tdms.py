@@ -122,12 +122,12 @@ def _samples(path: Path, tdms: TdmsFile, channels: list[TdmsChannel]) -> list[ND
     check_stored(path.name, sum(len(each) * _stored_bytes(each) for each in channels), size)
     arrays = [np.empty(len(channel), _precision(channel)) for channel in channels]
     filled = [0] * len(channels)
-    for chunk in tdms.data_chunks():
-        for index, channel in enumerate(channels):
-            piece = chunk[channel.group_name][channel.name][:]
-            with np.errstate(over="ignore"):  # beyond all measure is missing, as infinity is
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite is missing, not a warning
+        for chunk in tdms.data_chunks():
+            for index, channel in enumerate(channels):
+                piece = chunk[channel.group_name][channel.name][:]
                 arrays[index][filled[index] : filled[index] + len(piece)] = piece
-            filled[index] += len(piece)
+                filled[index] += len(piece)
     for channel, array, count in zip(channels, arrays, filled, strict=True):
         if count != array.size:
             where = f"{path.name}, {channel.path}"
