@@ -206,7 +206,7 @@ _LVM = lvm_file()
 LVM = (
     _lvm("whole", _LVM, _AS_WRITTEN),
     _lvm("decimal commas", lvm_file(decimal=","), _AS_WRITTEN),
-    _lvm("empty", b"", bad_file("a.lvm", "empty|''")),
+    _lvm("empty", b"", bad_file("a.lvm", "empty")),
     _lvm("cut in the header", _LVM[:200], bad_file("a.lvm", "header|End_of_Header")),
     _lvm("cut in a row", _LVM[:-12], bad_file("a.lvm")),
     _lvm("zeros", bytes(1000), bad_file("a.lvm")),

@@ -57,6 +57,9 @@ def read_file(path: Path) -> FileContent:
         found = f"ending {path.suffix!r}" if path.is_file() else "not a file"
         rule = f"recordings end in {', '.join(sorted({**READERS, **_NAMED_READERS}))}"
         raise RecordingFormatError(str(path), found, rule, "Export it in one of these formats")
+    if not path.stat().st_size:
+        rule = "a recording holds samples, whatever its format"
+        raise RecordingFormatError(str(path), "the file is empty", rule, "Copy or export it again")
     return reader(path)
 
 
