@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,19 +23,16 @@ from ema.io.text_cells import (
     label,
     may_hold_thousands,
 )
+from ema.io.text_lines import Line, lines_of
 from ema.io.text_rate import stated_rate_hz
 from ema.io.text_source import TextSource
 from ema.io.units import is_stated
 
 _MOST_PREAMBLE = 200  # lines
-_MOST_LINES = 2000  # blank ones too
 _SAMPLE_ROWS = 20
 _SAMPLE_CELLS = 40_000  # of tables with thousands of columns
 _TIME_WITHIN = 50  # columns
-_MOST_JOINED = 10  # lines of one row, in whose quoted names lines break
 _SEPARATORS = ("\t", ";", ",", "|")
-_OPEN_QUOTE = re.compile(r"(?:^|[\t;,|])[ ]*\"[^\"]*$")
-_RULE = " \t\r\x1a,;|+-=_*#"  # what rules between header and numbers are made of
 
 
 @dataclass(frozen=True)
@@ -96,17 +92,10 @@ class Layout:
 
 
 @dataclass(frozen=True)
-class _Line:
-    text: str
-    number: int
-    start: int
-
-
-@dataclass(frozen=True)
 class _Row:
     """What the cells of a line are, all in all."""
 
-    line: _Line
+    line: Line
     separator: str
     width: int
     filled: int
@@ -134,8 +123,8 @@ class _Table:
 
     dialect: Dialect
     rows: tuple[_Row, ...]
-    names: _Line | None
-    units: _Line | None
+    names: Line | None
+    units: Line | None
 
     @property
     def n_data(self) -> int:
@@ -165,7 +154,7 @@ def find_layout(source: TextSource) -> Layout:
     if "\x00" in source.head:
         rule = "a table is text in UTF-8, latin-1, or UTF-16 with a byte-order mark"
         raise RecordingFormatError(where, "binary data", rule, EXPORT_AGAIN)
-    lines = list(islice(_lines(source), _MOST_PREAMBLE + _SAMPLE_ROWS))
+    lines = list(islice(lines_of(source), _MOST_PREAMBLE + _SAMPLE_ROWS))
     tables = [_table(lines, dialect) for dialect in _dialects(lines, _SEPARATORS)]
     best = max((each for each in tables if each), key=lambda each: each.rank, default=None)
     if best is None or best.names is None or best.rows[0].width == 1:
@@ -178,39 +167,7 @@ def find_layout(source: TextSource) -> Layout:
     return _layout(where, lines, best, tables)
 
 
-def _lines(source: TextSource) -> Iterator[_Line]:
-    """Lines that hold something; one whose quoted cell goes on in the next is one with that."""
-    text, start, number = source.head, 0, 1
-    while start < len(text) and number <= _MOST_LINES:
-        end = _line_end(text, start)
-        joined = end
-        for _ in range(_MOST_JOINED):
-            if joined >= len(text) or not _OPEN_QUOTE.search(_last_line(text, start, joined)):
-                break
-            joined = _line_end(text, joined)
-            if text.count('"', start, joined) % 2 == 0:
-                end = joined
-                break
-        if end == len(text) and not source.is_whole and text[-1] != "\n":
-            return  # the head ends within this line
-        line = text[start:end].rstrip("\r\n")
-        if line.strip(_RULE):
-            yield _Line(line, number, start)
-        number += text.count("\n", start, end)
-        start = end
-
-
-def _line_end(text: str, start: int) -> int:
-    return text.find("\n", start) + 1 or len(text)
-
-
-def _last_line(text: str, start: int, end: int) -> str:
-    """The line in which a quotation mark may stand open, or nothing where none does."""
-    line = text[start:end].rstrip("\r\n")
-    return line if line.count('"') % 2 else ""
-
-
-def _dialects(lines: Sequence[_Line], separators: Sequence[str]) -> Iterator[Dialect]:
+def _dialects(lines: Sequence[Line], separators: Sequence[str]) -> Iterator[Dialect]:
     """Dialects to try; the tab also reads a table of one column, which has no separator."""
     for separator in separators:
         if separator in "\t " or any(separator in line.text for line in lines):
@@ -218,7 +175,7 @@ def _dialects(lines: Sequence[_Line], separators: Sequence[str]) -> Iterator[Dia
             yield Dialect(separator, ",")
 
 
-def _row(line: _Line, dialect: Dialect) -> _Row:
+def _row(line: Line, dialect: Dialect) -> _Row:
     cells = cells_of(line.text, dialect.separator)
     filled = numbers = texts = 0
     for index, cell in enumerate(cells, 1):
@@ -230,7 +187,7 @@ def _row(line: _Line, dialect: Dialect) -> _Row:
     return _Row(line, dialect.separator, len(cells), filled, numbers, texts)
 
 
-def _table(lines: Sequence[_Line], dialect: Dialect) -> _Table | None:
+def _table(lines: Sequence[Line], dialect: Dialect) -> _Table | None:
     """The longest run of numbers near the beginning, with names above where there are any."""
     rows: list[_Row] = []
     for line in lines:
@@ -277,31 +234,35 @@ def _table_at(rows: Sequence[_Row], first: int, dialect: Dialect) -> _Table:
     run = _run(rows, first)
     width, filled = run[0].width, max(row.filled for row in run)
 
-    def heads(index: int) -> bool:
+    def fits(index: int) -> bool:
         if index < 0 or (rows[index].numbers and not rows[index].is_heading):
-            return False
-        if holds_numbers_alone(rows[index].line.text):
             return False
         cells = heading_cells(rows[index].line.text, dialect.separator, width)
         named = max((i for i, cell in enumerate(cells, 1) if cell), default=0)
         return len(cells) == width or filled <= named <= width
 
-    below_units = not (heads(first - 1) and rows[first - 1].is_heading)
-    for units in (first - 1, first - 2) if below_units else ():
-        if heads(units - 1) and _holds_units(rows[units], dialect, width):
+    above = first - 1
+    if not fits(above) or holds_numbers_alone(rows[above].line.text):
+        return _Table(dialect, run, None, None)
+    for units in (above, above - 1):
+        if fits(units - 1) and fits(units) and _holds_units(rows[units], dialect, width):
             return _Table(dialect, run, rows[units - 1].line, rows[units].line)
-    names = rows[first - 1].line if heads(first - 1) else None
-    return _Table(dialect, run, names, None)
+        if rows[above].is_heading:
+            break
+    # Units alone are no names, where those stand in a line above that has lost a cell.
+    is_unnamed = (
+        above > 0 and rows[above - 1].width > 1 and _holds_units(rows[above], dialect, width)
+    )
+    return _Table(dialect, run, None if is_unnamed else rows[above].line, None)
 
 
 def _holds_units(row: _Row, dialect: Dialect, width: int) -> bool:
     cells = heading_cells(row.line.text, dialect.separator, width)
     cells = [cell for cell in cells if is_stated(cell)]
-    known = sum(map(is_known_unit, cells))
-    return len(cells) <= width and 2 * known > len(cells) and not row.is_heading
+    return 2 * sum(map(is_known_unit, cells)) > len(cells) and not row.is_heading
 
 
-def _no_numbers(where: str, lines: Sequence[_Line]) -> RecordingFormatError:
+def _no_numbers(where: str, lines: Sequence[Line]) -> RecordingFormatError:
     if lines:
         found = f"no rows of numbers below the header, down to line {lines[-1].number}"
     else:
@@ -310,7 +271,7 @@ def _no_numbers(where: str, lines: Sequence[_Line]) -> RecordingFormatError:
     return RecordingFormatError(where, found, rule, EXPORT_AGAIN)
 
 
-def _no_header(where: str, lines: Sequence[_Line], table: _Table) -> RecordingFormatError:
+def _no_header(where: str, lines: Sequence[Line], table: _Table) -> RecordingFormatError:
     row = table.rows[0]
     above = next((line for line in reversed(lines) if line.number < row.line.number), None)
     place = f"{where}, line {row.line.number}"
@@ -320,12 +281,14 @@ def _no_header(where: str, lines: Sequence[_Line], table: _Table) -> RecordingFo
         return RecordingFormatError(place, found, rule, "Add a header line")
     count = len(heading_cells(above.text, table.dialect.separator, row.width))
     found = f"{row.width} cells below {count} in line {above.number}, no header of as many"
+    if count == row.width:
+        found = f"units in line {above.number}, no header of {row.width} names above them"
     rule = "a row above the numbers names each column, its unit in square brackets"
     return RecordingFormatError(place, found, rule, "Correct the header, or the row below it")
 
 
 def _layout(
-    where: str, lines: Sequence[_Line], table: _Table, tables: Sequence[_Table | None]
+    where: str, lines: Sequence[Line], table: _Table, tables: Sequence[_Table | None]
 ) -> Layout:
     row = table.rows[0]
     assert table.names is not None
@@ -360,7 +323,7 @@ def _check_commas(where: str, table: _Table) -> None:
         raise RecordingFormatError(place, repr(cells[0]), rule, "Export plain numbers")
 
 
-def _heading(table: _Table, line: _Line) -> list[str]:
+def _heading(table: _Table, line: Line) -> list[str]:
     """Cells of a line of names or units, as many as the table has columns."""
     width = table.rows[0].width
     cells = heading_cells(line.text, table.dialect.separator, width)
@@ -377,7 +340,7 @@ def _either_decimal(table: _Table, tables: Sequence[_Table | None]) -> bool:
     )
 
 
-def _rate_above(where: str, lines: Sequence[_Line], table: _Table) -> float:
+def _rate_above(where: str, lines: Sequence[Line], table: _Table) -> float:
     """The sampling rate that lines above the table state; NaN where none does."""
     assert table.names is not None
     stated = [
