@@ -53,7 +53,8 @@ def geometries() -> dict[str, bytes]:
 
 def tables() -> dict[str, bytes]:
     """Return tables in several dialects."""
-    text = "".join(table().splitlines(keepends=True)[:20])
+    text = "".join(table().splitlines(keepends=True)[:9])
+    heading = text.partition("\n")[0]
     european = text.replace(",", ";").replace(".", ",")
     rate = "Tyre 4711\nSampling rate [Hz],2000\n\n"
     return {
@@ -62,7 +63,7 @@ def tables() -> dict[str, bytes]:
         "tabs": text.replace(",", "\t").replace("\n", "\r\n").encode(),
         "latin_1": text.replace("force", "Prüfkraft").encode("latin-1"),
         "utf_16": european.encode("utf-16"),
-        "units_row": text.replace("[", "").replace("]", "").encode(),
+        "units_row": text.replace(heading, "time,force,A01\ns,N,m/s^2").encode(),
         "preamble": (rate + "force,A01\nN,g\n1.5,2\n-1e-3,4\n0,1\n").encode(),
         "gaps": text.replace(",-", ",NaN-").replace("NaN-", "").encode(),
     }

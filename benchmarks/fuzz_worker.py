@@ -39,7 +39,7 @@ with atheris.instrument_imports(include=["ema", "pipelines", "pyuff", "nptdms", 
 
 FLOOR_BYTES = 64 << 20
 FACTOR = 4
-_LONGEST_INPUT_BYTES = 1 << 16
+_LONGEST_INPUT_BYTES = 1 << 14
 _PAGE = resource.getpagesize()
 _MISTAKES = (TypeError, LookupError, ArithmeticError, AttributeError, RuntimeError)
 _OURS = ("/ema/", "/pipelines/")
