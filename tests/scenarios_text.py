@@ -20,6 +20,7 @@ _TABLE = table()
 _EUROPEAN = table(separator=";").replace(".", ",")
 _FIRST = {"force": tuple(FORCE[:4]), "A01": tuple(ACCELERATION[:4])}
 _AS_WRITTEN = Read(first=_FIRST)
+_BOMB = gzip.compress(_TABLE.encode() + b"0.0,0.0,0.0\n" * 2_000_000, 1)  # 24 MB of 100 kB
 _LINES = _TABLE.splitlines(keepends=True)
 
 
@@ -122,6 +123,7 @@ DAMAGED = (
     _csv("NaN", _line(30, _cell(30), ",NaN"), Read(missing=True)),
     _csv("a number beyond doubles", _line(30, _cell(30), ",1e400"), Read(missing=True)),
     _csv("gzip cut short", gzip.compress(_TABLE.encode())[:-40], bad_file("a.csv.gz"), "a.csv.gz"),
+    _csv("a gzip bomb", _BOMB, bad_file("a.csv.gz", "times|fold|unpack|packed"), "a.csv.gz"),
     _csv("gzip in name only", _TABLE, bad_file("a.csv.gz", "gzip"), "a.csv.gz"),
     _csv(
         "a name twice",

@@ -13,6 +13,7 @@ from scenarios_uff_headers import SCENARIOS as UFF_HEADERS
 
 import ema
 from ema.errors import InputError
+from pipelines.inspection import inspect_files
 
 SCENARIOS = (*UFF, *UFF_HEADERS, *TEXT, *CAMPAIGN, *BINARY)
 
@@ -35,6 +36,14 @@ def test_scenario(tmp_path, scenario):
         check_read(ema.read_campaign(source), expected)
     else:
         check_refused(lambda: ema.read_campaign(source), expected)
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda each: each.name)
+def test_inspection_names_what_it_cannot_read(tmp_path, scenario):
+    found = inspect_files([scenario.build(tmp_path)])
+    assert found.files or found.errors
+    for error in found.errors:
+        assert error.where and error.found and error.rule and error.remedy
 
 
 def check_refused(act, expected):
