@@ -11,14 +11,20 @@ Arguments = ParamSpec("Arguments")
 Answer = TypeVar("Answer")
 
 
+def available_cores() -> int:
+    """Cores this process may use."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return cores or 1
+
+
 def available_threads() -> int:
     """Cores this process may use, or fewer where ``OMP_NUM_THREADS`` says so.
 
     That variable already limits the linear algebra beneath numpy; batch systems set it.
     """
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    cores = available_cores()
     stated = os.environ.get("OMP_NUM_THREADS", "")
-    return max(1, min(cores or 1, int(stated) if stated.isdecimal() else cores or 1))
+    return max(1, min(cores, int(stated) if stated.isdecimal() else cores))
 
 
 def one_blas_thread(function: Callable[Arguments, Answer]) -> Callable[Arguments, Answer]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipelines import console
+from pipelines.cli_batch import batch
 from pipelines.cli_options import (
     Force,
     Given,
@@ -35,6 +36,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
 )
 app.add_typer(simulate, name="simulate")
+app.command()(batch)
 
 
 @app.callback()

@@ -40,6 +40,14 @@ class Facts:
 
 
 @dataclass(frozen=True)
+class Link:
+    """A cell of a table that leads to another file, by its path from the page."""
+
+    text: str
+    target: str
+
+
+@dataclass(frozen=True)
 class Table:
     """A table.
 
@@ -49,7 +57,7 @@ class Table:
         What the table holds.
     head : tuple of str
         Column titles with units.
-    rows : tuple of tuple of str
+    rows : tuple of tuple of str or Link
         Cells, as printed.
     words : tuple of int
         Columns with words, set flush left; all others hold numbers.
@@ -59,7 +67,7 @@ class Table:
 
     caption: str
     head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    rows: tuple[tuple[str | Link, ...], ...]
     words: tuple[int, ...] = ()
     folded: bool = False
     kind: ClassVar[str] = "table"

@@ -1,0 +1,119 @@
+"""The command line's ``ringmodal batch``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pipelines import console
+from pipelines.cli_options import Json, Quiet, with_processing_options
+from pipelines.interrupt import Interrupted
+from pipelines.progress import shown
+
+if TYPE_CHECKING:
+    from pipelines.batch import Batch
+    from pipelines.batch_record import Record
+    from pipelines.options import Options
+
+
+@with_processing_options
+def batch(
+    root: Annotated[Path, typer.Argument(help="Folder with campaigns, at any depth.")],
+    out: Annotated[
+        Path,
+        typer.Option("--out", help="Folder for results, tables and summary; taken up again."),
+    ],
+    options: Options,
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, help="Worker processes on this machine. Default: one per core."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster, tcp://HOST:PORT."),
+    ] = None,
+    reports: Annotated[
+        bool,
+        typer.Option("--reports", help="Write a report.html for each campaign; takes longer."),
+    ] = False,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Try again what failed and has not changed.")
+    ] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Process every campaign under a folder, each by itself, and gather modes and parameters.
+
+    A campaign that cannot be processed becomes a row with its message. The same command again does
+    only what is new or changed. Ends with code 0 when every campaign has its row; with --strict,
+    with 2 if any failed.
+
+    Example: ringmodal batch measurements/2025 --out results/2025
+    """
+    from pipelines.batch import run_batch
+
+    finished = 0
+    with shown(quiet=quiet) as progress:
+
+        def told(record: Record, done: int, total: int) -> None:
+            nonlocal finished
+            finished = done
+            progress.step(done, total)
+            progress.line(_outcome(record))
+
+        progress.stage("Processing campaigns …")
+        try:
+            found = run_batch(
+                root,
+                out,
+                options,
+                jobs=jobs,
+                scheduler=scheduler,
+                reports=reports,
+                retry_failed=retry_failed,
+                finished=told,
+                say=progress.line,
+            )
+        except Interrupted as interrupted:
+            interrupted.outcome = (
+                f"{finished} campaigns of this run stand; the same command again does the others"
+            )
+            raise
+    _show(found, as_json=as_json)
+    if options.strict and found.failed:
+        raise typer.Exit(2)
+
+
+def _outcome(record: Record) -> str:
+    if not record.is_done:
+        return f"{record.campaign}: failed. {record.message}"
+    warnings = f", {record.n_warnings} warnings" if record.n_warnings else ""
+    return f"{record.campaign}: {len(record.modes)} modes{warnings}, {record.seconds:.1f} s"
+
+
+def _show(found: Batch, *, as_json: bool) -> None:
+    counts = {
+        "done": found.count(done=True, fresh=True),
+        "failed": found.count(done=False, fresh=True),
+        "already_done": found.count(done=True, fresh=False),
+        "failed_before": found.count(done=False, fresh=False),
+    }
+    if as_json:
+        from pipelines.batch_tables import campaign_rows
+
+        rows = console.plain(campaign_rows(found.records))
+        content = {"out": str(found.folder.path), **counts, "campaigns": rows}
+        typer.echo(json.dumps(content, indent=2, allow_nan=False))
+        return
+    typer.echo(_summary(counts, found.folder.summary))
+
+
+def _summary(counts: dict[str, int], page: Path) -> str:
+    text = f"{counts['done']} done, {counts['failed']} failed (see {page})"
+    text += f", {counts['already_done']} already done"
+    if counts["failed_before"]:
+        text += f", {counts['failed_before']} failed before (--retry-failed tries them again)"
+    return text if counts["done"] or counts["failed"] else f"Nothing to do: {text}"
