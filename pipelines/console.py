@@ -193,7 +193,7 @@ def empty_table(title: str) -> Any:
 
 
 def _modes_table(result: Result) -> Any:
-    from pipelines.report.numbers import value_with_std
+    from pipelines.numbers import value_with_std
 
     table = empty_table(f"Modes of {result.name}")
     for heading in ("mode", "order", "frequency in Hz", "damping in %", "purity", "status"):
@@ -211,7 +211,7 @@ def _modes_table(result: Result) -> Any:
 
 
 def _ring_table(result: Result) -> Any:
-    from pipelines.report.numbers import value_with_std
+    from pipelines.numbers import value_with_std
 
     table = empty_table("Ring")
     for heading in ("parameter", "value", "obtained"):

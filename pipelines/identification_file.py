@@ -18,6 +18,7 @@ from ema.recording import Tyre
 from ema.resolution import OrderReport
 from ema.second_opinion import Opinion
 from ema.stability import Cluster, StabilityDiagram
+from pipelines.parquet import read_parquet, write_parquet
 from pipelines.result import Result
 
 JSON_NAME = "identification.json"
@@ -109,9 +110,6 @@ def _mode_record(mode: Mode) -> dict[str, Any]:
 
 def _write_residues(model: ModalModel, path: Path) -> None:
     """One column per position; rows: residues of modes and guard modes, then residual terms."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     everything = model.modes + model.guard_modes
     residues = np.stack([mode.residues for mode in everything])
     std = np.stack([mode.residues_std for mode in everything])
@@ -124,13 +122,11 @@ def _write_residues(model: ModalModel, path: Path) -> None:
         "lower",
         "upper",
     ]
-    pq.write_table(pa.table(dict(zip(names, parts, strict=True))), path)
+    write_parquet(path, dict(zip(names, parts, strict=True)))
 
 
 def _read_model(content: dict[str, Any], frf: FRF, path: Path) -> ModalModel:
-    import pyarrow.parquet as pq
-
-    table = pq.read_table(path)
+    table = read_parquet(path)
     column = {name: np.asarray(table[name].to_numpy()) for name in table.column_names}
     records = content["modes"] + content["guard_modes"]
     modes = tuple(
@@ -169,9 +165,7 @@ def _read_model(content: dict[str, Any], frf: FRF, path: Path) -> ModalModel:
 
 
 def _read_diagram(content: dict[str, Any], path: Path) -> StabilityDiagram:
-    import pyarrow.parquet as pq
-
-    table = pq.read_table(path)
+    table = read_parquet(path)
     column = {name: np.asarray(table[name].to_numpy()) for name in table.column_names}
     ratio, omega = column["damping_ratio"], 2 * np.pi * column["frequency_hz"]
     return StabilityDiagram(

@@ -14,6 +14,7 @@ from model.reference import (
     TABLE_5_DAMPING,
 )
 from pipelines import paper_printed
+from pipelines.numbers import plain
 from pipelines.paper_parts import (
     Chapter,
     Column,
@@ -25,7 +26,6 @@ from pipelines.paper_parts import (
     with_unit,
 )
 from pipelines.report.blocks import Paragraph
-from pipelines.report.numbers import plain
 from pipelines.report.ring import DAMPING_NAMES
 
 TABLE_5_NAMES = ("circumferential_n_s_m3", "radial_n_s_m3", "loss_factor")

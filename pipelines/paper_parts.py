@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pipelines.figures_style import data_uri, png
+from pipelines.numbers import DASH, number, signed, value_with_std
 from pipelines.report.blocks import Paragraph, Picture, Table
-from pipelines.report.numbers import DASH, number, signed, value_with_std
 
 AGREES, DIFFERS, OWN_DATA = "agrees", "differs", "agrees on simulated data"
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from model import TuningResult, equilibrium, natural_frequencies_hz, tune_ring
 from model.reference import TABLE_3_FREQUENCIES_HZ, TABLE_3_ORDERS, TABLE_4_RING
 from pipelines import figures, paper_printed
+from pipelines.numbers import plain
 from pipelines.paper_parts import (
     Chapter,
     Column,
@@ -23,7 +24,6 @@ from pipelines.paper_parts import (
     with_unit,
 )
 from pipelines.report.blocks import Paragraph
-from pipelines.report.numbers import plain
 from pipelines.report.ring import RING_NAMES
 from pipelines.result import Result
 

@@ -9,6 +9,7 @@ from model import WavePair, bifurcation, natural_frequencies_hz, wave_pair
 from model.reference import TABLE_4_RING
 from model.waves import WaveFrame
 from pipelines import figures, figures_waves, paper_printed
+from pipelines.numbers import signed
 from pipelines.paper_parts import (
     Chapter,
     Column,
@@ -21,7 +22,6 @@ from pipelines.paper_parts import (
 )
 from pipelines.paper_printed import FIGURE_6_ORDERS, SPEED_RAD_S, WAVE_ORDER
 from pipelines.report.blocks import Paragraph
-from pipelines.report.numbers import signed
 
 #: Figure, speed and reference system of each sequence.
 SEQUENCES: tuple[tuple[int, float, WaveFrame], ...] = (

@@ -15,6 +15,7 @@ from ema.frf import FRF
 from pipelines import tables
 from pipelines.identification_file import read_identification, write_identification
 from pipelines.parameter_set import from_tuning, write_parameter_set
+from pipelines.parquet import read_parquet, write_parquet
 from pipelines.result import Result
 from pipelines.result_folder import FILES, MARKER, recover, written_whole
 
@@ -91,9 +92,7 @@ def load(folder: Path | str) -> Result:
 
 def read_frf(path: Path) -> FRF:
     """Read the FRFs of ``frf.parquet`` (or ``reference.parquet``)."""
-    import pyarrow.parquet as pq
-
-    table = pq.read_table(path)
+    table = read_parquet(path)
     n_positions = int(table.schema.metadata[b"n_positions"])
 
     def grid(name: str) -> NDArray[Any]:
@@ -119,7 +118,7 @@ def _write_tables(result: Result, folder: Path) -> None:
     tables.write_csv(folder / "orders.csv", tables.ORDERS, tables.orders_rows(result))
     tables.write_csv(folder / "quality.csv", tables.QUALITY, tables.quality_rows(result))
     tables.write_csv(folder / "validation.csv", tables.VALIDATION, tables.validation_rows(result))
-    _write_parquet(folder / "poles.parquet", tables.poles_columns(result.diagram), {}, {})
+    write_parquet(folder / "poles.parquet", tables.poles_columns(result.diagram))
 
 
 def _write_frfs(frf: FRF, folder: Path) -> None:
@@ -131,25 +130,7 @@ def _write_frfs(frf: FRF, folder: Path) -> None:
             continue
         words = {"run": rows.run, "channel": rows.channel}
         metadata = {"n_positions": str(rows.n_positions)}
-        _write_parquet(folder / f"{name}.parquet", tables.frf_columns(rows), words, metadata)
-
-
-def _write_parquet(
-    path: Path,
-    columns: dict[str, NDArray[Any]],
-    words: dict[str, tuple[str, ...]],
-    metadata: dict[str, str],
-) -> None:
-    """Write columns; `words` hold one text for each of the equal pieces of the table."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    data: dict[str, Any] = dict(columns)
-    n_rows = len(next(iter(columns.values())))
-    for name, texts in words.items():
-        index = np.repeat(np.arange(len(texts), dtype=np.int32), n_rows // len(texts))
-        data[name] = pa.DictionaryArray.from_arrays(index, pa.array(texts))
-    pq.write_table(pa.table(data).replace_schema_metadata(metadata), path)
+        write_parquet(folder / f"{name}.parquet", tables.frf_columns(rows), words, metadata)
 
 
 def _write_provenance(result: Result, folder: Path) -> None:

@@ -19,7 +19,10 @@ from ema.quality import Finding
 from ema.recording import UNKNOWN, Channel, Recording
 
 EXPORT_AGAIN = "Correct the file or export it again"
-_TIME_NAMES = {"t", "time", "zeit", "x_value", "timestamp"}
+_TIME_NAMES = {
+    *("t", "time", "zeit", "timestamp", "time stamp", "x_value", "x value"),
+    *("elapsed time", "uhrzeit", "temps", "tid", "tiempo", "tempo"),
+}
 _SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6}
 _LABEL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
 

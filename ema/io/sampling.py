@@ -11,6 +11,7 @@ from ema.io.uff58_header import parse_number
 
 _MOST_DIGITS = 7
 _SENSELESS = 1e100  # beyond any time or frequency; NaN and infinity are too
+_PIECE = 1 << 16
 _UNEVEN = 0.2  # of a step: a single dropped sample deviates by at least half a step
 
 
@@ -66,14 +67,18 @@ def even_step(abscissa: NDArray[np.float64]) -> tuple[float, float] | None:
     abscissa : ndarray, shape (n,)
         Times or frequencies, as rounded by whoever printed them.
     """
-    if len(abscissa) < 2 or not float(np.max(np.abs(abscissa))) < _SENSELESS:
+    extremes = (float(np.min(abscissa)), float(np.max(abscissa))) if len(abscissa) > 1 else (np.nan,)
+    if not max(abs(extreme) for extreme in extremes) < _SENSELESS:
         return None
     span = float(abscissa[-1] - abscissa[0])
     if not span > 0.0:
         return None
     step = span / (len(abscissa) - 1)
-    ideal = abscissa[0] + step * np.arange(len(abscissa))
-    deviation = float(np.max(np.abs(abscissa - ideal)))
+    deviation = 0.0
+    for begin in range(0, len(abscissa), _PIECE):  # long columns are not doubled in memory
+        piece = abscissa[begin : begin + _PIECE]
+        ideal = abscissa[0] + step * np.arange(begin, begin + len(piece))
+        deviation = max(deviation, float(np.max(np.abs(piece - ideal))))
     if not deviation <= _UNEVEN * step or not 1.0 / step < math.inf:
         return None
     tolerance = max(2.0 * deviation / span, 1e-9)

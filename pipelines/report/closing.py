@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ema.quality import EXCLUDED, WARNING, ReferenceCheck
+from pipelines.numbers import number
 from pipelines.report.blocks import Block, Facts, Listing, Paragraph, Section, Table
 from pipelines.report.measurement import flatten
 from pipelines.report.notes import listed, remaining_notes
-from pipelines.report.numbers import number
 from pipelines.result import Result
 
 DEFINITIONS = (

@@ -8,9 +8,9 @@ from ema.mac import auto_mac
 from ema.modes import ModalModel, Mode
 from ema.stability import Cluster
 from pipelines import figures
+from pipelines.numbers import DASH, number, value_with_std
 from pipelines.report.blocks import Beside, Block, Paragraph, Picture, Section, Table
 from pipelines.report.notes import listed
-from pipelines.report.numbers import DASH, number, value_with_std
 from pipelines.result import Result
 
 SHOWN_ANGLE_DEG = 100.0  # the angle from the force that the literature on this test shows

@@ -11,8 +11,8 @@ from ema.frf import FRF
 from ema.modes import Drift
 from ema.quality import OK, Finding, ReferenceCheck
 from pipelines import figures
+from pipelines.numbers import DASH, number, plain, value_with_std
 from pipelines.report.blocks import Beside, Block, Facts, Paragraph, Picture, Section, Table
-from pipelines.report.numbers import DASH, number, plain, value_with_std
 from pipelines.result import Result
 
 

@@ -11,9 +11,9 @@ from model.identifiability import GIVEN
 from model.ring import natural_frequencies_hz
 from model.tuning_result import TuningResult
 from pipelines import figures
+from pipelines.numbers import DASH, number, plain, signed, value_with_std
 from pipelines.report.blocks import Beside, Block, Paragraph, Picture, Section, Table
 from pipelines.report.notes import listed, remaining_notes
-from pipelines.report.numbers import DASH, number, plain, signed, value_with_std
 from pipelines.result import Result, Validation
 
 # Field of the parameter types → name, symbol, unit.
