@@ -117,7 +117,11 @@ class FRF:
 
 
 def estimate_frf(
-    campaign: Campaign, processing: Processing | None = None, *, estimator: str = "H1"
+    campaign: Campaign,
+    processing: Processing | None = None,
+    *,
+    estimator: str = "H1",
+    progress: Callable[[int, int], None] | None = None,
 ) -> FRF:
     """FRFs of all positions of a campaign, in the order of their angle (or node).
 
@@ -133,6 +137,8 @@ def estimate_frf(
     estimator : {"H1", "H2", "Hv"}
         H1 suits noise on the accelerations (the usual case), H2 noise on the force, Hv both
         (Bendat & Piersol 2010, ch. 6; Rocklin, Crowley & Vold 1985).
+    progress : callable, optional
+        Told how many runs are done and how many there are, as each one ends.
 
     Returns
     -------
@@ -151,7 +157,11 @@ def estimate_frf(
         return campaign.frf.rows(_order_of(campaign.frf.position_deg, campaign.frf.node))
     plan = _common_plan(campaign.runs, processing or campaign.processing)
     with ThreadPoolExecutor(available_threads()) as pool:
-        spectra = list(pool.map(lambda run: _run_spectra(run, plan), campaign.runs))
+        spectra = []
+        for part in pool.map(lambda run: _run_spectra(run, plan), campaign.runs):
+            spectra.append(part)
+            if progress is not None:
+                progress(len(spectra), len(campaign.runs))
     frf = _positions_frf(campaign.runs, spectra, plan, estimator)
     return replace(frf, reference=_reference_frf(campaign, spectra, plan, estimator))
 

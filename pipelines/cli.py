@@ -24,6 +24,7 @@ from pipelines.cli_options import (
 from pipelines.cli_simulate import simulate
 from pipelines.interrupt import stating_what_stands
 from pipelines.main import main
+from pipelines.progress import shown
 
 if TYPE_CHECKING:
     from pipelines.options import Options
@@ -76,8 +77,10 @@ def process(
     source = campaign[0] if len(campaign) == 1 else campaign
     with stating_what_stands(out):
         require_free(out, force=force)
-        result = run(source, options, console.progress(quiet))
-        save(result, out, report=not no_report, force=force)
+        with shown(quiet=quiet) as progress:
+            result = run(source, options, progress.stage, progress.step)
+            progress.stage("Writing the result …")
+            save(result, out, report=not no_report, force=force)
         console.show(result, out, as_json=as_json, report=not no_report)
 
 
@@ -147,8 +150,8 @@ def paper(
     """
     from pipelines.paper import PAGE, reproduce_paper
 
-    with stating_what_stands(out):
-        chapters = reproduce_paper(out, force=force, progress=console.progress(quiet))
+    with stating_what_stands(out), shown(quiet=quiet) as progress:
+        chapters = reproduce_paper(out, force=force, progress=progress.stage)
     for statement in (one for chapter in chapters for one in chapter.statements):
         typer.echo(f"{statement.place}: {statement.verdict}. {statement.found}")
     typer.echo(f"Report: {out / PAGE}")

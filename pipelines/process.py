@@ -35,6 +35,7 @@ def process(
     source: str | Path | Sequence[str | Path],
     options: Options | None = None,
     progress: Callable[[str], None] | None = None,
+    run_progress: Callable[[int, int], None] | None = None,
 ) -> Result:
     """Recordings → FRFs → poles → modes → ring parameters → validation.
 
@@ -45,6 +46,8 @@ def process(
     options : Options, optional
     progress : callable, optional
         Told the name of each stage as it starts.
+    run_progress : callable, optional
+        Told how many runs have their FRFs and how many there are, as each one ends.
 
     Returns
     -------
@@ -66,7 +69,9 @@ def process(
             refuse_warnings(campaign.findings)
     processing = processing_in_force(campaign, options.processing)
     with watch.stage("frf", "Estimating FRFs"):
-        estimated = ema.estimate_frf(campaign, processing, estimator=options.estimator)
+        estimated = ema.estimate_frf(
+            campaign, processing, estimator=options.estimator, progress=run_progress
+        )
         band_hz = processing.band_hz or _default_band(campaign, estimated)
     with watch.stage("modes", "Identifying modes"):
         found = ema.identify_modes(
