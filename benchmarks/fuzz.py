@@ -16,17 +16,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from fuzz_formats import NAMES
+from fuzz_formats import NAMES, PLAIN_MEMORY
 
 HERE = Path(__file__).resolve().parent
 _MEMORY_DISK = "/dev/shm" if Path("/dev/shm").is_dir() else None
-# One heap for all threads, and Arrow on it: what is reserved is what was asked for.
-_PLAIN_MEMORY = {
-    "MALLOC_ARENA_MAX": "1",
-    "ARROW_DEFAULT_MEMORY_POOL": "system",
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-}
 
 
 def fuzz(kind: str, seconds: float, out: Path, folder: str) -> dict[str, object]:
@@ -49,7 +42,7 @@ def fuzz(kind: str, seconds: float, out: Path, folder: str) -> dict[str, object]
             "--seed",
             str(int(time.time())),
         ]
-        environment = {**os.environ, **_PLAIN_MEMORY, "PYTHONPATH": str(HERE.parent)}
+        environment = {**os.environ, **PLAIN_MEMORY, "PYTHONPATH": str(HERE.parent)}
         with (out / "log.txt").open("ab") as log:
             ended = subprocess.run(command, env=environment, stdout=log, stderr=log, check=False)
         found = json.loads(counts.read_text()) if counts.exists() else {}

@@ -4,7 +4,7 @@ python benchmarks/fuzz_memory.py [--megabytes 40]
 
 A process of its own reads and inspects a small file first, so that libraries are loaded and threads
 run, and then the large one. Printed is by how much its address space (VmPeak, memory maps of the
-file included) and its resident memory (VmHWM) grew, over the size of the file; and over the
+file and stacks of threads included) and its resident memory (VmHWM) grew, over the size of the file; and over the
 size of the numbers in double precision, where the file is compressed. Fuzzing holds small files to
 the same rule.
 """
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import gzip
+import os
 import subprocess
 import sys
 import tempfile
@@ -20,6 +21,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+from fuzz_formats import PLAIN_MEMORY
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE.parent / "tests")]
@@ -120,7 +122,10 @@ def main() -> None:
                 path.parent.mkdir()
                 path.write_bytes(build(signals))
             command = [sys.executable, __file__, "--measure", *map(str, paths)]
-            ended = subprocess.run(command, check=False, capture_output=True, text=True)
+            environment = {**os.environ, **PLAIN_MEMORY}
+            ended = subprocess.run(
+                command, env=environment, check=False, capture_output=True, text=True
+            )
             size = paths[1].stat().st_size
         if ended.returncode:
             print(f"{name:15s} {ended.stderr.splitlines()[-1]}")
