@@ -64,12 +64,14 @@ def main() -> None:
         duration_s = time.perf_counter() - start
         expected = Checksums(checksums(earlier), checksums(new))
         place = Path(scratch) / "place" / "result"
-        rows = []
-        for number in range(chosen.kills):
-            replacing = number % 2 == 1
+        rows: list[tuple[bool, str, str, int]] = []
+        while len(rows) < chosen.kills:
+            replacing = len(rows) % 2 == 1
             prepare(place, earlier if replacing else None)
             stage = kill_at(campaign, place, draw.uniform(0.0, duration_s))
-            rows.append((replacing, stage, verdict(place, expected, replacing), leftovers(place)))
+            if stage is not None:
+                row = (replacing, stage, verdict(place, expected, replacing), leftovers(place))
+                rows.append(row)
         complete(campaign, place, (*NEW, "--force"))
         report(rows, duration_s, leftovers(place))
     sys.exit(any(row[2] == PARTIAL for row in rows))
@@ -92,8 +94,8 @@ def prepare(place: Path, earlier: Path | None) -> None:
         shutil.copytree(earlier, place)
 
 
-def kill_at(campaign: Path, place: Path, delay_s: float) -> str:
-    """Kill a run after a time and return what it did then."""
+def kill_at(campaign: Path, place: Path, delay_s: float) -> str | None:
+    """Kill a run after a time and return what it did then; None where it had ended."""
     with tempfile.TemporaryFile("w+") as errors:
         running = subprocess.Popen(
             command(campaign, place, (*NEW, "--force")), stdout=subprocess.DEVNULL, stderr=errors
@@ -105,7 +107,7 @@ def kill_at(campaign: Path, place: Path, delay_s: float) -> str:
         errors.seek(0)
         stages = [line for line in errors.read().splitlines() if line.endswith("…")]
     if running.returncode == 0:
-        return "finished before"
+        return None
     if not stages:
         return "Starting"
     return "Writing" if writing else stages[-1].removesuffix(" …")
@@ -130,7 +132,11 @@ def verdict(place: Path, expected: Checksums, replacing: bool) -> str:
     estimator = json.loads((place / "provenance.json").read_text())["options"]["estimator"]
     if found == expected.new and estimator == "H1":
         return NEW_STANDS
-    return OLD_STANDS if replacing and found == expected.earlier and estimator == "H2" else PARTIAL
+    if replacing and found == expected.earlier and estimator == "H2":
+        return OLD_STANDS
+    wanted = expected.new if estimator == "H1" else expected.earlier
+    print(f"{estimator}: {sorted(set(found.items()) ^ set(wanted.items()))}", file=sys.stderr)
+    return PARTIAL
 
 
 def checksums(folder: Path) -> dict[str, str]:
