@@ -4,9 +4,9 @@ python benchmarks/fuzz_memory.py [--megabytes 40]
 
 A process of its own reads and inspects a small file first, so that libraries are loaded and threads
 run, and then the large one. Printed is by how much its address space (VmPeak, memory maps of the
-file and stacks of threads included) and its resident memory (VmHWM) grew, over the size of the file; and over the
-size of the numbers in double precision, where the file is compressed. Fuzzing holds small files to
-the same rule.
+file and stacks of new threads included) and its resident memory (VmHWM) grew, over the size of the
+file; and over the size of the numbers in double precision, where the file is compressed. Fuzzing
+holds small files to the same rule.
 """
 
 from __future__ import annotations
