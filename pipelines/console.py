@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -41,16 +40,6 @@ def assignments(option: str, texts: list[str] | None) -> dict[str, float]:
                 option, repr(text), "it must be NAME=NUMBER", "Write e.g. mass_per_area_kg_m2=19.7"
             ) from error
     return values
-
-
-def progress(quiet: bool) -> Callable[[str], None]:
-    """Print the name of each stage on standard error as it starts."""
-
-    def say(message: str) -> None:
-        if not quiet:
-            print(message, file=sys.stderr)  # noqa: T201
-
-    return say
 
 
 def complain(message: str) -> None:

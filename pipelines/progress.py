@@ -81,12 +81,13 @@ class Bars:
     def stage(self, activity: str) -> None:
         """Fill the bar of the stage before and begin a new one."""
         self.end()
-        self._bar = self._display.add_task(printable(activity), total=None)
+        self._bar = self._display.add_task(printable(activity), total=None, count="")
 
     def step(self, done: int, total: int) -> None:
         """Move the bar."""
         if self._bar is not None:
-            self._display.update(self._bar, completed=done, total=total)
+            count = f"{done}/{total}"
+            self._display.update(self._bar, completed=done, total=total, count=count)
 
     def line(self, text: str) -> None:
         """Print a text above the bars."""
@@ -129,7 +130,7 @@ def bars_on(console: Any) -> Iterator[Bars]:
     columns = (
         progress.TextColumn("{task.description}", markup=False),
         progress.BarColumn(),
-        progress.MofNCompleteColumn(),
+        progress.TextColumn("{task.fields[count]}"),
         progress.TimeRemainingColumn(compact=True, elapsed_when_finished=True),
     )
     with progress.Progress(*columns, console=console) as display:
