@@ -14,7 +14,7 @@ from ema.errors import InputError
 from ema.frf import FRF
 from ema.io.calibration import calibrated
 from ema.io.campaign import recordings_in
-from ema.io.formats import read_file, read_headers
+from ema.io.formats import exists, is_folder, read_file, read_headers
 from ema.io.manifest import MANIFEST_NAME, Manifest, read_manifest, resolve
 from ema.io.units import is_stated
 from ema.level_check import level_findings
@@ -113,10 +113,10 @@ def inspect_files(sources: Sequence[Path], *, levels: bool = True) -> Inspection
 def _look(source: Path, levels: bool) -> Iterator[FileReport | InputError]:
     """Report on each file of a source, or the error that is in the way."""
     manifest, files = None, [source]
-    if source.is_dir() or source.suffix.lower() == ".toml":
+    if is_folder(source) or source.suffix.lower() == ".toml":
         files = []
         try:
-            files = recordings_in(source) if source.is_dir() else []
+            files = recordings_in(source) if is_folder(source) else []
             manifest = _manifest_of(source)
             if manifest is not None and not files:
                 files = [resolve(source, run.file) for run in manifest.runs]
@@ -130,8 +130,8 @@ def _look(source: Path, levels: bool) -> Iterator[FileReport | InputError]:
 
 
 def _manifest_of(source: Path) -> Manifest | None:
-    path = source / MANIFEST_NAME if source.is_dir() else source
-    return None if source.is_dir() and not path.exists() else read_manifest(path)
+    path = source / MANIFEST_NAME if is_folder(source) else source
+    return None if is_folder(source) and not exists(path) else read_manifest(path)
 
 
 def _report(path: Path, manifest: Manifest | None, levels: bool) -> FileReport:

@@ -298,6 +298,9 @@ _ONE = Read(first={"force": tuple(FORCE[:4])})
 FOLDERS = (
     Scenario("folder empty", {"sub": Folder}, bad_file("no recordings")),
     Scenario("folder that is not there", {}, bad_file("does not exist"), "nowhere"),
+    Scenario("file name too long", {}, bad_file("does not exist"), "a" * 300 + ".uff"),
+    Scenario("folder name too long", {}, bad_file("does not exist"), "a" * 300),
+    Scenario("manifest name too long", {}, bad_manifest("too long"), "a" * 300 + ".toml"),
     Scenario("folder called a.uff alone", {"a.uff": Folder}, bad_file("no recordings")),
     Scenario("folder called b.uff beside", {**_PLAIN, "b.uff": Folder}, _ONE),
     Scenario(

@@ -20,7 +20,7 @@ from ema.io.agreement import (
 )
 from ema.io.calibration import calibrated
 from ema.io.content import FileContent
-from ema.io.formats import exists, is_recording, read_file
+from ema.io.formats import exists, is_folder, is_recording, read_file
 from ema.io.manifest import MANIFEST_NAME, Manifest, nearest, read_manifest, resolve
 from ema.io.positions import Grid
 from ema.io.roles import Wanted, assign, reference_place
@@ -51,8 +51,8 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
         If the manifest is faulty or contradicts the recordings.
     """
     paths = [Path(source)] if isinstance(source, str | Path) else [Path(each) for each in source]
-    if len(paths) == 1 and paths[0].is_dir():
-        if (paths[0] / MANIFEST_NAME).exists():
+    if len(paths) == 1 and is_folder(paths[0]):
+        if exists(paths[0] / MANIFEST_NAME):
             return _with_manifest(paths[0] / MANIFEST_NAME)
         return _without_manifest(paths[0].resolve().name, recordings_in(paths[0]))
     if len(paths) == 1 and paths[0].suffix.lower() == ".toml":

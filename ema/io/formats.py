@@ -34,11 +34,16 @@ def is_recording(path: Path) -> bool:
 
 
 def exists(path: Path) -> bool:
-    """Whether there is such a file or folder; there is none of a name that is too long."""
+    """Whether there is such a file or folder, with a name that may be looked up."""
     try:
         return path.exists()
     except OSError:
         return False
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is such a folder, asked as `exists` asks."""
+    return exists(path) and path.is_dir()
 
 
 def read_file(path: Path) -> FileContent:
@@ -57,9 +62,7 @@ def read_file(path: Path) -> FileContent:
         found = f"ending {path.suffix!r}" if path.is_file() else "not a file"
         rule = f"recordings end in {', '.join(sorted({**READERS, **_NAMED_READERS}))}"
         raise RecordingFormatError(str(path), found, rule, "Export it in one of these formats")
-    if not path.stat().st_size:
-        rule = "a recording holds samples, whatever its format"
-        raise RecordingFormatError(str(path), "the file is empty", rule, "Copy or export it again")
+    _check_begins(path)
     return reader(path)
 
 
@@ -73,6 +76,20 @@ def read_headers(path: Path) -> FileContent:
     """
     reader = _reader(path, _HEADER_READERS) if exists(path) and path.is_file() else None
     return read_file(path) if reader is None else reader(path)
+
+
+def _check_begins(path: Path) -> None:
+    """Refuse a file that may not be read, or holds nothing, before a library does in its words."""
+    try:
+        with path.open("rb") as file:
+            is_empty = not file.read(1)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        rule = "it must be a file that can be read"
+        raise RecordingFormatError(str(path), reason, rule, "Check name and rights") from error
+    if is_empty:
+        rule = "a recording holds samples, whatever its format"
+        raise RecordingFormatError(str(path), "the file is empty", rule, "Copy or export it again")
 
 
 def _reader(path: Path, table: dict[str, Reader]) -> Reader | None:
