@@ -28,6 +28,7 @@ _OF_A_CLUSTER = {
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
+    "distributed.worker.preload": ["pipelines.batch_preload"],
 }
 
 Work = Callable[[Task], Record]
