@@ -68,7 +68,7 @@ def find_campaigns(root: Path, out: Path) -> tuple[CampaignFolder, ...]:
         raise InputError(str(root), "no campaigns", rule, remedy)
     origin = top.parent if top in paths else top
     names = sorted(path.relative_to(origin).as_posix() for path in paths)
-    return tuple(_placed(names, origin))
+    return tuple(placed(names, origin))
 
 
 class _Search:
@@ -104,7 +104,7 @@ class _Search:
             yield folder
 
 
-def _placed(names: list[str], origin: Path) -> Iterator[CampaignFolder]:
+def placed(names: list[str], origin: Path) -> Iterator[CampaignFolder]:
     """Give each campaign a place; one within another goes beside it, as a result is one folder."""
     places: dict[str, str] = {}
     for name in names:
