@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
+from ema._arrays import readonly
 from ema.frf import FRF
 
 # Lines over which the level is smoothed: σ of one line is itself uncertain.
@@ -34,7 +37,7 @@ def noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
         smooth = uniform_filter1d(power, _SMOOTHING_LINES, axis=1, mode="nearest")
         return np.asarray(np.sqrt(np.maximum(smooth, floor)))
     power = frf.std[:, lines] ** 2
-    around = _median_level(power)
+    around = _median_level(frf, lines.start, lines.stop)
     spikes = power > _SPIKE**2 * around
     smooth = uniform_filter1d(
         np.where(spikes, around, power), _SMOOTHING_LINES, axis=1, mode="nearest"
@@ -52,7 +55,7 @@ def without_spikes(
     std = frf.std[:, lines]
     if not np.all(np.isfinite(std)):
         return values
-    spikes = std**2 > _SPIKE**2 * _median_level(std**2)
+    spikes = std**2 > _SPIKE**2 * _median_level(frf, lines.start, lines.stop)
     number = np.arange(values.shape[1])
     for row in np.flatnonzero(spikes.any(axis=1)):
         good = ~spikes[row]
@@ -60,7 +63,10 @@ def without_spikes(
     return values
 
 
-def _median_level(power: NDArray[np.float64]) -> NDArray[np.float64]:
+@lru_cache(maxsize=1)
+def _median_level(frf: FRF, start: int | None, stop: int | None) -> NDArray[np.float64]:
+    """Median noise power around each line; both pole estimators and the fit ask for it."""
     from scipy.ndimage import median_filter
 
-    return np.asarray(median_filter(power, size=(1, _SMOOTHING_LINES), mode="nearest"))
+    power = frf.std[:, start:stop] ** 2
+    return readonly(median_filter(power, size=(1, _SMOOTHING_LINES), mode="nearest"))

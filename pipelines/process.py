@@ -25,7 +25,7 @@ from ema.quality import (
 )
 from ema.recording import Campaign, Tyre
 from pipelines.options import TYRE_BAND_HZ, Options, processing_in_force
-from pipelines.provenance import Stopwatch, provenance
+from pipelines.provenance import Stopwatch, checksummed, provenance
 from pipelines.result import Result
 from pipelines.strict import refuse_warnings
 from pipelines.validate import ring_orders, validate
@@ -73,27 +73,25 @@ def process(
             campaign, processing, estimator=options.estimator, progress=run_progress
         )
         band_hz = processing.band_hz or _default_band(campaign, estimated)
-    with watch.stage("modes", "Identifying modes"):
-        found = ema.identify_modes(
-            estimated,
-            band_hz,
-            pinned_hz=options.pinned_hz or None,
-            excluded_hz=options.excluded_hz,
-            sensor_mass=_sensor_mass(campaign),
-            max_order=options.max_order,
-            method=options.method,
-        )
-    measured = _measured(campaign, estimated, found, band_hz)
-    if options.strict:
-        refuse_warnings(measured.findings)
-    with watch.stage("ring", "Tuning the ring"):
-        result = tune(measured, options)
-    return replace(
-        result,
-        provenance=provenance(
-            campaign, options, replace(processing, band_hz=band_hz), found.frf, watch
-        ),
-    )
+    with checksummed(campaign.sources) as inputs:
+        with watch.stage("modes", "Identifying modes"):
+            found = ema.identify_modes(
+                estimated,
+                band_hz,
+                pinned_hz=options.pinned_hz or None,
+                excluded_hz=options.excluded_hz,
+                sensor_mass=_sensor_mass(campaign),
+                max_order=options.max_order,
+                method=options.method,
+            )
+        measured = _measured(campaign, estimated, found, band_hz)
+        if options.strict:
+            refuse_warnings(measured.findings)
+        with watch.stage("ring", "Tuning the ring"):
+            result = tune(measured, options)
+    in_force = replace(processing, band_hz=band_hz)
+    record = provenance(campaign.name, inputs(), options, in_force, found.frf, watch)
+    return replace(result, provenance=record)
 
 
 def _measured(

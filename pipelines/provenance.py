@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
@@ -14,7 +15,7 @@ from time import perf_counter
 from typing import Any
 
 from ema.frf import FRF
-from ema.recording import Campaign, Processing
+from ema.recording import Processing
 from pipelines.options import Options
 
 LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pyuff")
@@ -47,23 +48,36 @@ def library_versions() -> dict[str, str]:
 
 
 def provenance(
-    campaign: Campaign, options: Options, processing: Processing, frf: FRF, watch: Stopwatch
+    campaign: str,
+    inputs: list[dict[str, Any]],
+    options: Options,
+    processing: Processing,
+    frf: FRF,
+    watch: Stopwatch,
 ) -> dict[str, Any]:
     """Content of ``provenance.json``: versions, inputs, options in force, stage times."""
     return {
         "software": {"ringmodal": software_version(), **library_versions()},
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "campaign": campaign.name,
-        "inputs": [
-            {"file": path.name, "bytes": path.stat().st_size, "sha256": sha256(path)}
-            for path in campaign.sources
-        ],
+        "campaign": campaign,
+        "inputs": inputs,
         "options": {
             **asdict(options),
             "processing": {**asdict(processing), **_blocks_in_force(frf)},
         },
         "stage_seconds": watch.seconds,
     }
+
+
+@contextmanager
+def checksummed(paths: Sequence[Path]) -> Iterator[Callable[[], list[dict[str, Any]]]]:
+    """Sum up files while something else is computed; yields what gives name, size and SHA-256."""
+    with ThreadPoolExecutor(1) as pool:
+        yield pool.submit(lambda: [_fingerprint(path) for path in paths]).result
+
+
+def _fingerprint(path: Path) -> dict[str, Any]:
+    return {"file": path.name, "bytes": path.stat().st_size, "sha256": sha256(path)}
 
 
 def sha256(path: Path) -> str:
