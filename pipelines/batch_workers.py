@@ -116,10 +116,10 @@ def _require_same_version(client: Any, address: str) -> None:
     """Results of two versions side by side would not be comparable."""
     here = software_version()
     rule = f"workers must run the same ringmodal as this machine, {here}"
-    remedy = "Install it in the environment that the workers start from"
+    remedy = "Install it where the scheduler and the workers start"
     try:
         there = client.submit(software_version, pure=False).result()
-    except ImportError as error:
+    except (ImportError, RuntimeError) as error:  # there, or already at the scheduler
         raise InputError(f"workers at {address}", str(error), rule, remedy) from error
     if there != here:
         raise InputError(f"workers at {address}", f"ringmodal {there}", rule, remedy)
