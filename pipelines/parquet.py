@@ -40,8 +40,11 @@ def write_parquet(
     arrays = {name: _numbers(values) for name, values in columns.items()}
     n_rows = len(next(iter(columns.values())))
     for name, texts in (words or {}).items():
-        index = np.repeat(np.arange(len(texts), dtype=np.int32), n_rows // len(texts))
-        arrays[name] = pa.DictionaryArray.from_arrays(_numbers(index), _texts(texts))
+        # Arrow fills the room of a text that comes twice with whatever was in memory before.
+        number = {text: place for place, text in enumerate(dict.fromkeys(texts))}
+        index = np.array([number[text] for text in texts], dtype=np.int32)
+        rows = _numbers(np.repeat(index, n_rows // len(texts)))
+        arrays[name] = pa.DictionaryArray.from_arrays(rows, _texts(list(number)))
     table = pa.table(arrays).replace_schema_metadata(dict(metadata or {}))
     repeating = [name for name in arrays if name in _REPEATING or name in (words or {})]
     pq.write_table(table, path, use_dictionary=repeating)

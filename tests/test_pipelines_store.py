@@ -121,7 +121,8 @@ def test_saving_a_loaded_result_changes_no_file(short_result, stored, tmp_path):
 
 def test_two_runs_give_the_same_bytes(short_campaign, stored, tmp_path):
     save(process(short_campaign), tmp_path / "again", report=False)
-    for name in ("modes.csv", "shapes.csv", "quality.csv", "validation.csv", "frf.uff"):
+    names = ("modes.csv", "shapes.csv", "quality.csv", "validation.csv", "frf.uff", "frf.parquet")
+    for name in names:
         assert (tmp_path / "again" / name).read_bytes() == (stored / name).read_bytes(), name
 
 
