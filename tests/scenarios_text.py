@@ -215,6 +215,16 @@ LVM = (
     _lvm("another format within", b"%PDF-1.7\n" * 100, bad_file("a.lvm")),
     _lvm("fewer rows than stated", lvm_file(rows=40), bad_file("a.lvm", "40", "64")),
     _lvm("a step of zero", lvm_file(delta="0"), bad_file("a.lvm", "Delta_X|step")),
+    _lvm(
+        "more channels than names",
+        _LVM.replace(b"Channels\t2", b"Channels\t4"),
+        bad_file("a.lvm, Channels", "'4'", "names"),
+    ),
+    _lvm(
+        "channels counted by five thousand digits",
+        _LVM.replace(b"Channels\t2", b"Channels\t" + b"2" * 5000),
+        bad_file("a.lvm, Channels", "names"),
+    ),
     _lvm("a word for a number", _LVM.replace(b".000000", b".0000x0", 1), bad_file("a.lvm", "x0")),
 )
 

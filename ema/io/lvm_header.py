@@ -145,7 +145,8 @@ def _header(
         raise general.fault("Decimal_Separator and X_Columns", found, rule)
     count = segment.one("Channels", "")
     stride = 2 if x_columns == "multi" else 1
-    if not count.isdecimal() or not 0 < int(count) <= len(heading) // stride:
+    most = (len(heading) + stride - 2) // stride  # one X_Value stands before them, or before each
+    if not count.isdecimal() or len(count) > 9 or not 0 < int(count) <= most:
         rule = f"it counts the channels, whose names are among the {len(heading)} below the header"
         raise segment.fault("Channels", repr(count), rule)
     n = int(count)
