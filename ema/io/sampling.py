@@ -67,7 +67,9 @@ def even_step(abscissa: NDArray[np.float64]) -> tuple[float, float] | None:
     abscissa : ndarray, shape (n,)
         Times or frequencies, as rounded by whoever printed them.
     """
-    extremes = (float(np.min(abscissa)), float(np.max(abscissa))) if len(abscissa) > 1 else (np.nan,)
+    extremes = (
+        (float(np.min(abscissa)), float(np.max(abscissa))) if len(abscissa) > 1 else (np.nan,)
+    )
     if not max(abs(extreme) for extreme in extremes) < _SENSELESS:
         return None
     span = float(abscissa[-1] - abscissa[0])
