@@ -1,0 +1,144 @@
+"""Batches: 200 campaigns of which 10 are broken, a second run, and two workers against one.
+
+Run with ``python benchmarks/batch.py [--campaigns N]``; prints Markdown. Needs the extra `cluster`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from pipelines.simulate_campaign import simulate_campaign
+
+SHARED = 16  # campaigns for two workers against one
+DURATION_S = 4.0
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--campaigns", type=int, default=200)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        source = simulate_campaign(Path(scratch) / "source", duration_s=DURATION_S)
+        compare_workers(source, Path(scratch))
+        many(source, Path(scratch), arguments.campaigns, arguments.jobs)
+
+
+def compare_workers(source: Path, scratch: Path) -> None:
+    """Wall time of one worker over that of two, whole processes with start-up."""
+    root = fleet(source, scratch / "shared", SHARED)
+    seconds = {}
+    print(f"\n{SHARED} campaigns of six runs of {DURATION_S:g} s, whole processes:\n")
+    print("| workers | wall / s | per campaign / s |\n|---:|---:|---:|")
+    for workers in (1, 2):
+        seconds[workers], content = batch(root, scratch / f"shared_{workers}", workers)
+        require(content["done"] == SHARED, "all campaigns done")
+        print(f"| {workers} | {seconds[workers]:.1f} | {seconds[workers] / SHARED:.2f} |")
+    print(f"\nOne worker over two: {seconds[1] / seconds[2]:.2f} (at least 1.7).")
+
+
+def many(source: Path, scratch: Path, count: int, jobs: int) -> None:
+    """Results and rows of many campaigns, ten of them broken; then the same once more."""
+    root = fleet(source, scratch / "many", count)
+    broken = break_some(root)
+    first_s, first = batch(root, scratch / "out", jobs)
+    second_s, second = batch(root, scratch / "out", jobs)
+    failed = {row["campaign"]: row for row in first["campaigns"] if row["status"] == "failed"}
+    require(set(failed) == broken, "the broken campaigns failed, and no other")
+    require(second["done"] + second["failed"] == 0, "nothing done by the second run")
+    print(f"\n{count} campaigns, {len(broken)} of them broken, {jobs} workers:\n")
+    print("| run | done | failed | already done | failed before | wall / s |")
+    print("|---|---:|---:|---:|---:|---:|")
+    for name, content, seconds in (("first", first, first_s), ("second", second, second_s)):
+        keys = ("done", "failed", "already_done", "failed_before")
+        counts = " | ".join(str(content[key]) for key in keys)
+        print(f"| {name} | {counts} | {seconds:.1f} |")
+    print("\n| broken campaign | message |\n|---|---|")
+    for name, row in failed.items():
+        print(f"| {name} | {row['message']} |")
+
+
+def batch(root: Path, out: Path, jobs: int) -> tuple[float, dict[str, Any]]:
+    """Wall time and rows of a batch in a process of its own, one thread a worker."""
+    command = [sys.executable, "-m", "pipelines.cli", "batch", str(root), "--out", str(out)]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    start = time.perf_counter()
+    finished = subprocess.run(
+        [*command, "--jobs", str(jobs), "--json", "--quiet"],
+        check=True,
+        capture_output=True,
+        text=True,
+        env=environment,
+    )
+    return time.perf_counter() - start, json.loads(finished.stdout)
+
+
+def fleet(source: Path, root: Path, count: int) -> Path:
+    """The same campaign many times; recordings are linked where the system can."""
+    for number in range(count):
+        folder = root / f"batch_{number // 50}" / f"tyre_{number:03}"
+        shutil.copytree(source, folder, copy_function=link_or_copy)
+        manifest = folder / "campaign.toml"
+        text = manifest.read_text()
+        manifest.unlink()  # a link would change all others
+        manifest.write_text(text)
+    return root
+
+
+def link_or_copy(source: str, target: str) -> None:
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy(source, target)
+
+
+def break_some(root: Path) -> set[str]:
+    """Break a campaign in each of these ways; returns their names."""
+    breaks = (
+        lambda folder: (folder / "campaign.toml").unlink(),
+        lambda folder: edit(folder, "schema = 1", "schema = "),
+        lambda folder: edit(folder, "positions = 72", "positions = 72\nspacing = 5"),
+        lambda folder: edit(folder, "inflation_pressure_pa = 220000.0\n", ""),
+        lambda folder: edit(folder, 'channel = "force"', 'channel = "Force1"'),
+        lambda folder: edit(folder, "rate_hz = 2000.0", "rate_hz = 2048.0"),
+        lambda folder: (folder / "config_3.uff").unlink(),
+        lambda folder: rewrite(folder / "config_3.uff", lambda content: content[:200_000]),
+        lambda folder: rewrite(folder / "config_3.uff", lambda content: b""),
+        lambda folder: rewrite(folder / "config_3.uff", lambda content: bytes(len(content))),
+    )
+    folders = sorted(path.parent for path in root.rglob("campaign.toml"))
+    chosen = folders[:: max(1, len(folders) // len(breaks))][: len(breaks)]
+    for folder, damage in zip(chosen, breaks, strict=True):
+        damage(folder)
+    return {folder.relative_to(root).as_posix() for folder in chosen}
+
+
+def edit(folder: Path, old: str, new: str) -> None:
+    manifest = folder / "campaign.toml"
+    text = manifest.read_text()
+    require(old in text, f"{old!r} in the manifest")
+    manifest.write_text(text.replace(old, new))
+
+
+def rewrite(path: Path, change: Any) -> None:
+    content = path.read_bytes()
+    path.unlink()  # a link would change all others
+    path.write_bytes(change(content))
+
+
+def require(holds: bool, what: str) -> None:
+    if not holds:
+        raise SystemExit(f"Not as it should be: {what}.")
+
+
+if __name__ == "__main__":
+    main()
