@@ -60,8 +60,7 @@ def find_campaigns(root: Path, out: Path) -> tuple[CampaignFolder, ...]:
         rule = "a batch takes the campaigns of a folder"
         raise InputError(str(root), found, rule, "Check the path")
     top = Path(os.path.realpath(root))
-    search = _Search({_identity(Path(os.path.realpath(out)))})
-    paths = list(search.campaigns(top, inside=False))
+    paths = list(_campaigns(top, {_identity(out)}, inside=False))
     if not paths:
         rule = f"a campaign is a folder with a {MANIFEST_NAME}"
         remedy = "Check the path, or draft manifests with `ringmodal init FOLDER`"
@@ -71,37 +70,34 @@ def find_campaigns(root: Path, out: Path) -> tuple[CampaignFolder, ...]:
     return tuple(placed(names, origin))
 
 
-class _Search:
-    """A walk through folders that enters each one once, whatever links lead to it."""
+def _campaigns(folder: Path, seen: set[tuple[int, int] | None], *, inside: bool) -> Iterator[Path]:
+    """Campaigns in and under `folder`, unless it was `seen`, whatever link leads to it now.
 
-    def __init__(self, seen: set[tuple[int, int] | None]) -> None:
-        self.seen = seen
-
-    def campaigns(self, folder: Path, *, inside: bool) -> Iterator[Path]:
-        """Campaigns in and under `folder`; `inside` one, recordings alone are its own."""
-        identity = _identity(folder)
-        if identity in self.seen:
-            return
-        self.seen.add(identity)
-        try:
-            entries = sorted(folder.iterdir(), key=lambda path: (path.is_symlink(), path.name))
-        except OSError:
-            yield folder  # processing it will say what is wrong with it
-            return
-        names = {path.name for path in entries}
-        is_campaign = MANIFEST_NAME in names
-        if names & _OF_RESULTS and not is_campaign:
-            return
-        if is_campaign:
-            yield folder
-        below = False
-        for entry in entries:
-            if not entry.name.startswith(".") and os.path.isdir(entry):  # noqa: PTH112 - never raises
-                for path in self.campaigns(entry, inside=inside or is_campaign):
-                    below = True
-                    yield path
-        if not (is_campaign or inside or below) and any(map(_is_visible_recording, entries)):
-            yield folder
+    Recordings `inside` a campaign are its own.
+    """
+    identity = _identity(folder)
+    if identity in seen:
+        return
+    seen.add(identity)
+    try:
+        entries = sorted(folder.iterdir(), key=lambda path: (path.is_symlink(), path.name))
+    except OSError:
+        yield folder  # processing it will say what is wrong with it
+        return
+    names = {path.name for path in entries}
+    is_campaign = MANIFEST_NAME in names
+    if names & _OF_RESULTS and not is_campaign:
+        return
+    if is_campaign:
+        yield folder
+    below = False
+    for entry in entries:
+        if not entry.name.startswith(".") and os.path.isdir(entry):  # noqa: PTH112 - never raises
+            for path in _campaigns(entry, seen, inside=inside or is_campaign):
+                below = True
+                yield path
+    if not (is_campaign or inside or below) and any(map(_is_visible_recording, entries)):
+        yield folder
 
 
 def placed(names: list[str], origin: Path) -> Iterator[CampaignFolder]:

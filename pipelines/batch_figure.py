@@ -42,7 +42,7 @@ def plot_frequencies(records: Sequence[Record], ax: Axes) -> Axes:
         offset = _ROOM * ((index + 0.5) / len(tyres) - 0.5)
         named = index < len(SERIES) - 1 or len(tyres) == len(SERIES)
         style = series_style(min(index, len(SERIES) - 1))
-        label = short(literal(tyre), 24) if named else "others"
+        label = literal(short(tyre, 18)) if named else "others"
         ax.plot(
             points[:, 0] + offset,
             points[:, 1],
