@@ -28,6 +28,7 @@ from pipelines.draft_guesses import (
     sensors_in,
     sources_of,
 )
+from pipelines.whole_file import file_written_whole
 
 _BARE_KEY = re.compile(r"^[A-Za-z0-9_-]+$")
 _TO_FILL_IN = """\
@@ -138,12 +139,11 @@ def write_draft(folder: Path, draft: Draft, *, force: bool = False) -> Path:
         If there is one, and `force` is not given.
     """
     path = folder / MANIFEST_NAME
-    try:
-        with path.open("w" if force else "x", encoding="utf-8", newline="\n") as file:
-            file.write(draft.text)
-    except FileExistsError:
+    if path.exists() and not force:
         remedy = "Move it away, or use --force"
-        raise InputError(str(path), "a manifest", "it is not overwritten unasked", remedy) from None
+        raise InputError(str(path), "a manifest", "it is not overwritten unasked", remedy)
+    with file_written_whole(path) as partial:
+        partial.write_text(draft.text, encoding="utf-8", newline="\n")
     return path
 
 
