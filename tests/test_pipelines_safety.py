@@ -28,6 +28,14 @@ PROGRAM = [sys.executable, "-m", "pipelines.main"]
 WARNED = Finding("config_1.uff", "A01", 0.0, "hum", WARNING, "50 Hz line 12 dB above its sides")
 
 
+@pytest.fixture(autouse=True)
+def minded_interrupts():
+    """A job in the background is started with interrupts ignored, and hands that on."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture
 def out(tmp_path):
     (tmp_path / "results").mkdir()
