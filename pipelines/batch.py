@@ -170,13 +170,11 @@ def _workers(
         return iter(())
     if scheduler is not None:
         return on_cluster(tasks, carry_out, scheduler, say)
-    if jobs is None and not has_distributed():
-        say(f'One campaign at a time; `pip install "ringmodal[{EXTRA}]"` puts every core to work.')
-        jobs = 1
-    jobs = jobs or available_cores()
-    if jobs == 1:
+    if len(tasks) == 1 or (jobs in (None, 1) and not has_distributed()):
+        if jobs is None and len(tasks) > 1:
+            say(f'One at a time; `pip install "ringmodal[{EXTRA}]"` puts every core to work.')
         return in_this_process(tasks, carry_out)
-    return on_this_machine(tasks, carry_out, min(jobs, len(tasks)))
+    return on_this_machine(tasks, carry_out, min(jobs or available_cores(), len(tasks)))
 
 
 def _carried_out(

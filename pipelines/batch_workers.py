@@ -42,6 +42,8 @@ def in_this_process(tasks: Sequence[Task], work: Work) -> Iterator[Record]:
 def on_this_machine(tasks: Sequence[Task], work: Work, n_workers: int) -> Iterator[Record]:
     """Share the tasks among processes with one thread and an equal part of the memory each.
 
+    Even a single one keeps what may happen to it away from this process.
+
     Raises
     ------
     InputError
@@ -55,7 +57,7 @@ def on_this_machine(tasks: Sequence[Task], work: Work, n_workers: int) -> Iterat
             n_workers=n_workers,
             threads_per_worker=1,
             processes=True,
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",
             memory_limit="auto",
             silence_logs=logging.CRITICAL,
         ) as cluster,

@@ -10,7 +10,7 @@ import pytest
 from fleets import BROKEN, GOOD, NAMES, QUICK, edit, write_campaign, write_fleet
 
 from ema.errors import InputError
-from pipelines import batch_task
+from pipelines import batch, batch_task
 from pipelines.batch import run_batch
 from pipelines.batch_fingerprint import choices, take_fingerprint
 from pipelines.options import Options
@@ -19,6 +19,14 @@ from pipelines.process import process
 from pipelines.tables import MODES
 
 TABLES = ("modes.parquet", "parameters.parquet")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def in_this_process():
+    """Keep the work where tests can watch it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(batch, "has_distributed", lambda: False)
+        yield
 
 
 @pytest.fixture(scope="module")

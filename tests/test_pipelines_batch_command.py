@@ -7,7 +7,7 @@ import pytest
 from fleets import BROKEN, write_fleet
 from matplotlib.figure import Figure
 
-from pipelines import batch_task
+from pipelines import batch, batch_task
 from pipelines.batch_campaigns import CampaignFolder
 from pipelines.batch_figure import plot_frequencies
 from pipelines.batch_fingerprint import Fingerprint
@@ -17,6 +17,12 @@ from pipelines.batch_record import DONE, FAILED, Record, read_record, write_reco
 
 ONCE = ("--jobs", 1, "--no-tune", "--max-order", 20)
 MODE = (1, 2, "", 100.3, 0.04, 0.03, 0.0003, 0.99, 0.7, 0.99, "", 0.001, 1e-5)
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch):
+    """Keep the work where tests can watch it."""
+    monkeypatch.setattr(batch, "has_distributed", lambda: False)
 
 
 @pytest.fixture
