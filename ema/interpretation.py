@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.linkage import average_linkage
+from ema.mac import auto_mac
 from ema.pole_history import PoleHistory
 
 # The cut of the tree follows the diagram, within what can still mean "the same mode".
@@ -117,19 +119,10 @@ def _groups(
     poles: NDArray[np.complex128], shapes: NDArray[np.complex128], cut: float
 ) -> NDArray[np.int_]:
     """Average-linkage clusters with d = |Δλ|/max|λ| + 1 − MAC."""
-    if poles.size < 2:
-        return np.ones(poles.size, dtype=int)
-    from scipy.cluster.hierarchy import fcluster, linkage
-    from scipy.spatial.distance import squareform
-
-    from ema.mac import auto_mac
-
     size = np.abs(poles)
     distance = np.abs(poles[:, None] - poles[None, :]) / np.maximum(size[:, None], size[None, :])
     distance = distance + 1 - np.clip(auto_mac(shapes), 0, 1)
-    np.fill_diagonal(distance, 0)
-    tree = linkage(squareform((distance + distance.T) / 2, checks=False), "average")
-    return np.asarray(fcluster(tree, cut, "distance"))
+    return average_linkage((distance + distance.T) / 2, cut)
 
 
 def _large(sizes: NDArray[np.int_]) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ema._arrays import readonly
 from ema.frf import FRF
+from ema.smoothing import moving_mean, moving_median
 
 # Lines over which the level is smoothed: σ of one line is itself uncertain.
 _SMOOTHING_LINES = 21
@@ -28,20 +29,16 @@ def noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
     lines : slice
         Lines to use.
     """
-    from scipy.ndimage import uniform_filter1d
-
     values = frf.values[:, lines]
     floor = max(1e-12 * np.max(np.abs(values)) ** 2, np.finfo(float).tiny)
     if not np.all(np.isfinite(frf.std[:, lines])):
         power = np.broadcast_to(np.mean(np.abs(values) ** 2, axis=0), values.shape)
-        smooth = uniform_filter1d(power, _SMOOTHING_LINES, axis=1, mode="nearest")
+        smooth = moving_mean(power, _SMOOTHING_LINES)
         return np.asarray(np.sqrt(np.maximum(smooth, floor)))
     power = frf.std[:, lines] ** 2
     around = _median_level(frf, lines.start, lines.stop)
     spikes = power > _SPIKE**2 * around
-    smooth = uniform_filter1d(
-        np.where(spikes, around, power), _SMOOTHING_LINES, axis=1, mode="nearest"
-    )
+    smooth = moving_mean(np.where(spikes, around, power), _SMOOTHING_LINES)
     return np.asarray(np.sqrt(np.maximum(np.where(spikes, power, smooth), floor)))
 
 
@@ -66,7 +63,5 @@ def without_spikes(
 @lru_cache(maxsize=1)
 def _median_level(frf: FRF, start: int | None, stop: int | None) -> NDArray[np.float64]:
     """Median noise power around each line; both pole estimators and the fit ask for it."""
-    from scipy.ndimage import median_filter
-
     power = frf.std[:, start:stop] ** 2
-    return readonly(median_filter(power, size=(1, _SMOOTHING_LINES), mode="nearest"))
+    return readonly(moving_median(power, _SMOOTHING_LINES))

@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.smoothing import moving_median
+
 # Lines whose median is the noise level: σ of one line is itself uncertain, or that of a tone.
 _SMOOTHING_LINES = 21
 
@@ -65,12 +67,10 @@ def line_weight(std: NDArray[np.float64]) -> NDArray[np.float64] | None:
     ndarray, shape (n_lines,), or None
         None where σ is unknown, or zero: nothing then tells a good line from a poor one.
     """
-    from scipy.ndimage import median_filter
-
     level = np.median(std, axis=0)
     if not np.all(level > 0):
         return None
-    smooth = median_filter(level, _SMOOTHING_LINES, mode="nearest")
+    smooth = moving_median(level, _SMOOTHING_LINES)
     return np.asarray(smooth.min() / smooth)
 
 

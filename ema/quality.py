@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema._arrays import readonly
+from ema.smoothing import moving_mean
 
 if TYPE_CHECKING:
     from ema.frf import FRF
@@ -147,10 +148,8 @@ def averages_finding(frf: FRF) -> list[Finding]:
 
 def coherent_band(frf: FRF) -> tuple[float, float]:
     """Widest band in which the median coherence stays good; all lines where it is unknown."""
-    from scipy.ndimage import uniform_filter1d
-
     median = np.nan_to_num(np.median(frf.coherence, axis=0), nan=1.0)
-    smooth = uniform_filter1d(median, _COHERENCE_LINES, mode="nearest")
+    smooth = moving_mean(median, _COHERENCE_LINES)
     good = np.append((smooth >= _GOOD_COHERENCE) & (frf.frequency_hz > 0), False)
     starts = np.flatnonzero(good & ~np.append(False, good[:-1]))
     if starts.size == 0:
