@@ -7,12 +7,9 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute
-import pyarrow.csv
 from numpy.typing import NDArray
 
 from ema.errors import RecordingFormatError
@@ -28,6 +25,9 @@ from ema.io.text_cells import (
 from ema.io.text_layout import Dialect, Layout
 from ema.io.text_source import TextSource
 from ema.quality import Finding
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 _BLOCK_BYTES = 1 << 20
 _NARROW_BYTES = 4  # cells of fewer bytes are kept in single precision where that is exact
@@ -200,6 +200,8 @@ class _Reader:
         self._layout = replace(self._layout, dialect=Dialect(separator, decimal))
 
     def _parsed(self, section: bytes) -> pa.Table:
+        import pyarrow as pa
+
         if self._layout.dialect.separator == BLANKS:
             section = _single_blanks(section)
         try:
@@ -213,6 +215,9 @@ class _Reader:
             raise self._fault(self._line, str(error), rule) from error
 
     def _by_arrow(self, section: bytes) -> pa.Table:
+        import pyarrow as pa
+        import pyarrow.csv
+
         layout = self._layout
         labels = [str(index) for index in range(layout.width)]
         chosen = [str(index) for index in self._columns]
@@ -313,7 +318,9 @@ class _Reader:
 
     def _nanoseconds(self, section: bytes, index: int, stamps: pa.ChunkedArray) -> pa.ChunkedArray:
         """Time stamps as whole nanoseconds since some moment."""
-        compute = pa.compute
+        import pyarrow as pa
+        from pyarrow import compute
+
         text = compute.utf8_trim_whitespace(compute.replace_substring(stamps, ",", "."))
         text = compute.replace_substring(compute.replace_substring(text, "/", "-"), "Z", "")
         if "-" not in (text[0].as_py() or ""):
