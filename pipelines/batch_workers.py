@@ -117,14 +117,17 @@ def _imported(option: str) -> Any:
 def _require_same_version(client: Any, address: str) -> None:
     """Results of two versions side by side would not be comparable."""
     here = software_version()
-    rule = f"workers must run the same ringmodal as this machine, {here}"
-    remedy = "Install it where the scheduler and the workers start"
     try:
         there = client.submit(software_version, pure=False).result()
     except (ImportError, RuntimeError) as error:  # there, or already at the scheduler
-        raise InputError(f"workers at {address}", str(error), rule, remedy) from error
+        raise _other_version(f"workers at {address}", str(error)) from error
     if there != here:
-        raise InputError(f"workers at {address}", f"ringmodal {there}", rule, remedy)
+        raise _other_version(f"workers at {address}", f"ringmodal {there}")
+
+
+def _other_version(where: str, found: str) -> InputError:
+    rule = f"workers must run the same ringmodal as this machine, {software_version()}"
+    return InputError(where, found, rule, "Install it where the scheduler and the workers start")
 
 
 def _shared(client: Any, tasks: Sequence[Task], work: Work) -> Iterator[Record]:
@@ -146,6 +149,8 @@ def _record_of(future: Any, task: Task) -> Record:
         rule = "the scheduler is gone or dropped the campaign"
         remedy = "Run the batch again; what is done is not done again"
         raise InputError(task.campaign.name, "no answer", rule, remedy) from error
+    except ImportError as error:
+        raise _other_version(f"the worker that took {task.campaign.name}", str(error)) from error
     except distributed.KilledWorker:
         rule = "every worker process that took this campaign died, most likely for lack of memory"
         remedy = "Give each worker more memory, e.g. by fewer --jobs, then take --retry-failed"
