@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.stored import piece
+from ema.stored import fill, piece
 
 if TYPE_CHECKING:
     from ema.frf import FRF
@@ -69,7 +69,9 @@ class Channel:
     def read_block(self, start: int, into: NDArray[np.float64]) -> None:
         """Fill `into` with the samples from `start` on, in SI units."""
         with np.errstate(invalid="ignore", over="ignore"):
-            np.multiply(piece(self.samples, start, start + into.size), self.scale_to_si, out=into)
+            fill(self.samples, start, into)
+            if self.scale_to_si != 1.0:
+                into *= self.scale_to_si
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,17 +30,39 @@ def piece(samples: NDArray[Any], start: int, stop: int) -> NDArray[Any]:
     """
     if not isinstance(samples, np.memmap) or not _is_whole(samples):
         return samples[start:stop]
-    path = Path(str(samples.filename))
     start, stop, _ = slice(start, stop).indices(len(samples))
-    offset = samples.offset + start * samples.itemsize
-    count = max(stop - start, 0)
+    found = np.empty(max(stop - start, 0), samples.dtype)
+    _read(samples, start, found)
+    return found
+
+
+def fill(samples: NDArray[Any], start: int, into: NDArray[np.float64]) -> None:
+    """Put samples from `start` on into an array, as `piece` reads them.
+
+    Raises
+    ------
+    RecordingFormatError
+        As `piece`.
+    """
+    plain = samples.dtype == into.dtype and into.flags.c_contiguous
+    if plain and isinstance(samples, np.memmap) and _is_whole(samples):
+        _read(samples, start, into)
+    else:
+        into[:] = piece(samples, start, start + into.size)
+
+
+def _read(samples: np.memmap[Any, Any], start: int, into: NDArray[Any]) -> None:
+    """Read from the file of a map, without fresh memory."""
+    path = Path(str(samples.filename))
     try:
-        found = np.fromfile(path, samples.dtype, count, offset=offset)
+        with path.open("rb") as file:
+            file.seek(samples.offset + start * samples.itemsize)
+            n_bytes = file.readinto(into.view(np.uint8).data)
     except OSError as error:
         raise _gone(path, error.strerror or str(error)) from error
-    if len(found) < count:
-        raise _gone(path, f"{len(found)} of {count} samples from sample {start + 1} on")
-    return found
+    if n_bytes < into.nbytes:
+        count = n_bytes // samples.itemsize
+        raise _gone(path, f"{count} of {into.size} samples from sample {start + 1} on")
 
 
 def _is_whole(samples: np.memmap[Any, Any]) -> bool:

@@ -4,10 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from builders import binary58, floats, force58, response58
+from builders import binary58, floats, force58, nodes15, response58
 
 import ema
-from ema.errors import RecordingFormatError
+from ema.errors import ManifestError, RecordingFormatError
 
 RUN = """
 [[runs]]
@@ -131,3 +131,13 @@ def test_a_level_that_makes_no_sense_is_recorded(campaign):
     found = campaign([(0, 90), (180, 270)], [recording(1), recording(2, force_scale=1e-4)])
     levels = [(f.run, f.channel, f.verdict) for f in found.findings if f.check == "level"]
     assert levels == [("run_2.uff", "force", "warning")]
+
+
+def test_a_run_of_the_manifest_that_holds_nothing_is_refused(campaign):
+    geometry = nodes15({1: (1, 0, 0)})
+    with pytest.raises(
+        ManifestError, match=r"runs\.2 \(run_2\.uff\): neither time series nor FRFs"
+    ):
+        campaign([(0, 90), (180, 270)], [recording(1), geometry])
+    with pytest.raises(RecordingFormatError, match="nothing but blanks or zeros"):
+        campaign([(0, 90), (180, 270)], [recording(1), bytes(5000)])

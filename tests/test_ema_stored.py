@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ema.errors import RecordingFormatError
-from ema.stored import piece
+from ema.stored import fill, piece
 
 
 @pytest.fixture
@@ -42,3 +42,16 @@ def test_a_file_that_is_gone_is_named(stored, tmp_path):
     (tmp_path / "a.bin").unlink()
     with pytest.raises(RecordingFormatError, match="No such file"):
         piece(stored, 50, 100)
+
+
+@pytest.mark.parametrize("kind", ["<f8", ">f8", "<f4", "<i2"])
+def test_an_array_is_filled_whatever_is_stored(tmp_path, kind):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"head of 12 b" + np.arange(100, dtype=kind).tobytes())
+    samples = np.memmap(path, dtype=kind, mode="r", offset=12, shape=(100,))
+    into = np.empty(20)
+    fill(samples, 30, into)
+    np.testing.assert_array_equal(into, np.arange(30.0, 50.0))
+    path.write_bytes(path.read_bytes()[: 12 + 40 * samples.itemsize])
+    with pytest.raises(RecordingFormatError, match="10 of 20 samples from sample 31 on"):
+        fill(samples, 30, into)

@@ -111,6 +111,7 @@ def _with_manifest(path: Path) -> Campaign:
         for number, section in enumerate(manifest.runs, 1)
     ]
     contents = _read_all(files)
+    _refuse_empty(contents, wanted)
     rate = manifest.acquisition.sampling_rate_hz
     contents = [replace(each, recording=_with_rate(each.recording, rate)) for each in contents]
     contents = _calibrated(contents, manifest)
@@ -153,6 +154,16 @@ def _read_all(paths: Sequence[Path]) -> list[FileContent]:
         remedy = "Export time series (function type 1) or FRFs (function type 4)"
         raise RecordingFormatError(", ".join(path.name for path in paths), found, rule, remedy)
     return contents
+
+
+def _refuse_empty(contents: Sequence[FileContent], wanted: Sequence[Wanted]) -> None:
+    """A run of the manifest that holds nothing would be missing without a word."""
+    for content, each in zip(contents, wanted, strict=True):
+        if content.recording is None and content.frf is None:
+            notes = "; ".join(finding.detail for finding in content.findings)
+            found = "neither time series nor FRFs" + (f" ({notes})" if notes else "")
+            rule = "a run is a recording"
+            raise ManifestError(each.where, found, rule, "Name another file, or take the run out")
 
 
 def _calibrated(contents: list[FileContent], manifest: Manifest) -> list[FileContent]:

@@ -104,6 +104,9 @@ def _datasets(path: Path, data: mmap.mmap) -> list[Dataset]:
         dataset = _dataset(path, data, index, position, after)
         found.append(dataset)
         position = _next_content(data, dataset.stop)
+    if not found:
+        rule = "a recording holds at least one dataset"
+        raise RecordingFormatError(str(path), "nothing but blanks or zeros", rule, COPY_AGAIN)
     return found
 
 
