@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ema.errors import FitError
 from ema.variable_projection import Complex, Projection, Real, project, stacked
 
+_NOTHING_LEFT = 1e-4  # of χ²
 _LARGEST_DRIFT = 0.03
 # Members of a pair differ in their decay rate by about this share.
 _ALIKE = 0.1
@@ -264,7 +265,7 @@ def fit_poles(
         x_scale=np.concatenate([np.repeat(-start.real, 2), np.full(shifts.size, 1e-3)]),
         # χ² is of the order of the number of values: what is left to gain is far below 1.
         xtol=1e-9,
-        ftol=1e-9,
+        ftol=_NOTHING_LEFT / lines.values.size,
         gtol=1e-12,
         max_nfev=tries,
     )
