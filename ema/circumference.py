@@ -13,6 +13,10 @@ from ema.modes import Mode
 
 # Condition number of the least-squares problem above which orders get mixed up.
 _WELL_CONDITIONED = 10.0
+# A shape with this share of its power in one order is surely of that order, or of an alias.
+_CLEAR = 0.9
+# The members of a pair lie within this share of their frequency.
+PAIR_REACH = 0.06
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +98,35 @@ def on_circle(position_deg: NDArray[np.float64]) -> bool:
 
 
 def label_modes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> tuple[Mode, ...]:
-    """Give each mode its circumferential order and purity; unchanged where there is no circle."""
+    """Give each mode its circumferential order and purity; unchanged where there is no circle.
+
+    The order stays unknown above the frequency of the highest order that the positions can tell:
+    there, twelve sensors see order 7 as order 5.
+    """
     if not on_circle(position_deg):
         return tuple(modes)
     contents = [order_content(mode.residues, position_deg) for mode in modes]
-    return tuple(
+    labelled = [
         replace(mode, order=content.order, order_purity=content.purity)
         for mode, content in zip(modes, contents, strict=True)
+    ]
+    limit_hz = _end_of_orders(labelled, highest_order(position_deg))
+    return tuple(
+        replace(mode, order=None, order_purity=float("nan"))
+        if mode.frequency_hz > limit_hz
+        else mode
+        for mode in labelled
     )
+
+
+def _end_of_orders(modes: Sequence[Mode], highest: int) -> float:
+    """Frequency above which orders may be mistaken for lower ones."""
+    below = np.inf
+    for mode in sorted(modes, key=lambda each: each.frequency_hz):
+        if mode.order_purity < _CLEAR:
+            continue
+        if mode.order == highest - 1:
+            below = min(below, mode.frequency_hz)
+        if mode.order == highest and mode.frequency_hz > below:
+            return mode.frequency_hz * (1 + PAIR_REACH)
+    return float("inf")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ema.circumference import PAIR_REACH
 from ema.modes import Mode
 from ema.pairs import NOT_RESOLVABLE, RESOLVED
 
@@ -18,9 +19,7 @@ FOREIGN = "outside the ring's family"
 
 # A shape with less of its power in one order is not one of the ring's.
 PURE = 0.5
-# The members of a pair lie within this share of their frequency …
-_PAIR_REACH = 0.06
-# … and are damped alike within this factor.
+# The members of a pair are damped alike within this factor.
 _PAIR_DAMPING = 1.8
 # A neighbour on the curve that is damped this many times less (or more) is no tyre mode.
 _ODD_DAMPING = 3.0
@@ -67,7 +66,7 @@ def judged(modes: Sequence[Mode], reports: Sequence[OrderReport]) -> tuple[Mode,
         for k, letter in zip(sorted(chosen), letters, strict=False):
             named[k] = replace(modes[k], member=letter, status=_joined(status, modes[k].status))
     for k in set(range(len(modes))) - set(own):
-        reason = f"{FOREIGN}: {why_foreign(modes[k], [modes[o] for o in own])}"
+        reason = why_not_named(modes[k], [modes[o] for o in own])
         named[k] = replace(modes[k], status=_joined(reason, modes[k].status))
     return tuple(named)
 
@@ -76,9 +75,17 @@ def _joined(verdict: str, status: str) -> str:
     return verdict if status == "ok" else f"{verdict}; {status}"
 
 
+def why_not_named(mode: Mode, own: Sequence[Mode]) -> str:
+    """Status of a mode that is none of the ring's `own`."""
+    if mode.order is None:
+        n_positions = mode.residues.size
+        return f"order unknown: higher than {n_positions} positions can tell from lower ones"
+    return f"{FOREIGN}: {why_foreign(mode, own)}"
+
+
 def why_foreign(mode: Mode, own: Sequence[Mode]) -> str:
     """Say why a mode is not one of the ring's `own`."""
-    if mode.order is not None and mode.order_purity < PURE:
+    if mode.order_purity < PURE:
         return f"its shape is no single order (purity {mode.order_purity:.2f})"
     if mode.order == 0:
         return "order 0 has no place on the ring's dispersion curve"
@@ -115,6 +122,6 @@ def _paired(main: Mode, other: Mode) -> bool:
     ratio = other.damping_ratio / main.damping_ratio
     return (
         main.order == other.order
-        and abs(other.frequency_hz / main.frequency_hz - 1) < _PAIR_REACH
+        and abs(other.frequency_hz / main.frequency_hz - 1) < PAIR_REACH
         and 1 / _PAIR_DAMPING < ratio < _PAIR_DAMPING
     )

@@ -186,7 +186,8 @@ def _modes_table(result: Result) -> Any:
 
     table = empty_table(f"Modes of {result.name}")
     for heading in ("mode", "order", "frequency in Hz", "damping in %", "purity", "status"):
-        table.add_column(heading, justify="left" if heading == "status" else "right", no_wrap=True)
+        is_text = heading == "status"
+        table.add_column(heading, justify="left" if is_text else "right", no_wrap=not is_text)
     for number, mode in enumerate(result.modal_model.modes, start=1):
         table.add_row(
             str(number),

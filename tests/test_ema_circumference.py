@@ -98,3 +98,28 @@ def test_without_a_circle_there_are_no_orders(position_deg):
     (mode,) = label_modes([mode_of(np.ones(position_deg.size))], position_deg)
     assert mode.order is None
     assert np.isnan(mode.order_purity)
+
+
+def at(frequency_hz, order, position_deg):
+    shape = wave(order, position_deg) + 0j
+    return Mode(2j * np.pi * frequency_hz - 10, 0.01, 0.001, shape, np.zeros(len(shape)))
+
+
+def test_few_positions_leave_higher_orders_unknown():
+    angles = np.arange(12) * 30.0
+    modes = [
+        at(frequency_hz, order, angles)
+        for order, frequency_hz in ((3, 120.0), (4, 145.0), (5, 171.0), (5, 174.0), (7, 224.0))
+    ]
+    labelled = label_modes(modes, angles)
+    assert [mode.order for mode in labelled] == [3, 4, 5, 5, None]
+    assert np.isnan(labelled[-1].order_purity)
+
+
+def test_an_odd_mode_below_does_not_end_the_orders():
+    angles = np.arange(12) * 30.0
+    modes = [
+        at(frequency_hz, order, angles)
+        for order, frequency_hz in ((5, 60.0), (1, 80.0), (2, 100.0))
+    ]
+    assert [mode.order for mode in label_modes(modes, angles)] == [5, 1, 2]

@@ -1,5 +1,6 @@
 """From campaigns to results: the sample's truth, structures that are no tyre, measured data."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from ema.mac import mac
 from ema.recording import Processing
 from pipelines.options import Options
 from pipelines.process import process, tune
+from pipelines.store import load, save
 
 ORDERS = np.arange(1, 8)
 
@@ -197,3 +199,16 @@ def test_a_measured_plate_goes_through_with_its_sweeps_averaged():
     lines = (result.frf.frequency_hz > 10) & (result.frf.frequency_hz < 500)
     assert np.mean(result.frf.coherence[0, lines]) == pytest.approx(0.975, abs=0.02)
     assert len(result.modal_model.modes) > 0
+
+
+def test_a_single_run_of_twelve_sensors_gives_the_orders_they_can_tell(sample_campaign, tmp_path):
+    shutil.copy(sample_campaign / "config_1.uff", tmp_path)
+    manifest = (sample_campaign / "campaign.toml").read_text(encoding="utf-8")
+    head, run, *_ = manifest.split("[[runs]]")
+    (tmp_path / "campaign.toml").write_text(f"{head}[[runs]]{run}", encoding="utf-8")
+    result = process(tmp_path)
+    assert [mode.order for mode in result.modal_model.modes] == [1, 2, 3, 4, 5, None, None, None]
+    assert result.modal_model.modes[-1].status.startswith("order unknown")
+    assert result.validation.order.tolist() == [1, 2, 3, 4, 5]
+    save(result, tmp_path / "result")
+    assert load(tmp_path / "result").modal_model.modes[-1].order is None
