@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.blocks import BlockPlan
-from ema.recording import Run
+from ema.recording import Channel, Run
 
+_TOGETHER = 16  # sensors summed at once: the sums of more do not stay near the processor
 _PIECE_BYTES = 1 << 22  # read at a time: few calls, and it stays near the processor
 
 
@@ -59,25 +60,41 @@ def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
     plan : BlockPlan
         Blocks for the length of this run.
     """
-    sums = _Sums(len(run.channels) - 1, plan)
+    force, *sensors = run.channels
+    groups = [sensors[k : k + _TOGETHER] for k in range(0, len(sensors), _TOGETHER)]
+    return _one_below_another([_measured((force, *group), plan) for group in groups])
+
+
+def _measured(channels: Sequence[Channel], plan: BlockPlan) -> Spectra:
+    """Spectra of all channels against the first one, the force."""
+    sums = _Sums(len(channels) - 1, plan)
     looked_at = 0  # samples up to here were looked at for clipping: none needs that twice
-    for start, block in _blocks(run, plan):
+    for start, block in _blocks(channels, plan):
         fresh = start >= looked_at
         looked_at = start + plan.block_samples if fresh else looked_at
         sums.add(block, look_for_clipping=fresh)
     return sums.spectra()
 
 
-def _blocks(run: Run, plan: BlockPlan) -> Iterator[tuple[int, NDArray[np.float64]]]:
+def _one_below_another(parts: Sequence[Spectra]) -> Spectra:
+    if len(parts) == 1:
+        return parts[0]
+    names = [field.name for field in fields(Spectra)]
+    return Spectra(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def _blocks(
+    channels: Sequence[Channel], plan: BlockPlan
+) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """Start and samples of each block, all channels; several blocks are read at a time."""
-    room = _PIECE_BYTES // (8 * len(run.channels)) - plan.block_samples
+    room = _PIECE_BYTES // (8 * len(channels)) - plan.block_samples
     at_once = 1 + max(room, 0) // plan.step_samples
     longest = (min(at_once, plan.n_blocks) - 1) * plan.step_samples + plan.block_samples
-    piece = np.empty((len(run.channels), longest))
+    piece = np.empty((len(channels), longest))
     for first in range(0, plan.n_blocks, at_once):
         starts = plan.starts[first : first + at_once]
         stop = starts[-1] + plan.block_samples
-        for row, channel in zip(piece, run.channels, strict=True):
+        for row, channel in zip(piece, channels, strict=True):
             channel.read_block(starts[0], row[: stop - starts[0]])
         for start in starts:
             begin = start - starts[0]

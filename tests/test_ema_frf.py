@@ -238,3 +238,14 @@ def test_an_frf_cannot_be_changed_behind_its_back():
     assert frf.values[0, 0] == 1
     with pytest.raises(ValueError, match="read-only"):
         frf.values[0, 0] = 7
+
+
+def test_many_sensors_are_those_of_several_runs():
+    force = white(4000, 1)
+    motion = white(4000, 2, 40)
+    whole = estimate_frf(campaign_of(run_of(force, motion)))
+    some = run_of(force, motion[17:35], node=range(18, 36))
+    part = estimate_frf(campaign_of(some))
+    for name in ("values", "coherence", "std"):
+        np.testing.assert_allclose(getattr(whole, name)[17:35], getattr(part, name), rtol=1e-12)
+    assert whole.n_positions == 40
