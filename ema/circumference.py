@@ -88,7 +88,7 @@ def highest_order(position_deg: NDArray[np.float64]) -> int:
 def circle_basis(position_deg: NDArray[np.float64], highest: int) -> NDArray[np.float64]:
     """Columns 1, cos θ, sin θ, cos 2θ, sin 2θ … up to the highest order."""
     phase = np.outer(np.deg2rad(position_deg), np.arange(1, highest + 1))
-    waves = np.stack([np.cos(phase), np.sin(phase)], axis=2).reshape(-1, 2 * highest)
+    waves = np.stack([np.cos(phase), np.sin(phase)], axis=2).reshape(phase.shape[0], 2 * highest)
     return np.column_stack([np.ones(phase.shape[0]), waves])
 
 

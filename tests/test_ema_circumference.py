@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ema.circumference import highest_order, label_modes, order_content
+from ema.circumference import circle_basis, highest_order, label_modes, order_content
 from ema.modes import Mode
 
 FULL_DEG = np.arange(72) * 5.0
@@ -47,6 +47,10 @@ def test_turning_the_zero_does_not_change_the_orders(turned_deg, seed):
     power = order_content(shape, FULL_DEG).power
     turned = order_content(shape, FULL_DEG + turned_deg).power
     np.testing.assert_allclose(turned, power, atol=1e-9)
+
+
+def test_order_zero_alone_has_a_basis():
+    np.testing.assert_array_equal(circle_basis(FULL_DEG, 0), np.ones((72, 1)))
 
 
 def test_power_is_the_mean_square_of_the_shape():
