@@ -2,6 +2,7 @@
 
 import re
 import textwrap
+import unicodedata
 
 import numpy as np
 import pytest
@@ -99,6 +100,10 @@ def test_samples_stay_on_disk(folder):
         ("serial", "mean_radius", "resembles 'mean_radius_m'"),
         ("220000.0", "-1.0", "tyre.inflation_pressure_pa: -1.0"),
         ("220000.0", "nan", "tyre.inflation_pressure_pa: nan"),
+        ("220000.0", "2.2", "tyre.inflation_pressure_pa: 2.2; tyres have 1000"),
+        ("serial = 4711", "mean_radius_m = 330", "tyre.mean_radius_m: 330; tyres have"),
+        ("serial = 4711", "belt_width_m = 190", "tyre.belt_width_m: 190; tyres have"),
+        ("[grid]", "[sensors]\nmass_kg = 4\n[grid]", "sensors.mass_kg: 4; sensors have up"),
         ("[20, 260.0]", "[260, 20]", "band_hz is [lower, upper]"),
         ("averages = 2", "averages = 2\nblock_seconds = 4.0", "exclude each other"),
         ("averages = 2", "overlap = 1.0", "processing.overlap"),
@@ -127,6 +132,27 @@ def test_faults_of_a_manifest_are_named(folder, old, new, message):
     with pytest.raises(ManifestError, match=re.escape(message)) as caught:
         ema.read_campaign(folder)
     assert caught.value.where.startswith("campaign.toml")
+
+
+@pytest.mark.parametrize(("stored", "written"), [("NFC", "NFD"), ("NFD", "NFC")])
+def test_an_umlaut_may_be_one_character_or_two(folder, stored, written):
+    (folder / "config_1.uff").rename(folder / unicodedata.normalize(stored, "Prüfung.uff"))
+    change(folder, '"config_1.uff"', f'"{unicodedata.normalize(written, "Prüfung.uff")}"')
+    assert len(ema.read_campaign(folder).runs) == 2
+
+
+def test_a_name_that_looks_the_same_leads_out_of_the_folder_no_more_than_any(folder):
+    (folder / unicodedata.normalize("NFD", "ü.uff")).symlink_to("/etc/hostname")
+    change(folder, '"config_1.uff"', f'"{unicodedata.normalize("NFC", "ü.uff")}"')
+    with pytest.raises(ManifestError, match="stay within its folder"):
+        ema.read_campaign(folder)
+
+
+def test_a_manifest_of_another_encoding_is_named_with_its_line(folder):
+    text = MANIFEST.replace("225/55R17", "Prüfreifen")
+    (folder / "campaign.toml").write_bytes(text.encode("latin-1"))
+    with pytest.raises(ManifestError, match=r"campaign.toml, line 4: byte 0xfc; .*Save it in UTF"):
+        ema.read_campaign(folder)
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Iterable
+import unicodedata
+from collections.abc import Callable, Iterable
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from ema.errors import ManifestError
 from ema.recording import Processing, Tyre
@@ -22,6 +23,29 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
 
+def _between(lowest: float, highest: float, rule: str) -> Callable[[float], float]:
+    """Check the size of a number: a wrong unit is off by more than tyres differ."""
+
+    def check(value: float) -> float:
+        if not lowest <= value <= highest:
+            raise ValueError(rule)
+        return value
+
+    return check
+
+
+_Pascals = Annotated[
+    Positive,
+    AfterValidator(_between(1e3, 1e7, "tyres have 1000 to 10 000 000 Pa (1 bar is 100000 Pa)")),
+]
+_Metres = Annotated[
+    Positive, AfterValidator(_between(1e-3, 10.0, "tyres have 0.001 to 10 m (330 mm are 0.33 m)"))
+]
+_Kilograms = Annotated[
+    NotNegative, AfterValidator(_between(0.0, 1.0, "sensors have up to 1 kg (4 g are 0.004 kg)"))
+]
+
+
 class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -32,9 +56,9 @@ class TyreSection(_Section):
     model_config = ConfigDict(extra="allow", frozen=True)
 
     designation: str
-    inflation_pressure_pa: Positive | None = None
-    mean_radius_m: Positive | None = None
-    belt_width_m: Positive | None = None
+    inflation_pressure_pa: _Pascals | None = None
+    mean_radius_m: _Metres | None = None
+    belt_width_m: _Metres | None = None
 
     @model_validator(mode="after")
     def _no_slips(self) -> TyreSection:
@@ -65,7 +89,7 @@ class AcquisitionSection(_Section):
 class SensorsSection(_Section):
     """``[sensors]``: the mass of one accelerometer."""
 
-    mass_kg: NotNegative | None = None
+    mass_kg: _Kilograms | None = None
 
 
 class CalibrationSection(_Section):
@@ -149,12 +173,20 @@ def read_manifest(path: Path) -> Manifest:
         fault is named with its place and the nearest valid key.
     """
     try:
-        content = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+        raw = path.read_bytes()
+        content = tomllib.loads(raw.decode("utf-8-sig"))
     except OSError as error:
         reason = error.strerror or str(error)
         rule = "a campaign is described by a manifest that can be read"
         raise ManifestError(str(path), reason, rule, "Check name and rights") from error
-    except (ValueError, RecursionError) as error:  # TOML, encoding, an endless number, nesting
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        found = f"byte 0x{raw[error.start]:02x}"
+        rule = "a manifest is TOML in UTF-8"
+        raise ManifestError(
+            f"{path.name}, line {line}", found, rule, "Save it in UTF-8 from the editor"
+        ) from error
+    except (ValueError, RecursionError) as error:  # TOML, an endless number, nesting
         rule = "a manifest is TOML in UTF-8"
         raise ManifestError(path.name, str(error), rule, "Correct the place named") from error
     try:
@@ -173,7 +205,7 @@ def resolve(manifest: Path, file: str) -> Path:
     """
     folder = manifest.parent.resolve()
     try:
-        target = (folder / file).resolve()
+        target = _as_stored(folder / file).resolve()
         inside = not _starts_elsewhere(file) and target.is_relative_to(folder)
     except (OSError, ValueError, RuntimeError):  # a NUL in the name, a loop of links
         inside = False
@@ -182,6 +214,15 @@ def resolve(manifest: Path, file: str) -> Path:
         remedy = "Put the recordings beside the manifest"
         raise ManifestError(f"{manifest.name}, runs", f"file {file!r}", rule, remedy)
     return target
+
+
+def _as_stored(path: Path) -> Path:
+    """The file whose name looks the same: systems store an umlaut as one character or as two."""
+    wanted = unicodedata.normalize("NFC", path.name)
+    if wanted.isascii() or path.exists() or not path.parent.is_dir():
+        return path
+    alike = (p for p in path.parent.iterdir() if unicodedata.normalize("NFC", p.name) == wanted)
+    return next(alike, path)
 
 
 def _starts_elsewhere(file: str) -> bool:
