@@ -121,7 +121,8 @@ def check_consistency(
 def _without_odd_runs(frf: FRF, suspects: Sequence[int]) -> tuple[list[int], list[Finding]]:
     """Suspects that stand alone in their run, and the runs most sensors of which are suspects.
 
-    Sensors do not fail by the dozen: such a run saw the tyre in another state.
+    Sensors do not fail by the dozen: such a run saw the tyre in another state, or the manifest
+    gives it the positions of another run.
     """
     count = {name: [frf.run[row] for row in suspects].count(name) for name in set(frf.run)}
     odd = sorted(name for name, n in count.items() if n > _MOST * frf.run.count(name))
@@ -133,7 +134,8 @@ def _without_odd_runs(frf: FRF, suspects: Sequence[int]) -> tuple[list[int], lis
             check="inconsistent",
             verdict=WARNING,
             detail=f"{count[name]} of {frf.run.count(name)} sensors contradict the modes of the "
-            "other runs together: the run saw the tyre in another state; it was left in",
+            "other runs together: the run saw the tyre in another state, or its positions are "
+            "those of another run; it was left in",
         )
         for name in odd
     ]

@@ -17,7 +17,7 @@ from ema.modes import ModalModel
 from ema.quality import Finding
 from ema.screening import screen
 from ema.second_opinion import OTHER, Opinion, second_opinion
-from ema.stability import StabilityDiagram, build_stability, select_poles
+from ema.stability import StabilityDiagram, build_stability, select_poles, widened_band
 from ema.threads import one_blas_thread
 
 
@@ -114,6 +114,7 @@ def identify_modes(
         selection = select_poles(diagram, pinned_hz, excluded_hz)
         return diagram, fit_modes(frf, replace(selection, pinned=selection.pinned or roughly))
 
+    widened_band(frf, band_hz)  # refuses a band without lines, of which nothing can be judged
     usable, findings = screen(frf, band_hz)
     circle = on_circle(usable.position_deg)
     if sensor_mass is not None and circle:

@@ -182,8 +182,10 @@ def drift_findings(drift: Drift) -> list[Finding]:
 
 def reference_finding(check: ReferenceCheck) -> Finding:
     """Verdict on the reference sensor as a line of ``quality.csv``."""
+    deviation = f"deviation over the runs is {check.ratio:.2f} times its noise "
     if np.isnan(check.ratio):
         verdict, says = WARNING, "its noise is unknown with a single average"
+        deviation = "deviation over the runs cannot be judged "
     elif check.consistent:
         verdict, says = OK, "the runs show one and the same tyre"
     else:
@@ -194,6 +196,5 @@ def reference_finding(check: ReferenceCheck) -> Finding:
         position_deg=None,
         check="reference",
         verdict=verdict,
-        detail=f"deviation over the runs is {check.ratio:.2f} times its noise "
-        f"(limit {_CONSISTENT_RATIO:g}): {says}",
+        detail=f"{deviation}(limit {_CONSISTENT_RATIO:g}): {says}",
     )

@@ -278,8 +278,9 @@ def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:
     if high - low < _FEWEST_LINES:
         raise FitError(
             f"only {max(high - low, 0)} frequency lines between {band_hz[0]:g} and "
-            f"{band_hz[1]:g} Hz; at least {_FEWEST_LINES} are needed. "
-            "Widen the band or use longer blocks."
+            f"{band_hz[1]:g} Hz; at least {_FEWEST_LINES} are needed, and the FRFs end at "
+            f"{frequency_hz[-1]:g} Hz. Widen the band, use longer blocks or correct the sampling "
+            "rate."
         )
     margin = int(_MARGIN * (high - low))
     # FRFs without σ get no verdict on their noise: the margin stays whole.

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ema.consistency import check_consistency
+from ema.errors import FitError
 from ema.identify import identify_modes
 from ema.modes import ModalModel, Mode, ResidualTerms
 from ema.quality import EXCLUDED, WARNING
@@ -197,3 +198,8 @@ def test_a_humming_sensor_is_named_and_costs_no_accuracy():
         (100.0, "hum", WARNING)
     ]
     systems.assert_modes(found.model, SEVEN, frequency=5e-4, damping=0.02)
+
+
+def test_a_band_beyond_the_lines_is_refused_before_anything_is_judged():
+    with pytest.raises(FitError, match=r"only 0 frequency lines.* the FRFs end at"):
+        identify_modes(HEALTHY, (5000.0, 6000.0))

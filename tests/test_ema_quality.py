@@ -81,6 +81,7 @@ def test_without_known_noise_there_is_no_verdict():
     check = check_reference(replace(frf, std=np.full(frf.std.shape, np.nan)), BAND_HZ)
     assert np.isnan(check.ratio)
     assert reference_finding(check).verdict == WARNING
+    assert "nan" not in reference_finding(check).detail
 
 
 def test_each_position_gets_its_median_coherence():
