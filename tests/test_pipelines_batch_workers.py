@@ -86,7 +86,8 @@ def test_two_workers_give_the_same_as_none(short_campaign, tmp_path, monkeypatch
     for name in ("modes.parquet", "parameters.parquet"):
         assert (one.folder.path / name).read_bytes() == (two.folder.path / name).read_bytes()
     for mine, other in zip(one.records, two.records, strict=True):
-        assert replace(mine, seconds=0) == replace(other, seconds=0)
+        # As texts: a purity that is not a number equals itself there.
+        assert repr(replace(mine, seconds=0)) == repr(replace(other, seconds=0))
     again = run_batch(tmp_path / "root", tmp_path / "two", QUICK)
     assert again.fresh == frozenset()
 
