@@ -15,7 +15,7 @@ from ema.blocks import BlockPlan, plan_blocks
 from ema.errors import InputError
 from ema.excitation import is_steady
 from ema.recording import Campaign, Processing, Run
-from ema.spectra import Spectra, measure_spectra, pooled
+from ema.spectra import Spectra, disagreement, measure_spectra, pooled
 from ema.threads import available_threads
 
 
@@ -51,6 +51,8 @@ class FRF:
         Share of samples of the sensor and of its run's force that sit on the signal's extremes.
     missing : ndarray, shape (n_positions,)
         Share of the averages left out because samples are missing.
+    disagreement : ndarray, shape (n_positions,)
+        Share of their power by which runs differ that were averaged at one place.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -67,6 +69,7 @@ class FRF:
     clipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     force_clipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     missing: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    disagreement: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         for name, dtype in (
@@ -79,11 +82,12 @@ class FRF:
             ("clipped", float),
             ("force_clipped", float),
             ("missing", float),
+            ("disagreement", float),
         ):
             object.__setattr__(self, name, readonly(getattr(self, name), dtype))
         if not self.channel:
             object.__setattr__(self, "channel", ("",) * self.n_positions)
-        for name in ("clipped", "force_clipped", "missing"):
+        for name in ("clipped", "force_clipped", "missing", "disagreement"):
             if not getattr(self, name).size:
                 object.__setattr__(self, name, readonly(np.zeros(self.n_positions)))
 
@@ -113,6 +117,7 @@ class FRF:
             clipped=self.clipped[chosen],
             force_clipped=self.force_clipped[chosen],
             missing=self.missing[chosen],
+            disagreement=self.disagreement[chosen],
         )
 
 
@@ -217,7 +222,7 @@ def _positions_frf(
     run = _joined([run.name for run, _ in responses], place)
     channel = _joined([response.channel.name for _, response in responses], place)
     parts = [part.rows(slice(len(run.responses))) for part, run in zip(spectra, runs, strict=True)]
-    return _as_frf(
+    frf = _as_frf(
         pooled(parts, place, first.size),
         plan,
         estimator,
@@ -226,6 +231,7 @@ def _positions_frf(
         run,
         channel,
     )
+    return replace(frf, disagreement=disagreement(parts, place, first.size))
 
 
 def _joined(words: list[str], place: NDArray[np.int_]) -> list[str]:

@@ -17,6 +17,8 @@ _CLIPPED, _FEW_CLIPPED = 1e-3, 1e-4
 _INCOHERENT_SHARE, _INCOHERENT = 0.4, 0.3
 # More averages than this lost to missing samples: the channel is worth less than a guess.
 _MISSING = 0.5
+# Runs of one tyre differ at one place by a few percent of their power, where it warms up.
+_DISAGREES = 0.1
 _HUM_HZ = (50.0, 60.0)
 _HUM_DB = 20.0
 
@@ -58,7 +60,23 @@ def screen(frf: FRF, band_hz: tuple[float, float]) -> tuple[FRF, list[Finding]]:
             "Check cables, ranges and the excitation",
         )
     usable = frf.rows(~excluded)
+    findings += _disagreeing(usable)
     return usable, findings + _force_findings(frf) + _hum_findings(usable)
+
+
+def _disagreeing(frf: FRF) -> list[Finding]:
+    """Places where runs were averaged that did not see the same."""
+    return [
+        position_finding(
+            frf,
+            int(row),
+            "averaged runs",
+            WARNING,
+            f"the runs averaged here differ by {100 * frf.disagreement[row]:.0f} % of their power: "
+            "sensors of different places under one node or position?",
+        )
+        for row in np.flatnonzero(frf.disagreement > _DISAGREES)
+    ]
 
 
 _Fault = tuple[str, str, str]  # check, verdict, detail

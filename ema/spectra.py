@@ -198,3 +198,37 @@ def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spec
 
     sums = (add(name) for name in ("force", "response", "cross", "n_effective", "n_planned"))
     return Spectra(*sums, *(largest(name) for name in ("clipped", "force_clipped")))
+
+
+def disagreement(
+    parts: Sequence[Spectra], place: NDArray[np.int_], n_places: int
+) -> NDArray[np.float64]:
+    """By which share of their power the FRFs that are averaged at one place differ.
+
+    Between the runs, Σ|X F*|²/|F|² exceeds its value for the sums by (K − 1)σ² if all K of them see
+    the same; σ² follows from what is incoherent within the runs. What exceeds that expectation
+    is given, relative to the coherent power; 0 where a place was measured once.
+
+    Parameters
+    ----------
+    parts, place, n_places
+        As for `pooled`.
+    """
+    force, response, cross = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("force", "response", "cross")
+    )
+    freedom = np.concatenate([part.n_effective for part in parts]) - 1
+    share = np.zeros(n_places)
+    for number in np.flatnonzero(np.bincount(place, minlength=n_places) > 1):
+        rows = np.flatnonzero(place == number)
+        rows = rows[np.any(force[rows] > 0, axis=1)]
+        if rows.size < 2:
+            continue
+        own = np.abs(cross[rows]) ** 2 / np.maximum(force[rows], np.finfo(float).tiny)
+        total = np.maximum(force[rows].sum(axis=0), np.finfo(float).tiny)
+        common = np.abs(cross[rows].sum(axis=0)) ** 2 / total
+        noise = np.maximum(response[rows] - own, 0).sum() / max(freedom[rows].sum(), 1.0)
+        between = (own.sum(axis=0) - common).sum() - (rows.size - 1) * noise
+        share[number] = max(between, 0.0) / max(own.sum(), np.finfo(float).tiny)
+    return share

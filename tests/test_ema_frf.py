@@ -249,3 +249,25 @@ def test_many_sensors_are_those_of_several_runs():
     for name in ("values", "coherence", "std"):
         np.testing.assert_allclose(getattr(whole, name)[17:35], getattr(part, name), rtol=1e-12)
     assert whole.n_positions == 40
+
+
+def measured(order, seed, force_seed):
+    """A run of one sensor that sees a resonance with the sign and size of its place."""
+    force = white(20_000, force_seed)
+    poles = systems.pole(np.array([80.0, 140.0]), np.array([0.03, 0.03]))
+    residues = np.array([order]) * systems.residue(poles)
+    motion = systems.responses_to(force, 1000.0, poles, residues)
+    noise = 0.1 * motion.std() * white(20_000, seed, 1)
+    return run_of(force, motion + noise, name=f"run_{seed}.uff", node=[1])
+
+
+def test_runs_averaged_at_one_place_are_compared():
+    same = estimate_frf(campaign_of(*(measured((1.0, 0.6), s, s + 10) for s in (1, 2, 3))))
+    np.testing.assert_allclose(same.disagreement, 0.0, atol=1e-3)
+    places = ((1.0, 0.6), (0.2, -0.9), (-0.8, 0.1))
+    other = estimate_frf(
+        campaign_of(*(measured(place, s, s + 10) for s, place in enumerate(places)))
+    )
+    assert other.disagreement[0] > 0.3
+    once = estimate_frf(campaign_of(measured((1.0, 0.6), 1, 2)))
+    np.testing.assert_array_equal(once.disagreement, 0.0)

@@ -131,3 +131,11 @@ def test_no_channel_left_is_an_error_with_a_remedy(healthy):
     with pytest.raises(InputError, match="all channels") as caught:
         screen(replace(healthy, clipped=np.full(72, 0.1)), BAND_HZ)
     assert "Check cables" in caught.value.remedy
+
+
+def test_runs_that_contradict_each_other_where_they_are_averaged(healthy):
+    usable, findings = screen(systems.edited(healthy, ROW, disagreement=0.4), BAND_HZ)
+    assert usable.n_positions == healthy.n_positions
+    assert [(f.check, f.verdict) for f in findings] == [("averaged runs", WARNING)]
+    assert "differ by 40 % of their power" in findings[0].detail
+    assert not screen(systems.edited(healthy, ROW, disagreement=0.05), BAND_HZ)[1]
