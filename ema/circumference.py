@@ -61,8 +61,7 @@ def order_content(shape: NDArray[np.complex128], position_deg: NDArray[np.float6
     shape : ndarray of complex, shape (n_positions,)
     position_deg : ndarray, shape (n_positions,)
     """
-    basis = circle_basis(position_deg, highest_order(position_deg))
-    amplitude = np.linalg.lstsq(basis, shape, rcond=None)[0]
+    amplitude = _resolving(tuple(float(angle) for angle in position_deg)) @ shape
     cosine = np.concatenate([amplitude[:1], amplitude[1::2]])
     sine = np.concatenate([[0], amplitude[2::2]])
     return OrderContent(cosine, sine)
@@ -75,6 +74,14 @@ def _highest_order(position_deg: tuple[float, ...]) -> int:
         if np.linalg.cond(circle_basis(angles, highest)) < _WELL_CONDITIONED:
             return highest
     return 0
+
+
+@cache
+def _resolving(position_deg: tuple[float, ...]) -> NDArray[np.float64]:
+    """Matrix that takes a shape to its orders."""
+    return np.asarray(
+        np.linalg.pinv(circle_basis(np.array(position_deg), _highest_order(position_deg)))
+    )
 
 
 def highest_order(position_deg: NDArray[np.float64]) -> int:

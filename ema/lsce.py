@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 # Share of the impulse responses' energy that may be cut off with their tail.
 _TAIL_ENERGY = 0.002
+# Part of a pole's decay that no other pole has.
+_TOO_CLOSE = 1e-10
 
 
 def impulse_responses(
@@ -134,5 +136,10 @@ def shapes_of_poles(
     times_s = step_s * np.arange(responses.shape[1])
     decay = np.exp((poles[None, :] - 2j * np.pi * lowest_hz) * times_s[:, None])
     scale = np.linalg.norm(decay, axis=0)
-    amplitudes = np.linalg.lstsq(decay / scale, responses.T, rcond=None)[0]
-    return np.asarray(amplitudes / scale[:, None])
+    orthonormal, triangle = np.linalg.qr(decay / scale)
+    seen = orthonormal.conj().T @ responses.T
+    size = np.abs(np.diag(triangle))
+    if np.all(size > _TOO_CLOSE):
+        return np.asarray(np.linalg.solve(triangle, seen) / scale[:, None])
+    # Poles too close to be told apart share what they have in common.
+    return np.asarray(np.linalg.lstsq(triangle, seen, rcond=None)[0] / scale[:, None])

@@ -85,8 +85,9 @@ def judge_pair(
         start = poles if poles.size > 1 else _beside(one.poles[0])[0]
         two = fit_order(order, start, tries=_FIRST_TRIES)
         chance, doubt = _chance(one, two, correlation), _doubt(two, correlation)
-        if doubt and chance < _CHANCE:
-            two = _searched(order, one.poles[0], two)
+        if chance < _CHANCE:
+            better = fit_order(order, two.poles)
+            two = _searched(order, one.poles[0], better) if doubt else better
             chance, doubt = _chance(one, two, correlation), _doubt(two, correlation)
     except FitError as error:
         return PairVerdict(number, NOT_RESOLVABLE, float("nan"), str(error)), poles

@@ -43,13 +43,11 @@ def reduced_normal_matrix(
     -------
     ndarray of complex, shape (max_order + 1, max_order + 1)
     """
-    from scipy.linalg import cholesky, solve_triangular
-
     squared = np.ones(values.shape[1]) if weight is None else weight**2
-    half = cholesky(_toeplitz(squared, max_order), lower=True)
+    inverse = np.linalg.inv(np.linalg.cholesky(_toeplitz(squared, max_order)))
     matrix = _toeplitz(squared * np.sum(np.abs(values) ** 2, axis=0), max_order)
     for row in values:
-        seen = solve_triangular(half, _toeplitz(squared * row, max_order), lower=True)
+        seen = inverse @ _toeplitz(squared * row, max_order)
         matrix -= seen.conj().T @ seen
     return matrix[::-1, ::-1]
 
@@ -76,7 +74,6 @@ def line_weight(std: NDArray[np.float64]) -> NDArray[np.float64] | None:
 
 def _toeplitz(spectrum: NDArray[np.generic], order: int) -> NDArray[np.complex128]:
     """Σ_f X_f z_f*^a z_f^b for a, b = 0 … order; only the lag a − b matters."""
-    from scipy.linalg import toeplitz
-
     lags = np.fft.ifft(spectrum)
-    return np.asarray(toeplitz(lags[: order + 1], np.roll(lags[::-1], 1)[: order + 1]))
+    row = np.arange(order + 1)
+    return np.asarray(lags[row[:, None] - row])

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.descent import descend
 from ema.errors import FitError
 from ema.variable_projection import Complex, Projection, Real, project, stacked
 
@@ -122,7 +123,7 @@ class PoleFit:
         """RMS of each position's weighted residuals, (n_positions,)."""
         return self._gathered(lambda part: np.sqrt(np.mean(part.misfit**2, axis=0)))
 
-    @property
+    @cached_property
     def chi_square(self) -> float:
         """Weighted sum of squared residuals."""
         scale, power = self.lines.scale, self.lines.power
@@ -130,6 +131,11 @@ class PoleFit:
             part.chi_square(power[rows], scale[rows])
             for part, rows in zip(self.parts, self.groups, strict=True)
         )
+
+    @cached_property
+    def cost(self) -> float:
+        """What the search makes small: `chi_square` and the squares of `unlikeness`."""
+        return self.chi_square + float(np.sum(self.unlikeness**2))
 
     @property
     def misfit(self) -> float:
@@ -239,62 +245,31 @@ def fit_poles(
     FitError
         If the fit diverges.
     """
-    from scipy.optimize import least_squares
-
     n = 2 * start.size
     shifts = np.zeros(0) if drift is None else drift[1:] - drift[0]
-    sign = np.concatenate([np.tile([-1.0, 1.0], start.size), np.ones(shifts.size)])
-    low = np.concatenate([lower, np.full(shifts.size, -_LARGEST_DRIFT)])
-    high = np.concatenate([upper, np.full(shifts.size, _LARGEST_DRIFT)])
-    first = np.concatenate([sign[:n] * _interleaved(start), shifts])
-    room = 1e-9 * (high - low)
-    memory: dict[bytes, tuple[PoleFit, Real, Real]] = {}
+    decay = slice(0, n, 2)
+    low, high = lower.copy(), upper.copy()
+    low[decay], high[decay] = -upper[decay], -lower[decay]  # the search moves Re s itself
+    reach = np.full(shifts.size, _LARGEST_DRIFT)
 
-    def at(x: Real) -> tuple[PoleFit, Real, Real]:
-        if x.tobytes() not in memory:
-            memory.clear()
-            fit = evaluate(lines, -x[0:n:2] + 1j * x[1:n:2], np.append(0.0, x[n:]), pairs)
-            memory[x.tobytes()] = fit, *_compressed(fit, sign)
-        return memory[x.tobytes()]
+    def at(x: Real) -> PoleFit:
+        return evaluate(lines, x[0:n:2] + 1j * x[1:n:2], np.append(0.0, x[n:]), pairs)
 
-    found = least_squares(
-        lambda x: at(x)[1],
-        np.clip(first, low + room, high - room),
-        lambda x: at(x)[2],
-        bounds=(low, high),
-        x_scale=np.concatenate([np.repeat(-start.real, 2), np.full(shifts.size, 1e-3)]),
+    x, found = descend(
+        at,
+        np.concatenate([_interleaved(start), shifts]),
+        np.concatenate([low, -reach]),
+        np.concatenate([high, reach]),
+        size=np.concatenate([np.repeat(-start.real, 2), np.full(shifts.size, 1e-3)]),
         # χ² is of the order of the number of values: what is left to gain is far below 1.
-        xtol=1e-9,
-        ftol=_NOTHING_LEFT / lines.values.size,
-        gtol=1e-12,
-        max_nfev=tries,
+        gain=_NOTHING_LEFT / lines.values.size,
+        tries=tries,
     )
-    if not np.all(np.isfinite(found.x)):
+    if not np.all(np.isfinite(x)):
         raise FitError("the curve fit diverged. Pin the frequencies or narrow the band.")
-    near = 1e-3 * (upper - lower)
-    x = found.x[:n]
-    return replace(at(found.x)[0], at_bound=(x - lower < near) | (upper - x < near))
+    near = 1e-3 * (high - low)
+    return replace(found, at_bound=(x[:n] - low < near) | (high - x[:n] < near))
 
 
 def _interleaved(poles: Complex) -> Real:
     return np.ravel(np.column_stack([poles.real, poles.imag]))
-
-
-def _compressed(fit: PoleFit, sign: Real) -> tuple[Real, Real]:
-    """Residual and Jacobian of the same cost and gradient, in n_parameters + 1 rows.
-
-    Any pair with equal JᵀJ, Jᵀr and rᵀr takes the same steps. `sign` turns (Re s, Im s) into the
-    parameters of the search.
-    """
-    normal = fit.normal_matrix() * np.outer(sign, sign)
-    gradient = fit.gradient() * sign
-    size = np.sqrt(np.diag(normal))
-    size[size == 0] = 1.0
-    value, vector = np.linalg.eigh(normal / np.outer(size, size))
-    value = np.clip(value, value[-1] * 1e-14, None)
-    jacobian = np.sqrt(value)[:, None] * vector.T * size
-    inside = (vector.T @ (gradient / size)) / np.sqrt(value)
-    cost = fit.chi_square + float(np.sum(fit.unlikeness**2))
-    rest = np.sqrt(max(cost - inside @ inside, 0.0))
-    rows = np.vstack([jacobian, np.zeros(jacobian.shape[1])])
-    return np.append(inside, rest), rows

@@ -283,15 +283,15 @@ def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:
             "rate."
         )
     margin = int(_MARGIN * (high - low))
+    first, last = max(int(low) - margin, 0), min(high + margin, frequency_hz.size)
+    noise = np.median(frf.std[:, first:last], axis=0)
     # FRFs without σ get no verdict on their noise: the margin stays whole.
-    noise = np.median(frf.std, axis=0)
-    usable = ~(noise > _MARGIN_NOISE * np.max(noise[low:high])) & (frequency_hz > 0)
-    start, stop = int(low), high
-    while start > max(low - margin, 0) and usable[start - 1]:
-        start -= 1
-    while stop < min(high + margin, frequency_hz.size) and usable[stop]:
-        stop += 1
-    return slice(start, stop)
+    allowed = _MARGIN_NOISE * np.max(noise[low - first : high - first])
+    barred = first + np.flatnonzero((noise > allowed) | (frequency_hz[first:last] <= 0))
+    below, above = barred[barred < low], barred[barred >= high]
+    return slice(
+        int(below.max()) + 1 if below.size else first, int(above.min()) if above.size else last
+    )
 
 
 def _lsce(

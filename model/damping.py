@@ -15,6 +15,7 @@ from model._arrays import (
     require_positive,
     whole_orders,
 )
+from model.bounded import solve_within
 from model.identifiability import (
     AT_BOUND,
     NOT_IDENTIFIED,
@@ -210,8 +211,6 @@ def _fit(
 
     Returns the parameters and d(model/measured)/d(parameter) there.
     """
-    from scipy.optimize import nnls  # loaded here: `import model` stays light
-
     values = np.zeros(scale.size)
     for _ in range(20):
         at_values = model(values)
@@ -220,7 +219,7 @@ def _fit(
         )
         slope /= measured[:, None]
         target = 1.0 - at_values / measured + slope @ (values / scale)
-        updated = nnls(slope, target)[0] * scale
+        updated = solve_within(slope, target, 0.0, np.inf) * scale
         done = np.allclose(updated, values, rtol=1e-9, atol=1e-12 * scale.max())
         values = updated
         if done:

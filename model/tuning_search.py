@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model._arrays import readonly
+from model.bounded import descend_within, solve_within
 from model.errors import ParameterError
 from model.parameters import LARGEST_THICKNESS_RATIO, RingParameters
 from model.tuning_problem import (
@@ -82,7 +83,7 @@ class Search:
         return self._near(values, self.lower) | self._near(values, self.upper)
 
     def run(self) -> tuple[NDArray[np.float64], str]:
-        """Trust-region-reflective search from every start.
+        """Search from every start.
 
         Returns
         -------
@@ -101,20 +102,17 @@ class Search:
         return values, f"{agreeing} of {len(starts)} starting points reached this solution."
 
     def _descend(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
-        from scipy.optimize import least_squares  # loaded here: `import model` stays light
-
         size = self._size()
-        result = least_squares(
+        values = descend_within(
             lambda x: self.problem.residual(self.ring(x * self.scale)) / size,
+            lambda x: self.residual_slope(x * self.scale) * self.scale / size,
             start / self.scale,
-            bounds=(self.lower / self.scale, self.upper / self.scale),
-            x_scale="jac",
-            xtol=_TOLERANCE,
-            ftol=_TOLERANCE,
-            gtol=_TOLERANCE,
-            max_nfev=500,
+            self.lower / self.scale,
+            self.upper / self.scale,
+            tolerance=_TOLERANCE,
+            tries=500,
         )
-        return np.asarray(np.clip(result.x * self.scale, self.lower, self.upper))
+        return np.asarray(np.clip(values * self.scale, self.lower, self.upper))
 
     def _cost(self, values: NDArray[np.float64]) -> float:
         return float(np.sum(self.problem.residual(self.ring(values)) ** 2))
@@ -207,8 +205,6 @@ def _linear_solution(search: Search, mass: float | None) -> dict[str, float]:
     For an inextensible belt (eq 33) eq 14 is linear in the parameters:
     ω²(n² + 1)·ρh − n²(n² − 1)²·D/a⁴ − n²·k_r − k_θ = (p_o/a)(n² − 1)².
     """
-    from scipy.optimize import lsq_linear  # loaded here: `import model` stays light
-
     problem = search.problem
     used = problem.orders > 0
     n2 = problem.orders[used].astype(float) ** 2
@@ -229,7 +225,7 @@ def _linear_solution(search: Search, mass: float | None) -> dict[str, float]:
     right = tension - sum(columns[name] * value for name, value in known.items() if name in columns)
     scale = np.array([TYPICAL[name] for name in wanted])
     matrix = np.column_stack([columns[name] for name in wanted]) * scale / inertia[:, None]
-    found = lsq_linear(matrix, right / inertia, bounds=(0.0, np.inf)).x * scale
+    found = solve_within(matrix, right / inertia, 0.0, np.inf) * scale
     solution = {**known, **dict(zip(wanted, map(float, found), strict=True))}
     solution.setdefault(AXIAL, _axial_from_breathing(problem, solution))
     return solution
