@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
 
-_FIRST_DAMPING = 1e-3
-_SMALLEST_STEP = 1e-9  # of the parameters' own size
+_FIRST_DAMPING, _NO_DAMPING = 1e-2, 1e-9
+_SMALLEST_STEP = 1e-11  # of the parameters' own size
 _HOLDS = 1e-3  # of the fall predicted: a step that gains less is not taken
 _MOST_DAMPING = 1e12
 
@@ -73,24 +73,28 @@ def descend(
     x = np.clip(start, lower, upper)
     here = at(x)
     gradient, normal = here.gradient(), here.normal_matrix()
-    damping, growth = _FIRST_DAMPING, 2.0
+    damping, growth, too_bold = _FIRST_DAMPING, 2.0, 0.0
     for _ in range(tries - 1):
         step = _step(gradient, normal, damping, lower - x, upper - x)
         fall = -float(step @ (2 * gradient + normal @ step))
+        while fall <= gain * here.cost and damping > max(100 * too_bold, _NO_DAMPING):
+            # Damping holds back what is least certain: there may be more to gain without it.
+            damping /= 100
+            step = _step(gradient, normal, damping, lower - x, upper - x)
+            fall = -float(step @ (2 * gradient + normal @ step))
         if fall <= gain * here.cost or np.all(np.abs(step) <= _SMALLEST_STEP * size):
             break
         there = at(x + step)
         ratio = (here.cost - there.cost) / fall
         if ratio > _HOLDS:
-            x, done = x + step, here.cost - there.cost <= gain * here.cost
-            here, gradient, normal = there, there.gradient(), there.normal_matrix()
+            x, here, too_bold = x + step, there, 0.0
+            gradient, normal = here.gradient(), here.normal_matrix()
             damping *= max(1 / 3, 1 - (2 * ratio - 1) ** 3)
             growth = 2.0
-            if done:
-                break
         elif damping > _MOST_DAMPING:
             break
         else:
+            too_bold = damping
             damping, growth = damping * growth, 2 * growth
     return x, here
 

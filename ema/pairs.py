@@ -27,9 +27,9 @@ _SHARE = 0.03
 # Damping of pairs that are searched for stays within this factor of the one pole's …
 _ALIKE = 1.3
 # … and the misfit that this costs at most.
-_MUCH_WORSE = 1.02
+_MUCH_WORSE = 1.1
 # Steps after which a second pole that is there shows in the misfit.
-_FIRST_TRIES = 8
+_FIRST_TRIES = 12
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,9 @@ def judge_pair(
         chance, doubt = _chance(one, two, correlation), _doubt(two, correlation)
         if chance < _CHANCE:
             better = fit_order(order, two.poles)
-            two = _searched(order, one.poles[0], better) if doubt else better
+            if doubt or _doubt(better, correlation):
+                better = _searched(order, one.poles[0], two)
+            two = better
             chance, doubt = _chance(one, two, correlation), _doubt(two, correlation)
     except FitError as error:
         return PairVerdict(number, NOT_RESOLVABLE, float("nan"), str(error)), poles
