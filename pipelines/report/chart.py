@@ -1,4 +1,4 @@
-"""Interactive charts as data: traces and layout for the library in the page, and the same on paper."""
+"""Interactive charts as data: traces and layout for the page, and the same drawn for paper."""
 
 from __future__ import annotations
 
