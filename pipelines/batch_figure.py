@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from pipelines.batch_record import Record
-from pipelines.figures_style import SERIES, literal, series_style, short
+from pipelines.figures_labels import literal, short
+from pipelines.figures_style import SERIES, series_style
 from pipelines.tables import MODES
 
 _FREQUENCY, _ORDER = MODES.index("frequency_hz"), MODES.index("order")

@@ -1,8 +1,8 @@
 """Every figure of the project: ``plot_*(data, …, ax) -> ax``, to be drawn in `styled_figure`."""
 
 from pipelines.figures_data import plot_coherence, plot_reference, plot_setup
+from pipelines.figures_labels import mode_name, place_name
 from pipelines.figures_modes import (
-    mode_name,
     plot_frac,
     plot_frf_magnitude,
     plot_frf_phase,
@@ -17,7 +17,7 @@ from pipelines.figures_ring import (
     plot_frequency_error,
     plot_frequency_scatter,
 )
-from pipelines.figures_style import Margins, place_name, png, png_uri, styled_figure
+from pipelines.figures_style import Margins, png, png_uri, styled_figure
 
 __all__ = [
     "Margins",

@@ -6,19 +6,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from ema.frf import FRF
 from ema.quality import ReferenceCheck
-from pipelines.figures_style import (
-    FAINT,
-    FITTED,
-    literal,
-    log_axis,
-    series_style,
-    short,
-    sparse_labels,
-)
+from pipelines.figures_labels import literal, short, sparse_labels
+from pipelines.figures_style import FAINT, FITTED, log_axis, series_style
+from pipelines.figures_values import coherence_map, in_band
+
+MOST_COLUMNS = 500  # of a map on paper
 
 
 def plot_setup(
@@ -83,25 +78,23 @@ def plot_coherence(frf: FRF, ax: Axes, band_hz: tuple[float, float] | None = Non
     Axes
     """
     low, high = band_hz or (frf.frequency_hz[0], frf.frequency_hz[-1])
-    inside = (frf.frequency_hz >= low) & (frf.frequency_hz <= high)
-    rows = np.argsort(frf.position_deg, kind="stable")
-    picture = _binned_mean(frf.coherence[rows][:, inside], columns=500)
+    shown = coherence_map(frf, (low, high), MOST_COLUMNS)
     image = ax.imshow(
-        np.ma.masked_invalid(picture),
+        np.ma.masked_invalid(shown.values),
         aspect="auto",
         origin="lower",
         vmin=0,
         vmax=1,
         cmap=_with_grey("viridis"),
         interpolation="nearest",
-        extent=(low, high, -0.5, len(rows) - 0.5),
+        extent=(low, high, -0.5, len(shown.names) - 0.5),
     )
     ax.grid(visible=False)
-    ax.set_yticks(*sparse_labels(_row_names(frf, rows)))
+    ax.set_yticks(*sparse_labels(shown.names))
     ax.set_xlabel("frequency / Hz")
     ax.set_ylabel("position" if np.isfinite(frf.position_deg).all() else "node")
     ax.figure.colorbar(image, ax=ax, label="coherence γ²", pad=0.02)
-    if not np.isfinite(picture).any():
+    if not np.isfinite(shown.values).any():
         ax.text(0.5, 0.5, "coherence unknown", transform=ax.transAxes, ha="center")
     return ax
 
@@ -123,7 +116,7 @@ def plot_reference(
     Axes
     """
     low, high = band_hz or (reference.frequency_hz[0], reference.frequency_hz[-1])
-    inside = (reference.frequency_hz >= low) & (reference.frequency_hz <= high)
+    inside = in_band(reference.frequency_hz, (low, high))
     frequency = reference.frequency_hz[inside]
     for index, (run, values) in enumerate(zip(reference.run, reference.values, strict=True)):
         style = series_style(index) | {"marker": ""}
@@ -155,27 +148,6 @@ def _force_arrow(ax: Axes, angle_deg: float) -> None:
     ax.text(x, y, "F", color=FITTED, weight="bold", ha="center", va="center")
     ax.set_xlim(min(-1.1, x - 0.1), max(1.1, x + 0.1))
     ax.set_ylim(min(-1.1, y - 0.1), max(1.1, y + 0.1))
-
-
-def _binned_mean(values: NDArray[np.float64], columns: int) -> NDArray[np.float64]:
-    """Mean over neighbouring columns, unknown ones left out, at most `columns` of them."""
-    width = max(1, -(-values.shape[1] // columns))
-    padding = -values.shape[1] % width
-    padded = np.pad(values, ((0, 0), (0, padding)), constant_values=np.nan)
-    bins = padded.reshape(values.shape[0], -1, width)
-    known = np.isfinite(bins).sum(axis=2)
-    total = np.nansum(bins, axis=2)
-    mean = np.full(total.shape, np.nan)
-    return np.asarray(np.divide(total, known, out=mean, where=known > 0))
-
-
-def _row_names(frf: FRF, rows: NDArray[np.int_]) -> list[str]:
-    return [
-        f"{frf.position_deg[row]:g}°"
-        if np.isfinite(frf.position_deg[row])
-        else str(frf.node[row] if frf.node[row] >= 0 else row + 1)
-        for row in rows
-    ]
 
 
 def _with_grey(name: str) -> Any:

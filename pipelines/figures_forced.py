@@ -16,8 +16,8 @@ from pipelines.figures_style import (
     log_axis,
     series_style,
     shades,
-    wrapped_phase_deg,
 )
+from pipelines.figures_values import wrapped_phase_deg
 from pipelines.simulate_cleat import CleatResponse
 from pipelines.simulate_inertance import SimulatedInertance
 from pipelines.simulate_loaded import LoadedSweep

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ema.frf import FRF
 from ema.modes import ModalModel, Mode
 from ema.stability import Cluster, StabilityDiagram
+from pipelines.figures_labels import mode_name, place_name, sparse_labels, spread
 from pipelines.figures_style import (
     DROPPED,
     FAINT,
@@ -19,13 +21,16 @@ from pipelines.figures_style import (
     MEASURED,
     RING,
     log_axis,
-    place_name,
-    sparse_labels,
-    spread,
-    wrapped_phase_deg,
 )
+from pipelines.figures_values import in_band, pole_marks, wrapped_phase_deg
 
 DEFLECTION = 0.3  # largest drawn deflection, in radii
+POLE_STYLES: dict[str, dict[str, Any]] = {
+    "not stable": {"marker": "+", "color": FAINT, "alpha": 0.6},
+    "stable, not in a mode": {"marker": "x", "color": DROPPED},
+    "in a mode, not stable": {"marker": "o", "color": KEPT, "markerfacecolor": "white"},
+    "in a mode": {"marker": "o", "color": KEPT},
+}
 
 
 def plot_stability(diagram: StabilityDiagram, ax: Axes) -> Axes:
@@ -43,25 +48,15 @@ def plot_stability(diagram: StabilityDiagram, ax: Axes) -> Axes:
     """
     low, high = diagram.band_hz
     _draw_indicator(diagram, ax)
-    inside = (diagram.frequency_hz >= low) & (diagram.frequency_hz <= high)
-    clusters = {cluster.label: cluster.kept for cluster in diagram.clusters}
-    kept = np.array([clusters.get(int(label)) is True for label in diagram.cluster], dtype=bool)
-    stable = diagram.stable_frequency & diagram.stable_damping
-    for chosen, style, label in (
-        (~stable & ~kept, {"marker": "+", "color": FAINT, "alpha": 0.6}, "not stable"),
-        (stable & ~kept, {"marker": "x", "color": DROPPED}, "stable, not in a mode"),
-        (~stable & kept, {"marker": "o", "color": KEPT, "markerfacecolor": "white"}, ""),
-        (stable & kept, {"marker": "o", "color": KEPT}, "in a mode (open: not stable)"),
-    ):
-        at = chosen & inside
+    for label, chosen in pole_marks(diagram).items():
         ax.plot(
-            diagram.frequency_hz[at],
-            diagram.model_order[at],
+            diagram.frequency_hz[chosen],
+            diagram.model_order[chosen],
             linestyle="none",
             markersize=3.0,
             markeredgewidth=0.7,
-            label=label or None,
-            **style,
+            label=label,
+            **POLE_STYLES[label],
         )
     ax.set_xlim(low, high)
     ax.set_ylim(bottom=0)
@@ -250,15 +245,8 @@ def plot_frac(model: ModalModel, ax: Axes) -> Axes:
     return ax
 
 
-def mode_name(mode: Mode) -> str:
-    """Short name of a mode: order and member where known, and frequency."""
-    frequency = f"{mode.frequency_hz:.1f} Hz"
-    return frequency if mode.order is None else f"n = {mode.order}{mode.member}, {frequency}"
-
-
 def _draw_indicator(diagram: StabilityDiagram, ax: Axes) -> None:
-    low, high = diagram.band_hz
-    inside = (diagram.indicator_hz >= low) & (diagram.indicator_hz <= high)
+    inside = in_band(diagram.indicator_hz, diagram.band_hz)
     behind = ax.twinx()
     behind.plot(
         diagram.indicator_hz[inside], diagram.indicator[inside], color="#9DB7CC", linewidth=1.4
@@ -297,9 +285,7 @@ def _shown_lines(frf: FRF, model: ModalModel) -> tuple[NDArray[np.bool_], NDArra
     """Lines to draw as measured (the band and what was fitted) and as fitted."""
     low = min(model.band_hz[0], model.fit_band_hz[0])
     high = max(model.band_hz[1], model.fit_band_hz[1])
-    shown = (frf.frequency_hz >= low) & (frf.frequency_hz <= high)
-    fitted = (frf.frequency_hz >= model.fit_band_hz[0]) & (frf.frequency_hz <= model.fit_band_hz[1])
-    return shown, fitted
+    return in_band(frf.frequency_hz, (low, high)), in_band(frf.frequency_hz, model.fit_band_hz)
 
 
 def _shade_outside(band_hz: tuple[float, float], ax: Axes) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
@@ -14,7 +14,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
-from numpy.typing import ArrayLike, NDArray
 
 # Okabe & Ito (2008): told apart with any colour vision, and in grey by their brightness.
 MEASURED = "#000000"
@@ -133,61 +132,6 @@ def log_axis(ax: Axes, decades: float = 4.0) -> None:
     ax.yaxis.set_minor_locator(NullLocator())
 
 
-def wrapped_phase_deg(values: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Phase of complex values with a gap wherever it wraps, so that no line crosses the picture."""
-    phase = np.rad2deg(np.angle(values))
-    phase[1:][np.abs(np.diff(phase)) > 180] = np.nan
-    return np.asarray(phase)
-
-
-def place_name(node: int, position_deg: float) -> str:
-    """Name of a position as labels show it: "node 20, 100°"."""
-    where = [f"node {node}"] if node >= 0 else []
-    if np.isfinite(position_deg):
-        where.append(f"{position_deg:g}°")
-    return ", ".join(where) or "unnamed position"
-
-
-def short(text: str, length: int = 28) -> str:
-    """`text`, cut in the middle where it is longer than `length`."""
-    if len(text) <= length:
-        return text
-    tail = (length - 1) // 2
-    return f"{text[: length - 1 - tail]}…{text[-tail:]}"
-
-
-def literal(text: str) -> str:
-    """`text` from a file as it stands: a dollar sign starts no formula."""
-    return text.replace("$", r"\$")
-
-
-def spread(positions: ArrayLike, gap: float) -> NDArray[np.float64]:
-    """Move labels apart until neighbours are at least `gap` from each other, and no farther.
-
-    Parameters
-    ----------
-    positions : array_like, shape (n,)
-        Where the labels belong, ascending.
-    gap : float
-        Smallest distance.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The nearest positions in the least-squares sense that keep the gap.
-    """
-    wanted = np.asarray(positions, dtype=float) - gap * np.arange(np.size(positions))
-    groups: list[list[float]] = []
-    for value in wanted:
-        groups.append([float(value)])
-        # Pool neighbours that are out of order: isotonic regression.
-        while len(groups) > 1 and np.mean(groups[-2]) > np.mean(groups[-1]):
-            last = groups.pop()
-            groups[-1].extend(last)
-    placed = [float(np.mean(group)) for group in groups for _ in group]
-    return np.asarray(np.array(placed) + gap * np.arange(np.size(positions)))
-
-
 def series_style(index: int) -> dict[str, Any]:
     """Colour and marker of the `index`-th of several like things."""
     return {
@@ -199,12 +143,3 @@ def series_style(index: int) -> dict[str, Any]:
 def shades(count: int) -> list[Any]:
     """Colours from dark to light for a sequence, all visible on white."""
     return [mpl.colormaps["viridis"](share) for share in np.linspace(0.0, 0.92, count)]
-
-
-def sparse_labels(labels: Sequence[str], at_most: int = 13) -> tuple[list[int], list[str]]:
-    """Every k-th index and label, so that at most `at_most` ticks are drawn."""
-    # Steps that people count in; grids of 5° then show 30° or 60°.
-    steps = (1, 2, 3, 6, 12, 24, 48, 120, 240, 600, 1200)
-    step = next((step for step in steps if len(labels) / step <= at_most), len(labels))
-    indices = list(range(0, len(labels), step))
-    return indices, [labels[index] for index in indices]

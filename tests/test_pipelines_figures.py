@@ -13,7 +13,8 @@ from results import structure_result, tyre_result
 
 from ema.modes import Drift
 from pipelines import figures
-from pipelines.figures_style import STYLE, literal, short, sparse_labels, spread
+from pipelines.figures_labels import literal, short, sparse_labels, spread
+from pipelines.figures_style import STYLE
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,91 @@
+"""Texts in figures and charts: names that are short enough, and where there is room for them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ema.frf import FRF
+from ema.modes import Mode
+
+
+def place_name(node: int, position_deg: float) -> str:
+    """Name of a position as labels show it: "node 20, 100°"."""
+    where = [f"node {node}"] if node >= 0 else []
+    if np.isfinite(position_deg):
+        where.append(f"{position_deg:g}°")
+    return ", ".join(where) or "unnamed position"
+
+
+def row_names(frf: FRF, rows: NDArray[np.int_]) -> list[str]:
+    """Names of rows of some FRFs, each once: the angle, else the node, else the row's number."""
+    names = [
+        f"{frf.position_deg[row]:g}°"
+        if np.isfinite(frf.position_deg[row])
+        else str(frf.node[row] if frf.node[row] >= 0 else row + 1)
+        for row in rows
+    ]
+    seen: Counter[str] = Counter()
+    for index, name in enumerate(names):
+        seen[name] += 1
+        if seen[name] > 1:
+            names[index] = f"{name} ({seen[name]})"
+    return names
+
+
+def mode_name(mode: Mode) -> str:
+    """Short name of a mode: order and member where known, and frequency."""
+    frequency = f"{mode.frequency_hz:.1f} Hz"
+    return frequency if mode.order is None else f"n = {mode.order}{mode.member}, {frequency}"
+
+
+def short(text: str, length: int = 28) -> str:
+    """`text`, cut in the middle where it is longer than `length`."""
+    if len(text) <= length:
+        return text
+    tail = (length - 1) // 2
+    return f"{text[: length - 1 - tail]}…{text[-tail:]}"
+
+
+def literal(text: str) -> str:
+    """`text` from a file as it stands: a dollar sign starts no formula."""
+    return text.replace("$", r"\$")
+
+
+def spread(positions: ArrayLike, gap: float) -> NDArray[np.float64]:
+    """Move labels apart until neighbours are at least `gap` from each other, and no farther.
+
+    Parameters
+    ----------
+    positions : array_like, shape (n,)
+        Where the labels belong, ascending.
+    gap : float
+        Smallest distance.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The nearest positions in the least-squares sense that keep the gap.
+    """
+    wanted = np.asarray(positions, dtype=float) - gap * np.arange(np.size(positions))
+    groups: list[list[float]] = []
+    for value in wanted:
+        groups.append([float(value)])
+        # Pool neighbours that are out of order: isotonic regression.
+        while len(groups) > 1 and np.mean(groups[-2]) > np.mean(groups[-1]):
+            last = groups.pop()
+            groups[-1].extend(last)
+    placed = [float(np.mean(group)) for group in groups for _ in group]
+    return np.asarray(np.array(placed) + gap * np.arange(np.size(positions)))
+
+
+def sparse_labels(labels: Sequence[str], at_most: int = 13) -> tuple[list[int], list[str]]:
+    """Every k-th index and label, so that at most `at_most` ticks are drawn."""
+    # Steps that people count in; grids of 5° then show 30° or 60°.
+    steps = (1, 2, 3, 6, 12, 24, 48, 120, 240, 600, 1200)
+    step = next((step for step in steps if len(labels) / step <= at_most), len(labels))
+    indices = list(range(0, len(labels), step))
+    return indices, [labels[index] for index in indices]
