@@ -1,5 +1,6 @@
 # make demo   from a fresh clone to a report on the sample campaign
 # make test   everything a change has to pass
+# make docs   the documentation, in site/index.html
 # Needs Python 3.11 or newer and nothing else; another interpreter: make test PYTHON=python3.12
 
 PYTHON ?= python3
@@ -7,7 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 
-.PHONY: demo test clean
+.PHONY: demo test docs clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
@@ -20,12 +21,21 @@ test: $(VENV)/.installed-test
 	$(BIN)/lint-imports
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist worksteal
 
+# Warnings are errors; nothing is fetched while building, nor while reading.
+docs: $(VENV)/.installed-docs
+	$(BIN)/sphinx-build -W --keep-going -E -q -d build/doctrees docs site
+	@echo "Documentation: site/index.html"
+
 clean:
-	rm -rf $(VENV) demo build dist *.egg-info
+	rm -rf $(VENV) demo site docs/api/generated build dist *.egg-info
 
 # An editable install follows the sources by itself: only pyproject.toml calls for a new one.
 $(VENV)/.installed-test: pyproject.toml $(VENV)/pyvenv.cfg
 	@$(PIP) install --quiet --editable '.[test]'
+	@touch $@ $(VENV)/.installed
+
+$(VENV)/.installed-docs: pyproject.toml $(VENV)/pyvenv.cfg
+	@$(PIP) install --quiet --editable '.[docs]'
 	@touch $@ $(VENV)/.installed
 
 $(VENV)/.installed: pyproject.toml $(VENV)/pyvenv.cfg

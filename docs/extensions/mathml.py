@@ -1,0 +1,46 @@
+r"""Formulas as MathML: every browser draws it, without a script and without a network.
+
+The converter is the one of docutils. What it does not know is an error of the build, not a gap on
+the page.
+"""
+
+from docutils import nodes
+from docutils.utils.math import MathError, latex2mathml
+from sphinx.application import Sphinx
+from sphinx.util import logging
+from sphinx.util.math import get_node_equation_number
+from sphinx.writers.html5 import HTML5Translator
+
+_logger = logging.getLogger(__name__)
+_SAID_OTHERWISE = {"°": r"^\circ", r"\tfrac": r"\frac"}
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the renderer ``mathml``."""
+    app.add_html_math_renderer("mathml", (_inline, None), (_displayed, None))
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _inline(writer: HTML5Translator, node: nodes.math) -> None:
+    writer.body.append(_mathml(node.astext(), node, displayed=False))
+    raise nodes.SkipNode
+
+
+def _displayed(writer: HTML5Translator, node: nodes.math_block) -> None:
+    writer.body.append(writer.starttag(node, "div", CLASS="formula"))
+    writer.body.append(_mathml(node.astext(), node, displayed=True))
+    if node["number"]:
+        number = get_node_equation_number(writer, node)
+        writer.body.append(f'<span class="eqno">({number})</span>')
+    writer.body.append("</div>\n")
+    raise nodes.SkipNode
+
+
+def _mathml(tex: str, node: nodes.Element, *, displayed: bool) -> str:
+    for known_to_tex, known_to_docutils in _SAID_OTHERWISE.items():
+        tex = tex.replace(known_to_tex, known_to_docutils)
+    try:
+        return str(latex2mathml.tex2mathml(tex, as_block=displayed))
+    except MathError as error:
+        _logger.warning("formula not understood: %s: %s", tex, error, location=node)
+        return ""
