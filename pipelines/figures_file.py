@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from io import BytesIO
-
-import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from pipelines.figures_style import png
+from pipelines.figures_style import png, svg
+
+#: What writes each format, by the end of the file's name.
+FORMATS = {"png": png, "svg": svg}
 
 
 def figure_bytes(figure: Figure, file_format: str) -> bytes:
@@ -18,9 +18,4 @@ def figure_bytes(figure: Figure, file_format: str) -> bytes:
     figure : Figure
     file_format : {"png", "svg"}
     """
-    if file_format == "png":
-        return png(figure)
-    buffer = BytesIO()
-    with mpl.rc_context({"svg.hashsalt": "ringmodal"}):
-        figure.savefig(buffer, format=file_format, metadata={"Date": None, "Creator": None})
-    return buffer.getvalue()
+    return FORMATS[file_format](figure)
