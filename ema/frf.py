@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema import _show
 from ema._arrays import readonly
 from ema.blocks import BlockPlan, plan_blocks
 from ema.errors import InputError
@@ -119,6 +120,12 @@ class FRF:
             missing=self.missing[chosen],
             disagreement=self.disagreement[chosen],
         )
+
+    def __repr__(self) -> str:
+        return _show.frf_line(self)
+
+    def _repr_html_(self) -> str:
+        return _show.frf_html(self)
 
 
 def estimate_frf(

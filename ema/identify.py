@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ema import _show
 from ema.circumference import on_circle
 from ema.consistency import check_consistency
 from ema.curve_fit import fit_modes
@@ -42,6 +43,12 @@ class Identification:
     model: ModalModel
     opinions: tuple[Opinion, ...]
     findings: tuple[Finding, ...]
+
+    def __repr__(self) -> str:
+        return _show.identification_line(self)
+
+    def _repr_html_(self) -> str:
+        return _show.identification_html(self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ema import _show
 from ema._arrays import readonly
 from ema.mac import mpc, mpd_deg
 
@@ -90,6 +91,9 @@ class Mode:
     def mpd_deg(self) -> float:
         """Mean phase deviation in degrees, 0 for a real mode."""
         return mpd_deg(self.residues)
+
+    def __repr__(self) -> str:
+        return _show.mode_line(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,6 +239,12 @@ class ModalModel:
             terms = self.residual_terms.lower[rows], self.residual_terms.upper[rows]
             values[rows] = synthesise(frequency_hz, factor * poles, residues[rows], *terms)
         return values
+
+    def __repr__(self) -> str:
+        return _show.model_line(self)
+
+    def _repr_html_(self) -> str:
+        return _show.model_html(self)
 
 
 def synthesise(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema import _show
 from ema.stored import fill, piece
 
 if TYPE_CHECKING:
@@ -223,3 +224,9 @@ class Campaign:
     def has_circle(self) -> bool:
         """Whether the positions lie on a closed circle, so that circumferential orders exist."""
         return self.positions is not None
+
+    def __repr__(self) -> str:
+        return _show.campaign_line(self)
+
+    def _repr_html_(self) -> str:
+        return _show.campaign_html(self)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ema import _show
 from ema._arrays import readonly
 from ema.drift import align_runs
 from ema.errors import FitError, InputError
@@ -122,6 +123,12 @@ class StabilityDiagram:
     def damping_ratio(self) -> NDArray[np.float64]:
         """Damping ratios −Re(s)/|s| of all poles."""
         return np.asarray(-self.poles.real / np.abs(self.poles))
+
+    def __repr__(self) -> str:
+        return _show.diagram_line(self)
+
+    def _repr_html_(self) -> str:
+        return _show.diagram_html(self)
 
 
 @dataclass(frozen=True, eq=False)

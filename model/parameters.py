@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+from model import _show
 from model.errors import ParameterError
 
 #: Thickness over radius beyond which a ring is no longer thin.
@@ -105,6 +106,9 @@ class RingParameters:
                 f"{bearable:g} Pa",
                 "Lower the pressure or raise K or k_r",
             )
+
+    def _repr_html_(self) -> str:
+        return _show.ring_html(self)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model import _show
 from model._arrays import readonly
 from model.identifiability import Correlation
 from model.parameters import RingParameters
@@ -62,3 +63,9 @@ class TuningResult:
     def error_percent(self) -> NDArray[np.float64]:
         """Deviation of the model from the measurement, percent of the measured frequency."""
         return 100.0 * (self.model_hz / self.measured_hz - 1.0)
+
+    def __repr__(self) -> str:
+        return _show.tuning_line(self)
+
+    def _repr_html_(self) -> str:
+        return _show.tuning_html(self)

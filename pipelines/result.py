@@ -16,6 +16,7 @@ from ema.second_opinion import Opinion
 from ema.stability import StabilityDiagram
 from model.damping import DampingResult
 from model.tuning_result import TuningResult
+from pipelines import show_html
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,3 +92,9 @@ class Result:
     findings: tuple[Finding, ...] = ()
     notes: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return show_html.result_line(self)
+
+    def _repr_html_(self) -> str:
+        return show_html.result_html(self)
