@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from model import DampingResult, damping_ratios, identify_damping
+from model.parameter_names import DAMPING_NAMES
 from model.reference import (
     TABLE_3_DAMPING_RATIOS,
     TABLE_3_ORDERS,
@@ -26,7 +27,6 @@ from pipelines.paper_parts import (
     with_unit,
 )
 from pipelines.report.blocks import Paragraph
-from pipelines.report.ring import DAMPING_NAMES
 
 TABLE_5_NAMES = ("circumferential_n_s_m3", "radial_n_s_m3", "loss_factor")
 STARRED = "* The loss factor does not act on the stiffness from hoop tension."

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import TuningResult, equilibrium, natural_frequencies_hz, tune_ring
+from model.parameter_names import RING_NAMES
 from model.reference import TABLE_3_FREQUENCIES_HZ, TABLE_3_ORDERS, TABLE_4_RING
 from pipelines import figures, paper_printed
 from pipelines.numbers import plain
@@ -24,7 +25,6 @@ from pipelines.paper_parts import (
     with_unit,
 )
 from pipelines.report.blocks import Paragraph
-from pipelines.report.ring import RING_NAMES
 from pipelines.result import Result
 
 TABLE_4_NAMES = (

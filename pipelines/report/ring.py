@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from model.identifiability import GIVEN
+from model.parameter_names import DAMPING_NAMES, RING_NAMES
 from model.ring import natural_frequencies_hz
 from model.tuning_result import TuningResult
 from pipelines import figures
@@ -16,22 +17,6 @@ from pipelines.report.blocks import Beside, Block, Paragraph, Picture, Section, 
 from pipelines.report.notes import listed, remaining_notes
 from pipelines.result import Result, Validation
 
-# Field of the parameter types → name, symbol, unit.
-RING_NAMES = {
-    "mean_radius_m": ("mean radius", "a", "m"),
-    "belt_width_m": ("belt width", "b", "m"),
-    "inflation_pressure_pa": ("inflation pressure", "p₀", "Pa"),
-    "mass_per_area_kg_m2": ("mass per area", "ρh", "kg/m²"),
-    "radial_stiffness_n_m3": ("radial stiffness", "k_r", "N/m³"),
-    "circumferential_stiffness_n_m3": ("circumferential stiffness", "k_θ", "N/m³"),
-    "axial_stiffness_n_m": ("axial stiffness", "K", "N/m"),
-    "bending_stiffness_n_m": ("bending stiffness", "D", "N m"),
-}
-DAMPING_NAMES = {
-    "radial_n_s_m3": ("radial damping", "c_r", "N s/m³"),
-    "circumferential_n_s_m3": ("circumferential damping", "c_θ", "N s/m³"),
-    "loss_factor": ("loss factor", "η", "1"),
-}
 HEAD = ("parameter", "symbol", "value", "unit", "how obtained")
 
 
