@@ -1,0 +1,173 @@
+"""A real browser for tests: headless Chromium, its console and what it asks the network for."""
+
+from __future__ import annotations
+
+import base64
+import importlib.util
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "chrome")
+CHROMEDRIVER = ("chromedriver", "chromium.chromedriver")
+AXE = Path(__file__).parent / "node_modules" / "axe-core" / "axe.min.js"
+REQUIRED = "RINGMODAL_BROWSER"  # "require": what is missing is a failure, not a reason to skip
+LOCAL = {"file", "data", "blob"}
+WIDE_PX, HEIGHT_PX = 1200, 900
+PATIENCE_S = 15.0  # a busy machine is slow, not wrong
+SWITCHES = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--force-device-scale-factor=1",
+    "--hide-scrollbars",
+    f"--window-size={WIDE_PX},{HEIGHT_PX}",
+)
+
+
+def demand(thing: object, name: str) -> None:
+    """Skip where a tool for these tests is missing, or fail where it was promised."""
+    if thing:
+        return
+    reason = f"{name} is missing; .ci/run installs what the browser tests need"
+    if os.environ.get(REQUIRED) == "require":
+        pytest.fail(reason)
+    pytest.skip(reason)
+
+
+def on_path(names: tuple[str, ...]) -> str | None:
+    return next(filter(None, map(shutil.which, names)), None)
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """Start a browser, and end it afterwards."""
+    program, chromedriver = on_path(CHROMIUM), on_path(CHROMEDRIVER)
+    demand(importlib.util.find_spec("selenium"), "selenium")
+    demand(program, "Chromium")
+    demand(chromedriver, "chromedriver")
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = str(program)
+    for switch in SWITCHES:
+        options.add_argument(switch)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options, webdriver.ChromeService(chromedriver))
+    try:
+        driver.set_script_timeout(PATIENCE_S)
+        yield Browser(driver)
+    finally:
+        driver.quit()
+
+
+@dataclass(frozen=True)
+class Browser:
+    """What tests do with a page."""
+
+    driver: Any
+
+    def open(self, path: Path) -> None:
+        """Open a page of its own and wait until it can be used."""
+        self.driver.get(path.as_uri())
+        self.wait("return document.readyState === 'complete'")
+        if self.js("return document.querySelector('.plot') !== null"):
+            self.wait("return document.documentElement.dataset.ready !== undefined")
+
+    def js(self, script: str, *arguments: Any) -> Any:
+        """Run a script in the page; its `return` is the answer."""
+        return self.driver.execute_script(script, *arguments)
+
+    def cdp(self, command: str, **parameters: Any) -> Any:
+        """Give a command of the Chrome DevTools Protocol."""
+        return self.driver.execute_cdp_cmd(command, parameters)
+
+    def wait(self, script: str, *arguments: Any) -> Any:
+        """Wait until a script answers with something true, and return that."""
+        from selenium.webdriver.support.ui import WebDriverWait
+
+        waiting = WebDriverWait(self.driver, PATIENCE_S, poll_frequency=0.05)
+        return waiting.until(lambda _: self.js(script, *arguments), f"in vain: {script}")
+
+    def show(self, *, width: int = WIDE_PX, scheme: str = "light", media: str = "") -> None:
+        """Set width in pixels, colour scheme and medium; wait until the page has drawn both."""
+        self.cdp(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=HEIGHT_PX,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
+        features = [
+            {"name": "prefers-color-scheme", "value": scheme},
+            {"name": "prefers-reduced-motion", "value": "no-preference"},
+        ]
+        self.cdp("Emulation.setEmulatedMedia", media=media, features=features)
+        self.settle()
+
+    def settle(self) -> None:
+        """Let the page draw two frames and what they set off."""
+        self.driver.execute_async_script(
+            "const done = arguments[0];"
+            "requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 50)));"
+        )
+
+    def texts(self, selector: str) -> list[str]:
+        """The texts of all elements that fit."""
+        script = "return [...document.querySelectorAll(arguments[0])].map(e => e.textContent)"
+        return list(self.js(script, selector))
+
+    def style(self, selector: str, name: str) -> str:
+        """A computed style of the first element that fits."""
+        script = "return getComputedStyle(document.querySelector(arguments[0]))[arguments[1]]"
+        return str(self.js(script, selector, name))
+
+    def complaints(self) -> list[str]:
+        """Warnings and errors on the console since the last call."""
+        entries = self.driver.get_log("browser")
+        return [each["message"] for each in entries if each["level"] in ("WARNING", "SEVERE")]
+
+    def requests(self) -> list[str]:
+        """Addresses the page asked for since the last call."""
+        entries = [
+            json.loads(each["message"])["message"] for each in self.driver.get_log("performance")
+        ]
+        return [
+            each["params"]["request"]["url"]
+            for each in entries
+            if each["method"] == "Network.requestWillBeSent"
+        ] + [each["params"]["url"] for each in entries if each["method"].endswith("socketCreated")]
+
+    def pdf(self) -> bytes:
+        """The page as it prints on A4."""
+        printed = self.cdp("Page.printToPDF", preferCSSPageSize=True, printBackground=True)
+        return base64.b64decode(printed["data"])
+
+    def violations(self) -> list[str]:
+        """Serious and critical findings of axe-core, with the places."""
+        demand(AXE.is_file(), "axe-core")
+        if not self.js("return window.axe !== undefined"):
+            self.js(AXE.read_text(encoding="utf-8"))
+        found = self.driver.execute_async_script(
+            "const done = arguments[0];"
+            "axe.run(document, {resultTypes: ['violations']}).then(found => done(found.violations))"
+        )
+        return [
+            f"{each['id']}: {', '.join(str(node['target']) for node in each['nodes'][:5])}"
+            for each in found
+            if each["impact"] in ("serious", "critical")
+        ]
+
+
+def hosts(addresses: list[str]) -> list[str]:
+    """Those of the addresses that leave the machine."""
+    return [address for address in addresses if urlsplit(address).scheme not in LOCAL]

@@ -1,0 +1,237 @@
+"""The report as a browser shows it: widths, colours, print, texts from files, accessibility."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+from browser import chromium, hosts
+from results import tyre_result
+
+from ema.quality import WARNING, Finding
+from ema.recording import Tyre
+from pipelines.report import write_report
+
+LARGEST_BYTES = 6_000_000
+WIDTHS_PX = (360, 400, 1200)
+SCHEMES = ("light", "dark")
+MIRRORED = "\u202e\u05d0\u05d1\u05d2 \u0627\u0628\u062c right to left"
+HOSTILE = (
+    f"</script><script>alert(1)</script><img src=x onerror=alert(2)>\"'`&amp;{{{{ 7 }}}} {MIRRORED}"
+)
+ENDLESS = "W" * 10_000
+PRINTED_WIDTH_PX, PRINTED_HEIGHT_PX = 680, 1001  # A4 within its margins: 180 by 265 mm at 96 dpi
+NAMED_ROLES = {"link", "button", "combobox", "slider", "checkbox", "image", "region"}
+OPEN_ALL = "document.querySelectorAll('details').forEach(each => each.open = true)"
+FIGURE_EDGES = """
+return [...document.querySelectorAll('figure, .plot svg, img, svg, table')].map(each => {
+  const box = each.getBoundingClientRect();
+  return [each.tagName + ' ' + (each.id || each.textContent.trim().slice(0, 60)), box.right,
+          each.tagName === 'TABLE' ? 0 : box.height];
+})"""
+# Every text one sees, with its colour and that of the nearest painted ancestor.
+INKS = """
+const clear = 'rgba(0, 0, 0, 0)', found = [];
+const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+while (walker.nextNode()) {
+  const text = walker.currentNode.textContent.trim(), home = walker.currentNode.parentElement;
+  if (!text || !home.checkVisibility({opacityProperty: true, visibilityProperty: true})) continue;
+  const drawn = home.closest('svg') !== null, style = getComputedStyle(home);
+  let behind = home;
+  const bare = element => element && getComputedStyle(element).backgroundColor === clear;
+  while (bare(behind)) behind = behind.parentElement;
+  found.push([text.slice(0, 40), drawn ? style.fill : style.color,
+              behind ? getComputedStyle(behind).backgroundColor : 'rgb(255, 255, 255)']);
+}
+return found"""
+
+
+def luminance(colour):
+    """Relative luminance of a computed colour, by WCAG 2."""
+    parts = [float(part) / 255 for part in re.findall(r"[\d.]+", colour)[:3]]
+    linear = [
+        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
+    ]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one, other):
+    darker, lighter = sorted([luminance(one), luminance(other)])
+    return (lighter + 0.05) / (darker + 0.05)
+
+
+@pytest.fixture(scope="session")
+def browser():
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="session")
+def written(sample_result, tmp_path_factory):
+    return write_report(sample_result, tmp_path_factory.mktemp("report") / "report.html")
+
+
+@pytest.fixture
+def page(browser, written):
+    """The report of the sample campaign, quiet on the console and off the network."""
+    browser.show()
+    browser.open(written)
+    yield browser
+    assert browser.complaints() == []
+    assert hosts(browser.requests()) == []
+
+
+@pytest.fixture(scope="session")
+def hostile_report(sample_result, tmp_path_factory):
+    """A report whose tyre, details, channels, files and notes hold hostile texts."""
+    tyre = Tyre(HOSTILE, 2.2e5, 0.33, 0.19, {"serial": HOSTILE, HOSTILE: "x", "note": ENDLESS})
+    findings = (
+        Finding(HOSTILE, HOSTILE, 0.0, "coherence", WARNING, HOSTILE),
+        Finding(ENDLESS, ENDLESS, 5.0, "hum", WARNING, ENDLESS),
+    )
+    frf = sample_result.frf
+    runs = (HOSTILE, ENDLESS, *frf.run[2:])
+    result = tyre_result(
+        name=HOSTILE,
+        tyre=tyre,
+        findings=findings,
+        notes=(HOSTILE, ENDLESS),
+    )
+    result = replace(result, frf=replace(result.frf, run=runs))
+    return write_report(result, tmp_path_factory.mktemp("hostile") / "report.html")
+
+
+# --- the page as a whole
+
+
+def test_page_is_one_small_file(written):
+    assert written.stat().st_size <= LARGEST_BYTES
+
+
+def test_page_asks_no_host_and_complains_of_nothing(browser, written):
+    browser.show()
+    browser.requests()
+    browser.open(written)
+    asked = browser.requests()
+    assert written.as_uri() in asked
+    assert hosts(asked) == []
+    assert browser.complaints() == []
+
+
+def test_log_sees_requests_and_complaints(browser, tmp_path):
+    bad = tmp_path / "bad.html"
+    bad.write_text("<img src='http://127.0.0.1:9/x.png'><script>missing()</script>")
+    browser.open(bad)
+    assert hosts(browser.requests()) == ["http://127.0.0.1:9/x.png"]
+    assert any("missing is not defined" in each for each in browser.complaints())
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_nothing_reaches_beyond_the_sides(page, scheme):
+    for width in WIDTHS_PX:
+        page.show(width=width, scheme=scheme)
+        assert page.js("return document.scrollingElement.scrollWidth") <= width
+
+
+def test_headings_come_in_order(page):
+    levels = page.js(
+        "return [...document.querySelectorAll('h1,h2,h3,h4,h5,h6')].map(h => +h.tagName[1])"
+    )
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))
+
+
+def test_contents_lead_to_every_section(page):
+    targets = page.js("return [...document.querySelectorAll('nav a')].map(a => a.hash)")
+    assert targets == [
+        f"#{each}"
+        for each in page.js("return [...document.querySelectorAll('main section')].map(s => s.id)")
+    ]
+
+
+def test_dark_scheme_turns_the_page_dark(page):
+    light = page.style("body", "backgroundColor"), page.style("body", "color")
+    page.show(scheme="dark")
+    dark = page.style("body", "backgroundColor"), page.style("body", "color")
+    assert luminance(light[0]) > 0.8 > 0.2 > luminance(dark[0])
+    assert luminance(light[1]) < 0.2 < 0.6 < luminance(dark[1])
+
+
+# --- in print
+
+
+def test_print_view_is_light_and_without_navigation(page):
+    page.show(scheme="dark", media="print")
+    assert page.style("nav", "display") == "none"
+    assert luminance(page.style("body", "color")) < 0.05
+    assert luminance(page.style("body", "backgroundColor")) > 0.9
+
+
+def test_print_view_cuts_no_figure(page):
+    page.show(width=PRINTED_WIDTH_PX, media="print")
+    page.js(OPEN_ALL)
+    page.settle()
+    for name, right, height in page.js(FIGURE_EDGES):
+        assert right <= PRINTED_WIDTH_PX + 1, name
+        assert height <= PRINTED_HEIGHT_PX, name
+
+
+def test_pages_print_on_a4(page):
+    printed = page.pdf()
+    boxes = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", printed)
+    assert len(boxes) > 2
+    assert {(round(float(width)), round(float(height))) for width, height in boxes} == {(595, 842)}
+
+
+# --- for everybody
+
+
+@pytest.mark.parametrize("width", [400, 1200])
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_axe_finds_nothing_serious(page, scheme, width):
+    page.show(width=width, scheme=scheme)
+    page.js(OPEN_ALL)
+    assert page.violations() == []
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_texts_stand_out_from_what_is_behind_them(page, scheme):
+    page.show(scheme=scheme)
+    page.js(OPEN_ALL)
+    inks = page.js(INKS)
+    assert len(inks) > 100
+    faint = [(text, ink, behind) for text, ink, behind in inks if contrast(ink, behind) < 4.5]
+    assert faint == []
+
+
+def test_everything_that_can_be_worked_or_seen_has_a_name(page):
+    page.js(OPEN_ALL)
+    nodes = [
+        node for node in page.cdp("Accessibility.getFullAXTree")["nodes"] if not node["ignored"]
+    ]
+    named = [(node["role"]["value"], node.get("name", {}).get("value", "")) for node in nodes]
+    watched = [(role, name) for role, name in named if role in NAMED_ROLES]
+    assert {role for role, _ in watched} >= {"link", "image"}
+    assert [role for role, name in watched if not name.strip()] == []
+
+
+# --- texts from files
+
+
+@pytest.mark.parametrize("width", WIDTHS_PX)
+def test_hostile_texts_appear_as_text(browser, hostile_report, width):
+    browser.show(width=width)
+    browser.open(hostile_report)
+    assert browser.texts("h1") == [HOSTILE]
+    assert browser.texts("dd").count(HOSTILE) >= 2
+    assert {HOSTILE, ENDLESS} <= set(browser.texts("td"))
+    assert ENDLESS in browser.texts("dd")
+    assert {HOSTILE, ENDLESS} <= set(browser.texts("#notes li"))
+    assert browser.js("return document.querySelector('[onerror]')") is None
+    assert not any(text.startswith("alert") for text in browser.texts("script"))
+    assert browser.js("return document.scrollingElement.scrollWidth") <= width
+    assert browser.complaints() == []
+    assert hosts(browser.requests()) == []
