@@ -10,6 +10,7 @@ import numpy as np
 
 import ema
 import model
+from ema.drive_point import drive_point_finding
 from ema.errors import InputError
 from ema.frf import FRF
 from ema.identify import Identification, SensorMass
@@ -24,6 +25,7 @@ from ema.quality import (
     reference_finding,
 )
 from ema.recording import Campaign, Tyre
+from pipelines.amplitude_check import AMPLITUDE, amplitude_finding
 from pipelines.options import TYRE_BAND_HZ, Options, processing_in_force
 from pipelines.provenance import Stopwatch, checksummed, provenance
 from pipelines.result import Result
@@ -120,6 +122,7 @@ def _measured(
             *found.findings,
             *([reference_finding(reference)] if reference else []),
             *drift_findings(found.model.drift),
+            *drive_point_finding(found.model, campaign.excitation_deg),
         ),
         opinions=found.opinions,
         notes=notes,
@@ -132,6 +135,7 @@ def tune(result: Result, options: Options) -> Result:
     reason = _why_no_ring(tyre, modal_model, options)
     if reason or tyre is None or tyre.mean_radius_m is None or tyre.inflation_pressure_pa is None:
         return replace(result, notes=(*result.notes, reason))
+    kept = tuple(finding for finding in result.findings if finding.check != AMPLITUDE)
     orders = ring_orders(modal_model)
     numbers = np.array([order.order for order in orders])
     tuning = model.tune_ring(
@@ -155,6 +159,7 @@ def tune(result: Result, options: Options) -> Result:
         tuning=tuning,
         damping=damping,
         validation=validate(modal_model, orders, tuning, damping),
+        findings=(*kept, *amplitude_finding(modal_model, orders, tuning.ring)),
         notes=(*result.notes, *tuning.notes, *damping.notes),
     )
 
