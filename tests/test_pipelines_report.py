@@ -20,9 +20,10 @@ from ema.modes import Drift, ModalModel, ResidualTerms
 from ema.quality import EXCLUDED, Finding
 from ema.recording import Tyre
 from pipelines.numbers import number, plain, signed, value_with_std
-from pipelines.report import breakable, measurement, render_report, report_sections, write_report
+from pipelines.report import measurement, render_report, report_sections, write_report
 from pipelines.report.blocks import Beside, Paragraph, Picture, Table
 from pipelines.report.identification import shown_rows
+from pipelines.report.page import breakable
 
 HOSTILE = "<script>alert('x')</script>\"&{{ 7 * 7 }}"
 VOID = {"meta", "img", "br", "link", "input", "wbr"}

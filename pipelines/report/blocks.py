@@ -1,9 +1,11 @@
-"""What a report is made of: sections of paragraphs, facts, tables and pictures."""
+"""What a report is made of: sections of paragraphs, facts, tables, charts and pictures."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import ClassVar
+
+from pipelines.report.chart import Chart
 
 
 @dataclass(frozen=True)
@@ -96,15 +98,18 @@ class Picture:
     kind: ClassVar[str] = "picture"
 
 
+Alone = Paragraph | Listing | Facts | Table | Picture | Chart
+
+
 @dataclass(frozen=True)
 class Beside:
-    """Pictures and facts side by side where the page is wide enough."""
+    """Blocks side by side where the page is wide enough."""
 
-    blocks: tuple[Facts | Picture, ...]
+    blocks: tuple[Alone, ...]
     kind: ClassVar[str] = "beside"
 
 
-Block = Paragraph | Listing | Facts | Table | Picture | Beside
+Block = Alone | Beside
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Colours are names of the page's style (``report.css``), so that they follow light and dark.
 MEASURED, FITTED, RING, KEPT, DROPPED, FAINT = (
@@ -21,6 +23,38 @@ MEASURED, FITTED, RING, KEPT, DROPPED, FAINT = (
     "--faint",
 )
 SERIES = tuple(f"--series-{number}" for number in range(1, 8))
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure as it is printed: nothing in it moves.
+
+    Parameters
+    ----------
+    name : str
+        Unique in the page; the name of its file.
+    alternative, caption : str
+        What it shows, and what to look for.
+    draw : callable
+        Gives a matplotlib figure.
+    wide : bool
+        Whether it needs the whole width of the page.
+    """
+
+    name: str
+    alternative: str
+    caption: str
+    draw: Callable[[], Figure]
+    wide: bool = False
+
+
+@runtime_checkable
+class Drawn(Protocol):
+    """A block that moves on the page and is drawn for paper."""
+
+    @property
+    def drawings(self) -> tuple[Drawing, ...]:
+        """The block in print."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +90,16 @@ class Chart:
     wide: bool = False
     height_px: int = 340
     kind: ClassVar[str] = "chart"
+
+    @property
+    def drawings(self) -> tuple[Drawing, ...]:
+        """The chart in print."""
+        return (Drawing(self.name, self.alternative, self.caption, self.draw, self.wide),)
+
+    @property
+    def specification(self) -> dict[str, Any]:
+        """What the page's script reads."""
+        return {"data": self.data, "layout": self.layout}
 
 
 def packed(values: ArrayLike) -> dict[str, str]:

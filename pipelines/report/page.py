@@ -1,0 +1,153 @@
+"""The page: sections set by the template, with the scripts they need and nothing else."""
+
+from __future__ import annotations
+
+import json
+from base64 import b64encode
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
+
+from pipelines.report.blocks import Alone, Beside, Block, Picture, Section
+from pipelines.report.chart import Drawing, Drawn
+
+LONG_WORD, PIECE = 32, 16  # characters: a checksum breaks, a file name does not
+LIBRARY = "vendor/plotly-cartesian.min.js"
+SCRIPTS = ("charts.js",)  # in the order they run
+# In JSON these stand inside strings only; written so, no text of a file can end the script.
+ESCAPED = str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"})
+
+
+def render_page(
+    kind: str,
+    subject: str,
+    sections: tuple[Section, ...],
+    *,
+    paper: bool = False,
+    signed: bool = False,
+) -> str:
+    """Render sections as one self-contained HTML page.
+
+    Parameters
+    ----------
+    kind : str
+        What sort of page it is, above its title.
+    subject : str
+        Its title.
+    sections : tuple of Section
+    paper : bool
+        Whether everything that moves is replaced by its drawing, so that no script is needed.
+    signed : bool
+        Whether the printed page ends with lines for name, date and signature.
+
+    Returns
+    -------
+    str
+        HTML; texts appear as text.
+    """
+    shown = on_paper(sections) if paper else sections
+    moving = any(isinstance(block, Drawn) for section in shown for block in inside(section))
+    return (
+        _environment()
+        .get_template("report.html")
+        .render(
+            kind=kind,
+            subject=subject,
+            sections=shown,
+            signed=signed,
+            scripts=_scripts() if moving else (),
+        )
+    )
+
+
+def on_paper(sections: tuple[Section, ...]) -> tuple[Section, ...]:
+    """The same sections with a picture for each block that needs a script."""
+    return tuple(
+        replace(section, blocks=tuple(each for block in section.blocks for each in _printed(block)))
+        for section in sections
+    )
+
+
+def drawings(sections: tuple[Section, ...]) -> tuple[Drawing, ...]:
+    """Every figure of the sections as it is printed, in the order of the page."""
+    return tuple(
+        drawing
+        for section in sections
+        for block in inside(section)
+        if isinstance(block, Drawn)
+        for drawing in block.drawings
+    )
+
+
+def inside(section: Section) -> Iterator[Alone]:
+    """The blocks of a section, those that stand side by side one by one."""
+    for block in section.blocks:
+        yield from block.blocks if isinstance(block, Beside) else (block,)
+
+
+def breakable(text: str) -> Markup:
+    """Escaped text in which long words may break, without changing what is copied from it."""
+    return Markup(" ").join(
+        Markup("<wbr>").join(word[start : start + PIECE] for start in range(0, len(word), PIECE))
+        if len(word) > LONG_WORD
+        else word
+        for word in text.split(" ")
+    )
+
+
+def as_json(value: Any) -> Markup:
+    """JSON that can stand inside a script element whatever its texts are.
+
+    Raises
+    ------
+    ValueError
+        For a number that is not finite: JSON has none.
+    """
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return Markup(text.translate(ESCAPED))
+
+
+def _printed(block: Block) -> tuple[Block, ...]:
+    if isinstance(block, Beside):
+        return (Beside(tuple(each for one in block.blocks for each in _still(one))),)
+    return _still(block)
+
+
+def _still(block: Alone) -> tuple[Alone, ...]:
+    return tuple(map(_picture, block.drawings)) if isinstance(block, Drawn) else (block,)
+
+
+def _picture(drawing: Drawing) -> Picture:
+    buffer = BytesIO()
+    drawing.draw().savefig(buffer, format="svg")
+    source = "data:image/svg+xml;base64," + b64encode(buffer.getvalue()).decode("ascii")
+    return Picture(source, drawing.alternative, drawing.caption, drawing.wide)
+
+
+def _scripts() -> tuple[Markup, ...]:
+    return tuple(Markup(_text(name)) for name in (LIBRARY, *SCRIPTS))
+
+
+@cache
+def _text(name: str) -> str:
+    return (Path(__file__).parent / name).read_text(encoding="utf-8")
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("pipelines.report", "."),
+        autoescape=select_autoescape(),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["breakable"] = breakable
+    environment.filters["as_json"] = as_json
+    return environment
