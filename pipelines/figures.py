@@ -2,11 +2,11 @@
 
 from pipelines.figures_data import plot_coherence, plot_reference, plot_setup
 from pipelines.figures_labels import mode_name, place_name
+from pipelines.figures_matrix import plot_mac, plot_signed_matrix
 from pipelines.figures_modes import (
     plot_frac,
     plot_frf_magnitude,
     plot_frf_phase,
-    plot_mac,
     plot_shape_by_node,
     plot_shape_on_circle,
     plot_stability,
@@ -36,6 +36,7 @@ __all__ = [
     "plot_setup",
     "plot_shape_by_node",
     "plot_shape_on_circle",
+    "plot_signed_matrix",
     "plot_stability",
     "png",
     "png_uri",

@@ -182,43 +182,6 @@ def plot_shape_by_node(mode: Mode, names: Sequence[str], ax: Axes) -> Axes:
     return ax
 
 
-def plot_mac(
-    values: ArrayLike, row_names: Sequence[str], column_names: Sequence[str], ax: Axes
-) -> Axes:
-    """Show a MAC matrix with its values.
-
-    Parameters
-    ----------
-    values : array_like, shape (n_rows, n_columns)
-        Between 0 and 1.
-    row_names, column_names : sequence of str
-    ax : Axes
-
-    Returns
-    -------
-    Axes
-    """
-    matrix = np.asarray(values, dtype=float)
-    ax.imshow(matrix, vmin=0, vmax=1, cmap="Blues", aspect="equal")
-    ax.grid(visible=False)
-    ax.set_xticks(range(matrix.shape[1]), column_names, rotation=90 if _long(column_names) else 0)
-    ax.set_yticks(range(matrix.shape[0]), row_names)
-    size = 7.5 if max(matrix.shape) <= 9 else 5.5
-    for (row, column), value in np.ndenumerate(matrix):
-        # In large matrices the small values would only be noise to the eye.
-        if max(matrix.shape) <= 9 or value >= 0.1:
-            ax.text(
-                column,
-                row,
-                f"{value:.2f}",
-                ha="center",
-                va="center",
-                fontsize=size,
-                color="white" if value > 0.55 else "black",
-            )
-    return ax
-
-
 def plot_frac(model: ModalModel, ax: Axes) -> Axes:
     """FRAC of measured against fitted FRFs, position by position.
 
@@ -301,7 +264,3 @@ def _fitted(
     frf: FRF, model: ModalModel, row: int, lines: NDArray[np.bool_]
 ) -> NDArray[np.complex128]:
     return np.asarray(model.synthesise(frf.frequency_hz[lines], frf.run)[row])
-
-
-def _long(names: Sequence[str]) -> bool:
-    return sum(map(len, names)) > 34

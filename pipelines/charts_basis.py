@@ -1,0 +1,61 @@
+"""What all charts share: axes with their units, texts from files, and how they are printed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FREQUENCY = "frequency / Hz"
+INERTANCE = "|inertance| / ((m/s²)/N)"
+BELOW = {"orientation": "h", "x": 0, "xanchor": "left", "y": -0.2, "yanchor": "top"}
+NO_COLOUR = "rgba(0, 0, 0, 0)"
+#: Names of colour scales that can be told apart with any colour vision.
+SHARE_SCALE, MAP_SCALE, SIGNED_SCALE = "Blues", "Viridis", "RdBu"
+
+
+def axis(title: str, **options: Any) -> dict[str, Any]:
+    """An axis with its title; `options` as Plotly names them."""
+    return {"title": {"text": title}, **options}
+
+
+def log_axis(title: str, **options: Any) -> dict[str, Any]:
+    """A logarithmic axis with plain numbers."""
+    return axis(title, type="log", tickformat="~g", dtick=1, **options)
+
+
+def as_text(text: str) -> str:
+    """A text from a file as it stands: nothing in it is taken for markup."""
+    return escape(text, quote=False)
+
+
+def printed(
+    plot: Callable[..., Any], *data: Any, size_cm: tuple[float, float], **margins_cm: float
+) -> Callable[[], Figure]:
+    """How a chart is drawn on paper: one axis, in the common style.
+
+    Parameters
+    ----------
+    plot : callable
+        Called with the module `pipelines.figures`, the data and the axis.
+    data
+        Passed on to `plot`.
+    size_cm : tuple of float
+        Width and height.
+    margins_cm
+        Margins that differ from the usual ones.
+    """
+
+    def draw() -> Figure:
+        # Loaded here alone: a page on a screen does not wait for it.
+        from pipelines import figures
+
+        margins = figures.Margins(**margins_cm)
+        with figures.styled_figure(*size_cm, margins=margins) as (figure, ax):
+            plot(figures, *data, ax)
+        return figure
+
+    return draw

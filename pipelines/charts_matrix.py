@@ -1,0 +1,144 @@
+"""Charts of matrices: MAC, sensitivities and correlations, each cell with its number."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipelines.charts_basis import SHARE_SCALE, SIGNED_SCALE, as_text, axis, printed
+from pipelines.report.chart import Chart, packed
+
+WRITTEN_CELLS = 15  # rows and columns up to which every number has room in its cell
+
+
+def mac_chart(
+    values: ArrayLike,
+    rows: Sequence[str],
+    columns: Sequence[str],
+    *,
+    name: str,
+    titles: tuple[str, str],
+    alternative: str,
+    caption: str,
+) -> Chart:
+    """A MAC matrix, 0 (pale) to 1 (dark).
+
+    Parameters
+    ----------
+    values : array_like, shape (n_rows, n_columns)
+        Between 0 and 1.
+    rows, columns : sequence of str
+        Names; each is used once.
+    name : str
+        Of the chart, unique in the page.
+    titles : tuple of str
+        What rows and columns are: titles of the vertical and of the horizontal axis.
+    alternative, caption : str
+        What it shows, and what to look for.
+    """
+    matrix = np.asarray(values, dtype=float)
+    trace = _cells(matrix, rows, columns, "{:.2f}", "MAC %{z:.3f}", titles) | {
+        "colorscale": SHARE_SCALE,
+        "reversescale": True,
+        "zmin": 0,
+        "zmax": 1,
+        "colorbar": {"title": {"text": "MAC"}, "thickness": 12, "tickvals": [0, 0.5, 1]},
+    }
+    return Chart(
+        name,
+        (trace,),
+        _layout(rows, columns, titles),
+        alternative,
+        caption,
+        printed(_draw_mac, matrix, rows, columns, titles, size_cm=(10.5, 9.5)),
+        height_px=420,
+    )
+
+
+def signed_chart(
+    values: ArrayLike,
+    rows: Sequence[str],
+    columns: Sequence[str],
+    *,
+    name: str,
+    titles: tuple[str, str],
+    quantity: str,
+    alternative: str,
+    caption: str,
+) -> Chart:
+    """A matrix whose values have a sign: blue above zero, red below.
+
+    Parameters
+    ----------
+    values : array_like, shape (n_rows, n_columns)
+    rows, columns, name, titles, alternative, caption
+        As for `mac_chart`.
+    quantity : str
+        What a value is.
+    """
+    matrix = np.asarray(values, dtype=float)
+    largest = max(float(np.abs(matrix).max(initial=0.0)), 1e-3)
+    trace = _cells(matrix, rows, columns, "{:+.2f}", f"{quantity} %{{z:+.3f}}", titles) | {
+        "colorscale": SIGNED_SCALE,
+        # The scale of this name runs from blue to red.
+        "reversescale": True,
+        "zmin": -largest,
+        "zmax": largest,
+        "colorbar": {"thickness": 12},
+    }
+    return Chart(
+        name,
+        (trace,),
+        _layout(rows, columns, titles),
+        alternative,
+        caption,
+        printed(_draw_signed, matrix, rows, columns, titles, size_cm=(10.5, 9.5)),
+        height_px=420,
+    )
+
+
+def _cells(
+    matrix: NDArray[np.float64],
+    rows: Sequence[str],
+    columns: Sequence[str],
+    cell: str,
+    hover: str,
+    titles: tuple[str, str],
+) -> dict[str, Any]:
+    """A heat map with the value in each cell, as far as there is room."""
+    trace: dict[str, Any] = {
+        "type": "heatmap",
+        "x": list(map(as_text, columns)),
+        "y": list(map(as_text, rows)),
+        "z": packed(matrix),
+        "xgap": 1,
+        "ygap": 1,
+        "hovertemplate": f"{titles[0]}: %{{y}}<br>{titles[1]}: %{{x}}<br>{hover}<extra></extra>",
+    }
+    if max(matrix.shape, default=0) <= WRITTEN_CELLS:
+        trace["text"] = [[cell.format(value).replace("-", "−") for value in row] for row in matrix]
+        trace["texttemplate"] = "%{text}"
+    return trace
+
+
+def _layout(rows: Sequence[str], columns: Sequence[str], titles: tuple[str, str]) -> dict[str, Any]:
+    """Rows from the top, as in a table; names stay names where they look like numbers."""
+    return {
+        "xaxis": axis(titles[1], type="category", showgrid=False, nticks=len(columns)),
+        "yaxis": axis(
+            titles[0], type="category", autorange="reversed", showgrid=False, nticks=len(rows)
+        ),
+    }
+
+
+def _draw_mac(figures: Any, matrix: Any, rows: Any, columns: Any, titles: Any, ax: Any) -> None:
+    figures.plot_mac(matrix, rows, columns, ax)
+    ax.set(xlabel=titles[1], ylabel=titles[0])
+
+
+def _draw_signed(figures: Any, matrix: Any, rows: Any, columns: Any, titles: Any, ax: Any) -> None:
+    figures.plot_signed_matrix(matrix, rows, columns, ax)
+    ax.set(xlabel=titles[1], ylabel=titles[0])
