@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from copy import deepcopy
 from dataclasses import replace
 from html.parser import HTMLParser
 from math import inf, nan
@@ -20,6 +22,7 @@ from ema.quality import Finding
 from ema.recording import Campaign, Tyre
 from pipelines import numbers
 
+NUMBER = re.compile(r"\d+(?:\.\d+)?")
 ROOT = Path(__file__).parents[1]
 SAMPLE = ROOT / "sample_data" / "tyre_225_55R17"
 HOSTILE = "<script>alert('x')</script>"
@@ -129,3 +132,33 @@ def test_texts_of_files_stay_texts(result):
 def test_what_is_unknown_is_no_number(result):
     frf = replace(result.frf, coherence=np.full_like(result.frf.coherence, nan), n_effective=nan)
     assert shown(frf).count("unknown") == 2
+
+
+def texts_of(notebook):
+    """What the cells show as text, a cell at a time; pictures, ids and styles left out."""
+    shown = []
+    for cell in notebook.cells:
+        for output in cell.get("outputs", ()):
+            assert output.output_type == "execute_result"
+            data = output.data
+            shown.append(data["text/plain"] if "image/png" not in data else "picture")
+            if "text/html" in data:
+                shown.append(data["text/html"])
+    return shown
+
+
+def test_the_notebook_holds_what_a_fresh_run_gives():
+    nbformat = pytest.importorskip("nbformat", reason="the notebook needs pip install nbformat")
+    nbclient = pytest.importorskip("nbclient", reason="the notebook needs pip install nbclient")
+    pytest.importorskip("ipykernel", reason="the notebook needs pip install ipykernel")
+    path = ROOT / "docs" / "notebooks" / "first_steps.ipynb"
+    stored = nbformat.read(path, as_version=4)
+    fresh = deepcopy(stored)
+    folder = {"metadata": {"path": str(path.parent)}}
+    nbclient.NotebookClient(fresh, timeout=120, resources=folder).execute()
+    before, after = texts_of(stored), texts_of(fresh)
+    assert before.count("picture") >= 7
+    for old, new in zip(before, after, strict=True):
+        assert NUMBER.sub("#", old) == NUMBER.sub("#", new)
+        wanted, found = ([float(n) for n in NUMBER.findall(text)] for text in (old, new))
+        np.testing.assert_allclose(found, wanted, rtol=0.01, atol=0.02)
