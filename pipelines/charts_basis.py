@@ -33,18 +33,25 @@ def as_text(text: str) -> str:
 
 
 def printed(
-    plot: Callable[..., Any], *data: Any, size_cm: tuple[float, float], **margins_cm: float
+    plot: Callable[..., Any],
+    *data: Any,
+    size_cm: tuple[float, float],
+    rows: int = 1,
+    **margins_cm: float,
 ) -> Callable[[], Figure]:
-    """How a chart is drawn on paper: one axis, in the common style.
+    """How a chart is drawn on paper, in the common style.
 
     Parameters
     ----------
     plot : callable
-        Called with the module `pipelines.figures`, the data and the axis.
+        Called with the module `pipelines.figures`, the data and the axis; with the axes as an
+        array where there are several.
     data
         Passed on to `plot`.
     size_cm : tuple of float
         Width and height.
+    rows : int
+        Axes one below the other, over one frequency.
     margins_cm
         Margins that differ from the usual ones.
     """
@@ -54,7 +61,7 @@ def printed(
         from pipelines import figures
 
         margins = figures.Margins(**margins_cm)
-        with figures.styled_figure(*size_cm, margins=margins) as (figure, ax):
+        with figures.styled_figure(*size_cm, rows, margins=margins, sharex=True) as (figure, ax):
             plot(figures, *data, ax)
         return figure
 

@@ -1,6 +1,6 @@
 """Every figure of the project: ``plot_*(data, …, ax) -> ax``, to be drawn in `styled_figure`."""
 
-from pipelines.figures_data import plot_coherence, plot_reference, plot_setup
+from pipelines.figures_data import plot_coherence, plot_drive_point, plot_reference, plot_setup
 from pipelines.figures_labels import mode_name, place_name
 from pipelines.figures_matrix import plot_mac, plot_signed_matrix
 from pipelines.figures_modes import (
@@ -26,6 +26,7 @@ __all__ = [
     "plot_coherence",
     "plot_damping",
     "plot_dispersion",
+    "plot_drive_point",
     "plot_frac",
     "plot_frequency_error",
     "plot_frequency_scatter",

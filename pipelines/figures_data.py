@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from ema.frf import FRF
 from ema.quality import ReferenceCheck
 from pipelines.figures_labels import literal, short, sparse_labels
-from pipelines.figures_style import FAINT, FITTED, log_axis, series_style
-from pipelines.figures_values import coherence_map, in_band
+from pipelines.figures_style import FAINT, FITTED, MEASURED, log_axis, series_style
+from pipelines.figures_values import coherence_map, in_band, wrapped_phase_deg
 
 MOST_COLUMNS = 500  # of a map on paper
 
@@ -129,6 +129,39 @@ def plot_reference(
     ax.set_ylabel("|inertance| / ((m/s²)/N)")
     ax.legend(ncols=2, loc="lower right")
     return ax
+
+
+def plot_drive_point(frf: FRF, row: int, band_hz: tuple[float, float], axes: Any) -> Any:
+    """Draw magnitude and phase of the FRF at the force, with the limits of its phase.
+
+    Parameters
+    ----------
+    frf : FRF
+    row : int
+        Row of `frf`.
+    band_hz : tuple of float
+        Band shown.
+    axes : sequence of Axes
+        One for the magnitude, one below it for the phase.
+
+    Returns
+    -------
+    sequence of Axes
+    """
+    magnitude, phase = axes
+    lines = in_band(frf.frequency_hz, band_hz)
+    magnitude.plot(frf.frequency_hz[lines], np.abs(frf.values[row, lines]), color=MEASURED)
+    log_axis(magnitude)
+    magnitude.set_ylabel("|H| / ((m/s²)/N)")
+    phase.plot(frf.frequency_hz[lines], wrapped_phase_deg(frf.values[row, lines]), color=MEASURED)
+    for limit in (0, 180):
+        phase.axhline(limit, color=FITTED, linewidth=0.8, linestyle=":")
+    phase.set_xlim(*band_hz)
+    phase.set_ylim(-190, 190)
+    phase.set_yticks([-180, -90, 0, 90, 180])
+    phase.set_xlabel("frequency / Hz")
+    phase.set_ylabel("phase / °")
+    return axes
 
 
 def _on_circle(angle_deg: Any, radius: float) -> tuple[Any, Any]:

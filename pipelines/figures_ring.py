@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pipelines.figures_style import FAINT, MEASURED, RING
 from pipelines.result import Validation
 
+BARS: dict[str, Any] = {"fmt": "none", "elinewidth": 1.0, "capsize": 2.0}
 
-def plot_frequency_scatter(validation: Validation, ax: Axes) -> Axes:
+
+def plot_frequency_scatter(
+    validation: Validation, ax: Axes, std_hz: NDArray[np.float64] | None = None
+) -> Axes:
     """Model against measured frequencies, with the ±1 % band.
 
     Parameters
     ----------
     validation : Validation
     ax : Axes
+    std_hz : ndarray, shape (n_orders,), optional
+        Standard deviations of the measured frequencies; drawn twofold as bars.
 
     Returns
     -------
@@ -28,6 +36,9 @@ def plot_frequency_scatter(validation: Validation, ax: Axes) -> Axes:
     ax.fill_between(ends, 0.99 * ends, 1.01 * ends, color="#CFE3F1", label="±1 %")
     ax.plot(ends, ends, color=FAINT, linewidth=0.8)
     ax.plot(validation.measured_hz, validation.model_hz, "o", color=RING)
+    if std_hz is not None:
+        bars = {"color": RING, **BARS}
+        ax.errorbar(validation.measured_hz, validation.model_hz, xerr=2 * std_hz, **bars)
     for order, x, y in zip(
         validation.order, validation.measured_hz, validation.model_hz, strict=True
     ):
@@ -41,13 +52,17 @@ def plot_frequency_scatter(validation: Validation, ax: Axes) -> Axes:
     return ax
 
 
-def plot_frequency_error(validation: Validation, ax: Axes) -> Axes:
+def plot_frequency_error(
+    validation: Validation, ax: Axes, std_hz: NDArray[np.float64] | None = None
+) -> Axes:
     """Deviation of the model's frequencies, order by order, with the ±1 % band.
 
     Parameters
     ----------
     validation : Validation
     ax : Axes
+    std_hz : ndarray, shape (n_orders,), optional
+        Standard deviations of the measured frequencies; drawn twofold as bars.
 
     Returns
     -------
@@ -58,6 +73,9 @@ def plot_frequency_error(validation: Validation, ax: Axes) -> Axes:
     ax.axhline(0, color=FAINT, linewidth=0.8)
     ax.vlines(validation.order, 0, error, color=RING)
     ax.plot(validation.order, error, "o", color=RING)
+    if std_hz is not None:
+        half = 200 * std_hz / validation.measured_hz
+        ax.errorbar(validation.order, error, yerr=half, color=MEASURED, **BARS)
     limit = 1.15 * max(1.0, float(np.abs(error).max()))
     ax.set_ylim(-limit, limit)
     ax.set_xticks(validation.order)
@@ -99,13 +117,15 @@ def plot_dispersion(
     return ax
 
 
-def plot_damping(validation: Validation, ax: Axes) -> Axes:
+def plot_damping(validation: Validation, ax: Axes, std: NDArray[np.float64] | None = None) -> Axes:
     """Damping ratio over order, measured and of the ring.
 
     Parameters
     ----------
     validation : Validation
     ax : Axes
+    std : ndarray, shape (n_orders,), optional
+        Standard deviations of the measured damping ratios; drawn twofold as bars.
 
     Returns
     -------
@@ -122,6 +142,8 @@ def plot_damping(validation: Validation, ax: Axes) -> Axes:
         markersize=7,
         label="measured",
     )
+    if std is not None:
+        ax.errorbar(validation.order, measured, yerr=200 * std, color=MEASURED, **BARS)
     ax.set_ylim(0, 1.15 * float(np.nanmax(np.concatenate([measured, ring]))))
     ax.set_xticks(validation.order)
     ax.set_xlabel("order n")

@@ -1,0 +1,160 @@
+"""The stability diagram as a chart: every pole, what it belongs to, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.stability import Cluster, StabilityDiagram
+from pipelines.charts_basis import BELOW, FREQUENCY, as_text, axis, log_axis, printed
+from pipelines.figures_labels import spread
+from pipelines.figures_values import in_band, pole_marks
+from pipelines.report.chart import DROPPED, FAINT, KEPT, Chart, packed
+
+HEADROOM = 1.22  # above the highest model order, for the frequencies of the modes
+LABELS_ACROSS = 38  # labels that fit side by side
+MARKERS: Mapping[str, Mapping[str, Any]] = {
+    "not stable": {"symbol": "cross-thin-open", "color": FAINT, "size": 5, "opacity": 0.7},
+    "stable, not in a mode": {"symbol": "x-thin-open", "color": DROPPED, "size": 6},
+    "in a mode, not stable": {"symbol": "circle-open", "color": KEPT, "size": 6},
+    "in a mode": {"symbol": "circle", "color": KEPT, "size": 6},
+}
+
+
+def stability_chart(diagram: StabilityDiagram) -> Chart:
+    """Poles over frequency and model order, in front of the mode indicator.
+
+    Parameters
+    ----------
+    diagram : StabilityDiagram
+    """
+    kept = _kept_in_band(diagram)
+    reasons = _reasons(diagram)
+    traces = (_indicator(diagram), *_poles(diagram, reasons))
+    highest = float(diagram.model_order.max(initial=1)) * HEADROOM
+    layout = {
+        "xaxis": axis(FREQUENCY, range=list(diagram.band_hz)),
+        # The indicator has the axis at the back: what overlays it is drawn in front.
+        "yaxis": log_axis("RMS inertance / ((m/s²)/N)", side="right", showgrid=False),
+        "yaxis2": axis("model order", side="left", overlaying="y", range=[0, highest]),
+        "legend": BELOW,
+        "shapes": [_line(cluster) for cluster in kept],
+        "annotations": _names(kept, diagram.band_hz, highest),
+        "hovermode": "closest",
+    }
+    found = ", ".join(f"{cluster.frequency_hz:.1f}" for cluster in kept)
+    return Chart(
+        "stability",
+        traces,
+        layout,
+        f"Stability diagram with {diagram.poles.size} poles; {len(kept)} columns were taken for "
+        f"modes{f', at {found} Hz' if kept else ''}.",
+        "Poles of all model orders over the RMS inertance of all positions (line). A mode is a "
+        "straight column of stable poles, best at a peak; the frequencies in Hz at the top are "
+        "the clusters taken for modes. Columns that lean or break off are not modes. Point at a "
+        "pole for its damping and the reason; click in the legend to hide a kind.",
+        printed(
+            lambda figures, *data: figures.plot_stability(*data),
+            diagram,
+            size_cm=(17.5, 10.5),
+            right=1.6,
+            bottom=1.7,
+            top=1.4,
+        ),
+        wide=True,
+        height_px=540,
+    )
+
+
+def _kept_in_band(diagram: StabilityDiagram) -> list[Cluster]:
+    low, high = diagram.band_hz
+    kept = [c for c in diagram.clusters if c.kept and low <= c.frequency_hz <= high]
+    return sorted(kept, key=lambda cluster: cluster.frequency_hz)
+
+
+def _reasons(diagram: StabilityDiagram) -> dict[int, str]:
+    """What is said about a pole, by the cluster it belongs to."""
+    says = {cluster.label: as_text(cluster.reason) for cluster in diagram.clusters}
+    return {**says, -1: "in no cluster"}
+
+
+def _indicator(diagram: StabilityDiagram) -> dict[str, Any]:
+    inside = in_band(diagram.indicator_hz, diagram.band_hz)
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": "RMS inertance",
+        "x": packed(diagram.indicator_hz[inside]),
+        "y": packed(diagram.indicator[inside]),
+        "line": {"color": FAINT, "width": 1.5},
+        "opacity": 0.8,
+        "hovertemplate": "%{x:.2f} Hz<br>RMS inertance %{y:.3g} (m/s²)/N<extra></extra>",
+    }
+
+
+def _poles(diagram: StabilityDiagram, reasons: Mapping[int, str]) -> list[dict[str, Any]]:
+    """One trace for each mark, so that the legend hides and shows it."""
+    return [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": name,
+            "yaxis": "y2",
+            "x": packed(diagram.frequency_hz[chosen]),
+            "y": packed(diagram.model_order[chosen]),
+            "customdata": packed(100 * diagram.damping_ratio[chosen]),
+            "text": _reasons_of(diagram.cluster[chosen], reasons),
+            "marker": {**MARKERS[name], "line": {"width": 1}},
+            "hovertemplate": "%{x:.2f} Hz, damping %{customdata:.2f} %<br>model order %{y}, "
+            f"{name}<br>%{{text}}<extra></extra>",
+        }
+        for name, chosen in pole_marks(diagram).items()
+    ]
+
+
+def _reasons_of(labels: NDArray[np.int_], reasons: Mapping[int, str]) -> list[str]:
+    return [reasons.get(int(label), "") for label in labels]
+
+
+def _line(cluster: Cluster) -> dict[str, Any]:
+    """A thin line from the axis up, where a cluster was kept."""
+    return {
+        "type": "line",
+        "xref": "x",
+        "yref": "y2 domain",
+        "x0": cluster.frequency_hz,
+        "x1": cluster.frequency_hz,
+        "y0": 0,
+        "y1": 0.85,
+        "line": {"color": KEPT, "width": 0.8},
+        "layer": "below",
+    }
+
+
+def _names(
+    kept: list[Cluster], band_hz: tuple[float, float], highest: float
+) -> list[dict[str, Any]]:
+    """Frequencies of the kept clusters above the poles, side by side."""
+    frequencies = [cluster.frequency_hz for cluster in kept]
+    places = spread(frequencies, gap=(band_hz[1] - band_hz[0]) / LABELS_ACROSS)
+    return [
+        {
+            "x": frequency,
+            "y": 0.86 * highest,
+            "yref": "y2",
+            "ax": float(place),
+            "axref": "x",
+            "ay": 0.9 * highest,
+            "ayref": "y2",
+            "text": f"{frequency:.1f}",
+            "textangle": -90,
+            "yanchor": "bottom",
+            "arrowhead": 0,
+            "arrowwidth": 0.8,
+            "arrowcolor": KEPT,
+        }
+        for frequency, place in zip(frequencies, places, strict=True)
+    ]
