@@ -8,13 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference import circle_basis, label_modes
+from ema.circumference import circle_basis, label_modes, order_content
 from ema.frf import FRF
 from ema.modes import ModalModel, Mode
 from ema.quality import EXCLUDED, WARNING, Finding, position_finding
 
 # Shapes of the ring's modes that the check rests on.
 _PURE = 0.5
+# Share of the positions that has to show a mode's order where its purity does not.
+_MAJORITY, _SHARE = 0.6, 0.05
 _FEWEST_MODES = 2
 # No shape of a single order exceeds its median magnitude by this factor.
 _LOUD = 2.0
@@ -149,18 +151,52 @@ def _ring_modes(model: ModalModel, position_deg: NDArray[np.float64]) -> list[Mo
         replace(mode, residues=mode.residues * np.minimum(1, limit / np.abs(mode.residues)))
         for mode, limit in zip(model.modes, limits, strict=True)
     ]
-    return [
-        replace(mode, order=seen.order)
-        for mode, seen in zip(model.modes, label_modes(tamed, position_deg), strict=True)
-        if seen.order is not None and seen.order_purity > _PURE
+    labelled = label_modes(tamed, position_deg)
+    orders = [
+        None if seen.order is None else _trusted_order(mode, seen, position_deg)
+        for mode, seen in zip(model.modes, labelled, strict=True)
     ]
+    return [
+        replace(mode, order=order)
+        for mode, order in zip(model.modes, orders, strict=True)
+        if order is not None
+    ]
+
+
+def _trusted_order(mode: Mode, seen: Mode, position_deg: NDArray[np.float64]) -> int | None:
+    """Order of a pure shape, or the one that most positions follow; None where there is neither.
+
+    A run with a reversed force spoils the purity of every shape, but most positions still agree.
+    """
+    if seen.order_purity > _PURE:
+        return seen.order
+    power = order_content(mode.residues, position_deg).power
+    for order in np.argsort(power)[::-1]:
+        if power[order] < _SHARE * power.sum():
+            return None
+        if _followed(replace(mode, order=int(order)), position_deg) > _MAJORITY:
+            return int(order)
+    return None
+
+
+def _followed(mode: Mode, position_deg: NDArray[np.float64]) -> float:
+    """Share of the positions that a wave of the mode's order explains."""
+    own = _order_basis(mode, position_deg)
+    fitted = own @ _robust(own, mode.residues)
+    size = np.sqrt(np.mean(np.abs(fitted) ** 2))
+    noise = _SIGNIFICANT * mode.residues_std
+    return float(np.mean(np.abs(mode.residues - fitted) < _TOLERANCE * size + noise))
+
+
+def _order_basis(mode: Mode, position_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    basis = circle_basis(position_deg, mode.order or 0)
+    return basis[:, :1] if not mode.order else basis[:, -2:]
 
 
 def _shapes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> _Shapes:
     measured, expected, noise = [], [], []
     for mode in modes:
-        basis = circle_basis(position_deg, mode.order or 0)
-        own = basis[:, :1] if not mode.order else basis[:, -2:]
+        own = _order_basis(mode, position_deg)
         fitted = own @ _robust(own, mode.residues)
         size = np.sqrt(np.mean(np.abs(fitted) ** 2))
         measured.append(mode.residues / size)
