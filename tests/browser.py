@@ -6,6 +6,7 @@ import base64
 import importlib.util
 import json
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -83,6 +84,15 @@ class Browser:
         if self.js("return document.querySelector('.plot') !== null"):
             self.wait("return document.documentElement.dataset.ready !== undefined")
 
+    @contextmanager
+    def watched(self) -> Iterator[None]:
+        """See to it that pages complain of nothing and ask no other machine for anything."""
+        self.complaints()
+        self.requests()
+        yield
+        assert self.complaints() == []
+        assert hosts(self.requests()) == []
+
     def js(self, script: str, *arguments: Any) -> Any:
         """Run a script in the page; its `return` is the answer."""
         return self.driver.execute_script(script, *arguments)
@@ -120,6 +130,25 @@ class Browser:
             "const done = arguments[0];"
             "requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 50)));"
         )
+
+    def find(self, selector: str) -> Any:
+        """The first element that fits, as something to point at."""
+        return self.driver.find_element("css selector", selector)
+
+    def find_all(self, selector: str) -> list[Any]:
+        """All elements that fit, as things to point at."""
+        return list(self.driver.find_elements("css selector", selector))
+
+    def pointer(self) -> Any:
+        """What a hand does with mouse and keys, step by step until ``perform()``."""
+        from selenium.webdriver import ActionChains
+
+        return ActionChains(self.driver, duration=50)
+
+    def ids(self, selector: str) -> list[str]:
+        """The ids of all elements that fit."""
+        script = "return [...document.querySelectorAll(arguments[0])].map(each => each.id)"
+        return list(self.js(script, selector))
 
     def texts(self, selector: str) -> list[str]:
         """The texts of all elements that fit."""
@@ -166,6 +195,21 @@ class Browser:
             for each in found
             if each["impact"] in ("serious", "critical")
         ]
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of a computed colour, by WCAG 2."""
+    parts = [float(part) / 255 for part in re.findall(r"[\d.]+", colour)[:3]]
+    linear = [
+        each / 12.92 if each <= 0.04045 else ((each + 0.055) / 1.055) ** 2.4 for each in parts
+    ]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one: str, other: str) -> float:
+    """Ratio of contrast of two computed colours, by WCAG 2: from 1 to 21."""
+    darker, lighter = sorted([luminance(one), luminance(other)])
+    return (lighter + 0.05) / (darker + 0.05)
 
 
 def hosts(addresses: list[str]) -> list[str]:

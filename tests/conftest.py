@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from browser import chromium
 from hypothesis import HealthCheck, settings
 
 from pipelines import cli
@@ -50,6 +51,22 @@ def sample_folder(sample_result, tmp_path_factory):
     folder = tmp_path_factory.mktemp("sample") / "result"
     save(sample_result, folder)
     return folder
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """A headless browser; tests that need it are skipped where there is none."""
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture
+def page(browser, sample_folder):
+    """The sample report on a wide, light screen; quiet on the console and off the network."""
+    with browser.watched():
+        browser.show()
+        browser.open(sample_folder / "report.html")
+        yield browser
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from browser import chromium, hosts
+from browser import contrast, hosts, luminance
 from results import tyre_result
 
 from ema.quality import WARNING, Finding
@@ -48,74 +48,37 @@ while (walker.nextNode()) {
 return found"""
 
 
-def luminance(colour):
-    """Relative luminance of a computed colour, by WCAG 2."""
-    parts = [float(part) / 255 for part in re.findall(r"[\d.]+", colour)[:3]]
-    linear = [
-        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
-    ]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
-def contrast(one, other):
-    darker, lighter = sorted([luminance(one), luminance(other)])
-    return (lighter + 0.05) / (darker + 0.05)
-
-
 @pytest.fixture(scope="session")
-def browser():
-    with chromium() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="session")
-def written(sample_result, tmp_path_factory):
-    return write_report(sample_result, tmp_path_factory.mktemp("report") / "report.html")
-
-
-@pytest.fixture
-def page(browser, written):
-    """The report of the sample campaign, quiet on the console and off the network."""
-    browser.show()
-    browser.open(written)
-    yield browser
-    assert browser.complaints() == []
-    assert hosts(browser.requests()) == []
-
-
-@pytest.fixture(scope="session")
-def hostile_report(sample_result, tmp_path_factory):
+def hostile_report(tmp_path_factory):
     """A report whose tyre, details, channels, files and notes hold hostile texts."""
     tyre = Tyre(HOSTILE, 2.2e5, 0.33, 0.19, {"serial": HOSTILE, HOSTILE: "x", "note": ENDLESS})
     findings = (
         Finding(HOSTILE, HOSTILE, 0.0, "coherence", WARNING, HOSTILE),
         Finding(ENDLESS, ENDLESS, 5.0, "hum", WARNING, ENDLESS),
     )
-    frf = sample_result.frf
-    runs = (HOSTILE, ENDLESS, *frf.run[2:])
-    result = tyre_result(
-        name=HOSTILE,
-        tyre=tyre,
-        findings=findings,
-        notes=(HOSTILE, ENDLESS),
-    )
-    result = replace(result, frf=replace(result.frf, run=runs))
+    result = tyre_result(name=HOSTILE, tyre=tyre, findings=findings, notes=(HOSTILE, ENDLESS))
+    result = replace(result, frf=replace(result.frf, run=(HOSTILE, ENDLESS, *result.frf.run[2:])))
     return write_report(result, tmp_path_factory.mktemp("hostile") / "report.html")
 
 
 # --- the page as a whole
 
 
-def test_page_is_one_small_file(written):
-    assert written.stat().st_size <= LARGEST_BYTES
+@pytest.fixture(scope="session")
+def sample_report(sample_folder):
+    return sample_folder / "report.html"
 
 
-def test_page_asks_no_host_and_complains_of_nothing(browser, written):
+def test_page_is_one_small_file(sample_report):
+    assert sample_report.stat().st_size <= LARGEST_BYTES
+
+
+def test_page_asks_no_host_and_complains_of_nothing(browser, sample_report):
     browser.show()
     browser.requests()
-    browser.open(written)
+    browser.open(sample_report)
     asked = browser.requests()
-    assert written.as_uri() in asked
+    assert sample_report.as_uri() in asked
     assert hosts(asked) == []
     assert browser.complaints() == []
 
@@ -223,15 +186,14 @@ def test_everything_that_can_be_worked_or_seen_has_a_name(page):
 
 @pytest.mark.parametrize("width", WIDTHS_PX)
 def test_hostile_texts_appear_as_text(browser, hostile_report, width):
-    browser.show(width=width)
-    browser.open(hostile_report)
-    assert browser.texts("h1") == [HOSTILE]
-    assert browser.texts("dd").count(HOSTILE) >= 2
-    assert {HOSTILE, ENDLESS} <= set(browser.texts("td"))
-    assert ENDLESS in browser.texts("dd")
-    assert {HOSTILE, ENDLESS} <= set(browser.texts("#notes li"))
-    assert browser.js("return document.querySelector('[onerror]')") is None
-    assert not any(text.startswith("alert") for text in browser.texts("script"))
-    assert browser.js("return document.scrollingElement.scrollWidth") <= width
-    assert browser.complaints() == []
-    assert hosts(browser.requests()) == []
+    with browser.watched():
+        browser.show(width=width)
+        browser.open(hostile_report)
+        assert browser.texts("h1") == [HOSTILE]
+        assert browser.texts("dd").count(HOSTILE) >= 2
+        assert {HOSTILE, ENDLESS} <= set(browser.texts("td"))
+        assert {HOSTILE, ENDLESS} <= set(browser.texts("#notes li"))
+        assert ENDLESS in browser.texts("dd")
+        assert browser.js("return document.querySelector('[onerror]')") is None
+        assert not any(text.startswith("alert") for text in browser.texts("script"))
+        assert browser.js("return document.scrollingElement.scrollWidth") <= width
