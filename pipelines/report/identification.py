@@ -7,7 +7,7 @@ import numpy as np
 from ema.mac import auto_mac
 from ema.modes import ModalModel, Mode
 from ema.stability import Cluster
-from pipelines import figures
+from pipelines import charts_stability, figures
 from pipelines.numbers import DASH, number, value_with_std
 from pipelines.report.blocks import Beside, Block, Paragraph, Picture, Section, Table
 from pipelines.report.notes import listed
@@ -16,7 +16,6 @@ from pipelines.result import Result
 SHOWN_ANGLE_DEG = 100.0  # the angle from the force that the literature on this test shows
 MOST_COLUMNS = 4
 NO_MODE = "No mode was found in the band."
-STABILITY_MARGINS = figures.Margins(right=1.6, bottom=1.7, top=1.4)
 CIRCLE_MARGINS = figures.Margins(0.1, 0.1, 0.1, 0.6, between_columns=0.2, between_rows=0.6)
 NODE_MARGINS = figures.Margins(0.8, 0.1, 0.6, 0.6, between_columns=0.8, between_rows=1.2)
 
@@ -29,18 +28,8 @@ def stability(result: Result) -> Section:
     kept = [cluster for cluster in inside if cluster.kept]
     dropped = [cluster for cluster in inside if not cluster.kept]
     beyond = [cluster for cluster in diagram.clusters if cluster not in inside]
-    with figures.styled_figure(17.5, 10.5, margins=STABILITY_MARGINS) as (figure, ax):
-        figures.plot_stability(diagram, ax)
-    picture = Picture(
-        figures.png_uri(figure),
-        f"Stability diagram with {diagram.poles.size} poles; {len(kept)} clusters were kept.",
-        "Poles of all model orders over the RMS inertance of all positions (blue). A mode is a "
-        "straight column of stable poles, best at a peak; the frequencies in Hz above the diagram "
-        "are the clusters taken for modes. Columns that lean or break off are not modes.",
-        wide=True,
-    )
     head = ("frequency / Hz", "damping ratio / %", "model orders", "verdict", "reason")
-    blocks: list[Block] = [picture]
+    blocks: list[Block] = [charts_stability.stability_chart(diagram)]
     for caption, clusters in (
         ("Clusters kept", kept),
         ("Clusters dropped", dropped),

@@ -9,11 +9,16 @@ import numpy as np
 
 from ema.frf import FRF
 from ema.modes import Drift
-from ema.quality import OK, Finding, ReferenceCheck
-from pipelines import figures
+from ema.quality import EXCLUDED, OK, WARNING, Finding, ReferenceCheck
+from pipelines import charts_drive_point, charts_quality, figures
+from pipelines.figures_values import in_band
 from pipelines.numbers import DASH, number, plain, value_with_std
 from pipelines.report.blocks import Beside, Block, Facts, Paragraph, Picture, Section, Table
+from pipelines.report.chart import Chart
 from pipelines.result import Result
+
+FINDING_HEAD = ("run", "channel", "position", "check", "detail")
+FINDING_WORDS = (0, 1, 3, 4)
 
 
 def identity(result: Result) -> Section:
@@ -35,9 +40,9 @@ def setup(result: Result) -> Section:
 
 def quality(result: Result) -> Section:
     """Say how far the data can be trusted."""
-    pictures = (*_coherence(result), *_reference(result.reference))
+    charts = (*_coherence(result), *_reference(result.reference), *_drive_point(result))
     blocks: list[Block] = [
-        *([Beside(pictures)] if pictures else []),
+        *([Beside(charts)] if charts else []),
         *_verdicts(result),
         *_drift(result.modal_model.drift),
         *_findings(result.findings),
@@ -139,40 +144,25 @@ def _setup_sketch(result: Result) -> Picture:
     )
 
 
-def _coherence(result: Result) -> tuple[Picture, ...]:
-    low, high = result.diagram.band_hz
-    inside = (result.frf.frequency_hz >= low) & (result.frf.frequency_hz <= high)
-    in_band = result.frf.coherence[:, inside]
-    known = in_band[np.isfinite(in_band)]
-    if known.size == 0:
+def _coherence(result: Result) -> tuple[Chart, ...]:
+    band_hz = result.diagram.band_hz
+    inside = in_band(result.frf.frequency_hz, band_hz)
+    if not np.isfinite(result.frf.coherence[:, inside]).any():
         return ()
-    median = float(np.median(known))
-    with figures.styled_figure(13, 9, margins=figures.Margins(right=0.9)) as (figure, ax):
-        figures.plot_coherence(result.frf, ax, result.diagram.band_hz)
-    return (
-        Picture(
-            figures.png_uri(figure),
-            f"Map of the coherence over positions and frequency; median {median:.3f}.",
-            f"Coherence, position by position; the median over the band is {median:.3f}. Dark rows "
-            "are sensors that did not follow the force, dark columns are frequencies without "
-            "excitation; dark spots along the nodal lines of a mode are natural.",
-        ),
-    )
+    return (charts_quality.coherence_chart(result.frf, band_hz),)
 
 
-def _reference(check: ReferenceCheck | None) -> tuple[Picture, ...]:
-    if check is None:
+def _reference(check: ReferenceCheck | None) -> tuple[Chart, ...]:
+    return () if check is None else (charts_quality.reference_chart(check),)
+
+
+def _drive_point(result: Result) -> tuple[Chart, ...]:
+    row = charts_drive_point.drive_point_row(result.frf, result.excitation_deg)
+    if row is None:
         return ()
-    with figures.styled_figure(13, 9) as (figure, ax):
-        figures.plot_reference(check, ax)
-    return (
-        Picture(
-            figures.png_uri(figure),
-            f"Inertance of the reference sensor in {len(check.run)} runs, one curve a run.",
-            "Inertance of the reference sensor, run by run. The curves should lie on each other; "
-            "peaks that move from run to run mean that the tyre changed (temperature, pressure).",
-        ),
-    )
+    found = (each for each in result.findings if each.check == "drive point")
+    band_hz, finding = result.diagram.band_hz, next(found, None)
+    return (charts_drive_point.drive_point_chart(result.frf, row, band_hz, finding),)
 
 
 def _verdicts(result: Result) -> tuple[Paragraph, ...]:
@@ -211,20 +201,24 @@ def _drift(drift: Drift) -> tuple[Table, ...]:
 
 
 def _findings(findings: tuple[Finding, ...]) -> list[Block]:
-    head = ("run", "channel", "position", "check", "verdict", "detail")
-    words = (0, 1, 3, 4, 5)
-    doubtful = tuple(_finding_row(finding) for finding in findings if finding.verdict != OK)
-    passed = tuple(_finding_row(finding) for finding in findings if finding.verdict == OK)
+    """Tables of what was excluded, what is doubtful and what passed."""
     blocks: list[Block] = []
-    if doubtful:
-        blocks.append(Table("Warnings and exclusions", head, doubtful, words))
-    else:
-        blocks.append(
-            Paragraph("No channel or run was excluded or gave cause for a warning.", "good")
-        )
+    for verdict, caption, none in (
+        (EXCLUDED, "Channels and runs excluded, and why", "No channel or run was excluded."),
+        (WARNING, "Warnings on the data", "No channel or run gave cause for a warning."),
+    ):
+        rows = _rows_with(findings, verdict)
+        found = Table(f"{caption} ({len(rows)})", FINDING_HEAD, rows, FINDING_WORDS)
+        blocks.append(found if rows else Paragraph(none, "good"))
+    passed = _rows_with(findings, OK)
     if passed:
-        blocks.append(Table(f"Checks passed ({len(passed)})", head, passed, words, folded=True))
+        caption = f"Checks passed ({len(passed)})"
+        blocks.append(Table(caption, FINDING_HEAD, passed, FINDING_WORDS, folded=True))
     return blocks
+
+
+def _rows_with(findings: tuple[Finding, ...], verdict: str) -> tuple[tuple[str, ...], ...]:
+    return tuple(_finding_row(finding) for finding in findings if finding.verdict == verdict)
 
 
 def _finding_row(finding: Finding) -> tuple[str, ...]:
@@ -234,6 +228,5 @@ def _finding_row(finding: Finding) -> tuple[str, ...]:
         finding.channel or DASH,
         position,
         finding.check,
-        finding.verdict,
         finding.detail,
     )
