@@ -171,9 +171,8 @@ def _trusted_order(mode: Mode, seen: Mode, position_deg: NDArray[np.float64]) ->
     if seen.order_purity > _PURE:
         return seen.order
     power = order_content(mode.residues, position_deg).power
-    for order in np.argsort(power)[::-1]:
-        if power[order] < _SHARE * power.sum():
-            return None
+    # From low to high: signs that alternate from run to run turn order n into a high one.
+    for order in np.flatnonzero(power >= _SHARE * power.sum()):
         if _followed(replace(mode, order=int(order)), position_deg) > _MAJORITY:
             return int(order)
     return None
