@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from ema.errors import InputError
 from model.damping import DampingResult
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.tuning_result import TuningResult
+
+if TYPE_CHECKING:
+    from tomlkit import TOMLDocument
 
 SCHEMA = 1
 RING_NAMES = (
@@ -23,6 +28,8 @@ RING_NAMES = (
 )
 DAMPING_NAMES = ("radial_n_s_m3", "circumferential_n_s_m3", "loss_factor")
 WHEEL_NAMES = ("mass_kg", "inertia_kg_m2")
+# What else a tyre was measured under; a manifest's [tyre] may tell them.
+CONDITION_NAMES = ("temperature_c", "load_n", "speed_m_s", "rim_width_m", "tread_depth_m")
 
 
 @dataclass(frozen=True)
@@ -92,8 +99,20 @@ def from_tuning(
     tuning: TuningResult,
     damping: DampingResult | None,
     provenance: dict[str, Any],
+    details: Mapping[str, str] | None = None,
 ) -> ParameterSet:
-    """Parameter set of a tuned ring."""
+    """Parameter set of a tuned ring.
+
+    Parameters
+    ----------
+    designation : str
+    tuning : TuningResult
+    damping : DampingResult or None
+    provenance : dict
+    details : mapping of str to str, optional
+        Further keys of the manifest's ``[tyre]``; numbers named in `CONDITION_NAMES` become
+        conditions.
+    """
     ring = {
         name: Parameter(
             float(getattr(tuning.ring, name)),
@@ -114,11 +133,23 @@ def from_tuning(
             for name in DAMPING_NAMES
         }
     conditions = {"inflation_pressure_pa": float(tuning.ring.inflation_pressure_pa)}
+    for name in CONDITION_NAMES:
+        value = _number(details.get(name, "")) if details else None
+        if value is not None:
+            conditions[name] = value
     return ParameterSet(designation, conditions, ring, damped, {}, provenance)
 
 
 def write_parameter_set(path: Path, parameters: ParameterSet) -> None:
     """Write a parameter set as TOML."""
+    import tomlkit
+
+    text = tomlkit.dumps(parameter_document(parameters))
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def parameter_document(parameters: ParameterSet) -> TOMLDocument:
+    """A parameter set as a TOML document, to which other sections may be added."""
     import tomlkit
 
     document = tomlkit.document()
@@ -136,7 +167,7 @@ def write_parameter_set(path: Path, parameters: ParameterSet) -> None:
         document["wheel"] = parameters.wheel
     if parameters.provenance:
         document["provenance"] = parameters.provenance
-    path.write_text(tomlkit.dumps(document), encoding="utf-8", newline="\n")
+    return document
 
 
 def read_parameter_set(path: Path | str) -> ParameterSet:
@@ -163,6 +194,17 @@ def read_parameter_set(path: Path | str) -> ParameterSet:
         raise InputError(
             path.name, str(error), "it must be TOML in UTF-8", "Correct the line"
         ) from error
+    return parameter_set_of(path, content)
+
+
+def parameter_set_of(path: Path, content: dict[str, Any]) -> ParameterSet:
+    """Parameter set from the content of a TOML file; sections that it does not know are left.
+
+    Raises
+    ------
+    InputError
+        If a parameter is missing, misspelt or no number; names `path`.
+    """
     if content.get("schema") != SCHEMA:
         raise InputError(
             f"{path.name}, schema",
@@ -269,6 +311,14 @@ def _missing(path: Path, section: str, key: str) -> InputError:
     return InputError(
         f"{path.name}, [{section}]", f"no {key}", "a parameter set needs it", f"Add {key} = …"
     )
+
+
+def _number(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if isfinite(value) else None
 
 
 def _finite(value: float | None) -> float | None:

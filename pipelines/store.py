@@ -52,7 +52,10 @@ def save(result: Result, folder: Path | str, *, report: bool = True, force: bool
                 "campaign": result.name,
                 "inputs": {entry["file"]: entry["sha256"] for entry in result.provenance["inputs"]},
             }
-            parameters = from_tuning(result.tyre.designation, result.tuning, result.damping, origin)
+            tyre = result.tyre
+            parameters = from_tuning(
+                tyre.designation, result.tuning, result.damping, origin, tyre.details
+            )
             write_parameter_set(partial / "tyre.toml", parameters)
         if report:
             from pipelines.report import write_report

@@ -1,0 +1,74 @@
+"""Files that never change once written: their last line is a checksum over all lines above it."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from ema.errors import InputError
+
+KEY = "sha256"
+
+
+class DamagedFile(InputError):  # noqa: N818 - said of a file, not of the program
+    """A file of the library is not what was written, or is gone."""
+
+
+def sealed(text: str) -> str:
+    """TOML text with its checksum as the last line, in its last table."""
+    body = text.rstrip("\n") + "\n"
+    return f"{body}{_seal(body)}"
+
+
+def unsealed(path: Path) -> dict[str, Any]:
+    """Content of a sealed file.
+
+    Parameters
+    ----------
+    path : Path
+        Line ends may have been converted, as some version control systems do.
+
+    Returns
+    -------
+    dict
+        What the file tells, without its checksum.
+
+    Raises
+    ------
+    DamagedFile
+        If it is not what was written, or cannot be read.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise damaged(path, error.strerror or "unreadable") from error
+    except UnicodeDecodeError as error:
+        raise damaged(path, "bytes that are no text") from error
+    body, _, last = text.removesuffix("\n").rpartition("\n")
+    body += "\n"
+    if not last.startswith(f"{KEY} = "):
+        raise damaged(path, f"no checksum in its last line ({len(text)} characters)")
+    if last + "\n" != _seal(body):
+        raise damaged(path, "a checksum that does not fit its content")
+    return tomllib.loads(body)
+
+
+def checksum(path: Path) -> str:
+    """Checksum that a sealed file carries; `unsealed` tells whether it holds."""
+    return path.read_text(encoding="utf-8").rstrip("\n").rpartition('= "')[2].rstrip('"')
+
+
+def damaged(path: Path, found: str) -> DamagedFile:
+    """The error for a file that is not what was written."""
+    return DamagedFile(
+        str(path),
+        found,
+        "files of a library never change once written",
+        "Restore this file from a backup; values are changed by adding a new version",
+    )
+
+
+def _seal(body: str) -> str:
+    return f'{KEY} = "{hashlib.sha256(body.encode()).hexdigest()}"\n'

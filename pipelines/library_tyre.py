@@ -1,0 +1,187 @@
+"""One tyre of the library: its versions, and which of them counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ema.errors import InputError
+from pipelines.library_approval import (
+    APPROVE,
+    ROLLBACK,
+    Approval,
+    read_approvals,
+    record_approval,
+    standing,
+)
+from pipelines.library_claim import numbered, numbered_files, write_next
+from pipelines.library_names import APPROVED, NEWEST, unknown
+from pipelines.library_seal import DamagedFile, damaged
+from pipelines.library_version import Entry, Version, read_version, version_text
+from pipelines.parameter_set import ParameterSet
+
+
+@dataclass(frozen=True)
+class LibraryTyre:
+    """A tyre's folder.
+
+    Parameters
+    ----------
+    path : Path
+    """
+
+    path: Path
+
+    @property
+    def name(self) -> str:
+        """The tyre's name in the library."""
+        return self.path.name
+
+    @property
+    def newest(self) -> int:
+        """Highest number of a version; 0 where there is none."""
+        return max(numbered_files(self.path), default=0)
+
+    def add(self, parameters: ParameterSet, entry: Entry) -> Version:
+        """Write a new version under the next number.
+
+        Raises
+        ------
+        OSError
+            If the drive refuses; nothing is written then.
+        """
+        number = write_next(self.path, lambda n: version_text(parameters, entry, n))
+        return self.version(number)
+
+    def version(self, number: int) -> Version:
+        """Read a version.
+
+        Raises
+        ------
+        InputError
+            If there is none of that number.
+        DamagedFile
+            If its file is not what was written, or is gone.
+        """
+        newest = self.newest
+        if not 1 <= number <= newest:
+            rule = f"there are versions 1 to {newest}"
+            remedy = f"The newest is {self.name}@{newest}"
+            raise InputError(self.name, f"version {number}", rule, remedy)
+        return read_version(numbered(self.path, number), self.name, number)
+
+    def versions(self) -> tuple[list[Version], list[DamagedFile]]:
+        """All versions that can be read, ascending, and the damage that hides the others."""
+        whole, hidden = [], []
+        for number in range(1, self.newest + 1):
+            try:
+                whole.append(self.version(number))
+            except DamagedFile as error:
+                hidden.append(error)
+        return whole, hidden
+
+    def intact_versions(self) -> list[Version]:
+        """All versions, ascending.
+
+        Raises
+        ------
+        DamagedFile
+            If any of them is not what was written.
+        """
+        whole, hidden = self.versions()
+        if hidden:
+            raise hidden[0]
+        return whole
+
+    def approval(self) -> Approval | None:
+        """The approval in force; None where nothing is approved.
+
+        Raises
+        ------
+        DamagedFile
+            If any approval is not what was written.
+        """
+        stack = standing(read_approvals(self.path))
+        return stack[-1] if stack else None
+
+    def approved(self) -> Version | None:
+        """The approved version; None where nothing is approved.
+
+        Raises
+        ------
+        DamagedFile
+            If its file or any approval is not what was written.
+        """
+        approval = self.approval()
+        return None if approval is None else self._approved_by(approval)
+
+    def chosen(self, version: int | str = "") -> Version:
+        """The version that is meant.
+
+        Parameters
+        ----------
+        version : int or {"approved", "newest", ""}
+            The empty text stands for the approved version, and the newest where none is.
+
+        Raises
+        ------
+        InputError
+            If there is none such.
+        """
+        if isinstance(version, int):
+            return self.version(version)
+        found = None if version == NEWEST else self.approved()
+        if found is None and version == APPROVED:
+            remedy = f"Approve one, e.g. with `ringmodal tyre approve {self.name}@{self.newest}`"
+            raise InputError(self.name, "no approved version", "an approved one is wanted", remedy)
+        return found or self.version(self.newest)
+
+    def approve(self, number: int, author: str, note: str = "") -> Version:
+        """Make a version the approved one; nothing is recorded where it is already.
+
+        Raises
+        ------
+        InputError
+            If there is no such version.
+        """
+        version, approval = self.version(number), self.approval()
+        if approval is None or approval.version != number:
+            record_approval(self.path, APPROVE, version, author, note)
+        return version
+
+    def rollback(self, author: str, number: int | None = None, note: str = "") -> Version:
+        """Make a version that was approved earlier the approved one again.
+
+        Parameters
+        ----------
+        author : str
+        number : int, optional
+            Default: the version that was approved before the present one.
+        note : str
+
+        Raises
+        ------
+        InputError
+            If it was not approved earlier.
+        """
+        earlier = [each.version for each in standing(read_approvals(self.path))[:-1]]
+        if not earlier:
+            rule = "a rollback goes back to an approval before the present one"
+            remedy = "Approve the version that is to count with `ringmodal tyre approve`"
+            raise InputError(self.name, "no earlier approval", rule, remedy)
+        if number is not None and number not in earlier:
+            known = [f"{self.name}@{each}" for each in earlier]
+            rule = "a rollback goes back to a version that was approved earlier"
+            raise unknown(self.name, f"{self.name}@{number}", rule, known)
+        version = self.version(earlier[-1] if number is None else number)
+        record_approval(self.path, ROLLBACK, version, author, note)
+        return version
+
+    def _approved_by(self, approval: Approval) -> Version:
+        if approval.version > self.newest:
+            raise damaged(numbered(self.path, approval.version), "no file, though it was approved")
+        version = self.version(approval.version)
+        if version.sha256 != approval.version_sha256:
+            path = numbered(self.path, version.number)
+            raise damaged(path, "another content than the one that was approved")
+        return version

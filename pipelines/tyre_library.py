@@ -1,0 +1,237 @@
+"""The library of parameter sets: a folder of tyres, each with numbered versions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ema.errors import InputError
+from model.errors import ParameterError
+from pipelines.library_claim import numbered_files
+from pipelines.library_names import folder_name, split_reference, unknown
+from pipelines.library_tyre import LibraryTyre
+from pipelines.library_version import Entry, Version, login_name, signed_now
+from pipelines.parameter_set import CONDITION_NAMES, ParameterSet, read_parameter_set
+
+VARIABLE = "RINGMODAL_LIBRARY"
+_RESULT, _SET = "provenance.json", "tyre.toml"
+
+
+@dataclass(frozen=True)
+class NamedSet:
+    """A parameter set and how messages call it: ``NAME@3``, or the path it was read from."""
+
+    name: str
+    parameters: ParameterSet
+
+
+@dataclass(frozen=True)
+class TyreLibrary:
+    """A folder with one subfolder per tyre.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+
+    folder: Path
+
+    def tyres(self) -> tuple[LibraryTyre, ...]:
+        """All tyres, by name.
+
+        Raises
+        ------
+        InputError
+            If there is no such folder.
+        """
+        if not self.folder.is_dir():
+            rule = "a library is a folder"
+            remedy = "Check the path; `ringmodal tyre add` begins a new library"
+            raise InputError(str(self.folder), "no such folder", rule, remedy)
+        folders = (path for path in self.folder.iterdir() if path.is_dir())
+        found = [LibraryTyre(path) for path in folders if numbered_files(path)]
+        return tuple(sorted(found, key=lambda tyre: tyre.name.casefold()))
+
+    def tyre(self, name: str) -> LibraryTyre:
+        """The tyre that is meant by its name here, its designation, or its id.
+
+        Raises
+        ------
+        InputError
+            If there is none, or several.
+        """
+        tyres = self.tyres()
+        exact = [tyre for tyre in tyres if tyre.name.casefold() == _as_folder(name)]
+        meant = exact or [tyre for tyre in tyres if _as_folder(name) in _names(tyre)]
+        if len(meant) == 1:
+            return meant[0]
+        names = [tyre.name for tyre in meant or tyres]
+        if not meant:
+            rule = f"there is no such tyre in {self.folder}"
+            raise unknown("tyre", name, rule, names)
+        rule = f"several tyres go by it: {', '.join(names)}"
+        raise InputError("tyre", repr(name), rule, f"Write e.g. {names[0]}")
+
+    def version(self, reference: str) -> Version:
+        """The version that ``NAME``, ``NAME@3``, ``NAME@approved`` or ``NAME@newest`` means.
+
+        Raises
+        ------
+        InputError
+            If there is none, or its file is damaged.
+        """
+        name, version = split_reference(reference)
+        return self.tyre(name).chosen(version)
+
+    def add(
+        self,
+        source: Path | str,
+        *,
+        tyre_id: str = "",
+        note: str = "",
+        author: str = "",
+        conditions: Mapping[str, float] | None = None,
+    ) -> Version:
+        """Add a parameter set as a new version of its tyre.
+
+        Parameters
+        ----------
+        source : path
+            A result folder or a parameter set in TOML.
+        tyre_id : str
+            Tells tyres of one designation apart.
+        note, author : str
+            Author: default the login name.
+        conditions : mapping of str to float, optional
+            Further conditions, named as in `CONDITION_NAMES`.
+
+        Returns
+        -------
+        Version
+
+        Raises
+        ------
+        InputError
+            If it is no parameter set of a possible ring, or the name belongs to another tyre.
+        """
+        from pipelines.provenance import sha256
+
+        path = parameter_file(Path(source))
+        parameters = _with_conditions(read_parameter_set(path), conditions or {})
+        _require_ring(path, parameters)
+        entry = Entry(
+            **signed_now(author or login_name()),
+            note=note,
+            tyre_id=tyre_id,
+            source=str(Path(source).resolve()),
+            source_sha256=sha256(path),
+        )
+        self._begin()
+        return self._tyre_for(parameters.designation, tyre_id).add(parameters, entry)
+
+    def _begin(self) -> None:
+        """Make the library's folder where its parent exists; a mistyped path makes none."""
+        if not self.folder.absolute().parent.is_dir():
+            rule = "a new library needs an existing folder around it"
+            raise InputError(str(self.folder), "no such folder", rule, "Check the path")
+        self.folder.mkdir(exist_ok=True)
+
+    def _tyre_for(self, designation: str, tyre_id: str) -> LibraryTyre:
+        wanted = folder_name(designation, tyre_id)
+        same = [t for t in self.tyres() if t.name.casefold() == wanted.casefold()]
+        if not same:
+            return LibraryTyre(self.folder / wanted)
+        whole, damaged = same[0].versions()
+        if not whole:
+            raise damaged[0]
+        held = whole[-1].parameters.designation, whole[-1].entry.tyre_id
+        if held != (designation, tyre_id):
+            raise InputError(
+                str(same[0].path),
+                " ".join(filter(None, (designation, tyre_id))),
+                f"this folder belongs to {' '.join(filter(None, held))}",
+                "Tell the tyres apart with --tyre NAME, or write the designation as there",
+            )
+        return same[0]
+
+
+def resolve(reference: str, library: Path | None = None) -> NamedSet:
+    """Parameter set that a text on the command line means.
+
+    Parameters
+    ----------
+    reference : str
+        A result folder, a parameter set in TOML, or a version of a tyre in the library: ``NAME``,
+        ``NAME@3``.
+    library : Path, optional
+        Needed for the latter.
+
+    Returns
+    -------
+    NamedSet
+
+    Raises
+    ------
+    InputError
+        If it means none, or the file is damaged.
+    """
+    path = Path(reference)
+    if path.is_file() or any((path / name).is_file() for name in (_RESULT, _SET)):
+        return NamedSet(reference, read_parameter_set(parameter_file(path)))
+    if library is None:
+        rule = "it is no file or result folder, and no library is named"
+        raise InputError(
+            reference, "no such file", rule, f"Check the path, or give --library or {VARIABLE}"
+        )
+    version = TyreLibrary(library).version(reference)
+    return NamedSet(version.reference, version.for_others)
+
+
+def parameter_file(source: Path) -> Path:
+    """The parameter set of a result folder, or the file itself.
+
+    Raises
+    ------
+    InputError
+        If a folder holds none.
+    """
+    if not source.is_dir():
+        return source
+    path = source / _SET
+    if not path.is_file():
+        is_result = (source / _RESULT).is_file()
+        remedy = "Give pressure and radius in [tyre] and process it again; see its report"
+        raise InputError(
+            str(source),
+            f"no {_SET}",
+            "its ring steps were left out" if is_result else "it is no result folder",
+            remedy if is_result else "Give a result folder or a parameter set",
+        )
+    return path
+
+
+def _with_conditions(parameters: ParameterSet, given: Mapping[str, float]) -> ParameterSet:
+    for name in given:
+        if name not in CONDITION_NAMES:
+            rule = f"conditions are {', '.join(CONDITION_NAMES)}"
+            raise unknown("--condition", name, rule, CONDITION_NAMES)
+    return replace(parameters, conditions={**parameters.conditions, **given})
+
+
+def _require_ring(path: Path, parameters: ParameterSet) -> None:
+    try:
+        _ = parameters.ring_parameters, parameters.ring_damping, parameters.wheel_parameters
+    except ParameterError as error:
+        raise InputError(f"{path}, {error.where}", error.found, error.rule, error.remedy) from error
+
+
+def _as_folder(name: str) -> str:
+    return folder_name(name).casefold()
+
+
+def _names(tyre: LibraryTyre) -> set[str]:
+    """Designation and id of a tyre, as they would be as folders."""
+    whole, _ = tyre.versions()
+    texts = (whole[-1].parameters.designation, whole[-1].entry.tyre_id) if whole else ()
+    return {folder_name(text).casefold() for text in texts if text}
