@@ -6,15 +6,18 @@ from collections.abc import Callable
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from pipelines.report.chart import FITTED, RING
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FREQUENCY = "frequency / Hz"
 INERTANCE = "|inertance| / ((m/s²)/N)"
-BELOW = {"orientation": "h", "x": 0, "xanchor": "left", "y": -0.2, "yanchor": "top"}
 NO_COLOUR = "rgba(0, 0, 0, 0)"
-#: Names of colour scales that can be told apart with any colour vision.
-SHARE_SCALE, MAP_SCALE, SIGNED_SCALE = "Blues", "Viridis", "RdBu"
+#: Colour scales for any colour vision; two of them follow the page into the dark.
+MAP_SCALE = "Viridis"
+SHARE_SCALE = [[0, "--paper"], [1, RING]]
+SIGNED_SCALE = [[0, FITTED], [0.5, "--paper"], [1, RING]]
 
 
 def axis(title: str, **options: Any) -> dict[str, Any]:

@@ -42,7 +42,6 @@ def mac_chart(
     matrix = np.asarray(values, dtype=float)
     trace = _cells(matrix, rows, columns, "{:.2f}", "MAC %{z:.3f}", titles) | {
         "colorscale": SHARE_SCALE,
-        "reversescale": True,
         "zmin": 0,
         "zmax": 1,
         "colorbar": {"title": {"text": "MAC"}, "thickness": 12, "tickvals": [0, 0.5, 1]},
@@ -69,7 +68,7 @@ def signed_chart(
     alternative: str,
     caption: str,
 ) -> Chart:
-    """A matrix whose values have a sign: blue above zero, red below.
+    """A matrix whose values have a sign: blue above zero, orange below.
 
     Parameters
     ----------
@@ -83,8 +82,6 @@ def signed_chart(
     largest = max(float(np.abs(matrix).max(initial=0.0)), 1e-3)
     trace = _cells(matrix, rows, columns, "{:+.2f}", f"{quantity} %{{z:+.3f}}", titles) | {
         "colorscale": SIGNED_SCALE,
-        # The scale of this name runs from blue to red.
-        "reversescale": True,
         "zmin": -largest,
         "zmax": largest,
         "colorbar": {"thickness": 12},

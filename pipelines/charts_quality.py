@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from ema.frf import FRF
 from ema.quality import ReferenceCheck
 from pipelines.charts_basis import (
-    BELOW,
     FREQUENCY,
     INERTANCE,
     MAP_SCALE,
@@ -104,7 +103,7 @@ def reference_chart(check: ReferenceCheck) -> Chart:
     return Chart(
         "reference",
         traces,
-        {"xaxis": axis(FREQUENCY), "yaxis": log_axis(INERTANCE), "legend": BELOW},
+        {"xaxis": axis(FREQUENCY), "yaxis": log_axis(INERTANCE)},
         f"Inertance at the reference sensor of {len(check.run)} runs, one over the other; "
         f"{reference_verdict(check)}.",
         "Inertance at the sensor that stayed in place, run by run. The curves should coincide; "

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipelines.charts_basis import BELOW, FREQUENCY, NO_COLOUR, axis, printed
+from pipelines.charts_basis import FREQUENCY, NO_COLOUR, axis, printed
 from pipelines.numbers import signed
 from pipelines.report.chart import FAINT, MEASURED, RING, Chart, packed
 from pipelines.result import Validation
@@ -53,7 +53,6 @@ def scatter_chart(found: Validation, std_hz: NDArray[np.float64]) -> Chart:
         {
             "xaxis": axis("measured / Hz", range=limits),
             "yaxis": axis("ring model / Hz", range=limits, scaleanchor="x"),
-            "legend": BELOW,
         },
         f"Frequencies of the ring against measured ones; {within} of {found.order.size} orders "
         f"lie within ±{TOLERANCE_PERCENT:g} %.",
@@ -94,7 +93,7 @@ def deviation_chart(found: Validation, std_hz: NDArray[np.float64]) -> Chart:
     return Chart(
         "frequency-deviation",
         (*_tolerance(ends, np.zeros(2), TOLERANCE_PERCENT), bars),
-        {"xaxis": _orders(found.order), "yaxis": axis("deviation / %"), "legend": BELOW},
+        {"xaxis": _orders(found.order), "yaxis": axis("deviation / %")},
         f"Deviation of the ring's frequencies by order; the largest is {largest}.",
         f"Deviation of the ring's frequencies with the ±{TOLERANCE_PERCENT:g} % band; the largest "
         f"is {largest}. Deviations that alternate in sign are scatter, a trend over the order is "
@@ -135,7 +134,7 @@ def dispersion_chart(
     return Chart(
         "dispersion",
         (ring, measured),
-        {"xaxis": _orders(shown), "yaxis": axis(FREQUENCY), "legend": BELOW},
+        {"xaxis": _orders(shown), "yaxis": axis(FREQUENCY)},
         f"Frequency over order: {found.order.size} measured modes, {found.measured_hz.min():.1f} "
         f"to {found.measured_hz.max():.1f} Hz, and the dispersion curve of the ring.",
         "Frequency over order. The measured modes should follow the ring's dispersion curve; one "
@@ -179,7 +178,6 @@ def damping_chart(found: Validation, std: NDArray[np.float64]) -> Chart:
         {
             "xaxis": _orders(found.order),
             "yaxis": axis("damping ratio / %", rangemode="tozero"),
-            "legend": BELOW,
         },
         f"Damping ratio over order, measured and of the ring; they differ most, by {largest}.",
         "Damping ratio over order, measured and of the ring; the largest difference is "

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.stability import Cluster, StabilityDiagram
-from pipelines.charts_basis import BELOW, FREQUENCY, as_text, axis, log_axis, printed
+from pipelines.charts_basis import FREQUENCY, as_text, axis, log_axis, printed
 from pipelines.figures_labels import spread
 from pipelines.figures_values import in_band, pole_marks
 from pipelines.report.chart import DROPPED, FAINT, KEPT, Chart, packed
@@ -40,7 +40,6 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
         # The indicator has the axis at the back: what overlays it is drawn in front.
         "yaxis": log_axis("RMS inertance / ((m/s²)/N)", side="right", showgrid=False),
         "yaxis2": axis("model order", side="left", overlaying="y", range=[0, highest]),
-        "legend": BELOW,
         "shapes": [_line(cluster) for cluster in kept],
         "annotations": _names(kept, diagram.band_hz, highest),
         "hovermode": "closest",

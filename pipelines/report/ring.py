@@ -6,16 +6,19 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from model.identifiability import GIVEN
+from model.identifiability import AT_BOUND, GIVEN, NOT_IDENTIFIED
 from model.parameter_names import DAMPING_NAMES, RING_NAMES
 from model.ring import natural_frequencies_hz
 from model.tuning_result import TuningResult
-from pipelines import figures
+from pipelines import charts_matrix, charts_parameters, charts_ring
 from pipelines.numbers import DASH, number, plain, signed, value_with_std
-from pipelines.report.blocks import Beside, Block, Paragraph, Picture, Section, Table
+from pipelines.report.blocks import Beside, Block, Paragraph, Section, Table
+from pipelines.report.chart import Chart
 from pipelines.report.notes import listed, remaining_notes
 from pipelines.result import Result, Validation
+from pipelines.validate import ring_orders
 
 HEAD = ("parameter", "symbol", "value", "unit", "how obtained")
 
@@ -26,14 +29,15 @@ def validation(result: Result) -> Section:
     if result.validation is None or result.tuning is None:
         return Section("validation", title, _left_out(result))
     found = result.validation
-    pictures = (
-        _scatter(found),
+    std_hz, damping_std = _measured_std(result, found.order)
+    charts = (
+        charts_ring.scatter_chart(found, std_hz),
         _mac(found),
-        _error(found),
-        _dispersion(found, result.tuning),
-        *_damping_picture(found),
+        charts_ring.deviation_chart(found, std_hz),
+        _dispersion(found, std_hz, result.tuning),
+        *_damping(found, damping_std),
     )
-    return Section("validation", title, (Beside(pictures), _validation_table(found)))
+    return Section("validation", title, (Beside(charts), _validation_table(found)))
 
 
 def parameters(result: Result) -> Section:
@@ -44,6 +48,7 @@ def parameters(result: Result) -> Section:
         return Section("parameters", title, _left_out(result))
     blocks: list[Block] = [
         _parameter_table("Ring", tuning.ring, tuning.std, tuning.how, RING_NAMES),
+        *_undetermined(tuning),
         *listed(tuning.notes),
     ]
     if result.damping is not None:
@@ -60,7 +65,7 @@ def parameters(result: Result) -> Section:
             "per unit of belt width."
         )
     )
-    blocks += [_sensitivity(tuning), *_correlation(tuning)]
+    blocks.append(_influence(tuning))
     return Section("parameters", title, tuple(blocks))
 
 
@@ -69,72 +74,45 @@ def _left_out(result: Result) -> tuple[Block, ...]:
     return (Paragraph(text, "warning"), *listed(remaining_notes(result)))
 
 
-def _scatter(found: Validation) -> Picture:
-    with figures.styled_figure(10.5, 9.5) as (figure, ax):
-        figures.plot_frequency_scatter(found, ax)
-    return Picture(
-        figures.png_uri(figure),
-        "Frequencies of the ring model against measured ones, with the ±1 % band.",
-        "Frequencies of the ring over measured ones, labelled by order. Points should lie in the "
-        "band; the lowest order leaves it first where the foundation is not well determined.",
+def _measured_std(
+    result: Result, orders: NDArray[np.int_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Standard deviations of measured frequencies and damping ratios; NaN where unknown."""
+    measured = {each.order: each for each in ring_orders(result.modal_model)}
+    known = [measured.get(int(order)) for order in orders]
+    return (
+        np.array([np.nan if each is None else each.frequency_std_hz for each in known]),
+        np.array([np.nan if each is None else each.damping_std for each in known]),
     )
 
 
-def _error(found: Validation) -> Picture:
-    worst = int(np.argmax(np.abs(found.error_percent)))
-    largest = f"{signed(found.error_percent[worst], 2)} %"
-    with figures.styled_figure(10.5, 7.5) as (figure, ax):
-        figures.plot_frequency_error(found, ax)
-    return Picture(
-        figures.png_uri(figure),
-        f"Deviation of the ring's frequencies by order; the largest is {largest}.",
-        f"Deviation of the ring's frequencies with the ±1 % band; the largest is {largest} at "
-        f"n = {found.order[worst]}. Deviations that alternate in sign are scatter, a "
-        "trend over the order is the model.",
-    )
-
-
-def _mac(found: Validation) -> Picture:
+def _mac(found: Validation) -> Chart:
     names = [str(order) for order in found.order]
     lowest = float(np.min(np.diag(found.mac)))
-    with figures.styled_figure(10.5, 9.5) as (figure, ax):
-        figures.plot_mac(found.mac, names, names, ax)
-        ax.set_xlabel("ring model, order n")
-        ax.set_ylabel("measured, order n")
-    return Picture(
-        figures.png_uri(figure),
-        f"MAC of measured and model shapes; the lowest value on the diagonal is {lowest:.3f}.",
-        f"MAC of measured against model shapes; the lowest value on the diagonal is {lowest:.3f}. "
-        "Each model order is a plane of cos nθ and sin nθ; the comparison takes the direction in "
-        "it that suits the measurement best.",
+    return charts_matrix.mac_chart(
+        found.mac,
+        names,
+        names,
+        name="mac",
+        titles=("measured, order n", "ring model, order n"),
+        alternative="MAC of measured and model shapes; the lowest value on the diagonal is "
+        f"{lowest:.3f}.",
+        caption=f"MAC of measured against model shapes; the lowest value on the diagonal is "
+        f"{lowest:.3f}. Each model order is a plane of cos nθ and sin nθ; the comparison takes the "
+        "direction in it that suits the measurement best.",
     )
 
 
-def _dispersion(found: Validation, tuning: TuningResult) -> Picture:
+def _dispersion(found: Validation, std_hz: NDArray[np.float64], tuning: TuningResult) -> Chart:
     orders = np.arange(1, int(found.order.max()) + 3)
-    with figures.styled_figure(10.5, 7.5) as (figure, ax):
-        figures.plot_dispersion(found, orders, natural_frequencies_hz(tuning.ring, orders), ax)
-    return Picture(
-        figures.png_uri(figure),
-        "Frequency over order: measured modes and the curve of the ring.",
-        "Frequency over order. The measured modes should follow the curve; one that stands off is "
-        "wrongly numbered or does not belong to the belt (cavity, wheel, rig).",
-    )
+    ring_hz = natural_frequencies_hz(tuning.ring, orders)
+    return charts_ring.dispersion_chart(found, std_hz, orders, ring_hz)
 
 
-def _damping_picture(found: Validation) -> tuple[Picture, ...]:
+def _damping(found: Validation, std: NDArray[np.float64]) -> tuple[Chart, ...]:
     if not np.isfinite(found.model_damping).any():
         return ()
-    with figures.styled_figure(10.5, 7.5) as (figure, ax):
-        figures.plot_damping(found, ax)
-    return (
-        Picture(
-            figures.png_uri(figure),
-            "Damping ratio over order, measured and of the ring.",
-            "Damping ratio over order, measured and of the ring. Three parameters stand for all "
-            "orders: one that stands off loses more or less energy than belt and sidewall explain.",
-        ),
-    )
+    return (charts_ring.damping_chart(found, std),)
 
 
 def _validation_table(found: Validation) -> Table:
@@ -196,24 +174,23 @@ def _value(value: float, std: float | None, how: str) -> str:
     return plain(value) if how == GIVEN else value_with_std(value, std)
 
 
-def _sensitivity(tuning: TuningResult) -> Table:
-    found = tuning.sensitivity
-    head = ("order n", *(f"d ln f / d ln {RING_NAMES[name][1]}" for name in found.parameters))
-    rows = tuple(
-        (str(order), *(signed(value, 3) for value in row))
-        for order, row in zip(found.orders, found.values, strict=True)
-    )
-    return Table("Sensitivity: change of the frequency in % for 1 % of the parameter", head, rows)
+def _undetermined(tuning: TuningResult) -> tuple[Paragraph, ...]:
+    """Name what the measurement did not give, and what to do about it."""
+    missing = [RING_NAMES[name][0] for name, how in tuning.how.items() if how == NOT_IDENTIFIED]
+    bound = [RING_NAMES[name][0] for name, how in tuning.how.items() if how == AT_BOUND]
+    if not missing and not bound:
+        return (Paragraph("Every parameter that was sought is identified.", "good"),)
+    said = [f"Not identified: {', '.join(missing)}."] if missing else []
+    said += [f"At bound: {', '.join(bound)}."] if bound else []
+    advice = "Modes of higher order, or a value known from elsewhere (--given), would help."
+    return (Paragraph(" ".join([*said, advice]), "warning"),)
 
 
-def _correlation(tuning: TuningResult) -> tuple[Table, ...]:
+def _influence(tuning: TuningResult) -> Beside:
+    """Sensitivities, and correlations where they are known."""
+    symbols = {name: symbol for name, (_, symbol, _) in RING_NAMES.items()}
+    charts = [charts_parameters.sensitivity_chart(tuning.sensitivity, symbols)]
     found = tuning.correlation
-    if len(found.parameters) < 2 or not np.isfinite(found.values).all():
-        return ()
-    symbols = [RING_NAMES[name][1] for name in found.parameters]
-    rows = tuple(
-        (symbol, *(signed(value, 2) for value in row))
-        for symbol, row in zip(symbols, found.values, strict=True)
-    )
-    caption = "Correlation of the identified parameters"
-    return (Table(caption, ("", *symbols), rows, words=(0,), folded=True),)
+    if len(found.parameters) >= 2 and np.isfinite(found.values).all():
+        charts.append(charts_parameters.correlation_chart(found, symbols))
+    return Beside(tuple(charts))
