@@ -1,6 +1,13 @@
-"""Draw the picture of the README from the sample campaign: ``python docs/pictures.py``."""
+"""Draw the pictures of the documentation from the sample campaign: ``python docs/pictures.py``.
 
+The gallery's pictures come from the Python blocks that the gallery shows: each block that is
+followed by a picture leaves a `figure`, which becomes that picture.
+"""
+
+import re
+from contextlib import chdir
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -8,12 +15,15 @@ from pipelines import figures
 from pipelines.process import process
 
 DOCS = Path(__file__).parent
-SAMPLE = DOCS.parent / "sample_data" / "tyre_225_55R17"
+ROOT = DOCS.parent
+GALLERY = DOCS / "gallery.md"
+SAMPLE = ROOT / "sample_data" / "tyre_225_55R17"
 SHOWN_ANGLE_DEG = 100.0
+BLOCK = re.compile(r"```python\n(?P<code>.*?)```(?:\n\n!\[[^\]]*\]\((?P<picture>[^)]+)\))?", re.S)
 
 
 def draw_result() -> bytes:
-    """One FRF, measured and fitted, and the shapes of the modes."""
+    """One FRF, measured and fitted, and the shapes of the modes: the picture of the README."""
     result = process(SAMPLE)
     model = result.modal_model
     row = int(np.argmin(np.abs(result.frf.position_deg - SHOWN_ANGLE_DEG)))
@@ -29,6 +39,24 @@ def draw_result() -> bytes:
     return figures.png(figure)
 
 
+def draw_gallery() -> dict[str, bytes]:
+    """Pictures of the gallery by their path from the page."""
+    pictures = {}
+    namespace: dict[str, Any] = {}
+    with chdir(ROOT):
+        for block in BLOCK.finditer(GALLERY.read_text(encoding="utf-8")):
+            exec(block["code"], namespace)
+            if block["picture"]:
+                pictures[block["picture"]] = figures.png(namespace["figure"])
+    return pictures
+
+
+def main() -> None:
+    """Write every picture to its place."""
+    for name, picture in {"images/result.png": draw_result(), **draw_gallery()}.items():
+        (DOCS / name).parent.mkdir(parents=True, exist_ok=True)
+        (DOCS / name).write_bytes(picture)
+
+
 if __name__ == "__main__":
-    (DOCS / "images").mkdir(exist_ok=True)
-    (DOCS / "images" / "result.png").write_bytes(draw_result())
+    main()

@@ -162,3 +162,15 @@ def test_the_notebook_holds_what_a_fresh_run_gives():
         assert NUMBER.sub("#", old) == NUMBER.sub("#", new)
         wanted, found = ([float(n) for n in NUMBER.findall(text)] for text in (old, new))
         np.testing.assert_allclose(found, wanted, rtol=0.01, atol=0.02)
+
+
+def test_the_gallery_draws_every_picture_that_it_shows(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    import pictures
+
+    gallery = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    drawn = pictures.draw_gallery()
+    assert set(drawn) == set(re.findall(r"\]\((images/[^)]+)\)", gallery))
+    for name, picture in drawn.items():
+        assert picture.startswith(b"\x89PNG")
+        assert (ROOT / "docs" / name).read_bytes().startswith(b"\x89PNG")
