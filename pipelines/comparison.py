@@ -1,0 +1,133 @@
+"""Two results side by side: what differs, and whether by more than the error bars allow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines.comparison_conditions import Contrast, condition_contrasts, processing_contrasts
+from pipelines.comparison_doubts import doubts
+from pipelines.comparison_match import match_modes
+from pipelines.comparison_modes import (
+    MatchedMode,
+    UnmatchedMode,
+    matched_modes,
+    unmatched_modes,
+)
+from pipelines.comparison_parameters import ParameterChange, parameter_changes
+from pipelines.comparison_scatter import Agreement, agreement
+from pipelines.comparison_shapes import common_shapes
+from pipelines.result import Result
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A second result against a first; every difference is second minus first.
+
+    Parameters
+    ----------
+    first, second : Result
+    names : (str, str)
+        What to call them; never the same.
+    modes : tuple of MatchedMode
+        Ascending in frequency of the first.
+    only_first, only_second : tuple of UnmatchedMode
+    mac : ndarray, shape (n_first, n_second)
+        All shapes of the first (rows) against all of the second; NaN where they cannot be
+        compared.
+    shapes_note : str
+        On what ground shapes are compared, as a sentence.
+    parameters : tuple of ParameterChange
+        Empty where one result has no ring.
+    conditions, processing : tuple of Contrast
+        What was stated and chosen.
+    doubts : tuple of str
+        What makes the comparison doubtful, in sentences.
+    agreement : Agreement or None
+        All modes together; None where no standard deviation is known.
+    """
+
+    first: Result
+    second: Result
+    names: tuple[str, str]
+    modes: tuple[MatchedMode, ...]
+    only_first: tuple[UnmatchedMode, ...]
+    only_second: tuple[UnmatchedMode, ...]
+    mac: NDArray[np.float64]
+    shapes_note: str
+    parameters: tuple[ParameterChange, ...]
+    conditions: tuple[Contrast, ...]
+    processing: tuple[Contrast, ...]
+    doubts: tuple[str, ...]
+    agreement: Agreement | None
+
+    @property
+    def differing(self) -> tuple[Contrast, ...]:
+        """Stated conditions that differ and may move a frequency."""
+        return tuple(each for each in self.conditions if each.counts and each.differs)
+
+    @property
+    def is_repeat(self) -> bool:
+        """Whether nothing stated differs: the same tyre under the same conditions again."""
+        return not self.differing
+
+
+def compare(first: Result, second: Result) -> Comparison:
+    """Compare two results: modes, shapes, ring parameters and how each was obtained.
+
+    Differences of frequencies and damping ratios are tested together, those of identified ring
+    parameters by themselves: two-sided, normal, with the number of comparisons accounted for by
+    Holm's procedure at 5 %. What σ of a difference holds and what not: see
+    `pipelines.comparison_modes.std_of_difference`.
+
+    Parameters
+    ----------
+    first, second : Result
+        Tuned where ring parameters are to be compared (`pipelines.process.tune`).
+
+    Returns
+    -------
+    Comparison
+    """
+    one, two = first.modal_model, second.modal_model
+    shapes = common_shapes(one, two)
+    mac = shapes.mac
+    matches = match_modes(one.modes, two.modes, mac)
+    modes = matched_modes(one, two, matches, mac)
+    conditions = condition_contrasts(first, second)
+    processing = processing_contrasts(first, second)
+    return Comparison(
+        first=first,
+        second=second,
+        names=_names(first.name, second.name),
+        modes=modes,
+        only_first=unmatched_modes(one, two, dict(matches)),
+        only_second=unmatched_modes(two, one, {j: i for i, j in matches}),
+        mac=mac,
+        shapes_note=shapes.how,
+        parameters=parameter_changes(first, second),
+        conditions=conditions,
+        processing=processing,
+        doubts=doubts(first, second, modes, conditions, processing),
+        agreement=agreement([m.frequency for m in modes], [m.damping for m in modes]),
+    )
+
+
+def compare_folders(first: Path | str, second: Path | str) -> Comparison:
+    """Compare two result folders; each ring is tuned as it was before.
+
+    Raises
+    ------
+    InputError
+        If a folder is no result or is damaged.
+    """
+    from pipelines.console_result import tuned_again
+
+    return compare(tuned_again(Path(first)), tuned_again(Path(second)))
+
+
+def _names(first: str, second: str) -> tuple[str, str]:
+    return (first, second) if first != second else (f"{first} (first)", f"{second} (second)")
