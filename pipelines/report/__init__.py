@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipelines.report import closing, identification, measurement, ring
+from pipelines.report import closing, identification, measurement, responses, ring
 from pipelines.report.blocks import Section
 from pipelines.report.page import render_page
 from pipelines.result import Result
@@ -21,7 +21,7 @@ SECTIONS = (
     measurement.quality,
     identification.stability,
     identification.modes,
-    identification.responses,
+    responses.responses,
     identification.shapes,
     ring.validation,
     ring.parameters,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from pipelines.report.chart import Chart
+from pipelines.report.chart import Chart, Drawing
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,62 @@ class Picture:
     kind: ClassVar[str] = "picture"
 
 
-Alone = Paragraph | Listing | Facts | Table | Picture | Chart
+@dataclass(frozen=True)
+class Chooser:
+    """A chart whose curves follow a choice.
+
+    Parameters
+    ----------
+    chart : Chart
+        Its traces are filled in by the page.
+    label : str
+        What is chosen.
+    options : tuple of str
+        What there is to choose from.
+    chosen : int
+        Index of what is shown first.
+    content : mapping
+        What the page draws from.
+    drawings : tuple of Drawing
+        What stands on paper instead.
+    """
+
+    chart: Chart
+    label: str
+    options: tuple[str, ...]
+    chosen: int
+    content: Mapping[str, Any]
+    drawings: tuple[Drawing, ...]
+    kind: ClassVar[str] = "chooser"
+
+
+@dataclass(frozen=True)
+class Animation:
+    """Shapes that move.
+
+    Parameters
+    ----------
+    name : str
+        Unique in the page.
+    options : tuple of str
+        Names of the shapes.
+    content : mapping
+        What the page draws from.
+    caption : str
+        What to look for.
+    drawings : tuple of Drawing
+        What stands on paper instead.
+    """
+
+    name: str
+    options: tuple[str, ...]
+    content: Mapping[str, Any]
+    caption: str
+    drawings: tuple[Drawing, ...]
+    kind: ClassVar[str] = "animation"
+
+
+Alone = Paragraph | Listing | Facts | Table | Picture | Chart | Chooser | Animation
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ window.ringmodalCharts = [];
 for (const plot of document.querySelectorAll(".plot")) {
   const specification = JSON.parse(document.getElementById(`${plot.id}-data`).textContent);
   const name = plot.id.replace("chart-", "");
-  charts.set(name, { name, plot, ...specification, drawn: false, onClick: null });
+  charts.set(name, { name, plot, ...specification, drawn: false, prepare: null, onClick: null });
 }
 
 /** The value with each colour's name, such as "--ring", replaced by the colour. */
@@ -85,7 +85,16 @@ function configuration(chart) {
   };
 }
 
+/** The text alternative tells what a chart shows; its lines and icons one by one tell nothing. */
+function hideFromReaders(plot) {
+  const drawn = [...plot.querySelectorAll("svg"), document.getElementById("js-plotly-tester")];
+  for (const each of drawn) each?.setAttribute("aria-hidden", "true");
+}
+
 function draw(chart) {
+  const { prepare } = chart;
+  chart.prepare = null;
+  prepare?.();
   const beside = chart.plot.closest(".beside") !== null;
   const width = printing ? (beside ? NARROW_IN_PRINT : WIDE_IN_PRINT) : undefined;
   const style = getComputedStyle(printing ? paper : page);
@@ -94,6 +103,7 @@ function draw(chart) {
   if (chart.drawn) return;
   chart.drawn = true;
   window.ringmodalCharts.push(chart.name);
+  hideFromReaders(chart.plot);
   chart.plot.on("plotly_click", (event) => chart.onClick?.(event.points[0]));
 }
 
@@ -112,7 +122,15 @@ function print(starts) {
   else redraw();
 }
 
+/** Numbers packed as base64; a plain array as it is. */
+function unpacked(values) {
+  if (Array.isArray(values)) return values;
+  const bytes = Uint8Array.from(atob(values.bdata), (letter) => letter.charCodeAt(0));
+  return new { f4: Float32Array, i2: Int16Array }[values.dtype](bytes.buffer);
+}
+
 window.ringmodal = {
+  unpacked,
   charts: {
     /** Change traces, layout or text alternative of a chart. */
     change(name, changes, alternative) {
@@ -124,6 +142,10 @@ window.ringmodal = {
     /** Call `respond` with the point of a chart that is clicked. */
     onClick(name, respond) {
       if (charts.has(name)) charts.get(name).onClick = respond;
+    },
+    /** Call `prepare` once, when the chart is about to be drawn for the first time. */
+    beforeDrawing(name, prepare) {
+      charts.get(name).prepare = prepare;
     },
     data: (name) => charts.get(name)?.data,
   },
