@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipelines.charts_basis import SHARE_SCALE, SIGNED_SCALE, as_text, axis, printed
+from pipelines.figures_labels import signed_cell
 from pipelines.report.chart import Chart, packed
 
 WRITTEN_CELLS = 15  # rows and columns up to which every number has room in its cell
@@ -40,7 +41,7 @@ def mac_chart(
         What it shows, and what to look for.
     """
     matrix = np.asarray(values, dtype=float)
-    trace = _cells(matrix, rows, columns, "{:.2f}", "MAC %{z:.3f}", titles) | {
+    trace = _cells(matrix, rows, columns, "{:.2f}".format, "MAC %{z:.3f}", titles) | {
         "colorscale": SHARE_SCALE,
         "zmin": 0,
         "zmax": 1,
@@ -80,7 +81,7 @@ def signed_chart(
     """
     matrix = np.asarray(values, dtype=float)
     largest = max(float(np.abs(matrix).max(initial=0.0)), 1e-3)
-    trace = _cells(matrix, rows, columns, "{:+.2f}", f"{quantity} %{{z:+.3f}}", titles) | {
+    trace = _cells(matrix, rows, columns, signed_cell, f"{quantity} %{{z:+.3f}}", titles) | {
         "colorscale": SIGNED_SCALE,
         "zmin": -largest,
         "zmax": largest,
@@ -101,7 +102,7 @@ def _cells(
     matrix: NDArray[np.float64],
     rows: Sequence[str],
     columns: Sequence[str],
-    cell: str,
+    cell: Callable[[float], str],
     hover: str,
     titles: tuple[str, str],
 ) -> dict[str, Any]:
@@ -116,7 +117,7 @@ def _cells(
         "hovertemplate": f"{titles[0]}: %{{y}}<br>{titles[1]}: %{{x}}<br>{hover}<extra></extra>",
     }
     if max(matrix.shape, default=0) <= WRITTEN_CELLS:
-        trace["text"] = [[cell.format(value).replace("-", "−") for value in row] for row in matrix]
+        trace["text"] = [[cell(value) for value in row] for row in matrix]
         trace["texttemplate"] = "%{text}"
     return trace
 

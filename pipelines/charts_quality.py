@@ -71,9 +71,10 @@ def coherence_chart(frf: FRF, band_hz: tuple[float, float]) -> Chart:
         printed(
             lambda figures, frf, ax: figures.plot_coherence(frf, ax, band_hz),
             frf,
-            size_cm=(13, 9),
+            size_cm=(17.5, 9),
             right=0.9,
         ),
+        wide=True,
         height_px=400,
     )
 

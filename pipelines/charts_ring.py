@@ -36,6 +36,7 @@ def scatter_chart(found: Validation, std_hz: NDArray[np.float64]) -> Chart:
         "type": "scatter",
         "mode": "markers+text",
         "name": "orders",
+        "showlegend": False,
         "x": packed(found.measured_hz),
         "y": packed(found.model_hz),
         "text": [f"{order}" for order in found.order],
@@ -51,8 +52,8 @@ def scatter_chart(found: Validation, std_hz: NDArray[np.float64]) -> Chart:
         "frequency-scatter",
         (*_tolerance(ends, ends), _line("equal", ends, ends, FAINT), points),
         {
-            "xaxis": axis("measured / Hz", range=limits),
-            "yaxis": axis("ring model / Hz", range=limits, scaleanchor="x"),
+            "xaxis": axis("measured / Hz", range=limits, constrain="domain"),
+            "yaxis": axis("ring model / Hz", range=limits, scaleanchor="x", constrain="domain"),
         },
         f"Frequencies of the ring against measured ones; {within} of {found.order.size} orders "
         f"lie within ±{TOLERANCE_PERCENT:g} %.",
@@ -142,8 +143,9 @@ def dispersion_chart(
         f"{WITH_BARS}, mostly smaller than the marks.",
         printed(
             lambda figures, ax: figures.plot_dispersion(found, shown, ring_hz, ax),
-            size_cm=(10.5, 7.5),
+            size_cm=(17.5, 7.5),
         ),
+        wide=True,
         height_px=380,
     )
 
@@ -187,7 +189,7 @@ def damping_chart(found: Validation, std: NDArray[np.float64]) -> Chart:
             lambda figures, ax: figures.plot_damping(found, ax, std),
             size_cm=(10.5, 7.5),
         ),
-        height_px=380,
+        height_px=420,
     )
 
 

@@ -14,12 +14,14 @@ from pipelines.figures_labels import spread
 from pipelines.figures_values import in_band, pole_marks
 from pipelines.report.chart import DROPPED, FAINT, KEPT, Chart, packed
 
-HEADROOM = 1.22  # above the highest model order, for the frequencies of the modes
+HIGHEST = 0.82  # of the height: above it stand the frequencies of the modes
+MOST_DECADES = 4
 LABELS_ACROSS = 38  # labels that fit side by side
+THIN = {"width": 1}
 MARKERS: Mapping[str, Mapping[str, Any]] = {
-    "not stable": {"symbol": "cross-thin-open", "color": FAINT, "size": 5, "opacity": 0.7},
-    "stable, not in a mode": {"symbol": "x-thin-open", "color": DROPPED, "size": 6},
-    "in a mode, not stable": {"symbol": "circle-open", "color": KEPT, "size": 6},
+    "not stable": {"symbol": "cross-thin-open", "line": THIN, "color": FAINT, "size": 5},
+    "stable, not in a mode": {"symbol": "x-thin-open", "line": THIN, "color": DROPPED, "size": 6},
+    "in a mode, not stable": {"symbol": "circle-open", "line": THIN, "color": KEPT, "size": 6},
     "in a mode": {"symbol": "circle", "color": KEPT, "size": 6},
 }
 
@@ -34,12 +36,16 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
     kept = _kept_in_band(diagram)
     reasons = _reasons(diagram)
     traces = (_indicator(diagram), *_poles(diagram, reasons))
-    highest = float(diagram.model_order.max(initial=1)) * HEADROOM
+    highest = float(diagram.model_order.max(initial=1)) / HIGHEST
     layout = {
         "xaxis": axis(FREQUENCY, range=list(diagram.band_hz)),
         # The indicator has the axis at the back: what overlays it is drawn in front.
-        "yaxis": log_axis("RMS inertance / ((m/s²)/N)", side="right", showgrid=False),
-        "yaxis2": axis("model order", side="left", overlaying="y", range=[0, highest]),
+        "yaxis": log_axis(
+            "RMS inertance / ((m/s²)/N)", side="right", showgrid=False, range=_below(diagram)
+        ),
+        "yaxis2": axis(
+            "model order", side="left", overlaying="y", range=[0, highest], tick0=0, dtick=10
+        ),
         "shapes": [_line(cluster) for cluster in kept],
         "annotations": _names(kept, diagram.band_hz, highest),
         "hovermode": "closest",
@@ -94,6 +100,16 @@ def _indicator(diagram: StabilityDiagram) -> dict[str, Any]:
     }
 
 
+def _below(diagram: StabilityDiagram) -> list[float]:
+    """Ends of the indicator's axis, as powers of ten, that keep it below the mode's names."""
+    shown = diagram.indicator[in_band(diagram.indicator_hz, diagram.band_hz)]
+    powers = np.log10(shown[shown > 0])
+    if powers.size == 0:
+        return [-1.0, 1.0]
+    low = float(max(powers.min(), powers.max() - MOST_DECADES)) - 0.1
+    return [low, low + max(float(powers.max()) - low, 0.5) / HIGHEST]
+
+
 def _poles(diagram: StabilityDiagram, reasons: Mapping[int, str]) -> list[dict[str, Any]]:
     """One trace for each mark, so that the legend hides and shows it."""
     return [
@@ -106,7 +122,7 @@ def _poles(diagram: StabilityDiagram, reasons: Mapping[int, str]) -> list[dict[s
             "y": packed(diagram.model_order[chosen]),
             "customdata": packed(100 * diagram.damping_ratio[chosen]),
             "text": _reasons_of(diagram.cluster[chosen], reasons),
-            "marker": {**MARKERS[name], "line": {"width": 1}},
+            "marker": MARKERS[name],
             "hovertemplate": "%{x:.2f} Hz, damping %{customdata:.2f} %<br>model order %{y}, "
             f"{name}<br>%{{text}}<extra></extra>",
         }
@@ -127,7 +143,7 @@ def _line(cluster: Cluster) -> dict[str, Any]:
         "x0": cluster.frequency_hz,
         "x1": cluster.frequency_hz,
         "y0": 0,
-        "y1": 0.85,
+        "y1": HIGHEST + 0.03,
         "line": {"color": KEPT, "width": 0.8},
         "layer": "below",
     }
@@ -142,14 +158,15 @@ def _names(
     return [
         {
             "x": frequency,
-            "y": 0.86 * highest,
+            "y": (HIGHEST + 0.03) * highest,
             "yref": "y2",
             "ax": float(place),
             "axref": "x",
-            "ay": 0.9 * highest,
+            "ay": (HIGHEST + 0.06) * highest,
             "ayref": "y2",
             "text": f"{frequency:.1f}",
             "textangle": -90,
+            "xanchor": "center",
             "yanchor": "bottom",
             "arrowhead": 0,
             "arrowwidth": 0.8,

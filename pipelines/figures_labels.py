@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ema.frf import FRF
 from ema.modes import Mode
+from pipelines.numbers import signed
 
 
 def place_name(node: int, position_deg: float) -> str:
@@ -53,6 +54,11 @@ def short(text: str, length: int = 28) -> str:
 def literal(text: str) -> str:
     """`text` from a file as it stands: a dollar sign starts no formula."""
     return text.replace("$", r"\$")
+
+
+def signed_cell(value: float) -> str:
+    """A value with its sign and two digits; what rounds to nothing has the plus."""
+    return signed(round(float(value), 2) + 0.0, 2)
 
 
 def spread(positions: ArrayLike, gap: float) -> NDArray[np.float64]:

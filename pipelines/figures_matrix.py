@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
+
+from pipelines.figures_labels import signed_cell
 
 WRITTEN_CELLS = 9  # rows and columns up to which every number has room in its cell
 
@@ -31,7 +33,7 @@ def plot_mac(
     ax.imshow(matrix, vmin=0, vmax=1, cmap="Blues", aspect="equal")
     # In large matrices the small values would only be noise to the eye.
     written = matrix >= (0.0 if max(matrix.shape) <= WRITTEN_CELLS else 0.1)
-    _write_cells(matrix, written, matrix > 0.55, "{:.2f}", ax)
+    _write_cells(matrix, written, matrix > 0.55, "{:.2f}".format, ax)
     return _name_cells(row_names, column_names, ax)
 
 
@@ -54,7 +56,7 @@ def plot_signed_matrix(
     largest = max(float(np.abs(matrix).max(initial=0.0)), 1e-3)
     ax.imshow(matrix, vmin=-largest, vmax=largest, cmap="RdBu", aspect="auto")
     dark = np.abs(matrix) > 0.7 * largest
-    _write_cells(matrix, np.isfinite(matrix), dark, "{:+.2f}", ax)
+    _write_cells(matrix, np.isfinite(matrix), dark, signed_cell, ax)
     return _name_cells(row_names, column_names, ax)
 
 
@@ -62,7 +64,7 @@ def _write_cells(
     matrix: NDArray[np.float64],
     written: NDArray[np.bool_],
     dark: NDArray[np.bool_],
-    form: str,
+    form: Callable[[float], str],
     ax: Axes,
 ) -> None:
     size = 7.5 if max(matrix.shape) <= WRITTEN_CELLS else 5.5
@@ -70,7 +72,7 @@ def _write_cells(
         ax.text(
             column,
             row,
-            form.format(matrix[row, column]).replace("-", "−"),
+            form(matrix[row, column]),
             ha="center",
             va="center",
             fontsize=size,

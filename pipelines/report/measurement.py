@@ -40,9 +40,10 @@ def setup(result: Result) -> Section:
 
 def quality(result: Result) -> Section:
     """Say how far the data can be trusted."""
-    charts = (*_coherence(result), *_reference(result.reference), *_drive_point(result))
+    beside = (*_reference(result.reference), *_drive_point(result))
     blocks: list[Block] = [
-        *([Beside(charts)] if charts else []),
+        *_coherence(result),
+        *([Beside(beside)] if beside else []),
         *_verdicts(result),
         *_drift(result.modal_model.drift),
         *_findings(result.findings),

@@ -30,14 +30,13 @@ def validation(result: Result) -> Section:
         return Section("validation", title, _left_out(result))
     found = result.validation
     std_hz, damping_std = _measured_std(result, found.order)
-    charts = (
-        charts_ring.scatter_chart(found, std_hz),
-        _mac(found),
-        charts_ring.deviation_chart(found, std_hz),
+    blocks: tuple[Block, ...] = (
+        Beside((charts_ring.scatter_chart(found, std_hz), _mac(found))),
         _dispersion(found, std_hz, result.tuning),
-        *_damping(found, damping_std),
+        Beside((charts_ring.deviation_chart(found, std_hz), *_damping(found, damping_std))),
+        _validation_table(found),
     )
-    return Section("validation", title, (Beside(charts), _validation_table(found)))
+    return Section("validation", title, blocks)
 
 
 def parameters(result: Result) -> Section:
