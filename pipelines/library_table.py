@@ -1,0 +1,114 @@
+"""All versions of a library as one table, for pandas and spreadsheets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from pipelines.library_diff import values_of
+from pipelines.library_tyre import LibraryTyre
+from pipelines.library_version import Version
+from pipelines.parameter_set import CONDITION_NAMES, DAMPING_NAMES, RING_NAMES, WHEEL_NAMES
+from pipelines.whole_file import file_written_whole
+
+Row = dict[str, Any]
+
+_TEXTS = ("tyre", "designation", "tyre_id", "created", "author", "note", "campaign", "software")
+CONDITIONS = ("inflation_pressure_pa", *CONDITION_NAMES)
+OF_VERSION = (
+    *("tyre", "designation", "tyre_id", "version", "approved", "created", "author", "note"),
+    *("campaign", "software", *CONDITIONS),
+)
+LONG = (*OF_VERSION, "parameter", "value", "std", "how")
+_PARAMETERS = (*RING_NAMES, *DAMPING_NAMES, *(f"wheel_{name}" for name in WHEEL_NAMES))
+WIDE = (
+    *OF_VERSION,
+    *(name + end for name in _PARAMETERS for end in ("", "_std", "_how")),
+)
+
+
+def version_rows(tyres: Iterable[LibraryTyre], *, wide: bool = False) -> list[Row]:
+    """Rows of the table, tyre by tyre and version by version.
+
+    Parameters
+    ----------
+    tyres : iterable of LibraryTyre
+    wide : bool
+        One row per version with the columns `WIDE`, else one per version and parameter with `LONG`.
+
+    Raises
+    ------
+    DamagedFile
+        If any file is not what was written: a table without it would look complete.
+    """
+    rows: list[Row] = []
+    for tyre in tyres:
+        versions, approved = tyre.intact_versions(), tyre.approved()
+        number = approved.number if approved else 0
+        for version in versions:
+            told = _of_version(version, approved=version.number == number)
+            rows += [told | _all(version)] if wide else [told | one for one in _each(version)]
+    return rows
+
+
+def write_table(path: Path, rows: Sequence[Row], *, wide: bool = False) -> None:
+    """Write rows as CSV or Parquet, by the ending of `path`; whole or not at all."""
+    columns = WIDE if wide else LONG
+    with file_written_whole(path) as partial:
+        if path.suffix.lower() == ".csv":
+            from pipelines.tables import write_csv
+
+            write_csv(partial, columns, (tuple(map(row.get, columns)) for row in rows))
+        else:
+            _write_parquet(partial, columns, rows)
+
+
+def _of_version(version: Version, *, approved: bool) -> Row:
+    own, entry = version.parameters, version.entry
+    return {
+        "tyre": version.tyre,
+        "designation": own.designation,
+        "tyre_id": entry.tyre_id,
+        "version": version.number,
+        "approved": approved,
+        "created": entry.created,
+        "author": entry.author,
+        "note": entry.note,
+        "campaign": str(own.provenance.get("campaign", "")),
+        "software": str(own.provenance.get("software", entry.software)),
+        **{name: _number(own.conditions.get(name)) for name in CONDITIONS},
+    }
+
+
+def _each(version: Version) -> Iterator[Row]:
+    for name, found in values_of(version.parameters).items():
+        yield {"parameter": name, "value": found.value, "std": found.std, "how": found.how}
+
+
+def _all(version: Version) -> Row:
+    row: Row = {}
+    for name, found in values_of(version.parameters).items():
+        row |= {name: found.value, f"{name}_std": found.std, f"{name}_how": found.how}
+    return row
+
+
+def _number(value: Any) -> float | None:
+    """A condition as number; a hand-written set may hold words."""
+    return float(value) if isinstance(value, int | float) else None
+
+
+def _write_parquet(path: Path, columns: Sequence[str], rows: Sequence[Row]) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    schema = pa.schema([(name, _type_of(name, pa)) for name in columns])
+    complete = [{name: row.get(name) for name in columns} for row in rows]
+    pq.write_table(pa.Table.from_pylist(complete, schema), path)
+
+
+def _type_of(name: str, pa: Any) -> Any:
+    if name in _TEXTS or name == "parameter" or name == "how" or name.endswith("_how"):
+        return pa.string()
+    kinds = {"version": pa.int32(), "approved": pa.bool_()}
+    return kinds.get(name, pa.float64())
