@@ -11,7 +11,8 @@ from pathlib import Path
 from ema.errors import ManifestError
 from ema.io.manifest import MANIFEST_NAME, read_manifest, resolve
 from pipelines.options import Options
-from pipelines.provenance import sha256, software_version
+from pipelines.provenance import sha256
+from pipelines.versions import software_version
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any
 from ema.errors import InputError
 from pipelines.batch_record import Record
 from pipelines.batch_task import Task, failure, kept
-from pipelines.provenance import software_version
+from pipelines.versions import software_version
 
 EXTRA = "cluster"
 LIVES = 3  # a task that has ended this many workers is given up

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pipelines import console
-from pipelines.cli_options import Json, Quiet, with_processing_options
+from pipelines.cli_options import FILES, Json, Quiet, with_processing_options
 from pipelines.interrupt import Interrupted
 from pipelines.progress import shown
 
@@ -18,29 +17,56 @@ if TYPE_CHECKING:
     from pipelines.batch_record import Record
     from pipelines.options import Options
 
+MACHINES = "Machines"
+
 
 @with_processing_options
 def batch(
-    root: Annotated[Path, typer.Argument(help="Folder with campaigns, at any depth.")],
+    root: Annotated[
+        Path, typer.Argument(metavar="ROOT", help="Folder with campaigns, at any depth.")
+    ],
     out: Annotated[
         Path,
-        typer.Option("--out", help="Folder for results, tables and summary; taken up again."),
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            rich_help_panel=FILES,
+            help="Folder for results, tables and summary; taken up again.",
+        ),
     ],
     options: Options,
     jobs: Annotated[
         int | None,
-        typer.Option(min=1, help="Worker processes on this machine. Default: one per core."),
+        typer.Option(
+            min=1,
+            metavar="N",
+            rich_help_panel=MACHINES,
+            help="Worker processes on this machine. Default: one per core.",
+        ),
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster, tcp://HOST:PORT."),
+        typer.Option(
+            metavar="ADDRESS",
+            rich_help_panel=MACHINES,
+            help="Scheduler of a Dask cluster, tcp://HOST:PORT.",
+        ),
     ] = None,
     reports: Annotated[
         bool,
-        typer.Option("--reports", help="Write a report.html for each campaign; takes longer."),
+        typer.Option(
+            "--reports",
+            rich_help_panel=FILES,
+            help="Write a report.html for each campaign; takes longer.",
+        ),
     ] = False,
     retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Try again what failed and has not changed.")
+        bool,
+        typer.Option(
+            "--retry-failed",
+            rich_help_panel=FILES,
+            help="Try again what failed and has not changed.",
+        ),
     ] = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -51,8 +77,11 @@ def batch(
     only what is new or changed. Ends with code 0 when every campaign has its row; with --strict,
     with 2 if any failed.
 
-    Example: ringmodal batch measurements/2025 --out results/2025
-    """
+    Examples:
+      ringmodal batch measurements/2025 --out results/2025
+      ringmodal batch measurements --out results --jobs 4 --reports
+      ringmodal batch measurements --out results --scheduler tcp://node1:8786
+    """  # noqa: D406, D407 - a heading of the help
     from pipelines.batch import run_batch
 
     finished = 0
@@ -104,11 +133,10 @@ def _show(found: Batch, *, as_json: bool) -> None:
     if as_json:
         from pipelines.batch_tables import campaign_rows
 
-        rows = console.plain(campaign_rows(found.records))
-        content = {"out": str(found.folder.path), **counts, "campaigns": rows}
-        typer.echo(json.dumps(content, indent=2, allow_nan=False))
+        rows = campaign_rows(found.records)
+        console.print_json({"out": str(found.folder.path), **counts, "campaigns": rows})
         return
-    typer.echo(_summary(counts, found.folder.summary))
+    console.say(_summary(counts, found.folder.summary))
 
 
 def _summary(counts: dict[str, int], page: Path) -> str:

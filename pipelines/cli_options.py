@@ -10,25 +10,56 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from pipelines import console
+from pipelines import cli_values as value
 
 if TYPE_CHECKING:
     from pipelines.options import Options
 
+FILES, PROCESSING = "Input and output", "Processing"
+POLES, RING, SCREEN = "Poles", "Ring", "Screen"
+
+ResultFolder = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder of an earlier result.", show_default=False)
+]
 Out = Annotated[
-    Path, typer.Option("--out", help="Folder for the result; appears whole or not at all.")
+    Path,
+    typer.Option(
+        "--out",
+        metavar="DIR",
+        rich_help_panel=FILES,
+        help="Folder for the result; appears whole or not at all.",
+    ),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
-NoReport = Annotated[bool, typer.Option("--no-report", help="Stop before the report.")]
+Force = Annotated[
+    bool, typer.Option("--force", rich_help_panel=FILES, help="Replace an earlier result.")
+]
+NoReport = Annotated[
+    bool, typer.Option("--no-report", rich_help_panel=FILES, help="Stop before the report.")
+]
 Strict = Annotated[
-    bool, typer.Option("--strict", help="Refuse recordings that give any warning; write nothing.")
+    bool,
+    typer.Option(
+        "--strict",
+        rich_help_panel=FILES,
+        help="Refuse recordings that give any warning; write nothing.",
+    ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="No progress messages.")]
+Json = Annotated[
+    bool,
+    typer.Option(
+        "--json", rich_help_panel=SCREEN, help="Print the result as JSON on standard output."
+    ),
+]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", rich_help_panel=SCREEN, help="No progress messages.")
+]
 Objective = Annotated[
     str,
     typer.Option(
-        help="What the tuning minimises: 'frequency' (relative errors) or 'paper' (eq. 18)."
+        metavar="NAME",
+        rich_help_panel=RING,
+        autocompletion=value.completing(value.OBJECTIVES),
+        help="What the tuning minimises: frequency (relative errors) or paper (eq. 18).",
     ),
 ]
 Given = Annotated[
@@ -36,7 +67,10 @@ Given = Annotated[
     typer.Option(
         "--given",
         metavar="NAME=VALUE",
-        help="A ring parameter known from elsewhere, in SI, e.g. mass_per_area_kg_m2=19.7.",
+        rich_help_panel=RING,
+        autocompletion=value.ring_parameter_names,
+        help="A ring parameter known from elsewhere, in SI, such as mass_per_area_kg_m2=19.7; "
+        "may be repeated.",
     ),
 ]
 
@@ -45,39 +79,99 @@ def processing_options(
     *,
     band_hz: Annotated[
         tuple[float, float] | None,
-        typer.Option(help="Band in Hz in which modes are sought. Default for a tyre: 20 260."),
+        typer.Option(
+            metavar="FROM TO",
+            rich_help_panel=PROCESSING,
+            help="Band in Hz in which modes are sought. Default for a tyre: 20 260.",
+        ),
     ] = None,
     averages: Annotated[
-        int | None, typer.Option(min=1, help="Number of averages; sets the block length.")
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="N",
+            rich_help_panel=PROCESSING,
+            help="Number of averages; sets the block length.",
+        ),
     ] = None,
     block_seconds: Annotated[
         float | None,
-        typer.Option(help="Block length in s. Default: 4, or a quarter of a shorter recording."),
+        typer.Option(
+            metavar="S",
+            rich_help_panel=PROCESSING,
+            help="Block length in s. Default: 4, or a quarter of a shorter recording.",
+        ),
     ] = None,
-    window: Annotated[str | None, typer.Option(help="Any scipy window name; default hann.")] = None,
+    window: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            rich_help_panel=PROCESSING,
+            autocompletion=value.completing(value.WINDOWS),
+            help="hann, boxcar, flattop or any other window of scipy. Default: hann.",
+        ),
+    ] = None,
     overlap: Annotated[
         float | None,
-        typer.Option(min=0.0, max=0.95, help="Share of a block. Default: 0.5, boxcar 0."),
+        typer.Option(
+            min=0.0,
+            max=0.95,
+            metavar="SHARE",
+            rich_help_panel=PROCESSING,
+            help="Overlap as a share of a block. Default: 0.5; for boxcar 0.",
+        ),
     ] = None,
-    estimator: Annotated[str, typer.Option(help="H1, H2 or Hv.")] = "H1",
+    estimator: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            rich_help_panel=PROCESSING,
+            autocompletion=value.completing(value.ESTIMATORS),
+            help="FRF estimator: H1, H2 or Hv.",
+        ),
+    ] = "H1",
     max_order: Annotated[
-        int, typer.Option(min=4, max=200, help="Highest model order of the stability diagram.")
+        int,
+        typer.Option(
+            min=4,
+            max=200,
+            metavar="N",
+            rich_help_panel=POLES,
+            help="Highest model order of the stability diagram.",
+        ),
     ] = 60,
     method: Annotated[
-        str, typer.Option(help="Pole estimator, lsce or plscf; the other is the second opinion.")
+        str,
+        typer.Option(
+            metavar="NAME",
+            rich_help_panel=POLES,
+            autocompletion=value.completing(value.METHODS),
+            help="Pole estimator, lsce or plscf; the other is the second opinion.",
+        ),
     ] = "lsce",
     pin: Annotated[
         str | None,
-        typer.Option(metavar="HZ,HZ,…", help="Take the modes next to these frequencies instead."),
+        typer.Option(
+            metavar="HZ,HZ,…",
+            rich_help_panel=POLES,
+            help="Take the modes next to these frequencies in Hz, and no others.",
+        ),
     ] = None,
     exclude: Annotated[
         str | None,
-        typer.Option(metavar="HZ,HZ,…", help="Leave out the modes at these frequencies."),
+        typer.Option(
+            metavar="HZ,HZ,…",
+            rich_help_panel=POLES,
+            help="Leave out the modes at these frequencies in Hz.",
+        ),
     ] = None,
     objective: Objective = "frequency",
     given: Given = None,
     no_tune: Annotated[
-        bool, typer.Option("--no-tune", help="Stop at the modes: no ring parameters.")
+        bool,
+        typer.Option(
+            "--no-tune", rich_help_panel=RING, help="Stop at the modes: no ring parameters."
+        ),
     ] = False,
     strict: Strict = False,
 ) -> Options:
@@ -87,14 +181,14 @@ def processing_options(
 
     return Options(
         processing=Processing(averages, block_seconds, window, overlap, band_hz),
-        estimator=estimator,
+        estimator=value.choice("--estimator", estimator, value.ESTIMATORS),
         max_order=max_order,
-        pinned_hz=console.numbers("--pin", pin),
-        excluded_hz=console.numbers("--exclude", exclude),
-        method=method,
+        pinned_hz=value.numbers("--pin", pin),
+        excluded_hz=value.numbers("--exclude", exclude),
+        method=value.choice("--method", method, value.METHODS),
         tune=not no_tune,
-        objective=objective,
-        given=console.assignments("--given", given),
+        objective=value.choice("--objective", objective, value.OBJECTIVES),
+        given=value.ring_parameters("--given", given),
         strict=strict,
     )
 

@@ -9,7 +9,9 @@ from typing import Annotated
 
 import typer
 
+from pipelines import console
 from pipelines import simulate_options as option
+from pipelines.cli_help import Command, Group
 from pipelines.simulate_options import (
     Directions,
     Frames,
@@ -20,8 +22,10 @@ from pipelines.simulate_options import (
 )
 
 simulate = typer.Typer(
+    cls=Group,
     help="The ring model at work: frequencies, forced vibration, virtual measurements.",
     no_args_is_help=True,
+    rich_markup_mode=None,
 )
 
 
@@ -32,7 +36,7 @@ class FileFormat(StrEnum):
     csv = "csv"
 
 
-@simulate.command()
+@simulate.command(cls=Command)
 def campaign(
     folder: Annotated[Path, typer.Argument(help="New or empty folder.")],
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same bytes.")] = 1,
@@ -52,10 +56,12 @@ def campaign(
     drift_percent: Annotated[
         float, typer.Option(help="Rise of all frequencies from run to run in percent.")
     ] = 0.0,
+    as_json: option.Json = False,
 ) -> None:
     """Write a whole virtual campaign on a tyre with known modes; the truth lies beside it.
 
-    Example: ringmodal simulate campaign virtual --duration-s 60 --snr-db 20
+    Example:
+      ringmodal simulate campaign virtual --duration-s 60 --snr-db 20
     """
     from pipelines.interrupt import stating_what_stands
     from pipelines.simulate_campaign import simulate_campaign
@@ -73,11 +79,14 @@ def campaign(
             sensor_mass_kg=sensor_mass_kg,
             drift_percent=drift_percent,
         )
-    typer.echo(f"Campaign: {written}")
-    typer.echo(f"Next: ringmodal process {written} --out result")
+    if as_json:
+        console.print_json({"campaign": str(written)})
+        return
+    console.say(f"Campaign: {written}")
+    console.say(f"Next: ringmodal process {written} --out result")
 
 
-@simulate.command()
+@simulate.command(cls=Command)
 def frequencies(
     tyre: option.Tyre = None,
     orders: Annotated[str, typer.Option(metavar="FROM:TO", help="Orders n ≥ 1.")] = "1:7",
@@ -93,7 +102,8 @@ def frequencies(
 ) -> None:
     """Frequencies in Hz of the regressive and the progressive wave of each order, over speed.
 
-    Example: ringmodal simulate frequencies --speed-rad-s 0:100:1 --orders 1:4 --out waves.csv
+    Example:
+      ringmodal simulate frequencies --speed-rad-s 0:100:1 --orders 1:4 --out waves.csv
     """
     from pipelines import simulate_show as show
     from pipelines.simulate_frequencies import simulate_frequencies
@@ -110,7 +120,7 @@ def frequencies(
     show.frequencies(found, frame.value, show.Targets(out, figure, as_json))
 
 
-@simulate.command()
+@simulate.command(cls=Command)
 def inertance(
     tyre: option.Tyre = None,
     at_deg: option.AtAngle = 100.0,
@@ -130,7 +140,8 @@ def inertance(
 ) -> None:
     """Radial inertance between two angles in (m/s²)/N; in (m/s²)/(N/m) without a belt width.
 
-    Example: ringmodal simulate inertance --at-deg 100 --speed-rad-s 67.3 --out inertance.csv
+    Example:
+      ringmodal simulate inertance --at-deg 100 --speed-rad-s 67.3 --out inertance.csv
     """
     from model import ForcedRing
     from pipelines import simulate_show as show
@@ -152,7 +163,7 @@ def inertance(
     show.inertance(found, chosen, show.Targets(out, figure, as_json))
 
 
-@simulate.command()
+@simulate.command(cls=Command)
 def cleat(
     tyre: option.Tyre = None,
     at_deg: option.AtAngle = 100.0,
@@ -188,7 +199,8 @@ def cleat(
 ) -> None:
     """What a point of the rolling tyre feels when it runs over a cleat, in time and frequency.
 
-    Example: ringmodal simulate cleat --at-deg 90 --frame absolute --figure cleat.png
+    Example:
+      ringmodal simulate cleat --at-deg 90 --frame absolute --figure cleat.png
     """
     from model import Cleat, CleatTest, ForcedRing
     from pipelines import simulate_show as show
@@ -220,7 +232,7 @@ def cleat(
     show.cleat(found, show.Targets(out, figure, as_json), spectrum)
 
 
-@simulate.command()
+@simulate.command(cls=Command)
 def loaded(
     tyre: option.Tyre = None,
     load_n: Annotated[
@@ -237,7 +249,8 @@ def loaded(
 ) -> None:
     """Natural frequencies in Hz of the standing tyre pressed on the road, over vertical load.
 
-    Example: ringmodal simulate loaded --load-n 0:4000:500 --figure loaded.svg
+    Example:
+      ringmodal simulate loaded --load-n 0:4000:500 --figure loaded.svg
     """
     from pipelines import simulate_show as show
     from pipelines.simulate_loaded import simulate_loaded
@@ -253,7 +266,7 @@ def loaded(
     show.loaded(found, show.Targets(out, figure, as_json))
 
 
-@simulate.command()
+@simulate.command(cls=Command)
 def hub(
     tyre: option.Tyre = None,
     hub: Annotated[Hubs, typer.Option(help="Whether the wheel can move.")] = Hubs.fixed,
@@ -282,7 +295,8 @@ def hub(
 
     A free wheel also moves (m/N, rad/N); pressure then follows the belt.
 
-    Example: ringmodal simulate hub --hub free --wheel-mass-kg 12 --wheel-inertia-kg-m2 0.6
+    Example:
+      ringmodal simulate hub --hub free --wheel-mass-kg 12 --wheel-inertia-kg-m2 0.6
     """
     from model import ForcedRing, hub_response
     from pipelines import simulate_show as show

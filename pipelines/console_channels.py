@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from pipelines.console import empty_table, plain
+from pipelines.console import print_json, printable, screen
+from pipelines.console_tables import Column, print_table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -24,32 +24,24 @@ _LEGEND = "Levels in m/s^2, N, m/s, m or V; rms and crest factor are about the m
 def show_inspection(inspection: Inspection, *, as_json: bool) -> None:
     """Print what is in recordings and what looks wrong, file by file."""
     if as_json:
-        rows = [plain(row) for report in inspection.files for row in _rows(report)]
-        print(json.dumps(rows, indent=2, allow_nan=False))  # noqa: T201
+        print_json([row for report in inspection.files for row in _rows(report)])
         return
-    from rich.console import Console
-
-    console = Console()
+    output = screen()
     for report in inspection.files:
-        _say(console, _heading(report))
+        _say(output, _heading(report))
         if report.channels:
-            _show_table(console, _channel_columns(report.channels))
+            print_table(output, "", _channel_columns(report.channels), _FIRST_TO_GO)
         if report.frf is not None:
-            _show_table(console, _frf_columns(report.frf, report.frf_names))
+            print_table(output, "", _frf_columns(report.frf, report.frf_names))
         for line in _lines("Looks wrong", report.wrong) + _lines("Note", report.notes):
-            _say(console, line)
-        _say(console, "")
+            _say(output, line)
+        _say(output, "")
     if any(row.signal for report in inspection.files for row in report.channels):
-        _say(console, _LEGEND)
+        _say(output, _LEGEND)
 
 
-def _say(console: Console, text: str) -> None:
-    console.print(_printable(text), markup=False, highlight=False, soft_wrap=True)
-
-
-def _printable(text: str) -> str:
-    """Text of a file as a terminal may show it: without control characters."""
-    return "".join(sign if sign.isprintable() else "�" for sign in text)
+def _say(output: Console, text: str) -> None:
+    output.print(printable(text), markup=False, highlight=False, soft_wrap=True)
 
 
 def _heading(report: FileReport) -> str:
@@ -69,7 +61,7 @@ def _heading(report: FileReport) -> str:
         )
     if len(parts) == 1:
         parts.append("neither time series nor FRFs")
-    return f"{report.path.name}: {'; '.join(parts)}"
+    return f"{report.path}: {'; '.join(parts)}"
 
 
 def _count(n: int, noun: str) -> str:
@@ -128,54 +120,33 @@ _CHANNEL_COLUMNS: dict[str, Callable[[ChannelReport], str]] = {
     "missing": _of_signal(lambda signal: str(signal.n_missing or "")),
 }
 _NAMES = ("channel", "FRF")  # take several lines where they are long
-_TEXTS = ("quantity", "unit in\nthe file")
-_FIRST_TO_GO = ("quantity", "crest")  # on a narrow screen; the unit tells the quantity
+_TEXTS = (*_NAMES, "quantity", "unit in\nthe file")
+# On a narrow screen; the unit tells the quantity.
+_FIRST_TO_GO = ("quantity", "crest", "peak\n(SI)", "DC\n(SI)", "clipped", "angle", "hum")
 
 
-def _channel_columns(rows: Sequence[ChannelReport]) -> dict[str, list[str]]:
+def _channel_columns(rows: Sequence[ChannelReport]) -> list[Column]:
     columns = {heading: [tell(row) for row in rows] for heading, tell in _CHANNEL_COLUMNS.items()}
     if not any(row.channel.node for row in rows):  # node 0 everywhere: they are not numbered
         del columns["node"]
-    return columns
+    return _columns(columns)
 
 
-def _frf_columns(frf: FRF, names: Sequence[str]) -> dict[str, list[str]]:
-    return {
-        "FRF": list(names),
-        "node": [_node(int(node)) for node in frf.node],
-        "angle": [_angle(float(angle)) for angle in frf.position_deg],
-    }
+def _frf_columns(frf: FRF, names: Sequence[str]) -> list[Column]:
+    return _columns(
+        {
+            "FRF": list(names),
+            "node": [_node(int(node)) for node in frf.node],
+            "angle": [_angle(float(angle)) for angle in frf.position_deg],
+        }
+    )
 
 
-def _show_table(console: Console, columns: dict[str, list[str]]) -> None:
-    """Print a table; columns without any content are left out, and some where they do not fit."""
-    columns = {heading: cells for heading, cells in columns.items() if any(cells)}
-    table = _table(columns)
-    for heading in _FIRST_TO_GO:
-        if _full_width(console, table) > console.width and heading in columns:
-            del columns[heading]
-            table = _table(columns)
-    console.print(table)
-
-
-def _full_width(console: Console, table: Any) -> int:
-    unlimited = console.options.update(width=1_000_000)
-    return console.measure(table, options=unlimited).maximum
-
-
-def _table(columns: dict[str, list[str]]) -> Any:
-    from rich.text import Text
-
-    table = empty_table("")
-    for heading in columns:
-        if heading in _NAMES:
-            table.add_column(heading, overflow="fold")
-        else:
-            justify = "left" if heading in _TEXTS else "right"
-            table.add_column(heading, justify=justify, no_wrap=True)
-    for cells in zip(*columns.values(), strict=True):
-        table.add_row(*(Text(_printable(cell)) for cell in cells))
-    return table
+def _columns(columns: dict[str, list[str]]) -> list[Column]:
+    return [
+        Column(heading, cells, is_text=heading in _TEXTS, folds=heading in _NAMES)
+        for heading, cells in columns.items()
+    ]
 
 
 def _lines(title: str, findings: Sequence[Finding]) -> list[str]:
@@ -195,7 +166,7 @@ def _lines(title: str, findings: Sequence[Finding]) -> list[str]:
 
 def _rows(report: FileReport) -> list[dict[str, Any]]:
     """Rows of ``--json``: channels and FRFs, and the file itself where something is to be said."""
-    file = {"file": report.path.name}
+    file = {"file": report.path.name, "path": str(report.path)}
     rows = [file | _channel_row(row, report.sampling_rate_hz) for row in report.channels]
     rows += [file | row for row in _frf_rows(report)]
     if report.findings or not rows:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+from pipelines.console_encoding import tolerant_output
 from pipelines.interrupt import Interrupted, interruptible
 
 
@@ -13,6 +14,7 @@ def main() -> None:
     2 for bad input and for files that cannot be read or written, 130 or 143 when asked to stop, 1
     for too little memory and for a fault of the program.
     """
+    tolerant_output()
     try:
         with interruptible():
             _run()

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import platform
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -17,8 +15,7 @@ from typing import Any
 from ema.frf import FRF
 from ema.recording import Processing
 from pipelines.options import Options
-
-LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pyuff")
+from pipelines.versions import library_versions, software_version
 
 
 @dataclass
@@ -35,16 +32,6 @@ class Stopwatch:
         start = perf_counter()
         yield
         self.seconds[name] = round(perf_counter() - start, 4)
-
-
-def software_version() -> str:
-    """Version of the installed distribution."""
-    return _version("ringmodal")
-
-
-def library_versions() -> dict[str, str]:
-    """Versions of Python and of the libraries that numbers pass through."""
-    return {"python": platform.python_version(), **{name: _version(name) for name in LIBRARIES}}
 
 
 def provenance(
@@ -97,10 +84,3 @@ def _blocks_in_force(frf: FRF) -> dict[str, Any]:
         "effective_averages": round(frf.n_effective, 2),
         "sampling_rate_hz": frf.blocks.sampling_rate_hz,
     }
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "unknown"

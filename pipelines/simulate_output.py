@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipelines.console import empty_table
+from pipelines import console
+from pipelines.console_tables import Column, print_table
 from pipelines.whole_file import file_written_whole
 
 if TYPE_CHECKING:
@@ -52,21 +53,16 @@ def write_figure(path: Path, figure: Figure) -> None:
 def print_json(content: Mapping[str, Any]) -> None:
     """Print arrays, numbers and texts as JSON; numbers that are none become null."""
     listed = {name: _listed(value) for name, value in content.items()}
-    print(json.dumps(listed, allow_nan=False, ensure_ascii=False))  # noqa: T201
+    print(json.dumps(listed, allow_nan=False))  # noqa: T201
 
 
 def print_rows(title: str, columns: Mapping[str, ArrayLike], places: Mapping[str, int]) -> None:
     """Print a table for people, each column with its number of digits after the point."""
-    from rich.console import Console
-
-    console, table = Console(), empty_table("")  # a title would wrap at the table's width
-    for name in columns:
-        table.add_column(name, justify="right")
-    for row in zip(*(np.asarray(values) for values in columns.values()), strict=True):
-        cells = zip(columns, row, strict=True)
-        table.add_row(*(_cell(value, places.get(name, 0)) for name, value in cells))
-    console.print(title, markup=False, highlight=False)
-    console.print(table)
+    shown = [
+        Column(name, [_cell(value, places.get(name, 0)) for value in np.asarray(values)])
+        for name, values in columns.items()
+    ]
+    print_table(console.screen(), title, shown)
 
 
 def _write_parquet(path: Path, columns: Columns, note: str) -> None:

@@ -105,7 +105,7 @@ def test_the_table_fits_the_screen_and_cuts_no_number(ringmodal, faulty, monkeyp
 
 def test_faults_are_told_in_words_below(ringmodal, faulty):
     _, output, _ = ringmodal("inspect", faulty)
-    assert output.startswith("faulty.parquet: PARQUET, ")
+    assert output.startswith(f"{faulty}: PARQUET, ")
     assert "7 channels of 20000 samples at 1000 Hz, 20 s" in output
     wrong = [line for line in output.splitlines() if line.startswith("Looks wrong: ")]
     assert len(wrong) == 6

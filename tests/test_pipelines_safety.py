@@ -18,7 +18,7 @@ from results import tyre_result
 import ema
 from ema.errors import InputError
 from ema.quality import EXCLUDED, OK, WARNING, Finding
-from pipelines import cli, console, result_folder
+from pipelines import cli, console, console_result, result_folder
 from pipelines.interrupt import Interrupted, interruptible, stating_what_stands
 from pipelines.result_folder import written_whole
 from pipelines.store import MARKER, load, save
@@ -102,7 +102,7 @@ def test_a_termination_is_an_interrupt(ringmodal, short_campaign, out, monkeypat
 
 
 def test_an_interrupt_after_the_result_is_there(ringmodal, short_campaign, out, monkeypatch):
-    monkeypatch.setattr("pipelines.console.show", interrupting(signal.SIGINT))
+    monkeypatch.setattr("pipelines.console_result.show", interrupting(signal.SIGINT))
     outcome = ringmodal("process", short_campaign, "--out", out, "--quiet", "--no-report")
     assert outcome == (130, "", f"Interrupted: {out} is complete.\n")
     assert names(out.parent) == ["result"]
@@ -411,7 +411,7 @@ def test_a_damaged_result_is_named_whatever_happened_to_its_bytes(stored, tmp_pa
 def test_names_from_files_are_texts_on_a_terminal(capsys, name):
     finding = Finding(name, name, None, "hum", WARNING, name)
     result = tyre_result(name=name, findings=(finding,), notes=(name,))
-    console.show(result, Path("result"), as_json=False, report=True)
+    console_result.show(result, Path("result"), as_json=False, report=True)
     console.complain(str(InputError(name, name, name, name)))
     output, errors = capsys.readouterr()
     shown = console.printable(name)

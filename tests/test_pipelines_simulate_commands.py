@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -305,4 +306,4 @@ def test_forces_in_newton_need_a_belt_width(ringmodal, narrow_tyre, command):
 def test_help_has_one_example(ringmodal, command):
     code, output, _ = ringmodal("simulate", command, "--help")
     assert code == 0
-    assert output.count("Example: ringmodal simulate") == 1
+    assert re.search(rf"Example:\n +ringmodal simulate {command} --", output)

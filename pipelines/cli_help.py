@@ -1,0 +1,116 @@
+"""Help that reads like a page, and usage errors that name what was probably meant."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+# Typer brings its own copy of click, or uses the installed one: this base is the same in both.
+_UsageError: type[Exception] = typer.BadParameter.__mro__[1]
+
+SETTINGS = {"max_content_width": 100, "help_option_names": ["--help", "-h"]}
+
+_EXAMPLES = "Example"
+_KEEP_LINES = "\b\n"  # click leaves the lines of such a paragraph as they are
+_NAME_WIDTH = 26
+_LAST = ("Screen", "General")
+
+
+class _Page:
+    """What groups and commands have in common: help in panels, suggestions for a slip."""
+
+    def format_help_text(self: Any, ctx: Any, formatter: Any) -> None:
+        """Write what a command does; examples keep their lines, to be copied."""
+        paragraphs = (self.help or "").split("\n\n")
+        kept = [_KEEP_LINES + text if text.startswith(_EXAMPLES) else text for text in paragraphs]
+        formatter.write_paragraph()
+        with formatter.indentation():
+            formatter.write_text("\n\n".join(kept))
+
+    def format_options(self: Any, ctx: Any, formatter: Any) -> None:
+        """Write commands, arguments and options, each group beneath its heading."""
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for name in self.list_commands(ctx) if isinstance(self, TyperGroup) else ():
+            command = self.get_command(ctx, name)
+            heading = command.rich_help_panel or "Commands"
+            groups.setdefault(heading, []).append((name, _first_paragraph(command.help)))
+        for param in self.get_params(ctx):
+            row = param.get_help_record(ctx)
+            if row is not None:
+                name = param.metavar if _is_argument(param) else row[0]
+                groups.setdefault(_heading(param), []).append((name, row[1]))
+        for heading, rows in sorted(groups.items(), key=lambda group: group[0] in _LAST):
+            with formatter.section(_bold(heading)):
+                formatter.write_dl(rows, col_max=_NAME_WIDTH)
+
+    def collect_usage_pieces(self: Any, ctx: Any) -> list[str]:
+        """What stands behind the command's name in its usage."""
+        pieces = [each.metavar for each in self.get_params(ctx) if _is_argument(each)]
+        return ["[OPTIONS]", *pieces, *(["COMMAND …"] if isinstance(self, TyperGroup) else [])]
+
+    def parse_args(self: Any, ctx: Any, args: list[str]) -> list[str]:
+        """Take the arguments; for what is not known the most similar name is suggested."""
+        try:
+            taken: list[str] = super().parse_args(ctx, args)  # type: ignore[misc]
+        except _UsageError as error:
+            _suggest_option(error, [name for each in self.get_params(ctx) for name in each.opts])
+            _suggest_value(error)
+            raise
+        return taken
+
+
+class Command(_Page, TyperCommand):
+    """A command."""
+
+
+class Group(_Page, TyperGroup):
+    """A group of commands."""
+
+
+def _first_paragraph(text: str | None) -> str:
+    return " ".join((text or "").partition("\n\n")[0].split())
+
+
+def _is_argument(param: Any) -> bool:
+    return bool(param.param_type_name == "argument")
+
+
+def _heading(param: Any) -> str:
+    if _is_argument(param):
+        return "Arguments"
+    return getattr(param, "rich_help_panel", None) or "General"
+
+
+def _bold(heading: str) -> str:
+    """A heading as the terminal shows it; without colours it is plain text."""
+    if "NO_COLOR" in os.environ or not (sys.stdout.isatty() or os.environ.get("FORCE_COLOR")):
+        return heading
+    return typer.style(heading, bold=True)
+
+
+def _suggest_option(error: Any, known: Sequence[str]) -> None:
+    name = getattr(error, "option_name", None)
+    if name is None or not hasattr(error, "possibilities") or name in known:
+        return
+    error.possibilities = []
+    error.message = f"There is no option {name}." + _did_you_mean(name, known)
+
+
+def _suggest_value(error: Any) -> None:
+    """Complete "'x' is not one of 'a', 'b'" by the value that was probably meant."""
+    error.message = error.message.removeprefix("Value error, ")
+    if " is not one of " in error.message:
+        typed, *known = re.findall(r"'([^']+)'", error.message)
+        error.message += _did_you_mean(typed, known)
+
+
+def _did_you_mean(typed: str, known: Sequence[str]) -> str:
+    similar = difflib.get_close_matches(typed, known, 1)
+    return f" Did you mean {similar[0]}?" if similar else ""

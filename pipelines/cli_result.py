@@ -1,0 +1,109 @@
+"""The command line from recordings to a result: ``process``, ``tune``, ``report``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pipelines import cli_values as value
+from pipelines.cli_options import (
+    Force,
+    Given,
+    Json,
+    NoReport,
+    Objective,
+    Out,
+    Quiet,
+    ResultFolder,
+    Strict,
+    with_processing_options,
+)
+from pipelines.interrupt import stating_what_stands
+from pipelines.progress import shown
+
+if TYPE_CHECKING:
+    from pipelines.options import Options
+
+
+@with_processing_options
+def process(
+    campaign: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CAMPAIGN…", help="Campaign folder, its campaign.toml, or recordings."
+        ),
+    ],
+    out: Out,
+    options: Options,
+    no_report: NoReport = False,
+    force: Force = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Recordings → FRFs → poles → modes → ring parameters → validation → report.
+
+    Examples:
+      ringmodal process measurements/tyre_7 --out results/tyre_7
+      ringmodal process config_1.uff config_2.uff --out result
+      ringmodal process tyre_7 --out result --band-hz 40 300 --max-order 80
+      ringmodal process tyre_7 --out result --pin 78.7,100.3,121.4 --force
+      ringmodal process tyre_7 --out result --given mass_per_area_kg_m2=19.7
+    """  # noqa: D406, D407 - a heading of the help
+    from pipelines import console_result
+    from pipelines.process import process as run
+    from pipelines.result_folder import require_free
+    from pipelines.store import save
+
+    source = campaign[0] if len(campaign) == 1 else campaign
+    with stating_what_stands(out):
+        require_free(out, force=force)
+        with shown(quiet=quiet) as progress:
+            result = run(source, options, progress.stage, progress.step)
+            progress.stage("Writing the result …")
+            save(result, out, report=not no_report, force=force)
+        console_result.show(result, out, as_json=as_json, report=not no_report)
+
+
+def tune(
+    result_folder: ResultFolder,
+    objective: Objective = "frequency",
+    given: Given = None,
+    no_report: NoReport = False,
+    strict: Strict = False,
+    as_json: Json = False,
+) -> None:
+    """Determine the ring's parameters again, from the modes of an earlier result.
+
+    Examples:
+      ringmodal tune result --objective paper
+      ringmodal tune result --given mass_per_area_kg_m2=19.7
+    """  # noqa: D406, D407 - a heading of the help
+    from pipelines import console_result
+    from pipelines.store import save
+
+    objective = value.choice("--objective", objective, value.OBJECTIVES)
+    known = value.ring_parameters("--given", given)
+    with stating_what_stands(result_folder):
+        result = console_result.tuned_again(result_folder, objective, known, strict=strict)
+        save(result, result_folder, report=not no_report, force=True)
+        console_result.show(result, result_folder, as_json=as_json, report=not no_report)
+
+
+def report(result_folder: ResultFolder, as_json: Json = False) -> None:
+    """Write the report of an earlier result again.
+
+    Example:
+      ringmodal report result
+    """
+    from pipelines import console, console_result
+    from pipelines.store import save
+
+    with stating_what_stands(result_folder):
+        result = console_result.tuned_again(result_folder)
+        save(result, result_folder, force=True)
+    if as_json:
+        console.print_json(console_result.summary(result, result_folder, report=True))
+    else:
+        console.say(f"Report: {result_folder / console_result.REPORT}")

@@ -1,0 +1,111 @@
+"""The command line's first steps: ``demo``, ``doctor``, ``inspect``, ``init``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipelines import console
+from pipelines.cli_options import FILES, Json
+from pipelines.interrupt import stating_what_stands
+from pipelines.progress import shown
+
+
+def demo(
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for the demonstration.")
+    ] = Path("demo"),
+    as_json: Json = False,
+) -> None:
+    """Process the sample campaign and say where the report is.
+
+    Example:
+      ringmodal demo --out demo
+    """
+    from pipelines.console_result import show
+    from pipelines.demo import run_demo
+
+    with stating_what_stands(out / "result"):
+        result, folder = run_demo(out)
+    show(result, folder, as_json=as_json, report=True)
+
+
+def doctor(as_json: Json = False) -> None:
+    """Check the installation: libraries, optional parts, machine, and a small campaign.
+
+    Ends with code 0 if there is no problem, with 1 otherwise; advice is no problem.
+
+    Example:
+      ringmodal doctor
+    """
+    from pipelines.console_doctor import show_checks
+    from pipelines.doctor import PROBLEM, examine
+
+    with shown(quiet=as_json) as progress:
+        progress.stage("Checking the installation …")
+        checks = examine()
+    show_checks(checks, as_json=as_json)
+    if any(check.verdict == PROBLEM for check in checks):
+        raise typer.Exit(1)
+
+
+def inspect(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE…", help="Recordings, folders of recordings, or a campaign.toml."
+        ),
+    ],
+    headers: Annotated[
+        bool, typer.Option("--headers", help="Only what headers say: signals are not looked at.")
+    ] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit code 2 if anything looks wrong.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Show channels, units, rates, lengths and levels of recordings, and what looks wrong.
+
+    Examples:
+      ringmodal inspect measurements/tyre_7
+      ringmodal inspect config_1.uff config_2.uff --headers
+    """  # noqa: D406, D407 - a heading of the help
+    from pipelines.console_channels import show_inspection
+    from pipelines.inspection import inspect_files
+
+    inspection = inspect_files(files, levels=not headers)
+    if inspection.files:
+        show_inspection(inspection, as_json=as_json)
+    for error in inspection.errors:
+        console.complain(f"Error: {error}")
+    if inspection.errors or (strict and inspection.looks_wrong):
+        raise typer.Exit(2)
+
+
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with recordings.")],
+    force: Annotated[
+        bool, typer.Option("--force", rich_help_panel=FILES, help="Replace an existing manifest.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Draft a campaign.toml from the recordings in a folder, and say what to fill in.
+
+    Example:
+      ringmodal init measurements/tyre_7
+    """
+    from pipelines.draft import draft_manifest, write_draft
+
+    draft = draft_manifest(folder)
+    for text in draft.left_out:
+        console.complain(f"Left out: {text}")
+    path = write_draft(folder, draft, force=force)
+    if as_json:
+        content = {"draft": str(path), "to_fill_in": draft.missing, "left_out": draft.left_out}
+        console.print_json(content)
+        return
+    console.say(f"Draft: {path}")
+    for text in draft.missing:
+        console.say(f"To fill in: {text}")

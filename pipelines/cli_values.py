@@ -1,0 +1,96 @@
+"""Values that options take: read, checked, and completed by the shell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from ema.errors import InputError
+
+ESTIMATORS = ("H1", "H2", "Hv")
+METHODS = ("lsce", "plscf")
+OBJECTIVES = ("frequency", "paper")
+WINDOWS = (  # those that are common for shaker tests; any other of scipy is taken as well
+    *("boxcar", "hann", "hamming", "blackman", "blackmanharris", "flattop"),
+    *("bartlett", "bohman", "cosine", "nuttall", "parzen", "triang", "tukey"),
+)
+
+
+def ring_parameter_names(incomplete: str) -> list[str]:
+    """What the shell offers for NAME=VALUE."""
+    from model.tuning_problem import PARAMETERS
+
+    return [f"{name}=" for name in PARAMETERS if name.startswith(incomplete)]
+
+
+def completing(values: Sequence[str]) -> Callable[[str], list[str]]:
+    """What the shell offers for an option that takes one of some values."""
+
+    def offers(incomplete: str) -> list[str]:
+        begun = incomplete.casefold()
+        return [value for value in values if value.casefold().startswith(begun)]
+
+    return offers
+
+
+def choice(option: str, value: str, known: Sequence[str]) -> str:
+    """The known value that is meant, in whatever case it was typed.
+
+    Raises
+    ------
+    InputError
+        If there is none; the most similar one is named.
+    """
+    for each in known:
+        if each.casefold() == value.casefold():
+            return each
+    raise InputError(
+        option, repr(value), f"it must be one of {', '.join(known)}", _hint(value, known)
+    )
+
+
+def _hint(value: str, known: Sequence[str]) -> str:
+    from ema.io.manifest import nearest
+
+    return nearest(value, known)
+
+
+def numbers(option: str, text: str | None) -> tuple[float, ...]:
+    """Numbers of a comma-separated option.
+
+    Raises
+    ------
+    InputError
+        If it holds anything else.
+    """
+    if text is None:
+        return ()
+    try:
+        return tuple(float(part) for part in text.split(",") if part.strip())
+    except ValueError as error:
+        raise InputError(
+            option, repr(text), "it must be numbers separated by commas", "Write e.g. 78.7,100.3"
+        ) from error
+
+
+def ring_parameters(option: str, texts: Sequence[str] | None) -> dict[str, float]:
+    """Values of a repeated NAME=VALUE option; names are those of the ring's parameters.
+
+    Raises
+    ------
+    InputError
+        If a text is none, or there is no such parameter.
+    """
+    from model.tuning_problem import PARAMETERS
+
+    values = {}
+    for text in texts or ():
+        name, _, value = text.partition("=")
+        name = name.strip()
+        try:
+            number = float(value)
+        except ValueError as error:
+            raise InputError(
+                option, repr(text), "it must be NAME=NUMBER", "Write e.g. mass_per_area_kg_m2=19.7"
+            ) from error
+        values[choice(option, name, PARAMETERS)] = number
+    return values

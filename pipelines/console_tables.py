@@ -1,0 +1,98 @@
+"""Tables that fit the screen: long texts take several lines, then columns go in a stated order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from pipelines.console import printable
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a table.
+
+    Parameters
+    ----------
+    heading : str
+    cells : sequence of str
+    is_text : bool
+        Left-aligned; numbers are right-aligned.
+    folds : bool
+        Whether long cells may take several lines.
+    """
+
+    heading: str
+    cells: Sequence[str]
+    is_text: bool = False
+    folds: bool = False
+
+
+def print_table(
+    screen: Console,
+    title: str,
+    columns: Sequence[Column],
+    first_to_go: Sequence[str] = (),
+    least_width: int = 12,
+) -> None:
+    """Print a table; nothing of it is cut off without a word.
+
+    Parameters
+    ----------
+    screen : rich.console.Console
+    title : str
+        Above the table; may be empty.
+    columns : sequence of Column
+        Those without any content are left out.
+    first_to_go : sequence of str
+        Headings of the columns that are left out where they do not fit, and then named beneath.
+    least_width : int
+        What a column that folds needs before others are left out for it.
+    """
+    from rich.text import Text
+
+    columns = [column for column in columns if any(column.cells)]
+    gone: list[str] = []
+    for heading in first_to_go:
+        if _width_needed(screen, columns, least_width) <= screen.width:
+            break
+        if heading in (column.heading for column in columns):
+            columns = [column for column in columns if column.heading != heading]
+            gone.append(" ".join(heading.split()))
+    if _width_needed(screen, columns, least_width) > screen.width:
+        columns = [replace(column, folds=True) for column in columns]
+    if title:
+        screen.print(Text(printable(title), style="italic"), soft_wrap=True)
+    screen.print(_table(columns))
+    if gone:
+        names = ", ".join(gone)
+        screen.print(Text(f"Not shown, the screen is too narrow: {names}.", style="dim"))
+
+
+def _width_needed(screen: Console, columns: Sequence[Column], least_width: int) -> int:
+    unlimited = screen.options.update(width=1_000_000)
+    full: int = screen.measure(_table(columns), options=unlimited).maximum
+    longest = (max(map(len, column.cells)) for column in columns if column.folds)
+    return full - sum(max(0, length - least_width) for length in longest)
+
+
+def _table(columns: Sequence[Column]) -> Any:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for column in columns:
+        table.add_column(
+            column.heading,
+            justify="left" if column.is_text else "right",
+            no_wrap=not column.folds,
+            overflow="fold",
+        )
+    for cells in zip(*(column.cells for column in columns), strict=True):
+        table.add_row(*(Text(printable(cell)) for cell in cells))
+    return table
