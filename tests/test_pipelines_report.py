@@ -430,3 +430,18 @@ def test_a_single_position_has_no_shape_and_no_shape_numbers():
     page = Page(render_report(replace(result, modal_model=one, frf=result.frf.rows([0]))))
     assert "A single position holds no shape." in page.text
     assert "MPD / °" not in page.text
+
+
+def test_the_page_holds_the_shapes_as_they_are(tyre, page):
+    content = page.content("shapes-animation")
+    np.testing.assert_allclose(decoded(content["angle_deg"]), tyre.frf.position_deg)
+    for mode, held in zip(tyre.modal_model.modes, content["modes"], strict=True):
+        found = decoded(held["real"]) + 1j * decoded(held["imag"])
+        np.testing.assert_allclose(found, mode.shape, atol=1e-6)
+        assert f"{mode.frequency_hz:.1f} Hz" in held["said"]
+
+
+def test_shapes_without_angles_are_drawn_over_their_nodes(structure_page):
+    content = structure_page.content("shapes-animation")
+    assert content["angle_deg"] is None
+    assert len(content["names"]) == len(decoded(content["modes"][0]["real"])) == 10

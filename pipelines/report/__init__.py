@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipelines.report import closing, identification, measurement, responses, ring
+from pipelines.report import animation, closing, identification, measurement, responses, ring
 from pipelines.report.blocks import Section
 from pipelines.report.page import render_page
 from pipelines.result import Result
@@ -22,7 +22,7 @@ SECTIONS = (
     identification.stability,
     identification.modes,
     responses.responses,
-    identification.shapes,
+    animation.shapes,
     ring.validation,
     ring.parameters,
     closing.warnings,

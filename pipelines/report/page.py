@@ -19,7 +19,7 @@ from pipelines.report.chart import Drawing, Drawn
 
 LONG_WORD, PIECE = 32, 16  # characters: a checksum breaks, a file name does not
 LIBRARY = "vendor/plotly-cartesian.min.js"
-SCRIPTS = ("charts.js", "responses.js")  # in the order they run
+SCRIPTS = ("charts.js", "responses.js", "animation.js")  # in the order they run
 # In JSON these stand inside strings only; written so, no text of a file can end the script.
 ESCAPED = str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"})
 
