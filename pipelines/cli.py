@@ -15,6 +15,7 @@ from pipelines.cli_paper import paper
 from pipelines.cli_result import process, report, tune
 from pipelines.cli_simulate import simulate
 from pipelines.cli_start import demo, doctor, init, inspect
+from pipelines.cli_tyre import tyre
 from pipelines.main import main
 
 app = typer.Typer(
@@ -46,6 +47,7 @@ for _heading, _commands in _GROUPS.items():
         app.command(cls=Command, rich_help_panel=_heading)(_command)
 app.add_typer(simulate, name="simulate", cls=Group, rich_help_panel="Ring model")
 app.command(cls=Command, rich_help_panel="Ring model")(paper)
+app.add_typer(tyre, name="tyre", cls=Group, rich_help_panel="Parameter sets")
 
 
 def _version(wanted: bool) -> None:

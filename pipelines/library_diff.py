@@ -26,6 +26,8 @@ class SetDifference:
         Name, first and second value of each condition that differs; None where it is not stated.
     notes : tuple of str
         What a reader must know before he takes a difference for one of the tyres.
+    independent : bool
+        Whether no recording is behind both; nothing is tested otherwise.
     """
 
     first: NamedSet
@@ -33,6 +35,7 @@ class SetDifference:
     changes: tuple[ParameterChange, ...]
     conditions: tuple[tuple[str, Any, Any], ...]
     notes: tuple[str, ...]
+    independent: bool
 
 
 def difference(first: NamedSet, second: NamedSet) -> SetDifference:
@@ -54,6 +57,7 @@ def difference(first: NamedSet, second: NamedSet) -> SetDifference:
         ),
         tuple(_differing_conditions(one, two)),
         tuple(_notes(one, two, independent=independent)),
+        independent,
     )
 
 

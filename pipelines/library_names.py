@@ -68,6 +68,22 @@ def split_reference(text: str) -> tuple[str, int | str]:
     return name, int(version)
 
 
+def require_version(reference: str, command: str) -> str:
+    """Tyre of a reference that has to name a version.
+
+    Raises
+    ------
+    InputError
+        If it names none.
+    """
+    name, version = split_reference(reference)
+    if not version:
+        rule = "the version has to be named: a newer one may have come in the meantime"
+        remedy = f"Write e.g. `ringmodal tyre {command} {name}@1`"
+        raise InputError(reference, "no version", rule, remedy)
+    return name
+
+
 def unknown(where: str, found: str, rule: str, known: Iterable[str]) -> InputError:
     """The error for a name that is not known; it suggests the nearest one, whatever its case."""
     from ema.io.manifest import nearest  # loads the manifest's checks, needed for this alone

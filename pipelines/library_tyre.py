@@ -177,6 +177,19 @@ class LibraryTyre:
         record_approval(self.path, ROLLBACK, version, author, note)
         return version
 
+    def standing(self, version: Version) -> str:
+        """What a version is among the others, in words: approved by whom, newest, older."""
+        approval, newest = self.approval(), self.newest
+        if approval is None:
+            which = "the newest" if version.number == newest else f"older than {newest}"
+            return f"{which}; no version is approved"
+        if approval.version != version.number:
+            return f"not approved; version {approval.version} is"
+        note = f": {approval.note}" if approval.note else ""
+        later = newest - version.number
+        more = f"; {later} newer not approved" if later else ""
+        return f"approved by {approval.author}, {approval.created}{note}{more}"
+
     def _approved_by(self, approval: Approval) -> Version:
         if approval.version > self.newest:
             raise damaged(numbered(self.path, approval.version), "no file, though it was approved")

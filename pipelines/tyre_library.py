@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from math import isfinite, nan
 from pathlib import Path
 
 from ema.errors import InputError
@@ -209,6 +210,28 @@ def parameter_file(source: Path) -> Path:
             remedy if is_result else "Give a result folder or a parameter set",
         )
     return path
+
+
+def conditions_of(texts: Iterable[str]) -> dict[str, float]:
+    """Conditions of repeated ``NAME=VALUE`` texts.
+
+    Raises
+    ------
+    InputError
+        If a text is none, or its value no finite number.
+    """
+    found = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            number = float(value)
+        except ValueError:
+            number = nan
+        if not isfinite(number):
+            rule = "it must be NAME=NUMBER, in the unit that the name ends with"
+            raise InputError("--condition", repr(text), rule, "Write e.g. temperature_c=21.5")
+        found[name.strip()] = number
+    return found
 
 
 def _with_conditions(parameters: ParameterSet, given: Mapping[str, float]) -> ParameterSet:
