@@ -12,8 +12,17 @@ from pipelines.report.blocks import Section
 from pipelines.report.page import render_page
 from pipelines.result import Result
 
-__all__ = ["SECTIONS", "render_page", "render_report", "report_sections", "write_report"]
+__all__ = [
+    "KIND",
+    "SECTIONS",
+    "render_page",
+    "render_report",
+    "report_sections",
+    "subject_of",
+    "write_report",
+]
 
+KIND = "Modal report"
 SECTIONS = (
     closing.summary,
     measurement.identity,
@@ -50,9 +59,13 @@ def render_report(result: Result, *, paper: bool = False) -> str:
     str
         HTML with styles, scripts and pictures inside; texts from files appear as text.
     """
-    subject = result.tyre.designation if result.tyre is not None else result.name
     sections = report_sections(result)
-    return render_page("Modal report", subject, sections, paper=paper, signed=True)
+    return render_page(KIND, subject_of(result), sections, paper=paper, signed=True)
+
+
+def subject_of(result: Result) -> str:
+    """What the report is about: the tyre, or the campaign of a structure."""
+    return result.tyre.designation if result.tyre is not None else result.name
 
 
 def write_report(result: Result, path: str | Path) -> Path:
