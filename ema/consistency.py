@@ -113,11 +113,15 @@ def check_consistency(
     alone, odd_runs = _without_odd_runs(frf, lost)
     for row in alone:
         share = shapes.mismatch(row, row, shapes.gain(row, row))
-        text = f"contradicts the modes of all other sensors by {100 * min(share, 9.99):.0f} %"
-        findings[row] = position_finding(frf, row, "inconsistent", EXCLUDED, text)
+        findings[row] = position_finding(frf, row, "inconsistent", EXCLUDED, _contradiction(share))
     corrected = _corrected(frf, factor, source)
     kept = np.setdiff1d(np.arange(frf.n_positions), alone)
     return corrected.rows(kept), [findings[row] for row in sorted(findings)] + odd_runs
+
+
+def _contradiction(share: float) -> str:
+    what = "contradicts the modes of all other sensors"
+    return f"{what} by {100 * share:.0f} %" if share <= 1 else f"{what}: nothing of them is in it"
 
 
 def _without_odd_runs(frf: FRF, suspects: Sequence[int]) -> tuple[list[int], list[Finding]]:

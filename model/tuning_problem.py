@@ -154,7 +154,10 @@ def _require_known(where: str, names: Mapping[str, object]) -> None:
     unknown = [name for name in names if name not in PARAMETERS]
     if unknown:
         raise ParameterError(
-            where, f"{unknown[0]!r}", f"no such parameter among {PARAMETERS}", "Correct the name"
+            where,
+            f"{unknown[0]!r}",
+            f"no such parameter among {', '.join(PARAMETERS)}",
+            "Correct the name",
         )
 
 

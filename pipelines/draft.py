@@ -92,7 +92,7 @@ def draft_manifest(folder: Path) -> Draft:
     """
     sources, errors = _read_all(recordings_in(folder))
     if not sources:
-        found = "; ".join(errors.values())
+        found = "; ".join(text.rstrip(".") for text in errors.values())
         rule = "a manifest is drafted from recordings"
         raise InputError(str(folder), found, rule, "Copy the files there, or name another folder")
     series = tuple(source for source in sources if not source.has_frfs)

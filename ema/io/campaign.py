@@ -21,7 +21,14 @@ from ema.io.agreement import (
 from ema.io.calibration import calibrated
 from ema.io.content import FileContent
 from ema.io.formats import exists, is_folder, is_recording, read_file
-from ema.io.manifest import MANIFEST_NAME, Manifest, nearest, read_manifest, resolve
+from ema.io.manifest import (
+    FORWARD_SLASHES,
+    MANIFEST_NAME,
+    Manifest,
+    nearest,
+    read_manifest,
+    resolve,
+)
 from ema.io.positions import Grid
 from ema.io.roles import Wanted, assign, reference_place
 from ema.level_check import level_findings
@@ -135,13 +142,20 @@ def _files_of(path: Path, manifest: Manifest) -> list[Path]:
         where = f"{path.name}, runs.{number}.file"
         file = resolve(path, section.file)
         if not exists(file):
-            remedy = nearest(section.file, sorted(each.name for each in path.parent.iterdir()))
+            remedy = _instead_of(section.file, path.parent)
             raise ManifestError(where, repr(section.file), "the file does not exist", remedy)
         if file in files:
             rule = f"run {files.index(file) + 1} names the same file"
             raise ManifestError(where, repr(section.file), rule, "Name each file once")
         files.append(file)
     return files
+
+
+def _instead_of(file: str, folder: Path) -> str:
+    """What to write for a file that is not there; a backslash starts a sign such as a tab."""
+    if "\\" in file or not file.isprintable():
+        return f"Mind the backslash: {FORWARD_SLASHES}"
+    return nearest(file, sorted(each.name for each in folder.iterdir()))
 
 
 def _read_all(paths: Sequence[Path]) -> list[FileContent]:

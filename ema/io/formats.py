@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
 import pkgutil
 from collections.abc import Callable
@@ -46,6 +47,16 @@ def is_folder(path: Path) -> bool:
     return exists(path) and path.is_dir()
 
 
+def _instead_of(path: Path) -> str:
+    """What may be meant by a path that leads nowhere."""
+    try:
+        there = [each.name for each in path.parent.iterdir()]
+    except OSError:
+        return "Check the name"
+    similar = difflib.get_close_matches(path.name, there, 1)
+    return f"Did you mean {path.with_name(similar[0])}?" if similar else "Check the name"
+
+
 def read_file(path: Path) -> FileContent:
     """Read one file by the reader that its name's ending calls for.
 
@@ -56,7 +67,7 @@ def read_file(path: Path) -> FileContent:
     """
     if not exists(path):
         rule = "the file does not exist"
-        raise RecordingFormatError(str(path), "nothing there", rule, "Check the name")
+        raise RecordingFormatError(str(path), "nothing there", rule, _instead_of(path))
     reader = _reader(path, READERS) or _reader(path, _NAMED_READERS)
     if reader is None or not path.is_file():
         found = f"ending {path.suffix!r}" if path.is_file() else "not a file"

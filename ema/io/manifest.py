@@ -16,6 +16,8 @@ from ema.recording import Processing, Tyre
 
 MANIFEST_NAME = "campaign.toml"
 
+FORWARD_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
+
 _SIMILAR = 0.8  # a free key that resembles a known one this much is a slip
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
@@ -188,7 +190,10 @@ def read_manifest(path: Path) -> Manifest:
         ) from error
     except (ValueError, RecursionError) as error:  # TOML, an endless number, nesting
         rule = "a manifest is TOML in UTF-8"
-        raise ManifestError(path.name, str(error), rule, "Correct the place named") from error
+        remedy = "Correct the place named"
+        if b"\\" in raw:
+            remedy += f"; {FORWARD_SLASHES}"
+        raise ManifestError(path.name, str(error), rule, remedy) from error
     try:
         return Manifest.model_validate(content)
     except ValidationError as error:

@@ -121,7 +121,9 @@ def _named(recording: Recording, name: str, wanted: Wanted, key: str) -> Channel
             return channel
     names = ", ".join(recording.names)
     rule = f"{recording.path.name} holds no channel of that name, but {names}"
-    raise ManifestError(f"{wanted.where}, {key}", repr(name), rule, nearest(name, recording.names))
+    taken = {wanted.force, wanted.reference, *(wanted.positions_deg or ())}
+    free = [each for each in recording.names if each not in taken] or recording.names
+    raise ManifestError(f"{wanted.where}, {key}", repr(name), rule, nearest(name, free))
 
 
 def _as(
