@@ -100,10 +100,10 @@ function draw(chart) {
   const style = getComputedStyle(printing ? paper : page);
   const data = coloured(chart.data, style);
   Plotly.react(chart.plot, data, layoutOf(chart, style, width), configuration(chart));
+  hideFromReaders(chart.plot);
   if (chart.drawn) return;
   chart.drawn = true;
   window.ringmodalCharts.push(chart.name);
-  hideFromReaders(chart.plot);
   chart.plot.on("plotly_click", (event) => chart.onClick?.(event.points[0]));
 }
 
