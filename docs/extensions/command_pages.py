@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
-from sphinx.application import Sphinx
 
 from pipelines.cli import app as program
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 PAGE = "reference/cli"
 _EXAMPLE = re.compile(r"^Examples?:\s*", re.MULTILINE)
@@ -33,7 +35,7 @@ def _sections() -> Iterator[str]:
         yield f"\n## {name}\n"
         yield _described(command.help or "")
         yield f"```text\n{_usage(command, of_command)}\n```\n"
-        yield from _table(command, of_command)
+        yield from _tables(command, of_command)
 
 
 def commands(group: Any, context: Any) -> Iterator[tuple[str, Any, Any]]:
@@ -48,22 +50,46 @@ def commands(group: Any, context: Any) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _usage(command: Any, context: Any) -> str:
-    return " ".join([context.command_path, *command.collect_usage_pieces(context)])
+    arguments = [_name(each) for each in command.get_params(context) if _is_argument(each)]
+    return " ".join([context.command_path, "[OPTIONS]", *arguments])
 
 
 def _described(text: str) -> str:
-    """Help as Markdown: what follows "Example:" is a command to copy."""
-    prose, *example = _EXAMPLE.split(text, maxsplit=1)
-    lines = [line.strip() for line in "".join(example).splitlines() if line.strip()]
-    shown = "```console\n" + "\n".join(f"$ {line}" for line in lines) + "\n```\n" if lines else ""
-    return f"{prose.strip()}\n\n{shown}"
+    prose, examples = prose_and_examples(text)
+    shown = "```console\n" + "\n".join(f"$ {each}" for each in examples) + "\n```\n"
+    return f"{prose}\n\n{shown if examples else ''}"
 
 
-def _table(command: Any, context: Any) -> Iterator[str]:
-    yield "| argument or option | meaning |\n|---|---|"
+def prose_and_examples(text: str) -> tuple[str, list[str]]:
+    """Help without its examples, and the examples: the commands that stand after "Example:"."""
+    prose, *examples = _EXAMPLE.split(text, maxsplit=1)
+    lines = "".join(examples).splitlines()
+    return prose.strip(), [line.strip() for line in lines if line.strip()]
+
+
+def _tables(command: Any, context: Any) -> Iterator[str]:
+    """Arguments and options, as in the help each group beneath its heading."""
+    groups: dict[str, list[str]] = {}
     for parameter in command.get_params(context):
         record = parameter.get_help_record(context)
-        if record and parameter.name != "help":
-            name, meaning = (" ".join(str(part).split()).replace("|", r"\|") for part in record)
-            yield f"| `{name}` | {meaning} |"
-    yield ""
+        if record is None or parameter.name == "help":
+            continue
+        name = _name(parameter) if _is_argument(parameter) else record[0]
+        name, meaning = (" ".join(text.split()).replace("|", r"\|") for text in (name, record[1]))
+        groups.setdefault(_heading(parameter), []).append(f"| `{name}` | {meaning} |")
+    for heading, rows in groups.items():
+        yield "\n".join([f"\n| {heading} | |", "|---|---|", *rows, ""])
+
+
+def _is_argument(parameter: Any) -> bool:
+    return bool(parameter.param_type_name == "argument")
+
+
+def _name(argument: Any) -> str:
+    return str(argument.metavar or argument.name.upper())
+
+
+def _heading(parameter: Any) -> str:
+    if _is_argument(parameter):
+        return "Arguments"
+    return getattr(parameter, "rich_help_panel", None) or "Options"

@@ -4,6 +4,8 @@ The converter is the one of docutils. What it does not know is an error of the b
 the page.
 """
 
+import re
+
 from docutils import nodes
 from docutils.utils.math import MathError, latex2mathml
 from sphinx.application import Sphinx
@@ -13,6 +15,7 @@ from sphinx.writers.html5 import HTML5Translator
 
 _logger = logging.getLogger(__name__)
 _SAID_OTHERWISE = {"°": r"^\circ", r"\tfrac": r"\frac"}
+_BARE_FRACTION = re.compile(r"\\frac(\d)(\d)")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
@@ -37,10 +40,22 @@ def _displayed(writer: HTML5Translator, node: nodes.math_block) -> None:
 
 
 def _mathml(tex: str, node: nodes.Element, *, displayed: bool) -> str:
-    for known_to_tex, known_to_docutils in _SAID_OTHERWISE.items():
-        tex = tex.replace(known_to_tex, known_to_docutils)
     try:
-        return str(latex2mathml.tex2mathml(tex, as_block=displayed))
+        return converted(tex, displayed=displayed)
     except MathError as error:
         _logger.warning("formula not understood: %s: %s", tex, error, location=node)
         return ""
+
+
+def converted(tex: str, *, displayed: bool) -> str:
+    """A formula as MathML.
+
+    Raises
+    ------
+    MathError
+        If the formula has something that the converter does not know.
+    """
+    for known_to_tex, known_to_docutils in _SAID_OTHERWISE.items():
+        tex = tex.replace(known_to_tex, known_to_docutils)
+    tex = _BARE_FRACTION.sub(r"\\frac{\1}{\2}", tex)
+    return str(latex2mathml.tex2mathml(tex, as_block=displayed))
