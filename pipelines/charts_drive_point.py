@@ -129,6 +129,6 @@ def _printed(frf: FRF, row: int, band_hz: tuple[float, float]) -> Any:
         frf,
         row,
         band_hz,
-        size_cm=(13, 9),
+        size_cm=(10, 8),
         rows=2,
     )

@@ -53,7 +53,7 @@ def mac_chart(
         _layout(rows, columns, titles),
         alternative,
         caption,
-        printed(_draw_mac, matrix, rows, columns, titles, size_cm=(10.5, 9.5)),
+        printed(_draw_mac, matrix, rows, columns, titles, size_cm=(9.5, 9)),
         height_px=420,
     )
 
@@ -93,7 +93,7 @@ def signed_chart(
         _layout(rows, columns, titles),
         alternative,
         caption,
-        printed(_draw_signed, matrix, rows, columns, titles, size_cm=(10.5, 9.5)),
+        printed(_draw_signed, matrix, rows, columns, titles, size_cm=(9.5, 9)),
         height_px=420,
     )
 

@@ -108,9 +108,8 @@ def reference_chart(check: ReferenceCheck) -> Chart:
         f"Inertance at the reference sensor of {len(check.run)} runs, one over the other; "
         f"{reference_verdict(check)}.",
         "Inertance at the sensor that stayed in place, run by run. The curves should coincide; "
-        "peaks that move point to a tyre that warmed up, lost pressure or was remounted. Click a "
-        "run in the legend to hide it.",
-        printed(lambda figures, *data: figures.plot_reference(*data), check, size_cm=(13, 9)),
+        "peaks that move point to a tyre that warmed up, lost pressure or was remounted.",
+        printed(lambda figures, *data: figures.plot_reference(*data), check, size_cm=(10, 8)),
         height_px=400,
     )
 

@@ -62,7 +62,7 @@ def scatter_chart(found: Validation, std_hz: NDArray[np.float64]) -> Chart:
         f"first where the foundation is not well determined. {WITH_BARS}.",
         printed(
             lambda figures, ax: figures.plot_frequency_scatter(found, ax, std_hz),
-            size_cm=(10.5, 9.5),
+            size_cm=(9.5, 9),
         ),
         height_px=420,
     )
@@ -101,7 +101,7 @@ def deviation_chart(found: Validation, std_hz: NDArray[np.float64]) -> Chart:
         f"the model. {WITH_BARS}: deviations well beyond them are not noise.",
         printed(
             lambda figures, ax: figures.plot_frequency_error(found, ax, std_hz),
-            size_cm=(10.5, 7.5),
+            size_cm=(9.5, 7.5),
         ),
         height_px=420,
     )
@@ -187,7 +187,7 @@ def damping_chart(found: Validation, std: NDArray[np.float64]) -> Chart:
         f"less energy than belt and sidewall explain. {WITH_BARS}.",
         printed(
             lambda figures, ax: figures.plot_damping(found, ax, std),
-            size_cm=(10.5, 7.5),
+            size_cm=(9.5, 7.5),
         ),
         height_px=420,
     )

@@ -59,8 +59,7 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
         f"modes{f', at {found} Hz' if kept else ''}.",
         "Poles of all model orders over the RMS inertance of all positions (line). A mode is a "
         "straight column of stable poles, best at a peak; the frequencies in Hz at the top are "
-        "the clusters taken for modes. Columns that lean or break off are not modes. Point at a "
-        "pole for its damping and the reason; click in the legend to hide a kind.",
+        "the clusters taken for modes. Columns that lean or break off are not modes.",
         printed(
             lambda figures, *data: figures.plot_stability(*data),
             diagram,

@@ -1,4 +1,4 @@
-"""Sections on what was measured: identity, set-up and processing, data quality."""
+"""Sections on what was measured: set-up and processing, data quality."""
 
 from __future__ import annotations
 
@@ -10,27 +10,23 @@ import numpy as np
 from ema.frf import FRF
 from ema.modes import Drift
 from ema.quality import EXCLUDED, OK, WARNING, Finding, ReferenceCheck
-from pipelines import charts_drive_point, charts_quality, figures
+from pipelines import charts_drive_point, charts_quality
 from pipelines.figures_values import in_band
 from pipelines.numbers import DASH, number, plain, value_with_std
-from pipelines.report.blocks import Beside, Block, Facts, Paragraph, Picture, Section, Table
+from pipelines.report.blocks import Beside, Block, Facts, Paragraph, Section, Table
 from pipelines.report.chart import Chart
+from pipelines.report.sketch import setup_sketch
 from pipelines.result import Result
 
 FINDING_HEAD = ("run", "channel", "position", "check", "detail")
 FINDING_WORDS = (0, 1, 3, 4)
 
 
-def identity(result: Result) -> Section:
-    """Say which tyre or structure was tested."""
-    return Section("identity", "Identity", (Facts(_identity_rows(result)),))
-
-
 def setup(result: Result) -> Section:
     """Say where force and sensors sat and how recordings became FRFs."""
     facts = Facts(_setup_rows(result))
     on_circle = bool(np.isfinite(result.frf.position_deg).any())
-    blocks: list[Block] = [Beside((_setup_sketch(result), facts)) if on_circle else facts]
+    blocks: list[Block] = [Beside((setup_sketch(result), facts)) if on_circle else facts]
     options = flatten(result.provenance.get("options", {}))
     if options:
         rows = tuple(options.items())
@@ -75,21 +71,6 @@ def _as_text(value: Any) -> str:
     return str(value)
 
 
-def _identity_rows(result: Result) -> tuple[tuple[str, str], ...]:
-    tyre = result.tyre
-    if tyre is None:
-        return (("Object", "structure, not described as a tyre"), ("Campaign", result.name))
-    rows = [("Tyre", tyre.designation), ("Campaign", result.name)]
-    if tyre.inflation_pressure_pa is not None:
-        pressure = tyre.inflation_pressure_pa
-        rows.append(("Inflation pressure", f"{pressure / 1e3:g} kPa ({pressure / 1e5:g} bar)"))
-    if tyre.mean_radius_m is not None:
-        rows.append(("Mean radius", f"{tyre.mean_radius_m:g} m"))
-    if tyre.belt_width_m is not None:
-        rows.append(("Belt width", f"{tyre.belt_width_m:g} m"))
-    return (*rows, *((key.replace("_", " "), text) for key, text in tyre.details.items()))
-
-
 def _setup_rows(result: Result) -> tuple[tuple[str, str], ...]:
     frf = result.frf
     runs = dict.fromkeys(name for names in frf.run for name in names.split("+") if name)
@@ -128,21 +109,6 @@ def _block_rows(frf: FRF) -> list[tuple[str, str]]:
 
 def _degrees(angle: float | None) -> str:
     return DASH if angle is None else f"at {angle:g}°"
-
-
-def _setup_sketch(result: Result) -> Picture:
-    with figures.styled_figure(11.5, 9.5, margins=figures.Margins(0.1, 0.1, 0.1, 0.1)) as (
-        figure,
-        ax,
-    ):
-        figures.plot_setup(result.frf, ax, result.excitation_deg, result.reference_deg)
-    return Picture(
-        figures.png_uri(figure),
-        f"Circle with {result.frf.values.shape[0]} measured positions and the force.",
-        "Measured positions by run, seen from the side; angles run counter-clockwise. "
-        "Look for gaps: an order with more than half as many waves as there are positions "
-        "cannot be told from a lower one.",
-    )
 
 
 def _coherence(result: Result) -> tuple[Chart, ...]:
@@ -190,15 +156,15 @@ def _reference_verdict(check: ReferenceCheck | None) -> Paragraph:
     return Paragraph(f"{found}: the tyre or the set-up changed between runs.", "warning")
 
 
-def _drift(drift: Drift) -> tuple[Table, ...]:
+def _drift(drift: Drift) -> tuple[Block, ...]:
     if not drift.run:
         return ()
     rows = tuple(
         (run, value_with_std(float(percent), float(std), digits=2))
         for run, percent, std in zip(drift.run, drift.percent, drift.std_percent, strict=True)
     )
-    caption = "Drift of the natural frequencies; modes are given in the state of the first run"
-    return (Table(caption, ("run", "drift / %"), rows, words=(0,)),)
+    text = "Modes are given in the state of the first run; the other runs are compared with it."
+    return (Paragraph(text), Table("Drift of frequencies", ("run", "drift / %"), rows, words=(0,)))
 
 
 def _findings(findings: tuple[Finding, ...]) -> list[Block]:

@@ -1,0 +1,110 @@
+"""The report on paper: a PDF with page numbers, drawn figures and texts that can be copied."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ema.errors import InputError
+from pipelines.figures_labels import short
+from pipelines.report import KIND, report_sections, subject_of
+from pipelines.report.blocks import Block, Paragraph, Section, Table
+from pipelines.report.page import render_page
+from pipelines.result import Result
+from pipelines.whole_file import file_written_whole
+
+STYLE = Path(__file__).parent / "paper.css"
+MOST_FOLDED_ROWS = 30  # of a table that is folded on the screen: longer ones stay there
+INSTALL = (
+    'Install it with pip install "ringmodal[pdf]"; it needs the library Pango as well: on Windows '
+    "from MSYS2 (pacman -S mingw-w64-ucrt-x86_64-pango), on macOS brew install pango, on Debian "
+    "and Ubuntu apt install libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0. Without it, "
+    "open the HTML report and print it to a PDF"
+)
+
+
+def write_pdf(result: Result, path: str | Path) -> Path:
+    """Write the report as PDF, A4, with a line for the signature.
+
+    Parameters
+    ----------
+    result : Result
+    path : path
+        Written whole or not at all; an earlier file is replaced.
+
+    Returns
+    -------
+    Path
+        `path`.
+
+    Raises
+    ------
+    InputError
+        Where WeasyPrint or what it needs is not installed, or the file cannot be written.
+    """
+    target = Path(path)
+    print_pages = _printer(target)
+    sections = tuple(map(_for_paper, report_sections(result)))
+    page = render_page(KIND, subject_of(result), sections, paper=True, signed=True)
+    with file_written_whole(target) as partial:
+        partial.write_bytes(print_pages(page, _running_texts(result)))
+    return target
+
+
+def _printer(target: Path) -> Callable[[str, str], bytes]:
+    """What turns a page and a style into a PDF.
+
+    Raises
+    ------
+    InputError
+        Where it is not installed; a library that it needs is missed as an OSError.
+    """
+    try:
+        from weasyprint import CSS, HTML
+        from weasyprint.urls import URLFetcher
+    except (ImportError, OSError) as error:
+        found = str(error).splitlines()[0]
+        raise InputError(
+            str(target), f"no PDF can be made ({found})", "WeasyPrint makes it", INSTALL
+        ) from error
+
+    def print_pages(page: str, style: str) -> bytes:
+        # Everything is inside the page: no other address is ever asked.
+        inside = URLFetcher(allowed_protocols=["data"])
+        document = HTML(string=page, url_fetcher=inside)
+        sheets = [CSS(filename=STYLE), CSS(string=style)]
+        return bytes(document.write_pdf(stylesheets=sheets, pdf_tags=True))
+
+    return print_pages
+
+
+def _for_paper(section: Section) -> Section:
+    return replace(section, blocks=tuple(map(_shortened, section.blocks)))
+
+
+def _shortened(block: Block) -> Block:
+    """A long table that even the screen shows on demand only becomes a sentence."""
+    if isinstance(block, Table) and block.folded and len(block.rows) > MOST_FOLDED_ROWS:
+        return Paragraph(f"{block.caption}: the {len(block.rows)} rows are in the HTML report.")
+    return block
+
+
+def _running_texts(result: Result) -> str:
+    """Style with the texts at the head and foot of each page."""
+    created = str(result.provenance.get("created", ""))[:10]
+    version = result.provenance.get("software", {}).get("ringmodal", "")
+    title = f"{KIND} – {short(subject_of(result), 60)}"
+    return (
+        "@page {"
+        f" @top-left {{ content: {_quoted(title)} }}"
+        f" @top-right {{ content: {_quoted(created)} }}"
+        f" @bottom-left {{ content: {_quoted(f'ringmodal {version}'.strip())} }}"
+        " }"
+    )
+
+
+def _quoted(text: Any) -> str:
+    """A text as CSS writes it: whatever it holds, nothing of it is taken for style."""
+    return '"' + "".join(f"\\{ord(character):06x}" for character in text) + '"'
