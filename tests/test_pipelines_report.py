@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 from base64 import b64decode
 from dataclasses import replace
+from datetime import date
 from html.parser import HTMLParser
 from math import inf, nan
 from pathlib import Path
@@ -17,6 +20,7 @@ from hypothesis import strategies as st
 from markupsafe import escape
 from results import structure_result, tyre_result
 
+from ema.io.manifest import TyreSection
 from ema.modes import Drift, ModalModel, ResidualTerms, synthesise
 from ema.quality import EXCLUDED, Finding
 from ema.recording import Tyre
@@ -25,9 +29,11 @@ from pipelines import report
 from pipelines.numbers import number, plain, signed, value_with_std
 from pipelines.report import measurement, render_report, report_sections, write_report
 from pipelines.report.blocks import Paragraph, Section, Table
+from pipelines.report.identity import identity, named
 from pipelines.report.page import as_json, breakable, drawings, render_page
 from pipelines.report.responses import shown_rows
 from pipelines.report.responses_data import kept_lines, kept_positions, ring_data
+from pipelines.report.sketch import setup_sketch
 
 HOSTILE = "<script>alert('x')</script>\"&{{ 7 * 7 }}"
 VOID = {"meta", "img", "br", "link", "input", "wbr"}
@@ -183,6 +189,7 @@ def test_the_numbers_are_there(page, tyre):
     for mode in tyre.modal_model.modes:
         assert value_with_std(mode.frequency_hz, mode.frequency_std_hz) in page.text
     assert "220 kPa (2.2 bar)" in page.text
+    assert "config_1.uff 0123456789ab" in page.text
     assert "0123456789abcdef" * 4 in page.text
     assert "50 Hz line 12 dB above its sides" in page.text
     for note in (*tyre.notes, *tyre.tuning.notes, *tyre.damping.notes):
@@ -275,6 +282,15 @@ def test_written_file_is_what_was_rendered(tyre, tmp_path):
     target = write_report(tyre, tmp_path / "report.html")
     assert target.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert target.stat().st_size < 6e6
+
+
+def test_a_page_on_the_screen_is_built_without_the_library_that_draws_on_paper():
+    program = (
+        "import sys; sys.path.insert(0, 'tests'); from results import tyre_result;"
+        "from pipelines.report import render_report; render_report(tyre_result());"
+        "sys.exit('matplotlib' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
 
 
 HOSTILE_JSON = st.text(st.characters(exclude_categories=["Cs"])) | st.sampled_from(
@@ -445,3 +461,54 @@ def test_shapes_without_angles_are_drawn_over_their_nodes(structure_page):
     content = structure_page.content("shapes-animation")
     assert content["angle_deg"] is None
     assert len(content["names"]) == len(decoded(content["modes"][0]["real"])) == 10
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "row"),
+    [
+        ("load_n", "4000.0", ("Load", "4000 N")),
+        ("temperature_c", "21.5", ("Temperature", "21.5 °C")),
+        ("serial", "DOT 4523", ("Serial number", "DOT 4523")),
+        ("boundary", "rim clamped", ("Boundary condition", "rim clamped")),
+        ("camber_deg", "1.5", ("Camber", "1.5°")),
+        ("drum_speed_km_h", "80.0", ("Drum speed", "80 km/h")),
+        ("rubber_hardness", "65.0", ("Rubber hardness", "65.0")),
+    ],
+)
+def test_what_a_lab_writes_down_has_a_name_and_a_unit(key, text, row):
+    assert named(key, text) == row
+
+
+def test_the_manifest_takes_what_a_lab_writes_down_and_the_report_shows_it(tyre):
+    section = TyreSection(
+        designation="225/55R17",
+        date=date(2025, 5, 3),
+        operator="A. Miller",
+        rim="7J x 17",
+        load_n=0.0,
+        temperature_c=21,
+    )
+    rows = dict(identity(replace(tyre, tyre=section.tyre())).blocks[0].rows)
+    assert rows["Date of test"] == "2025-05-03"
+    assert rows["Load"] == "0 N"
+    assert rows["Temperature"] == "21 °C"
+    assert rows["Not stated"].startswith("serial number, boundary condition (")
+
+
+def test_the_sketch_has_a_mark_for_every_position_and_names_every_run(tyre):
+    sketch = setup_sketch(tyre)
+    runs = [mark for mark in sketch.marks if mark.name.endswith(".uff")]
+    assert len(runs) == 6
+    assert sum(mark.path.count("M") for mark in runs) == 72
+    assert [mark.name for mark in sketch.legend[-2:]] == ["force", "reference"]
+    first = re.findall(r"(-?[\d.]+) (-?[\d.]+)", runs[0].path.split("Z")[0])
+    centre = np.mean(np.array(first, dtype=float), axis=0)
+    np.testing.assert_allclose(centre, [1.0, 0.0], atol=1e-3)
+
+
+def test_angles_run_counter_clockwise_although_the_drawing_s_axis_runs_down(tyre):
+    quarter = setup_sketch(replace(tyre, excitation_deg=90.0))
+    arrow = next(mark.path for mark in quarter.marks if mark.name == "force")
+    x, y = np.array(re.findall(r"(-?[\d.]+) (-?[\d.]+)", arrow), dtype=float).T
+    assert np.all(np.abs(x) < 0.1)
+    assert np.all(y < -1)

@@ -7,7 +7,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipelines.report import animation, closing, identification, measurement, responses, ring
+from pipelines.report import (
+    animation,
+    closing,
+    identification,
+    identity,
+    measurement,
+    responses,
+    ring,
+)
 from pipelines.report.blocks import Section
 from pipelines.report.page import render_page
 from pipelines.result import Result
@@ -25,7 +33,7 @@ __all__ = [
 KIND = "Modal report"
 SECTIONS = (
     closing.summary,
-    measurement.identity,
+    identity.identity,
     measurement.setup,
     measurement.quality,
     identification.stability,

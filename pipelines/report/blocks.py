@@ -154,7 +154,59 @@ class Animation:
     kind: ClassVar[str] = "animation"
 
 
-Alone = Paragraph | Listing | Facts | Table | Picture | Chart | Chooser | Animation
+@dataclass(frozen=True)
+class Mark:
+    """A kind of mark in a sketch: where it stands, and how the legend shows it.
+
+    Parameters
+    ----------
+    name : str
+    path : str
+        Outlines in the sketch, as SVG describes paths.
+    colour : str
+        Name of a colour of the page's style.
+    symbol : str
+        A single outline around the origin.
+    """
+
+    name: str
+    path: str
+    colour: str
+    symbol: str
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """A sketch of a circle with marks.
+
+    Parameters
+    ----------
+    name : str
+        Unique in the page.
+    box : str
+        The part of the plane that is shown, as SVG's viewBox; the circle has the radius 1.
+    marks, legend : tuple of Mark
+        What is drawn, and what the legend names.
+    labels : tuple of (str, float, float)
+        Texts and their places.
+    alternative, caption : str
+        What it shows, and what to look for.
+    drawings : tuple of Drawing
+        What stands on paper instead.
+    """
+
+    name: str
+    box: str
+    marks: tuple[Mark, ...]
+    legend: tuple[Mark, ...]
+    labels: tuple[tuple[str, float, float], ...]
+    alternative: str
+    caption: str
+    drawings: tuple[Drawing, ...]
+    kind: ClassVar[str] = "sketch"
+
+
+Alone = Paragraph | Listing | Facts | Table | Picture | Chart | Chooser | Animation | Sketch
 
 
 @dataclass(frozen=True)
