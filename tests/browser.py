@@ -84,6 +84,11 @@ class Browser:
         if self.js("return document.querySelector('.plot') !== null"):
             self.wait("return document.documentElement.dataset.ready !== undefined")
 
+    def keep_open(self, path: Path) -> None:
+        """Open a page unless it is there already: for tests that look and change nothing."""
+        if self.driver.current_url != path.as_uri():
+            self.open(path)
+
     @contextmanager
     def watched(self) -> Iterator[None]:
         """See to it that pages complain of nothing and ask no other machine for anything."""
@@ -93,9 +98,21 @@ class Browser:
         assert self.complaints() == []
         assert hosts(self.requests()) == []
 
+    def unfold(self) -> None:
+        """Open what is folded, and have every chart drawn as by a reader who scrolls past it."""
+        self.js("document.querySelectorAll('details').forEach(each => each.open = true)")
+        for name in self.ids(".plot"):
+            self.js("document.getElementById(arguments[0]).scrollIntoView()", name)
+            self.wait("return window.ringmodalCharts.includes(arguments[0].slice(6))", name)
+        self.settle()
+
     def js(self, script: str, *arguments: Any) -> Any:
         """Run a script in the page; its `return` is the answer."""
         return self.driver.execute_script(script, *arguments)
+
+    def js_later(self, script: str) -> Any:
+        """Run a script that hands its answer to its last argument, when it has it."""
+        return self.driver.execute_async_script(script)
 
     def cdp(self, command: str, **parameters: Any) -> Any:
         """Give a command of the Chrome DevTools Protocol."""
@@ -126,7 +143,7 @@ class Browser:
 
     def settle(self) -> None:
         """Let the page draw two frames and what they set off."""
-        self.driver.execute_async_script(
+        self.js_later(
             "const done = arguments[0];"
             "requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 50)));"
         )
@@ -154,6 +171,11 @@ class Browser:
         """The texts of all elements that fit."""
         script = "return [...document.querySelectorAll(arguments[0])].map(e => e.textContent)"
         return list(self.js(script, selector))
+
+    def attribute(self, selector: str, name: str) -> str:
+        """An attribute of the first element that fits."""
+        script = "return document.querySelector(arguments[0]).getAttribute(arguments[1])"
+        return str(self.js(script, selector, name))
 
     def style(self, selector: str, name: str) -> str:
         """A computed style of the first element that fits."""
@@ -186,7 +208,7 @@ class Browser:
         demand(AXE.is_file(), "axe-core")
         if not self.js("return window.axe !== undefined"):
             self.js(AXE.read_text(encoding="utf-8"))
-        found = self.driver.execute_async_script(
+        found = self.js_later(
             "const done = arguments[0];"
             "axe.run(document, {resultTypes: ['violations']}).then(found => done(found.violations))"
         )

@@ -62,7 +62,16 @@ def browser():
 
 @pytest.fixture
 def page(browser, sample_folder):
-    """The sample report on a wide, light screen; quiet on the console and off the network."""
+    """The sample report on a wide, light screen, to be looked at; quiet and off the network."""
+    with browser.watched():
+        browser.show()
+        browser.keep_open(sample_folder / "report.html")
+        yield browser
+
+
+@pytest.fixture
+def new_page(browser, sample_folder):
+    """The same, just opened, to be worked with."""
     with browser.watched():
         browser.show()
         browser.open(sample_folder / "report.html")

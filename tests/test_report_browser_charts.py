@@ -73,9 +73,8 @@ def test_charts_are_drawn_when_they_come_near(charts):
 
 def test_every_chart_of_the_report_is_drawn(page):
     names = [each.removeprefix("chart-") for each in page.ids(".plot")]
-    for name in names:
-        page.js("document.getElementById('chart-' + arguments[0]).scrollIntoView()", name)
-        page.wait("return window.ringmodalCharts.includes(arguments[0])", name)
+    assert "stability" in names
+    page.unfold()
     assert sorted(page.js(DRAWN)) == sorted(names)
 
 
