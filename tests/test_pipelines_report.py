@@ -332,7 +332,9 @@ def test_every_colour_of_a_line_or_text_stands_out_from_the_paper():
     )
     for palette in (light, light | dark):
         for name, colour in palette.items():
-            if name in {"paper", "card", "line"}:
+            if name.startswith("cell"):
+                assert contrast(palette["ink"], colour) >= 4.5, name
+            if name in {"paper", "card", "line"} or name.startswith("cell"):
                 continue
             text = name in {"ink", "soft", "accent", "good", "warning"}
             for ground in ("paper", "card") if text else ("paper",):
