@@ -33,9 +33,12 @@ def _sections() -> Iterator[str]:
     context = root.make_context("ringmodal", [], resilient_parsing=True)
     for name, command, of_command in commands(root, context):
         yield f"\n## {name}\n"
-        yield _described(command.help or "")
-        yield f"```text\n{_usage(command, of_command)}\n```\n"
+        prose, examples = prose_and_examples(command.help or "")
+        yield prose
+        yield f"\n```text\n{_usage(command, of_command)}\n```\n"
         yield from _tables(command, of_command)
+        shown = "\n".join(f"$ {each}" for each in examples)
+        yield f"For example:\n\n```console\n{shown}\n```\n" if examples else ""
 
 
 def commands(group: Any, context: Any) -> Iterator[tuple[str, Any, Any]]:
@@ -52,12 +55,6 @@ def commands(group: Any, context: Any) -> Iterator[tuple[str, Any, Any]]:
 def _usage(command: Any, context: Any) -> str:
     arguments = [_name(each) for each in command.get_params(context) if _is_argument(each)]
     return " ".join([context.command_path, "[OPTIONS]", *arguments])
-
-
-def _described(text: str) -> str:
-    prose, examples = prose_and_examples(text)
-    shown = "```console\n" + "\n".join(f"$ {each}" for each in examples) + "\n```\n"
-    return f"{prose}\n\n{shown if examples else ''}"
 
 
 def prose_and_examples(text: str) -> tuple[str, list[str]]:
@@ -78,7 +75,7 @@ def _tables(command: Any, context: Any) -> Iterator[str]:
         name, meaning = (" ".join(text.split()).replace("|", r"\|") for text in (name, record[1]))
         groups.setdefault(_heading(parameter), []).append(f"| `{name}` | {meaning} |")
     for heading, rows in groups.items():
-        yield "\n".join([f"\n| {heading} | |", "|---|---|", *rows, ""])
+        yield "\n".join([f"\n| {heading} | meaning |", "|---|---|", *rows, ""])
 
 
 def _is_argument(parameter: Any) -> bool:
