@@ -36,6 +36,23 @@ Force = Annotated[
 NoReport = Annotated[
     bool, typer.Option("--no-report", rich_help_panel=FILES, help="Stop before the report.")
 ]
+Figures = Annotated[
+    Path | None,
+    typer.Option(
+        "--figures",
+        metavar="DIR",
+        rich_help_panel=FILES,
+        help="Write each figure of the report there too, as PNG and SVG.",
+    ),
+]
+Pdf = Annotated[
+    bool,
+    typer.Option(
+        "--pdf",
+        rich_help_panel=FILES,
+        help="Write report.pdf into the result too; needs the optional part pdf.",
+    ),
+]
 Strict = Annotated[
     bool,
     typer.Option(

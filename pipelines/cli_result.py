@@ -9,12 +9,15 @@ import typer
 
 from pipelines import cli_values as value
 from pipelines.cli_options import (
+    FILES,
+    Figures,
     Force,
     Given,
     Json,
     NoReport,
     Objective,
     Out,
+    Pdf,
     Quiet,
     ResultFolder,
     Strict,
@@ -25,6 +28,7 @@ from pipelines.progress import shown
 
 if TYPE_CHECKING:
     from pipelines.options import Options
+    from pipelines.result import Result
 
 
 @with_processing_options
@@ -38,6 +42,8 @@ def process(
     out: Out,
     options: Options,
     no_report: NoReport = False,
+    figures: Figures = None,
+    pdf: Pdf = False,
     force: Force = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -50,8 +56,10 @@ def process(
       ringmodal process tyre_7 --out result --band-hz 40 300 --max-order 80
       ringmodal process tyre_7 --out result --pin 78.7,100.3,121.4 --force
       ringmodal process tyre_7 --out result --given mass_per_area_kg_m2=19.7
+      ringmodal process tyre_7 --out result --pdf --figures pictures
     """  # noqa: D406, D407 - a heading of the help
     from pipelines import console_result
+    from pipelines.cli_pictures import require_pdf, require_pictures
     from pipelines.process import process as run
     from pipelines.result_folder import require_free
     from pipelines.store import save
@@ -59,10 +67,15 @@ def process(
     source = campaign[0] if len(campaign) == 1 else campaign
     with stating_what_stands(out):
         require_free(out, force=force)
+        require_pictures(figures, out, force=force)
+        require_pdf(pdf=pdf)
         with shown(quiet=quiet) as progress:
             result = run(source, options, progress.stage, progress.step)
             progress.stage("Writing the result …")
-            save(result, out, report=not no_report, force=force)
+            save(result, out, report=not no_report, pdf=pdf, force=force)
+            if figures is not None:
+                progress.stage("Drawing the figures …")
+                _draw(result, figures, force=force)
         console_result.show(result, out, as_json=as_json, report=not no_report)
 
 
@@ -81,29 +94,53 @@ def tune(
       ringmodal tune result --given mass_per_area_kg_m2=19.7
     """  # noqa: D406, D407 - a heading of the help
     from pipelines import console_result
-    from pipelines.store import save
+    from pipelines.store import has_pdf, save
 
     objective = value.choice("--objective", objective, value.OBJECTIVES)
     known = value.ring_parameters("--given", given)
     with stating_what_stands(result_folder):
         result = console_result.tuned_again(result_folder, objective, known, strict=strict)
-        save(result, result_folder, report=not no_report, force=True)
+        pdf = has_pdf(result_folder) and not no_report
+        save(result, result_folder, report=not no_report, pdf=pdf, force=True)
         console_result.show(result, result_folder, as_json=as_json, report=not no_report)
 
 
-def report(result_folder: ResultFolder, as_json: Json = False) -> None:
-    """Write the report of an earlier result again.
+def report(
+    result_folder: ResultFolder,
+    figures: Figures = None,
+    pdf: Pdf = False,
+    force: Annotated[
+        bool, typer.Option("--force", rich_help_panel=FILES, help="Replace earlier figures.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Write the report of an earlier result again, as HTML and where wanted as PDF.
 
-    Example:
+    Examples:
       ringmodal report result
-    """
+      ringmodal report result --pdf --figures pictures
+    """  # noqa: D406, D407 - a heading of the help
     from pipelines import console, console_result
-    from pipelines.store import save
+    from pipelines.cli_pictures import require_pdf, require_pictures
+    from pipelines.store import has_pdf, save
 
+    pdf = pdf or has_pdf(result_folder)
     with stating_what_stands(result_folder):
+        require_pictures(figures, result_folder, force=force)
+        require_pdf(pdf=pdf)
         result = console_result.tuned_again(result_folder)
-        save(result, result_folder, force=True)
+        save(result, result_folder, pdf=pdf, force=True)
+        if figures is not None:
+            _draw(result, figures, force=force)
     if as_json:
         console.print_json(console_result.summary(result, result_folder, report=True))
-    else:
-        console.say(f"Report: {result_folder / console_result.REPORT}")
+        return
+    console.say(f"Report: {result_folder / console_result.REPORT}")
+    if pdf:
+        console.say(f"PDF: {result_folder / console_result.PDF}")
+
+
+def _draw(result: Result, folder: Path, *, force: bool) -> None:
+    from pipelines.figure_export import write_figures  # loads what draws
+
+    write_figures(result, folder, force=force)

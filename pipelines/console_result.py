@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from pipelines.result import Result
 
-REPORT = "report.html"
+REPORT, PDF = "report.html", "report.pdf"
 _FIRST_TO_GO = ("purity", "mode")  # modes.csv has them
 
 
@@ -69,6 +69,8 @@ def show(result: Result, folder: Path, *, as_json: bool, report: bool) -> None:
     say(f"Result: {folder}")
     if report:
         say(f"Report: {folder / REPORT}")
+    if (folder / PDF).is_file():
+        say(f"PDF: {folder / PDF}")
 
 
 def warnings(result: Result) -> list[str]:
@@ -101,6 +103,7 @@ def summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
         {
             "result": str(folder),
             "report": str(folder / REPORT) if report else None,
+            "pdf": str(folder / PDF) if (folder / PDF).is_file() else None,
             "modes": modes,
             "ring": ring,
             "warnings": [f.detail for f in result.findings if f.verdict != "ok"],

@@ -19,10 +19,18 @@ from pipelines.parquet import read_parquet, write_parquet
 from pipelines.result import Result
 from pipelines.result_folder import FILES, MARKER, recover, written_whole
 
+PDF = "report.pdf"
 _OF_DAMAGED_FILES = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError)
 
 
-def save(result: Result, folder: Path | str, *, report: bool = True, force: bool = False) -> None:
+def save(
+    result: Result,
+    folder: Path | str,
+    *,
+    report: bool = True,
+    pdf: bool = False,
+    force: bool = False,
+) -> None:
     """Write a result folder as the contract describes it.
 
     Parameters
@@ -32,6 +40,8 @@ def save(result: Result, folder: Path | str, *, report: bool = True, force: bool
         Appears whole or not at all.
     report : bool
         Whether to write ``report.html``.
+    pdf : bool
+        Whether to write ``report.pdf`` too.
     force : bool
         Replace an existing result.
 
@@ -61,7 +71,16 @@ def save(result: Result, folder: Path | str, *, report: bool = True, force: bool
             from pipelines.report import write_report
 
             write_report(result, partial / "report.html")
+        if pdf:
+            from pipelines.report.paper import write_pdf
+
+            write_pdf(result, partial / PDF)
         _write_provenance(result, partial)
+
+
+def has_pdf(folder: Path | str) -> bool:
+    """Whether a result holds the report as PDF: then it is written again with the others."""
+    return (Path(folder) / PDF).is_file()
 
 
 def load(folder: Path | str) -> Result:

@@ -1,0 +1,79 @@
+"""The command line's ``ringmodal compare``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pipelines import console
+from pipelines.cli_options import FILES, Json
+from pipelines.interrupt import stating_what_stands
+
+if TYPE_CHECKING:
+    from pipelines.comparison import Comparison
+
+_FIRST_TO_GO = ("MAC", "verdict on damping", "damping change / %", "second / Hz")
+_TEXTS = ("mode", "verdict", "verdict on damping")
+
+
+def compare(
+    first: Annotated[
+        Path, typer.Argument(metavar="FIRST", help="Folder of a result, the one to compare with.")
+    ],
+    second: Annotated[Path, typer.Argument(metavar="SECOND", help="Folder of another result.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="FILE", rich_help_panel=FILES, help="Page with all comparisons."
+        ),
+    ] = Path("comparison.html"),
+    force: Annotated[
+        bool, typer.Option("--force", rich_help_panel=FILES, help="Replace an earlier page.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Compare two results: frequencies, damping, shapes and ring parameters, with significance.
+
+    Every difference is second minus first.
+
+    Examples:
+      ringmodal compare results/220_kPa results/250_kPa
+      ringmodal compare results/monday results/tuesday --out repeatability.html --force
+    """  # noqa: D406, D407 - a heading of the help
+    from pipelines.comparison import compare_folders
+    from pipelines.comparison_table import comparison_record
+    from pipelines.report.comparison import write_comparison
+
+    with stating_what_stands(out):
+        found = compare_folders(first, second)
+        page = write_comparison(found, out, force=force)
+    if as_json:
+        console.print_json({"report": str(page), **comparison_record(found)})
+        return
+    _show(found)
+    console.say(f"Report: {page}")
+
+
+def _show(found: Comparison) -> None:
+    from pipelines.comparison_table import COMPARISON_HEAD, comparison_rows
+    from pipelines.comparison_words import findings
+    from pipelines.console_tables import Column, print_table
+
+    rows = comparison_rows(found)
+    columns = [
+        Column(
+            heading,
+            [row[place] for row in rows],
+            is_text=heading in _TEXTS,
+            folds="verdict" in heading,
+        )
+        for place, heading in enumerate(COMPARISON_HEAD)
+    ]
+    output = console.screen()
+    print_table(output, " → ".join(found.names), columns, _FIRST_TO_GO)
+    for doubt in found.doubts:
+        console.complain(f"Warning: {doubt}")
+    for sentence in findings(found):
+        output.print(console.printable(sentence), markup=False)
