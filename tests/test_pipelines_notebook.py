@@ -174,3 +174,14 @@ def test_the_gallery_draws_every_picture_that_it_shows(monkeypatch):
     for name, picture in drawn.items():
         assert picture.startswith(b"\x89PNG")
         assert (ROOT / "docs" / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_messages_are_explained_in_the_words_that_the_program_uses():
+    page = (ROOT / "docs" / "howto" / "troubleshooting.md").read_text(encoding="utf-8")
+    quoted = re.findall(r'^### "([^"]+)"$', page, re.MULTILINE)
+    assert len(quoted) >= 20
+    sources = [
+        path for package in ("ema", "model", "pipelines") for path in (ROOT / package).rglob("*.py")
+    ]
+    said = "".join(path.read_text(encoding="utf-8") for path in sources)
+    assert [words for words in quoted if words not in said] == []
