@@ -20,7 +20,10 @@ from pipelines.comparison_modes import (
 from pipelines.comparison_parameters import ParameterChange, parameter_changes
 from pipelines.comparison_scatter import Agreement, agreement
 from pipelines.comparison_shapes import common_shapes
+from pipelines.figures_labels import short
 from pipelines.result import Result
+
+LONGEST_NAME = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,4 +133,6 @@ def compare_folders(first: Path | str, second: Path | str) -> Comparison:
 
 
 def _names(first: str, second: str) -> tuple[str, str]:
-    return (first, second) if first != second else (f"{first} (first)", f"{second} (second)")
+    """Names that fit a heading and differ."""
+    one, two = short(first, LONGEST_NAME), short(second, LONGEST_NAME)
+    return (one, two) if one != two else (f"{one} (first)", f"{two} (second)")

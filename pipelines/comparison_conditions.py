@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipelines.numbers import plain
+from pipelines.report.identity import named
 from pipelines.result import Result
 
 #: Free keys of ``[tyre]`` that say who, when and on what paper: they move no frequency.
@@ -18,8 +19,6 @@ RECORD_KEEPING = frozenset(
 BOUNDARY = frozenset(
     {"boundary", "boundary_condition", "boundary_conditions", "mounting", "support"}
 )
-_UNITS = {"c": "°C", "n": "N", "pa": "Pa", "kpa": "kPa", "bar": "bar", "m": "m", "mm": "mm"}
-_UNITS |= {"kg": "kg", "deg": "°", "hz": "Hz", "km": "km", "inch": "inch", "percent": "%"}
 BAND = "band / Hz"
 AVERAGES = "averages a run"  # follows from the length of a run; σ knows it
 #: Options in force that change numbers: place in ``provenance.json``, and what an engineer says.
@@ -38,6 +37,7 @@ OPTIONS = {
     "objective": "objective of the tuning",
     "given": "ring parameters given",
 }
+NO_TYRE = "structure, not described as a tyre"
 BARE = "Corrected to the bare tyre"
 
 
@@ -48,9 +48,10 @@ class Contrast:
     Parameters
     ----------
     name : str
-        What it is, with its unit.
     first, second : str
-        As text; empty where it was not stated.
+        With the unit; empty where it was not stated.
+    differs : bool
+        Whether both are stated and differ, as numbers where they are numbers.
     counts : bool
         Whether it may change frequencies; who measured when does not.
     boundary : bool
@@ -60,13 +61,14 @@ class Contrast:
     name: str
     first: str
     second: str
+    differs: bool
     counts: bool = True
     boundary: bool = False
 
     @property
-    def differs(self) -> bool:
-        """Whether both are stated and differ, as numbers where they are numbers."""
-        return bool(self.first and self.second) and not _same(self.first, self.second)
+    def change(self) -> str:
+        """From the first to the second, ``"Load from 4000 N to 5000 N"``."""
+        return f"{self.name} from {self.first} to {self.second}"
 
     @property
     def is_open(self) -> bool:
@@ -77,32 +79,34 @@ class Contrast:
 def condition_contrasts(first: Result, second: Result) -> tuple[Contrast, ...]:
     """Tyre, conditions and set-up that at least one of two results states."""
     one, two = _stated(first), _stated(second)
-    names = list(dict.fromkeys([*one, *two]))
+    keys = dict.fromkeys([*one, *two])
     contrasts = [
         Contrast(
-            _title(name),
-            one.get(name, ""),
-            two.get(name, ""),
-            counts=name.lower() not in RECORD_KEEPING,
-            boundary=name.lower() in BOUNDARY,
+            _name(key),
+            _value(key, one.get(key, "")),
+            _value(key, two.get(key, "")),
+            _differ(one.get(key, ""), two.get(key, "")),
+            counts=key.lower() not in RECORD_KEEPING,
+            boundary=key.lower() in BOUNDARY,
         )
-        for name in names
+        for key in keys
     ]
     return tuple(each for each in contrasts if each.first or each.second)
 
 
 def processing_contrasts(first: Result, second: Result) -> tuple[Contrast, ...]:
     """Choices in force that change numbers, where at least one result records them."""
-    contrasts = [
-        Contrast(title, _option(first, place), _option(second, place), counts=title != AVERAGES)
-        for place, title in OPTIONS.items()
+    pairs = [
+        *((title, _option(first, at), _option(second, at)) for at, title in OPTIONS.items()),
+        ("mass of the sensors", _sensor_mass(first), _sensor_mass(second)),
+        ("drift between runs", _drift(first), _drift(second)),
+        ("version of ringmodal", _version(first), _version(second)),
     ]
-    contrasts += [
-        Contrast("mass of the sensors", _sensor_mass(first), _sensor_mass(second)),
-        Contrast("drift between runs", _drift(first), _drift(second)),
-        Contrast("version of ringmodal", _version(first), _version(second)),
-    ]
-    return tuple(each for each in contrasts if each.first or each.second)
+    return tuple(
+        Contrast(title, one, two, _differ(one, two), counts=title != AVERAGES)
+        for title, one, two in pairs
+        if one or two
+    )
 
 
 def same_recordings(first: Result, second: Result) -> bool:
@@ -112,11 +116,13 @@ def same_recordings(first: Result, second: Result) -> bool:
 
 
 def _stated(result: Result) -> dict[str, str]:
-    stated = {"designation": "structure, no tyre"}
+    stated = {"tyre": NO_TYRE}
     tyre = result.tyre
     if tyre is not None:
-        stated = {"designation": tyre.designation}
-        for name in ("inflation_pressure_pa", "mean_radius_m", "belt_width_m"):
+        stated = {"tyre": tyre.designation}
+        if tyre.inflation_pressure_pa is not None:
+            stated["inflation_pressure_bar"] = _text(tyre.inflation_pressure_pa / 1e5)
+        for name in ("mean_radius_m", "belt_width_m"):
             stated[name] = _text(getattr(tyre, name))
         stated |= tyre.details
     stated["force_position_deg"] = _text(result.excitation_deg)
@@ -124,12 +130,12 @@ def _stated(result: Result) -> dict[str, str]:
     return stated
 
 
-def _title(name: str) -> str:
-    """Name with its unit: ``load_n`` becomes ``"load / N"``."""
-    stem, _, ending = name.rpartition("_")
-    if stem and ending.lower() in _UNITS:
-        return f"{stem.replace('_', ' ')} / {_UNITS[ending.lower()]}"
-    return name.replace("_", " ")
+def _name(key: str) -> str:
+    return named(key, "")[0]
+
+
+def _value(key: str, text: str) -> str:
+    return named(key, text)[1] if text else ""
 
 
 def _option(result: Result, place: str) -> str:
@@ -168,8 +174,10 @@ def _checksums(result: Result) -> set[str]:
     return {entry["sha256"] for entry in inputs if not entry["file"].endswith(".toml")}
 
 
-def _same(first: str, second: str) -> bool:
+def _differ(first: str, second: str) -> bool:
+    if not (first and second):
+        return False
     try:
-        return float(first) == float(second)
+        return float(first) != float(second)
     except ValueError:
-        return first.strip() == second.strip()
+        return first.strip() != second.strip()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipelines.comparison_conditions import BAND, Contrast, same_recordings
+from pipelines.comparison_conditions import BAND, NO_TYRE, Contrast, same_recordings
 from pipelines.comparison_modes import LOWEST_MAC, MatchedMode
 from pipelines.result import Result
 
@@ -19,7 +19,7 @@ def doubts(
     """Say what a reader must know before he takes a difference for an effect."""
     return (
         *_same_data(first, second),
-        *_other_tyre(conditions),
+        *_other_tyre(first, second),
         *_other_boundary(conditions),
         *_other_band(first, second),
         *_other_processing(processing),
@@ -37,12 +37,13 @@ def _same_data(first: Result, second: Result) -> list[str]:
     ]
 
 
-def _other_tyre(conditions: Sequence[Contrast]) -> list[str]:
+def _other_tyre(first: Result, second: Result) -> list[str]:
+    one, two = (NO_TYRE if each.tyre is None else each.tyre.designation for each in (first, second))
+    if one == two:
+        return []
     return [
-        f"Different tyres: {each.first} and {each.second}. Differences are those of construction "
-        "and of everything else that was changed."
-        for each in conditions
-        if each.name == "designation" and each.differs
+        f"Different tyres: {one} and {two}. Differences are those of construction and of "
+        "everything else that was changed."
     ]
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.family import FOREIGN
 from ema.modes import ModalModel, Mode
 from pipelines.comparison_match import Matches
 from pipelines.comparison_significance import Difference, judged
@@ -47,12 +48,9 @@ class MatchedMode:
 
     @property
     def name(self) -> str:
-        """Order and member, or the number in both results: ``"n = 4"``, ``"mode 3"``."""
-        order = self.first.order if self.first.order is not None else self.second.order
-        if order is None:
-            return mode_name(self.first_number, self.first)
+        """Name of the mode in the first result, without a member that the second has not."""
         alike = self.first.member == self.second.member
-        return f"n = {order}{self.first.member if alike else ''}"
+        return mode_name(self.first_number, self.first if alike else replace(self.first, member=""))
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +77,9 @@ class UnmatchedMode:
 
 
 def mode_name(number: int, mode: Mode) -> str:
-    """Order and member of a mode, ``"n = 4a"``, or its number, ``"mode 3"``."""
-    return f"mode {number}" if mode.order is None else f"n = {mode.order}{mode.member}"
+    """Order and member of a mode, ``"n = 4a"``, or else its number, ``"mode 3"``."""
+    is_named = mode.order is not None and FOREIGN not in mode.status
+    return f"n = {mode.order}{mode.member}" if is_named else f"mode {number}"
 
 
 def matched_modes(

@@ -142,7 +142,7 @@ def test_a_mode_that_the_pressure_moves_out_of_the_band_is_said_to(harder):
 
 
 def test_conditions_that_differ_are_told(harder):
-    assert [each.name for each in harder.differing] == ["inflation pressure / Pa"]
+    assert [each.name for each in harder.differing] == ["Inflation pressure"]
     assert not harder.is_repeat
     assert not harder.agreement.frequency.is_noise
 
@@ -335,7 +335,7 @@ def test_dates_are_no_condition_but_loads_are():
 
     assert compare(loaded("4000", "2025-01-01"), loaded("4000.0", "2025-01-02")).is_repeat
     found = compare(loaded("4000", "2025-01-01"), loaded("5000", "2025-01-01"))
-    assert [each.name for each in found.differing] == ["load / N"]
+    assert [each.change for each in found.differing] == ["Load from 4000 N to 5000 N"]
 
 
 def test_sensors_whose_mass_was_taken_off_once_are_doubtful(base, campaign):

@@ -80,19 +80,24 @@ def origin(result: Result) -> Section:
     provenance = result.provenance
     created = (("Processed", str(provenance["created"])),) if "created" in provenance else ()
     software = tuple(flatten(provenance.get("software", {})).items())
-    inputs = tuple(
-        (str(entry["file"]), str(entry["bytes"]), str(entry["sha256"]))
-        for entry in provenance.get("inputs", ())
-    )
     times = tuple(
         (stage, f"{seconds:.2f}") for stage, seconds in provenance.get("stage_seconds", {}).items()
     )
     blocks: tuple[Block, ...] = (
         Facts((*created, *software)),
-        Table("Input files", ("file", "bytes", "SHA-256"), inputs, (0, 2)),
+        input_files(result),
         Table("Time of each stage", ("stage", "time / s"), times, (0,), folded=True),
     )
     return Section("origin", "Software and inputs", tuple(filter(_filled, blocks)))
+
+
+def input_files(result: Result) -> Table:
+    """List the files that were read; no rows where they are not known."""
+    rows = tuple(
+        (str(entry["file"]), str(entry["bytes"]), str(entry["sha256"]))
+        for entry in result.provenance.get("inputs", ())
+    )
+    return Table("Input files", ("file", "bytes", "SHA-256"), rows, (0, 2))
 
 
 def _filled(block: Block) -> bool:

@@ -1,0 +1,218 @@
+"""Charts of a comparison: changes over the modes, and FRFs of both results overlaid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines import comparison_figures
+from pipelines.charts_basis import FREQUENCY, as_text, axis, log_axis, printed
+from pipelines.charts_drive_point import drive_point_row
+from pipelines.charts_matrix import mac_chart
+from pipelines.comparison import Comparison
+from pipelines.comparison_modes import MatchedMode, mode_name
+from pipelines.comparison_shapes import common_positions
+from pipelines.comparison_significance import SIGNIFICANT, Difference
+from pipelines.figures_labels import short
+from pipelines.figures_values import in_band, wrapped_phase_deg
+from pipelines.report.chart import FAINT, RING, SERIES, Chart, packed
+from pipelines.result import Result
+
+FIRST, SECOND = SERIES[0], SERIES[5]
+BARS = "Bars: ± 2 standard deviations of the difference"
+
+
+def change_chart(
+    name: str, quantity: str, modes: Sequence[MatchedMode], differences: Sequence[Difference]
+) -> Chart:
+    """Relative change of each mode with its error bar; filled where it is significant.
+
+    Parameters
+    ----------
+    name : str
+        Of the chart, unique in the page.
+    quantity : str
+        ``"frequency"`` or ``"damping ratio"``.
+    modes : sequence of MatchedMode
+    differences : sequence of Difference
+        One for each mode.
+    """
+    count = sum(each.is_significant for each in differences)
+    names = [mode.name for mode in modes]
+    traces = (
+        _changes(SIGNIFICANT, names, differences, {"color": RING, "size": 9}, significant=True),
+        _changes(
+            "not significant or σ unknown",
+            names,
+            differences,
+            {"color": FAINT, "size": 9, "symbol": "circle-open", "line": {"width": 2}},
+            significant=False,
+        ),
+    )
+    return Chart(
+        name,
+        tuple(trace for trace in traces if trace["x"]),
+        {
+            "xaxis": axis("mode", type="category", categoryarray=names, categoryorder="array"),
+            "yaxis": axis(f"change of {quantity} / %", zeroline=True, zerolinecolor="--soft"),
+        },
+        f"Change of the {quantity} of {len(modes)} modes in percent; {count} are significant.",
+        f"Change of the {quantity}, second against first; {count} of {len(modes)} are significant. "
+        f"A change that is the same for all modes has one cause; one that grows or falls over the "
+        f"order tells belt from sidewall. Filled: significant. {BARS}.",
+        printed(
+            lambda _figures, ax: comparison_figures.plot_changes(names, differences, quantity, ax),
+            size_cm=(10.5, 7.5),
+        ),
+        height_px=380,
+    )
+
+
+def cross_mac_chart(comparison: Comparison) -> Chart | None:
+    """MAC of all shapes of the first against all of the second; None where they are unknown."""
+    if comparison.mac.size == 0 or not np.isfinite(comparison.mac).all():
+        return None
+    rows, columns = (
+        [
+            f"{mode_name(number, mode)}, {mode.frequency_hz:.1f} Hz"
+            for number, mode in enumerate(result.modal_model.modes, start=1)
+        ]
+        for result in (comparison.first, comparison.second)
+    )
+    first, second = comparison.names
+    return mac_chart(
+        comparison.mac,
+        rows,
+        columns,
+        name="mac-between",
+        titles=(short(first), short(second)),
+        alternative=f"MAC of {len(rows)} shapes of {first} against {len(columns)} of {second}.",
+        caption=f"MAC of the shapes of both results. {comparison.shapes_note} Matched modes should "
+        "be close to 1 and stand alone in their row; large values elsewhere mean shapes that the "
+        "positions cannot tell apart.",
+    )
+
+
+def frf_charts(comparison: Comparison, angles_deg: Sequence[float]) -> tuple[Chart, ...]:
+    """FRFs of both results overlaid, at positions that both have.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    angles_deg : sequence of float
+        Wanted angles from the force; the nearest common position stands for each.
+    """
+    first, second = comparison.first, comparison.second
+    here, there = common_positions(first.frf.position_deg, second.frf.position_deg)
+    force_deg = first.excitation_deg
+    if here.size == 0 or force_deg is None:
+        return ()
+    from_force = (first.frf.position_deg[here] - force_deg + 180) % 360 - 180
+    chosen = {int(np.argmin(np.abs(from_force - wanted))) for wanted in angles_deg}
+    return tuple(_frf_chart(comparison, int(here[k]), int(there[k])) for k in sorted(chosen))
+
+
+def _frf_chart(comparison: Comparison, here: int, there: int) -> Chart:
+    first, second = comparison.first, comparison.second
+    angle_deg = float(first.frf.position_deg[here])
+    where = f"{angle_deg:g}°"
+    if here == drive_point_row(first.frf, first.excitation_deg):
+        where += ", at the force"
+    names = tuple(map(short, comparison.names))
+    curves = tuple(_curve(result, row) for result, row in ((first, here), (second, there)))
+    traces = [
+        trace
+        for name, curve, line in zip(names, curves, _LINES, strict=True)
+        for trace in _traces(name, *curve, line)
+    ]
+    return Chart(
+        f"frf-{here}",
+        tuple(traces),
+        {
+            "xaxis": axis(FREQUENCY, anchor="y2"),
+            "yaxis": log_axis("|H| / ((m/s²)/N)", domain=[0.45, 1]),
+            "yaxis2": axis(
+                "phase / °", domain=[0, 0.39], range=[-190, 190], tickvals=[-180, -90, 0, 90, 180]
+            ),
+        },
+        f"Measured inertance of both results at {where}, magnitude and phase.",
+        f"Measured inertance of both results at {where}. Peaks that move apart are the change of "
+        "frequency, peaks of another height that of damping or of modal mass. A constant factor "
+        "between the two is a calibration, not the tyre.",
+        printed(
+            lambda _figures, axes: comparison_figures.plot_frf_pair(names, curves, axes),
+            size_cm=(13, 9),
+            rows=2,
+        ),
+        wide=True,
+        height_px=460,
+    )
+
+
+_LINES: tuple[dict[str, Any], ...] = (
+    {"color": FIRST, "width": 1.5},
+    {"color": SECOND, "width": 1.5, "dash": "dash"},
+)
+
+
+def _curve(result: Result, row: int) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Lines and inertances of a row within the band."""
+    shown = in_band(result.frf.frequency_hz, result.modal_model.band_hz)
+    return result.frf.frequency_hz[shown], result.frf.values[row, shown]
+
+
+def _traces(
+    name: str,
+    frequency_hz: NDArray[np.float64],
+    values: NDArray[np.complex128],
+    line: dict[str, Any],
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Magnitude and phase of one result; its legend shows and hides both."""
+    common = {
+        "type": "scatter",
+        "mode": "lines",
+        "name": as_text(name),
+        "legendgroup": name,
+        "x": packed(frequency_hz),
+        "line": line,
+    }
+    magnitude = {
+        "y": packed(np.abs(values)),
+        "hovertemplate": "%{x:.2f} Hz<br>%{y:.3g} (m/s²)/N",
+    }
+    phase = {
+        "yaxis": "y2",
+        "y": packed(wrapped_phase_deg(values)),
+        "showlegend": False,
+        "hovertemplate": "%{x:.2f} Hz<br>phase %{y:.0f}°",
+    }
+    return common | magnitude, common | phase
+
+
+def _changes(
+    label: str,
+    names: Sequence[str],
+    differences: Sequence[Difference],
+    marker: dict[str, Any],
+    *,
+    significant: bool,
+) -> dict[str, Any]:
+    chosen = [k for k, each in enumerate(differences) if each.is_significant == significant]
+    std = np.array([differences[k].percent_std for k in chosen])
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": label,
+        "x": [names[k] for k in chosen],
+        "y": packed([differences[k].percent for k in chosen]),
+        "error_y": {
+            "type": "data",
+            "array": np.nan_to_num(2 * std, nan=0.0).tolist(),
+            "thickness": 1.5,
+        },
+        "marker": marker,
+        "hovertemplate": "%{x}<br>%{y:+.3f} %<extra></extra>",
+    }

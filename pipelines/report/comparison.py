@@ -1,0 +1,223 @@
+"""The comparison of two results as one HTML page that needs no network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ema.errors import InputError
+from pipelines.comparison import Comparison
+from pipelines.comparison_charts import change_chart, cross_mac_chart, frf_charts
+from pipelines.comparison_modes import MatchedMode
+from pipelines.comparison_table import (
+    CONTRAST_HEAD,
+    MODE_HEAD,
+    PARAMETER_HEAD,
+    contrast_rows,
+    damping_rows,
+    frequency_rows,
+    parameter_rows,
+)
+from pipelines.comparison_words import CAUTION, METHOD, findings
+from pipelines.numbers import DASH
+from pipelines.report.blocks import Block, Facts, Listing, Paragraph, Section, Table
+from pipelines.report.closing import DEFINITIONS, input_files
+from pipelines.report.page import render_page
+from pipelines.whole_file import file_written_whole
+
+SHOWN_ANGLES_DEG = (0.0, 100.0)  # at the force, and where the literature on this test shows FRFs
+WORDS = ("Order n", "Pole, frequency, damping ratio", "Inertance", "MAC, AutoMAC", "±")
+
+
+def comparison_sections(comparison: Comparison) -> tuple[Section, ...]:
+    """All sections of the page in their order; none is empty."""
+    sections = (
+        _summary(comparison),
+        _compared(comparison),
+        _frequencies(comparison),
+        _damping(comparison),
+        _shapes(comparison),
+        _responses(comparison),
+        _parameters(comparison),
+        _method(),
+        _origin(comparison),
+    )
+    return tuple(section for section in sections if section.blocks)
+
+
+def render_comparison(comparison: Comparison, *, paper: bool = False) -> str:
+    """Render a comparison as one self-contained HTML page.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    paper : bool
+        Whether charts are replaced by their drawings, so that no script is needed.
+    """
+    subject = " → ".join(comparison.names)
+    sections = comparison_sections(comparison)
+    return render_page("Comparison of two results", subject, sections, paper=paper, signed=True)
+
+
+def write_comparison(comparison: Comparison, path: Path | str, *, force: bool = False) -> Path:
+    """Write the page to `path`, whole or not at all, and return the path.
+
+    Raises
+    ------
+    InputError
+        If the file exists and may not be replaced, or cannot be written.
+    """
+    target = Path(path)
+    if target.exists() and not force:
+        raise InputError(
+            str(target),
+            "exists already",
+            "a page is replaced only where that is asked for",
+            "Choose another name or add --force",
+        )
+    page = render_comparison(comparison)
+    with file_written_whole(target) as partial:
+        partial.write_text(page, encoding="utf-8")
+    return target
+
+
+def _summary(comparison: Comparison) -> Section:
+    first, second = comparison.names
+    facts = Facts(
+        (
+            ("First", _described(first, comparison.first.provenance.get("created"))),
+            ("Second", _described(second, comparison.second.provenance.get("created"))),
+            (
+                "Modes",
+                f"{len(comparison.modes)} in both, {len(comparison.only_first)} in the first only, "
+                f"{len(comparison.only_second)} in the second only",
+            ),
+        )
+    )
+    doubts = (Listing(comparison.doubts, "warning"),) if comparison.doubts else ()
+    return Section(
+        "summary",
+        "Summary",
+        (facts, *doubts, Listing(findings(comparison)), Paragraph(CAUTION)),
+    )
+
+
+def _described(name: str, created: object) -> str:
+    return f"{name}, processed {created}" if created else name
+
+
+def _compared(comparison: Comparison) -> Section:
+    conditions = ("tyre and conditions", *CONTRAST_HEAD[1:])
+    choices = ("processing", *CONTRAST_HEAD[1:])
+    every_word = (0, 1, 2, 3)
+    alike = not any(each.differs for each in comparison.processing)
+    blocks: list[Block] = [
+        Table(
+            "Tyre, conditions and set-up",
+            conditions,
+            contrast_rows(comparison.conditions),
+            every_word,
+        ),
+        Table(
+            "Processing" + (": the same for both" if alike else ""),
+            choices,
+            contrast_rows(comparison.processing),
+            every_word,
+            folded=alike,
+        ),
+    ]
+    return Section("compared", "What is compared", tuple(blocks))
+
+
+def _frequencies(comparison: Comparison) -> Section:
+    modes = comparison.modes
+    if not modes:
+        return Section("frequencies", "Frequencies", ())
+    differences = [mode.frequency for mode in modes]
+    table = Table("Frequencies", _with_unit("Hz"), frequency_rows(comparison), words=(0, 7))
+    chart = change_chart("frequency-change", "frequency", modes, differences)
+    return Section(
+        "frequencies", "Frequencies", (chart, table, *_remarks(modes), *_unmatched(comparison))
+    )
+
+
+def _damping(comparison: Comparison) -> Section:
+    modes = comparison.modes
+    if not modes:
+        return Section("damping", "Damping", ())
+    chart = change_chart("damping-change", "damping ratio", modes, [m.damping for m in modes])
+    note = Paragraph(
+        "Damping ratios are in percent of critical damping. The relative change is in percent of "
+        "the first ratio: from 2.00 % to 2.10 % it is +5 %."
+    )
+    table = Table("Damping ratios", _with_unit("%"), damping_rows(comparison), words=(0, 7))
+    return Section("damping", "Damping", (chart, table, note))
+
+
+def _with_unit(unit: str) -> tuple[str, ...]:
+    mode, first, second, change, *others = MODE_HEAD
+    return (mode, *(f"{title} / {unit}" for title in (first, second, change)), *others)
+
+
+def _remarks(modes: Sequence[MatchedMode]) -> tuple[Listing, ...]:
+    remarks = tuple(f"{mode.name}: {mode.remark}." for mode in modes if mode.remark)
+    return (Listing(remarks),) if remarks else ()
+
+
+def _unmatched(comparison: Comparison) -> tuple[Table, ...]:
+    rows = tuple(
+        (name, mode.name, f"{mode.mode.frequency_hz:.2f}", mode.reason)
+        for name, modes in zip(
+            comparison.names, (comparison.only_first, comparison.only_second), strict=True
+        )
+        for mode in modes
+    )
+    head = ("only in", "mode", "frequency / Hz", "why the other may lack it")
+    return (Table("Modes without a partner", head, rows, words=(0, 1, 3)),) if rows else ()
+
+
+def _shapes(comparison: Comparison) -> Section:
+    chart = cross_mac_chart(comparison)
+    block = Paragraph(comparison.shapes_note, "warning") if chart is None else chart
+    return Section("shapes", "Shapes", (block,))
+
+
+def _responses(comparison: Comparison) -> Section:
+    charts = frf_charts(comparison, SHOWN_ANGLES_DEG)
+    return Section("responses", "Measured FRFs", charts)
+
+
+def _parameters(comparison: Comparison) -> Section:
+    title = "Ring parameters"
+    if not comparison.parameters:
+        text = "One result or both hold no ring parameters: there is nothing to compare."
+        return Section("parameters", title, (Paragraph(text),))
+    rows = parameter_rows(comparison)
+    table = Table("Ring and damping parameters", PARAMETER_HEAD, rows, words=(0, 6))
+    note = Paragraph(
+        "Given parameters and those that the frequencies do not determine are shown but not "
+        "tested. All stiffnesses, masses and damping values are per unit of belt width."
+    )
+    return Section("parameters", title, (table, note))
+
+
+def _method() -> Section:
+    words = tuple((word, text) for word, text in DEFINITIONS if word in WORDS)
+    return Section("method", "How differences are judged", (Listing(METHOD), Facts(words)))
+
+
+def _origin(comparison: Comparison) -> Section:
+    """Software and files of both."""
+    results = (comparison.first, comparison.second)
+    software = [result.provenance.get("software", {}) for result in results]
+    rows = tuple(
+        (name, *(str(versions.get(name, DASH)) for versions in software))
+        for name in dict.fromkeys([*software[0], *software[1]])
+    )
+    files = [
+        replace(input_files(result), caption=f"Input files of {name}", folded=True)
+        for name, result in zip(comparison.names, results, strict=True)
+    ]
+    tables = (Table("Software", ("", "first", "second"), rows, (0, 1, 2)), *files)
+    return Section("origin", "Software and inputs", tuple(each for each in tables if each.rows))
