@@ -6,18 +6,17 @@ from collections.abc import Callable
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from pipelines.report.chart import FITTED, RING
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FREQUENCY = "frequency / Hz"
 INERTANCE = "|inertance| / ((m/s²)/N)"
 NO_COLOUR = "rgba(0, 0, 0, 0)"
-#: Colour scales for any colour vision; two of them follow the page into the dark.
+#: Colour scales for any colour vision; two of them follow the page into the dark,
+#: and numbers can be read on every colour of these.
 MAP_SCALE = "Viridis"
-SHARE_SCALE = [[0, "--paper"], [1, RING]]
-SIGNED_SCALE = [[0, FITTED], [0.5, "--paper"], [1, RING]]
+SHARE_SCALE = [[0, "--paper"], [1, "--cell-above"]]
+SIGNED_SCALE = [[0, "--cell-below"], [0.5, "--paper"], [1, "--cell-above"]]
 
 
 def axis(title: str, **options: Any) -> dict[str, Any]:
