@@ -122,7 +122,7 @@ def report(
     """  # noqa: D406, D407 - a heading of the help
     from pipelines import console, console_result
     from pipelines.cli_pictures import require_pdf, require_pictures
-    from pipelines.store import has_pdf, save
+    from pipelines.store import PDF, has_pdf, save
 
     pdf = pdf or has_pdf(result_folder)
     with stating_what_stands(result_folder):
@@ -137,7 +137,7 @@ def report(
         return
     console.say(f"Report: {result_folder / console_result.REPORT}")
     if pdf:
-        console.say(f"PDF: {result_folder / console_result.PDF}")
+        console.say(f"PDF: {result_folder / PDF}")
 
 
 def _draw(result: Result, folder: Path, *, force: bool) -> None:

@@ -109,3 +109,4 @@ def init(
     console.say(f"Draft: {path}")
     for text in draft.missing:
         console.say(f"To fill in: {text}")
+    console.say(f"Next: check {path}, then ringmodal process {folder} --out result")

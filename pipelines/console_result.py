@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 from ema.errors import InputError
 from pipelines.console import plain, print_json, printable, say, screen
 from pipelines.console_tables import Column, print_table
+from pipelines.store import PDF, load
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from pipelines.result import Result
 
-REPORT, PDF = "report.html", "report.pdf"
+REPORT = "report.html"
 _FIRST_TO_GO = ("purity", "mode")  # modes.csv has them
 
 
@@ -29,7 +30,6 @@ def tuned_again(
     """Load a result and determine its ring again; what is not chosen stays as it was."""
     from pipelines.options import Options
     from pipelines.process import tune
-    from pipelines.store import load
     from pipelines.strict import refuse_warnings
 
     result = load(folder)

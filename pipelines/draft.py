@@ -32,9 +32,16 @@ from pipelines.whole_file import file_written_whole
 
 _BARE_KEY = re.compile(r"^[A-Za-z0-9_-]+$")
 _TO_FILL_IN = """\
-# Draft made from the recordings. Fill in what stands in angle brackets, check the rest, and
-# uncomment what applies; every key is explained in docs/conventions.md and the README.
+# Draft made from the recordings. Put a value in place of what stands in angle brackets and take
+# away the # before that line; check the rest. The README shows a whole manifest.
 """
+_ANGLES = """\
+# Angles in degrees, counted around the tyre from where the force acts, the same way in all runs.
+"""
+_POSITIONS = """\
+# positions = <number>           # places around the tyre: 72 where they are 5 degrees apart
+"""
+_REFERENCE = '# reference = "<channel>"        # the sensor that stays in place over all runs, if any'
 
 
 @dataclass(frozen=True)
@@ -269,7 +276,7 @@ def _grid(sketch: _Sketch) -> str:
         guess = "   # a guess: check it" if sketch.places.is_guess else ""
         return f"[grid]\npositions = {positions}{guess}\n"
     what = "Only for a circle of sensors:" if known_from else "For a circle of sensors:"
-    return f"# {what}\n# [grid]\n# positions = <number>\n"
+    return f"# {what}\n# [grid]\n{_POSITIONS}"
 
 
 def _excitation(sketch: _Sketch) -> str:
@@ -289,6 +296,8 @@ def _run(sketch: _Sketch, source: Source) -> str:
     lines = ["[[runs]]", f"file = {_text(source.path.name)}"]
     if sketch.reference in [channel.name for channel in source.channels]:
         lines.append(f"reference = {_text(str(sketch.reference))}")
+    elif sketch.reference is None and len(sketch.runs) > 1 and not source.has_frfs:
+        lines.append(_REFERENCE)
     sensors = sensors_in(source, sketch.reference)
     places = sketch.places
     # The file itself says where its accelerations are; what is no acceleration yet, is listed.
@@ -300,6 +309,7 @@ def _run(sketch: _Sketch, source: Source) -> str:
         lines.append(f"positions_deg = {{ {', '.join(known)} }}")
     else:
         open_places = (f"{_key(channel.name)} = <deg>" for channel in sensors)
+        lines = lines if source is not sketch.runs[0] else [_ANGLES.rstrip(), *lines]
         lines.append(f"# positions_deg = {{ {', '.join(open_places)} }}")
     return _joined(lines)
 

@@ -191,6 +191,8 @@ def read_manifest(path: Path) -> Manifest:
     except (ValueError, RecursionError) as error:  # TOML, an endless number, nesting
         rule = "a manifest is TOML in UTF-8"
         remedy = "Correct the place named"
+        if b"<" in raw:
+            remedy += "; in a draft, values take the place of what stands in angle brackets"
         if b"\\" in raw:
             remedy += f"; {FORWARD_SLASHES}"
         raise ManifestError(path.name, str(error), rule, remedy) from error
