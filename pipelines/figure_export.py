@@ -14,7 +14,6 @@ from pipelines.result import Result
 from pipelines.whole_file import file_written_whole
 
 FORMATS = ("png", "svg")
-DOTS_PER_INCH = 300  # what printers of journals ask for
 
 
 def write_figures(
@@ -60,7 +59,6 @@ def _write(drawing: Drawing, folder: Path, formats: Sequence[str]) -> list[Path]
     from pipelines.figures_file import figure_bytes  # loads what draws: the checks come first
 
     figure = drawing.draw()
-    figure.set_dpi(DOTS_PER_INCH)
     paths = []
     for file_format in formats:
         path = _path(folder, drawing, file_format)

@@ -103,10 +103,10 @@ def styled_figure(
         yield figure, figure.subplots(rows, columns, **options)
 
 
-def png(figure: Figure) -> bytes:
+def png(figure: Figure, dots_per_inch: float = DOTS_PER_INCH) -> bytes:
     """The figure as PNG."""
     buffer = BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
+    figure.savefig(buffer, format="png", dpi=dots_per_inch, metadata={"Software": None})
     return buffer.getvalue()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -62,8 +63,7 @@ def _printer(target: Path) -> Callable[[str, str], bytes]:
         Where it is not installed; a library that it needs is missed as an OSError.
     """
     try:
-        from weasyprint import CSS, HTML
-        from weasyprint.urls import URLFetcher
+        weasyprint = import_module("weasyprint")
     except (ImportError, OSError) as error:
         found = str(error).splitlines()[0]
         raise InputError(
@@ -72,9 +72,9 @@ def _printer(target: Path) -> Callable[[str, str], bytes]:
 
     def print_pages(page: str, style: str) -> bytes:
         # Everything is inside the page: no other address is ever asked.
-        inside = URLFetcher(allowed_protocols=["data"])
-        document = HTML(string=page, url_fetcher=inside)
-        sheets = [CSS(filename=STYLE), CSS(string=style)]
+        inside = weasyprint.URLFetcher(allowed_protocols=["data"])
+        document = weasyprint.HTML(string=page, url_fetcher=inside)
+        sheets = [weasyprint.CSS(filename=STYLE), weasyprint.CSS(string=style)]
         return bytes(document.write_pdf(stylesheets=sheets, pdf_tags=True))
 
     return print_pages
