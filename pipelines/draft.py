@@ -41,7 +41,7 @@ _ANGLES = """\
 _POSITIONS = """\
 # positions = <number>           # places around the tyre: 72 where they are 5 degrees apart
 """
-_REFERENCE = '# reference = "<channel>"        # the sensor that stays in place over all runs, if any'
+_REFERENCE = '# reference = "<channel>"        # the sensor that stays in place in all runs, if any'
 
 
 @dataclass(frozen=True)
