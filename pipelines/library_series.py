@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ema.errors import InputError
-from model.identifiability import IDENTIFIED
+from model.identifiability import GIVEN, IDENTIFIED
 from pipelines.library_diff import recordings, values_of
 from pipelines.library_names import unknown
 from pipelines.library_version import Version
@@ -201,12 +201,17 @@ def _notes(
         notes.append(
             f"Left out: {_counted('version', left_out)}, from recordings that a newer version has."
         )
-    never = [name for name in missing if any(name in values_of(v.parameters) for v in used)]
+    never = [name for name in missing if any(_is_sought(name, each) for each in used)]
     if never:
         notes.append(f"Not identified at two pressures: {', '.join(never)}.")
     for name in _changing_conditions(used):
         notes.append(f"Besides the pressure, {name} changes from version to version.")
     return notes
+
+
+def _is_sought(name: str, version: Version) -> bool:
+    own = values_of(version.parameters).get(name)
+    return own is not None and own.how != GIVEN
 
 
 def _counted(noun: str, numbers: Sequence[str]) -> str:

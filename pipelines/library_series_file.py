@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 
 from pipelines.figures_file import figure_bytes
 from pipelines.figures_pressure import draw_series
 from pipelines.figures_style import png_uri
 from pipelines.library_series import UNITS_PA, Series, Trend
-from pipelines.numbers import number, value_with_std
+from pipelines.numbers import DASH, number, value_with_std
 from pipelines.whole_file import file_written_whole
 
 ENDINGS = (".png", ".svg", ".html")
 _EXPLANATION = (
     "Points are versions with their standard deviation, the line is fitted with weights 1/σ², the "
-    "band is its own ± σ."
+    "band is its own ± σ. Scatter / σ above 1 says that the points leave the line by more than "
+    "their σ; the line's ± is raised by it."
 )
 
 
@@ -46,14 +48,17 @@ def trend_row(trend: Trend, unit: str) -> tuple[str, ...]:
         value_with_std(line.value, line.value_std),
         number(line.centre / per_unit, 4),
         value_with_std(line.slope * per_unit, line.slope_std * per_unit),
-        number(line.scatter, 2),
+        f"{line.scatter:.2f}" if isfinite(line.scatter) else DASH,
         ", ".join(map(str, trend.version)),
     )
 
 
 def headings(unit: str) -> tuple[str, ...]:
     """Headings over the cells of `trend_row`."""
-    return ("parameter", "value (SI)", f"at {unit}", f"slope per {unit}", "scatter / σ", "versions")
+    return (
+        *("parameter", "value (SI)", f"at / {unit}", f"slope per {unit}"),
+        *("scatter / σ", "versions"),
+    )
 
 
 def _page(series: Series, unit: str, picture: str) -> str:
@@ -65,9 +70,9 @@ def _page(series: Series, unit: str, picture: str) -> str:
     blocks: list[Block] = [
         Paragraph(_EXPLANATION),
         Picture(picture, about, "Parameters over inflation pressure", wide=True),
-        Table("Straight lines", headings(unit), rows, (0, 5)),
+        Table("Values and slopes", headings(unit), rows, (0, 5)),
     ]
     if series.notes:
         blocks.append(Listing(series.notes))
-    sections = (Section("series", "Pressure series", tuple(blocks)),)
+    sections = (Section("series", "Straight lines over pressure", tuple(blocks)),)
     return render_page("Pressure series", series.tyre, sections)

@@ -80,6 +80,22 @@ class LibraryTyre:
                 hidden.append(error)
         return whole, hidden
 
+    def latest_intact(self) -> Version:
+        """The newest version that can be read.
+
+        Raises
+        ------
+        DamagedFile
+            If there is none; names the newest.
+        """
+        damage = []
+        for number in range(self.newest, 0, -1):
+            try:
+                return self.version(number)
+            except DamagedFile as error:
+                damage.append(error)
+        raise damage[0]
+
     def intact_versions(self) -> list[Version]:
         """All versions, ascending.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import isfinite, nan
 from pathlib import Path
@@ -11,6 +12,7 @@ from ema.errors import InputError
 from model.errors import ParameterError
 from pipelines.library_claim import numbered_files
 from pipelines.library_names import folder_name, split_reference, unknown
+from pipelines.library_seal import DamagedFile
 from pipelines.library_tyre import LibraryTyre
 from pipelines.library_version import Entry, Version, login_name, signed_now
 from pipelines.parameter_set import CONDITION_NAMES, ParameterSet, read_parameter_set
@@ -143,10 +145,8 @@ class TyreLibrary:
         same = [t for t in self.tyres() if t.name.casefold() == wanted.casefold()]
         if not same:
             return LibraryTyre(self.folder / wanted)
-        whole, damaged = same[0].versions()
-        if not whole:
-            raise damaged[0]
-        held = whole[-1].parameters.designation, whole[-1].entry.tyre_id
+        latest = same[0].latest_intact()
+        held = latest.parameters.designation, latest.entry.tyre_id
         if held != (designation, tyre_id):
             raise InputError(
                 str(same[0].path),
@@ -254,7 +254,9 @@ def _as_folder(name: str) -> str:
 
 
 def _names(tyre: LibraryTyre) -> set[str]:
-    """Designation and id of a tyre, as they would be as folders."""
-    whole, _ = tyre.versions()
-    texts = (whole[-1].parameters.designation, whole[-1].entry.tyre_id) if whole else ()
-    return {folder_name(text).casefold() for text in texts if text}
+    """Designation and id of a tyre, as they would be as folders; none where all is damaged."""
+    with suppress(DamagedFile):
+        latest = tyre.latest_intact()
+        texts = (latest.parameters.designation, latest.entry.tyre_id)
+        return {folder_name(text).casefold() for text in texts if text}
+    return set()
