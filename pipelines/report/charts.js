@@ -4,6 +4,7 @@ const page = document.documentElement;
 const paper = document.getElementById("on-paper");
 const charts = new Map();
 const WIDE_IN_PRINT = 680, NARROW_IN_PRINT = 325; // CSS pixels: A4 without its margins, and half
+const HEIGHT_IN_PRINT = 0.8; // of the height on the screen, so that more fits on a sheet
 const TOUCHED = matchMedia("(pointer: coarse)").matches;
 let printing = false;
 
@@ -12,7 +13,8 @@ window.ringmodalCharts = [];
 for (const plot of document.querySelectorAll(".plot")) {
   const specification = JSON.parse(document.getElementById(`${plot.id}-data`).textContent);
   const name = plot.id.replace("chart-", "");
-  charts.set(name, { name, plot, ...specification, drawn: false, prepare: null, onClick: null });
+  const height = plot.style.height;
+  charts.set(name, { name, plot, height, ...specification, drawn: false, prepare: null, onClick: null });
 }
 
 /** The value with each colour's name, such as "--ring", replaced by the colour. */
@@ -96,6 +98,7 @@ function draw(chart) {
   chart.prepare = null;
   prepare?.();
   const beside = chart.plot.closest(".beside") !== null;
+  chart.plot.style.height = printing ? `calc(${HEIGHT_IN_PRINT} * ${chart.height})` : chart.height;
   const width = printing ? (beside ? NARROW_IN_PRINT : WIDE_IN_PRINT) : undefined;
   const style = getComputedStyle(printing ? paper : page);
   const data = coloured(chart.data, style);

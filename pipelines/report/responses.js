@@ -139,10 +139,14 @@ function mount(chooser) {
     charts.change("frac", { data: [dots, { ...mark, ...at }] });
   }
 
+  function say() {
+    said.textContent = `Shown: ${select.options[select.selectedIndex].text}`;
+  }
+
   function choose(index) {
     select.selectedIndex = Math.min(Math.max(index, 0), select.options.length - 1);
     show();
-    said.textContent = `Shown: ${select.options[select.selectedIndex].text}`;
+    say();
   }
 
   select.addEventListener("change", () => choose(select.selectedIndex));
@@ -155,6 +159,7 @@ function mount(chooser) {
     choose(distance.indexOf(Math.min(...distance)));
   });
   charts.beforeDrawing(name, show);
+  say();
 }
 
 document.querySelectorAll(".chooser").forEach(mount);
