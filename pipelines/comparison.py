@@ -8,7 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.comparison_conditions import Contrast, condition_contrasts, processing_contrasts
+from pipelines.comparison_conditions import (
+    Contrast,
+    condition_contrasts,
+    processing_contrasts,
+    same_recordings,
+)
 from pipelines.comparison_doubts import doubts
 from pipelines.comparison_match import match_modes
 from pipelines.comparison_modes import (
@@ -74,8 +79,8 @@ class Comparison:
 
     @property
     def is_repeat(self) -> bool:
-        """Whether nothing stated differs: the same tyre under the same conditions again."""
-        return not self.differing
+        """Whether the same tyre was measured again and nothing stated differs."""
+        return not self.differing and not same_recordings(self.first, self.second)
 
 
 def compare(first: Result, second: Result) -> Comparison:

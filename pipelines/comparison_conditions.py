@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from pipelines.figures_labels import short
 from pipelines.numbers import plain
 from pipelines.report.identity import named
 from pipelines.result import Result
@@ -67,8 +68,8 @@ class Contrast:
 
     @property
     def change(self) -> str:
-        """From the first to the second, ``"Load from 4000 N to 5000 N"``."""
-        return f"{self.name} from {self.first} to {self.second}"
+        """From the first to the second, ``"Load from 4000 N to 5000 N"``; long texts are cut."""
+        return f"{self.name} from {short(self.first)} to {short(self.second)}"
 
     @property
     def is_open(self) -> bool:

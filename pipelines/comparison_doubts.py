@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pipelines.comparison_conditions import BAND, NO_TYRE, Contrast, same_recordings
 from pipelines.comparison_modes import LOWEST_MAC, MatchedMode
+from pipelines.figures_labels import short
 from pipelines.result import Result
 
 
@@ -42,15 +43,14 @@ def _other_tyre(first: Result, second: Result) -> list[str]:
     if one == two:
         return []
     return [
-        f"Different tyres: {one} and {two}. Differences are those of construction and of "
-        "everything else that was changed."
+        f"Different tyres: {short(one)} and {short(two)}. Differences are those of construction "
+        "and of everything else that was changed."
     ]
 
 
 def _other_boundary(conditions: Sequence[Contrast]) -> list[str]:
     return [
-        f"The tyre was held differently ({each.name}: {each.first}, {each.second}). This alone "
-        "moves the low orders."
+        f"The tyre was held differently: {each.change}. This alone moves the low orders."
         for each in conditions
         if each.boundary and each.differs
     ]

@@ -76,7 +76,8 @@ def movement(one: str, many: str, differences: Sequence[Named]) -> tuple[str, ..
     down = [each for each in moved if each[1].value < 0]
     if len(moved) == len(tested) and not (up and down) and len(moved) > 1:
         verb = "rise" if up else "fall"
-        everything = f"All {len(moved)} {many}" + ("" if tested == differences else " tested")
+        everything = f"{'Both' if len(moved) == 2 else f'All {len(moved)}'} {many}"
+        everything += "" if len(tested) == len(differences) else " tested"
         return (f"{everything} {verb} significantly, by {_span(moved)}.",)
     parts = [
         f"{len(group)} {verb if len(group) > 1 else verb + 's'} significantly, by "
@@ -147,11 +148,13 @@ def _parameters(comparison: Comparison) -> tuple[str, ...]:
 
 def _together(comparison: Comparison) -> tuple[str, ...]:
     found = comparison.agreement
-    if found is None or len(comparison.modes) < 2:
+    if found is None:
         return ()
-    if not comparison.is_repeat:
+    if comparison.differing:
         named = "; ".join(each.change for each in comparison.differing)
         return (f"The differences include the effect of what differs: {named}.",)
+    if not comparison.is_repeat:
+        return ()
     return (
         "Same tyre and conditions as far as stated.",
         f"Frequencies differ by {scatter_text(found.frequency)}",

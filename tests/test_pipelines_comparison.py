@@ -331,7 +331,8 @@ def test_another_tyre_held_otherwise_is_doubtful():
 def test_dates_are_no_condition_but_loads_are():
     def loaded(load, date):
         details = {"load_n": load, "date": date, "rim": "7.5J"}
-        return tyre_result(tyre=Tyre("225/55R17", 2.2e5, 0.33, 0.19, details))
+        tyre = Tyre("225/55R17", 2.2e5, 0.33, 0.19, details)
+        return tyre_result(tyre=tyre, provenance={})
 
     assert compare(loaded("4000", "2025-01-01"), loaded("4000.0", "2025-01-02")).is_repeat
     found = compare(loaded("4000", "2025-01-01"), loaded("5000", "2025-01-01"))
