@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
 
 from ema.errors import InputError
@@ -44,10 +43,6 @@ def require_pdf(*, pdf: bool) -> None:
     """
     if not pdf:
         return
-    from pipelines.report import paper
+    from pipelines.report.paper import printing_library
 
-    try:
-        import_module("weasyprint")
-    except (ImportError, OSError) as error:
-        found = str(error).splitlines()[0]
-        raise InputError("--pdf", found, "WeasyPrint makes the PDF", paper.INSTALL) from error
+    printing_library("--pdf")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import zlib
 from contextlib import suppress
@@ -91,10 +90,11 @@ def test_a_file_in_the_way_of_the_folder_is_named(structure, tmp_path):
         write_figures(structure, tmp_path / "taken" / "figures", ["svg"])
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("weasyprint") is None, reason='needs pip install "ringmodal[pdf]"'
-)
 def test_the_pdf_holds_its_texts_and_leads_to_its_sections(structure, tmp_path, monkeypatch):
+    try:
+        paper.printing_library("this test")
+    except InputError as error:
+        pytest.skip(str(error))
     only(monkeypatch, paper, structure, "summary", "notes")
     name = "plate <b> (1)"
     target = paper.write_pdf(replace(structure, name=name), tmp_path / "report.pdf")

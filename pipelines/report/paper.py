@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -46,38 +45,40 @@ def write_pdf(result: Result, path: str | Path) -> Path:
         Where WeasyPrint or what it needs is not installed, or the file cannot be written.
     """
     target = Path(path)
-    print_pages = _printer(target)
+    weasyprint = printing_library(str(target))
     sections = tuple(map(_for_paper, report_sections(result)))
     page = render_page(KIND, subject_of(result), sections, paper=True, signed=True)
     with file_written_whole(target) as partial:
-        partial.write_bytes(print_pages(page, _running_texts(result)))
+        partial.write_bytes(_printed(weasyprint, page, _running_texts(result)))
     return target
 
 
-def _printer(target: Path) -> Callable[[str, str], bytes]:
-    """What turns a page and a style into a PDF.
+def printing_library(where: str) -> Any:
+    """Load what prints pages.
+
+    Parameters
+    ----------
+    where : str
+        File or option that needs it, for the message.
 
     Raises
     ------
     InputError
-        Where it is not installed; a library that it needs is missed as an OSError.
+        Where it is not installed; a library that it needs in turn is missed as an OSError.
     """
     try:
-        weasyprint = import_module("weasyprint")
+        return import_module("weasyprint")
     except (ImportError, OSError) as error:
-        found = str(error).splitlines()[0]
-        raise InputError(
-            str(target), f"no PDF can be made ({found})", "WeasyPrint makes it", INSTALL
-        ) from error
+        found = f"no PDF can be made ({str(error).splitlines()[0]})"
+        raise InputError(where, found, "WeasyPrint makes it", INSTALL) from error
 
-    def print_pages(page: str, style: str) -> bytes:
-        # Everything is inside the page: no other address is ever asked.
-        inside = weasyprint.URLFetcher(allowed_protocols=["data"])
-        document = weasyprint.HTML(string=page, url_fetcher=inside)
-        sheets = [weasyprint.CSS(filename=STYLE), weasyprint.CSS(string=style)]
-        return bytes(document.write_pdf(stylesheets=sheets, pdf_tags=True))
 
-    return print_pages
+def _printed(weasyprint: Any, page: str, style: str) -> bytes:
+    # Everything is inside the page: no other address is ever asked.
+    inside = weasyprint.URLFetcher(allowed_protocols=["data"])
+    document = weasyprint.HTML(string=page, url_fetcher=inside)
+    sheets = [weasyprint.CSS(filename=STYLE), weasyprint.CSS(string=style)]
+    return bytes(document.write_pdf(stylesheets=sheets, pdf_tags=True))
 
 
 def _for_paper(section: Section) -> Section:
