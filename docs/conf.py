@@ -23,6 +23,7 @@ extensions = [
     "sphinx_copybutton",
     "command_pages",
     "mathml",
+    "offline",
 ]
 exclude_patterns = ["_build", "**.ipynb_checkpoints"]
 templates_path = ["_templates"]
