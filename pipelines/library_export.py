@@ -68,8 +68,7 @@ def export(parameters: ParameterSet, path: Path, file_format: str = "") -> str:
     wanted = file_format or path.suffix.lower().lstrip(".")
     if wanted not in FORMATS:
         where = "--format" if file_format else str(path)
-        rule = f"formats are {', '.join(FORMATS)}"
-        raise unknown(where, wanted, rule, FORMATS)
+        raise unknown(where, wanted, "there is no such format", FORMATS)
     if path.is_dir() or not path.absolute().parent.is_dir():
         found = "a folder" if path.is_dir() else "a place in a folder that does not exist"
         raise InputError(str(path), found, "it must be a new or old file", "Choose another place")

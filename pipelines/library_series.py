@@ -112,8 +112,7 @@ def pressure_series(versions: Sequence[Version], names: Sequence[str] = ()) -> S
     known = (*RING_NAMES, *DAMPING_NAMES)
     for name in names:
         if name not in known:
-            rule = f"parameters are {', '.join(known)}"
-            raise unknown("--parameter", name, rule, known)
+            raise unknown("--parameter", name, "there is no such parameter", known)
     used = _independent(versions)
     found = {name: _trend(name, used) for name in names or known}
     trends = tuple(trend for trend in found.values() if trend is not None)

@@ -237,8 +237,7 @@ def conditions_of(texts: Iterable[str]) -> dict[str, float]:
 def _with_conditions(parameters: ParameterSet, given: Mapping[str, float]) -> ParameterSet:
     for name in given:
         if name not in CONDITION_NAMES:
-            rule = f"conditions are {', '.join(CONDITION_NAMES)}"
-            raise unknown("--condition", name, rule, CONDITION_NAMES)
+            raise unknown("--condition", name, "there is no such condition", CONDITION_NAMES)
     return replace(parameters, conditions={**parameters.conditions, **given})
 
 
