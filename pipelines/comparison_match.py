@@ -15,6 +15,8 @@ from ema.modes import Mode
 ALIKE = 0.6
 #: … and a frequency within this factor's logarithm.
 REACH = 0.2
+#: A MAC that is larger by this tells one member of a pair from the other.
+CLEARLY = 0.3
 
 Matches = list[tuple[int, int]]
 
@@ -54,18 +56,19 @@ def _best_pairing(
     second: Sequence[Mode],
     mac: NDArray[np.float64],
 ) -> Matches:
-    """Pair one or two modes of an order with one or two: straight, unless shapes say otherwise."""
+    """Pair one or two modes of an order with one or two: by shape where that is clear.
 
-    def likeness(pairing: Matches) -> tuple[float, float]:
-        alike = sum(float(mac[pair]) for pair in pairing)
-        apart = sum(_apart(first[i], second[j]) for i, j in pairing)
-        return (0.0 if math.isnan(alike) else round(alike, 2), -apart)
-
+    A tyre that sits turned on its rim shows shapes between those of both members; then the
+    frequencies decide.
+    """
     if len(here) == len(there) == 2:
-        straight = list(zip(here, there, strict=True))
-        crossed = list(zip(here, reversed(there), strict=True))
-        return max(straight, crossed, key=likeness)
-    return max(([(i, j)] for i in here for j in there), key=likeness)
+        ways = [list(zip(here, order, strict=True)) for order in (there, list(reversed(there)))]
+    else:
+        ways = [[(i, j)] for i in here for j in there]
+    alike = [float(np.mean([mac[pair] for pair in way])) for way in ways]
+    if max(alike) - min(alike) > CLEARLY:
+        return ways[int(np.argmax(alike))]
+    return min(ways, key=lambda way: sum(_apart(first[i], second[j]) for i, j in way))
 
 
 def _by_likeness(

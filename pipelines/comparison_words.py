@@ -119,13 +119,19 @@ def _shapes(comparison: Comparison) -> tuple[str, ...]:
     if not known:
         return ()
     worst = min(known, key=lambda mode: mode.mac)
-    return (f"Matched shapes agree with a MAC of at least {worst.mac:.3f} ({worst.name}).",)
+    return (f"Lowest MAC of matched shapes: {worst.mac:.3f} ({worst.name}).",)
 
 
 def _only_in(name: str, modes: Sequence[UnmatchedMode]) -> tuple[str, ...]:
+    """One sentence for each reason."""
+    by_reason: dict[str, list[UnmatchedMode]] = {}
+    for each in modes:
+        by_reason.setdefault(each.reason, []).append(each)
     return tuple(
-        f"Only in {name}: {each.name} at {each.mode.frequency_hz:.1f} Hz; {each.reason}."
-        for each in modes
+        f"Only in {name}: "
+        + ", ".join(f"{each.name} at {each.mode.frequency_hz:.1f} Hz" for each in group)
+        + f"; {reason}."
+        for reason, group in by_reason.items()
     )
 
 

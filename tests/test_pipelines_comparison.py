@@ -255,8 +255,15 @@ def test_members_of_a_pair_go_by_their_shapes():
 
 def test_a_single_mode_takes_the_member_of_its_shape():
     first = (pair_mode(120.0, 10.0, "a"), pair_mode(121.0, 40.0, "b"))
-    second = (pair_mode(120.1, 39.0, ""),)
+    second = (pair_mode(120.1, 37.0, ""),)
     assert match_modes(first, second, mac_of(first, second)) == [(1, 0)]
+
+
+def test_a_tyre_turned_on_its_rim_is_matched_by_frequency():
+    first = (pair_mode(120.0, 10.0, "a"), pair_mode(121.0, 40.0, "b"))
+    turned = (pair_mode(120.9, 25.5, ""),)
+    assert mac_of(first, turned)[:, 0] == pytest.approx([0.5, 0.5], abs=0.06)
+    assert match_modes(first, turned, mac_of(first, turned)) == [(1, 0)]
 
 
 def test_a_foreign_mode_needs_shape_and_frequency():
