@@ -20,8 +20,11 @@ from pipelines.report.chart import Drawing, Drawn
 LONG_WORD, PIECE = 32, 16  # characters: a checksum breaks, a file name does not
 LIBRARY = "vendor/plotly-cartesian.min.js"
 SCRIPTS = ("charts.js", "responses.js", "animation.js")  # in the order they run
+# Marks that turn the reading direction of all that follows, numbers too: they are named instead.
+TURNING = "\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
+NAMED = str.maketrans({mark: f"[U+{ord(mark):04X}]" for mark in TURNING})
 # In JSON these stand inside strings only; written so, no text of a file can end the script.
-ESCAPED = str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"})
+ESCAPED = NAMED | str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"})
 
 
 def render_page(
@@ -97,8 +100,13 @@ def breakable(text: str) -> Markup:
         Markup("<wbr>").join(word[start : start + PIECE] for start in range(0, len(word), PIECE))
         if len(word) > LONG_WORD
         else word
-        for word in text.split(" ")
+        for word in unturned(text).split(" ")
     )
+
+
+def unturned(value: Any) -> Any:
+    """A text in which marks that turn the reading direction are named; anything else as it is."""
+    return value.translate(NAMED) if type(value) is str else value
 
 
 def as_json(value: Any) -> Markup:
@@ -145,6 +153,7 @@ def _environment() -> Environment:
         loader=PackageLoader("pipelines.report", "."),
         autoescape=select_autoescape(),
         undefined=StrictUndefined,
+        finalize=unturned,
         trim_blocks=True,
         lstrip_blocks=True,
     )
