@@ -18,7 +18,7 @@ from pipelines.charts_basis import (
     log_axis,
     printed,
 )
-from pipelines.figures_labels import short, sparse_labels
+from pipelines.figures_labels import apart, sparse_labels
 from pipelines.figures_values import coherence_map
 from pipelines.report.chart import SERIES, Chart, packed
 
@@ -92,14 +92,14 @@ def reference_chart(check: ReferenceCheck) -> Chart:
         {
             "type": "scatter",
             "mode": "lines",
-            "name": as_text(short(run)),
+            "name": as_text(name),
             "x0": start,
             "dx": step,
             "y": packed(np.abs(values)),
             "line": _line(index),
             "hovertemplate": "%{x:.2f} Hz<br>%{y:.3g} (m/s²)/N<extra>%{fullData.name}</extra>",
         }
-        for index, (run, values) in enumerate(zip(check.run, check.values, strict=True))
+        for index, (name, values) in enumerate(zip(apart(check.run), check.values, strict=True))
     )
     return Chart(
         "reference",

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from ema.frf import FRF
 from ema.quality import ReferenceCheck
-from pipelines.figures_labels import literal, short, sparse_labels
+from pipelines.figures_labels import apart, literal, sparse_labels
 from pipelines.figures_style import FAINT, FITTED, MEASURED, log_axis, series_style
 from pipelines.figures_values import coherence_map, in_band, wrapped_phase_deg
 
@@ -39,10 +39,10 @@ def plot_setup(
     for radius, width in ((1.0, 2.5), (0.55, 1.0)):
         ax.plot(radius * np.cos(circle), radius * np.sin(circle), color=FAINT, linewidth=width)
     runs = list(dict.fromkeys(frf.run))
-    for index, run in enumerate(runs):
+    for index, (run, name) in enumerate(zip(runs, apart(runs), strict=True)):
         mine = np.array([name == run for name in frf.run])
         x, y = _on_circle(frf.position_deg[mine], 1.0)
-        label = literal(short(run)) if run else "positions"
+        label = literal(name) if run else "positions"
         ax.plot(x, y, linestyle="none", label=label, **series_style(index))
     for angle in range(0, 360, 90):
         ax.text(*_on_circle(angle, 0.73), f"{angle}°", ha="center", va="center", color="#555555")
@@ -118,16 +118,15 @@ def plot_reference(
     low, high = band_hz or (reference.frequency_hz[0], reference.frequency_hz[-1])
     inside = in_band(reference.frequency_hz, (low, high))
     frequency = reference.frequency_hz[inside]
-    for index, (run, values) in enumerate(zip(reference.run, reference.values, strict=True)):
+    names = apart(reference.run)
+    for index, (name, values) in enumerate(zip(names, reference.values, strict=True)):
         style = series_style(index) | {"marker": ""}
-        ax.plot(
-            frequency, np.abs(values[inside]), label=literal(short(run)), linewidth=0.9, **style
-        )
+        ax.plot(frequency, np.abs(values[inside]), label=literal(name), linewidth=0.9, **style)
     log_axis(ax)
     ax.set_xlim(low, high)
     ax.set_xlabel("frequency / Hz")
     ax.set_ylabel("|inertance| / ((m/s²)/N)")
-    ax.legend(ncols=2, loc="lower right")
+    ax.legend(ncols=2 if len(names) <= 8 else 4, loc="lower right")
     return ax
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,6 +50,26 @@ def short(text: str, length: int = 28) -> str:
         return text
     tail = (length - 1) // 2
     return f"{text[: length - 1 - tail]}…{text[-tail:]}"
+
+
+def apart(names: Sequence[str], length: int = 16) -> list[str]:
+    """Names for a legend: where one is longer than `length`, without what all of them share.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Such as names of files.
+    length : int
+        Characters.
+    """
+    if max(map(len, names), default=0) <= length:
+        return list(names)
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
+    shared = len(list(alike))
+    # One name alone, and names that are all alike, share everything: they are only shortened.
+    if shared < 2 or len(set(names)) == 1:
+        return [short(name, length) for name in names]
+    return [short(f"…{name[shared:]}", length) for name in names]
 
 
 def literal(text: str) -> str:

@@ -13,7 +13,7 @@ from results import structure_result, tyre_result
 
 from ema.modes import Drift
 from pipelines import figures
-from pipelines.figures_labels import literal, short, sparse_labels, spread
+from pipelines.figures_labels import apart, literal, short, sparse_labels, spread
 from pipelines.figures_style import STYLE
 
 
@@ -245,6 +245,21 @@ def test_short_texts_stay_and_long_ones_fit(text, length):
     result = short(text, length)
     assert len(result) <= max(length, 0)
     assert result == text or len(text) > length
+
+
+def test_long_names_lose_what_they_share():
+    runs = [f"measurement_2024-05-17_tyre_17_run_{k}.uff" for k in (1, 2, 10)]
+    assert apart(runs) == ["…1.uff", "…2.uff", "…10.uff"]
+    assert apart(["config_1.uff", "config_2.uff"]) == ["config_1.uff", "config_2.uff"]
+    assert apart(["a" * 40]) == [short("a" * 40, 16)]
+    assert apart([]) == []
+
+
+@given(st.lists(st.text(max_size=60), max_size=6))
+def test_names_for_a_legend_are_short(names):
+    shown = apart(names)
+    assert len(shown) == len(names)
+    assert all(len(name) <= 16 for name in shown)
 
 
 def test_literal_dollars():
