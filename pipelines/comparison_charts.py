@@ -41,7 +41,7 @@ def change_chart(
         One for each mode.
     """
     count = sum(each.is_significant for each in differences)
-    names = [mode.name for mode in modes]
+    names = _each_once([mode.name for mode in modes])
     traces = (
         _changes(SIGNIFICANT, names, differences, {"color": RING, "size": 9}, significant=True),
         _changes(
@@ -76,10 +76,7 @@ def cross_mac_chart(comparison: Comparison) -> Chart | None:
     if comparison.mac.size == 0 or not np.isfinite(comparison.mac).all():
         return None
     rows, columns = (
-        [
-            f"{mode_name(number, mode)}, {mode.frequency_hz:.1f} Hz"
-            for number, mode in enumerate(result.modal_model.modes, start=1)
-        ]
+        _each_once([mode_name(k, mode) for k, mode in enumerate(result.modal_model.modes, start=1)])
         for result in (comparison.first, comparison.second)
     )
     first, second = comparison.names
@@ -113,6 +110,14 @@ def frf_charts(comparison: Comparison, angles_deg: Sequence[float]) -> tuple[Cha
     from_force = (first.frf.position_deg[here] - force_deg + 180) % 360 - 180
     chosen = {int(np.argmin(np.abs(from_force - wanted))) for wanted in angles_deg}
     return tuple(_frf_chart(comparison, int(here[k]), int(there[k])) for k in sorted(chosen))
+
+
+def _each_once(names: Sequence[str]) -> list[str]:
+    """Names of which no two are the same: an axis would draw them at one place."""
+    return [
+        name if names.index(name) == k else f"{name} ({names[: k + 1].count(name)})"
+        for k, name in enumerate(names)
+    ]
 
 
 def _frf_chart(comparison: Comparison, here: int, there: int) -> Chart:

@@ -186,6 +186,15 @@ def test_charts_show_the_numbers_and_are_drawn_for_paper(rising):
         assert any(axis.lines for axis in figure.axes)
 
 
+def test_modes_of_one_name_keep_their_places():
+    first = tyre_result()
+    modes = tuple(replace(mode, order=3) for mode in first.modal_model.modes)
+    alike = replace(first, modal_model=replace(first.modal_model, modes=modes))
+    (section,) = (s for s in comparison_sections(compare(alike, alike)) if s.anchor == "shapes")
+    (trace,) = section.blocks[0].data
+    assert trace["x"] == ["n = 3", *(f"n = 3 ({k})" for k in range(2, 8))]
+
+
 def test_hostile_texts_are_texts():
     first = tyre_result(name=HOSTILE, tyre=Tyre(HOSTILE, 2.2e5, 0.33, 0.19, {"rim": HOSTILE}))
     second = tyre_result(name=HOSTILE, tyre=Tyre("225", 2.2e5, 0.33, 0.19, {"boundary": HOSTILE}))

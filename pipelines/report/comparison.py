@@ -161,8 +161,13 @@ def _with_unit(unit: str) -> tuple[str, ...]:
 
 
 def _remarks(modes: Sequence[MatchedMode]) -> tuple[Listing, ...]:
-    remarks = tuple(f"{mode.name}: {mode.remark}." for mode in modes if mode.remark)
-    return (Listing(remarks),) if remarks else ()
+    """One line for each remark, with all modes that it concerns."""
+    names: dict[str, list[str]] = {}
+    for mode in modes:
+        if mode.remark:
+            names.setdefault(mode.remark, []).append(mode.name)
+    lines = tuple(f"{', '.join(concerned)}: {remark}." for remark, concerned in names.items())
+    return (Listing(lines),) if lines else ()
 
 
 def _unmatched(comparison: Comparison) -> tuple[Table, ...]:
