@@ -27,10 +27,9 @@ result, page, n_bytes = load(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
 start = time.perf_counter()
 if n_bytes:
     from pipelines.report import render_page
-    from pipelines.report.blocks import Paragraph, Section
-    text = "x" * 79 + " "
-    empty = Section("empty", "Empty", (Paragraph(text * (n_bytes // len(text))),))
-    page.write_text(render_page("Floor", "Empty page", (empty,)), encoding="utf-8")
+    from pipelines.report.blocks import Section
+    empty = render_page("Floor", "Empty page", (Section("empty", "Empty", ()),))
+    page.write_text(f"{empty}<!--{'x' * (n_bytes - len(empty))}-->", encoding="utf-8")
 else:
     from pipelines.report import write_report
     write_report(result, page)
