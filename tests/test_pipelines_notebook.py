@@ -21,6 +21,7 @@ import model._html
 from ema.quality import Finding
 from ema.recording import Campaign, Tyre
 from pipelines import numbers
+from pipelines.report import render_report
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 ROOT = Path(__file__).parents[1]
@@ -185,3 +186,16 @@ def test_messages_are_explained_in_the_words_that_the_program_uses():
     ]
     said = "".join(path.read_text(encoding="utf-8") for path in sources)
     assert [words for words in quoted if words not in said] == []
+
+
+def test_the_sections_that_the_tutorial_photographs_are_in_the_report(result, monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    import screenshots
+
+    report = render_report(result)
+    tutorial = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+    shown = re.findall(r"\(images/tutorial/(\w+)\.png\)", tutorial)
+    assert shown == list(screenshots.HEIGHTS)
+    for section in shown:
+        assert f'<section id="{section}"' in report
+        assert f"section#{section} {{ display: block" in screenshots.alone(report, section)
