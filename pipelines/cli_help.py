@@ -47,7 +47,7 @@ class _Page:
                 name = param.metavar if _is_argument(param) else row[0]
                 groups.setdefault(_heading(param), []).append((name, row[1]))
         for heading, rows in sorted(groups.items(), key=lambda group: group[0] in _LAST):
-            with formatter.section(_bold(heading)):
+            with formatter.section(_heading_text(ctx, heading)):
                 formatter.write_dl(rows, col_max=_NAME_WIDTH)
 
     def collect_usage_pieces(self: Any, ctx: Any) -> list[str]:
@@ -88,11 +88,13 @@ def _heading(param: Any) -> str:
     return getattr(param, "rich_help_panel", None) or "General"
 
 
-def _bold(heading: str) -> str:
-    """A heading as the terminal shows it; without colours it is plain text."""
-    if "NO_COLOR" in os.environ or not (sys.stdout.isatty() or os.environ.get("FORCE_COLOR")):
+def _heading_text(ctx: Any, heading: str) -> str:
+    """A heading in bold where there are colours, otherwise plain."""
+    if os.environ.get("NO_COLOR"):
         return heading
-    return typer.style(heading, bold=True)
+    if os.environ.get("FORCE_COLOR"):
+        ctx.color = True  # or it would be taken away from what goes into a pipe
+    return typer.style(heading, bold=True) if ctx.color or sys.stdout.isatty() else heading
 
 
 def _suggest_option(error: Any, known: Sequence[str]) -> None:

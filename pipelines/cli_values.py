@@ -26,8 +26,7 @@ def completing(values: Sequence[str]) -> Callable[[str], list[str]]:
     """What the shell offers for an option that takes one of some values."""
 
     def offers(incomplete: str) -> list[str]:
-        begun = incomplete.casefold()
-        return [value for value in values if value.casefold().startswith(begun)]
+        return [value for value in values if value.startswith(incomplete)]
 
     return offers
 

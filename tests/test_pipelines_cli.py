@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -108,6 +109,74 @@ def test_report_again_keeps_everything_else(ringmodal, processed):
     assert f"Report: {processed / 'report.html'}" in output
     assert {path.name: path.read_bytes() for path in processed.glob("*.csv")} == before
     assert (processed / "tyre.toml").read_bytes() == tyre
+
+
+def test_commands_say_for_programs_what_they_wrote(ringmodal, short_campaign, processed, tmp_path):
+    again = json.loads(ringmodal("report", processed, "--json")[1])
+    assert again["report"] == str(processed / "report.html")
+    assert again["modes"][0]["order"] == 1
+    arguments = ("simulate", "campaign", tmp_path / "virtual", "--duration-s", 1, "--json")
+    assert json.loads(ringmodal(*arguments)[1]) == {"campaign": str(tmp_path / "virtual")}
+
+
+def test_figures_stand_beside_the_result(ringmodal, processed, tmp_path, monkeypatch):
+    """Drawing them takes its time and is tested by itself."""
+    pictures = tmp_path / "pictures"
+
+    def draw(result, folder, *, force):
+        folder.mkdir()
+        (folder / "stability.png").write_text(f"{result.name}, force {force}")
+
+    monkeypatch.setattr("pipelines.figure_export.write_figures", draw)
+    assert ringmodal("report", processed, "--figures", pictures)[0] == 0
+    assert (pictures / "stability.png").read_text() == "campaign, force False"
+    code, _, errors = ringmodal("report", processed, "--figures", pictures)
+    assert code == 2
+    assert "--force" in errors
+
+
+@pytest.mark.parametrize("place", ["", "pictures"])
+def test_figures_are_kept_out_of_the_result(ringmodal, short_campaign, out, place):
+    arguments = ("--figures", out / place, "--quiet")
+    outcome = ringmodal("process", short_campaign, "--out", out, *arguments)
+    assert_refused(outcome, out, "inside the result's folder", "beside it")
+
+
+def test_a_pdf_that_cannot_be_made_is_refused_before_the_processing(
+    ringmodal, short_campaign, out, monkeypatch
+):
+    monkeypatch.setitem(sys.modules, "weasyprint", None)  # as if it were not installed
+    outcome = ringmodal("process", short_campaign, "--out", out, "--pdf", "--quiet")
+    assert_refused(outcome, out, "--pdf", "weasyprint", 'pip install "ringmodal[pdf]"')
+
+
+def test_a_pdf_is_part_of_the_result_and_stays_so(ringmodal, processed, monkeypatch):
+    """Printing it takes its time and is tested by itself."""
+    monkeypatch.setitem(sys.modules, "weasyprint", ModuleType("weasyprint"))
+    monkeypatch.setattr(
+        "pipelines.report.paper.write_pdf", lambda result, path: path.write_bytes(b"%PDF")
+    )
+    code, output, _ = ringmodal("report", processed, "--pdf")
+    assert code == 0
+    assert f"PDF: {processed / 'report.pdf'}" in output
+    files = json.loads((processed / "provenance.json").read_text())["files"]
+    assert "report.pdf" in files
+    code, output, _ = ringmodal("tune", processed, "--json")
+    assert json.loads(output)["pdf"] == str(processed / "report.pdf")
+    assert (processed / "report.pdf").is_file()
+
+
+def test_two_results_are_compared(ringmodal, processed, tmp_path):
+    page = tmp_path / "comparison.html"
+    code, output, _ = ringmodal("compare", processed, processed, "--out", page)
+    assert code == 0
+    assert "No frequency differs significantly" in output
+    assert output.strip().splitlines()[-1] == f"Report: {page}"
+    assert page.is_file()
+    assert ringmodal("compare", processed, processed, "--out", page)[0] == 2
+    arguments = ("compare", processed, processed, "--out", page, "--force", "--json")
+    content = json.loads(ringmodal(*arguments)[1])
+    assert content["modes"][0]["frequency_hz"]["difference"] == 0
 
 
 def test_what_the_data_do_not_tell_is_a_warning(ringmodal, short_campaign, out):
