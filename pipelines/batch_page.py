@@ -8,13 +8,12 @@ from statistics import median
 from urllib.parse import quote
 
 from pipelines.batch_campaigns import CampaignFolder
-from pipelines.batch_figure import plot_frequencies, tyre_of
 from pipelines.batch_folder import BatchFolder
 from pipelines.batch_record import Record
-from pipelines.figures_style import Margins, png_uri, styled_figure
+from pipelines.charts_batch import frequencies_chart, tyre_of
 from pipelines.numbers import number, plain
 from pipelines.report import render_page
-from pipelines.report.blocks import Block, Facts, Link, Listing, Paragraph, Picture, Section, Table
+from pipelines.report.blocks import Block, Facts, Link, Listing, Paragraph, Section, Table
 from pipelines.tables import MODES
 from pipelines.whole_file import file_written_whole
 
@@ -87,7 +86,7 @@ def _failures(records: Sequence[Record]) -> Section:
 
 
 def _frequencies(records: Sequence[Record]) -> Section:
-    """All modes with an order, as a picture and tyre by tyre."""
+    """All modes with an order, as a chart and tyre by tyre."""
     found: dict[tuple[str, int], list[tuple[float, str]]] = defaultdict(list)
     for record in records:
         for mode in record.modes:
@@ -96,20 +95,10 @@ def _frequencies(records: Sequence[Record]) -> Section:
                 found[tyre_of(record), mode[_ORDER]].append(value)
     if not found:
         return Section("frequencies", "Frequencies", ())
-    with styled_figure(17.0, 9.0, margins=Margins(right=4.2)) as (figure, ax):
-        plot_frequencies(records, ax)
-        source = png_uri(figure)
-    picture = Picture(
-        source,
-        "Frequency of every mode over its circumferential order, coloured by tyre",
-        "A campaign that leaves the cloud of its tyre deserves a look: other pressure, other "
-        "mounting, or a mode taken for another.",
-        wide=True,
-    )
     rows = tuple(_order_row(tyre, order, found[tyre, order]) for tyre, order in sorted(found))
     head = ("tyre", "order", "modes", "median / Hz", "lowest / Hz", "in", "highest / Hz", "in")
     table = Table("Frequencies by tyre and order", head, rows, (0, 5, 7), folded=len(rows) > 30)
-    return Section("frequencies", "Frequencies", (picture, table))
+    return Section("frequencies", "Frequencies", (frequencies_chart(records), table))
 
 
 def _order_row(tyre: str, order: int, values: list[tuple[float, str]]) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from results import structure_result, tyre_result
 from ema.quality import EXCLUDED, OK, WARNING, Finding
 from model.ring import natural_frequencies_hz
 from pipelines import (
+    charts_batch,
     charts_drive_point,
     charts_matrix,
     charts_parameters,
@@ -23,9 +24,12 @@ from pipelines import (
     charts_ring,
     charts_stability,
 )
+from pipelines.batch_fingerprint import Fingerprint
+from pipelines.batch_record import DONE, FAILED, Record
 from pipelines.report import report_sections
 from pipelines.report.blocks import Beside, Paragraph, Table
 from pipelines.report.chart import Chart
+from pipelines.tables import MODES
 
 SECTIONS = ("quality", "stability", "validation", "parameters")
 
@@ -348,3 +352,34 @@ def test_the_report_says_what_is_not_identified(tyre):
 
 def test_a_structure_gets_what_can_be_shown():
     assert [chart.name for chart in charts_of(structure_result())] == ["stability"]
+
+
+def batch_of(n_tyres):
+    """One campaign of three modes a tyre, and one that failed."""
+    row = dict.fromkeys(MODES)
+    modes = [tuple((row | {"order": n, "frequency_hz": 80.0 + 20 * n}).values()) for n in (1, 2)]
+    modes.append(tuple((row | {"frequency_hz": 230.0}).values()))
+    mark = Fingerprint("0", ())
+    done = [
+        Record(f"run <{k}>", DONE, mark, designation=f"tyre {k:02d}", modes=tuple(modes))
+        for k in range(n_tyres)
+    ]
+    return [*done, Record("broken", FAILED, mark)]
+
+
+def test_a_batch_shows_every_mode_with_an_order_and_its_campaign():
+    chart = charts_batch.frequencies_chart(batch_of(3))
+    assert [trace["name"] for trace in chart.data] == ["tyre 00", "tyre 01", "tyre 02"]
+    for k, trace in enumerate(chart.data):
+        np.testing.assert_allclose(unpacked(trace["y"]), [100.0, 120.0])
+        np.testing.assert_array_equal(np.round(unpacked(trace["x"])), trace["customdata"])
+        assert trace["text"] == [f"run &lt;{k}&gt;"] * 2
+    assert "6 modes" in chart.alternative
+    assert chart.draw().axes
+
+
+def test_more_tyres_than_colours_share_the_last_and_one_entry_of_the_legend():
+    data = charts_batch.frequencies_chart(batch_of(12)).data
+    listed = [trace["name"] for trace in data if trace["showlegend"]]
+    assert listed == [*(f"tyre {k:02d}" for k in range(6)), "others"]
+    assert {trace["meta"] for trace in data} == {f"tyre {k:02d}" for k in range(12)}
