@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from results import ring_modes, tyre_result
 
 from model import ForcedRing, inertance
+from pipelines.report import animation, render_page
 
 SELECT, SAID = "#frf .chooser select", "#frf .chooser .said"
 PREVIOUS, NEXT = "#frf [data-step='-1']", "#frf [data-step='1']"
@@ -189,6 +192,24 @@ def test_mode_of_order_n_shows_n_waves(shapes_page, sample_result):
         sign = sign[sign != 0]
         assert np.count_nonzero(sign != np.roll(sign, 1)) == 2 * mode.order
         assert f"{mode.frequency_hz:.1f}" in shapes_page.texts("#shapes .mode-said")[0]
+
+
+def test_travelling_wave_turns_and_keeps_its_height(browser, tmp_path):
+    """Re(e^{-2jθ} e^{jωt}) has its crests at 2θ = ωt: they go counter-clockwise."""
+    model = ring_modes(np.arange(72) * 5.0)
+    waves = np.exp(-2j * np.deg2rad(model.position_deg))
+    travelling = replace(model, modes=(replace(model.modes[1], residues=waves),))
+    section = animation.shapes(tyre_result(modal_model=travelling))
+    path = tmp_path / "travelling.html"
+    path.write_text(render_page("Shapes", "A travelling wave", (section,)), encoding="utf-8")
+    browser.open(path)
+    crests_deg = []
+    for phase_deg in (0, 90):
+        set_slider(browser, PHASE, phase_deg)
+        points = outline(browser)
+        assert np.abs(points).max() == pytest.approx(1.3, abs=0.01)
+        crests_deg.append(np.angle(points[np.argmax(np.abs(points))], deg=True))
+    assert (crests_deg[1] - crests_deg[0]) % 180 == pytest.approx(45, abs=3)
 
 
 # --- by keys alone
