@@ -45,7 +45,8 @@ class _Page:
             row = param.get_help_record(ctx)
             if row is not None:
                 name = param.metavar if _is_argument(param) else row[0]
-                groups.setdefault(_heading(param), []).append((name, row[1]))
+                text = row[1].replace("\\[", "[")  # some versions of typer escape it for rich
+                groups.setdefault(_heading(param), []).append((name, text))
         for heading, rows in sorted(groups.items(), key=lambda group: group[0] in _LAST):
             with formatter.section(_heading_text(ctx, heading)):
                 formatter.write_dl(rows, col_max=_NAME_WIDTH)

@@ -264,6 +264,10 @@ def test_a_truncated_recording(ringmodal, campaign_copy, out):
         ("mean_radius_m = 0.33\n", "", ("[tyre]", "no mean_radius_m")),
         ("schema = 1", "schema = ", ("campaign.toml", "TOML")),
         ("positions = 72", "positions = 72\nspacing = 5", ("'spacing'", "not known")),
+        ("A04 = ", "A13 = ", ("'A13'", "Known are A04.")),  # all others have their places
+        ('"config_2.uff"', '"runs\\config_2.uff"', ("written with /",)),
+        ('"config_2.uff"', '"runs\\new.uff"', ("runs.2.file", "backslash", "written with /")),
+        ("positions_deg = {", "positions_deg = <deg> {", ("angle brackets",)),
     ],
 )
 def test_a_manifest_with_a_fault(ringmodal, edit_manifest, out, old, new, says):
