@@ -57,7 +57,7 @@ def _captioned(caption: str, rows: str) -> str:
 
 def _row(tag: str, cells: Iterable[str], columns: Sequence[str]) -> str:
     written = (
-        f'<{tag} style="text-align:{column}">{escape(cell)}</{tag}>'
+        f'<{tag} style="text-align:{column};padding:0.1em 0.6em">{escape(cell)}</{tag}>'
         for cell, column in zip(cells, columns, strict=True)
     )
     return f"<tr>{''.join(written)}</tr>"
