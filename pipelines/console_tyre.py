@@ -53,11 +53,11 @@ def show_tyres(histories: Sequence[TyreHistory], *, as_json: bool) -> None:
         print_json([_tyre_content(each) for each in histories])
         return
     columns = (
-        Column("tyre", [each.tyre.name for each in histories], is_text=True, folds=True),
+        Column("tyre", [each.tyre.name for each in histories], is_text=True),
         Column("designation", [_designation(each) for each in histories], is_text=True),
         Column("versions", [str(each.tyre.newest) for each in histories]),
         Column("approved", [_approved(each) for each in histories]),
-        Column("pressures in bar", [_pressures(each) for each in histories], is_text=True),
+        Column("pressures in bar", [_pressures(each) for each in histories], True, folds=True),
         Column("last added", [_last(each) for each in histories], is_text=True),
     )
     if histories:
@@ -101,13 +101,13 @@ def show_difference(found: SetDifference, *, as_json: bool) -> None:
         Column("in %", [signed(each.percent, 1) for each in deltas]),
         Column("z", [signed(each.z, 1) if tested else "" for each, tested in _tested(found)]),
         Column("p", [_chance(each.chance) if tested else "" for each, tested in _tested(found)]),
-        Column("verdict", [_verdict(change, found) for change in changes], is_text=True),
+        Column("verdict", [_verdict(change, found) for change in changes], True, folds=True),
     )
     say(f"A: {found.first.name}")
     say(f"B: {found.second.name}")
     for name, one, two in found.conditions:
         say(f"Condition: {name}: {_stated(one)} in A, {_stated(two)} in B")
-    print_table(screen(), "", columns, first_to_go=("B − A", "p"))
+    print_table(screen(), "", columns, first_to_go=("B − A", "p", "A"))
     for note in found.notes:
         complain(f"Note: {note}")
 
@@ -124,7 +124,8 @@ def show_series(series: Series, unit: str, *, as_json: bool) -> None:
             Column(heading, [row[place] for row in rows], is_text=place in (0, 5))
             for place, heading in enumerate(headings(unit))
         ]
-        print_table(screen(), f"{series.tyre} over inflation pressure", columns)
+        title = f"{series.tyre} over inflation pressure"
+        print_table(screen(), title, columns, first_to_go=("versions", "scatter / σ"))
     for note in series.notes:
         complain(f"Note: {note}")
 

@@ -18,7 +18,8 @@ class DamagedFile(InputError):  # noqa: N818 - said of a file, not of the progra
 
 def sealed(text: str) -> str:
     """TOML text with its checksum as the last line, in its last table."""
-    body = text.rstrip("\n") + "\n"
+    encodable = text.encode("utf-8", "replace").decode()  # a command line may hold any bytes
+    body = encodable.rstrip("\n") + "\n"
     return f"{body}{_seal(body)}"
 
 

@@ -12,6 +12,7 @@ from ema.errors import InputError
 from model.damping import DampingResult
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.tuning_result import TuningResult
+from pipelines.library_seal import KEY, unsealed
 
 if TYPE_CHECKING:
     from tomlkit import TOMLDocument
@@ -176,7 +177,8 @@ def read_parameter_set(path: Path | str) -> ParameterSet:
     Raises
     ------
     InputError
-        If the file is missing, no TOML, or lacks or misspells a parameter.
+        If the file is missing, no TOML, lacks or misspells a parameter, or is an edited version of
+        a library.
     """
     import tomllib
 
@@ -194,6 +196,8 @@ def read_parameter_set(path: Path | str) -> ParameterSet:
         raise InputError(
             path.name, str(error), "it must be TOML in UTF-8", "Correct the line"
         ) from error
+    if KEY in content.get("version", {}):
+        content = unsealed(path)
     return parameter_set_of(path, content)
 
 

@@ -64,6 +64,21 @@ def test_a_version_is_a_parameter_set_for_every_other_command(add, library):
     assert read_parameter_set(library.folder / "225-55R17" / "0001.toml") == SET
 
 
+def test_an_edited_copy_of_a_version_passes_for_no_parameter_set(add, library, tmp_path):
+    add()
+    text = (library.folder / "225-55R17" / "0001.toml").read_text()
+    copy = tmp_path / "copy.toml"
+    copy.write_text(text.replace("0.33", "0.34"))
+    with pytest.raises(InputError, match=r"copy\.toml: a checksum that does not fit"):
+        resolve(str(copy))
+    with pytest.raises(InputError, match=r"copy\.toml"):
+        library.add(copy, author="Ada")
+
+
+def test_a_note_of_bytes_that_are_no_text_is_kept_as_far_as_it_is(add):
+    assert add(note="gr\udcfcn").entry.note == "gr?n"
+
+
 def test_a_result_folder_brings_campaign_and_checksums(library, sample_folder):
     version = library.add(sample_folder, author="Ada")
     provenance = version.parameters.provenance
