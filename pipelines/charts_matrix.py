@@ -38,14 +38,13 @@ def mac_chart(
     titles : tuple of str
         What rows and columns are: titles of the vertical and of the horizontal axis.
     alternative, caption : str
-        What it shows, and what to look for.
     """
     matrix = np.asarray(values, dtype=float)
     trace = _cells(matrix, rows, columns, "{:.2f}".format, "MAC %{z:.3f}", titles) | {
         "colorscale": SHARE_SCALE,
         "zmin": 0,
         "zmax": 1,
-        "colorbar": {"title": {"text": "MAC"}, "thickness": 12, "tickvals": [0, 0.5, 1]},
+        "colorbar": {"title": {"text": "MAC"}, "thickness": 12},
     }
     return Chart(
         name,

@@ -19,7 +19,7 @@ from pipelines.charts_basis import (
     printed,
 )
 from pipelines.figures_labels import apart, sparse_labels
-from pipelines.figures_values import coherence_map
+from pipelines.figures_values import CoherenceMap, coherence_map
 from pipelines.report.chart import SERIES, Chart, packed
 
 MOST_CELLS = 120_000  # of a map: more would only make the page heavy
@@ -41,27 +41,10 @@ def coherence_chart(frf: FRF, band_hz: tuple[float, float]) -> Chart:
     worst = shown.names[int(np.argmin(medians))]
     averaged = f" Each cell is the mean of {shown.averaged} lines." if shown.averaged > 1 else ""
     what = "position" if np.isfinite(frf.position_deg).all() else "node"
-    trace = {
-        "type": "heatmap",
-        "x": packed(shown.frequency_hz),
-        "y": list(shown.names),
-        "z": packed(shown.values),
-        "zmin": 0,
-        "zmax": 1,
-        "colorscale": MAP_SCALE,
-        "colorbar": {"title": {"text": "γ²"}, "thickness": 12},
-        "hovertemplate": f"{what} %{{y}}, %{{x:.2f}} Hz<br>coherence %{{z:.3f}}<extra></extra>",
-    }
-    indices, _ = sparse_labels(shown.names)
-    step = indices[1] if len(indices) > 1 else 1
-    layout = {
-        "xaxis": axis(FREQUENCY),
-        "yaxis": axis(what, type="category", tick0=0, dtick=step, showgrid=False),
-    }
     return Chart(
         "coherence",
-        (trace,),
-        layout,
+        (_map(shown, what),),
+        _map_layout(shown, what),
         f"Map of the coherence over positions and frequency; median {middle:.3f}, lowest median "
         f"of a {what} {medians.min():.3f} at {worst}.",
         f"Coherence γ², {what} by {what}; the median over the band is {middle:.3f}, the lowest "
@@ -77,6 +60,29 @@ def coherence_chart(frf: FRF, band_hz: tuple[float, float]) -> Chart:
         wide=True,
         height_px=400,
     )
+
+
+def _map(shown: CoherenceMap, what: str) -> dict[str, Any]:
+    return {
+        "type": "heatmap",
+        "x": packed(shown.frequency_hz),
+        "y": list(shown.names),
+        "z": packed(shown.values),
+        "zmin": 0,
+        "zmax": 1,
+        "colorscale": MAP_SCALE,
+        "colorbar": {"title": {"text": "γ²"}, "thickness": 12},
+        "hovertemplate": f"{what} %{{y}}, %{{x:.2f}} Hz<br>coherence %{{z:.3f}}<extra></extra>",
+    }
+
+
+def _map_layout(shown: CoherenceMap, what: str) -> dict[str, Any]:
+    indices, _ = sparse_labels(shown.names)
+    step = indices[1] if len(indices) > 1 else 1
+    return {
+        "xaxis": axis(FREQUENCY),
+        "yaxis": axis(what, type="category", tick0=0, dtick=step, showgrid=False),
+    }
 
 
 def reference_chart(check: ReferenceCheck) -> Chart:

@@ -32,25 +32,10 @@ def scatter_chart(found: Validation, std_hz: NDArray[np.float64]) -> Chart:
     margin = 0.08 * (every.max() - every.min()) + 1.0
     ends = np.array([every.min() - margin, every.max() + margin])
     within = int(np.sum(np.abs(found.error_percent) <= TOLERANCE_PERCENT))
-    points = {
-        "type": "scatter",
-        "mode": "markers+text",
-        "name": "orders",
-        "showlegend": False,
-        "x": packed(found.measured_hz),
-        "y": packed(found.model_hz),
-        "text": [f"{order}" for order in found.order],
-        "textposition": "top left",
-        "customdata": packed(found.error_percent),
-        "error_x": _bars(2 * std_hz),
-        "marker": FILLED,
-        "hovertemplate": "n = %{text}<br>measured %{x:.2f} Hz<br>ring %{y:.2f} Hz "
-        "(%{customdata:+.2f} %)<extra></extra>",
-    }
     limits = [float(end) for end in ends]
     return Chart(
         "frequency-scatter",
-        (*_tolerance(ends, ends), _line("equal", ends, ends, FAINT), points),
+        (*_tolerance(ends, ends), _line("equal", ends, ends, FAINT), _orders_at(found, std_hz)),
         {
             "xaxis": axis("measured / Hz", range=limits, constrain="domain"),
             "yaxis": axis("ring model / Hz", range=limits, scaleanchor="x", constrain="domain"),
@@ -66,6 +51,24 @@ def scatter_chart(found: Validation, std_hz: NDArray[np.float64]) -> Chart:
         ),
         height_px=420,
     )
+
+
+def _orders_at(found: Validation, std_hz: NDArray[np.float64]) -> dict[str, Any]:
+    return {
+        "type": "scatter",
+        "mode": "markers+text",
+        "name": "orders",
+        "showlegend": False,
+        "x": packed(found.measured_hz),
+        "y": packed(found.model_hz),
+        "text": [f"{order}" for order in found.order],
+        "textposition": "top left",
+        "customdata": packed(found.error_percent),
+        "error_x": _bars(2 * std_hz),
+        "marker": FILLED,
+        "hovertemplate": "n = %{text}<br>measured %{x:.2f} Hz<br>ring %{y:.2f} Hz "
+        "(%{customdata:+.2f} %)<extra></extra>",
+    }
 
 
 def deviation_chart(found: Validation, std_hz: NDArray[np.float64]) -> Chart:
@@ -121,16 +124,7 @@ def dispersion_chart(
         The ring's frequencies, also at orders that were not measured.
     """
     shown = np.asarray(orders, dtype=int)
-    measured = {
-        "type": "scatter",
-        "mode": "markers",
-        "name": "measured",
-        "x": found.order.tolist(),
-        "y": packed(found.measured_hz),
-        "error_y": _bars(2 * std_hz),
-        "marker": OPEN,
-        "hovertemplate": "n = %{x}<br>measured %{y:.2f} Hz<extra></extra>",
-    }
+    measured = _measured(found.order, found.measured_hz, 2 * std_hz, "Hz")
     ring = _curve(shown, ring_hz, "ring %{y:.2f} Hz")
     return Chart(
         "dispersion",
@@ -163,16 +157,7 @@ def damping_chart(found: Validation, std: NDArray[np.float64]) -> Chart:
     apart = np.abs(found.model_damping / found.measured_damping - 1)
     worst = int(np.nanargmax(apart))
     largest = f"{100 * apart[worst]:.0f} % of the measured value at n = {found.order[worst]}"
-    measured = {
-        "type": "scatter",
-        "mode": "markers",
-        "name": "measured",
-        "x": found.order.tolist(),
-        "y": packed(100 * found.measured_damping),
-        "error_y": _bars(200 * std),
-        "marker": OPEN,
-        "hovertemplate": "n = %{x}<br>measured %{y:.2f} %<extra></extra>",
-    }
+    measured = _measured(found.order, 100 * found.measured_damping, 200 * std, "%")
     ring = _curve(found.order, 100 * found.model_damping, "ring %{y:.2f} %")
     return Chart(
         "damping",
@@ -208,6 +193,22 @@ def _curve(orders: NDArray[np.int_], values: ArrayLike, hover: str) -> dict[str,
         "line": {"color": RING, "width": 2},
         "marker": {"size": 5, "color": RING},
         "hovertemplate": f"n = %{{x}}<br>{hover}<extra></extra>",
+    }
+
+
+def _measured(
+    orders: NDArray[np.int_], values: NDArray[np.float64], half: NDArray[np.float64], unit: str
+) -> dict[str, Any]:
+    """Measured values over the order, with bars of ± `half`."""
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": "measured",
+        "x": orders.tolist(),
+        "y": packed(values),
+        "error_y": _bars(half),
+        "marker": OPEN,
+        "hovertemplate": f"n = %{{x}}<br>measured %{{y:.2f}} {unit}<extra></extra>",
     }
 
 

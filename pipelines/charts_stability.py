@@ -34,27 +34,11 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
     diagram : StabilityDiagram
     """
     kept = _kept_in_band(diagram)
-    reasons = _reasons(diagram)
-    traces = (_indicator(diagram), *_poles(diagram, reasons))
-    highest = float(diagram.model_order.max(initial=1)) / HIGHEST
-    layout = {
-        "xaxis": axis(FREQUENCY, range=list(diagram.band_hz)),
-        # The indicator has the axis at the back: what overlays it is drawn in front.
-        "yaxis": log_axis(
-            "RMS inertance / ((m/s²)/N)", side="right", showgrid=False, range=_below(diagram)
-        ),
-        "yaxis2": axis(
-            "model order", side="left", overlaying="y", range=[0, highest], tick0=0, dtick=10
-        ),
-        "shapes": [_line(cluster) for cluster in kept],
-        "annotations": _names(kept, diagram.band_hz, highest),
-        "hovermode": "closest",
-    }
     found = ", ".join(f"{cluster.frequency_hz:.1f}" for cluster in kept)
     return Chart(
         "stability",
-        traces,
-        layout,
+        (_indicator(diagram), *_poles(diagram, _reasons(diagram))),
+        _layout(diagram, kept),
         f"Stability diagram with {diagram.poles.size} poles; {len(kept)} columns were taken for "
         f"modes{f', at {found} Hz' if kept else ''}.",
         "Poles of all model orders over the RMS inertance of all positions (line). A mode is a "
@@ -71,6 +55,23 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
         wide=True,
         height_px=540,
     )
+
+
+def _layout(diagram: StabilityDiagram, kept: list[Cluster]) -> dict[str, Any]:
+    highest = float(diagram.model_order.max(initial=1)) / HIGHEST
+    return {
+        "xaxis": axis(FREQUENCY, range=list(diagram.band_hz)),
+        # The indicator has the axis at the back: what overlays it is drawn in front.
+        "yaxis": log_axis(
+            "RMS inertance / ((m/s²)/N)", side="right", showgrid=False, range=_below(diagram)
+        ),
+        "yaxis2": axis(
+            "model order", side="left", overlaying="y", range=[0, highest], tick0=0, dtick=10
+        ),
+        "shapes": [_line(cluster) for cluster in kept],
+        "annotations": _names(kept, diagram.band_hz, highest),
+        "hovermode": "closest",
+    }
 
 
 def _kept_in_band(diagram: StabilityDiagram) -> list[Cluster]:

@@ -38,12 +38,7 @@ def plot_setup(
     circle = np.linspace(0, 2 * np.pi, 361)
     for radius, width in ((1.0, 2.5), (0.55, 1.0)):
         ax.plot(radius * np.cos(circle), radius * np.sin(circle), color=FAINT, linewidth=width)
-    runs = list(dict.fromkeys(frf.run))
-    for index, (run, name) in enumerate(zip(runs, apart(runs), strict=True)):
-        mine = np.array([name == run for name in frf.run])
-        x, y = _on_circle(frf.position_deg[mine], 1.0)
-        label = literal(name) if run else "positions"
-        ax.plot(x, y, linestyle="none", label=label, **series_style(index))
+    _draw_positions(frf, ax)
     for angle in range(0, 360, 90):
         ax.text(*_on_circle(angle, 0.73), f"{angle}°", ha="center", va="center", color="#555555")
     ax.set_xlim(-1.1, 1.1)
@@ -161,6 +156,16 @@ def plot_drive_point(frf: FRF, row: int, band_hz: tuple[float, float], axes: Any
     phase.set_xlabel("frequency / Hz")
     phase.set_ylabel("phase / °")
     return axes
+
+
+def _draw_positions(frf: FRF, ax: Axes) -> None:
+    """Draw the positions, each run with its own mark."""
+    runs = list(dict.fromkeys(frf.run))
+    for index, (run, name) in enumerate(zip(runs, apart(runs), strict=True)):
+        mine = np.array([name == run for name in frf.run])
+        x, y = _on_circle(frf.position_deg[mine], 1.0)
+        label = literal(name) if run else "positions"
+        ax.plot(x, y, linestyle="none", label=label, **series_style(index))
 
 
 def _on_circle(angle_deg: Any, radius: float) -> tuple[Any, Any]:
