@@ -38,7 +38,7 @@ class FileFormat(StrEnum):
 
 @simulate.command(cls=Command)
 def campaign(
-    folder: Annotated[Path, typer.Argument(help="New or empty folder.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same bytes.")] = 1,
     duration_s: Annotated[float, typer.Option(help="Length of each of the six runs in s.")] = 20.0,
     sampling_rate_hz: Annotated[float, typer.Option(help="Sampling rate in Hz.")] = 2000.0,
