@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import typer
@@ -58,11 +59,13 @@ class _Page:
 
     def parse_args(self: Any, ctx: Any, args: list[str]) -> list[str]:
         """Take the arguments; for what is not known the most similar name is suggested."""
+        typed = list(args)
         try:
             taken: list[str] = super().parse_args(ctx, args)  # type: ignore[misc]
         except _UsageError as error:
             _suggest_option(error, [name for each in self.get_params(ctx) for name in each.opts])
             _suggest_value(error)
+            _name_value(error, typed)
             raise
         return taken
 
@@ -112,6 +115,15 @@ def _suggest_value(error: Any) -> None:
     if " is not one of " in error.message:
         typed, *known = re.findall(r"'([^']+)'", error.message)
         error.message += _did_you_mean(typed, known)
+
+
+def _name_value(error: Any, typed: Sequence[str]) -> None:
+    """Begin "Input should be …" with the value that was given for the option."""
+    param = getattr(error, "param", None)
+    given = [value for name, value in pairwise(typed) if name in getattr(param, "opts", ())]
+    is_single = getattr(param, "nargs", 0) == 1
+    if given and is_single and error.message.startswith("Input should"):
+        error.message = f"{given[-1]!r}; i{error.message[1:]}."
 
 
 def _did_you_mean(typed: str, known: Sequence[str]) -> str:

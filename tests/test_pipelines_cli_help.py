@@ -137,6 +137,18 @@ def test_a_slip_gets_a_suggestion(ringmodal, arguments, says):
     assert says in errors
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "says"),
+    [("--averages", "two", "integer"), ("--averages", "0", "1"), ("--block-seconds", "4s", "")],
+)
+def test_a_value_that_is_none_is_named(ringmodal, option, value, says):
+    code, _, errors = ringmodal("process", "x", "--out", "y", option, value)
+    assert code == 2
+    assert f"Invalid value for '{option}': " in errors
+    assert value in errors.splitlines()[-1]
+    assert says in errors.splitlines()[-1]
+
+
 def test_a_name_like_no_other_gets_none(ringmodal):
     code, _, errors = ringmodal("process", "--qqq")
     assert code == 2
