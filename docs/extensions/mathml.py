@@ -15,6 +15,19 @@ from sphinx.writers.html5 import HTML5Translator
 
 _logger = logging.getLogger(__name__)
 _SAID_OTHERWISE = {"°": r"^\circ", r"\tfrac": r"\frac"}
+# What the converter writes as a limit, or leaves without the space (or with one) that print has.
+_AS_BROWSERS_DRAW_IT = (
+    (
+        r'<munderover>\s*(<mi>.</mi>)\s*((?:(?!<munderover>).)+?)\s*(<mo stretchy="false">ˆ</mo>)'
+        r"\s*</munderover>",
+        r'<msub><mover accent="true">\1\3</mover>\2</msub>',
+    ),
+    (
+        r"<mo>&ApplyFunction;</mo>(?!\s*<mo[^>]*>\()",
+        '<mo>&ApplyFunction;</mo><mspace width="0.1667em"></mspace>',
+    ),
+    (r"<mo([^>]*)>\|</mo>", r'<mo\1 lspace="0" rspace="0">|</mo>'),
+)
 _BARE_FRACTION = re.compile(r"\\frac(\d)(\d)")
 
 
@@ -58,4 +71,7 @@ def converted(tex: str, *, displayed: bool) -> str:
     for known_to_tex, known_to_docutils in _SAID_OTHERWISE.items():
         tex = tex.replace(known_to_tex, known_to_docutils)
     tex = _BARE_FRACTION.sub(r"\\frac{\1}{\2}", tex)
-    return str(latex2mathml.tex2mathml(tex, as_block=displayed))
+    drawn = str(latex2mathml.tex2mathml(tex, as_block=displayed))
+    for written, better in _AS_BROWSERS_DRAW_IT:
+        drawn = re.sub(written, better, drawn, flags=re.DOTALL)
+    return drawn
