@@ -18,8 +18,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from markupsafe import escape
-from results import structure_result, tyre_result
+from results import ring_modes, structure_result, tyre_result
 
+from ema.frf import FRF
 from ema.io.manifest import TyreSection
 from ema.modes import Drift, ModalModel, ResidualTerms, synthesise
 from ema.quality import EXCLUDED, Finding
@@ -28,7 +29,7 @@ from model import ForcedRing, inertance
 from pipelines import report
 from pipelines.numbers import number, plain, signed, value_with_std
 from pipelines.report import measurement, render_report, report_sections, write_report
-from pipelines.report.blocks import Paragraph, Section, Table
+from pipelines.report.blocks import Facts, Paragraph, Section, Table
 from pipelines.report.identity import identity, named
 from pipelines.report.page import as_json, breakable, drawings, render_page
 from pipelines.report.responses import shown_rows
@@ -262,6 +263,15 @@ def test_the_verdict_on_the_reference_is_in_words(tyre, ratio, consistent, words
     assert any(words in block.text for block in blocks if isinstance(block, Paragraph))
 
 
+def test_a_long_list_of_runs_leaves_out_its_middle(tyre):
+    runs = tuple(f"run_{row}.uff" for row in range(72))
+    section = measurement.setup(replace(tyre, frf=replace(tyre.frf, run=runs)))
+    facts = next(b for b in section.blocks[0].blocks if isinstance(b, Facts))
+    text = dict(facts.rows)["Runs"]
+    assert text.startswith("72: run_0.uff, run_1.uff, ")
+    assert text.endswith("run_10.uff, …, run_71.uff")
+
+
 def test_drift_is_listed_by_run(tyre):
     drift = Drift(tyre.reference.run, [0, -0.1, -0.2, -0.3, -0.2, -0.1], [0, *[0.011] * 5])
     drifted = replace(tyre, modal_model=replace(tyre.modal_model, drift=drift))
@@ -415,6 +425,19 @@ def test_lines_are_thinned_where_no_mode_is():
     assert kept.size <= 940
     assert np.max(np.diff(kept)) < 2.0
     assert np.max(np.diff(kept[(kept > 99) & (kept < 101)])) < 0.15
+
+
+def test_a_large_campaign_fits_into_the_page_and_the_page_says_what_it_leaves_out(tyre):
+    model = ring_modes(np.linspace(0, 360, 500, endpoint=False))
+    frequency_hz = np.linspace(0.5, 300.0, 4000)
+    values = model.synthesise(frequency_hz)
+    known = np.ones(values.shape)
+    frf = FRF(
+        frequency_hz, values, known, 0.01 * known, model.node, model.position_deg, ("a.uff",) * 500
+    )
+    html = render_report(replace(tyre, frf=frf, modal_model=model))
+    assert len(html.encode()) < 6e6
+    assert "The page holds 900 of 3071 lines, closest around the modes" in html
 
 
 def test_of_very_many_positions_those_worth_showing_stay():

@@ -54,7 +54,8 @@ function layoutOf(chart, style, width) {
   };
   if (width !== undefined) Object.assign(shared, { width, height: chart.plot.clientHeight });
   for (const key of Object.keys(own)) {
-    if (/^[xy]axis\d*$/.test(key)) shared[key] = { ...axis, ...own[key] };
+    if (!/^[xy]axis\d*$/.test(key)) continue;
+    shared[key] = { ...axis, ...own[key], title: { standoff: 9, ...own[key].title } };
   }
   return coloured(shared, style);
 }
@@ -81,7 +82,7 @@ function configuration(chart) {
     displayModeBar: "hover",
     showTips: false,
     modeBarButtons: [
-      ["zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"],
+      TOUCHED ? ["zoomIn2d", "zoomOut2d", "resetScale2d"] : ["zoom2d", "pan2d", "resetScale2d"],
       [saving(chart, "svg", Plotly.Icons.disk), saving(chart, "png", Plotly.Icons.camera)],
     ],
   };

@@ -19,6 +19,7 @@ from pipelines.report.sketch import setup_sketch
 from pipelines.result import Result
 
 FINDING_HEAD = ("run", "channel", "position", "check", "detail")
+MOST_NAMED_RUNS = 12
 FINDING_WORDS = (0, 1, 3, 4)
 
 
@@ -79,7 +80,7 @@ def _setup_rows(result: Result) -> tuple[tuple[str, str], ...]:
     first, last = frf.frequency_hz[[0, -1]]
     rows = [
         ("Positions", f"{frf.n_positions}"),
-        ("Runs", f"{len(runs)}: {', '.join(runs)}" if runs else DASH),
+        ("Runs", _runs(list(runs))),
         ("Force", _degrees(result.excitation_deg)),
         ("Reference sensor", _degrees(result.reference_deg)),
         ("Quantity", "inertance (acceleration over force), (m/s²)/N"),
@@ -91,6 +92,14 @@ def _setup_rows(result: Result) -> tuple[tuple[str, str], ...]:
         ("Band of interest", f"{low:.4g} to {high:.4g} Hz"),
     ]
     return tuple((name, text) for name, text in rows if text != DASH)
+
+
+def _runs(names: list[str]) -> str:
+    """How many runs and which; the middle of a long list is left out."""
+    shown = names
+    if len(names) > MOST_NAMED_RUNS:
+        shown = [*names[: MOST_NAMED_RUNS - 1], "…", names[-1]]
+    return f"{len(names)}: {', '.join(shown)}" if names else DASH
 
 
 def _block_rows(frf: FRF) -> list[tuple[str, str]]:

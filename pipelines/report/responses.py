@@ -86,7 +86,7 @@ def frac_chart(result: Result) -> Chart:
         "y": packed(model.frac),
         "text": list(map(as_text, names)),
         "line": {"color": RING, "width": 0.8},
-        "marker": {"color": RING, "size": 7},
+        "marker": {"color": RING, "size": 7 if model.frac.size <= 150 else 4},
         "hovertemplate": "%{text}<br>FRAC %{y:.4f}<extra></extra>",
         "showlegend": False,
     }
@@ -105,7 +105,7 @@ def frac_chart(result: Result) -> Chart:
         "frac",
         (dots, chosen),
         {
-            "xaxis": _position_axis(on_circle, names),
+            "xaxis": _position_axis(result),
             "yaxis": axis("FRAC", range=[floor, 1.01]),
             "shapes": [_line_at(LOWEST_FRAC)],
             "hovermode": "closest",
@@ -151,6 +151,7 @@ def _response_chart(result: Result, with_ring: bool, left_out: str) -> Chart:
     first = tuple(_curve(name, "y", LEVEL) for name in names)
     second = tuple(_curve(name, "y2", PHASE) for name in names)
     ring = " Dashed: the tuned ring, radial force and response." if with_ring else ""
+    shaded = " Shaded: fitted, but outside the band of interest." if _outside(model) else ""
     return Chart(
         "frf",
         first + second,
@@ -165,8 +166,8 @@ def _response_chart(result: Result, with_ring: bool, left_out: str) -> Chart:
         },
         "Magnitude and phase of the inertance, measured and fitted.",
         "Inertance of the position chosen. The fitted curve should pass through the measured one "
-        "at peaks and between them; a shift between peaks points to a missing mode. Shaded: "
-        f"fitted, but outside the band of interest.{ring}{left_out}",
+        "at peaks and between them; a shift between peaks points to a missing mode."
+        f"{shaded}{ring}{left_out}",
         lambda: _draw_response(result, shown_rows(result)[0]),
         wide=True,
         height_px=470,
@@ -241,10 +242,10 @@ def _line_at(value: float) -> dict[str, Any]:
     }
 
 
-def _position_axis(on_circle: bool, names: list[str]) -> dict[str, Any]:
-    if on_circle:
+def _position_axis(result: Result) -> dict[str, Any]:
+    if np.isfinite(result.frf.position_deg).all():
         return axis("position / °", range=[-5, 365], dtick=60)
-    ticks, labels = sparse_labels(names)
+    ticks, labels = sparse_labels(row_names(result.frf, np.arange(result.frf.n_positions)))
     return axis("node", tickvals=[tick + 1 for tick in ticks], ticktext=labels)
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_NAMED_RUNS = 14
-LARGEST_MARK = 0.04  # half a mark's size in radii
+SMALLEST_MARK, LARGEST_MARK = 0.016, 0.04  # half a mark's size in radii
 REFERENCE_RADIUS = 0.87
 FORCE_TAIL, FORCE_TIP = 1.42, 1.07
 # Corners, turn in degrees and size: circle, square, triangle, diamond, triangle upside down.
@@ -35,7 +35,7 @@ def setup_sketch(result: Result) -> Sketch:
     """Draw the tyre from the side, as a sketch that follows the page's colours."""
     frf = result.frf
     runs = list(dict.fromkeys(frf.run))
-    size = min(LARGEST_MARK, 0.4 * 2 * pi / frf.n_positions)
+    size = max(SMALLEST_MARK, min(LARGEST_MARK, 0.4 * 2 * pi / frf.n_positions))
     marks = tuple(
         Mark(
             short(run) or "positions",
