@@ -16,7 +16,7 @@ from ema.errors import InputError
 from pipelines import figure_export
 from pipelines.figure_export import write_figures
 from pipelines.report import paper, report_sections
-from pipelines.report.blocks import Paragraph, Section, Table
+from pipelines.report.blocks import Beside, Paragraph, Picture, Section, Table
 from pipelines.report.page import drawings
 
 
@@ -150,3 +150,12 @@ def test_long_folded_tables_stay_on_the_screen():
     blocks = paper._for_paper(Section("some", "Some", tables)).blocks
     assert blocks[0] == Paragraph("Long: the 40 rows are in the HTML report.")
     assert blocks[1:] == tables[1:]
+
+
+def test_a_wide_picture_stands_by_itself():
+    wide, one, two = (
+        Picture("data:,", name, name, wide=name == "wide") for name in ["wide", "one", "two"]
+    )
+    blocks = paper._for_paper(Section("some", "Some", (Beside((wide, one)), Beside((two,))))).blocks
+    assert blocks == (wide, Beside((one,)), Beside((two,)))
+    assert paper._for_paper(Section("some", "Some", (Beside((wide,)),))).blocks == (wide,)

@@ -10,8 +10,8 @@ from typing import Any
 from ema.errors import InputError
 from pipelines.figures_labels import short
 from pipelines.report import KIND, report_sections, subject_of
-from pipelines.report.blocks import Block, Paragraph, Section, Table
-from pipelines.report.page import render_page
+from pipelines.report.blocks import Beside, Block, Paragraph, Picture, Section, Table
+from pipelines.report.page import on_paper, render_page
 from pipelines.result import Result
 from pipelines.whole_file import file_written_whole
 
@@ -46,8 +46,8 @@ def write_pdf(result: Result, path: str | Path) -> Path:
     """
     target = Path(path)
     weasyprint = printing_library(str(target))
-    sections = tuple(map(_for_paper, report_sections(result)))
-    page = render_page(KIND, subject_of(result), sections, paper=True, signed=True)
+    sections = tuple(map(_for_paper, on_paper(report_sections(result))))
+    page = render_page(KIND, subject_of(result), sections, signed=True)
     with file_written_whole(target) as partial:
         partial.write_bytes(_printed(weasyprint, page, _running_texts(result)))
     return target
@@ -82,14 +82,19 @@ def _printed(weasyprint: Any, page: str, style: str) -> bytes:
 
 
 def _for_paper(section: Section) -> Section:
-    return replace(section, blocks=tuple(map(_shortened, section.blocks)))
+    blocks = (shown for block in section.blocks for shown in _rearranged(block))
+    return replace(section, blocks=tuple(blocks))
 
 
-def _shortened(block: Block) -> Block:
-    """A long table that even the screen shows on demand only becomes a sentence."""
+def _rearranged(block: Block) -> tuple[Block, ...]:
+    """A long table becomes a sentence where the screen folds it; wide pictures get a row each."""
     if isinstance(block, Table) and block.folded and len(block.rows) > MOST_FOLDED_ROWS:
-        return Paragraph(f"{block.caption}: the {len(block.rows)} rows are in the HTML report.")
-    return block
+        return (Paragraph(f"{block.caption}: the {len(block.rows)} rows are in the HTML report."),)
+    if isinstance(block, Beside):
+        wide = tuple(one for one in block.blocks if isinstance(one, Picture) and one.wide)
+        narrow = tuple(one for one in block.blocks if one not in wide)
+        return (*wide, *((Beside(narrow),) if narrow else ()))
+    return (block,)
 
 
 def _running_texts(result: Result) -> str:
