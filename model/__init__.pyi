@@ -1,9 +1,10 @@
 from .cleat import Cleat, CleatTest
 from .coefficients import Harmonics, harmonics
 from .contact import ContactPatch, contact_patch
-from .damping import DampingResult, damping_ratios, identify_damping
+from .damping import DampingResult, damping_ratios, identify_damping, torsion_damping_ratio
 from .errors import InstabilityError, ParameterError
 from .forced import inertance, inextensional_inertance
+from .foundation import Foundation, foundation_from_belt_modes
 from .hub import HubResponse, free_hub_roots, hub_response
 from .loaded import LoadedRing, load_ring, loaded_frequencies_hz
 from .loaded_modes import LoadedModes
@@ -33,6 +34,7 @@ __all__ = [
     "DampingResult",
     "Equilibrium",
     "ForcedRing",
+    "Foundation",
     "Harmonics",
     "HubResponse",
     "InstabilityError",
@@ -54,6 +56,7 @@ __all__ = [
     "eigenvector_ratios",
     "equilibrium",
     "extensional_frequencies_hz",
+    "foundation_from_belt_modes",
     "free_hub_roots",
     "frequency_sensitivity",
     "harmonics",
@@ -66,6 +69,7 @@ __all__ = [
     "modal_mass_kg",
     "natural_frequencies_hz",
     "radial_shape",
+    "torsion_damping_ratio",
     "torsion_frequency_hz",
     "tune_ring",
     "wave_pair",

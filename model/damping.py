@@ -16,6 +16,7 @@ from model._arrays import (
     whole_orders,
 )
 from model.bounded import solve_within
+from model.coefficients import harmonics
 from model.identifiability import (
     AT_BOUND,
     NOT_IDENTIFIED,
@@ -26,7 +27,7 @@ from model.identifiability import (
     verdicts,
 )
 from model.parameters import RingDamping, RingParameters
-from model.ring import natural_frequencies_hz
+from model.ring import natural_frequencies_hz, torsion_frequency_hz
 from model.roots import characteristic_roots
 from model.steady_state import PressureLoad
 
@@ -106,6 +107,35 @@ def damping_ratios(
     breathing = np.broadcast_to(whole_orders(orders) == 0, roots.shape[:-1])
     root = np.where(breathing, roots[..., 2], roots[..., 0])
     return np.asarray(root.imag / np.abs(root))
+
+
+def torsion_damping_ratio(
+    ring: RingParameters, damping: RingDamping, *, pressure_load: PressureLoad = "dead"
+) -> float:
+    """Damping ratio ζ = Im ω/|ω| of order 0 in which the belt turns against a fixed hub.
+
+    The belt does not strain in it: c_θ damps it, and η as far as it acts on the pretension.
+
+    Parameters
+    ----------
+    ring : RingParameters
+        The ring.
+    damping : RingDamping
+        Its damping.
+    pressure_load : {"dead", "follower"}
+        See `equilibrium`.
+
+    Raises
+    ------
+    InstabilityError
+        Where the static stiffness of the torsion is negative.
+    """
+    torsion_frequency_hz(ring, pressure_load=pressure_load)  # refuses a ring that has none
+    terms = harmonics(ring, 0, pressure_load=pressure_load, damping=damping)
+    stiffness = complex(terms.m22) / ring.mass_per_area_kg_m2
+    rate = 0.5 * damping.circumferential_n_s_m3 / ring.mass_per_area_kg_m2
+    root = 1j * rate + np.sqrt(stiffness - rate**2)  # m22 − ρhω² + iωc_θ = 0
+    return float(root.imag / abs(root))
 
 
 def identify_damping(
