@@ -218,6 +218,7 @@ def test_travelling_wave_turns_and_keeps_its_height(browser, tmp_path):
 def test_tab_reaches_every_control(new_page):
     from selenium.webdriver import Keys
 
+    new_page.unfold()
     new_page.js(WATCH_FOCUS)
     for _ in range(20):
         new_page.pointer().send_keys(Keys.TAB * 25).perform()
