@@ -14,6 +14,7 @@ from ema.drive_point import drive_point_finding
 from ema.errors import InputError
 from ema.frf import FRF
 from ema.identify import Identification, SensorMass
+from ema.io.positions import UNNUMBERED
 from ema.mass_loading import loading_note, sensors_of_runs
 from ema.modes import ModalModel
 from ema.quality import (
@@ -31,6 +32,9 @@ from pipelines.provenance import Stopwatch, checksummed, provenance
 from pipelines.result import Result
 from pipelines.strict import refuse_warnings
 from pipelines.validate import ring_orders, validate
+
+# Share by which a band may reach beyond the last line: half the sampling rate has none.
+_BAND_ROOM = 0.01
 
 
 def process(
@@ -74,6 +78,7 @@ def process(
         estimated = ema.estimate_frf(
             campaign, processing, estimator=options.estimator, progress=run_progress
         )
+        _require_band(processing.band_hz, estimated)
         band_hz = processing.band_hz or _default_band(campaign, estimated)
     with checksummed(campaign.sources) as inputs:
         with watch.stage("modes", "Identifying modes"):
@@ -176,6 +181,28 @@ def _require_ring_data(campaign: Campaign, options: Options) -> None:
                 "without it no ring parameters can be determined",
                 f"Add {name} = …, or stop at the modes with --no-tune",
             )
+    numbered = not any(finding.check == UNNUMBERED for finding in campaign.findings)
+    if len(campaign.runs) > 1 and not campaign.has_circle and not numbered:
+        raise InputError(
+            campaign.sources[0].name,
+            f"{len(campaign.runs)} runs whose sensors have neither position nor node",
+            "sensors of one name are averaged over the runs; on a tyre that is turned between the "
+            "runs they sit elsewhere in each",
+            "Add [grid] positions = … and positions_deg = { sensor = angle, … } to every [[runs]], "
+            "or stop at the modes with --no-tune if they stayed in place",
+        )
+
+
+def _require_band(stated_hz: tuple[float, float] | None, frf: FRF) -> None:
+    """Refuse a band that the user names and the FRFs do not reach."""
+    last_hz = float(frf.frequency_hz[-1])
+    if stated_hz is not None and stated_hz[1] > last_hz * (1 + _BAND_ROOM):
+        raise InputError(
+            "band_hz",
+            f"{stated_hz[0]:g} to {stated_hz[1]:g} Hz",
+            f"the FRFs end at {last_hz:g} Hz, half the sampling rate",
+            "Lower the upper limit",
+        )
 
 
 def _sensor_mass(campaign: Campaign) -> SensorMass | None:
@@ -204,7 +231,7 @@ def _mass_note(campaign: Campaign, modal_model: ModalModel) -> list[str]:
 def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:
     """Band of a tyre; for any other structure the widest one that the force excites well."""
     if campaign.has_circle or campaign.tyre is not None:
-        return TYRE_BAND_HZ
+        return TYRE_BAND_HZ[0], min(TYRE_BAND_HZ[1], float(frf.frequency_hz[-1]))
     return coherent_band(frf)
 
 

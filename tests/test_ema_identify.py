@@ -69,6 +69,13 @@ def test_pinned_frequencies_replace_the_diagram_s_choice():
     systems.assert_modes(identify_modes(frf, pinned_hz=pins).model, eight)
 
 
+def test_a_strong_mode_left_out_by_hand_is_named():
+    found = identify_modes(systems.campaign_frf(TYRE, 34, seed=3), excluded_hz=[145.45])
+    (selection,) = [finding for finding in found.findings if finding.check == "selection"]
+    assert selection.verdict == "warning"
+    assert "145.4" in selection.detail
+
+
 def test_without_a_usable_channel_there_is_nothing_to_identify():
     frf = systems.campaign_frf(TYRE, 34)
     everything = np.arange(72)

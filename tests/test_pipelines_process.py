@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from builders import SHARED_DATA
 
+from ema.errors import InputError
+from ema.io.campaign import read_campaign
 from ema.mac import mac
 from ema.recording import Processing
 from pipelines.options import Options
@@ -171,6 +173,32 @@ def test_a_tyre_without_pressure_has_modes_where_no_ring_is_asked_for(edit_manif
     assert [mode.order for mode in between(result.modal_model, 40, 230)] == list(ORDERS)
     assert result.tuning is None
     assert any("--no-tune" in note for note in result.notes)
+
+
+def test_a_band_beyond_the_lines_is_refused(short_campaign):
+    too_wide = Options(processing=replace(Processing(), band_hz=(20.0, 2000.0)))
+    with pytest.raises(InputError, match="FRFs end at 999.*half the sampling rate"):
+        process(short_campaign, too_wide)
+
+
+def test_turned_sensors_without_positions_are_not_averaged_into_a_tyre(short_campaign, tmp_path):
+    """Six tables say that A01 … A12 were on the tyre, and not where in which run."""
+    campaign = read_campaign(short_campaign)
+    manifest = [
+        'schema = 1\n[tyre]\ndesignation = "x"\ninflation_pressure_pa = 2.2e5\n'
+        "mean_radius_m = 0.33\n[acquisition]\nsampling_rate_hz = 2000.0\n"
+        '[excitation]\nchannel = "force"'
+    ]
+    for run in campaign.runs[:2]:
+        channels = [run.force, *(response.channel for response in run.responses)]
+        head = ",".join(f"{c.name} [{'N' if c is run.force else 'm/s^2'}]" for c in channels)
+        samples = np.column_stack([np.asarray(c.samples)[:4000] for c in channels])
+        name = run.name.replace(".uff", ".csv")
+        np.savetxt(tmp_path / name, samples, delimiter=",", header=head, comments="", fmt="%.6g")
+        manifest.append(f'[[runs]]\nfile = "{name}"')
+    (tmp_path / "campaign.toml").write_text("\n".join(manifest))
+    with pytest.raises(InputError, match="neither position nor node"):
+        process(tmp_path)
 
 
 def real(name):

@@ -15,6 +15,10 @@ from ema.recording import Channel
 _ON_GRID = 1e-3  # of a grid step
 
 
+#: Check under which it is remarked that neither file nor manifest says where a sensor sat.
+UNNUMBERED = "node"
+
+
 @dataclass(frozen=True)
 class Place:
     """Node and angle of a sensor, each as far as it is known."""
@@ -91,7 +95,7 @@ class Grid:
         if self.positions is None:
             if not self.nodes_are_set:
                 detail = f"no node numbers in the files; taken as node {place.node}"
-                findings.append(remark(path, channel.name, "node", detail))
+                findings.append(remark(path, channel.name, UNNUMBERED, detail))
             return place
         if place.angle_deg is None:
             node = "no node" if place.node is None else f"node {place.node}"
