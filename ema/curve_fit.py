@@ -70,7 +70,7 @@ def fit_modes(
     selection = poles if isinstance(poles, PoleSelection) else PoleSelection.around(poles)
     band_hz = band_hz or selection.band_hz
     lines = lines_to_fit(frf, band_hz)
-    start = starting_poles(selection.poles, lines, band_hz)
+    start = starting_poles(selection.fitted, lines, band_hz)
     pairs = pairs_of(evaluate(lines, start, np.zeros(1)), frf)
     plain = fit_bounded(lines, start, pairs=pairs)
     seen = _drift_seen(frf, plain)
@@ -84,7 +84,7 @@ def fit_modes(
     reports: tuple[OrderReport, ...] = ()
     if on_circle(frf.position_deg):
         fit, notes, reports = settled(refit, fit, notes, band_hz, pinned=selection.pinned)
-    return _model(frf, fit, band_hz, notes, reports, seen)
+    return _model(frf, fit, selection, band_hz, notes, reports, seen)
 
 
 def drift_in_one_step(fit: PoleFit, run: tuple[str, ...], correlation: float) -> Drift:
@@ -109,6 +109,7 @@ def _drift_seen(frf: FRF, fit: PoleFit) -> Drift:
 def _model(
     frf: FRF,
     fit: PoleFit,
+    selection: PoleSelection,
     band_hz: tuple[float, float],
     notes: list[str],
     reports: tuple[OrderReport, ...],
@@ -119,7 +120,16 @@ def _model(
     both = frequency_damping_covariance(fit.poles, covariance)
     modes = _with_band_shift(modes_of(fit, both, residue_std(fit, covariance, correlation)), fit)
     ascending = np.argsort(np.abs(fit.poles))
-    inside = [r for r in ascending if band_hz[0] <= modes[r].frequency_hz <= band_hz[1]]
+    aside = selection.is_aside(np.array([mode.pole for mode in modes]))
+    in_band = [r for r in ascending if band_hz[0] <= modes[r].frequency_hz <= band_hz[1]]
+    inside = [r for r in in_band if not aside[r]]
+    without = [f"{modes[r].frequency_hz:.1f}" for r in in_band if aside[r]]
+    if without:
+        listed = ", ".join(without)
+        notes = [
+            *notes,
+            f"Left out by pinning or excluding, but fitted with the rest: {listed} Hz.",
+        ]
     if not inside:
         raise FitError("all poles left the band during the curve fit. Pin frequencies.")
     rows = np.ravel([[2 * r, 2 * r + 1] for r in inside])

@@ -15,14 +15,11 @@ from ema.curve_fit import fit_modes
 from ema.frf import FRF
 from ema.mass_loading import unloaded
 from ema.modes import ModalModel
-from ema.quality import WARNING, Finding
+from ema.quality import Finding
 from ema.screening import screen
 from ema.second_opinion import OTHER, Opinion, second_opinion
 from ema.stability import StabilityDiagram, build_stability, select_poles, widened_band
 from ema.threads import one_blas_thread
-
-# Share of the frequency within which a mode and a cluster of poles are one and the same.
-_SAME = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,32 +136,8 @@ def identify_modes(
         if contradictions:
             bare = _bare(checked, sensor_mass)
             diagram, model = once(bare)
-    if pinned_hz or excluded_hz:
-        findings = [*findings, *_left_out(diagram, model)]
     opinions = second_opinion(bare, model.modes, band_hz, OTHER[method], max_order)
     return Identification(bare, diagram, model, opinions, tuple(findings))
-
-
-def _left_out(diagram: StabilityDiagram, model: ModalModel) -> list[Finding]:
-    """Name what the diagram shows and the user's choice of modes leaves out."""
-    low, high = diagram.band_hz
-    fitted_hz = np.array([mode.frequency_hz for mode in (*model.modes, *model.guard_modes)])
-    missing = [
-        cluster.frequency_hz
-        for cluster in diagram.clusters
-        if cluster.kept
-        and low <= cluster.frequency_hz <= high
-        and np.min(np.abs(fitted_hz / cluster.frequency_hz - 1)) > _SAME
-    ]
-    if not missing:
-        return []
-    listed = ", ".join(f"{hz:.1f}" for hz in sorted(missing))
-    detail = (
-        f"the stability diagram also shows {listed} Hz, left out by pinning or excluding: the fit "
-        "presses their response into the other modes, whose frequency, damping and shape are wrong "
-        "as far as they overlap"
-    )
-    return [Finding("", "", None, "selection", WARNING, detail)]
 
 
 def _bare(frf: FRF, sensor_mass: SensorMass | None) -> FRF:

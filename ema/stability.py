@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -143,14 +143,35 @@ class PoleSelection:
         Band whose modes are wanted.
     pinned : bool
         Whether the user chose them: then none is added and none dropped.
+    aside : ndarray of complex, shape (n_aside,)
+        Poles that the diagram shows and the user does not want: they are fitted, so that their
+        response is not pressed into the others, and are no part of the result.
     """
 
     poles: NDArray[np.complex128]
     band_hz: tuple[float, float]
     pinned: bool = False
+    aside: NDArray[np.complex128] = field(default_factory=lambda: np.zeros(0, dtype=complex))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "poles", readonly(self.poles, complex))
+        object.__setattr__(self, "aside", readonly(self.aside, complex))
+
+    @property
+    def fitted(self) -> NDArray[np.complex128]:
+        """Poles to fit, those set aside included; ascending in frequency."""
+        both = np.append(self.poles, self.aside)
+        return np.asarray(both[np.argsort(np.abs(both))])
+
+    def is_aside(self, poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
+        """Which fitted poles go back to one that was set aside."""
+        if self.aside.size == 0:
+            return np.zeros(poles.size, dtype=bool)
+        wanted, aside = (
+            np.min(np.abs(poles[:, None] - each[None, :]), axis=1, initial=np.inf)
+            for each in (self.poles, self.aside)
+        )
+        return np.asarray(aside < wanted)
 
     @classmethod
     def around(cls, poles: ArrayLike) -> PoleSelection:
@@ -242,6 +263,9 @@ def select_poles(
     excluded_hz : sequence of float
         Leave out the pole nearest to each of these frequencies (within 1 %).
 
+    What the diagram shows beside the pinned ones, and what is excluded, is set aside: fitted, but
+    no part of the result.
+
     Returns
     -------
     PoleSelection
@@ -253,22 +277,32 @@ def select_poles(
         Where nothing was found, nothing within 5 % of a pinned frequency, or one pole for two.
     """
     excluded = {_excluded(diagram, wanted) for wanted in excluded_hz}
-    kept = [c for c in diagram.clusters if c.kept and c.label not in excluded]
+    kept = [cluster for cluster in diagram.clusters if cluster.kept]
+    wanted = [cluster.pole for cluster in kept if cluster.label not in excluded]
+    aside = [cluster.pole for cluster in kept if cluster.label in excluded]
     if pinned_hz is not None:
-        low, high = diagram.band_hz
-        chosen = _pinned_poles(diagram, pinned_hz)
-        guards = [c.pole for c in kept if not low <= c.frequency_hz <= high]
-        chosen += [pole for pole in guards if pole not in chosen]
-    else:
-        chosen = [cluster.pole for cluster in kept]
-    if not chosen:
+        pins = _pinned_poles(diagram, pinned_hz)
+        others = [pole for pole in wanted if not _near_any(pole, pins)]
+        guards = [pole for pole in others if not _inside(pole, diagram.band_hz)]
+        wanted = pins + guards
+        aside += [pole for pole in others if pole not in guards]
+    if not wanted:
         raise FitError(
             f"no mode found between {diagram.band_hz[0]:g} and {diagram.band_hz[1]:g} Hz: no pole "
             "is stable over the model orders. Check coherence and band, or pin frequencies."
         )
-    poles = np.array(chosen)
-    pinned = pinned_hz is not None
-    return PoleSelection(poles[np.argsort(np.abs(poles))], diagram.band_hz, pinned)
+    poles = np.array(wanted)
+    return PoleSelection(
+        poles[np.argsort(np.abs(poles))], diagram.band_hz, pinned_hz is not None, np.array(aside)
+    )
+
+
+def _inside(pole: complex, band_hz: tuple[float, float]) -> bool:
+    return band_hz[0] <= abs(pole) / (2 * np.pi) <= band_hz[1]
+
+
+def _near_any(pole: complex, others: Sequence[complex]) -> bool:
+    return any(abs(abs(pole) / abs(other) - 1) < _EXCLUDE_REACH for other in others)
 
 
 def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:

@@ -69,11 +69,20 @@ def test_pinned_frequencies_replace_the_diagram_s_choice():
     systems.assert_modes(identify_modes(frf, pinned_hz=pins).model, eight)
 
 
-def test_a_strong_mode_left_out_by_hand_is_named():
-    found = identify_modes(systems.campaign_frf(TYRE, 34, seed=3), excluded_hz=[145.45])
-    (selection,) = [finding for finding in found.findings if finding.check == "selection"]
-    assert selection.verdict == "warning"
-    assert "145.4" in selection.detail
+def test_an_excluded_mode_costs_the_others_nothing():
+    frf = systems.campaign_frf(TYRE, 34, seed=3)
+    found = identify_modes(frf, excluded_hz=[145.45]).model
+    assert not np.any(np.abs(found.frequencies_hz - 145.45) < 5)
+    others = [mode for mode in SEVEN if abs(mode.frequency_hz - 145.45) > 5]
+    systems.assert_modes(found, others, frequency=2e-4, damping=0.01)
+    assert any("Left out by pinning or excluding" in note for note in found.notes)
+
+
+def test_modes_beside_a_pinned_one_cost_it_nothing():
+    frf = systems.campaign_frf(TYRE, 34, seed=3)
+    found = identify_modes(frf, pinned_hz=[145.0]).model
+    assert found.frequencies_hz.size == 1
+    systems.assert_modes(found, [SEVEN[3]], frequency=2e-4, damping=0.01)
 
 
 def test_without_a_usable_channel_there_is_nothing_to_identify():

@@ -177,7 +177,7 @@ def test_a_tyre_without_pressure_has_modes_where_no_ring_is_asked_for(edit_manif
 
 def test_a_band_beyond_the_lines_is_refused(short_campaign):
     too_wide = Options(processing=replace(Processing(), band_hz=(20.0, 2000.0)))
-    with pytest.raises(InputError, match="FRFs end at 999.*half the sampling rate"):
+    with pytest.raises(InputError, match=r"FRFs end at 999.*half the sampling rate"):
         process(short_campaign, too_wide)
 
 
