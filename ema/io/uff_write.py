@@ -137,10 +137,51 @@ def write_frfs(
     InputError
         If the FRF has no rows or fewer than two lines.
     """
+    with Path(path).open("wb") as file:
+        append_frfs(
+            file,
+            frf,
+            reference_node=reference_node,
+            precision=precision,
+            byte_order=byte_order if binary else None,
+        )
+
+
+def append_frfs(
+    file: BinaryIO,
+    frf: FRF,
+    *,
+    reference_node: int = 0,
+    direction: int = RADIAL,
+    note: str = "NONE",
+    precision: Precision = "double",
+    byte_order: ByteOrder | None = "little",
+) -> None:
+    """Write inertances to an open file, as `write_frfs` does.
+
+    Parameters
+    ----------
+    file : binary file
+    frf : FRF
+    reference_node, precision
+        As in `write_frfs`.
+    direction : int
+        Direction code of force and response, 1 to 3.
+    note : str
+        Third ID line of each dataset.
+    byte_order : {"little", "big"} or None
+        Byte order of binary datasets; None writes ASCII.
+
+    Raises
+    ------
+    InputError
+        As `write_frfs`.
+    """
     lines = frf.frequency_hz
     if len(lines) < 2 or not len(frf.values):
         shape = f"{len(frf.values)} FRFs of {len(lines)} lines"
-        raise InputError(str(path), shape, "at least one of two lines is needed", "Check the band")
+        rule = "at least one of two lines is needed"
+        raise InputError(str(file.name), shape, rule, "Check the band")
     step = (lines[-1] - lines[0]) / (len(lines) - 1)
     template = Header58(
         id_lines=(),
@@ -149,21 +190,17 @@ def write_frfs(
         n_values=len(lines),
         abscissa_min=float(lines[0]),
         abscissa_step=f"{step:.6E}",
-        response_direction=RADIAL,
+        response_direction=direction,
         reference_node=reference_node,
-        reference_direction=RADIAL,
+        reference_direction=direction,
         abscissa=Axis(DATA_FREQUENCY, label="Frequency", unit="Hz"),
         ordinate_axis=Axis(DATA_ACCELERATION, label="Acceleration", unit="m/s^2"),
         denominator_axis=Axis(DATA_FORCE, label="Excitation force", unit="N"),
     )
-    with Path(path).open("wb") as file:
-        for row, values in enumerate(frf.values):
-            header = replace(
-                template,
-                id_lines=(_row_name(frf, row), _one_line(frf.run[row]), "NONE", "NONE", "NONE"),
-                response_node=max(int(frf.node[row]), 0),
-            )
-            _write_dataset(file, header, values, byte_order if binary else None)
+    for row, values in enumerate(frf.values):
+        named = _row_name(frf, row), _one_line(frf.run[row]), _one_line(note), "NONE", "NONE"
+        header = replace(template, id_lines=named, response_node=max(int(frf.node[row]), 0))
+        _write_dataset(file, header, values, byte_order)
 
 
 def check_time_series(
