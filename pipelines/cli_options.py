@@ -167,19 +167,19 @@ def processing_options(
         ),
     ] = "lsce",
     pin: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             metavar="HZ,HZ,…",
             rich_help_panel=POLES,
-            help="Take the modes next to these frequencies in Hz, and no others.",
+            help="Take the modes next to these frequencies in Hz, and no others. May be repeated.",
         ),
     ] = None,
     exclude: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             metavar="HZ,HZ,…",
             rich_help_panel=POLES,
-            help="Leave out the modes at these frequencies in Hz.",
+            help="Leave out the modes at these frequencies in Hz. May be repeated.",
         ),
     ] = None,
     objective: Objective = "frequency",

@@ -53,21 +53,23 @@ def _hint(value: str, known: Sequence[str]) -> str:
     return nearest(value, known)
 
 
-def numbers(option: str, text: str | None) -> tuple[float, ...]:
-    """Numbers of a comma-separated option.
+def numbers(option: str, texts: Sequence[str] | None) -> tuple[float, ...]:
+    """Numbers of a comma-separated option that may be repeated.
 
     Raises
     ------
     InputError
         If it holds anything else.
     """
-    if text is None:
-        return ()
+    parts = [part for text in texts or () for part in text.split(",") if part.strip()]
     try:
-        return tuple(float(part) for part in text.split(",") if part.strip())
+        return tuple(float(part) for part in parts)
     except ValueError as error:
         raise InputError(
-            option, repr(text), "it must be numbers separated by commas", "Write e.g. 78.7,100.3"
+            option,
+            repr(",".join(texts or ())),
+            "it must be numbers separated by commas",
+            "Write e.g. 78.7,100.3",
         ) from error
 
 
