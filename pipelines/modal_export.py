@@ -1,0 +1,252 @@
+"""Modal results for other programs: what is handed over, in which formats, and where to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema._arrays import readonly
+from ema.errors import InputError
+from ema.frf import FRF
+from ema.modes import ModalModel, Mode
+from pipelines.modal_export_geometry import Geometry, geometry_of
+from pipelines.result import Result
+
+MEASURED, SYNTHESISED, BOTH, NONE = "measured", "synthesised", "both", "none"
+FRF_CHOICES = (BOTH, MEASURED, SYNTHESISED, NONE)
+FOLDER_MARKER = "export.json"  # names the files of an export that is a folder
+
+_LEAST_DRIVE = 3.0  # standard deviations that a residue at the force has to differ from zero
+
+
+@dataclass(frozen=True, eq=False)
+class ModalExport:
+    """What other programs get of a result.
+
+    Parameters
+    ----------
+    result : Result
+    geometry : Geometry
+    shapes : ndarray, shape (n_modes, n_measured)
+        Shapes with a largest part of 1, along the measured directions; complex, or real where
+        real ones were asked for.
+    modal_a : ndarray of complex, shape (n_modes,)
+        Modal A of these shapes in N s/m: residue = shape × shape at the force / A; NaN where the
+        force is at no sensor, or at a node of the mode.
+    measured, synthesised : FRF or None
+        Inertances in (m/s²)/N under the nodes' exported numbers; None where not wanted.
+    """
+
+    result: Result
+    geometry: Geometry
+    shapes: NDArray[np.inexact]
+    modal_a: NDArray[np.complex128]
+    measured: FRF | None
+    synthesised: FRF | None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "modal_a", readonly(self.modal_a, complex))
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes of the result."""
+        return self.result.modal_model.modes
+
+    @property
+    def is_real(self) -> bool:
+        """Whether the shapes are real."""
+        return not np.iscomplexobj(self.shapes)
+
+    @property
+    def modal_mass_kg(self) -> NDArray[np.float64]:
+        """Modal mass A/(2j ω_d) of the shapes taken as real; NaN where unknown."""
+        damped = np.array([mode.pole.imag for mode in self.modes])
+        mass = (self.modal_a / (2j * damped)).real
+        return np.where(mass > 0, mass, np.nan)
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written where."""
+
+    path: Path
+    file_format: str
+    export: ModalExport
+
+
+def gather(result: Result, *, real: bool = False, frfs: str = BOTH) -> ModalExport:
+    """Put together what other programs get.
+
+    Parameters
+    ----------
+    result : Result
+    real : bool
+        Whether shapes are reduced to their real part.
+    frfs : {"both", "measured", "synthesised", "none"}
+        FRFs that go along. Those synthesised from the modes cover the fitted band; where both are
+        wanted, the measured ones are cut to it: many programs want one set of lines in a file.
+    """
+    geometry, model = geometry_of(result), result.modal_model
+    shapes = np.array([mode.shape for mode in model.modes]).reshape(-1, geometry.n_measured)
+    frf = replace(result.frf, node=geometry.node[: geometry.n_measured])
+    if frfs in (BOTH, SYNTHESISED):
+        frf = _within(frf, model.fit_band_hz)
+    return ModalExport(
+        result=result,
+        geometry=geometry,
+        shapes=readonly(shapes.real, float) if real else readonly(shapes, complex),
+        modal_a=np.array([_modal_a(mode, geometry) for mode in model.modes]),
+        measured=frf if frfs in (BOTH, MEASURED) else None,
+        synthesised=_synthesised(model, frf) if frfs in (BOTH, SYNTHESISED) else None,
+    )
+
+
+def export(
+    folder: Path | str,
+    out: Path | str | None = None,
+    file_format: str = "",
+    *,
+    real: bool = False,
+    frfs: str = BOTH,
+    text: bool = False,
+    force: bool = False,
+) -> Written:
+    """Write a result folder's modes for other programs, whole or not at all.
+
+    Parameters
+    ----------
+    folder : path
+        A result folder.
+    out : path, optional
+        File, or folder for ``"csv"``; default: named after the result, in the current folder.
+    file_format : {"uff", "csv", "json", "mat"}, optional
+        Default: the ending of `out`, or ``"uff"``.
+    real, frfs
+        As for `gather`.
+    text : bool
+        Whether the FRFs of a universal file are written as text (58) and not binary (58b).
+    force : bool
+        Replace what is there.
+
+    Raises
+    ------
+    InputError
+        If the folder is no result, a choice is not known, or the place is taken.
+    """
+    from pipelines.store import load
+
+    if frfs not in FRF_CHOICES:
+        raise _unknown("--frfs", frfs, FRF_CHOICES)
+    chosen = _format_of(out, file_format)
+    folder = Path(folder)
+    found = gather(load(folder), real=real, frfs=frfs)
+    name = folder.resolve().name
+    target = Path(out) if out else Path(f"{name}_csv" if chosen == "csv" else f"{name}.{chosen}")
+    FORMATS[chosen](found, target, text, force)
+    return Written(target, chosen, found)
+
+
+def _format_of(out: Path | str | None, file_format: str) -> str:
+    if file_format:
+        if file_format.casefold() not in FORMATS:
+            raise _unknown("--format", file_format, tuple(FORMATS))
+        return file_format.casefold()
+    ending = Path(out).suffix.lower().lstrip(".") if out else "uff"
+    ending = {"unv": "uff", "": "csv"}.get(ending, ending)
+    if ending not in FORMATS:
+        raise _unknown(str(out), ending, tuple(FORMATS))
+    return ending
+
+
+def _unknown(where: str, found: str, known: tuple[str, ...]) -> InputError:
+    from ema.io.manifest import nearest
+
+    rule = f"it must be one of {', '.join(known)}"
+    return InputError(where, repr(found), rule, nearest(found.casefold(), known))
+
+
+def _modal_a(mode: Mode, geometry: Geometry) -> complex:
+    rows = np.flatnonzero(geometry.node[: geometry.n_measured] == geometry.reference_node)
+    if rows.size == 0:
+        return complex(np.nan, np.nan)
+    at_force = complex(mode.residues[rows[0]])
+    noise = float(mode.residues_std[rows[0]])
+    if not abs(at_force) > _LEAST_DRIVE * (noise if np.isfinite(noise) else 0.0):
+        return complex(np.nan, np.nan)
+    return complex(mode.shape[rows[0]]) ** 2 / at_force
+
+
+def _within(frf: FRF, band_hz: tuple[float, float]) -> FRF:
+    chosen = (frf.frequency_hz >= band_hz[0]) & (frf.frequency_hz <= band_hz[1])
+    return replace(
+        frf,
+        frequency_hz=frf.frequency_hz[chosen],
+        values=frf.values[:, chosen],
+        coherence=frf.coherence[:, chosen],
+        std=frf.std[:, chosen],
+    )
+
+
+def _synthesised(model: ModalModel, frf: FRF) -> FRF:
+    unknown = np.full(frf.values.shape, np.nan)
+    values = model.synthesise(frf.frequency_hz, frf.run)
+    return replace(frf, values=values, coherence=unknown, std=unknown)
+
+
+def _require_free(target: Path, force: bool) -> None:
+    rule, remedy = "it is replaced only where that is asked for", "Choose another name or --force"
+    if target.is_dir():
+        raise InputError(str(target), "a folder", "a file is to be written", "Name a file")
+    if target.exists() and not force:
+        raise InputError(str(target), "exists already", rule, remedy)
+    if not target.absolute().parent.is_dir():
+        found = "a place in a folder that does not exist"
+        raise InputError(str(target), found, "the folder must be there", "Make it first")
+
+
+def _uff(found: ModalExport, target: Path, text: bool, force: bool) -> None:
+    from pipelines.modal_export_uff import write_uff
+    from pipelines.whole_file import file_written_whole
+
+    _require_free(target, force)
+    with file_written_whole(target) as partial:
+        write_uff(found, partial, binary=not text)
+
+
+def _json(found: ModalExport, target: Path, _: bool, force: bool) -> None:
+    from pipelines.modal_export_data import write_json
+    from pipelines.whole_file import file_written_whole
+
+    _require_free(target, force)
+    with file_written_whole(target) as partial:
+        write_json(found, partial)
+
+
+def _mat(found: ModalExport, target: Path, _: bool, force: bool) -> None:
+    from pipelines.modal_export_data import write_mat
+    from pipelines.whole_file import file_written_whole
+
+    _require_free(target, force)
+    with file_written_whole(target) as partial:
+        write_mat(found, partial)
+
+
+def _csv(found: ModalExport, target: Path, _: bool, force: bool) -> None:
+    from pipelines.modal_export_tables import write_tables
+    from pipelines.result_folder import written_whole
+
+    with written_whole(target, force=force, marker=FOLDER_MARKER) as partial:
+        write_tables(found, partial)
+
+
+#: Writers by the name of their format: content, place, FRFs as text, replace what is there.
+FORMATS: dict[str, Callable[[ModalExport, Path, bool, bool], None]] = {
+    "uff": _uff,
+    "csv": _csv,
+    "json": _json,
+    "mat": _mat,
+}

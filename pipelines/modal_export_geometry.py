@@ -1,0 +1,137 @@
+"""Nodes of a result as other modal programs draw them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema._arrays import readonly
+from ema.frf import FRF
+from pipelines.result import Result
+
+X, Y, Z = 1, 2, 3  # direction codes of universal files
+_SAME_PLACE_DEG = 0.01
+_UNIT_RADIUS_M = 1.0
+_STEP_M = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Where the nodes are, and which way each was measured.
+
+    Parameters
+    ----------
+    node : ndarray of int, shape (n_nodes,)
+        Node numbers from 1; the rows of the FRFs come first, in their order.
+    position_deg : ndarray, shape (n_nodes,)
+        Angles in the x-z plane, from x towards z; NaN where there is no circle.
+    xyz_m : ndarray, shape (n_nodes, 3)
+        Coordinates.
+    direction : ndarray, shape (n_nodes, 3)
+        Unit vector of the measured motion: radial and outward on a circle.
+    direction_code : int
+        What stands for this direction in the FRFs of a universal file.
+    n_measured : int
+        Nodes with a sensor; one more carries the force where that is elsewhere.
+    reference_node : int
+        Node of the force; 0 where unknown.
+    is_closed : bool
+        Whether the nodes form a circle.
+    notes : tuple of str
+        What was assumed.
+    """
+
+    node: NDArray[np.int_]
+    position_deg: NDArray[np.float64]
+    xyz_m: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    direction_code: int
+    n_measured: int
+    reference_node: int
+    is_closed: bool
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, dtype in (
+            ("node", int),
+            ("position_deg", float),
+            ("xyz_m", float),
+            ("direction", float),
+        ):
+            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
+
+    @property
+    def path(self) -> list[int]:
+        """Nodes in the order of a line through them, back at the first one on a circle."""
+        if not self.is_closed:
+            return list(self.node.tolist())
+        around = self.node[np.argsort(self.position_deg, kind="stable")].tolist()
+        return [*around, around[0]]
+
+
+def node_numbers(frf: FRF) -> NDArray[np.int_]:
+    """Node numbers as other programs take them: those of the FRFs, or 1, 2, 3 … by position.
+
+    Grids count from 0, and some FRFs have no nodes; other programs need numbers from 1, each once.
+    """
+    own = frf.node
+    if own.min() > 0 and np.unique(own).size == own.size:
+        return np.array(own)
+    return np.arange(1, own.size + 1)
+
+
+def geometry_of(result: Result) -> Geometry:
+    """Nodes on the circle of the mean radius, or on a line where there are no angles."""
+    if np.isfinite(result.frf.position_deg).all():
+        return _circle(result)
+    return _line(result.frf)
+
+
+def _circle(result: Result) -> Geometry:
+    node, angles = node_numbers(result.frf), np.array(result.frf.position_deg)
+    n_measured, reference = node.size, 0
+    notes = ["x-z plane, angles from x towards z; 0 deg is the zero of the grid"]
+    force_deg = result.excitation_deg
+    if force_deg is not None:
+        away = np.abs((angles - force_deg + 180.0) % 360.0 - 180.0)
+        if away.min() < _SAME_PLACE_DEG:
+            reference = int(node[np.argmin(away)])
+        else:
+            reference = int(node.max()) + 1
+            node, angles = np.append(node, reference), np.append(angles, force_deg)
+    radius_m = None if result.tyre is None else result.tyre.mean_radius_m
+    if radius_m is None:
+        radius_m = _UNIT_RADIUS_M
+        notes.append("radius not given: drawn with 1 m")
+    turn = np.deg2rad(angles)
+    direction = np.column_stack([np.cos(turn), np.zeros(turn.size), np.sin(turn)])
+    return Geometry(
+        node=node,
+        position_deg=angles,
+        xyz_m=radius_m * direction,
+        direction=direction,
+        direction_code=X,
+        n_measured=n_measured,
+        reference_node=reference,
+        is_closed=True,
+        notes=tuple(notes),
+    )
+
+
+def _line(frf: FRF) -> Geometry:
+    node = node_numbers(frf)
+    along = _STEP_M * np.arange(node.size)
+    zeros = np.zeros(node.size)
+    return Geometry(
+        node=node,
+        position_deg=np.full(node.size, np.nan),
+        xyz_m=np.column_stack([along, zeros, zeros]),
+        direction=np.column_stack([zeros, zeros, zeros + 1.0]),
+        direction_code=Z,
+        n_measured=node.size,
+        reference_node=0,
+        is_closed=False,
+        notes=("no angles known: nodes on a line, 0.1 m apart; motion drawn along z",),
+    )
