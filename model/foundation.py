@@ -17,7 +17,7 @@ _MOST_STEPS = 100
 
 @dataclass(frozen=True)
 class Foundation:
-    """Stiffness of the foundation, and the belt stiffnesses it was found with.
+    """Stiffness of the foundation, and the membrane stiffness it was found with.
 
     Parameters
     ----------
@@ -25,14 +25,11 @@ class Foundation:
         k_r and k_θ, N/m³.
     axial_stiffness_n_m : float
         K that was taken, N/m.
-    bending_stiffness_n_m : float
-        D that was taken, N·m.
     """
 
     radial_stiffness_n_m3: float
     circumferential_stiffness_n_m3: float
     axial_stiffness_n_m: float
-    bending_stiffness_n_m: float
 
 
 def foundation_from_belt_modes(
@@ -98,9 +95,7 @@ def foundation_from_belt_modes(
         before = radial, circumferential
         radial, circumferential = _improved(ring, both, around)
         if np.allclose(before, (radial, circumferential), rtol=1e-14, atol=1e-14 * both):
-            return Foundation(
-                radial, circumferential, ring.axial_stiffness_n_m, ring.bending_stiffness_n_m
-            )
+            return Foundation(radial, circumferential, ring.axial_stiffness_n_m)
     raise _no_ring(translation_hz, torsion_hz, "the search for k_r and k_θ does not come to rest")
 
 

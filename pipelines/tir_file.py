@@ -19,6 +19,7 @@ _ENTRY = re.compile(
     r"(?P<value>'[^'\r\n]*'|\"[^\"\r\n]*\"|[^$!\r\n]*?)"
     r"(?P<gap>[ \t]*)(?P<comment>(?:[$!][^\r\n]*)?)(?P<end>[\r\n]*)\Z"
 )
+UNITS = "UNITS"
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -42,6 +43,10 @@ class TirEntry:
     key: str
     text: str
     line: int
+
+    def stands_in(self, section: str | None) -> bool:
+        """Whether it stands in a section; None stands for all but [UNITS]."""
+        return self.section != UNITS if section is None else self.section == section.upper()
 
 
 @dataclass(frozen=True)
@@ -86,7 +91,7 @@ class TirFile:
         ----------
         key : str
         section : str, optional
-            Default: the key may stand in any one.
+            Default: any but [UNITS], where MASS is the name of a unit.
 
         Raises
         ------
@@ -96,7 +101,7 @@ class TirFile:
         found = [
             entry
             for entry in self.entries()
-            if entry.key == key.upper() and section in (None, entry.section)
+            if entry.key == key.upper() and entry.stands_in(section)
         ]
         if len(found) > 1:
             lines = " and ".join(str(entry.line) for entry in found)
