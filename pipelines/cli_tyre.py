@@ -11,6 +11,7 @@ import typer
 from pipelines import console
 from pipelines.cli_help import Command, Group
 from pipelines.cli_options import FILES, Json
+from pipelines.cli_tyre_tir import from_tir, modal_targets, update_tir
 from pipelines.library_options import (
     LIBRARY_PANEL,
     AnySet,
@@ -351,6 +352,10 @@ def series(
         write_series(out, found, pressure_unit.value)
         if not as_json:
             console.say(f"Plot: {out}")
+
+
+for command in (update_tir, from_tir, modal_targets):
+    tyre.command(cls=Command, rich_help_panel="Other programs")(command)
 
 
 def _library(given: Path | None) -> TyreLibrary:

@@ -37,11 +37,18 @@ def _toml(parameters: ParameterSet, path: Path) -> None:
     write_parameter_set(path, parameters)
 
 
+def _modal_targets(parameters: ParameterSet, path: Path) -> None:
+    from pipelines.modal_targets import write_modal_targets  # needs the model
+
+    write_modal_targets(parameters, path)
+
+
 #: Writers by the name of their format: each takes a parameter set and the file to write.
 FORMATS: dict[str, Callable[[ParameterSet, Path], None]] = {
     "toml": _toml,
     "json": write_json,
     "csv": write_csv,
+    "modal-targets": _modal_targets,
 }
 
 
