@@ -11,7 +11,7 @@ import typer
 from pipelines import console
 from pipelines.cli_batch import batch
 from pipelines.cli_compare import compare
-from pipelines.cli_export import export
+from pipelines.cli_export import compare_shapes, export
 from pipelines.cli_help import SETTINGS, Command, Group
 from pipelines.cli_paper import paper
 from pipelines.cli_result import process, report, tune
@@ -41,7 +41,7 @@ app = typer.Typer(
 
 _GROUPS: dict[str, tuple[Callable[..., None], ...]] = {
     "First steps": (demo, doctor, inspect, init),
-    "From recordings to a result": (process, tune, report, compare, export),
+    "From recordings to a result": (process, tune, report, compare, export, compare_shapes),
     "Many campaigns": (batch,),
 }
 for _heading, _commands in _GROUPS.items():

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pipelines import console
 from pipelines.cli_options import FILES, Json
-from pipelines.cli_values import completing
+from pipelines.cli_values import choice, completing
 from pipelines.interrupt import stating_what_stands
 
+if TYPE_CHECKING:
+    from pipelines.shape_comparison import ShapeComparison
+
 EXPORT_FORMATS = ("uff", "csv", "json", "mat")
+WAYS, DIRECTIONS = ("angle", "node"), ("radial", "x", "y", "z")
 FRFS = ("both", "measured", "synthesised", "none")
-CONTENT = "Content"
+CONTENT, PLACES = "Content", "Places and directions"
 
 
 def export(
@@ -108,3 +112,122 @@ def export(
         f"{counts['frfs_measured']} measured and {counts['frfs_synthesised']} synthesised FRFs"
     )
     console.say(f"Written: {written.path}")
+
+
+def compare_shapes(
+    result: Annotated[
+        Path, typer.Argument(metavar="RESULT", help="Result folder.", show_default=False)
+    ],
+    other: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OTHER",
+            help="Universal file with shapes (55, 2414), another result, or a CSV table.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            rich_help_panel=FILES,
+            help="Write a table (.csv) or a page (.html) too.",
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", rich_help_panel=FILES, help="Replace an earlier file.")
+    ] = False,
+    by: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            rich_help_panel=PLACES,
+            autocompletion=completing(WAYS),
+            help="Match places by angle or by node. Default: angle where both have angles.",
+        ),
+    ] = "",
+    tolerance_deg: Annotated[
+        float,
+        typer.Option(
+            metavar="DEG", rich_help_panel=PLACES, help="Largest difference of angles in degrees."
+        ),
+    ] = 2.0,
+    rotate_deg: Annotated[
+        float,
+        typer.Option(
+            metavar="DEG",
+            rich_help_panel=PLACES,
+            help="Add this to the angles of OTHER, in degrees.",
+        ),
+    ] = 0.0,
+    mirror: Annotated[
+        bool,
+        typer.Option(
+            "--mirror",
+            rich_help_panel=PLACES,
+            help="Count the angles of OTHER the other way round, before --rotate-deg.",
+        ),
+    ] = False,
+    direction: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            rich_help_panel=PLACES,
+            autocompletion=completing(DIRECTIONS),
+            help="Motion of OTHER to compare: radial, x, y or z. Default: radial on a wheel.",
+        ),
+    ] = "",
+    as_json: Json = False,
+) -> None:
+    """Compare shapes with those of a finite-element model or of another program, by MAC.
+
+    Nodes are matched by angle around the axle, or by number; motion is taken radially.
+
+    Examples:
+      ringmodal compare-shapes results/tyre_7 model.unv
+      ringmodal compare-shapes results/tyre_7 model.unv --rotate-deg 90 --out shapes.html
+    """  # noqa: D406, D407 - a heading of the help
+    from pipelines.shape_comparison import Alignment, compare_shapes
+    from pipelines.shape_comparison_table import comparison_record
+
+    alignment = Alignment(by, tolerance_deg, rotate_deg, mirror, direction)
+    with stating_what_stands(out or result):
+        found = compare_shapes(result, other, alignment)
+        if out is not None:
+            _write_comparison(found, out, force)
+    if as_json:
+        console.print_json(comparison_record(found))
+        return
+    _show(found)
+    if out is not None:
+        console.say(f"Written: {out}")
+
+
+def _write_comparison(found: ShapeComparison, out: Path, force: bool) -> None:
+    from pipelines.modal_export import require_free_file
+    from pipelines.report.shape_comparison import write_page
+    from pipelines.shape_comparison_table import write_table
+    from pipelines.whole_file import file_written_whole
+
+    writers = {".csv": write_table, ".html": write_page}
+    ending = choice("--out", out.suffix or "(no ending)", tuple(writers))
+    require_free_file(out, force=force)
+    with file_written_whole(out) as partial:
+        writers[ending](found, partial)
+
+
+def _show(found: ShapeComparison) -> None:
+    from pipelines.console_tables import Column, print_table
+    from pipelines.shape_comparison_table import MATCH_HEAD, TEXTS, match_rows
+
+    output = console.screen()
+    rows = match_rows(found)
+    columns = [
+        Column(heading, [row[place] for row in rows], is_text=heading in TEXTS)
+        for place, heading in enumerate(MATCH_HEAD)
+    ]
+    go_first = ("difference / Hz", "other / Hz", "frequency / Hz")
+    print_table(output, f"{found.result.name} → {found.other.name}", columns, go_first)
+    for note in found.notes:
+        output.print(console.printable(f"{note[0].upper()}{note[1:]}."), markup=False)

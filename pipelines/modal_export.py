@@ -197,7 +197,14 @@ def _synthesised(model: ModalModel, frf: FRF) -> FRF:
     return replace(frf, values=values, coherence=unknown, std=unknown)
 
 
-def _require_free(target: Path, force: bool) -> None:
+def require_free_file(target: Path, *, force: bool) -> None:
+    """Refuse a place where a file may not be written.
+
+    Raises
+    ------
+    InputError
+        For a folder, an earlier file without `force`, and a folder above that is not there.
+    """
     rule, remedy = "it is replaced only where that is asked for", "Choose another name or --force"
     if target.is_dir():
         raise InputError(str(target), "a folder", "a file is to be written", "Name a file")
@@ -212,7 +219,7 @@ def _uff(found: ModalExport, target: Path, text: bool, force: bool) -> None:
     from pipelines.modal_export_uff import write_uff
     from pipelines.whole_file import file_written_whole
 
-    _require_free(target, force)
+    require_free_file(target, force=force)
     with file_written_whole(target) as partial:
         write_uff(found, partial, binary=not text)
 
@@ -221,7 +228,7 @@ def _json(found: ModalExport, target: Path, _: bool, force: bool) -> None:
     from pipelines.modal_export_data import write_json
     from pipelines.whole_file import file_written_whole
 
-    _require_free(target, force)
+    require_free_file(target, force=force)
     with file_written_whole(target) as partial:
         write_json(found, partial)
 
@@ -230,7 +237,7 @@ def _mat(found: ModalExport, target: Path, _: bool, force: bool) -> None:
     from pipelines.modal_export_data import write_mat
     from pipelines.whole_file import file_written_whole
 
-    _require_free(target, force)
+    require_free_file(target, force=force)
     with file_written_whole(target) as partial:
         write_mat(found, partial)
 

@@ -1,0 +1,234 @@
+"""Shapes of a result against shapes from elsewhere: a finite-element model, another program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema._arrays import readonly
+from ema.errors import InputError
+from ema.io.radial_shapes import DIRECTIONS
+from ema.mac import mac
+from pipelines.shape_places import ANGLE, NODE, WAYS, Places, common_places
+from pipelines.shape_source import ShapeSource, of_result, read_source
+
+SAME, SIMILAR = 0.9, 0.6  # MAC from which shapes are called the same, or similar
+PAIR_PERCENT = 1.0  # modes whose frequencies are this close may be the two of a pair
+
+_FEWEST_PLACES = 3
+_NO_PART = 1e-9  # of the largest singular value: shapes that add nothing to the others
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How the places of the other shapes are brought to those of the result.
+
+    Parameters
+    ----------
+    by : {"", "angle", "node"}
+        What places are matched by; default: angles where both have them.
+    tolerance_deg : float
+        Largest difference of angles.
+    rotate_deg : float
+        Added to the other's angles.
+    mirror : bool
+        Whether the other's angles count the other way round.
+    direction : {"", "radial", "x", "y", "z"}
+        What is taken of the motion in a universal file.
+    """
+
+    by: str = ""
+    tolerance_deg: float = 2.0
+    rotate_deg: float = 0.0
+    mirror: bool = False
+    direction: str = ""
+
+
+@dataclass(frozen=True)
+class Match:
+    """The other shape that is most like a mode of the result.
+
+    Parameters
+    ----------
+    mode, other : int
+        Indices from 0.
+    mac : float
+    mac_pair : float
+        Share of the shape that the best sum of the other's modes near this frequency explains:
+        the modes of a symmetric ring are pairs, which a model may turn at will. Equals `mac`
+        where there is one such mode only.
+    difference_hz, difference_percent : float
+        Other minus result; NaN where a frequency is unknown.
+    """
+
+    mode: int
+    other: int
+    mac: float
+    mac_pair: float
+    difference_hz: float
+    difference_percent: float
+
+    @property
+    def verdict(self) -> str:
+        """What the larger MAC says."""
+        best = max(self.mac, self.mac_pair)
+        return "same shape" if best >= SAME else "similar" if best >= SIMILAR else "no counterpart"
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeComparison:
+    """All shapes of a result against all shapes from elsewhere.
+
+    Parameters
+    ----------
+    result, other : ShapeSource
+    places : Places
+        Where both are known.
+    mac : ndarray, shape (n_modes, n_other)
+    matches : tuple of Match
+        One for each mode of the result.
+    notes : tuple of str
+        What was assumed or is missing, in words.
+    """
+
+    result: ShapeSource
+    other: ShapeSource
+    places: Places
+    mac: NDArray[np.float64]
+    matches: tuple[Match, ...]
+    notes: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mac", readonly(self.mac, float))
+
+
+def compare_shapes(
+    result: Path | str, other: Path | str, alignment: Alignment | None = None
+) -> ShapeComparison:
+    """Compare the shapes of a result folder with shapes from elsewhere.
+
+    Scale, sign and phase of a shape do not matter, nor whether it is real or complex.
+
+    Parameters
+    ----------
+    result : path
+        A result folder.
+    other : path
+        A universal file, a result folder, or a table of shapes (CSV).
+    alignment : Alignment, optional
+
+    Raises
+    ------
+    InputError
+        If one cannot be read, or they have fewer than three places in common.
+    """
+    from pipelines.store import load
+
+    chosen = alignment or Alignment()
+    _check(chosen)
+    own = of_result(load(result), Path(result).resolve().name)
+    there = read_source(other, chosen.direction, on_wheel=own.has_angles)
+    return compare_sources(own, there, chosen)
+
+
+def compare_sources(
+    result: ShapeSource, other: ShapeSource, alignment: Alignment | None = None
+) -> ShapeComparison:
+    """As `compare_shapes`, for shapes that have been read already.
+
+    Raises
+    ------
+    InputError
+        If they have fewer than three places in common, or one has no modes.
+    """
+    chosen = alignment or Alignment()
+    for each in (result, other):
+        if each.frequency_hz.size == 0:
+            raise InputError(each.name, "no modes", "there must be shapes", "Choose another one")
+    places = common_places(
+        result,
+        other,
+        by=chosen.by,
+        tolerance_deg=chosen.tolerance_deg,
+        rotate_deg=chosen.rotate_deg,
+        mirror=chosen.mirror,
+    )
+    if places.row.size < _FEWEST_PLACES:
+        raise InputError(
+            f"{result.name} and {other.name}",
+            f"{places.row.size} places in common, {places.says}",
+            f"shapes are compared at {_FEWEST_PLACES} places or more",
+            "Choose other ones with --by, --tolerance-deg or --rotate-deg, "
+            "or write the nodes (dataset 2411) to the file",
+        )
+    own, there = result.values[:, places.row], other.values[:, places.other_row]
+    table = mac(own, there)
+    return ShapeComparison(
+        result=result,
+        other=other,
+        places=places,
+        mac=table,
+        matches=tuple(_match(result, other, table, own, there, mode) for mode in range(len(table))),
+        notes=(*other.notes, *places.notes),
+    )
+
+
+def explained_share(shape: NDArray[np.complex128], basis: NDArray[np.complex128]) -> float:
+    """Share of a shape that the best sum of other shapes explains.
+
+    The MAC of the shape with its projection on their span: 1 − ‖φ − Pφ‖²/‖φ‖².
+
+    Parameters
+    ----------
+    shape : ndarray, shape (n_places,)
+    basis : ndarray, shape (n_shapes, n_places)
+    """
+    left, sizes, _ = np.linalg.svd(basis.T, full_matrices=False)
+    span = left[:, sizes > _NO_PART * sizes[0]] if sizes[0] > 0 else left[:, :0]
+    power = float(np.vdot(shape, shape).real)
+    inside = span.conj().T @ shape
+    return float(np.vdot(inside, inside).real) / power if power > 0 else 0.0
+
+
+def _match(
+    result: ShapeSource,
+    other: ShapeSource,
+    table: NDArray[np.float64],
+    own: NDArray[np.complex128],
+    there: NDArray[np.complex128],
+    mode: int,
+) -> Match:
+    best = int(np.argmax(table[mode]))
+    here_hz, there_hz = float(result.frequency_hz[mode]), float(other.frequency_hz[best])
+    near = np.abs(other.frequency_hz - there_hz) <= PAIR_PERCENT / 100 * there_hz
+    near[best] = True
+    alone = np.count_nonzero(near) == 1
+    return Match(
+        mode=mode,
+        other=best,
+        mac=float(table[mode, best]),
+        mac_pair=float(table[mode, best]) if alone else explained_share(own[mode], there[near]),
+        difference_hz=there_hz - here_hz,
+        difference_percent=100 * (there_hz / here_hz - 1),
+    )
+
+
+def _check(chosen: Alignment) -> None:
+    from ema.io.manifest import nearest
+
+    for option, value, known in (
+        ("--by", chosen.by, WAYS),
+        ("--direction", chosen.direction, DIRECTIONS),
+    ):
+        if value and value not in known:
+            rule = f"it must be one of {', '.join(known)}"
+            raise InputError(option, repr(value), rule, nearest(value, known))
+    if not 0 < chosen.tolerance_deg <= 180:
+        found, rule = f"{chosen.tolerance_deg:g} degrees", "it must be above 0 and up to 180"
+        raise InputError("--tolerance-deg", found, rule, "Write e.g. 2")
+
+
+__all__ = ["ANGLE", "NODE", "Alignment", "Match", "ShapeComparison", "compare_shapes"]

@@ -1,0 +1,198 @@
+"""Mode shapes to compare with: of a result, a universal file or a table."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema._arrays import readonly
+from ema.errors import InputError
+from ema.io.radial_shapes import read_radial_shapes
+from pipelines.modal_export_geometry import node_numbers
+from pipelines.result import Result
+from pipelines.result_folder import MARKER
+
+SHAPES_TABLE = "shapes.csv"
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeSource:
+    """Shapes as one value per place.
+
+    Parameters
+    ----------
+    name : str
+        What they are from.
+    frequency_hz, damping_ratio : ndarray, shape (n_modes,)
+        NaN where unknown.
+    mode_name : tuple of str
+    node : ndarray of int, shape (n_places,)
+        0 where there are no numbers.
+    angle_deg : ndarray, shape (n_places,)
+        NaN where there are none.
+    values : ndarray of complex, shape (n_modes, n_places)
+    radius_m, across_m : ndarray, shape (n_places,)
+        Distance from the axle, and along it from the middle; NaN where unknown.
+    notes : tuple of str
+        What was assumed.
+    """
+
+    name: str
+    frequency_hz: NDArray[np.float64]
+    damping_ratio: NDArray[np.float64]
+    mode_name: tuple[str, ...]
+    node: NDArray[np.int_]
+    angle_deg: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    radius_m: NDArray[np.float64]
+    across_m: NDArray[np.float64]
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("frequency_hz", "damping_ratio", "angle_deg", "radius_m", "across_m"):
+            object.__setattr__(self, name, readonly(getattr(self, name), float))
+        object.__setattr__(self, "node", readonly(self.node, int))
+        object.__setattr__(self, "values", readonly(self.values, complex))
+
+    @property
+    def has_angles(self) -> bool:
+        """Whether any place has an angle."""
+        return bool(np.isfinite(self.angle_deg).any())
+
+    @property
+    def has_nodes(self) -> bool:
+        """Whether any place has a number."""
+        return bool((self.node > 0).any())
+
+
+def of_result(result: Result, name: str) -> ShapeSource:
+    """Shapes of a result; node numbers are those it is exported with."""
+    model, places = result.modal_model, result.frf.n_positions
+    radius_m = None if result.tyre is None else result.tyre.mean_radius_m
+    return ShapeSource(
+        name=name,
+        frequency_hz=model.frequencies_hz,
+        damping_ratio=model.damping_ratios,
+        mode_name=tuple(
+            f"{number}" if mode.order is None else f"{number} (n = {mode.order}{mode.member})"
+            for number, mode in enumerate(model.modes, start=1)
+        ),
+        node=node_numbers(result.frf),
+        angle_deg=result.frf.position_deg,
+        values=np.array([mode.shape for mode in model.modes]).reshape(-1, places),
+        radius_m=np.full(places, np.nan if radius_m is None else radius_m),
+        across_m=np.zeros(places),
+    )
+
+
+def read_source(path: Path | str, direction: str = "", *, on_wheel: bool = True) -> ShapeSource:
+    """Read shapes from a result folder, a folder or file of tables, or a universal file.
+
+    Parameters
+    ----------
+    path : path
+    direction, on_wheel
+        What is taken of the motion in a universal file; see `ema.io.radial_shapes`.
+
+    Raises
+    ------
+    InputError
+        If it is none of these, or damaged.
+    """
+    path = Path(path)
+    if path.is_dir() and (path / MARKER).is_file():
+        from pipelines.store import load
+
+        return of_result(load(path), path.resolve().name)
+    if path.is_dir():
+        path = path / SHAPES_TABLE
+    if not path.is_file():
+        rule = "shapes come from a result folder, a universal file or a table"
+        raise InputError(str(path), "no such file", rule, "Check the name")
+    if path.suffix.lower() == ".csv":
+        return _of_table(path)
+    found = read_radial_shapes(path, direction, on_wheel=on_wheel)
+    return ShapeSource(
+        name=path.name,
+        frequency_hz=found.frequency_hz,
+        damping_ratio=found.damping_ratio,
+        mode_name=tuple(str(number) for number in range(1, found.frequency_hz.size + 1)),
+        node=found.node,
+        angle_deg=found.angle_deg,
+        values=found.values,
+        radius_m=found.radius_m,
+        across_m=found.across_m,
+        notes=tuple(f"{path.name}: {note}" for note in found.notes),
+    )
+
+
+def _of_table(path: Path) -> ShapeSource:
+    """Shapes of a table with the columns mode, node or position_deg, real, and what else is known.
+
+    ``imag`` and ``frequency_hz`` may be left out.
+    """
+    rows = list(_rows(path))
+    modes = sorted({row["mode"] for row in rows})
+    places = list(dict.fromkeys((row["node"], row["position_deg"]) for row in rows))
+    mode_at = {mode: at for at, mode in enumerate(modes)}
+    place_at = {place: at for at, place in enumerate(places)}
+    values = np.full((len(modes), len(places)), complex(np.nan, np.nan))
+    frequency_hz = np.full(len(modes), np.nan)
+    for row in rows:
+        at = mode_at[row["mode"]]
+        values[at, place_at[row["node"], row["position_deg"]]] = complex(row["real"], row["imag"])
+        frequency_hz[at] = row["frequency_hz"]
+    unknown = np.full(len(places), np.nan)
+    return ShapeSource(
+        name=path.name,
+        frequency_hz=frequency_hz,
+        damping_ratio=np.full(len(modes), np.nan),
+        mode_name=tuple(f"{mode:g}" for mode in modes),
+        node=np.array([int(node) for node, _ in places]),
+        angle_deg=np.array([np.nan if angle == _NO_ANGLE else angle for _, angle in places]),
+        values=values,
+        radius_m=unknown,
+        across_m=unknown,
+    )
+
+
+_NO_ANGLE = float("inf")  # NaN is no key: it differs from itself
+_DEFAULTS = {"node": 0.0, "position_deg": _NO_ANGLE, "imag": 0.0, "frequency_hz": float("nan")}
+
+
+def _rows(path: Path) -> Iterator[dict[str, float]]:
+    remedy = "Write the columns mode, position_deg or node, real and imag"
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.DictReader(file)
+            held = set(reader.fieldnames or ())
+            if not {"mode", "real"} <= held or not held & {"node", "position_deg"}:
+                found = f"columns {', '.join(sorted(held)) or 'none'}"
+                raise InputError(
+                    str(path), found, "a table of shapes names place and value", remedy
+                )
+            for row in reader:
+                yield {
+                    name: float(row[name]) if row.get(name) else _default(path, reader, name)
+                    for name in ("mode", "real", *_DEFAULTS)
+                }
+            if reader.line_num < 2:
+                raise InputError(str(path), "no lines", "a table of shapes has values", remedy)
+    except (ValueError, UnicodeDecodeError, csv.Error) as error:
+        if isinstance(error, InputError):
+            raise
+        where = f"{path}, line {reader.line_num}"
+        raise InputError(where, str(error), "cells hold numbers with a point", remedy) from error
+
+
+def _default(path: Path, reader: csv.DictReader[str], name: str) -> float:
+    if name not in _DEFAULTS:
+        where = f"{path}, line {reader.line_num}"
+        rule = "each line names a mode and a value"
+        raise InputError(where, f"no {name}", rule, "Complete the line")
+    return _DEFAULTS[name]
