@@ -16,7 +16,7 @@ _LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+")
 _SECTION = re.compile(r"\ufeff?\s*\[(?P<name>[^\]\r\n]*)\]")
 _ENTRY = re.compile(
     r"(?P<key>\ufeff?[ \t]*[A-Za-z][\w.]*)(?P<equals>[ \t]*=[ \t]*)"
-    r"(?P<value>'[^'\r\n]*'|\"[^\"\r\n]*\"|[^$!\r\n]*?)"
+    r"(?P<value>'[^'\r\n]*'|\"[^\"\r\n]*\"|(?:[^$! \t\r\n]+(?:[ \t]+[^$! \t\r\n]+)*)?)"
     r"(?P<gap>[ \t]*)(?P<comment>(?:[$!][^\r\n]*)?)(?P<end>[\r\n]*)\Z"
 )
 UNITS = "UNITS"
@@ -130,7 +130,7 @@ class TirFile:
         if match is None:
             raise ValueError(f"line {entry.line} of {self.name} holds no value")
         old = match["value"]
-        quote = old[:1] if old[:1] in ("'", '"') else ""
+        quote = _quote(old)
         new = f"{quote}{text}{quote}"
         gap = _gap_for(match["gap"], len(old) - len(new)) if match["comment"] else match["gap"]
         line = f"{match['key']}{match['equals']}{new}{gap}{match['comment']}{match['end']}"
@@ -231,8 +231,14 @@ def read_tir(path: Path) -> TirFile:
     return tir
 
 
+def _quote(value: str) -> str:
+    """The sign in which a value is quoted; empty where it is not."""
+    is_quoted = len(value) > 1 and value[0] == value[-1] and value[0] in "'\""
+    return value[0] if is_quoted else ""
+
+
 def _unquoted(value: str) -> str:
-    return value[1:-1] if value[:1] in ("'", '"') else value
+    return value[1:-1] if _quote(value) else value
 
 
 def _gap_for(gap: str, wider: int) -> str:

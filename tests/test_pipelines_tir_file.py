@@ -11,7 +11,21 @@ ENDS = ("\n", "\r\n", "\r")
 BLANKS = st.text(" \t", max_size=4)
 WORDS = st.text(st.characters(exclude_characters="\r\n"), max_size=12)
 KEYS = st.sampled_from(["LENGTH", "mass", "Belt_Mass", "FREQ_LONG", "X1"])
-VALUES = st.sampled_from(["'meter'", '"kg"', "1.5", "-.1E+01", "2.0D+05", "", "'a $ b'", "one two"])
+VALUES = st.sampled_from(
+    [
+        "'meter'",
+        '"kg"',
+        "1.5",
+        "-.1E+01",
+        "2.0D+05",
+        "",
+        "'a $ b'",
+        "one two",
+        "'open",
+        "'a' b",
+        "'",
+    ]
+)
 COMMENTS = st.one_of(st.just(""), WORDS.map(lambda text: f"${text}"), st.just("! said"))
 SECTIONS = st.sampled_from(["[UNITS]", "[INERTIA]", " [own section]", "[]", "[SHAPE"])
 ENTRIES = st.tuples(KEYS, BLANKS, st.just("="), BLANKS, VALUES, BLANKS, COMMENTS).map("".join)
