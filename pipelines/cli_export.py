@@ -230,4 +230,4 @@ def _show(found: ShapeComparison) -> None:
     go_first = ("difference / Hz", "other / Hz", "frequency / Hz")
     print_table(output, f"{found.result.name} → {found.other.name}", columns, go_first)
     for note in found.notes:
-        output.print(console.printable(f"{note[0].upper()}{note[1:]}."), markup=False)
+        output.print(console.printable(f"Note: {note}."), markup=False)

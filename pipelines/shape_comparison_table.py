@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pipelines.numbers import number, signed
+from pipelines.numbers import number, signed, value_with_std
 from pipelines.shape_comparison import Match, ShapeComparison
 from pipelines.tables import write_csv
 
@@ -25,6 +25,7 @@ _COLUMNS = (
     "mode",
     "name",
     "frequency_hz",
+    "frequency_std_hz",
     "other_mode",
     "other_frequency_hz",
     "difference_hz",
@@ -40,7 +41,11 @@ def match_rows(found: ShapeComparison) -> list[tuple[str, ...]]:
     return [
         (
             found.result.mode_name[match.mode],
-            number(float(found.result.frequency_hz[match.mode]), 5),
+            value_with_std(
+                float(found.result.frequency_hz[match.mode]),
+                float(found.result.frequency_std_hz[match.mode]),
+                5,
+            ),
             found.other.mode_name[match.other],
             number(float(found.other.frequency_hz[match.other]), 5),
             signed(match.difference_hz, 2),
@@ -84,6 +89,7 @@ def _values(found: ShapeComparison, match: Match) -> tuple[Any, ...]:
         match.mode + 1,
         found.result.mode_name[match.mode],
         float(found.result.frequency_hz[match.mode]),
+        float(found.result.frequency_std_hz[match.mode]),
         match.other + 1,
         float(found.other.frequency_hz[match.other]),
         match.difference_hz,

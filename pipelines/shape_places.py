@@ -131,11 +131,13 @@ def _places(
     says: str,
     what: str,
 ) -> Places:
-    notes = [f"{len(pairs)} of {result.node.size} places {says}"]
+    notes = [f"{len(pairs)} of {result.node.size} places of {result.name} {says}"]
     if missing:
         more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
         names = ", ".join(missing[:_MOST_NAMED])
         plural = "s" if len(missing) > 1 else ""
-        notes.append(f"left out, without a counterpart: {what}{plural} {names}{more}")
+        notes.append(
+            f"places of {result.name} left out, without a counterpart: {what}{plural} {names}{more}"
+        )
     rows = np.array(pairs, dtype=int).reshape(-1, 2)
     return Places(by, rows[:, 0], rows[:, 1], says, tuple(notes))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +38,8 @@ class ShapeSource:
     values : ndarray of complex, shape (n_modes, n_places)
     radius_m, across_m : ndarray, shape (n_places,)
         Distance from the axle, and along it from the middle; NaN where unknown.
+    frequency_std_hz : ndarray, shape (n_modes,)
+        NaN where unknown; the same where left out.
     notes : tuple of str
         What was assumed.
     """
@@ -51,9 +53,13 @@ class ShapeSource:
     values: NDArray[np.complex128]
     radius_m: NDArray[np.float64]
     across_m: NDArray[np.float64]
+    frequency_std_hz: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if not self.frequency_std_hz.size:
+            unknown = readonly(np.full(self.frequency_hz.size, np.nan))
+            object.__setattr__(self, "frequency_std_hz", unknown)
         for name in ("frequency_hz", "damping_ratio", "angle_deg", "radius_m", "across_m"):
             object.__setattr__(self, name, readonly(getattr(self, name), float))
         object.__setattr__(self, "node", readonly(self.node, int))
@@ -87,6 +93,7 @@ def of_result(result: Result, name: str) -> ShapeSource:
         values=np.array([mode.shape for mode in model.modes]).reshape(-1, places),
         radius_m=np.full(places, np.nan if radius_m is None else radius_m),
         across_m=np.zeros(places),
+        frequency_std_hz=np.array([mode.frequency_std_hz for mode in model.modes]),
     )
 
 

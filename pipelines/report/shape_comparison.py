@@ -40,7 +40,9 @@ def sections(found: ShapeComparison) -> tuple[Section, ...]:
     return (
         Section("matches", "Best matches", (Paragraph(verdict(found)), _table(found))),
         Section("matrix", "MAC of all shapes", (_matrix(found),)),
-        Section("places", "Places and directions", (Listing(tuple(map(_sentence, found.notes))),)),
+        Section(
+            "places", "Places and directions", (Listing(tuple(f"{note}." for note in found.notes)),)
+        ),
         Section("reading", "How to read it", (Listing(HOW_TO_READ),)),
     )
 
@@ -58,10 +60,6 @@ def _table(found: ShapeComparison) -> Table:
     words = tuple(place for place, heading in enumerate(MATCH_HEAD) if heading in TEXTS)
     caption = f"Each mode of {found.result.name} with the shape of {found.other.name} most like it."
     return Table(caption, MATCH_HEAD, tuple(match_rows(found)), words)
-
-
-def _sentence(note: str) -> str:
-    return f"{note[0].upper()}{note[1:]}."
 
 
 def _matrix(found: ShapeComparison) -> Chart:
