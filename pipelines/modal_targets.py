@@ -65,8 +65,7 @@ def _bending(order: int) -> tuple[Callable[[Belt], float], Callable[[Belt], floa
         return float(natural_frequencies_hz(belt.ring, order))
 
     def damping_ratio(belt: Belt) -> float:
-        assert belt.damping is not None
-        return float(damping_ratios(belt.ring, belt.damping, order))
+        return float(damping_ratios(belt.ring, belt.known_damping, order))
 
     return frequency_hz, damping_ratio
 

@@ -48,6 +48,13 @@ class Belt:
     ring: RingParameters
     damping: RingDamping | None
 
+    @property
+    def known_damping(self) -> RingDamping:
+        """The damping of a ring that has one; asking another one is a fault of the program."""
+        if self.damping is None:
+            raise ValueError("this ring has no damping")
+        return self.damping
+
 
 def mass_kg(belt: Belt) -> float:
     """Mass of the belt, 2πaρh·b, kg."""
@@ -71,7 +78,7 @@ def translation_hz(belt: Belt) -> float:
 
 def translation_damping_ratio(belt: Belt) -> float:
     """Damping ratio of order 1."""
-    return float(damping_ratios(belt.ring, _damping(belt), 1))
+    return float(damping_ratios(belt.ring, belt.known_damping, 1))
 
 
 def rotation_hz(belt: Belt) -> float:
@@ -84,14 +91,8 @@ def rotation_hz(belt: Belt) -> float:
 
 def rotation_damping_ratio(belt: Belt) -> float:
     """Damping ratio of the torsion: of the foundation alone, as nothing strains the belt."""
-    viscous = replace(_damping(belt), on_pretension=False)
+    viscous = replace(belt.known_damping, on_pretension=False)
     return torsion_damping_ratio(belt.ring, viscous, pressure_load="follower")
-
-
-def _damping(belt: Belt) -> RingDamping:
-    if belt.damping is None:
-        raise ValueError("this ring has no damping")
-    return belt.damping
 
 
 #: Keys of a tyre property file: their value, and where it comes from.

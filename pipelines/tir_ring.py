@@ -14,7 +14,7 @@ from model.tuning_problem import BENDING
 from model.tuning_search import TYPICAL
 from pipelines.parameter_set import Parameter, ParameterSet
 from pipelines.tir_file import TirFile
-from pipelines.tir_units import TirUnits, positive_si_value, si_value, units_of
+from pipelines.tir_units import TirUnits, clear_si_value, positive_si_value, units_of
 from pipelines.tir_update import unit_notes
 from pipelines.versions import software_version
 
@@ -100,7 +100,7 @@ def _width(
     if width_m is None and like and "belt_width_m" in like.ring:
         return like.ring["belt_width_m"].value
     if width_m is None:
-        outline = si_value(tir, units, "WIDTH")
+        outline = clear_si_value(tir, units, "WIDTH")
         hint = f"; its WIDTH of {outline:g} m is that of the whole section" if outline else ""
         raise InputError(
             tir.name, "no belt width", f"such a file does not hold it{hint}", "Give --belt-width-m"
@@ -137,7 +137,7 @@ def _notes(tir: TirFile, units: TirUnits, radius: float, like: ParameterSet | No
         "typical tyre. k_r and k_θ depend on K a little; --like SET takes K and D from a set.",
         "Damping is not taken over: two damping ratios do not determine three parameters.",
     ]
-    outer = si_value(tir, units, "UNLOADED_RADIUS")
+    outer = clear_si_value(tir, units, "UNLOADED_RADIUS")
     if outer and not 0.8 <= radius / outer <= 1.0:
         notes.append(
             f"The belt's radius √(BELT_IYY/BELT_MASS) is {radius:.3f} m, the tyre's "

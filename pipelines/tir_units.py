@@ -157,6 +157,12 @@ def si_value(tir: TirFile, units: TirUnits, key: str) -> float | None:
     return None if number is None else number * units.size(key.upper())
 
 
+def clear_si_value(tir: TirFile, units: TirUnits, key: str) -> float | None:
+    """Value of a key in SI for a remark: None too where the key stands there more than once."""
+    given = sum(entry.key == key and entry.stands_in(None) for entry in tir.entries())
+    return si_value(tir, units, key) if given == 1 else None
+
+
 def positive_si_value(tir: TirFile, units: TirUnits, key: str) -> float:
     """Value of a key in SI, which the file must hold and which must be greater than zero.
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pipelines.parameter_set import ParameterSet
 from pipelines.tir_belt import BeltValue, belt_values
 from pipelines.tir_file import TirEntry, TirFile
-from pipelines.tir_units import TirUnits, si_value, units_of
+from pipelines.tir_units import TirUnits, clear_si_value, units_of
 
 SECTIONS = {
     "INFLPRES": "OPERATING_CONDITIONS",
@@ -189,10 +189,10 @@ def _notes(after: TirFile, units: TirUnits, changes: list[TirChange]) -> list[st
         if change.doubts
     ]
     for part, whole in (("BELT_MASS", "MASS"), ("BELT_IYY", "IYY")):
-        belt, tyre = si_value(after, units, part), si_value(after, units, whole)
+        belt, tyre = (clear_si_value(after, units, key) for key in (part, whole))
         if belt is not None and tyre is not None and belt > tyre:
             notes.append(f"{part} is now above {whole}: check the belt width and {whole}.")
-    pressure, nominal = si_value(after, units, "INFLPRES"), si_value(after, units, "NOMPRES")
+    pressure, nominal = (clear_si_value(after, units, key) for key in ("INFLPRES", "NOMPRES"))
     if pressure is not None and nominal is not None and abs(pressure / nominal - 1.0) > 0.01:
         notes.append(
             "INFLPRES and NOMPRES differ: a program may scale stiffnesses from one to the other, "

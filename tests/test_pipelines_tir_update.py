@@ -190,6 +190,15 @@ def test_contradictions_are_noted(si):
     assert any("UNLOADED_RADIUS" in note for note in ring_from_tir(light, 0.19).notes)
 
 
+def test_what_stands_twice_is_refused_where_it_matters(si):
+    def twice(key):
+        return replace(si, lines=(*si.lines, "[MORE]\r\n", f"{key} = 9.0\r\n"))
+
+    assert len(plan_update(twice("MASS"), SET).changes) == len(VALUES)
+    with pytest.raises(InputError, match=r"BELT_MASS: given in lines 23 and 35"):
+        plan_update(twice("BELT_MASS"), SET)
+
+
 def test_files_of_no_ring_are_refused(si):
     with pytest.raises(InputError, match=r"BELT_IYY: not given"):
         ring_from_tir(without(si, "BELT_IYY"), 0.19)
