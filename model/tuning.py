@@ -20,6 +20,7 @@ from model.identifiability import (
     error_level,
     verdicts,
 )
+from model.parameter_names import RING_NAMES
 from model.parameters import RingParameters
 from model.sensitivity import frequency_sensitivity
 from model.steady_state import PressureLoad
@@ -204,18 +205,23 @@ def _remarks(search: Search, how: dict[str, str]) -> list[str]:
         )
     for name, value in search.assumed.items():
         remarks.append(
-            f"{problem.orders.size} frequencies are fewer than the unknowns: {name} was assumed "
-            f"to be {value:g}, uncertain by its own size."
+            f"{problem.orders.size} frequencies are fewer than the unknowns: the {_title(name)} "
+            f"was assumed to be {value:g} {RING_NAMES[name][2]}, uncertain by its own size."
         )
     for name in search.free:
         if how[name] == NOT_IDENTIFIED:
             remarks.append(
-                f"{name} is not identified: its standard deviation exceeds half its value, or "
-                "other parameters can stand in for it."
+                f"The {_title(name)} is not identified: its standard deviation exceeds half its "
+                "value, or other parameters can stand in for it."
             )
         if how[name] == AT_BOUND:
             remarks.append(
-                f"{name} ended on a bound of its range; the other standard deviations hold with it "
-                "fixed there."
+                f"The {_title(name)} ended on a bound of its range; the other standard deviations "
+                "hold with it fixed there."
             )
     return remarks
+
+
+def _title(name: str) -> str:
+    title, symbol, _ = RING_NAMES[name]
+    return f"{title} {symbol}"

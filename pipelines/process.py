@@ -246,5 +246,6 @@ def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -
         return "No [grid] in the manifest: without angles there are no orders and no ring."
     n_orders = len(ring_orders(modal_model))
     if n_orders < 3:
-        return f"Only {n_orders} circumferential orders were identified; a ring needs three."
+        orders = "order was" if n_orders == 1 else "orders were"
+        return f"Only {n_orders} circumferential {orders} identified; a ring needs three."
     return ""
