@@ -36,7 +36,7 @@ class ModalExport:
         real ones were asked for.
     modal_a : ndarray of complex, shape (n_modes,)
         Modal A of these shapes in N s/m: residue = shape × shape at the force / A; NaN where the
-        force is at no sensor, or at a node of the mode.
+        force is at no sensor, at a node of the mode, or where its mass would be negative.
     measured, synthesised : FRF or None
         Inertances in (m/s²)/N under the nodes' exported numbers; None where not wanted.
     """
@@ -65,8 +65,7 @@ class ModalExport:
     def modal_mass_kg(self) -> NDArray[np.float64]:
         """Modal mass A/(2j ω_d) of the shapes taken as real; NaN where unknown."""
         damped = np.array([mode.pole.imag for mode in self.modes])
-        mass = (self.modal_a / (2j * damped)).real
-        return np.where(mass > 0, mass, np.nan)
+        return np.asarray((self.modal_a / (2j * damped)).real)
 
 
 @dataclass(frozen=True)
@@ -177,7 +176,9 @@ def _modal_a(mode: Mode, geometry: Geometry) -> complex:
     noise = float(mode.residues_std[rows[0]])
     if not abs(at_force) > _LEAST_DRIVE * (noise if np.isfinite(noise) else 0.0):
         return complex(np.nan, np.nan)
-    return complex(mode.shape[rows[0]]) ** 2 / at_force
+    modal_a = complex(mode.shape[rows[0]]) ** 2 / at_force
+    is_mass = (modal_a / (2j * mode.pole.imag)).real > 0  # else the force acts elsewhere
+    return modal_a if is_mass else complex(np.nan, np.nan)
 
 
 def _within(frf: FRF, band_hz: tuple[float, float]) -> FRF:
