@@ -91,6 +91,11 @@ def movement(one: str, many: str, differences: Sequence[Named]) -> tuple[str, ..
     return (f"Of {len(tested)} {many}, {'; '.join(parts)}.",)
 
 
+def _relation(chance: float) -> str:
+    text = chance_text(chance)
+    return text if text.startswith("<") else f"= {text}"
+
+
 def chance_text(chance: float) -> str:
     """A probability as a table prints it."""
     return "< 0.001" if chance < 0.001 else number(chance, 2)
@@ -176,7 +181,7 @@ def scatter_text(scatter: Scatter) -> str:
     size = (
         f"{number(scatter.rms_percent, 2)} % rms, {number(scatter.ratio, 2)} times what the error "
         f"bars allow (χ² = {number(scatter.chi_square, 3)} for {scatter.freedom}, "
-        f"p = {chance_text(scatter.chance)})"
+        f"p {_relation(scatter.chance)})"
     )
     if not scatter.is_noise:
         return f"{size}: something besides noise changes from one measurement to the next."
