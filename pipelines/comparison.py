@@ -22,6 +22,7 @@ from pipelines.comparison_modes import (
     matched_modes,
     unmatched_modes,
 )
+from pipelines.comparison_pairs import seen_by
 from pipelines.comparison_parameters import ParameterChange, parameter_changes
 from pipelines.comparison_scatter import Agreement, agreement
 from pipelines.comparison_shapes import common_shapes
@@ -100,10 +101,11 @@ def compare(first: Result, second: Result) -> Comparison:
     -------
     Comparison
     """
-    one, two = first.modal_model, second.modal_model
-    shapes = common_shapes(one, two)
-    mac = shapes.mac
-    matches = match_modes(one.modes, two.modes, mac)
+    shapes = common_shapes(first.modal_model, second.modal_model)
+    one = seen_by(first.modal_model, second.modal_model)
+    two = seen_by(second.modal_model, first.modal_model)
+    mac = common_shapes(one.model, two.model).mac
+    matches = match_modes(one.model.modes, two.model.modes, mac)
     modes = matched_modes(one, two, matches, mac)
     conditions = condition_contrasts(first, second)
     processing = processing_contrasts(first, second)
@@ -114,7 +116,7 @@ def compare(first: Result, second: Result) -> Comparison:
         modes=modes,
         only_first=unmatched_modes(one, two, dict(matches)),
         only_second=unmatched_modes(two, one, {j: i for i, j in matches}),
-        mac=mac,
+        mac=shapes.mac,
         shapes_note=shapes.how,
         parameters=parameter_changes(first, second),
         conditions=conditions,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ema.family import FOREIGN
 from ema.modes import ModalModel, Mode
 from pipelines.comparison_match import Matches
+from pipelines.comparison_pairs import Side
 from pipelines.comparison_significance import Difference, judged
 
 #: Shapes of a matched mode less alike than this need an explanation.
@@ -33,6 +34,9 @@ class MatchedMode:
         In Hz.
     damping : Difference
         Of the damping ratio, a fraction.
+    averaged : (bool, bool)
+        Whether the mode of the first, of the second stands for a pair of which the other result
+        shows one mode.
     remark : str
         What a reader of the differences must know; empty where there is nothing.
     """
@@ -44,6 +48,7 @@ class MatchedMode:
     mac: float
     frequency: Difference
     damping: Difference
+    averaged: tuple[bool, bool] = (False, False)
     remark: str = ""
 
     @property
@@ -83,18 +88,18 @@ def mode_name(number: int, mode: Mode) -> str:
 
 
 def matched_modes(
-    first: ModalModel, second: ModalModel, matches: Matches, mac: NDArray[np.float64]
+    first: Side, second: Side, matches: Matches, mac: NDArray[np.float64]
 ) -> tuple[MatchedMode, ...]:
     """Matched modes with their differences; those of frequency and damping are tested together.
 
     Parameters
     ----------
-    first, second : ModalModel
+    first, second : Side
     matches : list of (int, int)
         From `match_modes`.
     mac : ndarray, shape (n_first, n_second)
     """
-    same_band = first.band_hz == second.band_hz
+    same_band = first.model.band_hz == second.model.band_hz
     rows = [_matched(first, second, i, j, float(mac[i, j]), same_band) for i, j in matches]
     tested = judged([row.frequency for row in rows] + [row.damping for row in rows])
     half = len(rows)
@@ -138,18 +143,18 @@ def std_of_difference(
 
 
 def unmatched_modes(
-    own: ModalModel, other: ModalModel, matched: Mapping[int, int]
+    own: Side, other: Side, matched: Mapping[int, int]
 ) -> tuple[UnmatchedMode, ...]:
     """Modes of `own` without a partner.
 
     Parameters
     ----------
-    own, other : ModalModel
+    own, other : Side
     matched : mapping of int to int
         Indices of the modes of `own` that have a partner, and of the partner in `other`.
     """
-    known_hz = own.frequencies_hz[list(matched)]
-    factors = other.frequencies_hz[list(matched.values())] / known_hz
+    known_hz = own.model.frequencies_hz[list(matched)]
+    factors = other.model.frequencies_hz[list(matched.values())] / known_hz
 
     def factor(mode: Mode) -> float:
         """How far the nearest matched mode moved."""
@@ -157,16 +162,14 @@ def unmatched_modes(
         return float(factors[np.argmin(nearest)]) if nearest.size else 1.0
 
     return tuple(
-        UnmatchedMode(k + 1, mode, _why_missing(mode, other, factor(mode)))
-        for k, mode in enumerate(own.modes)
+        UnmatchedMode(own.numbers[k], mode, _why_missing(mode, other.model, factor(mode)))
+        for k, mode in enumerate(own.model.modes)
         if k not in matched
     )
 
 
-def _matched(
-    first: ModalModel, second: ModalModel, i: int, j: int, mac: float, same_band: bool
-) -> MatchedMode:
-    one, two = first.modes[i], second.modes[j]
+def _matched(first: Side, second: Side, i: int, j: int, mac: float, same_band: bool) -> MatchedMode:
+    one, two = first.model.modes[i], second.model.modes[j]
     frequency_std_hz = std_of_difference(
         (one.frequency_std_hz, two.frequency_std_hz),
         (one.frequency_band_shift_hz, two.frequency_band_shift_hz),
@@ -177,23 +180,25 @@ def _matched(
         (one.damping_band_shift, two.damping_band_shift),
         same_band=same_band,
     )
+    averaged = i in first.averaged, j in second.averaged
     return MatchedMode(
-        i + 1,
-        j + 1,
+        first.numbers[i],
+        second.numbers[j],
         one,
         two,
         mac,
         Difference(one.frequency_hz, two.frequency_hz, frequency_std_hz),
         Difference(one.damping_ratio, two.damping_ratio, damping_std),
-        _remark(one, two, mac),
+        averaged,
+        _remark(one, two, mac, averaged),
     )
 
 
-def _remark(first: Mode, second: Mode, mac: float) -> str:
+def _remark(first: Mode, second: Mode, mac: float, averaged: tuple[bool, bool]) -> str:
     remarks = []
-    if bool(first.member) != bool(second.member):
-        where = "first" if first.member else "second"
-        remarks.append(f"resolved as a pair in the {where} result only")
+    if any(averaged):
+        where = "first" if averaged[0] else "second"
+        remarks.append(f"resolved as a pair in the {where} result only: its mean is compared")
     elif first.member != second.member:
         remarks.append(f"matched by shape: member {first.member} became {second.member}")
     statuses = {mode.status: word for word, mode in (("second", second), ("first", first))}

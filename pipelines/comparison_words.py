@@ -47,6 +47,7 @@ def findings(comparison: Comparison) -> tuple[str, ...]:
         *movement("frequency", "frequencies", [(m.name, m.frequency) for m in modes]),
         *movement("damping ratio", "damping ratios", [(m.name, m.damping) for m in modes]),
         *_shapes(comparison),
+        *_means(comparison),
         *_only_in(comparison.names[0], comparison.only_first),
         *_only_in(comparison.names[1], comparison.only_second),
         *_parameters(comparison),
@@ -125,6 +126,19 @@ def _shapes(comparison: Comparison) -> tuple[str, ...]:
         return ()
     worst = min(known, key=lambda mode: mode.mac)
     return (f"Lowest MAC of matched shapes: {worst.mac:.3f} ({worst.name}).",)
+
+
+def _means(comparison: Comparison) -> tuple[str, ...]:
+    """Say of which pairs only the mean could be compared."""
+    sides = (
+        (name, [mode.name for mode in comparison.modes if mode.averaged[side]])
+        for side, name in enumerate(comparison.names)
+    )
+    return tuple(
+        f"Resolved as pairs in {name} only: {', '.join(modes)}; their means are compared."
+        for name, modes in sides
+        if modes
+    )
 
 
 def _only_in(name: str, modes: Sequence[UnmatchedMode]) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from pipelines.comparison_modes import std_of_difference
 from pipelines.comparison_scatter import agreement
 from pipelines.comparison_shapes import common_positions, common_shapes
 from pipelines.comparison_significance import Difference, holm, judged
+from pipelines.comparison_words import findings
 from pipelines.process import process
 from pipelines.simulate_campaign import Setup, simulate_campaign, simulate_runs
 from pipelines.store import save
@@ -370,3 +371,19 @@ def test_folders_give_what_results_give(base, repeat, tmp_path):
 def test_a_folder_that_is_no_result_is_refused(short_campaign):
     with pytest.raises(InputError, match=r"it must be a result folder.*ringmodal process"):
         compare_folders(short_campaign, short_campaign)
+
+
+def test_a_pair_that_only_one_result_resolves_is_compared_by_its_mean(tmp_path):
+    """Order n at f(1 ∓ 0.75 %): one mode in its place lies at f, as in the tyre without a split."""
+    results = [
+        process(simulate_campaign(tmp_path / name, seed=seed, split_percent=split))
+        for name, seed, split in (("one", 5, 0.0), ("two", 6, 1.5))
+    ]
+    comparison = compare(*results)
+    assert [mode.second.order for mode in comparison.modes] == list(range(1, 9))
+    assert all(mode.averaged == (False, True) for mode in comparison.modes)
+    assert comparison.only_second == ()
+    for mode in comparison.modes:
+        assert abs(mode.frequency.percent) < 0.05
+        assert mode.mac > 0.99
+    assert any("Resolved as pairs in two only" in sentence for sentence in findings(comparison))
