@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from ema._arrays import readonly
 from ema.errors import InputError
 from ema.frf import FRF
+from ema.io.uff_frf import SYNTHESISED
 from ema.modes import ModalModel, Mode
 from pipelines.modal_export_geometry import Geometry, geometry_of
 from pipelines.result import Result
 
-MEASURED, SYNTHESISED, BOTH, NONE = "measured", "synthesised", "both", "none"
+MEASURED, BOTH, NONE = "measured", "both", "none"
 FRF_CHOICES = (BOTH, MEASURED, SYNTHESISED, NONE)
 FOLDER_MARKER = "export.json"  # names the files of an export that is a folder
 

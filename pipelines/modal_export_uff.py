@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ema.io.uff_frf import SYNTHESISED
 from ema.io.uff_write import append_frfs
 from ema.io.uff_write_model import (
     ShapeDataset,
@@ -17,7 +18,7 @@ from ema.io.uff_write_model import (
     trace_lines_82,
     units_164,
 )
-from pipelines.modal_export import ModalExport
+from pipelines.modal_export import MEASURED, ModalExport
 from pipelines.versions import software_version
 
 
@@ -36,7 +37,7 @@ def write_uff(found: ModalExport, path: Path, *, binary: bool = True) -> None:
         file.write(trace_lines_82("ring" if geometry.is_closed else "line", geometry.path))
         for number in range(1, len(found.modes) + 1):
             file.write(shape_55(_shape(found, number)))
-        for kind, frf in (("measured", found.measured), ("synthesised", found.synthesised)):
+        for kind, frf in ((MEASURED, found.measured), (SYNTHESISED, found.synthesised)):
             if frf is not None:
                 append_frfs(
                     file,

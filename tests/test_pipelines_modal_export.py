@@ -186,6 +186,17 @@ def test_we_read_our_shapes(universal):
     np.testing.assert_allclose(found.frequency_hz, FREQUENCIES_HZ, rtol=1e-5)
 
 
+def test_synthesised_frfs_are_not_read_as_measurements(folder, universal, tmp_path):
+    found = ema.read_campaign(universal.path)
+    assert found.frf.n_positions == 72
+    np.testing.assert_allclose(found.frf.values, universal.export.measured.values)
+    assert any("72 FRFs synthesised" in each.detail for each in found.findings)
+    alone = export(folder, tmp_path / "alone.uff", frfs="synthesised")
+    found = ema.read_campaign(alone.path)
+    np.testing.assert_allclose(found.frf.values, alone.export.synthesised.values)
+    assert any("none is measured" in each.detail for each in found.findings)
+
+
 def test_a_force_between_sensors_gets_a_node_of_its_own():
     found = gather(tyre_result(excitation_deg=2.5))
     assert found.geometry.reference_node == 73

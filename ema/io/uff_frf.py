@@ -25,6 +25,21 @@ from ema.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOCITY
 
 _TIMES_J_OMEGA = {ACCELERATION: 0, VELOCITY: 1, DISPLACEMENT: 2}  # powers that make it inertance
 
+SYNTHESISED = "synthesised"  # begins the third ID line of FRFs that our export drew from modes
+
+
+def measured_only(path: Path, datasets: list[Dataset]) -> tuple[list[Dataset], tuple[Finding, ...]]:
+    """FRFs without those marked as synthesised, where others stand beside them; and what to say."""
+    others = [each for each in datasets if not _header(each).id_lines[2].startswith(SYNTHESISED)]
+    n_drawn = len(datasets) - len(others)
+    if not n_drawn:
+        return datasets, ()
+    if not others:
+        says = "all FRFs are synthesised from modes, none is measured"
+        return datasets, (remark(path, "", "content", says),)
+    says = f"{n_drawn} FRFs synthesised from modes, left out beside {len(others)} measured ones"
+    return others, (remark(path, "", "content", says),)
+
 
 def read_frf(
     path: Path, datasets: Sequence[Dataset], units: UnitSystem, angle_deg: Mapping[int, float]

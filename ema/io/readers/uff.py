@@ -14,7 +14,7 @@ from ema.io.content import FileContent, remark
 from ema.io.sampling import even_step, step_and_inverse
 from ema.io.uff58 import read_form, read_values
 from ema.io.uff58_header import FREQUENCY_RESPONSE, TIME_RESPONSE, Header58
-from ema.io.uff_frf import read_frf
+from ema.io.uff_frf import measured_only, read_frf
 from ema.io.uff_kinds import describe_left_out
 from ema.io.uff_scan import COPY_AGAIN, Dataset, place, scan
 from ema.io.uff_surroundings import Surroundings, read_surroundings
@@ -57,7 +57,8 @@ def _read(path: Path, read_samples: SampleReader) -> FileContent:
     functions = [each for each in datasets if each.header is not None]
     times = [each for each in functions if _function_type(each) == TIME_RESPONSE]
     responses = [each for each in functions if _function_type(each) == FREQUENCY_RESPONSE]
-    findings = _remarks(path, datasets, times, responses)
+    responses, drawn = measured_only(path, responses)
+    findings = _remarks(path, datasets, times, responses) + drawn
     if not times and not responses:
         return FileContent(path, findings=findings)
     in_use = {_header(each).response_node for each in (*times, *responses)}
