@@ -207,7 +207,10 @@ def require_free_file(target: Path, *, force: bool) -> None:
     InputError
         For a folder, an earlier file without `force`, and a folder above that is not there.
     """
-    rule, remedy = "it is replaced only where that is asked for", "Choose another name or --force"
+    rule, remedy = (
+        "it is replaced only where that is asked for",
+        "Choose another name, or replace it with --force",
+    )
     if target.is_dir():
         raise InputError(str(target), "a folder", "a file is to be written", "Name a file")
     if target.exists() and not force:

@@ -12,10 +12,11 @@ from ema._arrays import readonly
 from ema.errors import InputError
 from ema.io.radial_shapes import DIRECTIONS
 from ema.mac import mac
-from pipelines.shape_places import ANGLE, NODE, WAYS, Places, common_places
+from pipelines.shape_places import WAYS, Places, common_places
 from pipelines.shape_source import ShapeSource, of_result, read_source
 
 SAME, SIMILAR = 0.9, 0.6  # MAC from which shapes are called the same, or similar
+SAME_SHAPE, SIMILAR_SHAPE, NO_COUNTERPART = "same shape", "similar", "no counterpart"
 PAIR_PERCENT = 1.0  # modes whose frequencies are this close may be the two of a pair
 
 _FEWEST_PLACES = 3
@@ -75,7 +76,7 @@ class Match:
     def verdict(self) -> str:
         """What the larger MAC says."""
         best = max(self.mac, self.mac_pair)
-        return "same shape" if best >= SAME else "similar" if best >= SIMILAR else "no counterpart"
+        return SAME_SHAPE if best >= SAME else SIMILAR_SHAPE if best >= SIMILAR else NO_COUNTERPART
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,6 +230,3 @@ def _check(chosen: Alignment) -> None:
     if not 0 < chosen.tolerance_deg <= 180:
         found, rule = f"{chosen.tolerance_deg:g} degrees", "it must be above 0 and up to 180"
         raise InputError("--tolerance-deg", found, rule, "Write e.g. 2")
-
-
-__all__ = ["ANGLE", "NODE", "Alignment", "Match", "ShapeComparison", "compare_shapes"]

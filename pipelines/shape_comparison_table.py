@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pipelines.numbers import number, signed, value_with_std
-from pipelines.shape_comparison import Match, ShapeComparison
+from pipelines.numbers import DASH, number, signed, value_with_std
+from pipelines.shape_comparison import NO_COUNTERPART, Match, ShapeComparison
 from pipelines.tables import write_csv
 
 MATCH_HEAD = (
@@ -37,7 +37,7 @@ _COLUMNS = (
 
 
 def match_rows(found: ShapeComparison) -> list[tuple[str, ...]]:
-    """Best match of each mode, as printed."""
+    """Best match of each mode, as printed; dashes where the shapes have nothing in common."""
     return [
         (
             found.result.mode_name[match.mode],
@@ -46,16 +46,24 @@ def match_rows(found: ShapeComparison) -> list[tuple[str, ...]]:
                 float(found.result.frequency_std_hz[match.mode]),
                 5,
             ),
-            found.other.mode_name[match.other],
-            number(float(found.other.frequency_hz[match.other]), 5),
-            signed(match.difference_hz, 2),
-            signed(match.difference_percent, 2),
+            *_counterpart(found, match),
             f"{match.mac:.3f}",
             f"{match.mac_pair:.3f}",
             match.verdict,
         )
         for match in found.matches
     ]
+
+
+def _counterpart(found: ShapeComparison, match: Match) -> tuple[str, ...]:
+    if match.verdict == NO_COUNTERPART:
+        return (DASH,) * 4
+    return (
+        found.other.mode_name[match.other],
+        number(float(found.other.frequency_hz[match.other]), 5),
+        signed(match.difference_hz, 2),
+        signed(match.difference_percent, 2),
+    )
 
 
 def comparison_record(found: ShapeComparison) -> dict[str, Any]:

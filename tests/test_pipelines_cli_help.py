@@ -15,7 +15,7 @@ from pipelines.cli_values import choice, ring_parameters
 
 COMMANDS = (
     *("demo", "doctor", "inspect", "init", "process", "tune", "report", "compare"),
-    *("simulate", "paper", "batch", "tyre"),
+    *("export", "simulate", "paper", "batch", "tyre"),
 )
 
 

@@ -21,6 +21,7 @@ from pipelines.shape_comparison import (
     compare_sources,
     explained_share,
 )
+from pipelines.shape_comparison_table import match_rows
 from pipelines.shape_source import of_result, read_source
 from pipelines.store import save
 
@@ -272,6 +273,7 @@ def test_shapes_that_pyuff_wrote_are_read(folder, tmp_path):
     assert found.matches[1].mac == pytest.approx(1.0, abs=1e-9)
     assert found.matches[1].difference_hz == pytest.approx(101.0 - FREQUENCIES_HZ[1], abs=1e-3)
     assert found.matches[0].verdict == "no counterpart"
+    assert set(match_rows(found)[0][2:6]) == {"–"}
 
 
 def test_the_span_of_a_pair_explains_any_turn_of_it():

@@ -12,7 +12,7 @@ from pipelines.figures_labels import short
 from pipelines.report.blocks import Listing, Paragraph, Section, Table
 from pipelines.report.chart import Chart
 from pipelines.report.page import render_page
-from pipelines.shape_comparison import PAIR_PERCENT, SAME, SIMILAR, ShapeComparison
+from pipelines.shape_comparison import PAIR_PERCENT, SAME, SAME_SHAPE, SIMILAR, ShapeComparison
 from pipelines.shape_comparison_table import MATCH_HEAD, TEXTS, match_rows
 
 _MOST_SHOWN = 30  # more columns cannot be read
@@ -49,7 +49,7 @@ def sections(found: ShapeComparison) -> tuple[Section, ...]:
 
 def verdict(found: ShapeComparison) -> str:
     """How many modes have a counterpart, in a sentence."""
-    same = sum(match.verdict == "same shape" for match in found.matches)
+    same = sum(match.verdict == SAME_SHAPE for match in found.matches)
     return (
         f"{same} of {len(found.matches)} modes of {found.result.name} have the same shape as a "
         f"mode of {found.other.name}."
@@ -74,8 +74,8 @@ def _matrix(found: ShapeComparison) -> Chart:
         name="mac-shapes",
         titles=(short(names[0]), short(names[1])),
         alternative=f"MAC of the shapes of {names[0]} with {shown.size} of {names[1]}.",
-        caption="MAC of all shapes. A shape and its counterpart are close to 1 and stand alone in "
-        f"their row.{left_out}",
+        caption="MAC of all shapes. A shape and its counterpart are close to 1; where the other "
+        f"modes are a pair, the two share it.{left_out}",
     )
 
 
