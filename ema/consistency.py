@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference import circle_basis, label_modes, order_content
+from ema.circumference import circle_basis, label_modes
 from ema.frf import FRF
 from ema.modes import ModalModel, Mode
 from ema.quality import EXCLUDED, WARNING, Finding, position_finding
@@ -16,7 +16,7 @@ from ema.quality import EXCLUDED, WARNING, Finding, position_finding
 # Shapes of the ring's modes that the check rests on.
 _PURE = 0.5
 # Share of the positions that has to show a mode's order where its purity does not.
-_MAJORITY, _SHARE = 0.6, 0.05
+_MAJORITY = 0.6
 _FEWEST_MODES = 2
 # No shape of a single order exceeds its median magnitude by this factor.
 _LOUD = 2.0
@@ -174,12 +174,13 @@ def _trusted_order(mode: Mode, seen: Mode, position_deg: NDArray[np.float64]) ->
     """
     if seen.order_purity > _PURE:
         return seen.order
-    power = order_content(mode.residues, position_deg).power
-    # From low to high: signs that alternate from run to run turn order n into a high one.
-    for order in np.flatnonzero(power >= _SHARE * power.sum()):
-        if _followed(replace(mode, order=int(order)), position_deg) > _MAJORITY:
-            return int(order)
-    return None
+    # Orders too high to be resolved together with all others count too: order 7 shares half of the
+    # places of a 15° grid with order 5. Of equals the lowest, as signs that alternate from run to
+    # run turn order n into a high one.
+    orders = range((position_deg.size + 1) // 2)
+    share = [_followed(replace(mode, order=order), position_deg) for order in orders]
+    best = int(np.argmax(share))
+    return best if share[best] > _MAJORITY else None
 
 
 def _followed(mode: Mode, position_deg: NDArray[np.float64]) -> float:

@@ -141,6 +141,26 @@ def test_runs_with_a_reversed_force_are_turned(runs):
     np.testing.assert_allclose(corrected.values, FRF.values * gain[:, None])
 
 
+def test_an_order_beyond_a_gap_in_the_circle_blames_no_healthy_sensor():
+    # 15° apart, none from 180° to 210°: order 7 is not resolved there, and half looks like order 5.
+    nodes = np.setdiff1d(np.arange(0, 72, 3), [36, 39, 42])
+    flipped = np.isin(nodes, [18, 21, 24])
+    full = model_of(np.where(np.isin(np.arange(72), nodes[flipped]), -1.0, 1.0))
+    model = replace(
+        full,
+        modes=tuple(
+            replace(mode, residues=mode.residues[nodes], residues_std=mode.residues_std[nodes])
+            for mode in full.modes
+        ),
+        node=nodes,
+        position_deg=FULL_DEG[nodes],
+    )
+    corrected, findings = check_consistency(FRF.rows(nodes), model)
+    assert [finding.check for finding in findings] == ["flipped"] * 3
+    assert [finding.position_deg for finding in findings] == [90.0, 105.0, 120.0]
+    assert corrected.n_positions == nodes.size
+
+
 def test_a_single_mode_is_too_little_to_judge_by():
     assert check_consistency(FRF, model_of(gains(_5=-1), orders=[3])) == (FRF, [])
 
