@@ -16,6 +16,8 @@ DEFAULT_WINDOW = "hann"
 LONGEST_DEFAULT_BLOCK_S = 4.0
 # A short recording is still cut into this many lengths, so that coherence means something.
 FEWEST_DEFAULT_LENGTHS = 4
+# What repeats sooner is a tone or its harmonics: between its lines, 4 Hz apart, nothing is excited.
+SHORTEST_PERIOD_S = 0.25
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,8 @@ class BlockPlan:
         Number of blocks, the averages of one run.
     window : str
         Name of a scipy window.
+    period_samples : int
+        Samples after which the force repeats; 0 for one that does not.
     """
 
     sampling_rate_hz: float
@@ -40,11 +44,22 @@ class BlockPlan:
     step_samples: int
     n_blocks: int
     window: str
+    period_samples: int = 0
 
     @property
     def block_s(self) -> float:
         """Length of a block."""
         return self.block_samples / self.sampling_rate_hz
+
+    @property
+    def period_s(self) -> float:
+        """Time after which the force repeats; 0 for one that does not."""
+        return self.period_samples / self.sampling_rate_hz
+
+    @property
+    def is_one_period(self) -> bool:
+        """Whether every block is one period of the force: nothing leaks, every line is excited."""
+        return self.window == "boxcar" and self.block_samples == self.period_samples
 
     @property
     def overlap(self) -> float:
@@ -118,11 +133,13 @@ def plan_blocks(
     place: str,
     *,
     steady: bool = True,
+    period_samples: int = 0,
 ) -> BlockPlan:
     """Cut a recording into blocks as asked for, or as suits a tyre.
 
     By default Hann windows overlap by half over blocks of 4 s, or a quarter of a shorter
-    recording; a sweep, burst or impact stays one block without a window. The paper's setting is
+    recording; a sweep, burst or impact stays one block without a window, and a force that repeats
+    gets blocks of one period without a window. The paper's setting is
     ``averages=10, window="boxcar"``.
 
     Parameters
@@ -136,6 +153,8 @@ def plan_blocks(
         What to name in an error.
     steady : bool
         Whether the force looks alike all along the recording.
+    period_samples : int
+        Samples after which the force repeats; 0 for one that does not.
 
     Raises
     ------
@@ -143,13 +162,17 @@ def plan_blocks(
         If the blocks asked for do not fit the recording.
     """
     chosen = processing.averages is not None or processing.block_seconds is not None
-    whole = not (steady or chosen)
-    window = processing.window or ("boxcar" if whole else DEFAULT_WINDOW)
+    whole = not (steady or chosen or period_samples)
+    asked = round((processing.block_seconds or 0) * sampling_rate_hz)
+    one_period = period_samples > 0 and (not chosen or asked == period_samples)
+    window = processing.window or ("boxcar" if whole or one_period else DEFAULT_WINDOW)
     overlap = processing.overlap
     if overlap is None:
         overlap = 0.0 if window == "boxcar" else 0.5
     duration_s = n_samples / sampling_rate_hz
     block_s = _block_seconds(duration_s, processing, overlap, whole)
+    if period_samples and not chosen:
+        block_s = period_samples / sampling_rate_hz
     block = int(block_s * sampling_rate_hz * (1 + 1e-9))
     if not 8 <= block <= n_samples:
         raise InputError(
@@ -161,7 +184,7 @@ def plan_blocks(
     # Rounded down, so that the last of the averages asked for still fits.
     step = max(int(block * (1 - overlap) * (1 + 1e-9)), 1)
     n_blocks = 1 + (n_samples - block) // step
-    return BlockPlan(sampling_rate_hz, block, step, n_blocks, window)
+    return BlockPlan(sampling_rate_hz, block, step, n_blocks, window, period_samples)
 
 
 def _block_seconds(duration_s: float, processing: Processing, overlap: float, whole: bool) -> float:

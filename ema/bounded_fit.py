@@ -111,6 +111,8 @@ def without_leakage(
     """Fit again, for averaged blocks, with the bias of the window taken out of the FRFs."""
     if frf.blocks is None or frf.blocks.n_blocks < 2:
         return plain, []
+    if frf.blocks.is_one_period:
+        return plain, []
     cleared = plain
     for _ in range(_LEAKAGE_ROUNDS):
         bias = leakage_bias(

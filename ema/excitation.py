@@ -1,4 +1,4 @@
-"""What kind of force excites the structure: steady, so that blocks are alike, or an event."""
+"""What kind of force excites the structure: steady (blocks are alike), periodic, or an event."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ _BANDS = 16
 # Share of its mean by which the power in a band varies over the segments; a steady random force
 # stays below 0.5, sweeps, bursts and impacts are well above 1.
 _STEADY_VARIATION = 1.0
+# Correlation of the force with itself one period later; noise of 20 dB leaves 0.99.
+_REPEATS = 0.98
+# What the search for a period looks at; memory and time stay small.
+_SEARCHED_SAMPLES = 1 << 20
 
 
 def is_steady(force: Channel) -> bool:
@@ -39,6 +43,50 @@ def is_steady(force: Channel) -> bool:
     excited = weight > 1e-3 * weight.max()
     variation = power[:, excited].std(axis=0) / weight[excited]
     return bool(np.median(variation) < _STEADY_VARIATION)
+
+
+def period_samples(force: Channel, shortest: int) -> int:
+    """Samples after which the force repeats, as repeated sweeps and pseudo-random noise do; or 0.
+
+    Parameters
+    ----------
+    force : Channel
+    shortest : int
+        Fewest samples that count as a period: what repeats sooner is a tone.
+    """
+    samples = force.block(0, min(force.n_samples, _SEARCHED_SAMPLES))
+    if not np.all(np.isfinite(samples)):
+        return 0
+    alike = _self_correlation(samples - samples.mean())
+    apart = np.flatnonzero(alike < 0.5)
+    if not apart.size:
+        return 0
+    first = max(int(apart[0]), shortest)
+    again = first + np.flatnonzero(alike[first:] > _REPEATS)
+    if not again.size:
+        return 0
+    peak = again[np.cumsum(np.diff(again, prepend=again[0] - 1) > 1) == 0]
+    return int(peak[np.argmax(alike[peak])])
+
+
+def repeats_after(force: Channel, period: int) -> bool:
+    """Whether the force repeats after this many samples."""
+    samples = force.block(0, min(force.n_samples, _SEARCHED_SAMPLES))
+    if samples.size < 2 * period or not np.all(np.isfinite(samples)):
+        return False
+    samples = samples - samples.mean()
+    early, late = samples[:-period], samples[period:]
+    return bool(early @ late > _REPEATS * np.linalg.norm(early) * np.linalg.norm(late))
+
+
+def _self_correlation(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Correlation coefficient of a signal with itself, by lag up to half its length."""
+    n = samples.size
+    lags = np.arange(n // 2 + 1)
+    product = np.fft.irfft(np.abs(np.fft.rfft(samples, 2 * n)) ** 2)[lags]
+    energy = np.append(0.0, np.cumsum(samples**2))
+    size = np.sqrt(energy[n - lags] * (energy[n] - energy[lags]))
+    return np.asarray(np.divide(product, size, out=np.zeros(lags.size), where=size > 0))
 
 
 def _band_power(samples: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from ema import _show
 from ema._arrays import readonly
-from ema.blocks import BlockPlan, plan_blocks
+from ema.blocks import SHORTEST_PERIOD_S, BlockPlan, plan_blocks
 from ema.errors import InputError
-from ema.excitation import is_steady
+from ema.excitation import is_steady, period_samples, repeats_after
 from ema.recording import Campaign, Processing, Run
 from ema.spectra import Spectra, disagreement, measure_spectra, pooled
 from ema.threads import available_threads
@@ -196,7 +196,14 @@ def _common_plan(runs: Sequence[Run], processing: Processing) -> BlockPlan:
         processing,
         shortest.name,
         steady=is_steady(shortest.force),
+        period_samples=_common_period(runs, shortest, rate),
     )
+
+
+def _common_period(runs: Sequence[Run], shortest: Run, rate_hz: float) -> int:
+    """Samples after which the force of every run repeats; 0 where one of them does not."""
+    period = period_samples(shortest.force, round(SHORTEST_PERIOD_S * rate_hz))
+    return period if period and all(repeats_after(run.force, period) for run in runs) else 0
 
 
 def _run_spectra(run: Run, plan: BlockPlan) -> Spectra:

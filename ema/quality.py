@@ -159,8 +159,28 @@ def averages_finding(frf: FRF) -> list[Finding]:
     """Remark that a single average has no error estimate; nothing for several averages."""
     if not frf.n_effective <= 1:
         return []
-    detail = "a single average: coherence is 1 whatever the noise, and no error can be estimated"
+    detail = (
+        "a single average: coherence is 1 whatever the noise, and says nothing; ± follows from "
+        "what the curve fit leaves over. Record the sweep, burst or impact several times"
+    )
     return [Finding("", "", None, "averages", WARNING, detail)]
+
+
+def period_finding(frf: FRF) -> list[Finding]:
+    """Say whether blocks suit a force that repeats; nothing for one that does not."""
+    plan = frf.blocks
+    if plan is None or not plan.period_samples:
+        return []
+    found = f"the force repeats every {plan.period_s:g} s"
+    if plan.is_one_period:
+        detail = f"{found}; every block is one period, so that nothing leaks"
+        return [Finding("", "force", None, "period", OK, detail)]
+    detail = (
+        f"{found}, but blocks of {plan.block_s:g} s with a {plan.window} window are not one "
+        "period: damping ratios may be wrong by some percent. Leave averages, block length and "
+        "window to the program"
+    )
+    return [Finding("", "force", None, "period", WARNING, detail)]
 
 
 def coherent_band(frf: FRF) -> tuple[float, float]:

@@ -23,6 +23,7 @@ from ema.quality import (
     coherence_findings,
     coherent_band,
     drift_findings,
+    period_finding,
     reference_finding,
 )
 from ema.recording import Campaign, Tyre
@@ -123,6 +124,7 @@ def _measured(
         findings=(
             *campaign.findings,
             *averages_finding(estimated),
+            *period_finding(estimated),
             *coherence_findings(estimated, band_hz),
             *found.findings,
             *([reference_finding(reference)] if reference else []),

@@ -13,9 +13,15 @@ from ema.recording import Processing
 RATE_HZ = 2000.0
 
 
-def plan(duration_s=20.0, *, steady=True, **processing):
-    n_samples = round(duration_s * RATE_HZ)
-    return plan_blocks(n_samples, RATE_HZ, Processing(**processing), "run_1.uff", steady=steady)
+def plan(duration_s=20.0, *, steady=True, period_samples=0, **processing):
+    return plan_blocks(
+        round(duration_s * RATE_HZ),
+        RATE_HZ,
+        Processing(**processing),
+        "run_1.uff",
+        steady=steady,
+        period_samples=period_samples,
+    )
 
 
 def test_a_tyre_gets_four_second_hann_blocks_overlapping_by_half():
@@ -39,6 +45,23 @@ def test_an_event_stays_one_block_without_window():
     event = plan(2, steady=False)
     assert (event.block_s, event.n_blocks, event.window) == (2.0, 1, "boxcar")
     assert plan(2, steady=False, block_seconds=0.5).n_blocks > 1
+
+
+@pytest.mark.parametrize("steady", [True, False])
+@pytest.mark.parametrize("asked", [{}, {"block_seconds": 2.5}], ids=["default", "the same asked"])
+def test_a_force_that_repeats_gets_blocks_of_one_period(steady, asked):
+    repeated = plan(20, steady=steady, period_samples=5000, **asked)
+    assert (repeated.block_s, repeated.n_blocks, repeated.window) == (2.5, 8, "boxcar")
+    assert repeated.is_one_period
+
+
+@pytest.mark.parametrize("asked", [{"window": "hann"}, {"block_seconds": 5.0}, {"averages": 4}])
+def test_other_blocks_stay_as_asked_for_and_are_not_one_period(asked):
+    chosen = plan(20, period_samples=5000, **asked)
+    assert chosen.window == "hann"
+    assert not chosen.is_one_period
+    assert chosen.period_s == 2.5
+    assert not plan(20).is_one_period
 
 
 def test_lines_leave_out_zero_and_nyquist():

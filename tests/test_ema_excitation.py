@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import butter, chirp, sosfilt
 
-from ema.excitation import is_steady
+from ema.excitation import is_steady, period_samples, repeats_after
 from ema.recording import FORCE, Channel
 
 RATE_HZ, DURATION_S = 2000.0, 20.0
@@ -62,3 +62,39 @@ def test_white_noise_of_any_length_is_steady(seed, n_samples):
 @pytest.mark.parametrize("force", [np.zeros(40_000), np.full(40_000, 50.0), noise()[:200]])
 def test_what_cannot_be_judged_counts_as_steady(force):
     assert steady(force)
+
+
+SHORTEST = round(0.25 * RATE_HZ)
+
+
+def load_cell(samples):
+    return Channel("force", FORCE, "N", samples)
+
+
+def sweep(n_samples):
+    return chirp(np.arange(n_samples) / RATE_HZ, 15, n_samples / RATE_HZ, 400)
+
+
+@pytest.mark.parametrize("period", [1000, 8001, 20_000])
+@pytest.mark.parametrize("one", [noise, sweep], ids=["pseudo-random", "sweep"])
+def test_what_repeats_has_its_period(one, period):
+    force = load_cell(50 + np.resize(one(period) if one is sweep else noise()[:period], 40_000))
+    noisy = load_cell(force.samples + 0.05 * noise(1))
+    assert period_samples(noisy, SHORTEST) == period
+    assert repeats_after(noisy, period)
+    assert not repeats_after(noisy, period + 7)
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        pytest.param(noise(), id="white"),
+        pytest.param(shaker_noise(), id="band-limited"),
+        pytest.param(sweep(40_000), id="one sweep"),
+        pytest.param(np.resize(noise()[:25_000], 40_000), id="less than two periods"),
+        pytest.param(np.ones(40_000), id="constant"),
+        pytest.param(np.where(np.arange(40_000) == 5, np.nan, np.resize(noise()[:2000], 40_000))),
+    ],
+)
+def test_what_does_not_repeat_has_none(force):
+    assert period_samples(load_cell(force), SHORTEST) == 0

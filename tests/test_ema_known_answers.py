@@ -6,6 +6,7 @@ import systems
 
 from ema.curve_fit import fit_modes
 from ema.frf import estimate_frf
+from ema.quality import OK, WARNING, period_finding
 from ema.stability import build_stability, select_poles
 
 LUMPED = [
@@ -138,3 +139,32 @@ def test_recordings_of_known_noise_err_within_their_error_bars(measured):
     ]
     assert np.max(np.abs([frequency_z, damping_z])) < 4
     assert 0.3 < np.std([frequency_z, damping_z]) < 2  # 14 values: neither far off nor too good
+
+
+@pytest.fixture(scope="module")
+def swept():
+    """A sweep of 4 s, ten times on end: no two blocks of another length hold the same."""
+    rate_hz, position_deg = 1000.0, np.arange(12) * 30.0
+    times_s = np.arange(4000) / rate_hz
+    force = np.tile(np.sin(2 * np.pi * (15 * times_s + 35 * times_s**2)), 10)
+    clean = systems.responses_to(
+        force, rate_hz, systems.table_3_poles(), systems.tyre_residues(position_deg)
+    )
+    responses = clean + 0.02 * clean.std() * systems.white(force.size, seed=7, n_rows=12)
+    return systems.run_of(force, responses, rate_hz, position_deg=position_deg)
+
+
+def test_a_repeated_sweep_gives_damping_without_bias(swept):
+    frf = estimate_frf(systems.campaign_of(swept))
+    assert frf.blocks.is_one_period
+    model = fit_modes(frf, select_poles(build_stability(frf, (20, 260))))
+    np.testing.assert_allclose(model.frequencies_hz[INSIDE], systems.TABLE_3_HZ, rtol=2e-4)
+    np.testing.assert_allclose(model.damping_ratios[INSIDE], systems.TABLE_3_DAMPING, rtol=2e-3)
+    assert [finding.verdict for finding in period_finding(frf)] == [OK]
+
+
+def test_a_repeated_sweep_in_other_blocks_is_a_warning(swept):
+    frf = estimate_frf(systems.campaign_of(swept, window="hann"))
+    (finding,) = period_finding(frf)
+    assert finding.verdict == WARNING
+    assert "the force repeats every 4 s, but blocks of 4 s with a hann window" in finding.detail
