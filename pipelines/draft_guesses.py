@@ -18,7 +18,9 @@ from ema.recording import ACCELERATION, FORCE, UNKNOWN, VOLTAGE, Channel
 GEOMETRY, NODES, NAMES = "the file's geometry", "the node numbers", "the channels' names"
 
 _FORCE_NAME = re.compile(r"force|kraft|load.?cell|hammer|impedance|^f[0-9xyz]?$", re.IGNORECASE)
-_REFERENCE_NAME = re.compile(r"(^|[^a-z])ref($|[^a-z]|erence|erenz)", re.IGNORECASE)
+_REFERENCE_NAME = re.compile(
+    r"((^|[^a-zA-Z])(?i:ref)|[a-z]R(ef|EF))($|[^a-zA-Z]|(?i:erence|erenz))"
+)
 _DEGREES = re.compile(r"(?<![0-9.,])([0-9]{1,3}(?:[.,][0-9]+)?)[ _]?(?:°|deg|grad)", re.IGNORECASE)
 _NUMBER = re.compile(
     r"^(?:p|pos|position|point|pt|punkt|n|node)[ _.-]*([0-9]{1,4})[ _:.-]*[+-]?[xyz]?$",
@@ -41,12 +43,15 @@ class Source:
     sampling_rate_hz : float
         NaN for FRFs, and where the file does not say.
     has_frfs : bool
+    force_node : int or None
+        Node of the force of the FRFs, where the file numbers it.
     """
 
     path: Path
     channels: tuple[Channel, ...]
     sampling_rate_hz: float
     has_frfs: bool
+    force_node: int | None = None
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,8 @@ def sources_of(content: FileContent) -> list[Source]:
             )
             for name, node, angle in rows
         )
-        found.append(Source(content.path, channels, float("nan"), True))
+        nan = float("nan")
+        found.append(Source(content.path, channels, nan, True, content.frf_force_node))
     return found
 
 
@@ -137,7 +143,7 @@ def excitation_deg(sources: Sequence[Source], places: Places) -> float | None:
     """Angle of the force, where geometry or its node number tells."""
     forces = [c for source in sources for c in source.channels if c.name in forces_in(source)]
     angles = {channel.angle_deg for channel in forces}
-    nodes = {channel.node for channel in forces}
+    nodes = {c.node for c in forces} | {s.force_node for s in sources if s.has_frfs}
     if len(angles) == 1 and None not in angles:
         return angles.pop()
     if places.positions is None or places.known_from != NODES or len(nodes) != 1:

@@ -3,17 +3,20 @@
 import re
 import shutil
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import systems
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ema
 from ema.errors import InputError
 from ema.io.manifest import read_manifest
+from ema.io.uff_write import write_frfs
 from pipelines.draft import draft_manifest, write_draft
 from pipelines.options import Options
 from pipelines.process import process
@@ -276,6 +279,27 @@ def test_frfs_of_a_structure_can_be_processed_as_drafted(tmp_path):
     assert draft.missing == ()
     assert set(content) == {"schema", "runs"}
     assert list(ema.read_campaign(tmp_path).frf.node) == list(range(1, 11))
+
+
+@pytest.mark.parametrize(("force_node", "angle"), [(1, 10.0), (36, 0.0), (0, 0.0)])
+def test_frfs_say_at_which_node_the_force_acts(tmp_path, force_node, angle):
+    frf = systems.tyre_frf(positions=36)
+    counted_from_1 = replace(frf, node=np.arange(1, 37))
+    write_frfs(tmp_path / "frf.uff", counted_from_1, reference_node=force_node)
+    draft, content = drafted(tmp_path)
+    assert content["grid"]["positions"] == 36
+    assert content["excitation"]["position_deg"] == angle
+    assert ("# assumed" in draft.text) == (force_node == 0)
+
+
+@pytest.mark.parametrize("name", ["REF", "aRef", "acc_ref", "accREF", "Referenz", "aReferenz"])
+def test_the_fixed_sensor_is_known_by_its_name(tmp_path, name):
+    for run in (1, 2):
+        (tmp_path / f"run_{run}.csv").write_text(
+            f"time [s];force [N];a1 [m/s^2];{name} [m/s^2]\n"
+            + "".join(f"{k / 1000};{k * run % 7};{k % 5};{k % 3}\n" for k in range(64))
+        )
+    assert f'reference = "{name}"' in drafted(tmp_path)[0].text
 
 
 def test_frfs_beside_time_series_stay_out(bare):

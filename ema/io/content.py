@@ -24,6 +24,8 @@ class FileContent:
         Its FRFs, as inertance.
     frf_names : tuple of str
         Names of the FRFs, as those of channels.
+    frf_force_node : int or None
+        Node of the force of the FRFs, where the file numbers it.
     findings : tuple of Finding
         What was assumed, converted or left out.
     """
@@ -32,6 +34,7 @@ class FileContent:
     recording: Recording | None = None
     frf: FRF | None = None
     frf_names: tuple[str, ...] = ()
+    frf_force_node: int | None = None
     findings: tuple[Finding, ...] = ()
 
 

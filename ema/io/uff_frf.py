@@ -86,6 +86,15 @@ def read_frf(
     return frf, tuple(findings)
 
 
+def driven_node(datasets: Sequence[Dataset]) -> int | None:
+    """Node of the end that all FRFs share: the force, or by reciprocity the response; or None."""
+    headers = [_header(each) for each in datasets]
+    for ends in ({h.reference_node for h in headers}, {h.response_node for h in headers}):
+        if len(ends) == 1:
+            return ends.pop() or None
+    return None
+
+
 def _header(dataset: Dataset) -> Header58:
     assert dataset.header is not None
     return dataset.header

@@ -14,7 +14,7 @@ from ema.io.content import FileContent, remark
 from ema.io.sampling import even_step, step_and_inverse
 from ema.io.uff58 import read_form, read_values
 from ema.io.uff58_header import FREQUENCY_RESPONSE, TIME_RESPONSE, Header58
-from ema.io.uff_frf import measured_only, read_frf
+from ema.io.uff_frf import driven_node, measured_only, read_frf
 from ema.io.uff_kinds import describe_left_out
 from ema.io.uff_scan import COPY_AGAIN, Dataset, place, scan
 from ema.io.uff_surroundings import Surroundings, read_surroundings
@@ -71,7 +71,7 @@ def _read(path: Path, read_samples: SampleReader) -> FileContent:
         frf, noticed = read_frf(path, responses, around.units, around.angle_deg)
         findings += noticed
     names = tuple(_channel_name(_header(each), row) for row, each in enumerate(responses, 1))
-    return FileContent(path, recording, frf, names, findings)
+    return FileContent(path, recording, frf, names, driven_node(responses), findings)
 
 
 def _header(dataset: Dataset) -> Header58:
