@@ -87,9 +87,18 @@ class LinearFit:
         residual_changes : ndarray, shape (n_data, n_causes)
             Change of each residual by each cause.
         """
-        gain = np.linalg.pinv(self._scaled_slope(), rcond=_RANK) * self._scale()[:, None]
-        moved = gain @ residual_changes
+        moved = self.moved(residual_changes)
         return np.asarray(moved @ moved.T)
+
+    def moved(self, residual_changes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Change of the parameters, row by row, that answers changes of the residuals.
+
+        Parameters
+        ----------
+        residual_changes : ndarray, shape (n_data,) or (n_data, n_causes)
+        """
+        gain = np.linalg.pinv(self._scaled_slope(), rcond=_RANK) * self._scale()[:, None]
+        return np.asarray(-gain @ residual_changes)
 
     def _scale(self) -> NDArray[np.float64]:
         return np.where(self.values > 0, self.values, 1.0)
@@ -150,16 +159,16 @@ def error_level(
     if spare <= 0 and given is None:
         return np.full(residual.size, np.nan), (
             "No standard deviations: as many data as parameters leave no misfit to judge by, and "
-            "none were given with the data."
+            "the measured values came without any."
         )
     if spare <= 0 and given is not None:
-        return np.array(given), "Standard deviations follow from those given with the data."
+        return np.array(given), "Standard deviations follow from those of the measured values."
     implied = np.sqrt(np.sum(residual**2) / spare) / np.abs(fit.data_slope)
     if given is not None and np.all(given >= implied):
-        return np.array(given), "Standard deviations follow from those given with the data."
+        return np.array(given), "Standard deviations follow from those of the measured values."
     level = f"the model's misfit ({100.0 * np.median(implied):.2g} %)"
     if given is None:
         return np.asarray(implied), f"Standard deviations follow from {level}."
     return np.maximum(given, implied), (
-        f"Standard deviations follow from {level}, where it exceeds those given with the data."
+        f"Standard deviations follow from {level}, where it exceeds those of the measured values."
     )

@@ -29,6 +29,8 @@ from model.tuning_result import TuningResult
 from model.tuning_search import Search, plan_search
 
 _NOMINAL = 0.005  # relative frequency error that judges identifiability where none is known
+_MORE_GROWTH = 0.1  # share of the assumed one: shows how much hangs on it
+_SMALL = 1e-3  # share of the growth over which that is linear
 
 
 def tune_ring(
@@ -113,7 +115,8 @@ def tune_ring(
         search = plan_search(problem)
         values, found = search.run()
     ring = search.ring(values)
-    how, std, relations, relative, source = _judge(search, values, relative_given)
+    fit = _linear_fit(search, values)
+    how, std, relations, relative, source = _judge(search, fit, ring, relative_given)
     return TuningResult(
         ring=ring,
         std=std,
@@ -125,7 +128,7 @@ def tune_ring(
         correlation=relations,
         sensitivity=frequency_sensitivity(ring, numbers, pressure_load=pressure_load),
         objective=objective,
-        notes=(*_remarks(search, how), source, found),
+        notes=(*_remarks(search, fit, ring, how), source, found),
     )
 
 
@@ -144,15 +147,22 @@ def _checked(
     return numbers, measured, deviations / measured
 
 
-def _judge(
-    search: Search, values: NDArray[np.float64], relative_given: NDArray[np.float64] | None
-) -> tuple[dict[str, str], dict[str, float], Correlation, NDArray[np.float64], str]:
-    """How each parameter was obtained, with standard deviations and correlations."""
-    problem, ring = search.problem, search.ring(values)
+def _linear_fit(search: Search, values: NDArray[np.float64]) -> LinearFit:
+    """The tuning, linearised at its solution; parameters on a bound stay there."""
     inner = ~search.at_bound(values)
     names = tuple(name for name, kept in zip(search.free, inner, strict=True) if kept)
     slope = search.residual_slope(values)[:, inner]
-    fit = LinearFit(names, values[inner], slope, problem.data_slope(ring))
+    return LinearFit(names, values[inner], slope, search.problem.data_slope(search.ring(values)))
+
+
+def _judge(
+    search: Search,
+    fit: LinearFit,
+    ring: RingParameters,
+    relative_given: NDArray[np.float64] | None,
+) -> tuple[dict[str, str], dict[str, float], Correlation, NDArray[np.float64], str]:
+    """How each parameter was obtained, with standard deviations and correlations."""
+    problem = search.problem
     relative, source = error_level(fit, problem.residual(ring), relative_given)
     covariance = fit.covariance(np.where(np.isfinite(relative), relative, _NOMINAL))
     if search.assumed:
@@ -164,7 +174,7 @@ def _judge(
     for name in PARAMETERS:
         how[name] = found.get(name) or _obtained(search, name)
     known = std if np.all(np.isfinite(relative)) else {}
-    return how, known, correlation(names, covariance), relative, source
+    return how, known, correlation(fit.names, covariance), relative, source
 
 
 def _assumption_slope(search: Search, ring: RingParameters) -> NDArray[np.float64]:
@@ -193,14 +203,17 @@ def _obtained(search: Search, name: str) -> str:
     return IDENTIFIED if by_growth else NOT_IDENTIFIED
 
 
-def _remarks(search: Search, how: dict[str, str]) -> list[str]:
+def _remarks(
+    search: Search, fit: LinearFit, ring: RingParameters, how: dict[str, str]
+) -> list[str]:
     """Sentences on what the frequencies do not tell."""
     problem = search.problem
     remarks = []
-    if how[AXIAL] == NOT_IDENTIFIED:
+    if how[AXIAL] == NOT_IDENTIFIED and AXIAL not in search.free:
         remarks.append(
             "These frequencies do not determine the axial stiffness K: it follows by eq 16 from an "
-            f"assumed radial growth of {1e3 * problem.growth_m:.2f} mm on inflation. Give K, the "
+            f"assumed radial growth of {1e3 * problem.growth_m:.2f} mm on inflation"
+            f"{_influence_of_growth(search, fit, ring)}. Give K (axial_stiffness_n_m), the "
             "measured growth or the breathing frequency to determine it."
         )
     for name, value in search.assumed.items():
@@ -220,6 +233,24 @@ def _remarks(search: Search, how: dict[str, str]) -> list[str]:
                 "hold with it fixed there."
             )
     return remarks
+
+
+def _influence_of_growth(search: Search, fit: LinearFit, ring: RingParameters) -> str:
+    """How far the fitted parameters hang on the growth that was assumed."""
+    if not fit.names:
+        return ""
+    problem = search.problem
+    larger = replace(problem, radial_growth_m=(1 + _SMALL) * problem.growth_m)
+    stiffness = larger.axial_stiffness_n_m(ring.radial_stiffness_n_m3)
+    elsewhere = replace(ring, axial_stiffness_n_m=stiffness)
+    moved = fit.moved(problem.residual(elsewhere) - problem.residual(ring))
+    share = moved / fit.values * (_MORE_GROWTH / _SMALL)
+    listed = ", ".join(
+        f"{RING_NAMES[name][1]} by {100 * part:+.2f} %".replace("-", "−")
+        for name, part in zip(fit.names, share, strict=True)
+    )
+    more = f"{100 * _MORE_GROWTH:.0f} % more growth would change"
+    return f", and every ± holds for that; {more} {listed}"
 
 
 def _title(name: str) -> str:

@@ -99,7 +99,7 @@ class Search:
         for bound in (self.lower, self.upper):
             values = np.where(self._near(values, bound), bound, values)
         agreeing = int(np.sum(cost <= 1.01 * cost.min() + 1e-12 * self._size() ** 2))
-        return values, f"{agreeing} of {len(starts)} starting points reached this solution."
+        return values, f"{agreeing} of {len(starts)} starting points led to this solution."
 
     def _descend(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
         size = self._size()

@@ -1,5 +1,6 @@
 """Tuning on the paper's frequencies, and on rings whose parameters are known."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -124,6 +125,18 @@ def test_without_either_the_axial_stiffness_is_a_placeholder():
     assert result.how["axial_stiffness_n_m"] == "not identified"
     assert "axial_stiffness_n_m" not in result.std
     assert any("do not determine the axial stiffness" in note for note in result.notes)
+
+
+def test_the_remark_on_the_axial_stiffness_says_what_hangs_on_it():
+    assumed = tune_ring(ORDERS, MEASURED, **TYRE)
+    growth = float(equilibrium(assumed.ring).radial_displacement_m)
+    grown = tune_ring(ORDERS, MEASURED, radial_growth_m=1.1 * growth, **TYRE)
+    (note,) = (note for note in assumed.notes if "axial stiffness" in note)
+    shifts = re.findall(r"(\S+) by ([+−][0-9.]+) %", note)
+    said = {symbol: float(text.replace("−", "-")) for symbol, text in shifts}
+    for symbol, name in (("ρh", "mass_per_area_kg_m2"), ("k_r", "radial_stiffness_n_m3")):
+        change = 100 * (getattr(grown.ring, name) / getattr(assumed.ring, name) - 1)
+        assert said[symbol] == pytest.approx(change, rel=0.15)
 
 
 @pytest.mark.parametrize("pressure", [1e5, 2.5e5, 9e5])
