@@ -19,7 +19,6 @@ import ema
 from ema.errors import InputError
 from ema.io.uff_write_model import trace_lines_82
 from ema.mac import mac
-from pipelines import cli
 from pipelines.modal_export import FORMATS, export, gather
 from pipelines.modal_export_geometry import geometry_of
 from pipelines.store import save
@@ -38,18 +37,6 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def universal(folder):
     return export(folder, folder.with_name("tyre_7.uff"))
-
-
-@pytest.fixture
-def command(monkeypatch, capsys):
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["ringmodal", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        said = capsys.readouterr()
-        return int(ended.value.code or 0), said.out, said.err
-
-    return run
 
 
 def sets_of(path, number):
@@ -320,28 +307,28 @@ def test_tables_do_not_replace_a_result(folder, tmp_path):
     ],
 )
 def test_bad_choices_end_with_2_and_the_nearest_good_one(
-    command, folder, tmp_path, monkeypatch, words, says
+    ringmodal, folder, tmp_path, monkeypatch, words, says
 ):
     monkeypatch.chdir(tmp_path)
-    code, _, complaint = command("export", folder, *words)
+    code, _, complaint = ringmodal("export", folder, *words)
     assert code == 2
     assert says in complaint
     assert not any(tmp_path.iterdir())
 
 
-def test_no_result_is_bad_input(command, tmp_path):
-    code, _, complaint = command("export", tmp_path)
+def test_no_result_is_bad_input(ringmodal, tmp_path):
+    code, _, complaint = ringmodal("export", tmp_path)
     assert code == 2
     assert "it must be a result folder" in complaint
 
 
-def test_the_command_says_what_it_wrote(command, folder, tmp_path, monkeypatch):
+def test_the_command_says_what_it_wrote(ringmodal, folder, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code, said, _ = command("export", folder, "--real")
+    code, said, _ = ringmodal("export", folder, "--real")
     assert code == 0
     assert "7 real shapes at 72 nodes, 72 measured and 72 synthesised FRFs" in said
     assert "Written: tyre_7.uff" in said
-    code, said, _ = command("export", folder, "--format", "csv", "--frfs", "none", "--json")
+    code, said, _ = ringmodal("export", folder, "--format", "csv", "--frfs", "none", "--json")
     told = json.loads(said)
     assert (code, told["path"], told["modes"], told["frfs_measured"]) == (0, "tyre_7_csv", 7, 0)
     assert (tmp_path / "tyre_7_csv" / "modes.csv").is_file()

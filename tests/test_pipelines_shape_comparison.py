@@ -2,7 +2,6 @@
 
 import csv
 import json
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,6 @@ from results import FREQUENCIES_HZ, structure_result, tyre_result
 
 from ema.errors import InputError
 from ema.io.uff_write_model import ShapeDataset, nodes_2411, shape_55
-from pipelines import cli
 from pipelines.modal_export import export
 from pipelines.report.shape_comparison import sections
 from pipelines.shape_comparison import (
@@ -41,18 +39,6 @@ def plate(tmp_path_factory):
     folder = tmp_path_factory.mktemp("shapes") / "plate"
     save(structure_result(), folder, report=False)
     return folder
-
-
-@pytest.fixture
-def command(monkeypatch, capsys):
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["ringmodal", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        said = capsys.readouterr()
-        return int(ended.value.code or 0), said.out, said.err
-
-    return run
 
 
 def tyre_model(path, *, axes=(0, 2), turned_deg=0.0, sense=1, step_deg=3.0, millimetre=False):
@@ -313,10 +299,10 @@ def test_tables_that_are_none_are_refused(tmp_path, text, says):
     ],
 )
 def test_bad_choices_end_with_2_and_the_nearest_good_one(
-    command, folder, tmp_path, monkeypatch, words, says
+    ringmodal, folder, tmp_path, monkeypatch, words, says
 ):
     monkeypatch.chdir(tmp_path)
-    code, _, complaint = command(
+    code, _, complaint = ringmodal(
         "compare-shapes", folder, *[folder if word == "RESULT" else word for word in words]
     )
     assert code == 2
@@ -324,25 +310,25 @@ def test_bad_choices_end_with_2_and_the_nearest_good_one(
     assert not any(tmp_path.iterdir())
 
 
-def test_the_command_shows_table_and_notes(command, folder, tmp_path):
+def test_the_command_shows_table_and_notes(ringmodal, folder, tmp_path):
     model = tyre_model(tmp_path / "model.unv")
-    code, said, _ = command("compare-shapes", folder, model)
+    code, said, _ = ringmodal("compare-shapes", folder, model)
     assert code == 0
     assert said.count("same shape") == 7
     assert "Note: model.unv: axle along y" in said
     assert "mm off the measured circle" not in said
-    code, said, _ = command("compare-shapes", folder, model, "--json")
+    code, said, _ = ringmodal("compare-shapes", folder, model, "--json")
     told = json.loads(said)
     assert np.shape(told["mac"]) == (7, 14)
     assert told["modes"][2]["verdict"] == "same shape"
 
 
-def test_table_and_page_are_written(command, folder, tmp_path):
+def test_table_and_page_are_written(ringmodal, folder, tmp_path):
     model = tyre_model(tmp_path / "model.unv")
     table, page = tmp_path / "shapes.csv", tmp_path / "shapes.html"
     for place in (table, page):
-        assert command("compare-shapes", folder, model, "--out", place)[0] == 0
-        code, _, complaint = command("compare-shapes", folder, model, "--out", place)
+        assert ringmodal("compare-shapes", folder, model, "--out", place)[0] == 0
+        code, _, complaint = ringmodal("compare-shapes", folder, model, "--out", place)
         assert code == 2
         assert "--force" in complaint
     with table.open(newline="") as file:
