@@ -213,7 +213,9 @@ def resolve(manifest: Path, file: str) -> Path:
     folder = manifest.parent.resolve()
     try:
         target = _as_stored(folder / file).resolve()
-        inside = not _starts_elsewhere(file) and target.is_relative_to(folder)
+        # From Python 3.13 on a loop of links is handed back as it is.
+        is_loop = any(part.is_symlink() for part in (target, *target.parents))
+        inside = not (_starts_elsewhere(file) or is_loop) and target.is_relative_to(folder)
     except (OSError, ValueError, RuntimeError):  # a NUL in the name, a loop of links
         inside = False
     if not inside:
