@@ -8,10 +8,11 @@ import numpy as np
 
 from ema.frf import FRF
 from ema.quality import Finding
-from pipelines.charts_basis import FREQUENCY, axis, log_axis, printed
+from pipelines.charts_basis import printed
+from pipelines.charts_frf import frf_axes, magnitude_and_phase
 from pipelines.figures_labels import place_name
-from pipelines.figures_values import in_band, wrapped_phase_deg
-from pipelines.report.chart import MEASURED, Chart, packed
+from pipelines.figures_values import in_band
+from pipelines.report.chart import MEASURED, Chart
 
 FARTHEST_DEG = 5.0  # a sensor that far from the force still stands for the place of the force
 CLEAR = 2.0  # standard deviations below zero that are not noise
@@ -79,24 +80,8 @@ def drive_point_chart(
 
 def _traces(frf: FRF, row: int, band_hz: tuple[float, float]) -> tuple[dict[str, Any], ...]:
     lines = in_band(frf.frequency_hz, band_hz)
-    values = frf.values[row, lines]
-    common = {
-        "type": "scatter",
-        "mode": "lines",
-        "x": packed(frf.frequency_hz[lines]),
-        "line": {"color": MEASURED, "width": 1.3},
-        "showlegend": False,
-    }
-    magnitude = {
-        "y": packed(np.abs(values)),
-        "hovertemplate": "%{x:.2f} Hz<br>%{y:.3g} (m/s²)/N<extra></extra>",
-    }
-    phase = {
-        "yaxis": "y2",
-        "y": packed(wrapped_phase_deg(values)),
-        "hovertemplate": "%{x:.2f} Hz<br>phase %{y:.0f}°<extra></extra>",
-    }
-    return common | magnitude, common | phase
+    style = {"name": "", "line": {"color": MEASURED, "width": 1.3}, "showlegend": False}
+    return magnitude_and_phase(frf.frequency_hz[lines], frf.values[row, lines], style)
 
 
 def _layout() -> dict[str, Any]:
@@ -113,14 +98,7 @@ def _layout() -> dict[str, Any]:
         }
         for limit in (0, 180)
     ]
-    return {
-        "xaxis": axis(FREQUENCY, anchor="y2"),
-        "yaxis": log_axis("|H| / ((m/s²)/N)", domain=[0.46, 1]),
-        "yaxis2": axis(
-            "phase / °", domain=[0, 0.4], range=[-190, 190], tickvals=[-180, -90, 0, 90, 180]
-        ),
-        "shapes": limits,
-    }
+    return {**frf_axes(), "shapes": limits}
 
 
 def _printed(frf: FRF, row: int, band_hz: tuple[float, float]) -> Any:

@@ -12,6 +12,7 @@ from pipelines.charts_basis import SHARE_SCALE, SIGNED_SCALE, as_text, axis, pri
 from pipelines.figures_labels import signed_cell
 from pipelines.report.chart import Chart, packed
 
+SIZE_CM, HEIGHT_PX = (9.5, 9), 420
 WRITTEN_CELLS = 15  # rows and columns up to which every number has room in its cell
 
 
@@ -38,6 +39,7 @@ def mac_chart(
     titles : tuple of str
         What rows and columns are: titles of the vertical and of the horizontal axis.
     alternative, caption : str
+        What it shows, for who cannot see it; and what to look for.
     """
     matrix = np.asarray(values, dtype=float)
     trace = _cells(matrix, rows, columns, "{:.2f}".format, "MAC %{z:.3f}", titles) | {
@@ -46,15 +48,9 @@ def mac_chart(
         "zmax": 1,
         "colorbar": {"title": {"text": "MAC"}, "thickness": 12},
     }
-    return Chart(
-        name,
-        (trace,),
-        _layout(rows, columns, titles),
-        alternative,
-        caption,
-        printed(_draw_mac, matrix, rows, columns, titles, size_cm=(9.5, 9)),
-        height_px=420,
-    )
+    drawn = printed(_draw, "plot_mac", matrix, rows, columns, titles, size_cm=SIZE_CM)
+    layout = _layout(rows, columns, titles)
+    return Chart(name, (trace,), layout, alternative, caption, drawn, height_px=HEIGHT_PX)
 
 
 def signed_chart(
@@ -86,15 +82,9 @@ def signed_chart(
         "zmax": largest,
         "colorbar": {"thickness": 12},
     }
-    return Chart(
-        name,
-        (trace,),
-        _layout(rows, columns, titles),
-        alternative,
-        caption,
-        printed(_draw_signed, matrix, rows, columns, titles, size_cm=(9.5, 9)),
-        height_px=420,
-    )
+    drawn = printed(_draw, "plot_signed_matrix", matrix, rows, columns, titles, size_cm=SIZE_CM)
+    layout = _layout(rows, columns, titles)
+    return Chart(name, (trace,), layout, alternative, caption, drawn, height_px=HEIGHT_PX)
 
 
 def _cells(
@@ -131,11 +121,15 @@ def _layout(rows: Sequence[str], columns: Sequence[str], titles: tuple[str, str]
     }
 
 
-def _draw_mac(figures: Any, matrix: Any, rows: Any, columns: Any, titles: Any, ax: Any) -> None:
-    figures.plot_mac(matrix, rows, columns, ax)
-    ax.set(xlabel=titles[1], ylabel=titles[0])
-
-
-def _draw_signed(figures: Any, matrix: Any, rows: Any, columns: Any, titles: Any, ax: Any) -> None:
-    figures.plot_signed_matrix(matrix, rows, columns, ax)
+def _draw(
+    figures: Any,
+    plot: str,
+    matrix: NDArray[np.float64],
+    rows: Sequence[str],
+    columns: Sequence[str],
+    titles: tuple[str, str],
+    ax: Any,
+) -> None:
+    """Draw with the function of `pipelines.figures` that `plot` names."""
+    getattr(figures, plot)(matrix, rows, columns, ax)
     ax.set(xlabel=titles[1], ylabel=titles[0])

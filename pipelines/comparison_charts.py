@@ -9,15 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines import comparison_figures
-from pipelines.charts_basis import FREQUENCY, as_text, axis, log_axis, printed
+from pipelines.charts_basis import as_text, axis, printed
 from pipelines.charts_drive_point import drive_point_row
+from pipelines.charts_frf import frf_axes, magnitude_and_phase
 from pipelines.charts_matrix import mac_chart
 from pipelines.comparison import Comparison
 from pipelines.comparison_modes import MatchedMode, mode_name
 from pipelines.comparison_shapes import common_positions
 from pipelines.comparison_significance import SIGNIFICANT, Difference
 from pipelines.figures_labels import short
-from pipelines.figures_values import in_band, wrapped_phase_deg
+from pipelines.figures_values import in_band
 from pipelines.report.chart import FAINT, RING, SERIES, Chart, packed
 from pipelines.result import Result
 
@@ -131,18 +132,14 @@ def _frf_chart(comparison: Comparison, here: int, there: int) -> Chart:
     traces = [
         trace
         for name, curve, line in zip(names, curves, _LINES, strict=True)
-        for trace in _traces(name, *curve, line)
+        for trace in magnitude_and_phase(
+            *curve, {"name": as_text(name), "legendgroup": name, "line": line}
+        )
     ]
     return Chart(
         f"frf-{here}",
         tuple(traces),
-        {
-            "xaxis": axis(FREQUENCY, anchor="y2"),
-            "yaxis": log_axis("|H| / ((m/s²)/N)", domain=[0.45, 1]),
-            "yaxis2": axis(
-                "phase / °", domain=[0, 0.39], range=[-190, 190], tickvals=[-180, -90, 0, 90, 180]
-            ),
-        },
+        frf_axes(),
         f"Measured inertance of both results at {where}, magnitude and phase.",
         f"Measured inertance of both results at {where}. Peaks that move apart are the change of "
         "frequency, peaks of another height that of damping or of modal mass. A constant factor "
@@ -167,34 +164,6 @@ def _curve(result: Result, row: int) -> tuple[NDArray[np.float64], NDArray[np.co
     """Lines and inertances of a row within the band."""
     shown = in_band(result.frf.frequency_hz, result.modal_model.band_hz)
     return result.frf.frequency_hz[shown], result.frf.values[row, shown]
-
-
-def _traces(
-    name: str,
-    frequency_hz: NDArray[np.float64],
-    values: NDArray[np.complex128],
-    line: dict[str, Any],
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Magnitude and phase of one result; its legend shows and hides both."""
-    common = {
-        "type": "scatter",
-        "mode": "lines",
-        "name": as_text(name),
-        "legendgroup": name,
-        "x": packed(frequency_hz),
-        "line": line,
-    }
-    magnitude = {
-        "y": packed(np.abs(values)),
-        "hovertemplate": "%{x:.2f} Hz<br>%{y:.3g} (m/s²)/N",
-    }
-    phase = {
-        "yaxis": "y2",
-        "y": packed(wrapped_phase_deg(values)),
-        "showlegend": False,
-        "hovertemplate": "%{x:.2f} Hz<br>phase %{y:.0f}°",
-    }
-    return common | magnitude, common | phase
 
 
 def _changes(

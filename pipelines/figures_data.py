@@ -146,7 +146,7 @@ def plot_drive_point(frf: FRF, row: int, band_hz: tuple[float, float], axes: Any
     lines = in_band(frf.frequency_hz, band_hz)
     magnitude.plot(frf.frequency_hz[lines], np.abs(frf.values[row, lines]), color=MEASURED)
     log_axis(magnitude)
-    magnitude.set_ylabel("|H| / ((m/s²)/N)")
+    magnitude.set_ylabel("|inertance| / ((m/s²)/N)")
     phase.plot(frf.frequency_hz[lines], wrapped_phase_deg(frf.values[row, lines]), color=MEASURED)
     for limit in (0, 180):
         phase.axhline(limit, color=FITTED, linewidth=0.8, linestyle=":")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ema.modes import ModalModel
-from pipelines.charts_basis import INERTANCE, as_text, axis, log_axis, printed
+from pipelines.charts_basis import as_text, axis, printed
+from pipelines.charts_frf import frf_axes
 from pipelines.figures_labels import row_names, short, sparse_labels
 from pipelines.report.blocks import Block, Chooser, Paragraph, Section
 from pipelines.report.chart import (
@@ -74,36 +76,13 @@ def shown_rows(result: Result) -> tuple[int, ...]:
 def frac_chart(result: Result) -> Chart:
     """FRAC of every position; a click on one shows its FRFs above."""
     model = result.modal_model
-    on_circle = bool(np.isfinite(model.position_deg).all())
     names = _position_names(result)
-    where = model.position_deg if on_circle else np.arange(1, model.frac.size + 1)
     worst = int(np.argmin(model.frac))
     lowest = f"{model.frac[worst]:.4f} at {names[worst]}"
-    dots = {
-        "type": "scatter",
-        "mode": "lines+markers",
-        "x": packed(where),
-        "y": packed(model.frac),
-        "text": list(map(as_text, names)),
-        "line": {"color": RING, "width": 0.8},
-        "marker": {"color": RING, "size": 7 if model.frac.size <= 150 else 4},
-        "hovertemplate": "%{text}<br>FRAC %{y:.4f}<extra></extra>",
-        "showlegend": False,
-    }
-    chosen = {
-        "type": "scatter",
-        "mode": "markers",
-        "x": [],
-        "y": [],
-        "marker": {"color": FITTED, "size": 13, "symbol": "circle-open", "line": {"width": 2.5}},
-        "hoverinfo": "skip",
-        "name": "shown above",
-        "showlegend": True,
-    }
     floor = max(0.0, min(float(model.frac.min()) - 0.03, 0.85))
     return Chart(
         "frac",
-        (dots, chosen),
+        (_frac_dots(model, names), _FRAC_CHOSEN),
         {
             "xaxis": _position_axis(result),
             "yaxis": axis("FRAC", range=[floor, 1.01]),
@@ -118,6 +97,35 @@ def frac_chart(result: Result) -> Chart:
         wide=True,
         height_px=260,
     )
+
+
+#: The page fills it in when a position is chosen.
+_FRAC_CHOSEN: dict[str, Any] = {
+    "type": "scatter",
+    "mode": "markers",
+    "x": [],
+    "y": [],
+    "marker": {"color": FITTED, "size": 13, "symbol": "circle-open", "line": {"width": 2.5}},
+    "hoverinfo": "skip",
+    "name": "shown above",
+    "showlegend": True,
+}
+
+
+def _frac_dots(model: ModalModel, names: Sequence[str]) -> dict[str, Any]:
+    on_circle = bool(np.isfinite(model.position_deg).all())
+    where = model.position_deg if on_circle else np.arange(1, model.frac.size + 1)
+    return {
+        "type": "scatter",
+        "mode": "lines+markers",
+        "x": packed(where),
+        "y": packed(model.frac),
+        "text": list(map(as_text, names)),
+        "line": {"color": RING, "width": 0.8},
+        "marker": {"color": RING, "size": 7 if model.frac.size <= 150 else 4},
+        "hovertemplate": "%{text}<br>FRAC %{y:.4f}<extra></extra>",
+        "showlegend": False,
+    }
 
 
 def _chooser(result: Result) -> Chooser:
@@ -152,15 +160,13 @@ def _response_chart(result: Result, with_ring: bool, left_out: str) -> Chart:
     second = tuple(_curve(name, "y2", PHASE) for name in names)
     ring = " Dashed: the tuned ring, radial force and response." if with_ring else ""
     shaded = " Shaded: fitted, but outside the band of interest." if _outside(model) else ""
+    axes = frf_axes(phase_share=0.3)
+    axes["xaxis"]["range"], axes["yaxis"]["range"] = _frequency_range(model), _level_range(result)
     return Chart(
         "frf",
         first + second,
         {
-            "xaxis": axis("frequency / Hz", anchor="y2", range=_frequency_range(model)),
-            "yaxis": log_axis(INERTANCE, domain=[0.36, 1.0], range=_level_range(result)),
-            "yaxis2": axis(
-                "phase / °", domain=[0.0, 0.3], range=[-190, 190], tickvals=[-180, -90, 0, 90, 180]
-            ),
+            **axes,
             "shapes": _outside(model),
             "hovermode": "x",
         },
