@@ -14,11 +14,7 @@ from ema.drift import align_runs
 from ema.errors import FitError, InputError
 from ema.frf import FRF
 from ema.interpretation import interpret
-from ema.lsce import (
-    impulse_responses,
-    normal_matrix,
-    useful_length,
-)
+from ema.lsce import impulse_responses, normal_matrix, useful_length
 from ema.noise import without_spikes
 from ema.plscf import line_weight, reduced_normal_matrix
 from ema.pole_history import pole_history
@@ -274,14 +270,15 @@ def select_poles(
     Raises
     ------
     FitError
-        Where nothing was found, nothing within 5 % of a pinned frequency, or one pole for two.
+        Where nothing was found, nothing within 5 % of a pinned frequency, one pole for two, or one
+        that is excluded too.
     """
     excluded = {_excluded(diagram, wanted) for wanted in excluded_hz}
     kept = [cluster for cluster in diagram.clusters if cluster.kept]
     wanted = [cluster.pole for cluster in kept if cluster.label not in excluded]
     aside = [cluster.pole for cluster in kept if cluster.label in excluded]
     if pinned_hz is not None:
-        pins = _pinned_poles(diagram, pinned_hz)
+        pins = _pinned_poles(diagram, pinned_hz, aside)
         others = [pole for pole in wanted if not _near_any(pole, pins)]
         guards = [pole for pole in others if not _inside(pole, diagram.band_hz)]
         wanted = pins + guards
@@ -358,11 +355,15 @@ def _plscf(
 METHODS: dict[str, Callable[..., NDArray[np.complex128]]] = {"lsce": _lsce, "plscf": _plscf}
 
 
-def _pinned_poles(diagram: StabilityDiagram, pinned_hz: Sequence[float]) -> list[complex]:
+def _pinned_poles(
+    diagram: StabilityDiagram, pinned_hz: Sequence[float], excluded: Sequence[complex]
+) -> list[complex]:
     """One pole for each frequency; the same pole twice would leave the curve fit without answer."""
     wanted_at: dict[complex, float] = {}
     for wanted in pinned_hz:
         pole = _pinned_pole(diagram, wanted)
+        if pole in excluded:
+            raise FitError(f"the pinned {wanted:g} Hz is excluded too. Leave out one of the two.")
         if pole in wanted_at:
             raise FitError(
                 f"the pinned {wanted_at[pole]:g} and {wanted:g} Hz lead to the same pole at "

@@ -117,6 +117,8 @@ def test_a_pin_on_a_guard_takes_it_once(diagram):
 
 
 def test_a_pin_without_a_pole_nearby_is_refused(diagram):
+    with pytest.raises(FitError, match="the pinned 101 Hz is excluded too"):
+        select_poles(diagram, [101.0, 78.7], [100.0])
     with pytest.raises(FitError, match="no pole within 5 % of the pinned 30 Hz"):
         select_poles(diagram, [30.0])
 
