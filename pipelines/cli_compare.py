@@ -9,6 +9,7 @@ import typer
 
 from pipelines import console
 from pipelines.cli_options import FILES, Json
+from pipelines.cli_values import choice
 from pipelines.interrupt import stating_what_stands
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ def compare(
     from pipelines.comparison_table import comparison_record
     from pipelines.report.comparison import write_comparison
 
+    choice("--out", out.suffix or "(no ending)", (".html",))
     with stating_what_stands(out):
         found = compare_folders(first, second)
         page = write_comparison(found, out, force=force)

@@ -289,11 +289,12 @@ def table(
     library: Library = None,
     as_json: Json = False,
 ) -> None:
-    """Write all versions as one table, for pandas or a spreadsheet.
+    """Write all versions as one table, for pandas or a spreadsheet; without --out, show them.
 
     Example:
       ringmodal tyre table --library parameters --out parameters.parquet --wide
     """
+    from pipelines import console_tyre
     from pipelines.library_table import version_rows, write_table
     from pipelines.simulate_targets import TABLE_ENDINGS, require_target
 
@@ -301,9 +302,9 @@ def table(
     if out is not None:
         require_target(out, TABLE_ENDINGS)
     tyres = [of.tyre(name) for name in names] if names else of.tyres()
-    rows = version_rows(tyres, wide=wide)
+    rows = version_rows(tyres, wide=wide and (as_json or out is not None))
     if out is None:
-        console.print_json(rows)
+        console_tyre.show_rows(rows, as_json=as_json)
         return
     write_table(out, rows, wide=wide)
     _say_file(out, as_json=as_json, told={"rows": len(rows)})

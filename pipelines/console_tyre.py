@@ -47,6 +47,21 @@ def show_parameters(parameters: ParameterSet) -> None:
     print_table(screen(), "", columns)
 
 
+def show_rows(rows: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:
+    """Print the parameters of all versions one beneath the other."""
+    if as_json:
+        print_json(rows)
+        return
+    columns = (
+        Column("tyre", [f"{row['tyre']}@{row['version']}" for row in rows], is_text=True),
+        Column("approved", ["yes" if row["approved"] else "" for row in rows], is_text=True),
+        Column("parameter", [row["parameter"] for row in rows], is_text=True),
+        Column("value", [value_with_std(row["value"], row["std"]) for row in rows]),
+        Column("obtained", [row["how"] for row in rows], is_text=True),
+    )
+    print_table(screen(), "", columns, first_to_go=("approved",))
+
+
 def show_tyres(histories: Sequence[TyreHistory], *, as_json: bool) -> None:
     """Print all tyres with their versions, the approved one and the pressures."""
     if as_json:

@@ -174,6 +174,8 @@ def test_two_results_are_compared(ringmodal, processed, tmp_path):
     assert output.strip().splitlines()[-1] == f"Report: {page}"
     assert page.is_file()
     assert ringmodal("compare", processed, processed, "--out", page)[0] == 2
+    code, _, errors = ringmodal("compare", processed, processed, "--out", page.with_suffix(""))
+    assert (code, "(no ending)" in errors) == (2, True)
     arguments = ("compare", processed, processed, "--out", page, "--force", "--json")
     content = json.loads(ringmodal(*arguments)[1])
     assert content["modes"][0]["frequency_hz"]["difference"] == 0

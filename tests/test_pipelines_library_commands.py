@@ -99,7 +99,9 @@ def test_export_table_and_series(tyre, tmp_path):
     }
     assert tyre("table", "--out", tmp_path / "t.parquet", "--wide")[0] == 0
     assert pq.read_table(tmp_path / "t.parquet")["version"].to_pylist() == [1, 2]
-    assert len(as_json(tyre("table", "225-55R17"))) == 20
+    assert len(as_json(tyre("table", "225-55R17", "--json"))) == 20
+    code, output, _ = tyre("table", "--wide")
+    assert (code, output.count("225-55R17@2")) == (0, 10)
     code, output, errors = tyre("series", "225-55R17", "--out", tmp_path / "s.svg")
     assert (code, "slope per bar" in output) == (0, True)
     assert "Not identified at two pressures" in errors
