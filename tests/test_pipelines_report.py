@@ -1,4 +1,4 @@
-"""The report: rounded numbers, hostile texts as text, every state a result can be in."""
+"""The report: hostile texts as text, every state a result can be in, and the page around it."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import json
 import re
 import subprocess
 import sys
-from base64 import b64decode
 from dataclasses import replace
 from datetime import date
-from html.parser import HTMLParser
-from math import inf, nan
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -18,55 +16,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from markupsafe import escape
-from results import ring_modes, structure_result, tyre_result
+from report_page import Page
+from results import structure_result, tyre_result
 
-from ema.frf import FRF
 from ema.io.manifest import TyreSection
-from ema.modes import Drift, ModalModel, ResidualTerms, synthesise
+from ema.modes import Drift, ModalModel, ResidualTerms
 from ema.quality import EXCLUDED, Finding
 from ema.recording import Tyre
-from model import ForcedRing, inertance
 from pipelines import report
-from pipelines.numbers import number, plain, signed, value_with_std
+from pipelines.numbers import value_with_std
 from pipelines.report import measurement, render_report, report_sections, write_report
 from pipelines.report.blocks import Facts, Paragraph, Section, Table
 from pipelines.report.identity import identity, named
 from pipelines.report.page import as_json, breakable, drawings, render_page
 from pipelines.report.responses import shown_rows
-from pipelines.report.responses_data import kept_lines, kept_positions, ring_data
 from pipelines.report.sketch import setup_sketch
 
 HOSTILE = "<script>alert('x')</script>\"&{{ 7 * 7 }}"
-VOID = {"meta", "img", "br", "link", "input", "wbr"}
-
-
-class Page(HTMLParser):
-    """Tags of a page, and whether every one that opens also closes."""
-
-    def __init__(self, html):
-        super().__init__()
-        self.open, self.tags, self.attributes, self.text, self.scripts = [], [], [], "", []
-        self.feed(html)
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        self.attributes.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        if self.open and self.open[-1] == "script":
-            self.scripts.append(data)
-        else:
-            self.text += data
-
-    def content(self, name):
-        """What a block of the page draws from."""
-        ids = [attributes.get("id") for tag, attributes in self.attributes if tag == "script"]
-        return json.loads(self.scripts[ids.index(f"{name}-data")])
 
 
 @pytest.fixture(scope="module")
@@ -87,71 +53,6 @@ def page(tyre):
 @pytest.fixture(scope="module")
 def structure_page():
     return Page(render_report(structure_result()))
-
-
-@pytest.mark.parametrize(
-    ("value", "std", "printed"),
-    [
-        (100.3123, 0.0213, "100.312 ± 0.021"),
-        (100.3123, 0.0341, "100.31 ± 0.03"),
-        (100.3123, 0.0298, "100.31 ± 0.03"),
-        (8.271e6, 8.4e4, "(8.27 ± 0.08) × 10⁶"),
-        (6.56e5, 1.4e5, "(6.6 ± 1.4) × 10⁵"),
-        (7.45, 1.8, "7.5 ± 1.8"),
-        (686.4, 27.1, "686 ± 27"),
-        (686.4, 271.0, "690 ± 270"),
-        (1.2e-5, 3e-7, "(1.20 ± 0.03) × 10⁻⁵"),
-        (0.0, 0.5, "0.0 ± 0.5"),
-        (-3.2, 0.5, "−3.2 ± 0.5"),
-        (2.0, 96.0, "0 ± 100"),
-        (2.0, 94.0, "0 ± 90"),
-        (5.0, nan, "5.000"),
-        (5.0, 0.0, "5.000"),
-        (5.0, None, "5.000"),
-        (nan, 1.0, "–"),
-    ],
-)
-def test_values_end_where_their_uncertainty_does(value, std, printed):
-    assert value_with_std(value, std) == printed
-
-
-@pytest.mark.parametrize(
-    ("value", "printed"),
-    [
-        (0, "0"),
-        (1234.5, "1234"),
-        (99949, "99949"),
-        (2.2e5, "2.200 × 10⁵"),
-        (0.012345, "0.01235"),
-        (9.9996, "10.00"),
-        (None, "–"),
-        (inf, "–"),
-    ],
-)
-def test_numbers_keep_four_digits(value, printed):
-    assert number(value) == printed
-
-
-def test_signs_and_given_values():
-    assert [signed(1.234, 2), signed(-0.5, 1), signed(nan, 1)] == ["+1.23", "−0.5", "–"]
-    assert [plain(220000.0), plain(0.33), plain(None)] == ["220000", "0.33", "–"]
-
-
-def read_back(text):
-    match = re.fullmatch(r"\(?([−\d.]+) ± ([\d.]+)\)?(?: × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?", text)
-    exponent = (match[3] or "⁰").translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
-    scale = 10.0 ** int(exponent)
-    return float(match[1].replace("−", "-")) * scale, float(match[2]) * scale
-
-
-@given(
-    st.floats(-1e12, 1e12, allow_nan=False),
-    st.floats(1e-9, 1e9, allow_nan=False),
-)
-def test_what_is_printed_is_within_a_fifth_of_the_uncertainty(value, std):
-    printed, printed_std = read_back(value_with_std(value, std))
-    assert abs(printed - value) <= 0.2 * std + 1e-12 * abs(value)
-    assert printed_std == pytest.approx(std, rel=0.2)
 
 
 def test_the_report_is_one_well_formed_file(page):
@@ -363,89 +264,6 @@ def luminance(colour):
     return float(linear @ [0.2126, 0.7152, 0.0722])
 
 
-def decoded(packed, kind="<f4"):
-    return np.frombuffer(b64decode(packed if kind == "<i2" else packed["bdata"]), kind)
-
-
-def test_the_page_holds_the_frfs_of_every_position(tyre, page):
-    content = page.content("frf-content")
-    frequency_hz = decoded(content["frequency_hz"])
-    assert content["rows"] == list(range(72))
-    lines = np.searchsorted(tyre.frf.frequency_hz, frequency_hz)
-    expected = tyre.frf.values[:, lines]
-    level = decoded(content["measured"]["level_db"], "<i2").reshape(72, -1) / 100
-    phase = decoded(content["measured"]["phase_deg"], "<i2").reshape(72, -1) / 100
-    known = expected != 0
-    found = 10 ** (level / 20) * np.exp(1j * np.deg2rad(phase))
-    np.testing.assert_allclose(found[known], expected[known], rtol=1e-3)
-
-
-def test_the_fitted_curves_follow_from_what_the_page_holds(tyre, page):
-    content = page.content("frf-content")
-    fit, frequency_hz = content["fitted"], decoded(content["frequency_hz"]).astype(float)
-    poles = np.array(fit["poles"]["real"]) + 1j * np.array(fit["poles"]["imag"])
-    real, imag = (decoded(fit["residues"][part]).reshape(72, -1) for part in ("real", "imag"))
-    found = synthesise(
-        frequency_hz, poles, real + 1j * imag, decoded(fit["lower"]), decoded(fit["upper"])
-    )
-    np.testing.assert_allclose(found, tyre.modal_model.synthesise(frequency_hz), rtol=1e-3)
-
-
-def test_the_ring_s_curves_follow_from_what_the_page_holds(tyre):
-    wide = replace(
-        tyre, tuning=replace(tyre.tuning, ring=replace(tyre.tuning.ring, belt_width_m=0.19))
-    )
-    ring, omega = ring_data(wide, np.array([20])), 2 * np.pi * np.array([50.0, 100.3, 220.0])
-    m11, m22, coupling = (
-        np.array(ring[name]["real"]) + 1j * np.array(ring[name]["imag"])
-        for name in ("m11", "m22", "coupling")
-    )
-    inertia = ring["mass_per_area_kg_m2"] * omega[:, None] ** 2
-    m11 = m11 + 1j * omega[:, None] * ring["radial_n_s_m3"] - inertia
-    m22 = m22 + 1j * omega[:, None] * ring["circumferential_n_s_m3"] - inertia
-    weights = np.where(np.arange(m11.shape[1]) == 0, 1, 2) * np.cos(
-        np.arange(m11.shape[1]) * ring["angle_rad"][0]
-    )
-    found = -(omega**2) / ring["area_m2"] * ((m22 / (m11 * m22 - coupling**2)) @ weights)
-    forced = ForcedRing(wide.tuning.ring, wide.damping.damping)
-    expected = inertance(forced, omega / (2 * np.pi), np.deg2rad(100.0))
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
-
-
-def test_a_ring_without_width_has_no_curve_and_the_page_says_why(tyre, page):
-    assert tyre.tuning.ring.belt_width_m is None
-    assert page.content("frf-content")["ring"] is None
-    assert "Add belt_width_m to [tyre] in the manifest." in page.text
-
-
-def test_lines_are_thinned_where_no_mode_is():
-    frequency_hz = np.arange(0.0, 400.0, 0.1)
-    poles = np.array([2 * np.pi * 100 * (1j - 0.01)])
-    kept = frequency_hz[kept_lines(frequency_hz, poles, 940)]
-    assert kept.size <= 940
-    assert np.max(np.diff(kept)) < 2.0
-    assert np.max(np.diff(kept[(kept > 99) & (kept < 101)])) < 0.15
-
-
-def test_a_large_campaign_fits_into_the_page_and_the_page_says_what_it_leaves_out(tyre):
-    model = ring_modes(np.linspace(0, 360, 500, endpoint=False))
-    frequency_hz = np.linspace(0.5, 300.0, 4000)
-    values = model.synthesise(frequency_hz)
-    known = np.ones(values.shape)
-    frf = FRF(
-        frequency_hz, values, known, 0.01 * known, model.node, model.position_deg, ("a.uff",) * 500
-    )
-    html = render_report(replace(tyre, frf=frf, modal_model=model))
-    assert len(html.encode()) < 6e6
-    assert "The page holds 900 of 3071 lines, closest around the modes" in html
-
-
-def test_of_very_many_positions_those_worth_showing_stay():
-    rows = kept_positions(5000, (0, 17, 4999))
-    assert rows.size <= 600
-    assert {0, 17, 4999} <= set(rows)
-
-
 @given(st.text(st.characters(exclude_categories=["Cs"]), max_size=120))
 def test_long_words_may_break_and_are_copied_whole(text):
     html = str(breakable(text))
@@ -471,21 +289,6 @@ def test_a_single_position_has_no_shape_and_no_shape_numbers():
     page = Page(render_report(replace(result, modal_model=one, frf=result.frf.rows([0]))))
     assert "A single position holds no shape." in page.text
     assert "MPD / °" not in page.text
-
-
-def test_the_page_holds_the_shapes_as_they_are(tyre, page):
-    content = page.content("shapes-animation")
-    np.testing.assert_allclose(decoded(content["angle_deg"]), tyre.frf.position_deg)
-    for mode, held in zip(tyre.modal_model.modes, content["modes"], strict=True):
-        found = decoded(held["real"]) + 1j * decoded(held["imag"])
-        np.testing.assert_allclose(found, mode.shape, atol=1e-6)
-        assert f"{mode.frequency_hz:.1f} Hz" in held["said"]
-
-
-def test_shapes_without_angles_are_drawn_over_their_nodes(structure_page):
-    content = structure_page.content("shapes-animation")
-    assert content["angle_deg"] is None
-    assert len(content["names"]) == len(decoded(content["modes"][0]["real"])) == 10
 
 
 @pytest.mark.parametrize(
