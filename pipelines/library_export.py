@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ema.errors import InputError
+from pipelines.console import plain
 from pipelines.library_names import unknown
 from pipelines.parameter_set import SCHEMA, Parameter, ParameterSet, write_parameter_set
 from pipelines.whole_file import file_written_whole
@@ -22,7 +23,8 @@ def write_json(parameters: ParameterSet, path: Path) -> None:
     for name in ("ring", "damping"):
         if name in sections:
             sections[name] = {key: _told(entry) for key, entry in sections[name].items()}
-    text = json.dumps({"schema": SCHEMA, **sections}, indent=2, ensure_ascii=False)
+    whole = plain({"schema": SCHEMA, **sections})
+    text = json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False)
     path.write_text(text + "\n", encoding="utf-8", newline="\n")
 
 

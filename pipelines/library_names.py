@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from ema.errors import InputError
 
 APPROVED, NEWEST = "approved", "newest"
-_LONGEST = 80  # characters; Windows allows about 250 for a whole path
-_OF_WINDOWS = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+_LONGEST = 80  # bytes in UTF-8: a name has 255, and on Windows a whole path about 250 characters
+_OF_WINDOWS = re.compile(r"(con|prn|aux|nul|(com|lpt)[\d¹²³])(\..*)?", re.IGNORECASE)
 
 
 def folder_name(designation: str, tyre_id: str = "") -> str:
@@ -41,7 +41,7 @@ def folder_name(designation: str, tyre_id: str = "") -> str:
 
 def _safe(text: str) -> str:
     words = re.sub(r"[^\w.]+", "-", unicodedata.normalize("NFC", text))
-    return words[:_LONGEST].strip("-._")
+    return words.encode()[:_LONGEST].decode(errors="ignore").strip("-._")
 
 
 def split_reference(text: str) -> tuple[str, int | str]:

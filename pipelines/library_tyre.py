@@ -47,11 +47,18 @@ class LibraryTyre:
 
         Raises
         ------
+        InputError
+            If the folder belongs to another tyre.
         OSError
             If the drive refuses; nothing is written then.
         """
-        number = write_next(self.path, lambda n: version_text(parameters, entry, n))
-        return self.version(number)
+
+        def text_of(number: int) -> str:
+            if number > 1:  # looked at for every number: another tyre may come at the same moment
+                self._require_same(parameters.designation, entry.tyre_id)
+            return version_text(parameters, entry, number)
+
+        return self.version(write_next(self.path, text_of))
 
     def version(self, number: int) -> Version:
         """Read a version.
@@ -180,7 +187,8 @@ class LibraryTyre:
         InputError
             If it was not approved earlier.
         """
-        earlier = [each.version for each in standing(read_approvals(self.path))[:-1]]
+        stack = standing(read_approvals(self.path))[:-1]
+        earlier = [each.version for each in stack]
         if not earlier:
             rule = "a rollback goes back to an approval before the present one"
             remedy = "Approve the version that is to count with `ringmodal tyre approve`"
@@ -189,7 +197,8 @@ class LibraryTyre:
             known = [f"{self.name}@{each}" for each in earlier]
             rule = "a rollback goes back to a version that was approved earlier"
             raise unknown(self.name, f"{self.name}@{number}", rule, known)
-        version = self.version(earlier[-1] if number is None else number)
+        wanted = earlier[-1] if number is None else number
+        version = self._approved_by(next(each for each in stack if each.version == wanted))
         record_approval(self.path, ROLLBACK, version, author, note)
         return version
 
@@ -205,6 +214,17 @@ class LibraryTyre:
         later = newest - version.number
         more = f"; {later} newer not approved" if later else ""
         return f"approved by {approval.author}, {approval.created}{note}{more}"
+
+    def _require_same(self, designation: str, tyre_id: str) -> None:
+        latest = self.latest_intact()
+        held = latest.parameters.designation, latest.entry.tyre_id
+        if held != (designation, tyre_id):
+            raise InputError(
+                str(self.path),
+                " ".join(filter(None, (designation, tyre_id))),
+                f"this folder belongs to {' '.join(filter(None, held))}",
+                "Tell the tyres apart with --tyre NAME, or write the designation as there",
+            )
 
     def _approved_by(self, approval: Approval) -> Version:
         if approval.version > self.newest:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isfinite
+from difflib import get_close_matches
+from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from ema.errors import InputError
 from model.damping import DampingResult
+from model.identifiability import AT_BOUND, GIVEN, IDENTIFIED, NOT_IDENTIFIED
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.tuning_result import TuningResult
 from pipelines.library_seal import KEY, unsealed
@@ -31,6 +33,9 @@ DAMPING_NAMES = ("radial_n_s_m3", "circumferential_n_s_m3", "loss_factor")
 WHEEL_NAMES = ("mass_kg", "inertia_kg_m2")
 # What else a tyre was measured under; a manifest's [tyre] may tell them.
 CONDITION_NAMES = ("temperature_c", "load_n", "speed_m_s", "rim_width_m", "tread_depth_m")
+HOWS = (GIVEN, IDENTIFIED, NOT_IDENTIFIED, AT_BOUND)
+
+_OPTIONAL = ("damping", "wheel", "provenance")
 
 
 @dataclass(frozen=True)
@@ -177,8 +182,8 @@ def read_parameter_set(path: Path | str) -> ParameterSet:
     Raises
     ------
     InputError
-        If the file is missing, no TOML, lacks or misspells a parameter, or is an edited version of
-        a library.
+        If the file is missing, no TOML, lacks or misspells a parameter, holds a value that cannot
+        be, or is an edited version of a library.
     """
     import tomllib
 
@@ -196,7 +201,7 @@ def read_parameter_set(path: Path | str) -> ParameterSet:
         raise InputError(
             path.name, str(error), "it must be TOML in UTF-8", "Correct the line"
         ) from error
-    if KEY in content.get("version", {}):
+    if KEY in _optional_section(path, content, "version"):
         content = unsealed(path)
     return parameter_set_of(path, content)
 
@@ -207,7 +212,7 @@ def parameter_set_of(path: Path, content: dict[str, Any]) -> ParameterSet:
     Raises
     ------
     InputError
-        If a parameter is missing, misspelt or no number; names `path`.
+        If a parameter is missing, misspelt, no number or of unknown origin; names `path`.
     """
     if content.get("schema") != SCHEMA:
         raise InputError(
@@ -219,17 +224,28 @@ def parameter_set_of(path: Path, content: dict[str, Any]) -> ParameterSet:
     conditions = _section(path, content, "conditions")
     if "inflation_pressure_pa" not in conditions:
         raise _missing(path, "conditions", "inflation_pressure_pa")
-    _require_number(path, "conditions", conditions, "inflation_pressure_pa")
+    for name in ("inflation_pressure_pa", *CONDITION_NAMES):
+        if name in conditions:
+            _require_number(path, "conditions", conditions, name)
+    _refuse_misspelt(path, content)
     return ParameterSet(
-        designation=str(content.get("designation", path.stem)),
+        designation=_designation(path, content),
         conditions=conditions,
         ring=_parameters(path, content, "ring", RING_NAMES, optional=("belt_width_m",)),
         damping=_parameters(path, content, "damping", DAMPING_NAMES)
         if "damping" in content
         else {},
         wheel=_wheel(path, content) if "wheel" in content else {},
-        provenance=content.get("provenance", {}),
+        provenance=_optional_section(path, content, "provenance"),
     )
+
+
+def _designation(path: Path, content: dict[str, Any]) -> str:
+    designation = content.get("designation", path.stem)
+    if not isinstance(designation, str):
+        where, rule = f"{path.name}, designation", "it must be a text"
+        raise InputError(where, repr(designation), rule, 'Write e.g. designation = "225/55R17"')
+    return designation
 
 
 def _parameters(
@@ -274,40 +290,62 @@ def _known_section(
 
 
 def _require_number(path: Path, name: str, section: dict[str, Any], key: str) -> None:
-    if not _is_number(section[key]):
+    value = section[key]
+    if not (_is_number(value) and isfinite(value)):
         raise InputError(
             f"{path.name}, [{name}] {key}",
-            repr(section[key]),
-            "it must be a number",
+            repr(value),
+            "it must be a number, and finite",
             f"Write {key} = …, without quotes",
         )
 
 
 def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
     fields = entry if isinstance(entry, dict) else {"value": entry}
-    value, std = fields.get("value"), fields.get("std")
+    where, value, std = f"{path.name}, [{section}] {key}", fields.get("value"), fields.get("std")
     if not _is_number(value) or not (std is None or _is_number(std)):
-        raise InputError(
-            f"{path.name}, [{section}] {key}",
-            str(entry),
-            "value and std must be numbers",
-            "Write { value = …, how = …, std = … }",
-        )
-    return Parameter(
-        float(value), str(fields.get("how", "given")), None if std is None else float(std)
-    )
+        rule = "value and std must be numbers"
+        raise InputError(where, str(entry), rule, "Write { value = …, how = …, std = … }")
+    if std is not None and not 0 <= std < inf:
+        rule = "a standard deviation is finite and not below zero"
+        raise InputError(where, f"std = {std:g}", rule, "Leave std out where it is not known")
+    how = fields.get("how", GIVEN)
+    if how not in HOWS:
+        from ema.io.manifest import nearest  # loads the manifest's checks, needed for this alone
+
+        rule = f"how must be one of {', '.join(HOWS)}"
+        raise InputError(where, f"how = {how!r}", rule, nearest(str(how), HOWS))
+    return Parameter(float(value), how, None if std is None else float(std))
 
 
 def _is_number(value: object) -> TypeGuard[int | float]:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
+def _refuse_misspelt(path: Path, content: dict[str, Any]) -> None:
+    """Refuse a name that is nearly that of a section which is not there: its values would go."""
+    absent = [name for name in _OPTIONAL if name not in content]
+    for name in content:
+        similar = [] if name in absent else get_close_matches(name, absent, n=1, cutoff=0.8)
+        if similar:
+            rule = "a parameter set has no such section"
+            remedy = f"Did you mean [{similar[0]}]? Call it otherwise where not"
+            raise InputError(path.name, f"[{name}]", rule, remedy)
+
+
+def _optional_section(path: Path, content: dict[str, Any], name: str) -> dict[str, Any]:
+    return _section(path, content, name) if name in content else {}
+
+
 def _section(path: Path, content: dict[str, Any], name: str) -> dict[str, Any]:
     section = content.get(name)
-    if not isinstance(section, dict):
+    if section is None:
         raise InputError(
             path.name, f"no section [{name}]", "a parameter set needs it", f"Add [{name}]"
         )
+    if not isinstance(section, dict):
+        where, rule = f"{path.name}, {name}", "it must be a section"
+        raise InputError(where, repr(section), rule, f"Begin it with a line [{name}]")
     return section
 
 
@@ -326,7 +364,7 @@ def _number(text: str) -> float | None:
 
 
 def _finite(value: float | None) -> float | None:
-    return None if value is None or value != value else float(value)
+    return None if value is None or not isfinite(value) else float(value)
 
 
 def _inline(parameter: Parameter) -> Any:

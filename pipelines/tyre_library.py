@@ -49,9 +49,9 @@ class TyreLibrary:
             If there is no such folder.
         """
         if not self.folder.is_dir():
-            rule = "a library is a folder"
+            found = "a file" if self.folder.exists() else "no such folder"
             remedy = "Check the path; `ringmodal tyre add` begins a new library"
-            raise InputError(str(self.folder), "no such folder", rule, remedy)
+            raise InputError(str(self.folder), found, "a library is a folder", remedy)
         folders = (path for path in self.folder.iterdir() if path.is_dir())
         found = [LibraryTyre(path) for path in folders if numbered_files(path)]
         return tuple(sorted(found, key=lambda tyre: tyre.name.casefold()))
@@ -138,23 +138,14 @@ class TyreLibrary:
         if not self.folder.absolute().parent.is_dir():
             rule = "a new library needs an existing folder around it"
             raise InputError(str(self.folder), "no such folder", rule, "Check the path")
+        if self.folder.exists() and not self.folder.is_dir():
+            raise InputError(str(self.folder), "a file", "a library is a folder", "Name a folder")
         self.folder.mkdir(exist_ok=True)
 
     def _tyre_for(self, designation: str, tyre_id: str) -> LibraryTyre:
         wanted = folder_name(designation, tyre_id)
         same = [t for t in self.tyres() if t.name.casefold() == wanted.casefold()]
-        if not same:
-            return LibraryTyre(self.folder / wanted)
-        latest = same[0].latest_intact()
-        held = latest.parameters.designation, latest.entry.tyre_id
-        if held != (designation, tyre_id):
-            raise InputError(
-                str(same[0].path),
-                " ".join(filter(None, (designation, tyre_id))),
-                f"this folder belongs to {' '.join(filter(None, held))}",
-                "Tell the tyres apart with --tyre NAME, or write the designation as there",
-            )
-        return same[0]
+        return same[0] if same else LibraryTyre(self.folder / wanted)
 
 
 def resolve(reference: str, library: Path | None = None) -> NamedSet:
@@ -249,7 +240,10 @@ def _require_ring(path: Path, parameters: ParameterSet) -> None:
 
 
 def _as_folder(name: str) -> str:
-    return folder_name(name).casefold()
+    """A tyre's name as its folder would be called; empty where no folder could be."""
+    with suppress(InputError):
+        return folder_name(name).casefold()
+    return ""
 
 
 def _names(tyre: LibraryTyre) -> set[str]:

@@ -2,8 +2,10 @@
 
 import csv
 import json
+import os
 import tomllib
 from dataclasses import replace
+from datetime import date
 
 import pyarrow.parquet as pq
 import pytest
@@ -156,6 +158,62 @@ def test_another_tyre_does_not_slip_into_a_folder(add):
     add()
     with pytest.raises(InputError, match="belongs to 225/55R17"):
         add(varied(designation="225-55R17"))
+
+
+def test_nor_does_one_that_comes_at_the_same_moment(add, library, monkeypatch):
+    link = os.link
+
+    def link_after_another(source, place):
+        monkeypatch.setattr("os.link", link)
+        add()
+        link(source, place)
+
+    monkeypatch.setattr("pipelines.library_claim._RENAME_KEEPS", False)
+    monkeypatch.setattr("os.link", link_after_another)
+    with pytest.raises(InputError, match="belongs to 225/55R17"):
+        add(varied(designation="225-55R17"))
+    (only,) = library.tyre(DESIGNATION).intact_versions()
+    assert only.parameters.designation == DESIGNATION
+
+
+@pytest.mark.parametrize("sign", ["x", "ü", "輪"])
+def test_long_names_in_any_script_make_folders(add, library, sign):
+    set_ = varied(designation=300 * sign)
+    reference = add(set_, tyre_id=300 * sign).reference
+    assert library.version(reference).parameters.designation == 300 * sign
+
+
+def test_a_file_is_no_library(tmp_path):
+    library = TyreLibrary(written(tmp_path / "set.toml"))
+    for attempt in (library.tyres, lambda: library.add(library.folder, author="Ada")):
+        with pytest.raises(InputError, match=r"set\.toml: a file; a library is a folder"):
+            attempt()
+
+
+def test_a_name_without_letters_is_no_tyre(add, library):
+    add()
+    with pytest.raises(InputError, match=r"'/'; there is no such tyre.*Known are 225-55R17"):
+        library.tyre("/")
+
+
+def test_a_rollback_to_other_content_than_was_approved_is_refused(add, library):
+    for recording in "12":
+        add(varied(recording))
+    tyre = library.tyre(DESIGNATION)
+    for number in (1, 2):
+        tyre.approve(number, "Ada")
+    for number in (1, 2):
+        (tyre.path / f"{number:04}.toml").unlink()
+    add(varied("3"))
+    with pytest.raises(InputError, match="another content than the one that was approved"):
+        tyre.rollback("Ada")
+
+
+def test_dates_are_exported_as_text(tmp_path):
+    dated = replace(SET, conditions=SET.conditions | {"measured": date(2026, 5, 4)})
+    export(dated, tmp_path / "set.json")
+    content = json.loads((tmp_path / "set.json").read_text())
+    assert content["conditions"]["measured"] == "2026-05-04"
 
 
 def test_an_ambiguous_name_is_asked_about(add, library):

@@ -159,6 +159,19 @@ def test_every_set_comes_back_to_the_last_digit(
         ("mass_kg = 12.0", "", r"\[wheel\]: no mass_kg"),
         ("mass_kg = 12.0", "mass_kg = [12.0]", r"\[wheel\] mass_kg.*a number"),
         ("schema = 1", "schema = ", "must be TOML"),
+        ("std = 1.8", "std = -1.8", r"\[ring\] bending_stiffness_n_m: std = -1.8.*below zero"),
+        ("std = 1.8", "std = nan", "std = nan.*finite"),
+        ('"identified", std = 1.8', '"identifed"', r"how = 'identifed'.*mean 'identified'"),
+        ('"identified", std = 1.8', "3", r"how = 3.*one of given, identified"),
+        ("= 220000.0", "= 220000.0\ntemperature_c = 'warm'", r"temperature_c: 'warm'.*number"),
+        (
+            "= 220000.0",
+            "= 220000.0\nload_n = nan",
+            r"\[conditions\] load_n: nan.*and finite",
+        ),
+        ('= "225/55R17"', "= 225", "designation: 225; it must be a text"),
+        ("schema = 1", "schema = 1\nversion = 7", "version: 7; it must be a section"),
+        ("[damping]", "[dampng]", r"\[dampng\].*mean \[damping\]"),
     ],
 )
 def test_faults_are_named_with_their_place(path, old, new, says):
