@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from ema.errors import InputError
 from model.damping import damping_ratios, torsion_damping_ratio
 from model.errors import InstabilityError
 from model.parameter_names import DAMPING_NAMES, RING_NAMES
@@ -15,6 +16,7 @@ from pipelines.parameter_set import Parameter, ParameterSet
 
 _STEP = 1e-4  # relative change of a parameter that shows how much a value depends on it
 _MATTERS = 0.1  # percent of a value per percent of a parameter
+WIDEST_M = 2.0  # tyres of the largest dump trucks are 1.5 m wide
 _ALONE = 0.05  # share of what one parameter does to a value that all others may have
 
 
@@ -128,11 +130,14 @@ def belt_values(
 
     Raises
     ------
+    InputError
+        If `width_m` is no belt's.
     ParameterError
         If the values of the set make no ring.
     """
     ring = parameters.ring_parameters
     if width_m is not None:
+        require_belt_width(width_m)
         ring = replace(ring, belt_width_m=width_m)
         parameters = replace(
             parameters, ring={**parameters.ring, "belt_width_m": Parameter(width_m)}
@@ -143,6 +148,19 @@ def belt_values(
         if key not in open_ones:
             values[key] = _judged(value_of, basis, belt, {**parameters.ring, **parameters.damping})
     return values, open_ones
+
+
+def require_belt_width(width_m: float) -> None:
+    """Refuse a width that no belt has; one in millimetres would end in tonnes.
+
+    Raises
+    ------
+    InputError
+        If it is not above zero, or above `WIDEST_M`.
+    """
+    if not 0 < width_m <= WIDEST_M:
+        rule = f"a belt is wider than nothing and up to {WIDEST_M:g} m"
+        raise InputError("--belt-width-m", f"{width_m:g} m", rule, "Give it in m, e.g. 0.19")
 
 
 def _not_determined(belt: Belt) -> dict[str, str]:

@@ -13,6 +13,7 @@ from model.foundation import Foundation, foundation_from_belt_modes
 from model.tuning_problem import BENDING
 from model.tuning_search import TYPICAL
 from pipelines.parameter_set import Parameter, ParameterSet
+from pipelines.tir_belt import require_belt_width
 from pipelines.tir_file import TirFile
 from pipelines.tir_units import TirUnits, clear_si_value, positive_si_value, units_of
 from pipelines.tir_update import unit_notes
@@ -105,9 +106,7 @@ def _width(
         raise InputError(
             tir.name, "no belt width", f"such a file does not hold it{hint}", "Give --belt-width-m"
         )
-    if not (math.isfinite(width_m) and width_m > 0):
-        rule = "a width is greater than zero"
-        raise InputError("--belt-width-m", f"{width_m:g}", rule, "Give it in m, e.g. 0.19")
+    require_belt_width(width_m)
     return width_m
 
 

@@ -49,9 +49,9 @@ class TyreLibrary:
             If there is no such folder.
         """
         if not self.folder.is_dir():
-            found = "a file" if self.folder.exists() else "no such folder"
+            place = "a file" if self.folder.exists() else "no such folder"
             remedy = "Check the path; `ringmodal tyre add` begins a new library"
-            raise InputError(str(self.folder), found, "a library is a folder", remedy)
+            raise InputError(str(self.folder), place, "a library is a folder", remedy)
         folders = (path for path in self.folder.iterdir() if path.is_dir())
         found = [LibraryTyre(path) for path in folders if numbered_files(path)]
         return tuple(sorted(found, key=lambda tyre: tyre.name.casefold()))

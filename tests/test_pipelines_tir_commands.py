@@ -126,9 +126,11 @@ def test_a_version_of_the_library(tyre, tir, toml, tmp_path):
 def test_bad_input_is_refused(tyre, tir, toml):
     assert_refused(tyre("update-tir", toml.with_name("a.tir"), "--from", toml), "a.tir")
     assert_refused(tyre("from-tir", tir), "no belt width", "--belt-width-m")
-    assert_refused(
-        tyre("update-tir", tir, "--from", toml, "--belt-width-m", "-1", "--yes"), "belt_width_m"
-    )
+    for width in ("-1", "0", "nan", "190"):  # the last one is in mm
+        width_m = ("--belt-width-m", width)
+        says = (f"--belt-width-m: {width} m", "up to 2 m", "e.g. 0.19")
+        assert_refused(tyre("update-tir", tir, "--from", toml, *width_m, "--yes"), *says)
+        assert_refused(tyre("from-tir", tir, *width_m), *says)
     assert_refused(tyre("update-tir", tir, "--form", toml), "Did you mean --from?")
     tir.write_bytes(content().replace(b"'newton'", b"'newtn'"))
     assert_refused(tyre("update-tir", tir, "--from", toml), "FORCE", "Did you mean 'newton'?")
