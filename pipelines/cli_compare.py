@@ -61,18 +61,9 @@ def compare(
 def _show(found: Comparison) -> None:
     from pipelines.comparison_table import COMPARISON_HEAD, comparison_rows
     from pipelines.comparison_words import findings
-    from pipelines.console_tables import Column, print_table
+    from pipelines.console_tables import columns_of, print_table
 
-    rows = comparison_rows(found)
-    columns = [
-        Column(
-            heading,
-            [row[place] for row in rows],
-            is_text=heading in _TEXTS,
-            folds="verdict" in heading,
-        )
-        for place, heading in enumerate(COMPARISON_HEAD)
-    ]
+    columns = columns_of(COMPARISON_HEAD, comparison_rows(found), _TEXTS, _TEXTS[1:])
     output = console.screen()
     print_table(output, " → ".join(found.names), columns, _FIRST_TO_GO)
     for doubt in found.doubts:

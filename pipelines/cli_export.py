@@ -218,15 +218,11 @@ def _write_comparison(found: ShapeComparison, out: Path, force: bool) -> None:
 
 
 def _show(found: ShapeComparison) -> None:
-    from pipelines.console_tables import Column, print_table
+    from pipelines.console_tables import columns_of, print_table
     from pipelines.shape_comparison_table import MATCH_HEAD, TEXTS, match_rows
 
     output = console.screen()
-    rows = match_rows(found)
-    columns = [
-        Column(heading, [row[place] for row in rows], is_text=heading in TEXTS)
-        for place, heading in enumerate(MATCH_HEAD)
-    ]
+    columns = columns_of(MATCH_HEAD, match_rows(found), TEXTS)
     go_first = ("difference / Hz", "other / Hz", "frequency / Hz")
     print_table(output, f"{found.result.name} → {found.other.name}", columns, go_first)
     for note in found.notes:

@@ -13,8 +13,8 @@ from pipelines.comparison_modes import MatchedMode, UnmatchedMode
 from pipelines.comparison_parameters import ParameterChange
 from pipelines.comparison_scatter import Agreement, Scatter
 from pipelines.comparison_significance import LEVEL, Difference
-from pipelines.comparison_words import chance_text, findings
-from pipelines.numbers import DASH, plain, signed, value_with_std
+from pipelines.comparison_words import findings
+from pipelines.numbers import DASH, chance_text, plain, signed, value_with_std
 from pipelines.result import Result
 
 Row = tuple[str, ...]
@@ -127,7 +127,7 @@ def _mode_row(
         _with_sign(scale * difference.value, scale * difference.std),
         percent_text(difference),
         signed(difference.z, 1),
-        _chance(difference),
+        chance_text(difference.adjusted_chance),
         difference.status,
     )
 
@@ -142,7 +142,7 @@ def _parameter_row(change: ParameterChange) -> Row:
         _parameter_text(difference.first, change.first_std, change.first_how),
         _parameter_text(difference.second, change.second_std, change.second_how),
         percent_text(difference) if difference.value else "0",
-        _chance(difference) if change.is_tested else DASH,
+        chance_text(difference.adjusted_chance) if change.is_tested else DASH,
         change.status if change.is_tested else f"{change.status}: {hows}",
     )
 
@@ -154,10 +154,6 @@ def _parameter_text(value: float, std: float, how: str) -> str:
 def _with_sign(value: float, std: float) -> str:
     text = value_with_std(value, std)
     return f"+{text}" if value > 0 and not text.startswith("(") else text
-
-
-def _chance(difference: Difference) -> str:
-    return chance_text(difference.adjusted_chance)
 
 
 def _mac_text(mac: float) -> str:

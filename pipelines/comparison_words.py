@@ -9,7 +9,7 @@ from pipelines.comparison import Comparison
 from pipelines.comparison_modes import UnmatchedMode
 from pipelines.comparison_scatter import Agreement, Scatter
 from pipelines.comparison_significance import LEVEL, UNKNOWN, Difference
-from pipelines.numbers import number, signed, value_with_std
+from pipelines.numbers import chance_text, number, signed, value_with_std
 
 CAUTION = (
     "Significant means: more than the noise of both recordings explains. The pressure as set, the "
@@ -95,11 +95,6 @@ def movement(one: str, many: str, differences: Sequence[Named]) -> tuple[str, ..
 def _relation(chance: float) -> str:
     text = chance_text(chance)
     return text if text.startswith("<") else f"= {text}"
-
-
-def chance_text(chance: float) -> str:
-    """A probability as a table prints it."""
-    return "< 0.001" if chance < 0.001 else number(chance, 2)
 
 
 def _span(group: Sequence[Named]) -> str:

@@ -121,10 +121,10 @@ def _show_modes(output: Console, result: Result) -> None:
         Column("mode", [str(number) for number in range(1, len(modes) + 1)]),
         Column("order", ["" if m.order is None else f"{m.order}{m.member}" for m in modes]),
         Column(
-            "frequency in Hz", [value_with_std(m.frequency_hz, m.frequency_std_hz) for m in modes]
+            "frequency / Hz", [value_with_std(m.frequency_hz, m.frequency_std_hz) for m in modes]
         ),
         Column(
-            "damping in %",
+            "damping / %",
             [value_with_std(100 * m.damping_ratio, 100 * m.damping_std) for m in modes],
         ),
         Column("purity", ["" if m.order is None else f"{m.order_purity:.3f}" for m in modes]),

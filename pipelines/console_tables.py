@@ -32,6 +32,28 @@ class Column:
     folds: bool = False
 
 
+def columns_of(
+    headings: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    texts: Sequence[str],
+    folding: Sequence[str] = (),
+) -> list[Column]:
+    """Columns of a table that is known by its rows.
+
+    Parameters
+    ----------
+    headings : sequence of str
+    rows : sequence of sequence of str
+        Each with a cell under every heading.
+    texts, folding : sequence of str
+        Headings of the columns that hold texts, and of those whose cells may take several lines.
+    """
+    return [
+        Column(heading, [row[place] for row in rows], heading in texts, heading in folding)
+        for place, heading in enumerate(headings)
+    ]
+
+
 def print_table(
     screen: Console,
     title: str,

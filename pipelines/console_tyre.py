@@ -8,8 +8,8 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from pipelines.console import complain, print_json, say, screen
-from pipelines.console_tables import Column, print_table
-from pipelines.numbers import number, signed, value_with_std
+from pipelines.console_tables import Column, columns_of, print_table
+from pipelines.numbers import chance_text, number, signed, value_with_std
 
 if TYPE_CHECKING:
     from pipelines.library_diff import SetDifference
@@ -105,7 +105,7 @@ def show_difference(found: SetDifference, *, as_json: bool) -> None:
         print_json(_difference_content(found))
         return
     changes = found.changes
-    deltas = [change.difference for change in changes]
+    deltas, tested = [change.difference for change in changes], _tested(found)
     first = [value_with_std(each.difference.first, each.first_std) for each in changes]
     second = [value_with_std(each.difference.second, each.second_std) for each in changes]
     columns = (
@@ -114,8 +114,10 @@ def show_difference(found: SetDifference, *, as_json: bool) -> None:
         Column("B", second),
         Column("B − A", [value_with_std(each.value, each.std) for each in deltas]),
         Column("in %", [signed(each.percent, 1) for each in deltas]),
-        Column("z", [signed(each.z, 1) if tested else "" for each, tested in _tested(found)]),
-        Column("p", [_chance(each.chance) if tested else "" for each, tested in _tested(found)]),
+        Column("z", [signed(each.z, 1) if known else "" for each, known in tested]),
+        Column(
+            "p", [chance_text(each.chance) if known else "" for each, known in tested]
+        ),
         Column("verdict", [_verdict(change, found) for change in changes], True, folds=True),
     )
     say(f"A: {found.first.name}")
@@ -135,10 +137,7 @@ def show_series(series: Series, unit: str, *, as_json: bool) -> None:
         print_json({"tyre": series.tyre, "trends": [_trend(each) for each in series.trends]})
     else:
         rows = [trend_row(trend, unit) for trend in series.trends]
-        columns = [
-            Column(heading, [row[place] for row in rows], is_text=place in (0, 5))
-            for place, heading in enumerate(headings(unit))
-        ]
+        columns = columns_of(headings(unit), rows, ("parameter", "versions"))
         title = f"{series.tyre} over inflation pressure"
         print_table(screen(), title, columns, first_to_go=("versions", "scatter / σ"))
     for note in series.notes:
@@ -156,10 +155,6 @@ def _tested(found: SetDifference) -> list[tuple[Any, bool]]:
     return [
         (each.difference, each.is_tested and isfinite(each.difference.z)) for each in found.changes
     ]
-
-
-def _chance(chance: float) -> str:
-    return "<0.001" if chance < 0.001 else f"{chance:.3f}"
 
 
 def _stated(value: Any) -> str:

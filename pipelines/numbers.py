@@ -61,6 +61,11 @@ def signed(value: float, places: int) -> str:
     return f"{value:+.{places}f}".replace("-", "−") if isfinite(value) else DASH
 
 
+def chance_text(chance: float) -> str:
+    """A probability with two digits, down to a thousandth."""
+    return "< 0.001" if chance < 0.001 else number(chance, 2)
+
+
 def _exponent(value: float, digits: int = 16) -> int:
     """Power of ten of the first digit of `value`, rounded to `digits` digits."""
     return int(f"{value:.{digits - 1}e}".partition("e")[2])
