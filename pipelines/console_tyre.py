@@ -115,9 +115,7 @@ def show_difference(found: SetDifference, *, as_json: bool) -> None:
         Column("B − A", [value_with_std(each.value, each.std) for each in deltas]),
         Column("in %", [signed(each.percent, 1) for each in deltas]),
         Column("z", [signed(each.z, 1) if known else "" for each, known in tested]),
-        Column(
-            "p", [chance_text(each.chance) if known else "" for each, known in tested]
-        ),
+        Column("p", [chance_text(each.chance) if known else "" for each, known in tested]),
         Column("verdict", [_verdict(change, found) for change in changes], True, folds=True),
     )
     say(f"A: {found.first.name}")

@@ -17,7 +17,7 @@ from pipelines.console_tables import Column, print_table
 
 COLUMNS = (
     Column("mode", ["1", "2"]),
-    Column("frequency / Hz", ["78.728 ± 0.005", "100.310 ± 0.004"]),
+    Column("frequency in Hz", ["78.728 ± 0.005", "100.310 ± 0.004"]),
     Column("status", ["pair not resolvable", "ok"], is_text=True, folds=True),
     Column("purity", ["1.000", "0.998"]),
     Column("remark", ["", ""], is_text=True),
