@@ -79,7 +79,8 @@ def why_not_named(mode: Mode, own: Sequence[Mode]) -> str:
     """Status of a mode that is none of the ring's `own`."""
     if mode.order is None:
         n_positions = mode.residues.size
-        return f"order unknown: higher than {n_positions} positions can tell from lower ones"
+        where = f"{n_positions} positions, placed as they are,"
+        return f"order unknown: higher than {where} can tell from lower ones"
     return f"{FOREIGN}: {why_foreign(mode, own)}"
 
 

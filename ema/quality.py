@@ -129,7 +129,9 @@ def _factors(check: ReferenceCheck) -> list[str]:
 
 
 def coherence_findings(frf: FRF, band_hz: tuple[float, float]) -> list[Finding]:
-    """Median coherence of each position in the band, one finding each; none where unknown."""
+    """Median coherence of each position in the band; none where unknown, or 1 by definition."""
+    if frf.n_effective <= 1:
+        return []
     lines = (frf.frequency_hz >= band_hz[0]) & (frf.frequency_hz <= band_hz[1])
     findings = []
     for row, median in enumerate(np.median(frf.coherence[:, lines], axis=1)):

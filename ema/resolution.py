@@ -78,6 +78,9 @@ def resolve_orders(
     values = _in_one_state(fit)
     left = values - _synthesis(fit, range(fit.poles.size))
     decomposition = OrderDecomposition(frf)
+    # Orders too high for these positions would pass for lower ones.
+    untold = [k for k, mode in enumerate(modes) if mode.order is None]
+    told = values - _synthesis(fit, untold, residual_terms=False)
     poles: list[complex] = [complex(pole) for pole in fit.poles]
     dropped: set[int] = set()
     reports = []
@@ -90,7 +93,7 @@ def resolve_orders(
         if found.size != len(members):
             dropped |= set(members)
             poles += [complex(pole) for pole in found]
-        everything = decomposition.order(order, lines, values)
+        everything = decomposition.order(order, lines, told)
         reports.append(_by_itself(OrderReport(verdict), everything, found, correlation))
     kept = [pole for k, pole in enumerate(poles) if k not in dropped]
     return np.array(kept), tuple(reports), bool(dropped)

@@ -169,3 +169,9 @@ def test_without_a_coherent_band_all_lines_count(level):
         frequency_hz, np.ones((2, 100)), coherence=np.full((2, 100), level)
     )
     assert coherent_band(frf) == (1.0, 100.0)
+
+
+def test_a_single_average_passes_no_check_of_its_coherence():
+    frf = systems.tyre_frf(snr_db=20)
+    assert coherence_findings(replace(frf, n_effective=1.0), BAND_HZ) == []
+    assert len(coherence_findings(frf, BAND_HZ)) == frf.n_positions

@@ -82,3 +82,16 @@ def test_a_small_split_is_never_one_mode_whose_damping_looks_certain(split_perce
         assert (mode.member != "") == (mode.status == RESOLVED)
         if orders.count(mode.order) == 1:
             assert abs(mode.damping_ratio - ratios[mode.order]) < 4 * mode.damping_std
+
+
+def test_an_order_too_high_for_the_positions_does_not_pass_for_the_highest_told():
+    # 15° apart, none from 180° to 210°: orders up to 6 are told, order 7 leaks into order 6.
+    nodes = np.setdiff1d(np.arange(0, 72, 3), [36, 39, 42])
+    truth = {mode.order: mode for mode in truth_modes()}
+    model = identify_modes(systems.campaign_frf(truth_modes(), 34).rows(nodes)).model
+    assert model.modes[-1].order is None
+    report = model.orders[-1]
+    assert report.order == 6
+    away = report.frequency_hz - truth[6].frequency_hz
+    assert abs(away) < 4 * report.frequency_std_hz
+    assert abs(report.damping_ratio - truth[6].damping_ratio) < 4 * report.damping_std

@@ -20,13 +20,14 @@ from report_page import Page
 from results import structure_result, tyre_result
 
 from ema.io.manifest import TyreSection
-from ema.modes import Drift, ModalModel, ResidualTerms
+from ema.modes import NO_DRIFT, Drift, ModalModel, ResidualTerms
 from ema.quality import EXCLUDED, Finding
 from ema.recording import Tyre
 from pipelines import report
 from pipelines.numbers import value_with_std
 from pipelines.report import measurement, render_report, report_sections, write_report
 from pipelines.report.blocks import Facts, Paragraph, Section, Table
+from pipelines.report.chart import Chart
 from pipelines.report.identity import identity, named
 from pipelines.report.page import as_json, breakable, drawings, render_page
 from pipelines.report.responses import shown_rows
@@ -162,6 +163,25 @@ def test_the_verdict_on_the_reference_is_in_words(tyre, ratio, consistent, words
     check = replace(tyre.reference, ratio=ratio, consistent=consistent)
     blocks = measurement.quality(replace(tyre, reference=check)).blocks
     assert any(words in block.text for block in blocks if isinstance(block, Paragraph))
+
+
+@pytest.mark.parametrize(
+    ("drift", "words"),
+    [(False, "drift between runs was not checked"), (True, "judged by its modes alone")],
+)
+def test_without_a_reference_sensor_it_is_said_what_judges_the_runs(tyre, drift, words):
+    seen = Drift(tyre.reference.run, [0.0] * 6, [0.0] * 6) if drift else NO_DRIFT
+    model = replace(tyre.modal_model, drift=seen)
+    section = measurement.quality(replace(tyre, reference=None, modal_model=model))
+    said = [block.text for block in section.blocks if isinstance(block, Paragraph)]
+    assert any(words in text for text in said)
+
+
+def test_the_coherence_of_a_single_average_is_not_shown(tyre):
+    once = replace(tyre, frf=replace(tyre.frf, n_effective=1.0))
+    charts = [block.name for block in measurement.quality(once).blocks if isinstance(block, Chart)]
+    assert "coherence" not in charts
+    assert "tells nothing" in Page(render_report(once)).text
 
 
 def test_a_long_list_of_runs_leaves_out_its_middle(tyre):

@@ -120,7 +120,7 @@ def _without_reference(runs: Sequence[Run], positions: int | None) -> list[Findi
     without = [run.name for run in runs if run.reference is None]
     if positions is None or len(runs) < 2 or not without:
         return []
-    detail = "no run has a reference sensor: whether the tyre stayed the same cannot be checked"
+    detail = "no run has a reference sensor: only its modes may tell whether the tyre changed"
     if len(without) < len(runs):
         detail = f"no reference sensor in {', '.join(without)}: not compared with the other runs"
     return [Finding("", "", None, "reference", WARNING, detail)]

@@ -123,7 +123,8 @@ def _degrees(angle: float | None) -> str:
 def _coherence(result: Result) -> tuple[Chart, ...]:
     band_hz = result.diagram.band_hz
     inside = in_band(result.frf.frequency_hz, band_hz)
-    if not np.isfinite(result.frf.coherence[:, inside]).any():
+    unknown = not np.isfinite(result.frf.coherence[:, inside]).any()
+    if unknown or result.frf.n_effective <= 1:
         return ()
     return (charts_quality.coherence_chart(result.frf, band_hz),)
 
@@ -142,17 +143,23 @@ def _drive_point(result: Result) -> tuple[Chart, ...]:
 
 
 def _verdicts(result: Result) -> tuple[Paragraph, ...]:
-    coherence = (
-        ()
-        if np.isfinite(result.frf.coherence).any()
-        else (Paragraph("The coherence is unknown: noise could not be judged."),)
-    )
-    return (*coherence, _reference_verdict(result.reference))
+    verdicts = []
+    if result.frf.n_effective <= 1:
+        verdicts.append(Paragraph("The coherence of a single average is 1 and tells nothing."))
+    elif not np.isfinite(result.frf.coherence).any():
+        verdicts.append(Paragraph("The coherence is unknown: noise could not be judged."))
+    if len(result.frf.run_names) > 1:
+        judged = bool(result.modal_model.drift.run)
+        verdicts.append(_reference_verdict(result.reference, judged_by_modes=judged))
+    return tuple(verdicts)
 
 
-def _reference_verdict(check: ReferenceCheck | None) -> Paragraph:
+def _reference_verdict(check: ReferenceCheck | None, *, judged_by_modes: bool) -> Paragraph:
     if check is None:
-        return Paragraph("No reference sensor stayed in place: drift between runs was not checked.")
+        says = "drift between runs was not checked"
+        if judged_by_modes:
+            says = "whether the tyre changed between the runs is judged by its modes alone"
+        return Paragraph(f"No reference sensor stayed in place: {says}.")
     if not np.isfinite(check.ratio):
         text = "The noise at the reference sensor is unknown: drift between runs was not judged."
         return Paragraph(text, "warning")

@@ -24,8 +24,8 @@ FORCE_TAIL, FORCE_TIP = 1.42, 1.07
 SYMBOLS = ((16, 0, 1.0), (4, 45, 1.2), (3, 90, 1.3), (4, 0, 1.3), (3, 270, 1.3))
 CAPTION = (
     "Measured positions by run, seen from the side; angles run counter-clockwise. Look for gaps: "
-    "an order with more than half as many waves as there are positions cannot be told from a "
-    "lower one."
+    "they lower the highest order that can be told from lower ones, which has fewer than half as "
+    "many waves as there are positions."
 )
 
 Point = tuple[float, float]
