@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -230,3 +231,6 @@ def _check(chosen: Alignment) -> None:
     if not 0 < chosen.tolerance_deg <= 180:
         found, rule = f"{chosen.tolerance_deg:g} degrees", "it must be above 0 and up to 180"
         raise InputError("--tolerance-deg", found, rule, "Write e.g. 2")
+    if not isfinite(chosen.rotate_deg):
+        found = f"{chosen.rotate_deg:g} degrees"
+        raise InputError("--rotate-deg", found, "it must be a finite angle", "Write e.g. 90")

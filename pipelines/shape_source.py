@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from math import isnan
 from pathlib import Path
 
 import numpy as np
@@ -150,9 +151,11 @@ def _of_table(path: Path) -> ShapeSource:
     place_at = {place: at for at, place in enumerate(places)}
     values = np.full((len(modes), len(places)), complex(np.nan, np.nan))
     frequency_hz = np.full(len(modes), np.nan)
+    seen: set[tuple[float, ...]] = set()
     for row in rows:
-        at = mode_at[row["mode"]]
-        values[at, place_at[row["node"], row["position_deg"]]] = complex(row["real"], row["imag"])
+        at, place = mode_at[row["mode"]], (row["node"], row["position_deg"])
+        _require_new(path, seen, (row["mode"], *place))
+        values[at, place_at[place]] = complex(row["real"], row["imag"])
         frequency_hz[at] = row["frequency_hz"]
     unknown = np.full(len(places), np.nan)
     return ShapeSource(
@@ -184,10 +187,14 @@ def _rows(path: Path) -> Iterator[dict[str, float]]:
                     str(path), found, "a table of shapes names place and value", remedy
                 )
             for row in reader:
-                yield {
+                numbers = {
                     name: float(row[name]) if row.get(name) else _default(path, reader, name)
                     for name in ("mode", "real", *_DEFAULTS)
                 }
+                _require_counts(path, reader.line_num, numbers)
+                if isnan(numbers["position_deg"]):
+                    numbers["position_deg"] = _NO_ANGLE
+                yield numbers
             if reader.line_num < 2:
                 raise InputError(str(path), "no lines", "a table of shapes has values", remedy)
     except (ValueError, UnicodeDecodeError, csv.Error) as error:
@@ -195,6 +202,25 @@ def _rows(path: Path) -> Iterator[dict[str, float]]:
             raise
         where = f"{path}, line {reader.line_num}"
         raise InputError(where, str(error), "cells hold numbers with a point", remedy) from error
+
+
+def _require_counts(path: Path, line: int, numbers: dict[str, float]) -> None:
+    for name in ("mode", "node"):
+        if not (numbers[name].is_integer() and numbers[name] >= 0):
+            where, rule = f"{path}, line {line}", f"a {name} is a whole number"
+            raise InputError(where, f"{name} {numbers[name]:g}", rule, "Number them 1, 2, 3 …")
+
+
+def _require_new(path: Path, seen: set[tuple[float, ...]], key: tuple[float, ...]) -> None:
+    """Refuse a second value of a mode at a place: nobody knows which one is meant."""
+    if key in seen:
+        mode, node, angle = key
+        place = f"node {node:g}" if node else f"{angle:g} degrees"
+        rule = "a mode has one value at each place"
+        raise InputError(
+            str(path), f"two values of mode {mode:g} at {place}", rule, "Keep one direction"
+        )
+    seen.add(key)
 
 
 def _default(path: Path, reader: csv.DictReader[str], name: str) -> float:

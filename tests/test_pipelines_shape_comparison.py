@@ -279,6 +279,11 @@ def test_the_span_of_a_pair_explains_any_turn_of_it():
         ("mode,node,real\n", "no lines"),
         ("mode,node,real\n1,1,zero\n", "line 2"),
         ("mode,node,real\n1,1,\n", "no real"),
+        ("mode,node,real\n1,1,1\n1,nan,1\n", "line 3: node nan; a node is a whole number"),
+        ("mode,node,real\n1,1.5,1\n", "node 1.5"),
+        ("mode,node,real\ninf,1,1\n", "mode inf"),
+        ("mode,node,real\n1,4,1\n2,4,1\n1,4,3\n", "two values of mode 1 at node 4; "),
+        ("mode,position_deg,real\n1,5,1\n1,5,3\n", "mode 1 at 5 degrees"),
     ],
 )
 def test_tables_that_are_none_are_refused(tmp_path, text, says):
@@ -288,6 +293,14 @@ def test_tables_that_are_none_are_refused(tmp_path, text, says):
         read_source(path)
 
 
+def test_an_angle_that_is_no_number_is_none(tmp_path):
+    path = tmp_path / "shapes.csv"
+    path.write_text("mode,node,position_deg,real\n1,1,nan,0.5\n1,2,nan,1\n2,1,nan,1\n2,2,nan,0.1\n")
+    found = read_source(path)
+    assert not found.has_angles
+    np.testing.assert_array_equal(found.values, [[0.5, 1.0], [1.0, 0.1]])
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -295,6 +308,7 @@ def test_tables_that_are_none_are_refused(tmp_path, text, says):
         (["RESULT", "--by", "angel"], "angle"),
         (["RESULT", "--direction", "radail"], "radial"),
         (["RESULT", "--tolerance-deg", "0"], "above 0"),
+        (["RESULT", "--rotate-deg", "inf"], "finite angle"),
         (["RESULT", "--out", "shapes.xlsx"], ".csv, .html"),
     ],
 )
