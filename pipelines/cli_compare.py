@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipelines import console
-from pipelines.cli_options import FILES, Json
+from pipelines.cli_options import FILES, Json, replacing
 from pipelines.cli_values import choice
 from pipelines.interrupt import stating_what_stands
 
@@ -30,9 +30,7 @@ def compare(
             "--out", metavar="FILE", rich_help_panel=FILES, help="Page with all comparisons."
         ),
     ] = Path("comparison.html"),
-    force: Annotated[
-        bool, typer.Option("--force", rich_help_panel=FILES, help="Replace an earlier page.")
-    ] = False,
+    force: Annotated[bool, replacing("an earlier page")] = False,
     as_json: Json = False,
 ) -> None:
     """Compare two results: frequencies, damping, shapes and ring parameters, with significance.

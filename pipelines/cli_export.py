@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipelines import console
-from pipelines.cli_options import FILES, Json
-from pipelines.cli_values import choice, completing
+from pipelines.cli_options import FILES, Json, one_of, replacing
+from pipelines.cli_values import choice
 from pipelines.interrupt import stating_what_stands
 
 if TYPE_CHECKING:
@@ -18,22 +18,22 @@ if TYPE_CHECKING:
 EXPORT_FORMATS = ("uff", "csv", "json", "mat")
 WAYS, DIRECTIONS = ("angle", "node"), ("radial", "x", "y", "z")
 FRFS = ("both", "measured", "synthesised", "none")
+Result = Annotated[
+    Path, typer.Argument(metavar="RESULT", help="Result folder.", show_default=False)
+]
 CONTENT, PLACES = "Content", "Places and directions"
 
 
 def export(
-    result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="Result folder.", show_default=False)
-    ],
+    result: Result,
     file_format: Annotated[
         str,
-        typer.Option(
-            "--format",
-            metavar="NAME",
-            rich_help_panel=FILES,
-            autocompletion=completing(EXPORT_FORMATS),
-            help="uff (universal file), csv (a folder of tables), json or mat (MATLAB). "
+        one_of(
+            EXPORT_FORMATS,
+            FILES,
+            "uff (universal file), csv (a folder of tables), json or mat (MATLAB). "
             "Default: the ending of --out, or uff.",
+            "--format",
         ),
     ] = "",
     out: Annotated[
@@ -45,9 +45,7 @@ def export(
             help="File, or folder for csv. Default: named after the result, in the current folder.",
         ),
     ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", rich_help_panel=FILES, help="Replace an earlier export.")
-    ] = False,
+    force: Annotated[bool, replacing("an earlier export")] = False,
     real: Annotated[
         bool,
         typer.Option(
@@ -56,11 +54,10 @@ def export(
     ] = False,
     frfs: Annotated[
         str,
-        typer.Option(
-            metavar="NAME",
-            rich_help_panel=CONTENT,
-            autocompletion=completing(FRFS),
-            help="FRFs that go along: both, measured, synthesised (from the modes) or none.",
+        one_of(
+            FRFS,
+            CONTENT,
+            "FRFs that go along: both, measured, synthesised (from the modes) or none.",
         ),
     ] = "both",
     text: Annotated[
@@ -115,9 +112,7 @@ def export(
 
 
 def compare_shapes(
-    result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="Result folder.", show_default=False)
-    ],
+    result: Result,
     other: Annotated[
         Path,
         typer.Argument(
@@ -135,16 +130,11 @@ def compare_shapes(
             help="Write a table (.csv) or a page (.html) too.",
         ),
     ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", rich_help_panel=FILES, help="Replace an earlier file.")
-    ] = False,
+    force: Annotated[bool, replacing("an earlier file")] = False,
     by: Annotated[
         str,
-        typer.Option(
-            metavar="NAME",
-            rich_help_panel=PLACES,
-            autocompletion=completing(WAYS),
-            help="Match places by angle or by node. Default: angle where both have angles.",
+        one_of(
+            WAYS, PLACES, "Match places by angle or by node. Default: angle where both have angles."
         ),
     ] = "",
     tolerance_deg: Annotated[
@@ -171,11 +161,10 @@ def compare_shapes(
     ] = False,
     direction: Annotated[
         str,
-        typer.Option(
-            metavar="NAME",
-            rich_help_panel=PLACES,
-            autocompletion=completing(DIRECTIONS),
-            help="Motion of OTHER to compare: radial, x, y or z. Default: radial on a wheel.",
+        one_of(
+            DIRECTIONS,
+            PLACES,
+            "Motion of OTHER to compare: radial, x, y or z. Default: radial on a wheel.",
         ),
     ] = "",
     as_json: Json = False,

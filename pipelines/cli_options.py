@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -18,6 +18,23 @@ if TYPE_CHECKING:
 FILES, PROCESSING = "Input and output", "Processing"
 POLES, RING, SCREEN = "Poles", "Ring", "Screen"
 
+
+def one_of(values: Sequence[str], panel: str, text: str, *names: str) -> Any:
+    """An option that takes one of some names; the shell completes them."""
+    return typer.Option(
+        *names,
+        metavar="NAME",
+        rich_help_panel=panel,
+        autocompletion=value.completing(values),
+        help=text,
+    )
+
+
+def replacing(what: str) -> Any:
+    """The option ``--force`` of a command, which replaces only when told to."""
+    return typer.Option("--force", rich_help_panel=FILES, help=f"Replace {what}.")
+
+
 ResultFolder = Annotated[
     Path, typer.Argument(metavar="DIR", help="Folder of an earlier result.", show_default=False)
 ]
@@ -30,9 +47,7 @@ Out = Annotated[
         help="Folder for the result; appears whole or not at all.",
     ),
 ]
-Force = Annotated[
-    bool, typer.Option("--force", rich_help_panel=FILES, help="Replace an earlier result.")
-]
+Force = Annotated[bool, replacing("an earlier result")]
 NoReport = Annotated[
     bool, typer.Option("--no-report", rich_help_panel=FILES, help="Stop before the report.")
 ]
@@ -72,11 +87,10 @@ Quiet = Annotated[
 ]
 Objective = Annotated[
     str,
-    typer.Option(
-        metavar="NAME",
-        rich_help_panel=RING,
-        autocompletion=value.completing(value.OBJECTIVES),
-        help="What the tuning minimises: frequency (relative errors) or paper (eq. 18).",
+    one_of(
+        value.OBJECTIVES,
+        RING,
+        "What the tuning minimises: frequency (relative errors) or paper (eq. 18).",
     ),
 ]
 Given = Annotated[
@@ -121,11 +135,10 @@ def processing_options(
     ] = None,
     window: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME",
-            rich_help_panel=PROCESSING,
-            autocompletion=value.completing(value.WINDOWS),
-            help="hann, boxcar, flattop or any other window of scipy. Default: hann.",
+        one_of(
+            value.WINDOWS,
+            PROCESSING,
+            "hann, boxcar, flattop or any other window of scipy. Default: hann.",
         ),
     ] = None,
     overlap: Annotated[
@@ -140,12 +153,7 @@ def processing_options(
     ] = None,
     estimator: Annotated[
         str,
-        typer.Option(
-            metavar="NAME",
-            rich_help_panel=PROCESSING,
-            autocompletion=value.completing(value.ESTIMATORS),
-            help="FRF estimator: H1, H2 or Hv.",
-        ),
+        one_of(value.ESTIMATORS, PROCESSING, "FRF estimator: H1, H2 or Hv."),
     ] = "H1",
     max_order: Annotated[
         int,
@@ -159,11 +167,8 @@ def processing_options(
     ] = 60,
     method: Annotated[
         str,
-        typer.Option(
-            metavar="NAME",
-            rich_help_panel=POLES,
-            autocompletion=value.completing(value.METHODS),
-            help="Pole estimator, lsce or plscf; the other is the second opinion.",
+        one_of(
+            value.METHODS, POLES, "Pole estimator, lsce or plscf; the other is the second opinion."
         ),
     ] = "lsce",
     pin: Annotated[

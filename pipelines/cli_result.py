@@ -9,7 +9,6 @@ import typer
 
 from pipelines import cli_values as value
 from pipelines.cli_options import (
-    FILES,
     Figures,
     Force,
     Given,
@@ -21,6 +20,7 @@ from pipelines.cli_options import (
     Quiet,
     ResultFolder,
     Strict,
+    replacing,
     with_processing_options,
 )
 from pipelines.interrupt import stating_what_stands
@@ -109,9 +109,7 @@ def report(
     result_folder: ResultFolder,
     figures: Figures = None,
     pdf: Pdf = False,
-    force: Annotated[
-        bool, typer.Option("--force", rich_help_panel=FILES, help="Replace earlier figures.")
-    ] = False,
+    force: Annotated[bool, replacing("earlier figures")] = False,
     as_json: Json = False,
 ) -> None:
     """Write the report of an earlier result again, as HTML and where wanted as PDF.

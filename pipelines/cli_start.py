@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pipelines import console
-from pipelines.cli_options import FILES, Json
+from pipelines.cli_options import Json, replacing
 from pipelines.interrupt import stating_what_stands
 from pipelines.progress import shown
 
@@ -86,9 +86,7 @@ def inspect(
 
 def init(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with recordings.")],
-    force: Annotated[
-        bool, typer.Option("--force", rich_help_panel=FILES, help="Replace an existing manifest.")
-    ] = False,
+    force: Annotated[bool, replacing("an existing manifest")] = False,
     as_json: Json = False,
 ) -> None:
     """Draft a campaign.toml from the recordings in a folder, and say what to fill in.
