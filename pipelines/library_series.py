@@ -134,7 +134,7 @@ def fit_line(x: ArrayLike, y: ArrayLike, std: ArrayLike) -> Line:
     -------
     Line
         Its standard deviations follow from σ, raised where the points scatter more than that;
-        without σ they follow from the scatter about the line, and are NaN for two points.
+        without σ they follow from the scatter about the line, and are NaN without any.
     """
     x, y, std = (np.asarray(each, dtype=float) for each in (x, y, std))
     weighted = bool(np.all(np.isfinite(std) & (std > 0)))
@@ -142,14 +142,17 @@ def fit_line(x: ArrayLike, y: ArrayLike, std: ArrayLike) -> Line:
     total = weight.sum()
     centre = float(weight @ x / total)
     spread = float(weight @ (x - centre) ** 2)
-    value, slope = float(weight @ y / total), float(weight @ ((x - centre) * y) / spread)
+    first = float(y[0])  # equal values then leave exactly nothing, where rounding would show
+    y = y - first
+    mean, slope = float(weight @ y / total), float(weight @ ((x - centre) * y) / spread)
     left_over = x.size - 2
-    misfit = float(weight @ (y - value - slope * (x - centre)) ** 2)
-    scatter = sqrt(misfit / left_over) if left_over > 0 else nan
+    misfit = float(weight @ (y - mean - slope * (x - centre)) ** 2)
+    tells = left_over > 0 and (weighted or misfit > 0)
+    scatter = sqrt(misfit / left_over) if tells else nan
     factor = max(1.0, scatter if isfinite(scatter) else 0.0) if weighted else scatter
     std_of = factor / np.sqrt([total, spread])
     shown = scatter if weighted else nan
-    return Line(centre, value, float(std_of[0]), slope, float(std_of[1]), shown)
+    return Line(centre, first + mean, float(std_of[0]), slope, float(std_of[1]), shown)
 
 
 def _independent(versions: Sequence[Version]) -> list[Version]:

@@ -65,6 +65,9 @@ def test_without_errors_the_scatter_tells_them_and_two_points_tell_nothing():
     assert line.slope_std == pytest.approx((4 / 2) ** 0.5 / 5**0.5)
     assert np.isnan(line.scatter)
     assert np.isnan(fit_line(x[:2], y[:2], unknown[:2]).slope_std)
+    same = fit_line(x, np.full(x.size, 7.1), unknown)
+    assert (same.value, same.slope) == (7.1, 0.0)
+    assert np.isnan([same.value_std, same.slope_std, same.scatter]).all()
 
 
 def test_the_slope_of_a_tyre_is_found_per_pascal(series_of):
