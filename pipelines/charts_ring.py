@@ -212,14 +212,14 @@ def _measured(
     }
 
 
-def _line(name: str, x: NDArray[np.float64], y: NDArray[np.float64], color: str) -> dict[str, Any]:
+def _line(name: str, x: NDArray[np.float64], y: NDArray[np.float64], colour: str) -> dict[str, Any]:
     return {
         "type": "scatter",
         "mode": "lines",
         "name": name,
         "x": x.tolist(),
         "y": y.tolist(),
-        "line": {"color": color, "width": 1},
+        "line": {"color": colour, "width": 1},
         "hoverinfo": "skip",
         "showlegend": False,
     }

@@ -341,9 +341,10 @@ def series(
     from pipelines.library_series import pressure_series
 
     if out is not None:
+        from pipelines.library_series_file import ENDINGS
         from pipelines.simulate_targets import require_target
 
-        require_target(out, (".png", ".svg", ".html"))
+        require_target(out, ENDINGS)
     versions = _library(library).tyre(name).intact_versions()
     found = pressure_series(versions, parameter or ())
     console_tyre.show_series(found, pressure_unit.value, as_json=as_json)

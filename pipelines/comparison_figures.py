@@ -79,7 +79,7 @@ def plot_frf_pair(names: Sequence[str], curves: Sequence[tuple[Any, Any]], axes:
     ndarray of Axes
     """
     from pipelines.figures_labels import literal
-    from pipelines.figures_style import SERIES, log_axis
+    from pipelines.figures_style import SERIES, log_axis, phase_axes
     from pipelines.figures_values import wrapped_phase_deg
 
     magnitude, phase = axes
@@ -90,6 +90,5 @@ def plot_frf_pair(names: Sequence[str], curves: Sequence[tuple[Any, Any]], axes:
     log_axis(magnitude)
     magnitude.set_ylabel("|inertance| / ((m/s²)/N)")
     magnitude.legend(loc="lower right")
-    phase.set(ylim=(-190, 190), yticks=[-180, -90, 0, 90, 180])
-    phase.set(xlabel="frequency / Hz", ylabel="phase / °")
+    phase_axes(phase)
     return axes

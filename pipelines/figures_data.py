@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from ema.frf import FRF
 from ema.quality import ReferenceCheck
 from pipelines.figures_labels import apart, literal, sparse_labels
-from pipelines.figures_style import FAINT, FITTED, MEASURED, log_axis, series_style
+from pipelines.figures_style import FAINT, FITTED, MEASURED, log_axis, phase_axes, series_style
 from pipelines.figures_values import coherence_map, in_band, wrapped_phase_deg
 
 MOST_COLUMNS = 500  # of a map on paper
@@ -151,10 +151,7 @@ def plot_drive_point(frf: FRF, row: int, band_hz: tuple[float, float], axes: Any
     for limit in (0, 180):
         phase.axhline(limit, color=FITTED, linewidth=0.8, linestyle=":")
     phase.set_xlim(*band_hz)
-    phase.set_ylim(-190, 190)
-    phase.set_yticks([-180, -90, 0, 90, 180])
-    phase.set_xlabel("frequency / Hz")
-    phase.set_ylabel("phase / °")
+    phase_axes(phase)
     return axes
 
 

@@ -14,6 +14,7 @@ from pipelines.figures_style import (
     KEPT,
     RING,
     log_axis,
+    phase_axes,
     series_style,
     shades,
 )
@@ -73,10 +74,7 @@ def plot_phase(curve: SimulatedInertance, ax: Axes) -> Axes:
     Axes
     """
     ax.plot(curve.frequency_hz, wrapped_phase_deg(curve.values), color=RING)
-    ax.set_ylim(-190, 190)
-    ax.set_yticks([-180, -90, 0, 90, 180])
-    ax.set_xlabel("frequency / Hz")
-    ax.set_ylabel("phase / °")
+    phase_axes(ax)
     return ax
 
 

@@ -21,6 +21,7 @@ from pipelines.figures_style import (
     MEASURED,
     RING,
     log_axis,
+    phase_axes,
 )
 from pipelines.figures_values import in_band, pole_marks, wrapped_phase_deg
 
@@ -117,10 +118,7 @@ def plot_frf_phase(frf: FRF, model: ModalModel, row: int, ax: Axes) -> Axes:
     ax.plot(frf.frequency_hz[fitted], synthesis, color=FITTED, lw=2.0)
     ax.plot(frf.frequency_hz[shown], measured, "--", color=MEASURED, lw=0.8)
     _shade_outside(model.band_hz, ax)
-    ax.set_ylim(-190, 190)
-    ax.set_yticks([-180, -90, 0, 90, 180])
-    ax.set_xlabel("frequency / Hz")
-    ax.set_ylabel("phase / °")
+    phase_axes(ax)
     return ax
 
 

@@ -140,6 +140,14 @@ def log_axis(ax: Axes, decades: float = 4.0) -> None:
     ax.yaxis.set_minor_locator(NullLocator())
 
 
+def phase_axes(ax: Axes) -> None:
+    """Name the axes of a phase over frequency, from −180° to 180°."""
+    ax.set_ylim(-190, 190)
+    ax.set_yticks([-180, -90, 0, 90, 180])
+    ax.set_xlabel("frequency / Hz")
+    ax.set_ylabel("phase / °")
+
+
 def series_style(index: int) -> dict[str, Any]:
     """Colour and marker of the `index`-th of several like things."""
     return {

@@ -61,7 +61,7 @@ def coherence_map(frf: FRF, band_hz: tuple[float, float], most_columns: int) -> 
 
 
 def in_band(frequency_hz: NDArray[np.float64], band_hz: tuple[float, float]) -> NDArray[np.bool_]:
-    """Which frequencies lie in a band, its ends included."""
+    """Which frequencies, shape (n_lines,), lie in a band in Hz, its ends included."""
     return np.asarray((frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1]))
 
 
@@ -86,7 +86,12 @@ def pole_marks(diagram: StabilityDiagram) -> dict[str, NDArray[np.bool_]]:
 
 
 def wrapped_phase_deg(values: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Phase of complex values with a gap wherever it wraps, so that no line crosses the picture."""
+    """Phase of complex values in degrees, NaN where it wraps: no line crosses the picture there.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (n_lines,)
+    """
     phase = np.rad2deg(np.angle(values))
     phase[1:][np.abs(np.diff(phase)) > 180] = np.nan
     return np.asarray(phase)

@@ -76,7 +76,17 @@ def measured_data(values: NDArray[np.complex128]) -> dict[str, str]:
 
 
 def fitted_data(frf: FRF, model: ModalModel, rows: NDArray[np.int_]) -> dict[str, Any]:
-    """Poles, residues and residual terms, and each position's factor of the poles (drift)."""
+    """Poles, residues and residual terms, and each position's factor of the poles (drift).
+
+    Parameters
+    ----------
+    frf : FRF
+        Measured, (m/s²)/N; tells the run of each position.
+    model : ModalModel
+        Its poles are in rad/s.
+    rows : ndarray of int, shape (n_shown,)
+        Positions that go into the page.
+    """
     everything = model.modes + model.guard_modes
     poles = np.array([mode.pole for mode in everything])
     residues = np.stack([mode.residues[rows] for mode in everything], axis=1)
@@ -96,6 +106,12 @@ def ring_data(result: Result, rows: NDArray[np.int_]) -> dict[str, Any] | None:
     Inertance = −ω²/(2πab) Σ_n M22/(M11·M22 − C²) e^{inθ} with M11 = a_n + jωc_r − ρω²,
     M22 = b_n + jωc_θ − ρω² and C = c_n: the sum over all orders n of the ring at rest
     (`model.inertance`).
+
+    Parameters
+    ----------
+    result : Result
+    rows : ndarray of int, shape (n_shown,)
+        Positions that go into the page.
     """
     tuning, damping = result.tuning, result.damping
     if tuning is None or damping is None or tuning.ring.belt_width_m is None:
