@@ -66,6 +66,7 @@ class _Page:
             _suggest_option(error, [name for each in self.get_params(ctx) for name in each.opts])
             _suggest_value(error)
             _name_value(error, typed)
+            _place_value(error, typed)
             raise
         return taken
 
@@ -124,6 +125,17 @@ def _name_value(error: Any, typed: Sequence[str]) -> None:
     is_single = getattr(param, "nargs", 0) == 1
     if given and is_single and error.message.startswith("Input should"):
         error.message = f"{given[-1]!r}; i{error.message[1:]}."
+
+
+def _place_value(error: Any, typed: Sequence[str]) -> None:
+    """Say of a value that stands alone where it belongs."""
+    if error.message.startswith("Got unexpected extra argument"):
+        listed = error.message.rpartition(" (")[2].rstrip(")")
+        alone = next((value for value in typed if listed.startswith(value)), listed)
+        error.message = (
+            f"{alone!r} is one argument too many. Does an option's name belong before it, such as "
+            "--tyre, or quotes around a path with blanks? --help lists arguments and options."
+        )
 
 
 def _did_you_mean(typed: str, known: Sequence[str]) -> str:

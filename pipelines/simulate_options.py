@@ -65,7 +65,9 @@ def _figure(path: Path | None) -> Path | None:
 
 Tyre = Annotated[
     Path | None,
-    typer.Option(help="Parameter set, a tyre.toml; without one the sample tyre, a 225/55R17."),
+    typer.Option(
+        help="Parameter set, a tyre.toml or a result folder; without one the sample tyre, a 225/55R17."
+    ),
 ]
 Out = Annotated[
     Path | None, typer.Option("--out", callback=_table, help="Table: .csv or .parquet.")

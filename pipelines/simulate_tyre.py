@@ -10,6 +10,7 @@ from model.errors import ParameterError
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.reference import DESIGNATION, TABLE_4_RING, TABLE_5_DAMPING
 from pipelines.parameter_set import read_parameter_set
+from pipelines.tyre_library import parameter_file
 
 
 @dataclass(frozen=True)
@@ -34,16 +35,16 @@ class SimulatedTyre:
 
 
 def tyre_to_simulate(path: Path | None) -> SimulatedTyre:
-    """The tyre of a parameter set; without one the sample, a 225/55R17 (Tables 4 and 5).
+    """The tyre of a parameter set or result folder; without one the sample (Tables 4 and 5).
 
     Raises
     ------
     InputError
-        If the file is no parameter set, or its values make no ring.
+        If there is no parameter set, or its values make no ring.
     """
     if path is None:
         return SimulatedTyre(f"the sample tyre {DESIGNATION}", TABLE_4_RING, TABLE_5_DAMPING)
-    found = read_parameter_set(path)
+    found = read_parameter_set(parameter_file(path))
     try:
         return SimulatedTyre(
             str(path), found.ring_parameters, found.ring_damping, found.wheel_parameters

@@ -122,6 +122,7 @@ def test_version_names_the_main_libraries(ringmodal):
         (["process", "--windw", "hann"], "There is no option --windw. Did you mean --window?"),
         (["--vesrion"], "Did you mean --version?"),
         (["simulate", "inertanc"], "Did you mean 'inertance'?"),
+        (["simulate", "hub", "a/tyre.toml"], "'a/tyre.toml' is one argument too many"),
         (["simulate", "frequencies", "--frame", "rotatng"], "Did you mean rotating?"),
         (["process", "x", "--out", "y", "--method", "pslcf"], "Did you mean 'plscf'?"),
         (["process", "x", "--out", "y", "--objective", "freqency"], "Did you mean 'frequency'?"),

@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -49,6 +50,16 @@ def test_frequencies_at_80_km_h_as_json_and_nothing_else(ringmodal, sample_tyre)
     assert found["orders"] == [1, 2, 3, 4, 5, 6, 7]
     np.testing.assert_allclose(found["regressive_hz"], REGRESSIVE_HZ, atol=6e-4)
     np.testing.assert_allclose(found["progressive_hz"], PROGRESSIVE_HZ, atol=6e-4)
+
+
+def test_the_tyre_of_a_result_folder(ringmodal, sample_tyre, tmp_path):
+    folder = tmp_path / "result"
+    folder.mkdir()
+    (folder / "tyre.toml").write_bytes(Path(sample_tyre).read_bytes())
+    command = ("simulate", "frequencies", "--tyre")
+    assert ringmodal(*command, folder) == ringmodal(*command, sample_tyre)
+    code, _, errors = ringmodal(*command, tmp_path)
+    assert (code, "no tyre.toml; it is no result folder" in errors) == (2, True)
 
 
 def test_without_a_tyre_it_is_the_sample_and_standard_error_says_so(ringmodal, sample_tyre):
