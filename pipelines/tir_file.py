@@ -221,9 +221,10 @@ def read_tir(path: Path) -> TirFile:
             "it must be a tyre property file",
             "Check the path",
         ) from error
-    if content.startswith(_UTF_16):
+    if content.startswith(_UTF_16) or b"\0" in content:
         rule = "tyre property files are plain text in UTF-8 or ANSI"
-        raise InputError(str(path), "UTF-16", rule, "Save it as UTF-8")
+        found = "UTF-16, or no text at all"
+        raise InputError(str(path), found, rule, "Save it as UTF-8, or choose a .tir file")
     tir = tir_of(content, path.name)
     if not tir.sections():
         rule = "a tyre property file has sections, e.g. [UNITS]"

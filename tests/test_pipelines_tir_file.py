@@ -144,9 +144,10 @@ def test_what_is_no_such_file_is_refused(tmp_path):
     path = tmp_path / "any.tir"
     with pytest.raises(InputError, match="it must be a tyre property file"):
         read_tir(path)
-    path.write_bytes("[UNITS]\n".encode("utf-16"))
-    with pytest.raises(InputError, match="UTF-16"):
-        read_tir(path)
+    for encoding in ("utf-16", "utf-16-le", "utf-16-be"):
+        path.write_bytes("[UNITS]\n".encode(encoding))
+        with pytest.raises(InputError, match="UTF-16"):
+            read_tir(path)
     path.write_bytes(b"a,b\n1,2\n")
     with pytest.raises(InputError, match="no section"):
         read_tir(path)
