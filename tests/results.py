@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ema.frf import FRF
@@ -185,6 +187,20 @@ def diagram(model: ModalModel) -> StabilityDiagram:
         tuple(clusters),
         frequency_hz,
         indicator,
+    )
+
+
+def without_poles(diagram: StabilityDiagram) -> StabilityDiagram:
+    """A stability diagram in which nothing was found."""
+    none = np.zeros(0)
+    return replace(
+        diagram,
+        model_order=none,
+        poles=none,
+        stable_frequency=none,
+        stable_damping=none,
+        cluster=none,
+        clusters=(),
     )
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from results import structure_result, tyre_result
+from results import structure_result, tyre_result, without_poles
 
 from ema.quality import EXCLUDED, OK, WARNING, Finding
 from model.ring import natural_frequencies_hz
@@ -141,17 +141,7 @@ def test_stability_names_kept_clusters_and_reasons(tyre, charts):
 
 
 def test_stability_without_poles_has_its_indicator(tyre):
-    none = np.zeros(0)
-    empty = replace(
-        tyre.diagram,
-        model_order=none,
-        poles=none,
-        stable_frequency=none,
-        stable_damping=none,
-        cluster=none,
-        clusters=(),
-    )
-    chart = charts_stability.stability_chart(empty)
+    chart = charts_stability.stability_chart(without_poles(tyre.diagram))
     assert "0 columns" in chart.alternative
     assert unpacked(chart.data[0]["y"]).size > 100
 

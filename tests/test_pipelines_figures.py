@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from results import structure_result, tyre_result
+from results import structure_result, tyre_result, without_poles
 
 from ema.modes import Drift
 from pipelines import figures
@@ -123,18 +123,7 @@ def test_stability_diagram_names_the_kept_clusters_apart(tyre):
 
 
 def test_stability_diagram_without_any_pole():
-    diagram = tyre_result().diagram
-    none = np.zeros(0)
-    empty = replace(
-        diagram,
-        model_order=none,
-        poles=none,
-        stable_frequency=none,
-        stable_damping=none,
-        cluster=none,
-        clusters=(),
-    )
-    assert texts(drawn(figures.plot_stability, empty)) == []
+    assert texts(drawn(figures.plot_stability, without_poles(tyre_result().diagram))) == []
 
 
 def test_fitted_frf_is_the_models(tyre):

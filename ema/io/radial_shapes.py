@@ -57,6 +57,7 @@ class RadialShapes:
     def __post_init__(self) -> None:
         for name in ("frequency_hz", "damping_ratio", "angle_deg", "radius_m", "across_m"):
             object.__setattr__(self, name, readonly(getattr(self, name), float))
+        object.__setattr__(self, "node", readonly(self.node, int))
         object.__setattr__(self, "values", readonly(self.values, complex))
 
 
