@@ -66,7 +66,8 @@ def _figure(path: Path | None) -> Path | None:
 Tyre = Annotated[
     Path | None,
     typer.Option(
-        help="Parameter set, a tyre.toml or a result folder; without one the sample tyre, a 225/55R17."
+        help="Parameter set: a tyre.toml or a result folder. Without one the sample tyre, a "
+        "225/55R17."
     ),
 ]
 Out = Annotated[
