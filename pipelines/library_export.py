@@ -74,10 +74,10 @@ def export(parameters: ParameterSet, path: Path, file_format: str = "") -> str:
     InputError
         If there is no such format, or the file cannot be written.
     """
-    wanted = file_format or path.suffix.lower().lstrip(".")
+    wanted = file_format.casefold() or path.suffix.lower().lstrip(".")
     if wanted not in FORMATS:
         where = "--format" if file_format else str(path)
-        raise unknown(where, wanted, "there is no such format", FORMATS)
+        raise unknown(where, file_format or wanted, "there is no such format", FORMATS)
     if path.is_dir() or not path.absolute().parent.is_dir():
         found = "a folder" if path.is_dir() else "a place in a folder that does not exist"
         raise InputError(str(path), found, "it must be a new or old file", "Choose another place")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,8 @@ from typing import Any
 from ema.errors import InputError
 
 KEY = "sha256"
+_SEAL = re.compile(rf'\n{KEY} = "[0-9a-f]{{64}}"\s*\Z'.encode())
+_LONGEST_SEAL = 100  # bytes, with line ends of any kind
 
 
 class DamagedFile(InputError):  # noqa: N818 - said of a file, not of the program
@@ -54,6 +57,15 @@ def unsealed(path: Path) -> dict[str, Any]:
     if last + "\n" != _seal(body):
         raise damaged(path, "a checksum that does not fit its content")
     return tomllib.loads(body)
+
+
+def is_sealed(path: Path) -> bool:
+    """Whether a file is one of a library, whole or damaged; cheap for files of any size."""
+    if path.suffix.lower() != ".toml" or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - _LONGEST_SEAL))
+        return _SEAL.search(file.read()) is not None
 
 
 def checksum(path: Path) -> str:

@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ema.errors import InputError
+from pipelines.library_seal import is_sealed
 from pipelines.partial import partial_name, remove_abandoned
 
 
@@ -20,9 +21,13 @@ def file_written_whole(path: Path) -> Iterator[Path]:
     Raises
     ------
     InputError
-        If it cannot be written; the old file stands and nothing is left behind.
+        If it cannot be written, or is a file of a library, which never changes; the old file
+        stands and nothing is left behind.
     """
     place = Path(os.path.realpath(path))  # a link to a file stays a link
+    if is_sealed(place):
+        rule = "a version in a library never changes"
+        raise InputError(str(path), "a file of a library", rule, "Choose another place")
     partial = partial_name(place)
     try:
         remove_abandoned(place)

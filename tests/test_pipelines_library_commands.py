@@ -154,6 +154,18 @@ def test_damage_is_reported_after_what_can_be_read(tyre, tmp_path):
     assert_refused(tyre("series", "225-55R17"), "0001.toml", "Restore")
 
 
+def test_nothing_is_written_over_a_version(tyre, tmp_path):
+    path = tmp_path / "library" / "225-55R17" / "0001.toml"
+    content = path.read_bytes()
+    for command in ("export", "modal-targets"):
+        assert_refused(tyre(command, "225-55R17", "--out", path), "0001.toml", "never changes")
+    assert path.read_bytes() == content
+    for _ in range(2):  # what was exported may be replaced
+        assert tyre("export", "225-55R17", "--out", tmp_path / "a.toml", "--format", "TOML")[0] == 0
+    path.write_bytes(content.replace(b"\n", b"\r\n"))
+    assert tyre("export", "225-55R17", "--out", path)[0] == 2
+
+
 def test_every_command_shows_an_example(ringmodal):
     _, output, _ = ringmodal("tyre", "--help")
     commands = ("add", "list", "show", "history", "diff", "approve", "rollback", "export")
