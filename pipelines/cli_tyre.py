@@ -86,7 +86,7 @@ def add(
     """Add the parameter set of a result as a new version of its tyre.
 
     The first version of the first tyre makes the library's folder. Several people may add at the
-    same time: each gets a number of his own.
+    same time: each gets a number of their own.
 
     Example:
       ringmodal tyre add results/tyre_7 --library parameters --note "new contour"
