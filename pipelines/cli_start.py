@@ -12,6 +12,8 @@ from pipelines.cli_options import Json, replacing
 from pipelines.interrupt import stating_what_stands
 from pipelines.progress import shown
 
+PLACES = "Places of the sensors"
+
 
 def demo(
     out: Annotated[
@@ -86,17 +88,49 @@ def inspect(
 
 def init(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with recordings.")],
+    spacing_deg: Annotated[
+        float | None,
+        typer.Option(
+            "--spacing-deg",
+            metavar="DEG",
+            rich_help_panel=PLACES,
+            help="Evenly spread sensors: degrees from one to the next, in the order of their "
+            "channels. The first one of the first run is at 0.",
+        ),
+    ] = None,
+    step_deg: Annotated[
+        float,
+        typer.Option(
+            "--step-deg",
+            metavar="DEG",
+            rich_help_panel=PLACES,
+            help="Degrees by which they are turned from run to run.",
+        ),
+    ] = 0.0,
+    reference: Annotated[
+        str | None,
+        typer.Option(
+            metavar="CHANNEL",
+            rich_help_panel=PLACES,
+            help="The sensor that stays in place in all runs. Default: one called REF or alike.",
+        ),
+    ] = None,
     force: Annotated[bool, replacing("an existing manifest")] = False,
     as_json: Json = False,
 ) -> None:
     """Draft a campaign.toml from the recordings in a folder, and say what to fill in.
 
-    Example:
+    Examples:
       ringmodal init measurements/tyre_7
-    """
+      ringmodal init measurements/tyre_7 --spacing-deg 30 --step-deg 5 --reference A13
+    """  # noqa: D406, D407 - a heading of the help
     from pipelines.draft import draft_manifest, write_draft
+    from pipelines.draft_guesses import Layout
 
-    draft = draft_manifest(folder)
+    if step_deg and spacing_deg is None:
+        raise typer.BadParameter("--step-deg goes with --spacing-deg. Give both.")
+    layout = None if spacing_deg is None else Layout(spacing_deg, step_deg)
+    draft = draft_manifest(folder, layout=layout, reference=reference)
     for text in draft.left_out:
         console.complain(f"Left out: {text}")
     path = write_draft(folder, draft, force=force)

@@ -18,11 +18,13 @@ from ema.recording import VOLTAGE, Channel
 from pipelines.draft_guesses import (
     GEOMETRY,
     NODES,
+    Layout,
     Places,
     Source,
     excitation_deg,
     forces_in,
     needs_calibration,
+    places_laid_out,
     places_of,
     reference_of,
     sensors_in,
@@ -85,17 +87,24 @@ class _Sketch:
         return [c for source in self.runs for c in sensors_in(source, self.reference)]
 
 
-def draft_manifest(folder: Path) -> Draft:
+def draft_manifest(
+    folder: Path, *, layout: Layout | None = None, reference: str | None = None
+) -> Draft:
     """Draft a manifest from the recordings in a folder.
 
     Parameters
     ----------
     folder : Path
+    layout : Layout or None
+        Where the sensors sit, if they are evenly spread. Default: what the files tell.
+    reference : str or None
+        Channel of the sensor that stays in place. Default: what its name tells.
 
     Raises
     ------
     InputError
-        If the folder holds no recordings, or none that can be read.
+        If the folder holds no recordings, or none that can be read; if no run has the reference
+        or two sensors would sit at one place.
     """
     sources, errors = _read_all(recordings_in(folder))
     if not sources:
@@ -104,7 +113,10 @@ def draft_manifest(folder: Path) -> Draft:
         raise InputError(str(folder), found, rule, "Copy the files there, or name another folder")
     series = tuple(source for source in sources if not source.has_frfs)
     runs = series or tuple(sources)
-    reference = reference_of(runs) if series else None
+    if reference is not None:
+        _require_channel(reference, runs)
+    elif series:
+        reference = reference_of(runs)
     forces = {name for source in runs for name in forces_in(source)}
     sketch = _Sketch(
         name=folder.resolve().name,
@@ -113,9 +125,16 @@ def draft_manifest(folder: Path) -> Draft:
         unread=tuple(errors),
         force=forces.pop() if len(forces) == 1 else None,
         reference=reference,
-        places=places_of(runs, reference),
+        places=places_laid_out(runs, reference, layout) if layout else places_of(runs, reference),
     )
     return Draft(_text_of(sketch), tuple(_missing(sketch)), tuple(errors.values()))
+
+
+def _require_channel(name: str, runs: Sequence[Source]) -> None:
+    known = sorted({channel.name for run in runs for channel in run.channels})
+    if name not in known:
+        rule = f"the recordings have {_listed(known, 20)}"
+        raise InputError("--reference", repr(name), rule, "Name one of them")
 
 
 def _read_all(paths: Sequence[Path]) -> tuple[list[Source], dict[Path, str]]:
@@ -177,7 +196,11 @@ def _missing(sketch: _Sketch) -> Iterator[str]:
         names = {channel.name for source in sketch.runs for channel in source.channels}
         yield f"[excitation] channel, the force, one of {_listed(sorted(names))}"
     if not sketch.places.known_from:
-        yield "[grid] positions, and positions_deg of each run, the angles of the sensors"
+        yield (
+            "[grid] positions, and positions_deg of each run, the angles of the sensors; "
+            "--spacing-deg 30 --step-deg 5 writes those of sensors 30° apart that are turned by "
+            "5° from run to run"
+        )
     elif sketch.places.is_guess and sketch.places.positions:
         known_from = sketch.places.known_from
         yield f"[grid] positions: {sketch.places.positions} is a guess from {known_from}"

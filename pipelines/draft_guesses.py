@@ -11,11 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ema.errors import InputError
 from ema.io.content import FileContent
 from ema.io.units import is_stated
 from ema.recording import ACCELERATION, FORCE, UNKNOWN, VOLTAGE, Channel
 
 GEOMETRY, NODES, NAMES = "the file's geometry", "the node numbers", "the channels' names"
+LAYOUT = "spacing and step"
 
 _FORCE_NAME = re.compile(r"force|kraft|load.?cell|hammer|impedance|^f[0-9xyz]?$", re.IGNORECASE)
 _REFERENCE_NAME = re.compile(
@@ -55,6 +57,22 @@ class Source:
 
 
 @dataclass(frozen=True)
+class Layout:
+    """Sensors evenly spread in the order of their channels, turned on from file to file.
+
+    Parameters
+    ----------
+    spacing_deg : float
+        From one sensor to the next, degrees.
+    step_deg : float
+        From one run to the next, degrees.
+    """
+
+    spacing_deg: float
+    step_deg: float = 0.0
+
+
+@dataclass(frozen=True)
 class Places:
     """Where the sensors sit, as far as files tell.
 
@@ -63,7 +81,7 @@ class Places:
     positions : int or None
         Number of grid positions; None where there is no telling, or no circle.
     known_from : str
-        `GEOMETRY`, `NODES` or `NAMES`; empty where nothing tells the places.
+        `GEOMETRY`, `NODES`, `NAMES` or `LAYOUT`; empty where nothing tells the places.
     angle_deg : dict or None
         Angles by file and channel, where there is a circle.
     is_guess : bool
@@ -173,6 +191,30 @@ def places_of(sources: Sequence[Source], reference: str | None) -> Places:
     whole = [None if number is None else int(number) for number in numbers]
     found = _places_by_number(sensors, whole, NAMES)
     return found if found.positions else Places()
+
+
+def places_laid_out(sources: Sequence[Source], reference: str | None, layout: Layout) -> Places:
+    """Angles of sensors that are evenly spread and turned from run to run; the first one at 0°.
+
+    Raises
+    ------
+    InputError
+        If two sensors of a run would sit at one place.
+    """
+    sensors, angles = [], []
+    for run, source in enumerate(sources):
+        for number, channel in enumerate(sensors_in(source, reference)):
+            sensors.append((source, channel))
+            angles.append(layout.spacing_deg * number + layout.step_deg * run)
+    places = _places_at(sensors, angles, LAYOUT)
+    if not places.known_from:
+        raise InputError(
+            "--spacing-deg",
+            f"{layout.spacing_deg:g}° between {len(sensors_in(sources[0], reference))} sensors",
+            "each sensor of a run has a place of its own",
+            "Correct the spacing, or name the sensor that stays in place with --reference",
+        )
+    return places
 
 
 def _matched(pattern: re.Pattern[str], name: str) -> float | None:

@@ -18,6 +18,7 @@ from ema.errors import InputError
 from ema.io.manifest import read_manifest
 from ema.io.uff_write import write_frfs
 from pipelines.draft import draft_manifest, write_draft
+from pipelines.draft_guesses import Layout
 from pipelines.options import Options
 from pipelines.process import process
 
@@ -300,6 +301,41 @@ def test_the_fixed_sensor_is_known_by_its_name(tmp_path, name):
             + "".join(f"{k / 1000};{k * run % 7};{k % 5};{k % 3}\n" for k in range(64))
         )
     assert f'reference = "{name}"' in drafted(tmp_path)[0].text
+
+
+def runs_of_four(folder, names="abcd"):
+    for run in (2, 10):  # the second one comes last, as in the folder
+        (folder / f"run_{run}.csv").write_text(
+            ",".join(["time [s]", "force [N]", *(f"{name} [m/s^2]" for name in names)])
+            + "".join(
+                f"\n{k / 1000},{k * run % 7},{k % 5},{k % 3},{k % 11},{k % 13}" for k in range(64)
+            )
+        )
+
+
+def test_evenly_spread_sensors_that_are_turned_need_no_typing(tmp_path):
+    runs_of_four(tmp_path)
+    draft = draft_manifest(tmp_path, layout=Layout(120.0, 15.0), reference="d")
+    content = tomllib.loads(draft.text)
+    assert content["grid"]["positions"] == 24
+    assert [run["reference"] for run in content["runs"]] == ["d", "d"]
+    first, second = (run["positions_deg"] for run in content["runs"])
+    assert first == {"a": 0.0, "b": 120.0, "c": 240.0}
+    assert second == {"a": 15.0, "b": 135.0, "c": 255.0}
+    assert draft.missing == draft.missing[:1]  # pressure and radius
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"layout": Layout(120.0)}, "120° between 4 sensors; each sensor of a run has a place"),
+        ({"reference": "REF"}, "--reference: 'REF'; the recordings have a, b, c, d, force"),
+    ],
+)
+def test_a_layout_that_does_not_fit_is_refused(tmp_path, options, says):
+    runs_of_four(tmp_path)
+    with pytest.raises(InputError, match=re.escape(says)):
+        draft_manifest(tmp_path, **options)
 
 
 def test_frfs_beside_time_series_stay_out(bare):
