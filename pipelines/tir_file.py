@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from ema.errors import InputError
@@ -76,6 +77,13 @@ class TirFile:
 
     def entries(self) -> Iterator[TirEntry]:
         """All lines that give a value to a key; comments and rows of tables are passed over."""
+        return iter(self._entries)
+
+    @cached_property
+    def _entries(self) -> tuple[TirEntry, ...]:
+        return tuple(self._read_entries())
+
+    def _read_entries(self) -> Iterator[TirEntry]:
         section = ""
         for number, line in enumerate(self.lines, 1):
             if heading := _SECTION.match(line):
