@@ -42,15 +42,11 @@ def choice(option: str, value: str, known: Sequence[str]) -> str:
     for each in known:
         if each.casefold() == value.casefold():
             return each
-    raise InputError(
-        option, repr(value), f"it must be one of {', '.join(known)}", _hint(value, known)
-    )
+    import difflib
 
-
-def _hint(value: str, known: Sequence[str]) -> str:
-    from ema.io.manifest import nearest
-
-    return nearest(value, known)
+    similar = difflib.get_close_matches(value, known, n=1)
+    remedy = f"Did you mean {similar[0]!r}?" if similar else "Choose one of them"
+    raise InputError(option, repr(value), f"it must be one of {', '.join(known)}", remedy)
 
 
 def numbers(option: str, texts: Sequence[str] | None) -> tuple[float, ...]:

@@ -270,6 +270,7 @@ def test_a_truncated_recording(ringmodal, campaign_copy, out):
         ('"config_2.uff"', '"runs\\config_2.uff"', ("written with /",)),
         ('"config_2.uff"', '"runs\\new.uff"', ("runs.2.file", "backslash", "written with /")),
         ("positions_deg = {", "positions_deg = <deg> {", ("angle brackets",)),
+        ("sampling_rate_hz = 2000.0", "sampling_rate_hz = 2000,5", ("not a comma",)),
     ],
 )
 def test_a_manifest_with_a_fault(ringmodal, edit_manifest, out, old, new, says):

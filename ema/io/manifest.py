@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 import unicodedata
 from collections.abc import Callable, Iterable
@@ -15,6 +16,7 @@ from ema.errors import ManifestError
 from ema.recording import Processing, Tyre
 
 MANIFEST_NAME = "campaign.toml"
+_DECIMAL_COMMA = re.compile(rb"= *[0-9]+,[0-9]")
 
 FORWARD_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
 
@@ -191,6 +193,8 @@ def read_manifest(path: Path) -> Manifest:
     except (ValueError, RecursionError) as error:  # TOML, an endless number, nesting
         rule = "a manifest is TOML in UTF-8"
         remedy = "Correct the place named"
+        if _DECIMAL_COMMA.search(raw):
+            remedy += "; numbers have a decimal point, not a comma"
         if b"<" in raw:
             remedy += "; in a draft, values take the place of what stands in angle brackets"
         if b"\\" in raw:
