@@ -57,8 +57,11 @@ def plain(value: float | None) -> str:
 
 
 def signed(value: float, places: int) -> str:
-    """Value with its sign and `places` digits after the point."""
-    return f"{value:+.{places}f}".replace("-", "−") if isfinite(value) else DASH
+    """Value with its sign and `places` digits after the point; what rounds to zero has no sign."""
+    if not isfinite(value):
+        return DASH
+    text = f"{value:+.{places}f}"
+    return text[1:] if float(text) == 0 else text.replace("-", "−")
 
 
 def chance_text(chance: float) -> str:

@@ -55,6 +55,7 @@ def test_numbers_keep_four_digits(value, printed):
 
 def test_signs_and_given_values():
     assert [signed(1.234, 2), signed(-0.5, 1), signed(nan, 1)] == ["+1.23", "−0.5", "–"]
+    assert [signed(-0.004, 2), signed(0.0, 1), signed(0.004, 2)] == ["0.00", "0.0", "0.00"]
     assert [plain(220000.0), plain(0.33), plain(None)] == ["220000", "0.33", "–"]
 
 
