@@ -15,8 +15,12 @@ _BANDS = 16
 _STEADY_VARIATION = 1.0
 # Correlation of the force with itself one period later; noise of 20 dB leaves 0.99.
 _REPEATS = 0.98
+# The same at the nearest sample, where a force of all frequencies repeats between two samples …
+_BETWEEN_SAMPLES = 0.6
+# … and the parts of a sample that are looked at then.
+_PARTS = np.linspace(-0.5, 0.5, 11)
 # What the search for a period looks at; memory and time stay small.
-_SEARCHED_SAMPLES = 1 << 20
+_SEARCHED_SAMPLES = 1 << 19
 
 
 def is_steady(force: Channel) -> bool:
@@ -48,35 +52,45 @@ def is_steady(force: Channel) -> bool:
 def period_samples(force: Channel, shortest: int) -> int:
     """Samples after which the force repeats, as repeated sweeps and pseudo-random noise do; or 0.
 
+    A generator with a clock of its own repeats between two samples; the nearest one is given.
+
     Parameters
     ----------
     force : Channel
     shortest : int
         Fewest samples that count as a period: what repeats sooner is a tone.
     """
-    samples = force.block(0, min(force.n_samples, _SEARCHED_SAMPLES))
-    if not np.all(np.isfinite(samples)):
+    samples = _swings(force)
+    if not samples.size:
         return 0
-    alike = _self_correlation(samples - samples.mean())
+    alike = _self_correlation(samples)
     apart = np.flatnonzero(alike < 0.5)
-    if not apart.size:
-        return 0
-    first = max(int(apart[0]), shortest)
-    again = first + np.flatnonzero(alike[first:] > _REPEATS)
+    first = max(int(apart[0]), shortest) if apart.size else alike.size
+    again = first + np.flatnonzero(alike[first:] > _BETWEEN_SAMPLES)
     if not again.size:
         return 0
     peak = again[np.cumsum(np.diff(again, prepend=again[0] - 1) > 1) == 0]
-    return int(peak[np.argmax(alike[peak])])
+    period = int(peak[np.argmax(alike[peak])])
+    return period if repeats_after(force, period) else 0
 
 
 def repeats_after(force: Channel, period: int) -> bool:
-    """Whether the force repeats after this many samples."""
-    samples = force.block(0, min(force.n_samples, _SEARCHED_SAMPLES))
-    if samples.size < 2 * period or not np.all(np.isfinite(samples)):
+    """Whether the force repeats after this many samples, give or take half a sample."""
+    samples = _swings(force)
+    if samples.size < 2 * period:
         return False
-    samples = samples - samples.mean()
     early, late = samples[:-period], samples[period:]
-    return bool(early @ late > _REPEATS * np.linalg.norm(early) * np.linalg.norm(late))
+    spectrum = np.conj(np.fft.rfft(early)) * np.fft.rfft(late)
+    turn = 2 * np.pi * np.fft.rfftfreq(early.size)
+    shifted = [np.real(np.sum(spectrum * np.exp(1j * turn * part))) for part in _PARTS]
+    size = np.linalg.norm(early) * np.linalg.norm(late) * early.size / 2
+    return bool(max(shifted) > _REPEATS * size)
+
+
+def _swings(force: Channel) -> NDArray[np.float64]:
+    """The force about its mean; nothing where samples are missing."""
+    samples = force.block(0, min(force.n_samples, _SEARCHED_SAMPLES))
+    return samples - samples.mean() if np.all(np.isfinite(samples)) else np.zeros(0)
 
 
 def _self_correlation(samples: NDArray[np.float64]) -> NDArray[np.float64]:

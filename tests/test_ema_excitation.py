@@ -83,6 +83,15 @@ def test_what_repeats_has_its_period(one, period):
     assert period_samples(noisy, SHORTEST) == period
     assert repeats_after(noisy, period)
     assert not repeats_after(noisy, period + 7)
+    assert not repeats_after(noisy, 40_000 - period // 2)
+
+
+@pytest.mark.parametrize("period", [4000.4, 4000.5, 4000.6])
+def test_a_period_between_two_samples_is_that_of_the_nearest(period):
+    time = 2 * np.pi * np.arange(12_000) / period
+    phases = np.random.default_rng(3).uniform(0, 2 * np.pi, 1600)
+    force = sum(np.cos(line * time + phase) for line, phase in enumerate(phases, 20))
+    assert period_samples(load_cell(force), SHORTEST) in (4000, 4001)
 
 
 @pytest.mark.parametrize(
@@ -90,6 +99,7 @@ def test_what_repeats_has_its_period(one, period):
     [
         pytest.param(noise(), id="white"),
         pytest.param(shaker_noise(), id="band-limited"),
+        pytest.param(noise() + 2 * np.sin(2 * np.pi * 50 * TIMES_S), id="noise and hum"),
         pytest.param(sweep(40_000), id="one sweep"),
         pytest.param(np.resize(noise()[:25_000], 40_000), id="less than two periods"),
         pytest.param(np.ones(40_000), id="constant"),
