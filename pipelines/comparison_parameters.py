@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from model.identifiability import GIVEN, IDENTIFIED
+from model.tuning_problem import PARAMETERS
 from pipelines.comparison_significance import Difference, judged
 from pipelines.parameter_set import DAMPING_NAMES, RING_NAMES
 from pipelines.result import Result
@@ -29,6 +30,9 @@ class ParameterChange:
         How each was obtained: given, identified, not identified or at bound.
     difference : Difference
         In the parameter's unit.
+    alike : bool
+        Whether the same parameters were given to both rings. If not, the one was fitted to what
+        the other one found, and the difference is not one of the tyres.
     """
 
     name: str
@@ -37,6 +41,7 @@ class ParameterChange:
     first_how: str
     second_how: str
     difference: Difference
+    alike: bool = True
 
     @property
     def status(self) -> str:
@@ -46,7 +51,21 @@ class ParameterChange:
     @property
     def is_tested(self) -> bool:
         """Whether both values come from the measurements."""
-        return self.first_how == self.second_how == IDENTIFIED
+        return self.alike and self.first_how == self.second_how == IDENTIFIED
+
+    @property
+    def hows(self) -> str:
+        """How both were obtained, for a difference that is not tested."""
+        if not self.alike and self.first_how == self.second_how == IDENTIFIED:
+            return "other parameters given"
+        return " and ".join(dict.fromkeys((self.first_how, self.second_how)))
+
+
+def given_alike(first_how: Mapping[str, str], second_how: Mapping[str, str]) -> bool:
+    """Whether the same ring parameters were given to two tunings."""
+    return all(
+        (first_how.get(name) == GIVEN) == (second_how.get(name) == GIVEN) for name in PARAMETERS
+    )
 
 
 def parameter_changes(first: Result, second: Result) -> tuple[ParameterChange, ...]:
@@ -76,6 +95,8 @@ def parameter_changes(first: Result, second: Result) -> tuple[ParameterChange, .
             (first.damping.std, second.damping.std),
             (first.damping.how, second.damping.how),
         )
+    alike = given_alike(first.tuning.how, second.tuning.how)
+    changes = [replace(change, alike=alike) for change in changes]
     verdicts = iter(judged([change.difference for change in changes if change.is_tested]))
     return tuple(
         replace(change, difference=next(verdicts)) if change.is_tested else change

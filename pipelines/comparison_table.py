@@ -134,7 +134,6 @@ def _mode_row(
 
 def _parameter_row(change: ParameterChange) -> Row:
     title, _, unit = (RING_NAMES | DAMPING_NAMES)[change.name]
-    hows = " and ".join(dict.fromkeys((change.first_how, change.second_how)))
     difference = change.difference
     return (
         title,
@@ -143,7 +142,7 @@ def _parameter_row(change: ParameterChange) -> Row:
         _parameter_text(difference.second, change.second_std, change.second_how),
         percent_text(difference) if difference.value else "0",
         chance_text(difference.adjusted_chance) if change.is_tested else DASH,
-        change.status if change.is_tested else f"{change.status}: {hows}",
+        change.status if change.is_tested else f"{change.status}: {change.hows}",
     )
 
 

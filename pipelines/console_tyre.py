@@ -145,8 +145,7 @@ def show_series(series: Series, unit: str, *, as_json: bool) -> None:
 def _verdict(change: Any, found: SetDifference) -> str:
     if change.is_tested:
         return str(change.status) if found.independent else "not tested (same recordings)"
-    hows = dict.fromkeys((change.first_how, change.second_how))
-    return f"{change.status} ({', '.join(hows)})"
+    return f"{change.status} ({change.hows})"
 
 
 def _tested(found: SetDifference) -> list[tuple[Any, bool]]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from math import isnan, nan
 from typing import Any
 
-from pipelines.comparison_parameters import ParameterChange
+from pipelines.comparison_parameters import ParameterChange, given_alike
 from pipelines.comparison_significance import Difference, judged
 from pipelines.parameter_set import Parameter, ParameterSet
 from pipelines.tyre_library import NamedSet
@@ -89,6 +89,7 @@ def largest_change(found: SetDifference) -> ParameterChange | None:
 
 def _changes(one: ParameterSet, two: ParameterSet, *, independent: bool) -> list[ParameterChange]:
     first, second = values_of(one), values_of(two)
+    alike = given_alike(*({k: each.how for k, each in of.items()} for of in (first, second)))
     changes = []
     for name, a in first.items():
         if name not in second:
@@ -97,7 +98,7 @@ def _changes(one: ParameterSet, two: ParameterSet, *, independent: bool) -> list
         std_a, std_b = (nan if each.std is None else each.std for each in (a, b))
         std = (std_a**2 + std_b**2) ** 0.5 if independent else nan
         change = Difference(a.value, b.value, std)
-        changes.append(ParameterChange(name, std_a, std_b, a.how, b.how, change))
+        changes.append(ParameterChange(name, std_a, std_b, a.how, b.how, change, alike))
     return changes
 
 

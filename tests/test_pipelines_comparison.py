@@ -24,7 +24,8 @@ from pipelines.comparison_scatter import agreement
 from pipelines.comparison_shapes import common_positions, common_shapes
 from pipelines.comparison_significance import Difference, holm, judged
 from pipelines.comparison_words import findings
-from pipelines.process import process
+from pipelines.options import Options
+from pipelines.process import process, tune
 from pipelines.simulate_campaign import Setup, simulate_campaign, simulate_runs
 from pipelines.store import save
 
@@ -121,6 +122,13 @@ def test_parameters_of_the_same_tyre_agree_and_given_ones_are_not_tested(repeat)
     assert status["mean_radius_m"] == status["axial_stiffness_n_m"] == "not tested"
     assert status["radial_stiffness_n_m3"] == "not significant"
     assert "significant" not in status.values()
+
+
+def test_rings_that_were_told_different_parameters_are_not_tested(base):
+    found = compare(base, tune(base, Options(given={"axial_stiffness_n_m": 2.0e7})))
+    status = {change.name: (change.status, change.hows) for change in found.parameters}
+    assert status["mass_per_area_kg_m2"] == ("not tested", "other parameters given")
+    assert status["loss_factor"][0] == "not tested"
 
 
 # Another pressure
