@@ -20,7 +20,7 @@ _BETWEEN_SAMPLES = 0.6
 # … and the parts of a sample that are looked at then.
 _PARTS = np.linspace(-0.5, 0.5, 11)
 # What the search for a period looks at; memory and time stay small.
-_SEARCHED_SAMPLES = 1 << 19
+_SEARCHED_SAMPLES = 1 << 18
 
 
 def is_steady(force: Channel) -> bool:
