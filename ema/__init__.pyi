@@ -5,8 +5,9 @@ from .identify import Identification, SensorMass, identify_modes
 from .io.campaign import read_campaign
 from .io.shapes import ShapeSet, read_shapes
 from .modes import ModalModel, Mode
+from .pole_selection import select_poles
 from .recording import Campaign, Processing
-from .stability import StabilityDiagram, build_stability, select_poles
+from .stability import StabilityDiagram, build_stability
 
 __all__ = [
     "FRF",

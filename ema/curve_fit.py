@@ -29,9 +29,9 @@ from ema.frf import FRF
 from ema.mac import frac
 from ema.modes import NO_DRIFT, Drift, ModalModel, Mode, ResidualTerms
 from ema.pole_fit import Lines, PoleFit, evaluate
+from ema.pole_selection import PoleSelection
 from ema.pole_set import Refit, modes_of, pairs_of, settled, significant
 from ema.resolution import OrderReport
-from ema.stability import PoleSelection
 from ema.threads import one_blas_thread
 
 # A drift is taken for real when chance would show it once in 10 000 campaigns.

@@ -15,10 +15,11 @@ from ema.curve_fit import fit_modes
 from ema.frf import FRF
 from ema.mass_loading import unloaded
 from ema.modes import ModalModel
+from ema.pole_selection import select_poles
 from ema.quality import Finding
 from ema.screening import screen
 from ema.second_opinion import OTHER, Opinion, second_opinion
-from ema.stability import StabilityDiagram, build_stability, select_poles, widened_band
+from ema.stability import StabilityDiagram, build_stability, widened_band
 from ema.threads import one_blas_thread
 
 

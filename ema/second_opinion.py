@@ -10,7 +10,8 @@ import numpy as np
 from ema.errors import FitError
 from ema.frf import FRF
 from ema.modes import Mode
-from ema.stability import build_stability, select_poles
+from ema.pole_selection import select_poles
+from ema.stability import build_stability
 
 OTHER = {"lsce": "plscf", "plscf": "lsce"}
 

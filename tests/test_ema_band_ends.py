@@ -9,7 +9,7 @@ import systems
 from ema.band_ends import band_shift
 from ema.curve_fit import fit_modes
 from ema.pole_fit import Lines, evaluate
-from ema.stability import PoleSelection
+from ema.pole_selection import PoleSelection
 
 LINES_HZ = np.arange(80, 520) / 2
 POLES = systems.pole(systems.TABLE_3_HZ, systems.TABLE_3_DAMPING)

@@ -8,7 +8,8 @@ import systems
 
 from ema.curve_fit import fit_modes
 from ema.errors import FitError
-from ema.stability import PoleSelection, build_stability, select_poles
+from ema.pole_selection import PoleSelection, select_poles
+from ema.stability import build_stability
 
 REALISATIONS = 60
 # Small, so that it fits fast: three modes in the band and one above it, where a mode may stand in

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from ema.errors import FitError
 from ema.interpretation import interpret
 from ema.pole_history import PoleHistory
-from ema.stability import build_stability, select_poles
+from ema.pole_selection import select_poles
+from ema.stability import build_stability
 
 MAX_ORDER = 60
 ORDERS = np.arange(2, MAX_ORDER + 1)

@@ -6,8 +6,9 @@ import systems
 
 from ema.curve_fit import fit_modes
 from ema.frf import estimate_frf
+from ema.pole_selection import select_poles
 from ema.quality import OK, WARNING, period_finding
-from ema.stability import build_stability, select_poles
+from ema.stability import build_stability
 
 LUMPED = [
     pytest.param(systems.THREE_MASSES, id="three masses"),

@@ -6,7 +6,8 @@ import systems
 from scipy.signal import find_peaks
 
 from ema.errors import FitError
-from ema.stability import build_stability, select_poles
+from ema.pole_selection import select_poles
+from ema.stability import build_stability
 
 BAND_HZ = (20.0, 260.0)
 INNER_HZ = (40.0, 230.0)
