@@ -1,4 +1,8 @@
-"""Sensors that contradict the modes all others agree on: flipped, wrongly scaled, swapped."""
+"""Sensors that contradict the modes all others agree on: inverted, wrongly scaled, swapped.
+
+A correction is a claim about the set-up. It is made only where all ring modes say the same, where
+it is significant, and for few sensors: what makes many of them look wrong is the tyre.
+"""
 
 from __future__ import annotations
 
@@ -8,71 +12,80 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference import circle_basis, label_modes
 from ema.frf import FRF
-from ema.modes import ModalModel, Mode
+from ema.modes import ModalModel
 from ema.quality import EXCLUDED, WARNING, Finding, position_finding
+from ema.ring_shapes import MAJORITY, RingShapes, ring_shapes
 
-# Shapes of the ring's modes that the check rests on.
-_PURE = 0.5
-# Share of the positions that has to show a mode's order where its purity does not.
-_MAJORITY = 0.6
-_FEWEST_MODES = 2
-# No shape of a single order exceeds its median magnitude by this factor.
-_LOUD = 2.0
-# What a sensor may deviate from the shapes, as a share of them, before it is looked at …
-_TOLERANCE = 0.25
-# … and, beyond its own noise, in standard deviations.
-_SIGNIFICANT = 5.0
-# A gain between these is how sensors are; farther off it is a wrong sensitivity.
+FLIPPED, SCALED, SWAPPED, INCONSISTENT = "flipped", "scaled", "swapped", "inconsistent"
+WITHHELD = "corrections withheld"
+
+# Fewer modes could hardly agree on a gain.
+_FEWEST_WAVES = 2
+# A gain between these is how sensors are; farther off it is a wrong sensitivity …
 _GAIN = (0.8, 1.25)
+# … if it is this many of its standard deviations away from 1.
+_SIGNIFICANT = 5.0
+# RMS over the modes, in standard deviations, from which on a sensor contradicts them. Healthy ones
+# show 1.4, and 2 on tyres whose shapes are not pure.
+_CONTRADICTS = 3.5
+# Corrections beyond three rows in a run or a tenth of all are none: sensors do not fail by the
+# dozen. A sensor that shows the same gain in all its runs counts once.
+_MOST_IN_A_RUN, _MOST = 3, 0.1
+_SAME_GAIN = 0.15
 # A run of which more than this share of the sensors contradicts the others is odd as a whole.
-_MOST = 0.5
-_ROUNDS = 20
+_ODD_RUN = 0.5
+# A run's force is of wrong sign or scale where nearly all its sensors show one and the same gain.
+_WHOLE_RUN = 0.9
+# The reduced χ² of the fit may rise by this factor for reasons of the search.
+_SLACK = 1.02
 
 
-@dataclass(frozen=True, eq=False)
-class _Shapes:
-    """Measured and expected residues of the ring's modes, each mode scaled to RMS 1.
+@dataclass(frozen=True)
+class _Change:
+    """What is to be done with a row.
 
     Parameters
     ----------
-    measured, expected : ndarray of complex, shape (n_positions, n_modes)
-    noise : ndarray, shape (n_positions,)
-        RMS standard deviation over the modes.
+    factor : float
+        What its FRF is multiplied with; 0 where it is left out.
+    source : int
+        Row that its FRF comes from.
+    gain : float
+        Measured over expected.
+    finding : Finding
     """
 
-    measured: NDArray[np.complex128]
-    expected: NDArray[np.complex128]
-    noise: NDArray[np.float64]
-
-    def gain(self, row: int, as_if: int) -> float:
-        """Factor of the measured shape of a row over what is expected at row `as_if`."""
-        expected = self.expected[as_if]
-        power = float(np.sum(np.abs(expected) ** 2))
-        return float(np.real(np.vdot(expected, self.measured[row]))) / power if power else 0.0
-
-    def mismatch(self, row: int, as_if: int, gain: float) -> float:
-        """What a gain leaves unexplained, as a share of the expected shape."""
-        left = self.measured[row] - gain * self.expected[as_if]
-        size = np.linalg.norm(gain * self.expected[as_if])
-        return float(np.linalg.norm(left) / size) if size else np.inf
-
-    def limit(self, as_if: int, gain: float) -> float:
-        """Largest mismatch that a healthy sensor shows there."""
-        size = abs(gain) * np.linalg.norm(self.expected[as_if])
-        noise = self.noise[as_if] * np.sqrt(2 * self.expected.shape[1])
-        return float(_TOLERANCE + _SIGNIFICANT * noise / size) if size else np.inf
+    factor: float
+    source: int
+    gain: float
+    finding: Finding
 
 
-def check_consistency(
-    frf: FRF, model: ModalModel, *, exclude: bool = True
-) -> tuple[FRF, list[Finding]]:
+@dataclass(frozen=True)
+class ConsistencyCheck:
+    """FRFs after the check of the sensors against the ring modes.
+
+    Parameters
+    ----------
+    frf : FRF
+    findings : tuple of Finding
+        One for every sensor that was corrected or left out, or why nothing was changed.
+    changed : bool
+        Whether `frf` differs from what was checked.
+    """
+
+    frf: FRF
+    findings: tuple[Finding, ...]
+    changed: bool
+
+
+def check_consistency(frf: FRF, model: ModalModel, *, exclude: bool = True) -> ConsistencyCheck:
     """Compare every sensor with the shapes that all sensors together show.
 
-    Each mode of the ring is cos n(θ − θ_n) all around; fitted robustly, the few sensors that
-    disagree stand out by the gain and the mismatch over all modes. A flipped or wrongly scaled
-    sensor and two swapped ones are corrected, what else contradicts the modes is left out.
+    Each ring mode is cos n(θ − θ_n) all around; fitted robustly, the few sensors that disagree
+    stand out by the gain and the mismatch over all modes. Inverted, wrongly scaled and swapped
+    sensors are corrected, what else contradicts the modes is left out.
 
     Parameters
     ----------
@@ -81,162 +94,148 @@ def check_consistency(
     model : ModalModel
         Modes fitted to these FRFs.
     exclude : bool
-        Whether to leave out what cannot be put right.
+        Whether to leave out what cannot be corrected.
 
     Returns
     -------
-    corrected : FRF
-    findings : list of Finding
-        One for every sensor that was corrected or left out.
+    ConsistencyCheck
     """
-    modes = _ring_modes(model, frf.position_deg)
-    if len(modes) < _FEWEST_MODES:
-        return frf, []
-    shapes = _shapes(modes, frf.position_deg)
-    factor = np.ones(frf.n_positions)
-    source = np.arange(frf.n_positions)
-    findings: dict[int, Finding] = {}
+    changes = _force_changes(frf, ring_shapes(frf, model, followed_by=MAJORITY))
+    if changes:  # of whole runs: single sensors are judged once those are right
+        return _applied(frf, changes, [])
+    shapes = ring_shapes(frf, model)
+    if shapes.n_waves < _FEWEST_WAVES:
+        return ConsistencyCheck(frf, (), changed=False)
+    changes = _sensor_changes(frf, shapes, exclude=exclude)
+    odd_runs = _odd_runs(frf, changes)
+    changes = {
+        row: change
+        for row, change in changes.items()
+        if change.factor or frf.run[row] not in odd_runs
+    }
+    odd = [_odd_run_finding(frf, run, count) for run, count in odd_runs.items()]
+    if _too_many(frf, changes):
+        return ConsistencyCheck(frf, (*odd, _withheld_finding(changes)), changed=False)
+    return _applied(frf, changes, odd)
+
+
+def is_better(before: tuple[FRF, ModalModel], after: tuple[FRF, ModalModel]) -> bool:
+    """Whether corrections brought the shapes closer to waves without a worse fit of the FRFs.
+
+    Parameters
+    ----------
+    before, after : tuple of FRF and ModalModel
+    """
+    shapes_before, shapes_after = (
+        ring_shapes(*state, followed_by=MAJORITY) for state in (before, after)
+    )
+    worse_fit = after[1].misfit > _SLACK * before[1].misfit
+    return shapes_after.misfit() < shapes_before.misfit() and not worse_fit
+
+
+def withheld(check: ConsistencyCheck) -> Finding:
+    """The finding for corrections that were tried and did not help."""
+    detail = (
+        f"{len(check.findings)} corrections of sensors were tried; the modes did not come closer "
+        "to pure shapes. Nothing was changed"
+    )
+    return Finding("", "", None, WITHHELD, WARNING, detail)
+
+
+def _force_changes(frf: FRF, shapes: RingShapes) -> dict[int, _Change]:
+    """Changes for runs whose force has another sign or scale than that of the others."""
+    changes: dict[int, _Change] = {}
+    for run in frf.run_names if shapes.n_waves >= _FEWEST_WAVES else ():
+        rows = [row for row in range(frf.n_positions) if frf.run[row] == run]
+        gains = {row: shapes.gain(row) for row in rows if shapes.n_telling(row)}
+        if len(gains) < max(2, _WHOLE_RUN * len(rows)) or len(rows) == frf.n_positions:
+            continue
+        common = float(np.median([gain for gain, _ in gains.values()]))
+        agreeing = [
+            row
+            for row, (gain, std) in gains.items()
+            if abs(gain - common) < max(_SAME_GAIN * abs(common), 3 * std)
+            and shapes.mismatch(row, gain) <= _CONTRADICTS
+        ]
+        if _is_usual(common) or len(agreeing) < _WHOLE_RUN * len(gains):
+            continue
+        if not _reference_agrees(frf, run, common):
+            continue
+        factor = _factor(common)
+        for row in rows:
+            finding = position_finding(frf, row, *_gain_finding(common, whole_run=True))
+            changes[row] = _Change(factor, row, common, finding)
+    return changes if len(changes) < frf.n_positions / 2 else {}
+
+
+def _reference_agrees(frf: FRF, run: str, gain: float) -> bool:
+    """Whether the fixed sensor shows a run's gain too; so it does without a fixed sensor."""
+    fixed = frf.reference
+    if fixed is None or run not in fixed.run or fixed.n_positions < 3:
+        return True
+    own = fixed.run.index(run)
+    usual = np.median(fixed.values.real, axis=0) + 1j * np.median(fixed.values.imag, axis=0)
+    weight = 1 / np.nan_to_num(fixed.std[own], nan=1.0) ** 2 if np.all(fixed.std[own]) else 1.0
+    power = float(np.sum(weight * np.abs(usual) ** 2))
+    seen = float(np.sum(weight * np.real(usual.conj() * fixed.values[own]))) / power if power else 0
+    return abs(seen - gain) < _SAME_GAIN * abs(gain)
+
+
+def _sensor_changes(frf: FRF, shapes: RingShapes, *, exclude: bool) -> dict[int, _Change]:
+    changes: dict[int, _Change] = {}
     suspects = []
     for row in range(frf.n_positions):
-        gain = shapes.gain(row, row)
-        if shapes.mismatch(row, row, gain) > shapes.limit(row, gain):
+        gain, std = shapes.gain(row)
+        if shapes.mismatch(row, gain) > _CONTRADICTS:
             suspects.append(row)
-        elif gain < 0 or not _GAIN[0] <= gain <= _GAIN[1]:
-            factor[row] = _sensible_factor(gain)
-            findings[row] = position_finding(frf, row, *_gain_finding(gain))
+        elif _is_wrong(gain, std) and shapes.n_telling(row) >= _FEWEST_WAVES:
+            finding = position_finding(frf, row, *_gain_finding(gain))
+            changes[row] = _Change(_factor(gain), row, gain, finding)
     for first, second in _swapped(frf, shapes, suspects):
-        source[[first, second]] = second, first
         for row, other in ((first, second), (second, first)):
-            text = f"swapped with {frf.channel[other]}; both were put right"
-            findings[row] = position_finding(frf, row, "swapped", WARNING, text)
-    lost = [row for row in suspects if row not in findings and exclude]
-    alone, odd_runs = _without_odd_runs(frf, lost)
-    for row in alone:
-        share = shapes.mismatch(row, row, shapes.gain(row, row))
-        findings[row] = position_finding(frf, row, "inconsistent", EXCLUDED, _contradiction(share))
-    corrected = _corrected(frf, factor, source)
-    kept = np.setdiff1d(np.arange(frf.n_positions), alone)
-    return corrected.rows(kept), [findings[row] for row in sorted(findings)] + odd_runs
+            text = f"swapped with {frf.channel[other]}; both corrected"
+            finding = position_finding(frf, row, SWAPPED, WARNING, text)
+            changes[row] = _Change(1.0, other, 1.0, finding)
+    for row in suspects:
+        if row not in changes and exclude:
+            finding = position_finding(
+                frf, row, INCONSISTENT, EXCLUDED, _contradiction(shapes, row)
+            )
+            changes[row] = _Change(0.0, row, shapes.gain(row)[0], finding)
+    return changes
 
 
-def _contradiction(share: float) -> str:
-    what = "contradicts the modes of all other sensors"
-    return f"{what} by {100 * share:.0f} %" if share <= 1 else f"{what}: nothing of them is in it"
+def _is_usual(gain: float) -> bool:
+    return _GAIN[0] <= gain <= _GAIN[1]
 
 
-def _without_odd_runs(frf: FRF, suspects: Sequence[int]) -> tuple[list[int], list[Finding]]:
-    """Suspects that stand alone in their run, and the runs most sensors of which are suspects.
-
-    Sensors do not fail by the dozen: such a run saw the tyre in another state, or the manifest
-    gives it the positions of another run.
-    """
-    count = {name: [frf.run[row] for row in suspects].count(name) for name in set(frf.run)}
-    odd = sorted(name for name, n in count.items() if n > _MOST * frf.run.count(name))
-    findings = [
-        Finding(
-            run=name,
-            channel="",
-            position_deg=None,
-            check="inconsistent",
-            verdict=WARNING,
-            detail=f"{count[name]} of {frf.run.count(name)} sensors contradict the modes of the "
-            "other runs together: the run saw the tyre in another state, or its positions are "
-            "those of another run; it was left in",
-        )
-        for name in odd
-    ]
-    return [row for row in suspects if frf.run[row] not in odd], findings
+def _is_wrong(gain: float, std: float) -> bool:
+    return not _is_usual(gain) and abs(gain - 1) > _SIGNIFICANT * std
 
 
-def _ring_modes(model: ModalModel, position_deg: NDArray[np.float64]) -> list[Mode]:
-    """Modes of one order each, told without trust in any position that reads far too much."""
-    limits = [_LOUD * np.median(np.abs(mode.residues)) for mode in model.modes]
-    tamed = [
-        replace(mode, residues=mode.residues * np.minimum(1, limit / np.abs(mode.residues)))
-        for mode, limit in zip(model.modes, limits, strict=True)
-    ]
-    labelled = label_modes(tamed, position_deg)
-    orders = [
-        None if seen.order is None else _trusted_order(mode, seen, position_deg)
-        for mode, seen in zip(model.modes, labelled, strict=True)
-    ]
-    return [
-        replace(mode, order=order)
-        for mode, order in zip(model.modes, orders, strict=True)
-        if order is not None
-    ]
+def _factor(gain: float) -> float:
+    """What to multiply with: an inverted sensor of right sensitivity keeps its own calibration."""
+    return -1.0 if _is_usual(-gain) else 1 / gain
 
 
-def _trusted_order(mode: Mode, seen: Mode, position_deg: NDArray[np.float64]) -> int | None:
-    """Order of a pure shape, or the one that most positions follow; None where there is neither.
-
-    A run with a reversed force spoils the purity of every shape, but most positions still agree.
-    """
-    if seen.order_purity > _PURE:
-        return seen.order
-    # Orders too high to be resolved together with all others count too: order 7 shares half of the
-    # places of a 15° grid with order 5. Of equals the lowest, as signs that alternate from run to
-    # run turn order n into a high one.
-    orders = range((position_deg.size + 1) // 2)
-    share = [_followed(replace(mode, order=order), position_deg) for order in orders]
-    best = int(np.argmax(share))
-    return best if share[best] > _MAJORITY else None
+def _gain_finding(gain: float, *, whole_run: bool = False) -> tuple[str, str, str]:
+    where = ", as do all sensors of this run: the force's sign or scale is wrong" * whole_run
+    if _is_usual(-gain):
+        return FLIPPED, WARNING, f"fits the modes with a factor of {gain:.2f}{where}: inverted"
+    turned = " and with the wrong sign" * (gain < 0)
+    text = f"reads {abs(gain):.3g} times what the modes say{turned}{where}: "
+    return SCALED, WARNING, text + "gain corrected by this factor"
 
 
-def _followed(mode: Mode, position_deg: NDArray[np.float64]) -> float:
-    """Share of the positions that a wave of the mode's order explains."""
-    own = _order_basis(mode, position_deg)
-    fitted = own @ _robust(own, mode.residues)
-    size = np.sqrt(np.mean(np.abs(fitted) ** 2))
-    noise = _SIGNIFICANT * mode.residues_std
-    return float(np.mean(np.abs(mode.residues - fitted) < _TOLERANCE * size + noise))
+def _contradiction(shapes: RingShapes, row: int) -> str:
+    gain, _ = shapes.gain(row)
+    left = np.linalg.norm(shapes.measured[row] - gain * shapes.expected[row])
+    size = np.linalg.norm(shapes.measured[row])
+    share = 100 * left / size if size else 100.0
+    return f"contradicts the modes of all other sensors: {share:.0f} % of it is not theirs"
 
 
-def _order_basis(mode: Mode, position_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-    basis = circle_basis(position_deg, mode.order or 0)
-    return basis[:, :1] if not mode.order else basis[:, -2:]
-
-
-def _shapes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> _Shapes:
-    measured, expected, noise = [], [], []
-    for mode in modes:
-        own = _order_basis(mode, position_deg)
-        fitted = own @ _robust(own, mode.residues)
-        size = np.sqrt(np.mean(np.abs(fitted) ** 2))
-        measured.append(mode.residues / size)
-        expected.append(fitted / size)
-        noise.append(mode.residues_std / size)
-    spread = np.sqrt(np.mean(np.square(noise), axis=0))
-    return _Shapes(np.array(measured).T, np.array(expected).T, spread)
-
-
-def _robust(basis: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Least absolute deviations, by reweighting: a minority of wrong sensors has no say."""
-    weight = np.ones(values.size)
-    amplitude = np.zeros(basis.shape[1], dtype=complex)
-    for _ in range(_ROUNDS):
-        root = np.sqrt(weight)[:, None]
-        amplitude = np.linalg.lstsq(root * basis, root[:, 0] * values, rcond=None)[0]
-        left = np.abs(values - basis @ amplitude)
-        weight = 1 / np.maximum(left, 1e-3 * np.median(np.abs(values)))
-    return amplitude
-
-
-def _sensible_factor(gain: float) -> float:
-    """What to multiply with: a flipped sensor of right sensitivity keeps its own calibration."""
-    return -1.0 if _GAIN[0] <= -gain <= _GAIN[1] else 1 / gain
-
-
-def _gain_finding(gain: float) -> tuple[str, str, str]:
-    if _GAIN[0] <= -gain <= _GAIN[1]:
-        text = f"fits the modes with a factor of {gain:.2f}: the sign was turned"
-        return "flipped", WARNING, text
-    turned = " and with the wrong sign" if gain < 0 else ""
-    text = f"reads {abs(gain):.3g} times what the modes say{turned}: divided by that"
-    return "scaled", WARNING, text
-
-
-def _swapped(frf: FRF, shapes: _Shapes, suspects: Sequence[int]) -> list[tuple[int, int]]:
+def _swapped(frf: FRF, shapes: RingShapes, suspects: Sequence[int]) -> list[tuple[int, int]]:
     """Pairs of one run's suspects of which each fits the other's place."""
     pairs: list[tuple[int, int]] = []
     taken: set[int] = set()
@@ -250,10 +249,74 @@ def _swapped(frf: FRF, shapes: _Shapes, suspects: Sequence[int]) -> list[tuple[i
     return pairs
 
 
-def _fits(shapes: _Shapes, row: int, as_if: int) -> bool:
-    gain = shapes.gain(row, as_if)
-    close = shapes.mismatch(row, as_if, gain) <= shapes.limit(as_if, gain)
-    return close and _GAIN[0] <= gain <= _GAIN[1]
+def _fits(shapes: RingShapes, row: int, as_if: int) -> bool:
+    gain, _ = shapes.gain(row, as_if)
+    return _is_usual(gain) and shapes.mismatch(row, gain, as_if) <= _CONTRADICTS
+
+
+def _odd_runs(frf: FRF, changes: dict[int, _Change]) -> dict[str, int]:
+    """Runs most sensors of which would be left out, and how many those are."""
+    lost = [frf.run[row] for row, change in changes.items() if not change.factor]
+    return {
+        run: lost.count(run)
+        for run in sorted(set(lost))
+        if lost.count(run) > _ODD_RUN * frf.run.count(run)
+    }
+
+
+def _odd_run_finding(frf: FRF, run: str, count: int) -> Finding:
+    detail = (
+        f"{count} of {frf.run.count(run)} sensors contradict the modes of the other runs together: "
+        "the run saw the tyre in another state, or its positions are those of another run; it was "
+        "left in"
+    )
+    return Finding(run, "", None, INCONSISTENT, WARNING, detail)
+
+
+def _too_many(frf: FRF, changes: dict[int, _Change]) -> bool:
+    """Whether more rows would be changed than sensors fail."""
+    in_run = [frf.run[row] for row in changes]
+    if any(in_run.count(run) > _MOST_IN_A_RUN for run in set(in_run)):
+        return True
+    of_sensor: dict[str, list[float]] = {}
+    for row, change in changes.items():
+        of_sensor.setdefault(frf.channel[row], []).append(change.gain)
+    counted = sum(
+        1 if _one_fault(gains, frf.channel.count(name)) else len(gains)
+        for name, gains in of_sensor.items()
+    )
+    return counted > max(1.0, _MOST * frf.n_positions)
+
+
+def _one_fault(gains: Sequence[float], n_runs: int) -> bool:
+    """Whether a sensor shows one and the same gain in all its runs."""
+    median = float(np.median(gains))
+    same = all(abs(gain - median) <= _SAME_GAIN * abs(median) for gain in gains)
+    return len(gains) == n_runs and same
+
+
+def _withheld_finding(changes: dict[int, _Change]) -> Finding:
+    first = "; ".join(
+        f"{change.finding.run} {change.finding.channel} {change.finding.check}"
+        for change in list(changes.values())[:_MOST_IN_A_RUN]
+    )
+    detail = (
+        f"{len(changes)} sensors seem to contradict the modes ({first} …), more than fail at a "
+        f"time (at most {_MOST_IN_A_RUN} in a run and {100 * _MOST:.0f} % of all): the tyre "
+        "changed between the runs, or positions are wrong. Nothing was changed"
+    )
+    return Finding("", "", None, WITHHELD, WARNING, detail)
+
+
+def _applied(frf: FRF, changes: dict[int, _Change], odd: Sequence[Finding]) -> ConsistencyCheck:
+    factor = np.ones(frf.n_positions)
+    source = np.arange(frf.n_positions)
+    for row, change in changes.items():
+        factor[row], source[row] = change.factor or 1.0, change.source
+    kept = [row for row in range(frf.n_positions) if row not in changes or changes[row].factor]
+    corrected = _corrected(frf, factor, source).rows(np.array(kept)) if changes else frf
+    findings = (*(changes[row].finding for row in sorted(changes)), *odd)
+    return ConsistencyCheck(corrected, findings, changed=bool(changes))
 
 
 def _corrected(frf: FRF, factor: NDArray[np.float64], source: NDArray[np.int_]) -> FRF:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ema import _show
 from ema.circumference import on_circle
-from ema.consistency import check_consistency
+from ema.consistency import check_consistency, is_better, withheld
 from ema.curve_fit import fit_modes
 from ema.frf import FRF
 from ema.mass_loading import unloaded
@@ -21,6 +21,9 @@ from ema.screening import screen
 from ema.second_opinion import OTHER, Opinion, second_opinion
 from ema.stability import StabilityDiagram, build_stability, widened_band
 from ema.threads import one_blas_thread
+
+# A force of wrong sign first, then the sensors, then a look at what is left.
+_CONSISTENCY_PASSES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +88,10 @@ def identify_modes(
     """Identify the modes of a band, after a look at every channel.
 
     Screening → sensor mass → poles → modes → consistency of the sensors; where that corrects
-    anything, sensor mass → poles → modes again. The mass comes off first, as it differs from run
-    to run and would make healthy sensors contradict each other; but a sensor of wrong sign or
-    sensitivity would pull in the wrong way, so those are put right before.
+    anything, sensor mass → poles → modes again, kept only if the shapes then come closer to those
+    of a ring. The mass is compensated first, as it differs from run to run and would make healthy
+    sensors contradict each other; but a sensor of wrong sign or sensitivity would pull in the wrong
+    way, so those are corrected before.
 
     Parameters
     ----------
@@ -127,16 +131,22 @@ def identify_modes(
     circle = on_circle(usable.position_deg)
     if sensor_mass is not None and circle:
         # Poles as found will do: what the mass does to pairs is not worth sorting out.
-        usable, turned = check_consistency(usable, once(usable, roughly=True)[1], exclude=False)
-        findings = findings + turned
+        rough = check_consistency(usable, once(usable, roughly=True)[1], exclude=False)
+        usable, findings = rough.frf, [*findings, *(rough.findings if rough.changed else ())]
     bare = _bare(usable, sensor_mass)
     diagram, model = once(bare)
-    if circle:
-        checked, contradictions = check_consistency(usable, model)
-        findings = findings + contradictions
-        if contradictions:
-            bare = _bare(checked, sensor_mass)
-            diagram, model = once(bare)
+    for _ in range(_CONSISTENCY_PASSES if circle else 0):
+        check = check_consistency(usable, model)
+        if check.changed:
+            corrected = _bare(check.frf, sensor_mass)
+            tried = once(corrected)
+            if not is_better((bare, model), (corrected, tried[1])):
+                findings = [*findings, withheld(check)]
+                break
+            usable, bare, (diagram, model) = check.frf, corrected, tried
+        findings = [*findings, *check.findings]
+        if not check.changed:
+            break
     opinions = second_opinion(bare, model.modes, band_hz, OTHER[method], max_order)
     return Identification(bare, diagram, model, opinions, tuple(findings))
 

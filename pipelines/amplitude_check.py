@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ema.circumference import order_content
@@ -27,7 +29,11 @@ _LIKELY = (
 
 
 def amplitude_finding(
-    modal_model: ModalModel, orders: tuple[RingOrder, ...], ring: RingParameters
+    modal_model: ModalModel,
+    orders: Sequence[RingOrder],
+    ring: RingParameters,
+    *,
+    ring_is_doubted: bool = False,
 ) -> list[Finding]:
     """Compare the modal masses that the residues give with those of the tuned ring.
 
@@ -40,6 +46,8 @@ def amplitude_finding(
     modal_model : ModalModel
     orders : tuple of RingOrder
     ring : RingParameters
+    ring_is_doubted : bool
+        Whether something else makes the ring's mass implausible: then no unit is blamed.
 
     Returns
     -------
@@ -53,6 +61,9 @@ def amplitude_finding(
     factor = float(np.exp(np.median(np.log(ratio))))
     detail = f"modal masses are {factor:.3g} times those of the ring"
     if 1 / _FACTOR < factor < _FACTOR:
+        return [Finding("", "", None, AMPLITUDE, OK, detail)]
+    if ring_is_doubted:
+        detail += ": the mass of the ring is in doubt, see there, not the amplitudes"
         return [Finding("", "", None, AMPLITUDE, OK, detail)]
     likely = [says for value, says in _LIKELY if 1 / _NEAR < factor / value < _NEAR]
     why = f", as with {likely[0]}" if likely else ""

@@ -18,6 +18,8 @@ from ema.io.positions import UNNUMBERED
 from ema.mass_loading import loading_note, sensors_of_runs
 from ema.modes import ModalModel
 from ema.quality import (
+    OK,
+    Finding,
     averages_finding,
     check_reference,
     coherence_findings,
@@ -27,12 +29,15 @@ from ema.quality import (
     reference_finding,
 )
 from ema.recording import Campaign, Tyre
+from model.identifiability import IDENTIFIED
+from model.tuning_result import TuningResult
 from pipelines.amplitude_check import AMPLITUDE, amplitude_finding
 from pipelines.options import TYRE_BAND_HZ, Options, processing_in_force
 from pipelines.provenance import Stopwatch, checksummed, provenance
 from pipelines.result import Result
 from pipelines.strict import refuse_warnings
-from pipelines.validate import ring_orders, validate
+from pipelines.tyre_plausibility import PLAUSIBILITY, plausibility_finding
+from pipelines.validate import RingOrder, ring_orders, validate
 
 # Share by which a band may reach beyond the last line: half the sampling rate has none.
 _BAND_ROOM = 0.01
@@ -142,7 +147,7 @@ def tune(result: Result, options: Options) -> Result:
     reason = _why_no_ring(tyre, modal_model, options)
     if reason or tyre is None or tyre.mean_radius_m is None or tyre.inflation_pressure_pa is None:
         return replace(result, notes=(*result.notes, reason))
-    kept = tuple(finding for finding in result.findings if finding.check != AMPLITUDE)
+    kept = tuple(f for f in result.findings if f.check not in (AMPLITUDE, PLAUSIBILITY))
     orders = ring_orders(modal_model)
     numbers = np.array([order.order for order in orders])
     tuning = model.tune_ring(
@@ -166,9 +171,21 @@ def tune(result: Result, options: Options) -> Result:
         tuning=tuning,
         damping=damping,
         validation=validate(modal_model, orders, tuning, damping),
-        findings=(*kept, *amplitude_finding(modal_model, orders, tuning.ring)),
+        findings=(*kept, *_ring_findings(modal_model, orders, tuning)),
         notes=(*result.notes, *tuning.notes, *damping.notes),
     )
+
+
+def _ring_findings(
+    modal_model: ModalModel, orders: Sequence[RingOrder], tuning: TuningResult
+) -> list[Finding]:
+    """Whether ring and amplitudes are those of a tyre, the most likely cause of a doubt first."""
+    identified = tuning.how["mass_per_area_kg_m2"] == IDENTIFIED
+    mass = tuning.ring.mass_per_area_kg_m2 if identified else None
+    plausible = plausibility_finding(orders, mass)
+    doubted = plausible is not None and plausible.verdict != OK
+    amplitude = amplitude_finding(modal_model, orders, tuning.ring, ring_is_doubted=doubted)
+    return [*([plausible] if plausible else []), *amplitude]
 
 
 def _require_ring_data(campaign: Campaign, options: Options) -> None:

@@ -236,6 +236,18 @@ ROLES = (
         bad_manifest("excitation.channel", "'Force'", "Did you mean 'force'"),
     ),
     _changed(
+        "a tangential force",
+        'channel = "force"',
+        'channel = "force"\ndirection = "tangential"',
+        bad_manifest("excitation.direction", "'tangential'", "radial"),
+    ),
+    _changed(
+        "an axial force",
+        'channel = "force"',
+        'channel = "force"\ndirection = "axial"',
+        bad_manifest("excitation.direction", "'axial'", "radial"),
+    ),
+    _changed(
         "an acceleration as force",
         'channel = "force"',
         'channel = "A01"',

@@ -235,11 +235,16 @@ def campaign_frf(
     *,
     seed=0,
     drift_percent=(0.0,) * N_RUNS,
+    in_state=lambda mode, percent: replace(
+        mode, frequency_hz=mode.frequency_hz * (1 + percent / 100)
+    ),
     sensor_mass_kg=0.0,
     averages=AVERAGES,
     frequency_hz=LINES_HZ,
 ):
     """FRFs of a tyre with known modes: six runs of twelve sensors and the fixed reference.
+
+    `in_state` gives a mode in the state of a run, from its drift.
 
     By default those of independent blocks. Noise is that of a simulated campaign of the same
     `snr_db`; as in a measurement, σ and coherence are estimates that scatter.
@@ -248,7 +253,7 @@ def campaign_frf(
     position_deg = np.append(np.arange(POSITIONS) * 360 / POSITIONS, np.full(N_RUNS, REFERENCE_DEG))
     clean = np.empty((run.size, frequency_hz.size), dtype=complex)
     for number, percent in enumerate(drift_percent):
-        state = [replace(m, frequency_hz=m.frequency_hz * (1 + percent / 100)) for m in modes]
+        state = [in_state(mode, percent) for mode in modes]
         rows = run == number
         clean[rows] = true_inertance(state, position_deg[rows], frequency_hz, sensor_mass_kg)
     rng = np.random.default_rng(seed)

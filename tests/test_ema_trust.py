@@ -102,6 +102,35 @@ def test_a_drift_over_the_runs():
     assert np.abs(found.model.drift.percent - drift).max() < 0.05
 
 
+def warmer(mode, percent):
+    """All frequencies up, damping down by 6 % where they rise by 0.9 %."""
+    scale = 1 - 0.06 * percent / 0.9
+    hz = mode.frequency_hz * (1 + percent / 100)
+    return replace(mode, frequency_hz=hz, damping_ratio=mode.damping_ratio * scale)
+
+
+def pumped(mode, percent):
+    """More tension: order 1 stays, high orders rise."""
+    share = 1 - (78.7 / max(mode.frequency_hz, 78.7)) ** 2
+    return replace(mode, frequency_hz=mode.frequency_hz * (1 + share * percent / 100))
+
+
+CORRECTIONS = {"flipped", "scaled", "swapped", "inconsistent"}
+
+
+@pytest.mark.parametrize("in_state", [warmer, pumped])
+@pytest.mark.parametrize("percent", [0.1, 0.3, 0.6, 0.9])
+def test_a_drift_makes_no_sensor_look_faulty(percent, in_state):
+    drift = np.linspace(0, percent, 6)
+    truth = truth_modes(split_percent=0.1)
+    frf = systems.campaign_frf(truth, 40, seed=4, drift_percent=drift, in_state=in_state)
+    found = identified(frf)
+    assert not CORRECTIONS & {finding.check for finding in found.findings}
+    np.testing.assert_array_equal(found.frf.values, frf.values)
+    if in_state is warmer:
+        assert sorted({mode.order for mode in found.model.modes}) == [*ORDERS, 8]
+
+
 def test_no_drift_is_said_where_there_is_none(quiet):
     drift = identified(quiet).model.drift
     assert not drift.applied

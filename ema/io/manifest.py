@@ -10,7 +10,15 @@ from collections.abc import Callable, Iterable
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from ema.errors import ManifestError
 from ema.recording import Processing, Tyre
@@ -121,6 +129,16 @@ class ExcitationSection(_Section):
     channel: str | None = None
     position_deg: Finite | None = None
     direction: Literal["radial", "tangential", "axial"] | None = None
+
+    @field_validator("direction")
+    @classmethod
+    def _evaluated(cls, direction: str | None) -> str | None:
+        if direction not in (None, "radial"):
+            raise ValueError(
+                "only a radial force is evaluated: drive point, sensor mass and ring model would "
+                "take any other for radial. Remove the line only if the force is radial"
+            )
+        return direction
 
 
 class ProcessingSection(_Section):
