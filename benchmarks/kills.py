@@ -25,7 +25,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
-from pipelines.provenance import sha256
+from pipelines.checksums import sha256
 from pipelines.simulate_campaign import simulate_campaign
 from pipelines.store import load
 

@@ -9,10 +9,10 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from pipelines.exchange import exchange
 
 from ema.errors import InputError
 from pipelines import partial, result_folder
-from pipelines.exchange import exchange
 from pipelines.partial import partial_name, remove_abandoned
 from pipelines.result_folder import MARKER, recover, require_free, written_whole
 
