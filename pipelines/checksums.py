@@ -72,10 +72,16 @@ def write_marker(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def read_marker(path: Path) -> Marker:
-    """Read a marker, whatever became of it."""
+    """Read a marker, whatever became of it.
+
+    Raises
+    ------
+    OSError
+        If it is there and the drive does not let it be read.
+    """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+    except (FileNotFoundError, IsADirectoryError, ValueError, RecursionError):
         return Marker({}, {}, Fault.UNREADABLE)
     if not isinstance(content, dict) or FILES not in content:
         return Marker({}, {}, Fault.FOREIGN)

@@ -372,7 +372,7 @@ def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
     if isfinite(value):  # the ring's own limits name what is not
         _require_size(where, value)
     if std is not None and not 0 <= std <= LARGEST:
-        rule = f"a standard deviation is not below zero and at most {LARGEST:g}"
+        rule = f"a standard deviation is finite, not below zero and at most {LARGEST:g}"
         raise InputError(where, f"std = {std:g}", rule, "Leave std out where it is not known")
     how = fields.get("how", GIVEN)
     if how not in HOWS:

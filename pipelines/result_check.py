@@ -86,6 +86,15 @@ def checked_result(folder: Path, *, accept_changes: bool = False) -> CheckedResu
         raise InputError(
             str(folder), f"no {MARKER}", "it must be a result folder", "Run `ringmodal process`"
         )
+    try:
+        return _checked(folder, accept_changes=accept_changes)
+    except OSError as error:
+        place, reason = error.filename or folder, error.strerror or str(error)
+        rule, remedy = "all parts of a result are read", "Check permissions and the drive"
+        raise InputError(str(place), reason, rule, remedy) from error
+
+
+def _checked(folder: Path, *, accept_changes: bool) -> CheckedResult:
     marker = read_marker(folder / MARKER)
     if marker.fault in (Fault.UNREADABLE, Fault.FOREIGN):
         where, rule = f"{folder}, {MARKER}", "a result lists its files there"
@@ -102,8 +111,11 @@ def checked_result(folder: Path, *, accept_changes: bool = False) -> CheckedResu
 def is_as_written(folder: Path) -> bool:
     """Whether a folder holds a result whose parts are all as they were written."""
     recover(folder)
-    marker = read_marker(folder / MARKER)
-    return bool(marker.files) and not changed_parts(folder, marker)
+    try:
+        marker = read_marker(folder / MARKER)
+        return bool(marker.files) and not changed_parts(folder, marker)
+    except OSError:
+        return False
 
 
 def changed_parts(folder: Path, marker: Marker) -> dict[str, Change]:

@@ -63,6 +63,9 @@ def require_free(
     with _as_input_error(folder):
         place = _resolved(folder)
         recover(place, marker)
+        if marker is not None and (place / marker).is_file():
+            for left in ended_backups(place):
+                _remove_backup(left, place, marker, None, console.complain)
         _refuse_occupied(folder, place, force=force, marker=marker, accepted=accepted)
         existing = next((path for path in place.parents if path.exists()), place.parent)
         with partial_folder(existing / place.name) as probe:
@@ -108,11 +111,8 @@ def written_whole(
                 _refuse_occupied(folder, place, force=force, marker=marker, accepted=accepted)
 
             backup = _put(partial, place, check)
-            if marker is not None:
-                with suppress(OSError):  # what cannot be removed stays hidden until the next time
-                    for each in ended_backups(place):
-                        own = accepted if each == backup else None
-                        _remove_backup(each, place, marker, own, say)
+            if backup is not None and marker is not None:
+                _remove_backup(backup, place, marker, accepted, say)
 
 
 def recover(folder: Path, marker: str | None = MARKER) -> None:
@@ -123,13 +123,15 @@ def recover(folder: Path, marker: str | None = MARKER) -> None:
     with suppress(OSError):  # another process did, or the drive is read-only
         complete = [path for path in backups(place) if _is_complete(path, marker)]
         if complete:
-            max(complete, key=lambda path: (path / marker).stat().st_mtime_ns).rename(place)
+            max(complete, key=lambda path: path.stat().st_mtime_ns).rename(place)
 
 
 def _is_complete(backup: Path, marker: str) -> bool:
-    """Whether nothing has been removed from a backup yet."""
+    """Whether nothing has been removed from a backup yet, as the list in it goes last."""
     found = read_marker(backup / marker)
-    return bool(found.files) and all((backup / name).exists() for name in found.files)
+    if not found.files:  # then nothing ever is
+        return any(backup.iterdir())
+    return all((backup / name).exists() for name in found.files)
 
 
 def _resolved(folder: Path) -> Path:
@@ -252,19 +254,30 @@ def _remove_backup(
     """Remove from a backup what the program wrote, its marker last; the rest stays in sight.
 
     What somebody put there at the last moment moves to the new result, where its name is free.
+    What cannot be removed or moved stays hidden until the next time.
     """
+    with suppress(OSError):
+        _emptied(backup, place, marker, accepted, say)
+
+
+def _emptied(
+    backup: Path,
+    place: Path,
+    marker: str,
+    accepted: Mapping[str, str] | None,
+    say: Callable[[str], None],
+) -> None:
     known = known_files(backup / marker, accepted)
     rest = []
-    for path in backup.iterdir() if known else ():
-        if path.name != marker:
-            if is_litter(path) or is_as_written(path, known):
-                path.unlink()
-            elif os.path.lexists(place / path.name):
-                rest.append(path)
-            else:
-                path.rename(place / path.name)
-                say(f"{path.name} was added while the result was replaced; it is in the new one.")
     own = backup / marker
+    for path in [path for path in backup.iterdir() if path != own]:
+        if is_litter(path) or is_as_written(path, known):
+            path.unlink()
+        elif not known or os.path.lexists(place / path.name):
+            rest.append(path)
+        else:
+            path.rename(place / path.name)
+            say(f"{path.name} was added while the result was replaced; it is in the new one.")
     if not rest and is_as_written(own, known):
         own.unlink()
     if any(backup.iterdir()):
