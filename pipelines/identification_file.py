@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 JSON_NAME = "identification.json"
 RESIDUES_NAME = "residues.parquet"
+REFERENCE_NAME = "reference.parquet"
 # Far below any inertance that is measured, and large enough for its square.
 _SMALLEST_RESIDUE = 1e-100
 
@@ -78,8 +79,8 @@ def read_identification(folder: Path, record: dict[str, Any]) -> Result:
     frf = replace(
         read_frf(folder / "frf.parquet"), blocks=stored.blocks, n_effective=stored.n_effective
     )
-    if (folder / "reference.parquet").is_file():
-        frf = replace(frf, reference=read_frf(folder / "reference.parquet"))
+    if (folder / REFERENCE_NAME).is_file():
+        frf = replace(frf, reference=_read_reference(folder / REFERENCE_NAME, stored.band_hz))
     model = _read_model(stored, frf, folder / RESIDUES_NAME)
     return Result(
         name=stored.name,
@@ -98,6 +99,19 @@ def read_identification(folder: Path, record: dict[str, Any]) -> Result:
         notes=model.notes,
         provenance={key: value for key, value in record.items() if key != "warnings"},
     )
+
+
+def _read_reference(path: Path, band_hz: tuple[float, float]) -> FRF:
+    frf = read_frf(path)
+    in_band = (frf.frequency_hz >= band_hz[0]) & (frf.frequency_hz <= band_hz[1])
+    if frf.n_positions < 2 or not np.any(in_band) or np.any(frf.std == 0):
+        raise InputError(
+            str(path),
+            f"{frf.n_positions} runs, {np.count_nonzero(in_band)} frequencies in the band",
+            "two runs or more are compared in the band, each with its noise",
+            "Process the recordings again",
+        )
+    return frf
 
 
 def _mode_record(mode: Mode) -> dict[str, Any]:

@@ -318,7 +318,7 @@ def snapshot(folder):
     found = {}
     for path in folder.rglob("*"):
         is_plain = path.is_file() and not path.is_symlink()
-        found[path] = path.read_bytes() if is_plain else os.path.islink(path)
+        found[path] = path.read_bytes() if is_plain else path.is_symlink()
     return found
 
 
