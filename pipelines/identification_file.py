@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.circumference import highest_order
 from ema.errors import InputError
 from ema.frf import FRF
 from ema.modes import Drift, ModalModel, Mode, ResidualTerms
@@ -153,13 +154,7 @@ def _read_model(stored: StoredIdentification, frf: FRF, path: Path) -> ModalMode
         for entry, own, own_std in zip(records, residues, std, strict=True)
     )
     n_modes = len(stored.modes)
-    if len(stored.frac) != frf.n_positions:
-        raise InputError(
-            str(path.with_name(JSON_NAME)),
-            f"frac of {len(stored.frac)} positions",
-            f"the FRFs are of {frf.n_positions}",
-            "Process the recordings again",
-        )
+    _require_places(path.with_name(JSON_NAME), stored, frf)
     return ModalModel(
         modes=modes[:n_modes],
         guard_modes=modes[n_modes:],
@@ -181,6 +176,21 @@ def _read_model(stored: StoredIdentification, frf: FRF, path: Path) -> ModalMode
         orders=stored.orders,
         notes=stored.notes,
     )
+
+
+def _require_places(path: Path, stored: StoredIdentification, frf: FRF) -> None:
+    """Refuse modes that do not go with the positions of the FRFs."""
+    remedy = "Process the recordings again"
+    if len(stored.frac) != frf.n_positions:
+        found, rule = f"frac of {len(stored.frac)} positions", f"the FRFs are of {frf.n_positions}"
+        raise InputError(str(path), found, rule, remedy)
+    orders = [mode.order for mode in stored.modes + stored.guard_modes if mode.order is not None]
+    if not orders:
+        return
+    on_circle = bool(np.all(np.isfinite(frf.position_deg)))
+    if not on_circle or max(orders) > highest_order(frf.position_deg):
+        rule = "the positions of the FRFs must be able to tell the order"
+        raise InputError(str(path), f"a mode of order {max(orders)}", rule, remedy)
 
 
 def _read_residues(
