@@ -273,3 +273,22 @@ def test_a_batch_processes_a_result_again_that_was_tampered_with(short_campaign,
     batch = run_batch(tmp_path / "all", out, options, jobs=1)
     assert [record.is_done for record in batch.records] == [False]
     assert (result / "modes.csv").read_text() == (result / ".notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize("theirs", ["records/first.txt", "summary.html"])
+def test_a_batch_takes_no_folder_of_somebody_else(short_campaign, tmp_path, theirs):
+    out = tmp_path / "out"
+    (out / "records").mkdir(parents=True)
+    (out / theirs).write_text("mine")
+    (out / "modes.parquet").write_text("mine")
+    with pytest.raises(InputError):
+        run_batch(short_campaign, out, Options(tune=False), jobs=1)
+    assert (out / "modes.parquet").read_text() == (out / theirs).read_text() == "mine"
+
+
+def test_a_batch_leaves_a_hidden_file_in_its_folder(short_campaign, tmp_path):
+    out = tmp_path / "out"
+    run_batch(short_campaign, out, Options(tune=False), jobs=1)
+    (out / ".probe").write_text("mine")
+    run_batch(short_campaign, out, Options(tune=False), jobs=1)
+    assert (out / ".probe").read_text() == "mine"
