@@ -4,6 +4,8 @@ A small campaign is processed into an empty place and, every second time, over a
 made with other options. Each process is ended by SIGKILL, which no program can catch, at a moment
 drawn evenly from its whole duration. The place must then hold nothing, or the earlier result, or
 the new one: every file of the contract, readable, and with the checksum that completed runs gave.
+Every fourth time somebody puts a hidden file, a repository and a note into the earlier result while
+it is being replaced: they must be found afterwards in the result or in a visible folder beside it.
 """
 
 from __future__ import annotations
@@ -20,12 +22,14 @@ import tempfile
 import time
 import tomllib
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import pyarrow.parquet as pq
 
-from pipelines.provenance import sha256
+from pipelines.checksums import sha256
+from pipelines.result_folder import recover
 from pipelines.simulate_campaign import simulate_campaign
 from pipelines.store import load
 
@@ -38,6 +42,7 @@ EARLIER = ("--estimator", "H2", "--max-order", "40")
 NEW: tuple[str, ...] = ()
 
 NOTHING, OLD_STANDS, NEW_STANDS, PARTIAL = "nothing", "the earlier result", "the new one", "PARTIAL"
+THEIRS = (".notes.txt", ".git/config", "notes.txt")  # what a user may put into a result
 
 
 @dataclass(frozen=True)
@@ -66,12 +71,15 @@ def main() -> None:
         place = Path(scratch) / "place" / "result"
         rows: list[tuple[bool, str, str, int]] = []
         while len(rows) < chosen.kills:
-            replacing = len(rows) % 2 == 1
+            replacing, with_theirs = len(rows) % 2 == 1, len(rows) % 4 == 3
             prepare(place, earlier if replacing else None)
-            stage = kill_at(campaign, place, draw.uniform(0.0, duration_s))
+            delay_s = draw.uniform(0.0, duration_s)
+            added_s = draw.uniform(0.0, delay_s) if with_theirs else None
+            stage = kill_at(campaign, place, delay_s, added_s)
             if stage is not None:
-                row = (replacing, stage, verdict(place, expected, replacing), leftovers(place))
-                rows.append(row)
+                found = verdict(place, expected, replacing, with_theirs=with_theirs)
+                rows.append((replacing, stage, found, leftovers(place)))
+        prepare(place, new)
         complete(campaign, place, (*NEW, "--force"))
         report(rows, duration_s, leftovers(place))
     sys.exit(any(row[2] == PARTIAL for row in rows))
@@ -89,18 +97,26 @@ def complete(campaign: Path, out: Path, options: tuple[str, ...]) -> None:
 def prepare(place: Path, earlier: Path | None) -> None:
     """Leave what killed processes left beside the place: the next one is to clean up."""
     place.parent.mkdir(exist_ok=True)
-    shutil.rmtree(place, ignore_errors=True)
+    for path in place.parent.iterdir():
+        if not path.name.startswith("."):
+            shutil.rmtree(path)
     if earlier is not None:
         shutil.copytree(earlier, place)
 
 
-def kill_at(campaign: Path, place: Path, delay_s: float) -> str | None:
-    """Kill a run after a time and return what it did then; None where it had ended."""
+def kill_at(campaign: Path, place: Path, delay_s: float, added_s: float | None) -> str | None:
+    """Kill a run after a time and return what it did then; None where it had ended.
+
+    Somebody's files are put into the place after `added_s`.
+    """
     with tempfile.TemporaryFile("w+") as errors:
         running = subprocess.Popen(
             command(campaign, place, (*NEW, "--force")), stdout=subprocess.DEVNULL, stderr=errors
         )
-        time.sleep(delay_s)
+        if added_s is not None:
+            time.sleep(added_s)
+            add_theirs(place)
+        time.sleep(delay_s - (added_s or 0.0))
         writing = any(f"-{running.pid}-" in path.name for path in hidden(place))
         running.kill()
         running.wait()
@@ -113,6 +129,20 @@ def kill_at(campaign: Path, place: Path, delay_s: float) -> str | None:
     return "Writing" if writing else stages[-1].removesuffix(" …")
 
 
+def add_theirs(place: Path) -> None:
+    """Do as a user does who does not know that the result is being replaced."""
+    for name in THEIRS:
+        with suppress(FileNotFoundError):  # the result has just moved
+            (place / name).parent.mkdir(exist_ok=True)
+            (place / name).write_text(name)
+
+
+def theirs_are_found(place: Path) -> bool:
+    """Whether all of somebody's files are in the result or in visible folders beside it."""
+    folders = [path for path in place.parent.iterdir() if not path.name.startswith(".")]
+    return all(any((folder / name).is_file() for folder in folders) for name in THEIRS)
+
+
 def hidden(place: Path) -> list[Path]:
     return [path for path in place.parent.iterdir() if path.name.startswith(".")]
 
@@ -122,8 +152,15 @@ def leftovers(place: Path) -> int:
     return len(hidden(place))
 
 
-def verdict(place: Path, expected: Checksums, replacing: bool) -> str:
+def verdict(place: Path, expected: Checksums, replacing: bool, *, with_theirs: bool) -> str:
     """What is at the place; anything that is not one complete result is partial."""
+    recover(place)
+    if with_theirs:
+        if not theirs_are_found(place):
+            return PARTIAL
+        for name in (".git", *THEIRS):
+            path = place / name
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
     if not place.exists():
         return PARTIAL if replacing else NOTHING
     found = checksums(place)

@@ -28,7 +28,7 @@ from pipelines.batch_workers import (
 )
 from pipelines.options import Options
 from pipelines.partial import remove_abandoned
-from pipelines.result_folder import MARKER, recover
+from pipelines.result_check import PAGES, is_as_written
 
 Finished = Callable[[Record, int, int], None]
 
@@ -151,9 +151,8 @@ def _standing(
     if not record.is_done:
         return None if retry_failed else record
     result = folder.result(campaign.place)
-    recover(result)
-    wanted = (MARKER, "report.html") if reports else (MARKER,)
-    return record if all((result / name).is_file() for name in wanted) else None
+    is_complete = is_as_written(result) and (not reports or (result / PAGES[0]).is_file())
+    return record if is_complete else None
 
 
 def _workers(

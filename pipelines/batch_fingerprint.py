@@ -10,8 +10,8 @@ from pathlib import Path
 
 from ema.errors import ManifestError
 from ema.io.manifest import MANIFEST_NAME, read_manifest, resolve
+from pipelines.checksums import sha256
 from pipelines.options import Options
-from pipelines.provenance import sha256
 from pipelines.versions import software_version
 
 

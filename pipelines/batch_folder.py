@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ema.errors import InputError
-from pipelines.whole_file import file_written_whole
+from pipelines.partial import partial_folder
 
 CAMPAIGNS = "campaigns.parquet"
-_RECORDS = "records"
+_RECORDS, _RESULTS, _RECORD = "records", "results", "record.json"
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,11 @@ class BatchFolder:
 
     def result(self, place: str) -> Path:
         """Result folder of a campaign."""
-        return self.path / "results" / place
+        return self.path / _RESULTS / place
 
     def record(self, place: str) -> Path:
         """What is remembered of a campaign, so that it need not be processed again."""
-        return self.path / _RECORDS / place / "record.json"
+        return self.path / _RECORDS / place / _RECORD
 
     def is_complete(self) -> bool:
         """Whether all tables and the summary are there."""
@@ -70,16 +70,31 @@ def prepared(out: Path) -> BatchFolder:
     folder = BatchFolder(Path(os.path.realpath(out)))
     records = folder.path / _RECORDS
     try:
-        if folder.path.is_dir() and any(folder.path.iterdir()) and not records.is_dir():
+        if folder.path.is_dir() and not _is_of_a_batch(folder.path, records):
             rule = "a batch needs a folder of its own"
             raise InputError(str(out), "a folder with other files", rule, "Choose another folder")
         records.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        reason = error.strerror or str(error)
-        rule = "a batch writes its results there"
-        remedy = "Check free space and permissions, or choose another folder"
-        raise InputError(str(out), reason, rule, remedy) from error
-    with file_written_whole(folder.path / ".probe") as probe:
-        probe.touch()
-    (folder.path / ".probe").unlink(missing_ok=True)
+        raise _unwritable(out, error) from error
+    _require_writable(out, folder.path)
     return folder
+
+
+def _is_of_a_batch(folder: Path, records: Path) -> bool:
+    """Whether a folder is empty, just begun, or holds what an earlier batch remembers."""
+    others = [path for path in folder.iterdir() if path.name not in (_RECORDS, _RESULTS)]
+    return not others or any(path.is_file() for path in records.rglob(_RECORD))
+
+
+def _require_writable(out: Path, folder: Path) -> None:
+    try:
+        with partial_folder(folder / "probe"):
+            pass
+    except OSError as error:
+        raise _unwritable(out, error) from error
+
+
+def _unwritable(out: Path, error: OSError) -> InputError:
+    rule = "a batch writes its results there"
+    remedy = "Check free space and permissions, or choose another folder"
+    return InputError(str(out), error.strerror or str(error), rule, remedy)

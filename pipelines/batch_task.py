@@ -19,6 +19,7 @@ from pipelines.options import Options
 from pipelines.parameter_set import from_tuning
 from pipelines.process import process
 from pipelines.result import Result
+from pipelines.result_folder import require_free
 from pipelines.store import save
 from pipelines.tables import modes_rows
 
@@ -74,6 +75,7 @@ def kept(task: Task, record: Record) -> Record:
 def _processed(task: Task) -> Record:
     campaign = task.campaign.path
     _require_manifest(task.campaign)
+    require_free(task.folder.result(task.campaign.place), force=True)
     before = glance(campaign)
     result = process(campaign, task.options)
     if glance(campaign) != before:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipelines import console
-from pipelines.cli_options import FILES, Json, replacing
+from pipelines.cli_options import FILES, AcceptChanges, Json, replacing
 from pipelines.cli_values import choice
 from pipelines.interrupt import stating_what_stands
 
@@ -31,6 +31,7 @@ def compare(
         ),
     ] = Path("comparison.html"),
     force: Annotated[bool, replacing("an earlier page")] = False,
+    accept_changes: AcceptChanges = False,
     as_json: Json = False,
 ) -> None:
     """Compare two results: frequencies, damping, shapes and ring parameters, with significance.
@@ -47,7 +48,7 @@ def compare(
 
     choice("--out", out.suffix or "(no ending)", (".html",))
     with stating_what_stands(out):
-        found = compare_folders(first, second)
+        found = compare_folders(first, second, accept_changes=accept_changes)
         page = write_comparison(found, out, force=force)
     if as_json:
         console.print_json({"report": str(page), **comparison_record(found)})

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipelines import console
-from pipelines.cli_options import FILES, Json, one_of, replacing
+from pipelines.cli_options import FILES, AcceptChanges, Json, one_of, replacing
 from pipelines.cli_values import choice
 from pipelines.interrupt import stating_what_stands
 
@@ -46,6 +46,7 @@ def export(
         ),
     ] = None,
     force: Annotated[bool, replacing("an earlier export")] = False,
+    accept_changes: AcceptChanges = False,
     real: Annotated[
         bool,
         typer.Option(
@@ -88,6 +89,7 @@ def export(
             frfs=frfs,
             text=text,
             force=force,
+            accept_changes=accept_changes,
         )
     found = written.export
     counts = {
@@ -131,6 +133,7 @@ def compare_shapes(
         ),
     ] = None,
     force: Annotated[bool, replacing("an earlier file")] = False,
+    accept_changes: AcceptChanges = False,
     by: Annotated[
         str,
         one_of(
@@ -182,7 +185,7 @@ def compare_shapes(
 
     alignment = Alignment(by, tolerance_deg, rotate_deg, mirror, direction)
     with stating_what_stands(out or result):
-        found = compare_shapes(result, other, alignment)
+        found = compare_shapes(result, other, alignment, accept_changes=accept_changes)
         if out is not None:
             _write_comparison(found, out, force)
     if as_json:

@@ -68,6 +68,14 @@ Pdf = Annotated[
         help="Write report.pdf into the result too; needs the optional part pdf.",
     ),
 ]
+AcceptChanges = Annotated[
+    bool,
+    typer.Option(
+        "--accept-changes",
+        rich_help_panel=FILES,
+        help="Use a result although files in it were changed after it was written; recorded.",
+    ),
+]
 Strict = Annotated[
     bool,
     typer.Option(

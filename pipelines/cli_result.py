@@ -9,6 +9,7 @@ import typer
 
 from pipelines import cli_values as value
 from pipelines.cli_options import (
+    AcceptChanges,
     Figures,
     Force,
     Given,
@@ -85,6 +86,7 @@ def tune(
     given: Given = None,
     no_report: NoReport = False,
     strict: Strict = False,
+    accept_changes: AcceptChanges = False,
     as_json: Json = False,
 ) -> None:
     """Determine the ring's parameters again, from the modes of an earlier result.
@@ -99,7 +101,9 @@ def tune(
     objective = value.choice("--objective", objective, value.OBJECTIVES)
     known = value.ring_parameters("--given", given)
     with stating_what_stands(result_folder):
-        result = console_result.tuned_again(result_folder, objective, known, strict=strict)
+        result = console_result.tuned_again(
+            result_folder, objective, known, strict=strict, accept_changes=accept_changes
+        )
         pdf = has_pdf(result_folder) and not no_report
         save(result, result_folder, report=not no_report, pdf=pdf, force=True)
         console_result.show(result, result_folder, as_json=as_json, report=not no_report)
@@ -110,6 +114,7 @@ def report(
     figures: Figures = None,
     pdf: Pdf = False,
     force: Annotated[bool, replacing("earlier figures")] = False,
+    accept_changes: AcceptChanges = False,
     as_json: Json = False,
 ) -> None:
     """Write the report of an earlier result again, as HTML and where wanted as PDF.
@@ -126,7 +131,7 @@ def report(
     with stating_what_stands(result_folder):
         require_pictures(figures, result_folder, force=force)
         require_pdf(pdf=pdf)
-        result = console_result.tuned_again(result_folder)
+        result = console_result.tuned_again(result_folder, accept_changes=accept_changes)
         save(result, result_folder, pdf=pdf, force=True)
         if figures is not None:
             _draw(result, figures, force=force)

@@ -12,6 +12,7 @@ import typer
 from pipelines import console
 from pipelines import simulate_options as option
 from pipelines.cli_help import Command, Group
+from pipelines.cli_options import AcceptChanges
 from pipelines.simulate_options import (
     Directions,
     Frames,
@@ -89,6 +90,7 @@ def campaign(
 @simulate.command(cls=Command)
 def frequencies(
     tyre: option.Tyre = None,
+    accept_changes: AcceptChanges = False,
     orders: Annotated[str, typer.Option(metavar="FROM:TO", help="Orders n ≥ 1.")] = "1:7",
     speed_rad_s: Annotated[
         str, typer.Option(metavar="FROM:TO:STEP", help="Angular speed in rad/s, one or several.")
@@ -110,7 +112,7 @@ def frequencies(
     from pipelines.simulate_ranges import orders_of, values_of
 
     found = simulate_frequencies(
-        show.announced(tyre).ring,
+        show.announced(tyre, accept_changes=accept_changes).ring,
         orders_of("--orders", orders),
         values_of("--speed-rad-s", speed_rad_s),
         frame.value,
@@ -123,6 +125,7 @@ def frequencies(
 @simulate.command(cls=Command)
 def inertance(
     tyre: option.Tyre = None,
+    accept_changes: AcceptChanges = False,
     at_deg: option.AtAngle = 100.0,
     force_deg: option.ForceAngle = 0.0,
     speed_rad_s: option.Speed = 0.0,
@@ -149,7 +152,7 @@ def inertance(
     from pipelines.simulate_ranges import values_of
     from pipelines.simulate_tyre import damping_of
 
-    chosen = show.announced(tyre)
+    chosen = show.announced(tyre, accept_changes=accept_changes)
     forced = ForcedRing(
         chosen.ring,
         damping_of(chosen, on_pretension=pretension_loss),
@@ -166,6 +169,7 @@ def inertance(
 @simulate.command(cls=Command)
 def cleat(
     tyre: option.Tyre = None,
+    accept_changes: AcceptChanges = False,
     at_deg: option.AtAngle = 100.0,
     frame: Annotated[
         Frames, typer.Option(help="Whether the point watched stays on the tyre or in space.")
@@ -208,7 +212,7 @@ def cleat(
     from pipelines.simulate_ranges import values_of
     from pipelines.simulate_tyre import damping_of
 
-    chosen = show.announced(tyre)
+    chosen = show.announced(tyre, accept_changes=accept_changes)
     forced = ForcedRing(
         chosen.ring,
         damping_of(chosen, on_pretension=pretension_loss),
@@ -235,6 +239,7 @@ def cleat(
 @simulate.command(cls=Command)
 def loaded(
     tyre: option.Tyre = None,
+    accept_changes: AcceptChanges = False,
     load_n: Annotated[
         str, typer.Option(metavar="FROM:TO:STEP", help="Vertical loads in N; 0 is the free tyre.")
     ] = "0:4000:1000",
@@ -257,7 +262,7 @@ def loaded(
     from pipelines.simulate_ranges import values_of
 
     found = simulate_loaded(
-        show.announced(tyre).ring,
+        show.announced(tyre, accept_changes=accept_changes).ring,
         values_of("--load-n", load_n),
         modes,
         highest_order=harmonics,
@@ -269,6 +274,7 @@ def loaded(
 @simulate.command(cls=Command)
 def hub(
     tyre: option.Tyre = None,
+    accept_changes: AcceptChanges = False,
     hub: Annotated[Hubs, typer.Option(help="Whether the wheel can move.")] = Hubs.fixed,
     wheel_mass_kg: Annotated[
         float | None, typer.Option(help="Mass of the wheel in kg, in place of the tyre's own.")
@@ -304,7 +310,7 @@ def hub(
     from pipelines.simulate_ranges import values_of
     from pipelines.simulate_tyre import damping_of
 
-    chosen = show.announced(tyre)
+    chosen = show.announced(tyre, accept_changes=accept_changes)
     wheel = None
     if hub is Hubs.free:
         wheel = wheel_of(chosen.wheel, wheel_mass_kg, wheel_inertia_kg_m2)

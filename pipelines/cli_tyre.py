@@ -10,7 +10,7 @@ import typer
 
 from pipelines import console
 from pipelines.cli_help import Command, Group
-from pipelines.cli_options import FILES, Json
+from pipelines.cli_options import FILES, AcceptChanges, Json
 from pipelines.cli_tyre_tir import from_tir, modal_targets, update_tir
 from pipelines.library_options import (
     LIBRARY_PANEL,
@@ -81,6 +81,7 @@ def add(
             help="What else it was measured under, in SI, e.g. temperature_c=21.5 or load_n=4000.",
         ),
     ] = None,
+    accept_changes: AcceptChanges = False,
     as_json: Json = False,
 ) -> None:
     """Add the parameter set of a result as a new version of its tyre.
@@ -99,6 +100,7 @@ def add(
         note=note,
         author=author,
         conditions=conditions_of(condition or ()),
+        accept_changes=accept_changes,
     )
     _say_what_is_done("Added", added, as_json=as_json)
 
@@ -155,6 +157,7 @@ def diff(
     first: Annotated[str, AnySet],
     second: Annotated[str, AnySet],
     library: Library = None,
+    accept_changes: AcceptChanges = False,
     as_json: Json = False,
 ) -> None:
     """Compare two parameter sets, with the significance of each difference.
@@ -170,7 +173,8 @@ def diff(
     from pipelines.library_diff import difference
     from pipelines.tyre_library import resolve
 
-    found = difference(resolve(first, library), resolve(second, library))
+    one, two = (resolve(each, library, accept_changes=accept_changes) for each in (first, second))
+    found = difference(one, two)
     console_tyre.show_difference(found, as_json=as_json)
 
 
@@ -250,6 +254,7 @@ def export(
         ),
     ] = "",
     library: Library = None,
+    accept_changes: AcceptChanges = False,
     as_json: Json = False,
 ) -> None:
     """Write a parameter set as a file for other programs.
@@ -261,7 +266,7 @@ def export(
     from pipelines.library_export import export as write
     from pipelines.tyre_library import resolve
 
-    found = resolve(name, library)
+    found = resolve(name, library, accept_changes=accept_changes)
     written = write(found.parameters, out, file_format)
     _say_file(out, as_json=as_json, told={"set": found.name, "format": written})
 

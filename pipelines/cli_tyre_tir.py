@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipelines.cli_options import FILES, Json
+from pipelines.cli_options import FILES, AcceptChanges, Json
 from pipelines.library_options import AnySet, Library
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ def update_tir(
         bool, typer.Option("--dry-run", rich_help_panel=FILES, help="Show only, write nothing.")
     ] = False,
     library: Library = None,
+    accept_changes: AcceptChanges = False,
     as_json: Json = False,
 ) -> None:
     """Bring a tyre property file (.tir) up to date with a parameter set.
@@ -74,7 +75,7 @@ def update_tir(
 
     target = out or file
     tir = read_tir(file)
-    found = resolve(source, library)
+    found = resolve(source, library, accept_changes=accept_changes)
     update = plan_update(tir, found.parameters, belt_width_m, add=add)
     if not as_json:
         tir_show.show_update(update, found.name)
@@ -114,6 +115,7 @@ def from_tir(
         ),
     ] = None,
     library: Library = None,
+    accept_changes: AcceptChanges = False,
     as_json: Json = False,
 ) -> None:
     """Find the ring in a tyre property file (.tir): mass per area, k_r and k_θ.
@@ -131,7 +133,9 @@ def from_tir(
     from pipelines.tir_ring import ring_from_tir
     from pipelines.tyre_library import resolve
 
-    known = resolve(like, library).parameters if like else None
+    known = None
+    if like:
+        known = resolve(like, library, accept_changes=accept_changes).parameters
     made = ring_from_tir(read_tir(file), belt_width_m, known)
     if out is not None:
         export(made.parameters, out)
@@ -145,6 +149,7 @@ def modal_targets(
         typer.Option("--out", metavar="FILE", rich_help_panel=FILES, help="Text file to write."),
     ],
     library: Library = None,
+    accept_changes: AcceptChanges = False,
     as_json: Json = False,
 ) -> None:
     """Write modal targets for an FTire-style parameter fit.
@@ -161,7 +166,7 @@ def modal_targets(
     from pipelines.tyre_library import resolve
     from pipelines.whole_file import file_written_whole
 
-    found = resolve(source, library)
+    found = resolve(source, library, accept_changes=accept_changes)
     measured = measured_modes(Path(source))
     with file_written_whole(out) as partial:
         targets = write_modal_targets(found.parameters, partial, measured)

@@ -126,17 +126,26 @@ def compare(first: Result, second: Result) -> Comparison:
     )
 
 
-def compare_folders(first: Path | str, second: Path | str) -> Comparison:
+def compare_folders(
+    first: Path | str, second: Path | str, *, accept_changes: bool = False
+) -> Comparison:
     """Compare two result folders; each ring is tuned as it was before.
+
+    Parameters
+    ----------
+    first, second : path
+    accept_changes : bool
+        Whether to take results although parts of them were changed; `Comparison.doubts` says so.
 
     Raises
     ------
     InputError
-        If a folder is no result or is damaged.
+        If a folder is no result, is damaged, or was changed and that is not accepted.
     """
     from pipelines.console_result import tuned_again
 
-    return compare(tuned_again(Path(first)), tuned_again(Path(second)))
+    one, two = (tuned_again(Path(each), accept_changes=accept_changes) for each in (first, second))
+    return compare(one, two)
 
 
 def _names(first: str, second: str) -> tuple[str, str]:

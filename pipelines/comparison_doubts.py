@@ -8,6 +8,7 @@ from pipelines.comparison_conditions import BAND, NO_TYRE, Contrast, same_record
 from pipelines.comparison_modes import LOWEST_MAC, MatchedMode
 from pipelines.figures_labels import short
 from pipelines.result import Result
+from pipelines.result_check import accepted_notes
 
 
 def doubts(
@@ -19,6 +20,7 @@ def doubts(
 ) -> tuple[str, ...]:
     """Say what a reader must know before he takes a difference for an effect."""
     return (
+        *_accepted_changes(first, second),
         *_same_data(first, second),
         *_other_tyre(first, second),
         *_other_boundary(conditions),
@@ -27,6 +29,11 @@ def doubts(
         *_other_shapes(modes),
         *_nothing_tested(modes),
     )
+
+
+def _accepted_changes(first: Result, second: Result) -> list[str]:
+    sides = (first, "The first result"), (second, "The second result")
+    return [f"{note}." for each, name in sides for note in accepted_notes(each.provenance, name)]
 
 
 def _same_data(first: Result, second: Result) -> list[str]:

@@ -26,13 +26,14 @@ def tuned_again(
     given: dict[str, float] | None = None,
     *,
     strict: bool = False,
+    accept_changes: bool = False,
 ) -> Result:
     """Load a result and determine its ring again; what is not chosen stays as it was."""
     from pipelines.options import Options
     from pipelines.process import tune
     from pipelines.strict import refuse_warnings
 
-    result = load(folder)
+    result = load(folder, accept_changes=accept_changes)
     if strict:
         refuse_warnings(result.findings)
     earlier = result.provenance.get("options", {})

@@ -5,24 +5,29 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ema.blocks import BlockPlan
+from ema.circumference import highest_order
+from ema.errors import InputError
 from ema.frf import FRF
 from ema.modes import Drift, ModalModel, Mode, ResidualTerms
-from ema.pairs import PairVerdict
-from ema.quality import Finding, check_reference
-from ema.recording import Tyre
-from ema.resolution import OrderReport
-from ema.second_opinion import Opinion
+from ema.quality import check_reference
 from ema.stability import Cluster, StabilityDiagram
-from pipelines.parquet import read_parquet, write_parquet
+from pipelines.frf_file import read_frf
+from pipelines.parquet import Table, write_parquet
 from pipelines.result import Result
+
+if TYPE_CHECKING:
+    from pipelines.identification_schema import StoredIdentification
 
 JSON_NAME = "identification.json"
 RESIDUES_NAME = "residues.parquet"
+REFERENCE_NAME = "reference.parquet"
+# Far below any inertance that is measured, and large enough for its square.
+_SMALLEST_RESIDUE = 1e-100
 
 
 def write_identification(result: Result, folder: Path) -> None:
@@ -61,37 +66,53 @@ def write_identification(result: Result, folder: Path) -> None:
     _write_residues(model, folder / RESIDUES_NAME)
 
 
-def read_identification(folder: Path, record: dict[str, Any], frf: FRF) -> Result:
-    """Rebuild a result without its ring steps from a folder, its provenance and its FRFs."""
-    content = json.loads((folder / JSON_NAME).read_text(encoding="utf-8"))
-    frf = replace(
-        frf,
-        blocks=None if content["blocks"] is None else BlockPlan(**content["blocks"]),
-        n_effective=content["n_effective"],
-    )
-    if (folder / "reference.parquet").is_file():
-        from pipelines.store import read_frf
+def read_identification(folder: Path, record: dict[str, Any]) -> Result:
+    """Rebuild a result without its ring steps from a folder and its provenance.
 
-        frf = replace(frf, reference=read_frf(folder / "reference.parquet"))
-    band_hz = _both(content["band_hz"])
-    model = _read_model(content, frf, folder / RESIDUES_NAME)
+    Raises
+    ------
+    InputError
+        If a file is missing, or holds what no identification gives; names it.
+    """
+    from pipelines.identification_schema import read_stored  # loads what checks types
+
+    stored = read_stored(folder / JSON_NAME)
+    frf = replace(
+        read_frf(folder / "frf.parquet"), blocks=stored.blocks, n_effective=stored.n_effective
+    )
+    if (folder / REFERENCE_NAME).is_file():
+        frf = replace(frf, reference=_read_reference(folder / REFERENCE_NAME, stored.band_hz))
+    model = _read_model(stored, frf, folder / RESIDUES_NAME)
     return Result(
-        name=content["name"],
-        tyre=None if content["tyre"] is None else Tyre(**content["tyre"]),
+        name=stored.name,
+        tyre=stored.tyre,
         frf=frf,
-        diagram=_read_diagram(content, folder / "poles.parquet"),
+        diagram=_read_diagram(stored, folder / "poles.parquet"),
         modal_model=model,
-        reference=None if frf.reference is None else check_reference(frf.reference, band_hz),
+        reference=None if frf.reference is None else check_reference(frf.reference, model.band_hz),
         tuning=None,
         damping=None,
         validation=None,
-        excitation_deg=content["excitation_deg"],
-        reference_deg=content["reference_deg"],
-        findings=tuple(Finding(**finding) for finding in content["findings"]),
-        opinions=tuple(Opinion(**opinion) for opinion in content["opinions"]),
+        excitation_deg=stored.excitation_deg,
+        reference_deg=stored.reference_deg,
+        findings=stored.findings,
+        opinions=stored.opinions,
         notes=model.notes,
         provenance={key: value for key, value in record.items() if key != "warnings"},
     )
+
+
+def _read_reference(path: Path, band_hz: tuple[float, float]) -> FRF:
+    frf = read_frf(path)
+    in_band = (frf.frequency_hz >= band_hz[0]) & (frf.frequency_hz <= band_hz[1])
+    if frf.n_positions < 2 or not np.any(in_band) or np.any(frf.std == 0):
+        raise InputError(
+            str(path),
+            f"{frf.n_positions} runs, {np.count_nonzero(in_band)} frequencies in the band",
+            "two runs or more are compared in the band, each with its noise",
+            "Process the recordings again",
+        )
+    return frf
 
 
 def _mode_record(mode: Mode) -> dict[str, Any]:
@@ -122,68 +143,99 @@ def _write_residues(model: ModalModel, path: Path) -> None:
         "lower",
         "upper",
     ]
-    write_parquet(path, dict(zip(names, parts, strict=True)))
+    write_parquet(path, {**dict(zip(names, parts, strict=True)), "row": np.arange(parts[0].size)})
 
 
-def _read_model(content: dict[str, Any], frf: FRF, path: Path) -> ModalModel:
-    table = read_parquet(path)
-    column = {name: np.asarray(table[name].to_numpy()) for name in table.column_names}
-    records = content["modes"] + content["guard_modes"]
+def _read_model(stored: StoredIdentification, frf: FRF, path: Path) -> ModalModel:
+    residues, std, terms = _read_residues(path, stored, frf.n_positions)
+    records = stored.modes + stored.guard_modes
     modes = tuple(
-        Mode(
-            **{**entry, "pole": complex(*entry["pole"])},
-            residues=column[f"real_{r}"] + 1j * column[f"imag_{r}"],
-            residues_std=column[f"std_{r}"],
-        )
-        for r, entry in enumerate(records)
+        Mode(**{**vars(entry), "pole": complex(*entry.pole)}, residues=own, residues_std=own_std)
+        for entry, own, own_std in zip(records, residues, std, strict=True)
     )
-    n_modes = len(content["modes"])
+    n_modes = len(stored.modes)
+    _require_places(path.with_name(JSON_NAME), stored, frf)
     return ModalModel(
         modes=modes[:n_modes],
         guard_modes=modes[n_modes:],
-        residual_terms=ResidualTerms(column["lower"], column["upper"]),
-        band_hz=_both(content["band_hz"]),
-        fit_band_hz=_both(content["fit_band_hz"]),
-        covariance=np.array(content["covariance"]),
-        frac=np.array(content["frac"]),
-        misfit=content["misfit"],
+        residual_terms=terms,
+        band_hz=stored.band_hz,
+        fit_band_hz=stored.fit_band_hz,
+        covariance=np.array(stored.covariance),
+        frac=np.array(stored.frac),
+        misfit=stored.misfit,
         node=frf.node,
         position_deg=frf.position_deg,
         drift=Drift(
-            tuple(content["drift"]["run"]),
-            np.array(content["drift"]["percent"]),
-            np.array(content["drift"]["std_percent"]),
-            content["drift"]["applied"],
-            content["drift"]["chance"],
+            stored.drift.run,
+            np.array(stored.drift.percent),
+            np.array(stored.drift.std_percent),
+            stored.drift.applied,
+            stored.drift.chance,
         ),
-        orders=tuple(
-            OrderReport(**{**report, "pair": PairVerdict(**report["pair"])})
-            for report in content["orders"]
-        ),
-        notes=tuple(content["notes"]),
+        orders=stored.orders,
+        notes=stored.notes,
     )
 
 
-def _read_diagram(content: dict[str, Any], path: Path) -> StabilityDiagram:
-    table = read_parquet(path)
-    column = {name: np.asarray(table[name].to_numpy()) for name in table.column_names}
-    ratio, omega = column["damping_ratio"], 2 * np.pi * column["frequency_hz"]
+def _require_places(path: Path, stored: StoredIdentification, frf: FRF) -> None:
+    """Refuse modes that do not go with the positions of the FRFs."""
+    remedy = "Process the recordings again"
+    if len(stored.frac) != frf.n_positions:
+        found, rule = f"frac of {len(stored.frac)} positions", f"the FRFs are of {frf.n_positions}"
+        raise InputError(str(path), found, rule, remedy)
+    orders = [mode.order for mode in stored.modes + stored.guard_modes if mode.order is not None]
+    if not orders:
+        return
+    on_circle = bool(np.all(np.isfinite(frf.position_deg)))
+    if not on_circle or max(orders) > highest_order(frf.position_deg):
+        rule = "the positions of the FRFs must be able to tell the order"
+        raise InputError(str(path), f"a mode of order {max(orders)}", rule, remedy)
+
+
+def _read_residues(
+    path: Path, stored: StoredIdentification, n_positions: int
+) -> tuple[NDArray[np.complex128], NDArray[np.float64], ResidualTerms]:
+    """Residues and their deviations, one row per mode and guard mode, and the residual terms."""
+    table = Table(path)
+    count = range(len(stored.modes) + len(stored.guard_modes))
+    if table.n_rows != n_positions or f"real_{len(count)}" in table.names:
+        found = f"{table.n_rows} positions, columns {', '.join(table.names)}"
+        rule = f"the FRFs are of {n_positions} positions, and there are {len(count)} modes"
+        raise table.unusable(found, rule)
+    order, _ = table.row_order()
+
+    def column(name: str, *, unknown: bool = False) -> NDArray[np.float64]:
+        return np.asarray(table.numbers(name, unknown=unknown), dtype=float)[order]
+
+    residues = np.stack([column(f"real_{r}") + 1j * column(f"imag_{r}") for r in count])
+    if np.any(np.abs(residues).max(axis=1) < _SMALLEST_RESIDUE):
+        raise table.unusable("a mode without residues", "a mode moves somewhere")
+    std = np.stack([column(f"std_{r}", unknown=True) for r in count])
+    return residues, std, ResidualTerms(column("lower"), column("upper"))
+
+
+def _read_diagram(stored: StoredIdentification, path: Path) -> StabilityDiagram:
+    table = Table(path)
+    order, _ = table.row_order()
+    ratio = table.numbers("damping_ratio")[order]
+    omega = 2 * np.pi * table.numbers("frequency_hz")[order]
+    if np.any(np.abs(ratio) > 1) or np.any(omega <= 0):
+        raise table.unusable("a pole without frequency", "damping ratios are below 1")
     return StabilityDiagram(
-        band_hz=_both(content["band_hz"]),
-        model_order=column["order"],
+        band_hz=stored.band_hz,
+        model_order=table.numbers("order")[order],
         poles=omega * (-ratio + 1j * np.sqrt(1 - ratio**2)),
-        stable_frequency=column["stable_frequency"],
-        stable_damping=column["stable_damping"],
-        cluster=column["cluster"],
-        clusters=tuple(Cluster(**{**c, "pole": complex(*c["pole"])}) for c in content["clusters"]),
-        indicator_hz=np.array(content["indicator_hz"]),
-        indicator=np.array(content["indicator"]),
+        stable_frequency=table.flags("stable_frequency")[order],
+        stable_damping=table.flags("stable_damping")[order],
+        cluster=table.numbers("cluster")[order],
+        clusters=tuple(
+            Cluster(**{**vars(each), "pole": complex(*each.pole)}) for each in stored.clusters
+        ),
+        indicator_hz=np.array(stored.indicator_hz),
+        indicator=np.array(stored.indicator),
     )
 
 
 def _pair(value: complex) -> list[float]:
     return [value.real, value.imag]
-
-
-def _both(values: list[float]) -> tuple[float, float]:
-    return float(values[0]), float(values[1])

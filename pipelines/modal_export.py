@@ -16,6 +16,7 @@ from ema.io.uff_frf import SYNTHESISED
 from ema.modes import ModalModel, Mode
 from pipelines.modal_export_geometry import Geometry, geometry_of
 from pipelines.result import Result
+from pipelines.result_check import accepted_notes
 
 MEASURED, BOTH, NONE = "measured", "both", "none"
 FRF_CHOICES = (BOTH, MEASURED, SYNTHESISED, NONE)
@@ -91,6 +92,8 @@ def gather(result: Result, *, real: bool = False, frfs: str = BOTH) -> ModalExpo
         wanted, the measured ones are cut to it: many programs want one set of lines in a file.
     """
     geometry, model = geometry_of(result), result.modal_model
+    notes = accepted_notes(result.provenance, result.name)
+    geometry = replace(geometry, notes=(*geometry.notes, *notes))
     shapes = np.array([mode.shape for mode in model.modes]).reshape(-1, geometry.n_measured)
     frf = replace(result.frf, node=geometry.node[: geometry.n_measured])
     if frfs in (BOTH, SYNTHESISED):
@@ -114,6 +117,7 @@ def export(
     frfs: str = BOTH,
     text: bool = False,
     force: bool = False,
+    accept_changes: bool = False,
 ) -> Written:
     """Write a result folder's modes for other programs, whole or not at all.
 
@@ -131,11 +135,14 @@ def export(
         Whether the FRFs of a universal file are written as text (58) and not binary (58b).
     force : bool
         Replace what is there.
+    accept_changes : bool
+        Whether to take the result although parts of it were changed; the notes say so.
 
     Raises
     ------
     InputError
-        If the folder is no result, a choice is not known, or the place is taken.
+        If the folder is no result, or was changed and that is not accepted, a choice is not
+        known, or the place is taken.
     """
     from pipelines.store import load
 
@@ -143,7 +150,7 @@ def export(
         raise _unknown("--frfs", frfs, FRF_CHOICES)
     chosen = _format_of(out, file_format)
     folder = Path(folder)
-    found = gather(load(folder), real=real, frfs=frfs)
+    found = gather(load(folder, accept_changes=accept_changes), real=real, frfs=frfs)
     name = folder.resolve().name
     target = Path(out) if out else Path(f"{name}_csv" if chosen == "csv" else f"{name}.{chosen}")
     FORMATS[chosen](found, target, text, force)

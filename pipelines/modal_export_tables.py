@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ema.frf import FRF
+from pipelines.checksums import write_marker
 from pipelines.modal_export import FOLDER_MARKER, ModalExport
 from pipelines.modal_export_data import UNITS, mode_columns
-from pipelines.result_folder import FILES
 from pipelines.tables import Row, write_csv
 
 NODES = ("node", "position_deg", "x_m", "y_m", "z_m")
@@ -37,10 +36,8 @@ def write_tables(found: ModalExport, folder: Path) -> None:
         "notes": list(found.geometry.notes),
         "force_node": found.geometry.reference_node,
         "units": UNITS,
-        FILES: sorted([FOLDER_MARKER, *(path.name for path in folder.iterdir())]),
     }
-    text = json.dumps(about, indent=2, ensure_ascii=False)
-    (folder / FOLDER_MARKER).write_text(text + "\n", encoding="utf-8", newline="\n")
+    write_marker(folder / FOLDER_MARKER, about)
 
 
 def _node_rows(found: ModalExport) -> Iterator[Row]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from pipelines.checksums import write_marker
 from pipelines.demo import sample_campaign
 from pipelines.paper_damping import damping
 from pipelines.paper_forced import forced_response
@@ -19,7 +20,8 @@ from pipelines.result import Result
 from pipelines.result_folder import require_free, written_whole
 from pipelines.tables import write_csv
 
-PAGE = "paper.html"  # by which an earlier reproduction is known
+PAGE = "paper.html"
+FOLDER_MARKER = "paper.json"  # lists the files, by which an earlier reproduction is known
 
 
 def reproduce_paper(
@@ -30,8 +32,8 @@ def reproduce_paper(
     Parameters
     ----------
     folder : Path
-        Gets ``paper.html``, a CSV file per table and a PNG file per figure; appears whole or not
-        at all.
+        Gets ``paper.html``, a CSV file per table, a PNG file per figure and ``paper.json``, which
+        lists them; written atomically.
     force : bool
         Replace an earlier reproduction.
     progress : callable, optional
@@ -46,7 +48,7 @@ def reproduce_paper(
     InputError
         If the folder exists and may not be replaced, or cannot be written.
     """
-    require_free(folder, force=force, marker=PAGE)
+    require_free(folder, force=force, marker=FOLDER_MARKER)
     with TemporaryDirectory() as scratch:
         result = process(sample_campaign(Path(scratch) / "campaign"), progress=progress)
     if progress is not None:
@@ -72,10 +74,12 @@ def write_paper(
         If the folder exists and may not be replaced, or cannot be written.
     """
     parts = [part for chapter in chapters for part in chapter.parts]
-    with written_whole(folder, force=force, marker=PAGE) as partial:
+    with written_whole(folder, force=force, marker=FOLDER_MARKER) as partial:
         for part in (*parts, statements_table(chapters)):
             if isinstance(part, NumberTable):
                 write_csv(partial / f"{part.name}.csv", part.file_columns, part.file_rows)
             if isinstance(part, Drawing):
                 (partial / f"{part.name}.png").write_bytes(part.content)
         (partial / PAGE).write_text(paper_page(chapters, result), encoding="utf-8", newline="\n")
+        about = {key: result.provenance[key] for key in ("software", "created")}
+        write_marker(partial / FOLDER_MARKER, about)

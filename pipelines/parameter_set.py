@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from math import inf, isfinite
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
@@ -14,6 +14,7 @@ from model.damping import DampingResult
 from model.identifiability import AT_BOUND, GIVEN, IDENTIFIED, NOT_IDENTIFIED
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.tuning_result import TuningResult
+from pipelines.checksums import ACCEPTED, OWN, content_sha256
 from pipelines.library_seal import KEY, unsealed
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ WHEEL_NAMES = ("mass_kg", "inertia_kg_m2")
 # What else a tyre was measured under; a manifest's [tyre] may tell them.
 CONDITION_NAMES = ("temperature_c", "load_n", "speed_m_s", "rim_width_m", "tread_depth_m")
 HOWS = (GIVEN, IDENTIFIED, NOT_IDENTIFIED, AT_BOUND)
+# No parameter or condition of a tyre is as large, or as small but zero, in SI units.
+LARGEST, SMALLEST = 1e15, 1e-15
 
 _OPTIONAL = ("damping", "wheel", "provenance")
 
@@ -147,11 +150,15 @@ def from_tuning(
 
 
 def write_parameter_set(path: Path, parameters: ParameterSet) -> None:
-    """Write a parameter set as TOML."""
+    """Write a parameter set as TOML; where it tells its provenance, with a checksum in it."""
+    import tomllib
+
     import tomlkit
 
-    text = tomlkit.dumps(parameter_document(parameters))
-    path.write_text(text, encoding="utf-8", newline="\n")
+    document = parameter_document(parameters)
+    if parameters.provenance:
+        document["provenance"][OWN] = _checksum(tomllib.loads(tomlkit.dumps(document)))
+    path.write_text(tomlkit.dumps(document), encoding="utf-8", newline="\n")
 
 
 def parameter_document(parameters: ParameterSet) -> TOMLDocument:
@@ -176,14 +183,24 @@ def parameter_document(parameters: ParameterSet) -> TOMLDocument:
     return document
 
 
-def read_parameter_set(path: Path | str) -> ParameterSet:
+def read_parameter_set(
+    path: Path | str, *, must_be_as_written: bool = False, accept_changes: bool = False
+) -> ParameterSet:
     """Read a parameter set.
+
+    Parameters
+    ----------
+    path : path
+    must_be_as_written : bool
+        Whether to refuse a file that tells from which recordings it is but has been edited.
+    accept_changes : bool
+        Whether to take an edited file all the same; its provenance says so then.
 
     Raises
     ------
     InputError
         If the file is missing, no TOML, lacks or misspells a parameter, holds a value that cannot
-        be, or is an edited version of a library.
+        be, is an edited version of a library, or was edited and is not accepted.
     """
     import tomllib
 
@@ -197,13 +214,51 @@ def read_parameter_set(path: Path | str) -> ParameterSet:
             "it must be a parameter set",
             "Check the path",
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(
             path.name, str(error), "it must be TOML in UTF-8", "Correct the line"
         ) from error
     if KEY in _optional_section(path, content, "version"):
-        content = unsealed(path)
-    return parameter_set_of(path, content)
+        return parameter_set_of(path, unsealed(path))
+    found = parameter_set_of(path, content)
+    if not must_be_as_written or _is_as_written(content):
+        return found
+    if not accept_changes:
+        raise InputError(
+            str(path),
+            "changed after it was written, or of version 0.1.0",
+            "values with the provenance of recordings are used as they were identified",
+            'Remove [provenance] and write how = "given" where a value is yours, '
+            "or accept it as it is with --accept-changes",
+        )
+    return accepted(found, (path.name,))
+
+
+def accepted(parameters: ParameterSet, names: Iterable[str]) -> ParameterSet:
+    """The set with the names of changed files in its provenance, which were accepted as they are.
+
+    Parameters
+    ----------
+    parameters : ParameterSet
+    names : iterable of str
+    """
+    earlier = parameters.provenance.get(ACCEPTED, [])
+    provenance = {**parameters.provenance, ACCEPTED: sorted({*earlier, *names})}
+    return replace(parameters, provenance=provenance)
+
+
+def _is_as_written(content: dict[str, Any]) -> bool:
+    """Whether a file has its checksum, or tells of no recordings and needs none."""
+    origin = content.get("provenance", {})
+    if OWN in origin:
+        return bool(origin[OWN] == _checksum(content))
+    return "inputs" not in origin
+
+
+def _checksum(content: dict[str, Any]) -> str:
+    """Checksum over everything in a parameter set but itself."""
+    origin = {key: value for key, value in content["provenance"].items() if key != OWN}
+    return content_sha256({**content, "provenance": origin})
 
 
 def parameter_set_of(path: Path, content: dict[str, Any]) -> ParameterSet:
@@ -236,8 +291,18 @@ def parameter_set_of(path: Path, content: dict[str, Any]) -> ParameterSet:
         if "damping" in content
         else {},
         wheel=_wheel(path, content) if "wheel" in content else {},
-        provenance=_optional_section(path, content, "provenance"),
+        provenance=_provenance(path, content),
     )
+
+
+def _provenance(path: Path, content: dict[str, Any]) -> dict[str, Any]:
+    """Where it comes from, without the checksum, which belongs to the file."""
+    section = _optional_section(path, content, "provenance")
+    told = section.get(ACCEPTED, [])
+    if not (isinstance(told, list) and all(isinstance(name, str) for name in told)):
+        where, rule = f"{path.name}, [provenance] {ACCEPTED}", "it must be a list of file names"
+        raise InputError(where, repr(told), rule, "Correct or remove it")
+    return {key: value for key, value in section.items() if key != OWN}
 
 
 def _designation(path: Path, content: dict[str, Any]) -> str:
@@ -291,13 +356,11 @@ def _known_section(
 
 def _require_number(path: Path, name: str, section: dict[str, Any], key: str) -> None:
     value = section[key]
+    where = f"{path.name}, [{name}] {key}"
     if not (_is_number(value) and isfinite(value)):
-        raise InputError(
-            f"{path.name}, [{name}] {key}",
-            repr(value),
-            "it must be a number, and finite",
-            f"Write {key} = …, without quotes",
-        )
+        rule = "it must be a number, and finite"
+        raise InputError(where, repr(value), rule, f"Write {key} = …, without quotes")
+    _require_size(where, value)
 
 
 def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
@@ -306,8 +369,10 @@ def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
     if not _is_number(value) or not (std is None or _is_number(std)):
         rule = "value and std must be numbers"
         raise InputError(where, str(entry), rule, "Write { value = …, how = …, std = … }")
-    if std is not None and not 0 <= std < inf:
-        rule = "a standard deviation is finite and not below zero"
+    if isfinite(value):  # the ring's own limits name what is not
+        _require_size(where, value)
+    if std is not None and not 0 <= std <= LARGEST:
+        rule = f"a standard deviation is finite, not below zero and at most {LARGEST:g}"
         raise InputError(where, f"std = {std:g}", rule, "Leave std out where it is not known")
     how = fields.get("how", GIVEN)
     if how not in HOWS:
@@ -316,6 +381,12 @@ def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
         rule = f"how must be one of {', '.join(HOWS)}"
         raise InputError(where, f"how = {how!r}", rule, nearest(str(how), HOWS))
     return Parameter(float(value), how, None if std is None else float(std))
+
+
+def _require_size(where: str, value: float) -> None:
+    if value != 0 and not SMALLEST <= abs(value) <= LARGEST:
+        rule = f"numbers are zero, or from {SMALLEST:g} to {LARGEST:g}"
+        raise InputError(where, f"{value:g}", rule, "Check its exponent and its unit")
 
 
 def _is_number(value: object) -> TypeGuard[int | float]:

@@ -11,12 +11,51 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+_OWNER = r"(\d{1,9})-[0-9a-f]{8}"
+_HIDDEN = re.compile(rf"\..+\.\w+-{_OWNER}\.partial")  # of any place
+
 
 def partial_name(place: Path) -> Path:
     """A new hidden name beside `place`, which tells the machine and the process it belongs to."""
-    return place.with_name(
-        f"{_prefix(place)}{os.getpid()}-{secrets.token_hex(4)}.partial",
-    )
+    return _new_name(place, "partial")
+
+
+def backup_name(place: Path) -> Path:
+    """A new hidden name beside `place` for what is replaced there."""
+    return _new_name(place, "old")
+
+
+def backups(place: Path) -> list[Path]:
+    """Folders that a process moved aside and did not put back or remove, on whichever machine.
+
+    Raises
+    ------
+    OSError
+        If the folder of `place` cannot be listed.
+    """
+    ours = re.compile(rf"\.{re.escape(place.name)}(\.[\w-]+)?\.old")
+    found = [path for path in place.parent.iterdir() if ours.fullmatch(path.name)]
+    return sorted(path for path in found if path.is_dir() and not path.is_symlink())
+
+
+def ended_backups(place: Path) -> list[Path]:
+    """Backups that no other process may still put back: its own, and those of the dead.
+
+    Raises
+    ------
+    OSError
+        If the folder of `place` cannot be listed.
+    """
+    theirs = re.compile(re.escape(_prefix(place)) + rf"{_OWNER}\.old")
+    without_owner = f".{place.name}.old"  # as version 0.1.0 called it
+
+    def ended(path: Path) -> bool:
+        found = theirs.fullmatch(path.name)
+        if found is None:
+            return path.name == without_owner
+        return int(found[1]) == os.getpid() or not _may_run(int(found[1]))
+
+    return [path for path in backups(place) if ended(path)]
 
 
 @contextmanager
@@ -40,33 +79,46 @@ def partial_folder(place: Path) -> Iterator[Path]:
 
 
 def remove_abandoned(place: Path) -> None:
-    """Remove what processes that are gone left beside `place`.
+    """Remove what processes that are gone left half-written beside `place`.
 
-    A process that runs, or runs on another machine, keeps what it has. On Windows nothing is
-    removed: there is no harmless question whether a process runs.
+    A process that runs, or runs on another machine, keeps what it has, and a folder with anything
+    in it that such a process does not write stays. On Windows nothing is removed: there is no
+    harmless question whether a process runs.
 
     Raises
     ------
     OSError
         If the folder of `place` cannot be listed.
     """
-    ours = re.compile(re.escape(_prefix(place)) + r"(\d{1,9})-[0-9a-f]{8}\.partial")
+    ours = re.compile(re.escape(_prefix(place)) + rf"{_OWNER}\.partial")
     for path in place.parent.iterdir():
         found = ours.fullmatch(path.name)
-        if found is None or _may_run(int(found[1])):
+        if found is None or _may_run(int(found[1])) or path.is_symlink():
             continue
-        if path.is_dir():
-            shutil.rmtree(path, ignore_errors=True)
-        else:
-            path.unlink(missing_ok=True)
+        with suppress(OSError):  # it stays until the next time
+            if path.is_dir():
+                _remove_flat(path)
+            else:
+                path.unlink()
 
 
-def discard(path: Path, place: Path) -> None:
-    """Remove a folder beside `place` such that a kill leaves no half of it under its name."""
-    discarded = partial_name(place)
-    with suppress(OSError):  # it is not there, or stays until the next time
-        path.rename(discarded)
-        shutil.rmtree(discarded, ignore_errors=True)
+def _remove_flat(folder: Path) -> None:
+    """Remove a folder of files, unless it holds what no writer of this program makes."""
+    entries = list(folder.iterdir())
+    if any(entry.is_symlink() or not entry.is_file() or _is_hidden(entry) for entry in entries):
+        return
+    for entry in entries:
+        entry.unlink()
+    folder.rmdir()
+
+
+def _is_hidden(path: Path) -> bool:
+    """Whether a file is hidden and no half-written one."""
+    return path.name.startswith(".") and not _HIDDEN.fullmatch(path.name)
+
+
+def _new_name(place: Path, ending: str) -> Path:
+    return place.with_name(f"{_prefix(place)}{os.getpid()}-{secrets.token_hex(4)}.{ending}")
 
 
 def _prefix(place: Path) -> str:

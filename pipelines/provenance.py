@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from typing import Any
 
 from ema.frf import FRF
 from ema.recording import Processing
+from pipelines.checksums import sha256
 from pipelines.options import Options
 from pipelines.versions import library_versions, software_version
 
@@ -65,12 +65,6 @@ def checksummed(paths: Sequence[Path]) -> Iterator[Callable[[], list[dict[str, A
 
 def _fingerprint(path: Path) -> dict[str, Any]:
     return {"file": path.name, "bytes": path.stat().st_size, "sha256": sha256(path)}
-
-
-def sha256(path: Path) -> str:
-    """Checksum of a file, read piece by piece."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _blocks_in_force(frf: FRF) -> dict[str, Any]:

@@ -1,32 +1,47 @@
 """The place of a result: a kill at any moment leaves the old one there or the new one, complete.
 
-A result is written into a hidden folder beside its place. Where Linux or macOS can, it then changes
-places with an earlier result in one step. Elsewhere (Windows, some network and USB drives) the
-earlier one steps aside as ``.NAME.old`` for an instant; a kill right then leaves the place empty
-until the next access puts it back.
+A result is written into a hidden folder beside its place. An earlier result steps aside under a
+hidden name for an instant; a kill right then leaves the place empty until the next access puts it
+back. What is replaced is only what the program wrote and still knows by its checksums; see
+`pipelines.checksums`.
 """
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 
 from ema.errors import InputError
-from pipelines.exchange import exchange
-from pipelines.partial import discard, partial_folder
+from pipelines import console
+from pipelines.checksums import (
+    Fault,
+    is_as_written,
+    is_litter,
+    known_files,
+    read_marker,
+    unknown_entries,
+)
+from pipelines.partial import backup_name, backups, ended_backups, partial_folder
 
-MARKER = "provenance.json"  # every result folder has it, no other folder of a user's should
-FILES = "files"  # its key for the names of all files of the result
+MARKER = "provenance.json"  # every result folder has it
 
-_OF_THE_SYSTEM = ("Thumbs.db", "desktop.ini")  # left by file managers, as hidden files are
 _PROBE_BYTES = 2**20
-_ATTEMPTS = 3  # another process may be replacing the same result
+_ATTEMPTS = 50  # other processes may be replacing or reading the same result
+_PAUSE_S = 0.01
+_MOST_NAMED = 3
 
 
-def require_free(folder: Path, *, force: bool, marker: str | None = MARKER) -> None:
+def require_free(
+    folder: Path,
+    *,
+    force: bool,
+    marker: str | None = MARKER,
+    accepted: Mapping[str, str] | None = None,
+) -> None:
     """Refuse a place where a result may not or cannot be written, before anything is computed.
 
     Parameters
@@ -35,18 +50,23 @@ def require_free(folder: Path, *, force: bool, marker: str | None = MARKER) -> N
     force : bool
         Whether an earlier result may be replaced.
     marker : str, optional
-        File by which an earlier result is known; None where none may be replaced.
+        File that lists the files of an earlier result; None where none may be replaced.
+    accepted : mapping of str to str, optional
+        Checksums, by name, of changed files that may be replaced too.
 
     Raises
     ------
     InputError
         For a file, a folder with other files, an earlier result without `force` or with files that
-        are not its own, and a place that is read-only, full or not there.
+        are not its own or were changed, and a place that is read-only, full or not there.
     """
     with _as_input_error(folder):
         place = _resolved(folder)
-        recover(place)
-        _refuse_occupied(folder, place, force=force, marker=marker)
+        recover(place, marker)
+        if marker is not None and (place / marker).is_file():
+            for left in ended_backups(place):
+                _remove_backup(left, place, marker, None, console.complain)
+        _refuse_occupied(folder, place, force=force, marker=marker, accepted=accepted)
         existing = next((path for path in place.parents if path.exists()), place.parent)
         with partial_folder(existing / place.name) as probe:
             (probe / "probe").write_bytes(bytes(_PROBE_BYTES))
@@ -54,7 +74,12 @@ def require_free(folder: Path, *, force: bool, marker: str | None = MARKER) -> N
 
 @contextmanager
 def written_whole(
-    folder: Path, *, force: bool = False, marker: str | None = MARKER
+    folder: Path,
+    *,
+    force: bool = False,
+    marker: str | None = MARKER,
+    accepted: Mapping[str, str] | None = None,
+    say: Callable[[str], None] = console.complain,
 ) -> Iterator[Path]:
     """Yield a folder beside the wanted one, put into its place only when all is written.
 
@@ -65,37 +90,48 @@ def written_whole(
     ----------
     folder : Path
         Missing folders above it are made.
-    force, marker
-        As for `require_free`.
+    force, marker, accepted
+        As for `require_free`; the block writes the marker last, with `write_marker`.
+    say : callable
+        Called with where files are that somebody put into the earlier result at the last moment.
 
     Raises
     ------
     InputError
         If the folder may not or cannot be written; nothing is left behind.
     """
-    require_free(folder, force=force, marker=marker)
+    require_free(folder, force=force, marker=marker, accepted=accepted)
     with _as_input_error(folder):
         place = _resolved(folder)
         with _folders_above(place), partial_folder(place) as partial:
             yield partial
             _to_disk(partial)
-            try:
-                partial.rename(place)
-            except OSError:
-                if not place.exists():
-                    raise
-                _refuse_occupied(folder, place, force=force, marker=marker)
-                _replace(partial, place)
-            discard(_aside(place), place)  # ours, or what a killed process left
+
+            def check() -> None:
+                _refuse_occupied(folder, place, force=force, marker=marker, accepted=accepted)
+
+            backup = _put(partial, place, check)
+            if backup is not None and marker is not None:
+                _remove_backup(backup, place, marker, accepted, say)
 
 
-def recover(folder: Path) -> None:
+def recover(folder: Path, marker: str | None = MARKER) -> None:
     """Put an earlier result back that a killed process had moved aside; see this module's text."""
     place = _resolved(folder)
-    aside = _aside(place)
-    if aside.is_dir() and not place.exists():
-        with suppress(OSError):  # another process did, or the drive is read-only
-            aside.rename(place)
+    if marker is None or place.exists():
+        return
+    with suppress(OSError):  # another process did, or the drive is read-only
+        complete = [path for path in backups(place) if _is_complete(path, marker)]
+        if complete:
+            max(complete, key=lambda path: path.stat().st_mtime_ns).rename(place)
+
+
+def _is_complete(backup: Path, marker: str) -> bool:
+    """Whether nothing has been removed from a backup yet, as the list in it goes last."""
+    found = read_marker(backup / marker)
+    if not found.files:  # then nothing ever is
+        return any(backup.iterdir())
+    return all((backup / name).exists() for name in found.files)
 
 
 def _resolved(folder: Path) -> Path:
@@ -103,13 +139,16 @@ def _resolved(folder: Path) -> Path:
     return Path(os.path.realpath(folder))
 
 
-def _aside(place: Path) -> Path:
-    return place.with_name(f".{place.name}.old")
-
-
-def _refuse_occupied(folder: Path, place: Path, *, force: bool, marker: str | None) -> None:
+def _refuse_occupied(
+    folder: Path,
+    place: Path,
+    *,
+    force: bool,
+    marker: str | None,
+    accepted: Mapping[str, str] | None,
+) -> None:
     remedy = "Choose another folder"
-    if not place.exists():
+    if not os.path.lexists(place):
         return
     if not place.is_dir():
         raise InputError(str(folder), "a file", "a result is a folder", remedy)
@@ -118,33 +157,38 @@ def _refuse_occupied(folder: Path, place: Path, *, force: bool, marker: str | No
         raise InputError(
             str(folder), "a drive", "a result is renamed to its place, a drive cannot be", remedy
         )
-    if not any(place.iterdir()):
+    if all(is_litter(path) for path in place.iterdir()):
         return
-    if marker is None or not (place / marker).is_file():
-        rule = "a result needs a folder of its own"
-        raise InputError(str(folder), "a folder with other files", rule, remedy)
+    fault = None if marker is None else read_marker(place / marker).fault
+    if marker is None or fault in (Fault.UNREADABLE, Fault.FOREIGN):
+        found = f"a folder with other files: {_first(place)}"
+        if marker is not None and fault is not None and (place / marker).exists():
+            found = f"{marker}: {fault.value}"
+        rule = "a result needs a folder of its own and replaces what such a list vouches for alone"
+        raise InputError(str(folder), found, rule, remedy)
     if not force:
         remedy = "Choose another folder, or replace it with --force"
-        raise InputError(str(folder), "an earlier result", "it is not overwritten unasked", remedy)
+        raise InputError(
+            str(folder), "an earlier result", "only --force replaces an earlier result", remedy
+        )
     if not os.access(place, os.W_OK):
         raise InputError(
             str(folder), "a read-only folder", "it is protected from being replaced", remedy
         )
-    foreign = _foreign(place, marker)
-    if foreign:
-        more = f" and {len(foreign) - 1} more" if foreign[1:] else ""
-        rule = "this is no part of the earlier result and would be lost with it"
-        raise InputError(str(folder), f"{foreign[0]}{more}", rule, "Move it elsewhere")
+    unknown = unknown_entries(place, marker, accepted)
+    if unknown:
+        rule = "not part of the earlier result as it was written, and would be lost with it"
+        remedy = "Move it elsewhere, or choose another folder for the result"
+        raise InputError(str(folder), _named(unknown), rule, remedy)
 
 
-def _foreign(place: Path, marker: str) -> list[str]:
-    """What somebody else put into a result; nothing where the result does not tell its files."""
-    try:
-        own = set(json.loads((place / marker).read_text(encoding="utf-8"))[FILES])
-    except (OSError, ValueError, LookupError, TypeError):
-        return []
-    others = {path.name for path in place.iterdir() if not path.name.startswith(".")}
-    return sorted(others - own - set(_OF_THE_SYSTEM))
+def _first(place: Path) -> str:
+    return _named(sorted(path.name for path in place.iterdir() if not is_litter(path)))
+
+
+def _named(names: list[str]) -> str:
+    more = f" and {len(names) - _MOST_NAMED} more" if names[_MOST_NAMED:] else ""
+    return f"{', '.join(names[:_MOST_NAMED])}{more}"
 
 
 @contextmanager
@@ -169,23 +213,85 @@ def _to_disk(folder: Path) -> None:
                 os.fsync(file.fileno())
 
 
-def _replace(partial: Path, place: Path) -> None:
-    """Put `partial` in place of a folder; what was there ends as `partial` or aside."""
-    if exchange(partial, place):
-        return
-    aside = _aside(place)
+def _put(partial: Path, place: Path, check: Callable[[], None]) -> Path | None:
+    """Put `partial` into its place; returns where that is now which was there.
+
+    What is there is checked each time right before it is moved.
+    """
     for attempts_left in reversed(range(_ATTEMPTS)):
         try:
-            recover(place)
-            discard(aside, place)
-            place.rename(aside)
-            partial.rename(place)
-            return
+            check()
+            return _exchanged(partial, place)
         except OSError:
-            if not attempts_left:
+            if not attempts_left or not partial.exists():
                 raise
-        finally:
-            recover(place)
+            time.sleep(_PAUSE_S)
+    return None
+
+
+def _exchanged(partial: Path, place: Path) -> Path | None:
+    if not os.path.lexists(place):
+        partial.rename(place)
+        return None
+    backup = backup_name(place)
+    try:
+        place.rename(backup)
+        partial.rename(place)
+    finally:
+        if not os.path.lexists(place):
+            with suppress(OSError):  # another process put it back
+                backup.rename(place)
+    return backup
+
+
+def _remove_backup(
+    backup: Path,
+    place: Path,
+    marker: str,
+    accepted: Mapping[str, str] | None,
+    say: Callable[[str], None],
+) -> None:
+    """Remove from a backup what the program wrote, its marker last; the rest stays in sight.
+
+    What somebody put there at the last moment moves to the new result, where its name is free.
+    What cannot be removed or moved stays hidden until the next time.
+    """
+    with suppress(OSError):
+        _emptied(backup, place, marker, accepted, say)
+
+
+def _emptied(
+    backup: Path,
+    place: Path,
+    marker: str,
+    accepted: Mapping[str, str] | None,
+    say: Callable[[str], None],
+) -> None:
+    known = known_files(backup / marker, accepted)
+    rest = []
+    own = backup / marker
+    for path in [path for path in backup.iterdir() if path != own]:
+        if is_litter(path) or is_as_written(path, known):
+            path.unlink()
+        elif not known or os.path.lexists(place / path.name):
+            rest.append(path)
+        else:
+            path.rename(place / path.name)
+            say(f"{path.name} was added while the result was replaced; it is in the new one.")
+    if not rest and is_as_written(own, known):
+        own.unlink()
+    if any(backup.iterdir()):
+        kept = _free_name(place)
+        backup.rename(kept)
+        say(f"{kept}: files of the earlier result that were changed while it was replaced.")
+    else:
+        backup.rmdir()
+
+
+def _free_name(place: Path) -> Path:
+    """A visible name beside `place` that nobody has."""
+    names = (place.with_name(f"{place.name}.kept-{number}") for number in count(1))
+    return next(path for path in names if not os.path.lexists(path))
 
 
 @contextmanager

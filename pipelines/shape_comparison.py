@@ -108,7 +108,11 @@ class ShapeComparison:
 
 
 def compare_shapes(
-    result: Path | str, other: Path | str, alignment: Alignment | None = None
+    result: Path | str,
+    other: Path | str,
+    alignment: Alignment | None = None,
+    *,
+    accept_changes: bool = False,
 ) -> ShapeComparison:
     """Compare the shapes of a result folder with shapes from elsewhere.
 
@@ -121,18 +125,24 @@ def compare_shapes(
     other : path
         A universal file, a result folder, or a table of shapes (CSV).
     alignment : Alignment, optional
+    accept_changes : bool
+        Whether to take results although parts of them were changed; the notes say so.
 
     Raises
     ------
     InputError
-        If one cannot be read, or they have fewer than three places in common.
+        If one cannot be read, was changed and is not accepted, or they have fewer than three
+        places in common.
     """
     from pipelines.store import load
 
     chosen = alignment or Alignment()
     _check(chosen)
-    own = of_result(load(result), Path(result).resolve().name)
-    there = read_source(other, chosen.direction, on_wheel=own.has_angles)
+    loaded = load(result, accept_changes=accept_changes)
+    own = of_result(loaded, Path(result).resolve().name)
+    there = read_source(
+        other, chosen.direction, on_wheel=own.has_angles, accept_changes=accept_changes
+    )
     return compare_sources(own, there, chosen)
 
 
@@ -174,7 +184,7 @@ def compare_sources(
         places=places,
         mac=table,
         matches=tuple(_match(result, other, table, own, there, mode) for mode in range(len(table))),
-        notes=(*other.notes, *places.notes),
+        notes=(*result.notes, *other.notes, *places.notes),
     )
 
 

@@ -16,6 +16,7 @@ from ema.errors import InputError
 from ema.io.radial_shapes import read_radial_shapes
 from pipelines.modal_export_geometry import node_numbers
 from pipelines.result import Result
+from pipelines.result_check import accepted_notes
 from pipelines.result_folder import MARKER
 
 SHAPES_TABLE = "shapes.csv"
@@ -95,10 +96,17 @@ def of_result(result: Result, name: str) -> ShapeSource:
         radius_m=np.full(places, np.nan if radius_m is None else radius_m),
         across_m=np.zeros(places),
         frequency_std_hz=np.array([mode.frequency_std_hz for mode in model.modes]),
+        notes=accepted_notes(result.provenance, name),
     )
 
 
-def read_source(path: Path | str, direction: str = "", *, on_wheel: bool = True) -> ShapeSource:
+def read_source(
+    path: Path | str,
+    direction: str = "",
+    *,
+    on_wheel: bool = True,
+    accept_changes: bool = False,
+) -> ShapeSource:
     """Read shapes from a result folder, a folder or file of tables, or a universal file.
 
     Parameters
@@ -106,6 +114,8 @@ def read_source(path: Path | str, direction: str = "", *, on_wheel: bool = True)
     path : path
     direction, on_wheel
         What is taken of the motion in a universal file; see `ema.io.radial_shapes`.
+    accept_changes : bool
+        Whether to take a result although parts of it were changed; the notes say so.
 
     Raises
     ------
@@ -116,7 +126,7 @@ def read_source(path: Path | str, direction: str = "", *, on_wheel: bool = True)
     if path.is_dir() and (path / MARKER).is_file():
         from pipelines.store import load
 
-        return of_result(load(path), path.resolve().name)
+        return of_result(load(path, accept_changes=accept_changes), path.resolve().name)
     if path.is_dir():
         path = path / SHAPES_TABLE
     if not path.is_file():

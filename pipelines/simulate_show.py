@@ -46,9 +46,9 @@ class Targets:
         return not self.as_json and self.table is None
 
 
-def announced(path: Path | None) -> SimulatedTyre:
+def announced(path: Path | None, *, accept_changes: bool = False) -> SimulatedTyre:
     """The tyre to simulate; standard error says so where none was given."""
-    tyre = tyre_to_simulate(path)
+    tyre = tyre_to_simulate(path, accept_changes=accept_changes)
     if path is None:
         _say(f"No --tyre given: the parameters are those of {tyre.name}.")
     return tyre

@@ -9,8 +9,7 @@ from ema.errors import InputError
 from model.errors import ParameterError
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.reference import DESIGNATION, TABLE_4_RING, TABLE_5_DAMPING
-from pipelines.parameter_set import read_parameter_set
-from pipelines.tyre_library import parameter_file
+from pipelines.tyre_library import read_source
 
 
 @dataclass(frozen=True)
@@ -34,8 +33,10 @@ class SimulatedTyre:
     wheel: Wheel | None = None
 
 
-def tyre_to_simulate(path: Path | None) -> SimulatedTyre:
+def tyre_to_simulate(path: Path | None, *, accept_changes: bool = False) -> SimulatedTyre:
     """The tyre of a parameter set or result folder; without one the sample (Tables 4 and 5).
+
+    A file may be edited at will; a result folder must be as it was written.
 
     Raises
     ------
@@ -44,7 +45,7 @@ def tyre_to_simulate(path: Path | None) -> SimulatedTyre:
     """
     if path is None:
         return SimulatedTyre(f"the sample tyre {DESIGNATION}", TABLE_4_RING, TABLE_5_DAMPING)
-    found = read_parameter_set(parameter_file(path))
+    found = read_source(path, accept_changes=accept_changes, lone=False)
     try:
         return SimulatedTyre(
             str(path), found.ring_parameters, found.ring_damping, found.wheel_parameters

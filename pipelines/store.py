@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
+from contextlib import suppress
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ema.errors import InputError
-from ema.frf import FRF
+from ema.quality import WARNING, Finding
 from pipelines import tables
+from pipelines.checksums import ACCEPTED, write_marker
+from pipelines.frf_file import read_frf, write_frfs
 from pipelines.identification_file import read_identification, write_identification
 from pipelines.parameter_set import from_tuning, write_parameter_set
-from pipelines.parquet import read_parquet, write_parquet
+from pipelines.parquet import write_parquet
 from pipelines.result import Result
-from pipelines.result_folder import FILES, MARKER, recover, written_whole
+from pipelines.result_check import (
+    OPTIONAL_READ_BACK,
+    READ_BACK,
+    CheckedResult,
+    checked_result,
+)
+from pipelines.result_folder import MARKER, recover, written_whole
 
 PDF = "report.pdf"
-_OF_DAMAGED_FILES = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError)
+_ATTEMPTS = 20  # another process may replace the result again and again
 
 
 def save(
@@ -51,22 +56,11 @@ def save(
         If the folder exists and may not be replaced, or cannot be written.
     """
     folder = Path(folder)
-    with written_whole(folder, force=force) as partial:
+    with written_whole(folder, force=force, accepted=_replaceable(result)) as partial:
         _write_tables(result, partial)
-        _write_frfs(result.frf, partial)
+        write_frfs(result.frf, partial)
         write_identification(result, partial)
-        if result.tuning is not None and result.tyre is not None:
-            origin = {
-                "software": f"ringmodal {result.provenance['software']['ringmodal']}",
-                "created": result.provenance["created"],
-                "campaign": result.name,
-                "inputs": {entry["file"]: entry["sha256"] for entry in result.provenance["inputs"]},
-            }
-            tyre = result.tyre
-            parameters = from_tuning(
-                tyre.designation, result.tuning, result.damping, origin, tyre.details
-            )
-            write_parameter_set(partial / "tyre.toml", parameters)
+        _write_tyre(result, partial / "tyre.toml")
         if report:
             from pipelines.report import write_report
 
@@ -75,7 +69,7 @@ def save(
             from pipelines.report.paper import write_pdf
 
             write_pdf(result, partial / PDF)
-        _write_provenance(result, partial)
+        write_marker(partial / MARKER, {**result.provenance, "warnings": _warnings(result)})
 
 
 def has_pdf(folder: Path | str) -> bool:
@@ -83,53 +77,79 @@ def has_pdf(folder: Path | str) -> bool:
     return (Path(folder) / PDF).is_file()
 
 
-def load(folder: Path | str) -> Result:
+def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
     """Read a result folder back: everything but tuning, damping and validation.
 
     Those follow from the modes; `pipelines.process.tune` adds them again.
 
+    Parameters
+    ----------
+    folder : path
+    accept_changes : bool
+        Whether to take parts that are not as they were written; each becomes a warning among the
+        findings, and its checksum a part of the provenance.
+
     Raises
     ------
     InputError
-        If the folder is no result or is damaged.
+        If the folder is no result, is damaged, or a part of it was changed, is missing or was
+        added and is not accepted.
     """
     folder = Path(folder)
-    recover(folder)
-    if not (folder / MARKER).is_file():
-        raise InputError(
-            str(folder),
-            f"no {MARKER}",
-            "it must be a result folder",
-            "Run `ringmodal process` first",
-        )
-    try:
-        record = dict(json.loads((folder / MARKER).read_text(encoding="utf-8")))
-        record.pop(FILES, None)
-        return read_identification(folder, record, read_frf(folder / "frf.parquet"))
-    except _OF_DAMAGED_FILES as error:
-        raise InputError(
-            str(folder), f"unreadable ({error})", "the result is incomplete", "Process it again"
-        ) from error
+    for attempts_left in reversed(range(_ATTEMPTS)):
+        recover(folder)
+        before = _marker_bytes(folder)
+        try:
+            result = _loaded(folder, accept_changes=accept_changes)
+        except InputError:
+            if not attempts_left or _marker_bytes(folder) == before:
+                raise
+        else:
+            if not attempts_left or _marker_bytes(folder) == before:
+                return result
+    raise AssertionError("the last attempt returns or raises")
 
 
-def read_frf(path: Path) -> FRF:
-    """Read the FRFs of ``frf.parquet`` (or ``reference.parquet``)."""
-    table = read_parquet(path)
-    n_positions = int(table.schema.metadata[b"n_positions"])
+def _loaded(folder: Path, *, accept_changes: bool) -> Result:
+    checked = checked_result(folder, accept_changes=accept_changes)
+    record = checked.marker.content
+    if MARKER in checked.accepted:
+        from pipelines.provenance_schema import require_provenance  # loads what checks types
 
-    def grid(name: str) -> NDArray[Any]:
-        return np.asarray(table[name].to_numpy()).reshape(n_positions, -1)
+        require_provenance(folder / MARKER, record)
+    return with_accepted(read_identification(folder, record), checked)
 
-    return FRF(
-        frequency_hz=grid("frequency_hz")[0],
-        values=grid("real") + 1j * grid("imag"),
-        coherence=grid("coherence"),
-        std=grid("std"),
-        node=grid("node")[:, 0],
-        position_deg=grid("position_deg")[:, 0],
-        run=tuple(str(name) for name in grid("run")[:, 0]),
-        channel=tuple(str(name) for name in grid("channel")[:, 0]),
+
+def with_accepted(result: Result, checked: CheckedResult) -> Result:
+    """A result that tells which of its parts were accepted although they had changed."""
+    if not checked.accepted:
+        return result
+    findings = dict.fromkeys(
+        [
+            *result.findings,
+            *(
+                Finding("", name, None, "changed", WARNING, f"{change.value}; accepted as it is")
+                for name, change in checked.accepted.items()
+            ),
+        ]
     )
+    earlier = result.provenance.get(ACCEPTED, {})
+    provenance = {**result.provenance, ACCEPTED: {**earlier, **checked.sha256}}
+    return replace(result, findings=tuple(findings), provenance=provenance)
+
+
+def _marker_bytes(folder: Path) -> bytes | None:
+    """What tells one result from the next: another process may replace it meanwhile."""
+    with suppress(OSError):
+        return (folder / MARKER).read_bytes()
+    return None
+
+
+def _replaceable(result: Result) -> dict[str, str]:
+    """Checksums of changed parts that live on in a result: they may be replaced by it."""
+    accepted = result.provenance.get(ACCEPTED, {})
+    lives_on = (MARKER, *READ_BACK, *OPTIONAL_READ_BACK)
+    return {name: sha for name, sha in accepted.items() if name in lives_on and sha}
 
 
 def _write_tables(result: Result, folder: Path) -> None:
@@ -143,25 +163,26 @@ def _write_tables(result: Result, folder: Path) -> None:
     write_parquet(folder / "poles.parquet", tables.poles_columns(result.diagram))
 
 
-def _write_frfs(frf: FRF, folder: Path) -> None:
-    from ema.io.uff_write import write_frfs
-
-    write_frfs(folder / "frf.uff", frf)
-    for name, rows in (("frf", frf), ("reference", frf.reference)):
-        if rows is None:
-            continue
-        words = {"run": rows.run, "channel": rows.channel}
-        metadata = {"n_positions": str(rows.n_positions)}
-        write_parquet(folder / f"{name}.parquet", tables.frf_columns(rows), words, metadata)
-
-
-def _write_provenance(result: Result, folder: Path) -> None:
-    """Written last: it lists all files of the result."""
-    files = sorted([MARKER, *(path.name for path in folder.iterdir())])
-    content = {**result.provenance, "warnings": _warnings(result), FILES: files}
-    text = json.dumps(content, indent=2, ensure_ascii=False, default=str)
-    (folder / MARKER).write_text(text + "\n", encoding="utf-8", newline="\n")
+def _write_tyre(result: Result, path: Path) -> None:
+    """Write ``tyre.toml`` where the ring was tuned."""
+    if result.tuning is None or result.tyre is None:
+        return
+    record = result.provenance
+    origin = {
+        "software": f"ringmodal {record['software']['ringmodal']}",
+        "created": record["created"],
+        "campaign": result.name,
+        "inputs": {entry["file"]: entry["sha256"] for entry in record["inputs"]},
+    }
+    if record.get(ACCEPTED):
+        origin[ACCEPTED] = sorted(record[ACCEPTED])
+    tyre = result.tyre
+    parameters = from_tuning(tyre.designation, result.tuning, result.damping, origin, tyre.details)
+    write_parameter_set(path, parameters)
 
 
 def _warnings(result: Result) -> list[dict[str, Any]]:
     return [asdict(finding) for finding in result.findings if finding.verdict != "ok"]
+
+
+__all__ = ["PDF", "has_pdf", "load", "read_frf", "save", "with_accepted"]

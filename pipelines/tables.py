@@ -152,6 +152,7 @@ def frf_columns(frf: FRF) -> dict[str, NDArray[Any]]:
         "imag": frf.values.imag.ravel(),
         "coherence": frf.coherence.ravel().astype(np.float32),
         "std": frf.std.ravel().astype(np.float32),
+        "row": np.repeat(np.arange(frf.n_positions, dtype=np.int32), n_lines),
     }
 
 
@@ -164,6 +165,7 @@ def poles_columns(diagram: StabilityDiagram) -> dict[str, NDArray[Any]]:
         "stable_frequency": diagram.stable_frequency,
         "stable_damping": diagram.stable_damping,
         "cluster": diagram.cluster,
+        "row": np.arange(diagram.cluster.size),
     }
 
 

@@ -15,7 +15,13 @@ from pipelines.library_names import folder_name, split_reference, unknown
 from pipelines.library_seal import DamagedFile
 from pipelines.library_tyre import LibraryTyre
 from pipelines.library_version import Entry, Version, login_name, signed_now
-from pipelines.parameter_set import CONDITION_NAMES, ParameterSet, read_parameter_set
+from pipelines.parameter_set import (
+    CONDITION_NAMES,
+    ParameterSet,
+    accepted,
+    read_parameter_set,
+)
+from pipelines.result_check import checked_result
 
 VARIABLE = "RINGMODAL_LIBRARY"
 _RESULT, _SET = "provenance.json", "tyre.toml"
@@ -95,6 +101,7 @@ class TyreLibrary:
         note: str = "",
         author: str = "",
         conditions: Mapping[str, float] | None = None,
+        accept_changes: bool = False,
     ) -> Version:
         """Add a parameter set as a new version of its tyre.
 
@@ -108,6 +115,8 @@ class TyreLibrary:
             Author: default the login name.
         conditions : mapping of str to float, optional
             Further conditions, named as in `CONDITION_NAMES`.
+        accept_changes : bool
+            Whether to take a result or a set that was edited; its provenance says so then.
 
         Returns
         -------
@@ -116,12 +125,14 @@ class TyreLibrary:
         Raises
         ------
         InputError
-            If it is no parameter set of a possible ring, or the name belongs to another tyre.
+            If it is no parameter set of a possible ring, was edited and is not accepted, or the
+            name belongs to another tyre.
         """
-        from pipelines.provenance import sha256
+        from pipelines.checksums import sha256
 
         path = parameter_file(Path(source))
-        parameters = _with_conditions(read_parameter_set(path), conditions or {})
+        found = read_source(Path(source), accept_changes=accept_changes)
+        parameters = _with_conditions(found, conditions or {})
         _require_ring(path, parameters)
         entry = Entry(
             **signed_now(author or login_name()),
@@ -148,7 +159,9 @@ class TyreLibrary:
         return same[0] if same else LibraryTyre(self.folder / wanted)
 
 
-def resolve(reference: str, library: Path | None = None) -> NamedSet:
+def resolve(
+    reference: str, library: Path | None = None, *, accept_changes: bool = False
+) -> NamedSet:
     """Parameter set that a text on the command line means.
 
     Parameters
@@ -158,6 +171,8 @@ def resolve(reference: str, library: Path | None = None) -> NamedSet:
         ``NAME@3``.
     library : Path, optional
         Needed for the latter.
+    accept_changes : bool
+        Whether to take a result or a set that was edited.
 
     Returns
     -------
@@ -166,11 +181,11 @@ def resolve(reference: str, library: Path | None = None) -> NamedSet:
     Raises
     ------
     InputError
-        If it means none, or the file is damaged.
+        If it means none, or the file is damaged, or edited and not accepted.
     """
     path = Path(reference)
     if path.is_file() or any((path / name).is_file() for name in (_RESULT, _SET)):
-        return NamedSet(reference, read_parameter_set(parameter_file(path)))
+        return NamedSet(reference, read_source(path, accept_changes=accept_changes))
     if library is None:
         rule = "it is no file or result folder, and no library is named"
         raise InputError(
@@ -178,6 +193,33 @@ def resolve(reference: str, library: Path | None = None) -> NamedSet:
         )
     version = TyreLibrary(library).version(reference)
     return NamedSet(version.reference, version.for_others)
+
+
+def read_source(source: Path, *, accept_changes: bool = False, lone: bool = True) -> ParameterSet:
+    """Parameter set of a result folder or file, which must be as it was written.
+
+    Parameters
+    ----------
+    source : Path
+    accept_changes : bool
+        Whether to take it although it was edited; its provenance says so then.
+    lone : bool
+        Whether that is demanded of a file too, and not of a result folder alone.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it was edited and is not accepted.
+    """
+    changes: Iterable[str] = ()
+    if (source / _RESULT).is_file():
+        changes = checked_result(source, accept_changes=accept_changes).accepted
+    found = read_parameter_set(
+        parameter_file(source),
+        must_be_as_written=lone and not source.is_dir(),
+        accept_changes=accept_changes,
+    )
+    return accepted(found, changes) if changes else found
 
 
 def parameter_file(source: Path) -> Path:

@@ -318,7 +318,7 @@ def test_tune_and_report_ask_for_a_result(ringmodal, tmp_path):
     for command in ("tune", "report"):
         code, _, errors = ringmodal(command, tmp_path)
         assert code == 2
-        assert "Run `ringmodal process` first" in errors
+        assert "Run `ringmodal process`" in errors
 
 
 def test_a_fault_of_the_program_is_not_dressed_as_bad_input(monkeypatch, short_campaign, out):

@@ -279,7 +279,7 @@ def test_tables_open_in_pandas(folder, tmp_path):
     frf = pd.read_csv(written.path / "frf_synthesised.csv")
     np.testing.assert_array_equal(frf["imag_node_3"], written.export.synthesised.values[2].imag)
     about = json.loads((written.path / "export.json").read_text())
-    assert set(about["files"]) == {path.name for path in written.path.iterdir()}
+    assert {*about["files"], "export.json"} == {path.name for path in written.path.iterdir()}
 
 
 @pytest.mark.parametrize("file_format", FORMATS)

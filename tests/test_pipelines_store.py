@@ -1,5 +1,6 @@
 """Result folders: whole or not at all, read back as they were."""
 
+import hashlib
 import json
 import shutil
 from pathlib import Path
@@ -115,7 +116,8 @@ def test_saving_a_loaded_result_changes_no_file(short_result, stored, tmp_path):
     again = tune(load(stored), Options())
     save(again, tmp_path / "again", report=False)
     for name, content in contents(stored).items():
-        if not name.endswith(".parquet"):  # poles lose their last digit to frequency and damping
+        # Poles lose their last digit to frequency and damping.
+        if name not in ("poles.parquet", MARKER):
             assert (tmp_path / "again" / name).read_bytes() == content, name
 
 
@@ -197,31 +199,35 @@ def test_only_a_result_folder_is_read(tmp_path):
 def test_a_damaged_result_is_named(copy, name, left):
     damaged = copy / name
     damaged.write_bytes(damaged.read_bytes()[:left])
-    with pytest.raises(InputError, match="Process it again"):
-        load(copy)
+    for accept_changes in (False, True):
+        with pytest.raises(InputError, match=name):
+            load(copy, accept_changes=accept_changes)
 
 
 @pytest.mark.parametrize("name", ["frf.parquet", "identification.json", "residues.parquet"])
 def test_an_incomplete_result_is_named(copy, name):
     (copy / name).unlink()
-    with pytest.raises(InputError, match="Process it again"):
-        load(copy)
+    for accept_changes in (False, True):
+        with pytest.raises(InputError, match=name):
+            load(copy, accept_changes=accept_changes)
 
 
 @pytest.mark.parametrize("content", ["[]", "null", '"text"', "{}", "[" * 100_000])
 @pytest.mark.parametrize("name", ["identification.json", MARKER])
 def test_a_result_of_the_wrong_shape_is_named(copy, name, content):
     (copy / name).write_text(content)
-    if (name, content) in ((MARKER, "{}"), (MARKER, "[]")):
-        assert load(copy).provenance == {}  # nothing in it is needed
-        return
-    with pytest.raises(InputError, match="Process it again"):
-        load(copy)
+    for accept_changes in (False, True):
+        with pytest.raises(InputError, match=name):
+            load(copy, accept_changes=accept_changes)
 
 
-def test_a_result_lists_its_files(copy):
-    assert json.loads((copy / MARKER).read_text())["files"] == names(copy)
-    assert "files" not in load(copy).provenance
+def test_a_result_lists_its_files_with_their_checksums(copy):
+    content = json.loads((copy / MARKER).read_text())
+    listed = [path for path in copy.iterdir() if path.name != MARKER]
+    assert content["files"] == {
+        path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in listed
+    }
+    assert not {"files", "content_sha256"} & set(load(copy).provenance)
 
 
 def test_files_of_others_are_not_lost_with_a_result(short_result, copy):
@@ -229,7 +235,7 @@ def test_files_of_others_are_not_lost_with_a_result(short_result, copy):
     (copy / "pictures").mkdir()
     (copy / ".DS_Store").write_text("")
     before = names(copy)
-    with pytest.raises(InputError, match=r"notes\.txt and 1 more; .* would be lost"):
+    with pytest.raises(InputError, match=r"notes\.txt, pictures"):
         save(short_result, copy, report=False, force=True)
     assert names(copy) == before
     (copy / "notes.txt").unlink()
@@ -237,7 +243,15 @@ def test_files_of_others_are_not_lost_with_a_result(short_result, copy):
     save(short_result, copy, report=False, force=True)
 
 
-def test_a_damaged_result_may_be_replaced(short_result, copy):
+def test_a_result_with_a_damaged_list_is_not_replaced(short_result, copy):
     (copy / MARKER).write_text("{")
+    before = contents(copy)
+    with pytest.raises(InputError, match=MARKER):
+        save(short_result, copy, report=False, force=True)
+    assert contents(copy) == before
+
+
+def test_a_result_without_some_of_its_files_may_be_replaced(short_result, copy):
+    (copy / "modes.csv").unlink()
     save(short_result, copy, report=False, force=True)
     assert load(copy).modal_model.modes
