@@ -128,6 +128,7 @@ def _measured(
         reference_deg=campaign.reference_deg,
         findings=(
             *campaign.findings,
+            *estimated.findings,
             *averages_finding(estimated),
             *period_finding(estimated),
             *coherence_findings(estimated, band_hz),
