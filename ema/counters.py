@@ -74,7 +74,9 @@ def _jumps(channel: Channel) -> list[Jump]:
     found = np.concatenate(places)
     if found.size > (1 - _USUAL) * n:
         return []
-    return [_jump(channel, int(place), step) for place in found]
+    jumps = [_jump(channel, int(place), step) for place in found]
+    anew = {(jump.before, jump.after) for jump in jumps}
+    return [] if len(jumps) > 1 and len(anew) == 1 else jumps  # an angle: it begins anew each turn
 
 
 def _is_jump(

@@ -18,7 +18,7 @@ from ema.repeats import Repeat, repeated_stretches
 from ema.stuck import Stretch, stuck_stretches
 
 STUCK, REPEATED, COUNTER, SLIPPED = "stuck", "repeated", "counter", "lost samples"
-# Runs of one campaign are as long as each other within this share.
+# Runs of one campaign are as long as each other within this share; stopped by hand they differ.
 SAME_LENGTH = 0.01
 _LEFT_OUT = "the averages with it are left out"
 # Slips that are one and the same, in samples; the share of the sensors of a run that puts the blame

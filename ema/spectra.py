@@ -214,9 +214,13 @@ def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spec
         np.maximum.at(worst, place, np.concatenate([getattr(part, name) for part in parts]))
         return worst
 
-    sums = (add(name) for name in ("force", "response", "cross", "n_effective", "n_planned"))
-    slip = np.zeros((n_places, 0))  # of a run, not of a place
-    return Spectra(*sums, *(largest(name) for name in ("clipped", "force_clipped")), slip=slip)
+    sums = ("force", "response", "cross", "n_effective", "n_planned")
+    worst = ("clipped", "force_clipped")
+    return Spectra(
+        **{name: add(name) for name in sums},
+        **{name: largest(name) for name in worst},
+        slip=np.zeros((n_places, 0)),  # of a run, not of a place
+    )
 
 
 def disagreement(
