@@ -106,7 +106,7 @@ def test_a_sensor_that_sees_nothing_does_not_slip():
 
 def test_a_force_that_slips_early_is_refused():
     run = rec.edited(rec.healthy(), rec.lost(1500), ["force"])
-    with pytest.raises(InputError, match="run_1.uff, channel 'force'") as caught:
+    with pytest.raises(InputError, match=r"run_1.uff, channel 'force'") as caught:
         estimated(run)
     assert caught.value.remedy
 
@@ -124,12 +124,10 @@ DAMAGES = {
 def test_modes_stay_within_their_standard_deviations(kind):
     change, names = DAMAGES[kind]
     frf = estimated(rec.edited(rec.healthy(), change, names))
-    true_hz = np.abs(rec.POLES) / 2 / np.pi
-    modes = identify_modes(frf, (40.0, 200.0), pinned_hz=true_hz, max_order=20).model.modes
+    modes = identify_modes(frf, (40.0, 200.0), max_order=20).model.modes
     assert frf.findings
-    assert len(modes) == rec.POLES.size
-    for mode, pole in zip(modes, rec.POLES, strict=True):
-        frequency_hz = abs(pole) / 2 / np.pi
-        damping = -pole.real / abs(pole)
-        assert abs(mode.frequency_hz - frequency_hz) < 3.5 * mode.frequency_std_hz
-        assert abs(mode.damping_ratio - damping) < 3.5 * mode.damping_std
+    for pole in rec.POLES:
+        true_hz, damping = abs(pole) / 2 / np.pi, -pole.real / abs(pole)
+        mode = min(modes, key=lambda each: abs(each.frequency_hz - true_hz))
+        assert abs(mode.frequency_hz - true_hz) < 3.5 * mode.frequency_std_hz < 0.3
+        assert abs(mode.damping_ratio - damping) < 3.5 * mode.damping_std < 0.004
