@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 
 from ema.blocks import BlockPlan
 from ema.counters import Jump, counter_jumps
-from ema.lost_samples import part_ends
+from ema.joints import lost_everywhere
 from ema.quality import WARNING, Finding
 from ema.recording import Channel, Run
 from ema.repeats import Repeat, repeated_stretches
+from ema.slips import part_ends
+from ema.spectra import Spectra
 from ema.stuck import Stretch, stuck_stretches
 
-STUCK, REPEATED, COUNTER, SLIPPED = "stuck", "repeated", "counter", "lost samples"
+STUCK, REPEATED, COUNTER, LOST = "stuck", "repeated", "counter", "lost samples"
 # Runs of one campaign are as long as each other within this share; stopped by hand they differ.
 SAME_LENGTH = 0.01
 _LEFT_OUT = "the averages with it are left out"
@@ -99,22 +101,23 @@ def _left_out(run: Run, damage: Sequence[_Damage]) -> Run:
     )
 
 
-def without_slips(
-    run: Run, slip: NDArray[np.float64], plan: BlockPlan
+def without_lost_samples(
+    run: Run, spectra: Spectra, plan: BlockPlan
 ) -> tuple[Run, tuple[Finding, ...]]:
-    """The run without what channels recorded after they lost samples, and what was found.
+    """The run without what does not fit the rest after samples were lost, and what was found.
 
     Parameters
     ----------
     run : Run
-    slip : ndarray, shape (n_sensors, n_parts)
-        As in `Spectra`, the reference sensor last.
+    spectra : Spectra
+        Of all sensors of the run, the reference sensor last.
     plan : BlockPlan
         Blocks of this run.
     """
-    damage = list(_slipped(run, slip, plan))
-    if not damage:
-        return run, ()
+    damage = [
+        *_slipped(run, spectra.slip, plan),
+        *_joined(run, lost_everywhere(run, spectra, plan)),
+    ]
     return _left_out(run, damage), tuple(_finding(run, one) for one in damage)
 
 
@@ -199,12 +202,22 @@ def _slipped(run: Run, slip: NDArray[np.float64], plan: BlockPlan) -> Iterator[_
         behind = plan.starts[ends[part] - 1] + plan.block_samples
         start_s, stop_s = first / plan.sampling_rate_hz, behind / plan.sampling_rate_hz
         count = max(round(abs(samples)), 1)
-        what = f"{count} sample{'s' if count > 1 else ''} {'lost' if samples > 0 else 'added'}"
         detail = (
-            f"{what} against the other channels between {start_s:.4g} and {stop_s:.4g} s; the "
-            "averages from there on are left out"
+            f"{count} sample{'s' if count > 1 else ''} {'lost' if samples > 0 else 'too many'} "
+            f"against the other channels between {start_s:.4g} and {stop_s:.4g} s; the averages "
+            "from there on are left out"
         )
-        yield _Damage(SLIPPED, channel, (Stretch(first, run.recording.n_samples),), detail)
+        yield _Damage(LOST, channel, (Stretch(first, run.recording.n_samples),), detail)
+
+
+def _joined(run: Run, joints: Sequence[int]) -> Iterator[_Damage]:
+    rate_hz = run.recording.sampling_rate_hz
+    for sample in joints:
+        detail = (
+            f"all channels go on at {sample / rate_hz:.5g} s (row {sample + 1}) as they do where "
+            f"samples were lost or written twice; {_LEFT_OUT}"
+        )
+        yield _Damage(LOST, None, (Stretch(sample, sample + 1),), detail)
 
 
 def _first_doubtful_block(ends: Sequence[int], part: int, samples: float) -> int:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ema import _show
 from ema._arrays import readonly
 from ema.blocks import SHORTEST_PERIOD_S, BlockPlan, plan_blocks
-from ema.damage import without_damage, without_slips
+from ema.damage import without_damage, without_lost_samples
 from ema.errors import InputError
 from ema.excitation import is_steady, period_samples, repeats_after
 from ema.quality import Finding
@@ -218,7 +218,7 @@ def _run_spectra(run: Run, plan: BlockPlan) -> tuple[Spectra, tuple[Finding, ...
     """Spectra of a run, measured again where channels turn out to have lost samples."""
     plan = plan.for_length(run.recording.n_samples)
     spectra = measure_spectra(run, plan)
-    usable, findings = without_slips(run, spectra.slip, plan)
+    usable, findings = without_lost_samples(run, spectra, plan)
     if findings:
         spectra = measure_spectra(usable, plan)
     _require_signal(usable, spectra, plan, findings)

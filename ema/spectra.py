@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.blocks import BlockPlan
-from ema.lost_samples import SlipMeter
 from ema.recording import Channel, Run
+from ema.slips import SlipMeter
 
 _TOGETHER = 16  # sensors summed at once: the sums of more do not stay near the processor
 _PIECE_BYTES = 1 << 22  # read at a time: few calls, and it stays near the processor
