@@ -17,7 +17,7 @@ from ema.blocks import BlockPlan
 # nearly from the start, and there is nothing to tell it from.
 _PARTS, _SHARE_OF_FIRST = 8, 1 / 16
 # Lines that the first look takes; a slip shows in all of them.
-_LOOKED_AT = 1024
+_LOOKED_AT = 512
 # Phases count with this power of |cross spectrum|²: resonances must not outweigh all other lines,
 # which a drift leaves alone, nor lines without force count at all.
 _WEIGHT = 0.25
