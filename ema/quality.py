@@ -211,7 +211,7 @@ def reference_finding(check: ReferenceCheck) -> Finding:
     elif check.consistent:
         verdict, says = OK, "the runs show one and the same tyre"
     else:
-        verdict, says = WARNING, "the tyre, its mounting or a gain changed between the runs"
+        verdict, says = WARNING, "the tyre or its mounting changed between the runs"
     return Finding(
         run="",
         channel="reference",
