@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from ema import _show
 from ema._arrays import readonly
 from ema.blocks import SHORTEST_PERIOD_S, BlockPlan, plan_blocks
+from ema.damage import without_damage, without_lost_samples
 from ema.errors import InputError
 from ema.excitation import is_steady, period_samples, repeats_after
+from ema.quality import Finding
 from ema.recording import Campaign, Processing, Run
 from ema.spectra import Spectra, disagreement, measure_spectra, pooled
 from ema.threads import available_threads
@@ -54,6 +56,8 @@ class FRF:
         Share of the averages left out because samples are missing.
     disagreement : ndarray, shape (n_positions,)
         Share of their power by which runs differ that were averaged at one place.
+    findings : tuple of Finding
+        What is wrong with the recordings, and what was left out of them for that.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -71,6 +75,7 @@ class FRF:
     force_clipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     missing: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     disagreement: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         for name, dtype in (
@@ -167,15 +172,18 @@ def estimate_frf(
         )
     if campaign.frf is not None:
         return campaign.frf.rows(_order_of(campaign.frf.position_deg, campaign.frf.node))
-    plan = _common_plan(campaign.runs, processing or campaign.processing)
     with ThreadPoolExecutor(available_threads()) as pool:
+        runs, findings = without_damage(campaign.runs, pool.map)
+        plan = _common_plan(runs, processing or campaign.processing)
         spectra = []
-        for part in pool.map(lambda run: _run_spectra(run, plan), campaign.runs):
+        for part, slips in pool.map(lambda run: _run_spectra(run, plan), runs):
             spectra.append(part)
+            findings += slips
             if progress is not None:
-                progress(len(spectra), len(campaign.runs))
-    frf = _positions_frf(campaign.runs, spectra, plan, estimator)
-    return replace(frf, reference=_reference_frf(campaign, spectra, plan, estimator))
+                progress(len(spectra), len(runs))
+    frf = _positions_frf(runs, spectra, plan, estimator)
+    reference = _reference_frf(campaign, spectra, plan, estimator)
+    return replace(frf, reference=reference, findings=findings)
 
 
 def _common_plan(runs: Sequence[Run], processing: Processing) -> BlockPlan:
@@ -206,12 +214,26 @@ def _common_period(runs: Sequence[Run], shortest: Run, rate_hz: float) -> int:
     return period if period and all(repeats_after(run.force, period) for run in runs) else 0
 
 
-def _run_spectra(run: Run, plan: BlockPlan) -> Spectra:
-    spectra = measure_spectra(run, plan.for_length(run.recording.n_samples))
+def _run_spectra(run: Run, plan: BlockPlan) -> tuple[Spectra, tuple[Finding, ...]]:
+    """Spectra of a run, measured again where channels turn out to have lost samples."""
+    plan = plan.for_length(run.recording.n_samples)
+    spectra = measure_spectra(run, plan)
+    usable, findings = without_lost_samples(run, spectra, plan)
+    if findings:
+        spectra = measure_spectra(usable, plan)
+    _require_signal(usable, spectra, plan, findings)
+    return spectra, findings
+
+
+def _require_signal(
+    run: Run, spectra: Spectra, plan: BlockPlan, findings: Sequence[Finding]
+) -> None:
     if not np.any(spectra.n_effective):
+        lost = "samples missing" if not run.force.gaps else "samples missing or wrong"
+        said = "".join(f": {finding.detail}" for finding in findings)
         raise InputError(
             f"{run.name}, channel {run.force.name!r}",
-            f"samples missing in every block of {plan.block_s:g} s",
+            f"{lost} in every block of {plan.block_s:g} s{said}",
             "spectra need blocks in which no sample is missing",
             "Export the run again, or leave it out",
         )
@@ -222,7 +244,6 @@ def _run_spectra(run: Run, plan: BlockPlan) -> Spectra:
             "the force must excite the tyre",
             "Check the load cell's cable, or name another excitation channel",
         )
-    return spectra
 
 
 def _positions_frf(

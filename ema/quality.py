@@ -21,8 +21,6 @@ EXCLUDED = "excluded"
 
 # A reference sensor whose runs differ by more than this many σ did not see one and the same tyre.
 _CONSISTENT_RATIO = 1.5
-# A run that differs from the others by a factor alone: so large, and so little left beside it.
-_FACTOR, _BESIDE = 0.1, 0.1
 _POOR_COHERENCE = 0.5
 _GOOD_COHERENCE = 0.7
 _COHERENCE_LINES = 31  # dips at antiresonances do not end a band
@@ -111,21 +109,6 @@ def check_reference(reference: FRF, band_hz: tuple[float, float]) -> ReferenceCh
         ratio=ratio,
         consistent=not ratio > _CONSISTENT_RATIO,
     )
-
-
-def _factors(check: ReferenceCheck) -> list[str]:
-    """Runs that are the others times a real number: no tyre changes like that."""
-    usual = np.median(check.values.real, axis=0) + 1j * np.median(check.values.imag, axis=0)
-    power = float(np.vdot(usual, usual).real)
-    if len(check.run) < 3 or not power > 0:
-        return []
-    found = []
-    for run, values in zip(check.run, check.values, strict=True):
-        factor = float(np.vdot(usual, values).real) / power
-        beside = np.linalg.norm(values - factor * usual)
-        if abs(factor - 1) > _FACTOR and beside < _BESIDE * np.linalg.norm(values):
-            found.append(f"{run} reads {factor:.3g}")
-    return found
 
 
 def coherence_findings(frf: FRF, band_hz: tuple[float, float]) -> list[Finding]:
@@ -228,10 +211,7 @@ def reference_finding(check: ReferenceCheck) -> Finding:
     elif check.consistent:
         verdict, says = OK, "the runs show one and the same tyre"
     else:
-        factors = ", ".join(_factors(check))
         verdict, says = WARNING, "the tyre or its mounting changed between the runs"
-        if factors:
-            says = f"{factors} times the other runs: check sign, unit and range of force and sensor"
     return Finding(
         run="",
         channel="reference",

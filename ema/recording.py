@@ -46,6 +46,9 @@ class Channel:
         Node number, where the file has one.
     angle_deg : float or None
         Angle from geometry in the same file (datasets 15, 2411), which overrides the grid.
+    gaps : tuple of (int, int)
+        Stretches, first sample and the one behind the last, that are known to be wrong: `block` and
+        `read_block` give NaN there, as for samples that are missing.
     """
 
     name: str
@@ -55,6 +58,7 @@ class Channel:
     scale_to_si: float = 1.0
     node: int | None = None
     angle_deg: float | None = None
+    gaps: tuple[tuple[int, int], ...] = ()
 
     @property
     def n_samples(self) -> int:
@@ -65,7 +69,9 @@ class Channel:
         """Samples `start` to `stop` in SI units and double precision."""
         with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
             found = piece(self.samples, start, stop)
-            return np.asarray(found, dtype=np.float64) * self.scale_to_si
+            samples = np.asarray(np.asarray(found, dtype=np.float64) * self.scale_to_si)
+        self._leave_out(start, samples)
+        return samples
 
     def read_block(self, start: int, into: NDArray[np.float64]) -> None:
         """Fill `into` with the samples from `start` on, in SI units."""
@@ -73,6 +79,11 @@ class Channel:
             fill(self.samples, start, into)
             if self.scale_to_si != 1.0:
                 into *= self.scale_to_si
+        self._leave_out(start, into)
+
+    def _leave_out(self, start: int, samples: NDArray[np.float64]) -> None:
+        for first, behind in self.gaps:
+            samples[max(first - start, 0) : max(behind - start, 0)] = np.nan
 
 
 @dataclass(frozen=True, eq=False)

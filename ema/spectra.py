@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ema.blocks import BlockPlan
 from ema.recording import Channel, Run
+from ema.slips import SlipMeter
 
 _TOGETHER = 16  # sensors summed at once: the sums of more do not stay near the processor
 _PIECE_BYTES = 1 << 22  # read at a time: few calls, and it stays near the processor
@@ -32,6 +33,9 @@ class Spectra:
         Independent averages, and what they would be if no sample were missing.
     clipped, force_clipped : ndarray, shape (n_rows,)
         Share of samples of response and force that sit on the extremes of their block.
+    slip : ndarray, shape (n_rows, n_parts)
+        Samples by which a response runs ahead of the force, part by part of the run, against the
+        first part; see `SlipMeter`.
     """
 
     force: NDArray[np.float64]
@@ -41,6 +45,7 @@ class Spectra:
     n_planned: NDArray[np.float64]
     clipped: NDArray[np.float64]
     force_clipped: NDArray[np.float64]
+    slip: NDArray[np.float64]
 
     def rows(self, chosen: slice) -> Spectra:
         """Keep the chosen rows only."""
@@ -116,6 +121,9 @@ class _Sums:
         self.clipped = np.zeros(n_sensors + 1)
         self.n_looked_at = 0
         self.n_used = np.zeros(n_sensors)
+        self._slip = SlipMeter(n_sensors, plan)
+        self._part = np.zeros_like(self.cross)  # of the part of the run that is going on
+        self._n_seen, self._n_parts = 0, 0
         self._block = np.empty((n_sensors + 1, plan.block_samples))
         self._spectrum = np.empty((n_sensors + 1, n_lines), dtype=complex)
         self._squares = np.empty_like(self.squares)
@@ -123,6 +131,15 @@ class _Sums:
 
     def add(self, block: NDArray[np.float64], *, look_for_clipping: bool) -> None:
         """Add a block of all channels."""
+        self._add(block, look_for_clipping=look_for_clipping)
+        self._n_seen += 1
+        if self._n_seen == self._slip.ends[self._n_parts]:
+            self._slip.add(self._n_parts, self._part)
+            self._n_parts += 1
+            self.cross += self._part
+            self._part[:] = 0.0
+
+    def _add(self, block: NDArray[np.float64], *, look_for_clipping: bool) -> None:
         with np.errstate(invalid="ignore", over="ignore"):  # such a mean tells that samples miss
             mean = block.mean(axis=1, keepdims=True)
         whole = np.isfinite(mean[:, 0])
@@ -138,7 +155,7 @@ class _Sums:
         spectrum = np.fft.rfft(block, axis=1, out=self._spectrum)
         parts = spectrum.view(np.float64)
         self.squares += np.multiply(parts, parts, out=self._squares)
-        self.cross += np.multiply(spectrum[1:], spectrum[0].conj(), out=self._cross)
+        self._part += np.multiply(spectrum[1:], spectrum[0].conj(), out=self._cross)
         self.gaps[~whole[1:]] += self._squares[0]
         self.n_used += whole[1:]
 
@@ -156,6 +173,7 @@ class _Sums:
             np.full(n_sensors, self.plan.n_effective),
             clipped[1:],
             np.full(n_sensors, clipped[0]),
+            self._slip.found,
         )
 
 
@@ -196,8 +214,13 @@ def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spec
         np.maximum.at(worst, place, np.concatenate([getattr(part, name) for part in parts]))
         return worst
 
-    sums = (add(name) for name in ("force", "response", "cross", "n_effective", "n_planned"))
-    return Spectra(*sums, *(largest(name) for name in ("clipped", "force_clipped")))
+    sums = ("force", "response", "cross", "n_effective", "n_planned")
+    worst = ("clipped", "force_clipped")
+    return Spectra(
+        **{name: add(name) for name in sums},
+        **{name: largest(name) for name in worst},
+        slip=np.zeros((n_places, 0)),  # of a run, not of a place
+    )
 
 
 def disagreement(

@@ -29,6 +29,7 @@ from ema.quality import (
     reference_finding,
 )
 from ema.recording import Campaign, Tyre
+from ema.run_gain import gain_findings
 from model.identifiability import IDENTIFIED
 from model.tuning_result import TuningResult
 from pipelines.amplitude_check import AMPLITUDE, amplitude_finding
@@ -128,11 +129,12 @@ def _measured(
         reference_deg=campaign.reference_deg,
         findings=(
             *campaign.findings,
+            *estimated.findings,
             *averages_finding(estimated),
             *period_finding(estimated),
             *coherence_findings(estimated, band_hz),
             *found.findings,
-            *([reference_finding(reference)] if reference else []),
+            *([reference_finding(reference), *gain_findings(reference)] if reference else []),
             *drift_findings(found.model.drift),
             *drive_point_finding(found.model, campaign.excitation_deg),
         ),

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ema.damage import SAME_LENGTH
 from ema.errors import RecordingFormatError
 from ema.io.manifest import MANIFEST_NAME
 from ema.quality import OK, WARNING, Finding
 from ema.recording import Recording, Run
 
 RATE_TOLERANCE = 1e-4  # relative: programs print rates with few digits
-_SAME_LENGTH = 0.01  # of a recording: runs stopped by hand differ by more
 _PROBE_BYTES = 1 << 16
 _SHOWN = 12
 
@@ -93,27 +93,34 @@ def check_rates(recordings: Sequence[Recording]) -> None:
 def coverage_findings(runs: Sequence[Run], positions: int | None) -> list[Finding]:
     """What makes the runs poorer than they could be, though not wrong."""
     return [
-        *_shorter(runs),
+        *_lengths(runs),
         *_without_reference(runs, positions),
         *_missing_positions(runs, positions),
         *_repeated_positions(runs, positions),
     ]
 
 
-def _shorter(runs: Sequence[Run]) -> list[Finding]:
-    longest = max(run.recording.duration_s for run in runs)
-    return [
-        Finding(
-            run.name,
-            "",
-            None,
-            "length",
-            WARNING,
-            f"{run.recording.duration_s:.4g} s long, others {longest:.4g} s: fewer averages",
-        )
-        for run in runs
-        if run.recording.duration_s < (1 - _SAME_LENGTH) * longest
-    ]
+def _lengths(runs: Sequence[Run]) -> list[Finding]:
+    """Runs that are not as long as most; the longest is the measure where most differ."""
+    durations = [run.recording.duration_s for run in runs]
+    usual = _usual(durations)
+    findings = []
+    for run, duration_s in zip(runs, durations, strict=True):
+        place = (run.name, "", None, "length")
+        if duration_s < (1 - SAME_LENGTH) * usual:
+            detail = f"{duration_s:.4g} s long, others {usual:.4g} s: fewer averages"
+            findings.append(Finding(*place, WARNING, detail))
+        elif duration_s > (1 + SAME_LENGTH) * usual:
+            detail = f"{duration_s:.4g} s long, others {usual:.4g} s: more averages"
+            findings.append(Finding(*place, OK, detail))
+    return findings
+
+
+def _usual(durations: Sequence[float]) -> float:
+    """Length that more than half of the runs have, or that of the longest."""
+    middle = float(np.median(durations))
+    alike = np.abs(np.array(durations) - middle) <= SAME_LENGTH * middle
+    return middle if np.mean(alike) > 0.5 else max(durations)
 
 
 def _without_reference(runs: Sequence[Run], positions: int | None) -> list[Finding]:

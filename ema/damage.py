@@ -1,0 +1,249 @@
+"""Parts of recordings that cannot be what was measured: found, named and left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.blocks import BlockPlan
+from ema.counters import Jump, counter_jumps
+from ema.joints import lost_everywhere
+from ema.quality import WARNING, Finding
+from ema.recording import Channel, Run
+from ema.repeats import Repeat, repeated_stretches
+from ema.slips import part_ends
+from ema.spectra import Spectra
+from ema.stuck import Stretch, stuck_stretches
+
+STUCK, REPEATED, COUNTER, LOST = "stuck", "repeated", "counter", "lost samples"
+# Runs of one campaign are as long as each other within this share; stopped by hand they differ.
+SAME_LENGTH = 0.01
+_LEFT_OUT = "the averages with it are left out"
+# Slips that are one and the same, in samples; the share of the sensors of a run that puts the blame
+# on the force, and the fewest that have a majority.
+_SAME_SLIP, _MOST_SENSORS, _FEWEST_SENSORS = 0.25, 0.8, 3
+_SHOWN = 5  # of one kind in one channel
+
+
+@dataclass(frozen=True, eq=False)
+class _Damage:
+    """Stretches of a run that are wrong, in one channel or (None) in all; texts as in `Finding`."""
+
+    check: str
+    channel: Channel | None
+    wrong: tuple[Stretch, ...]
+    detail: str
+
+
+def without_damage(
+    runs: Sequence[Run], every: Callable[..., Iterable[Any]] = map
+) -> tuple[list[Run], tuple[Finding, ...]]:
+    """Runs in which stretches that are stuck or repeated read as missing, and what was found.
+
+    Nothing is changed or guessed: blocks that contain such a stretch are left out like those in
+    which samples are missing, for the channel that is concerned, or for all.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+    every : callable
+        A `map`, e.g. that of a pool of threads.
+    """
+
+    def damage_of(run: Run) -> list[_Damage]:
+        others = [other.recording.n_samples for other in runs if other is not run]
+        return [*_stuck(run), *_repeated(run, others), *_miscounted(run)]
+
+    found = list(every(damage_of, runs))
+    usable = [_left_out(run, damage) for run, damage in zip(runs, found, strict=True)]
+    findings = [
+        _finding(run, one) for run, damage in zip(runs, found, strict=True) for one in damage
+    ]
+    return usable, tuple(findings)
+
+
+def _finding(run: Run, damage: _Damage) -> Finding:
+    channel = damage.channel
+    places = {response.channel.name: response.position_deg for response in run.responses}
+    return Finding(
+        run=run.name,
+        channel="" if channel is None else channel.name,
+        position_deg=None if channel is None else places.get(channel.name),
+        check=damage.check,
+        verdict=WARNING,
+        detail=damage.detail,
+    )
+
+
+def _left_out(run: Run, damage: Sequence[_Damage]) -> Run:
+    """The run, its channels with gaps where they are wrong."""
+    if not damage:
+        return run
+
+    def with_gaps(channel: Channel) -> Channel:
+        wrong = [
+            (stretch.start, stretch.stop)
+            for one in damage
+            if one.channel is None or one.channel.name == channel.name
+            for stretch in one.wrong
+        ]
+        return replace(channel, gaps=(*channel.gaps, *wrong)) if wrong else channel
+
+    return replace(
+        run,
+        force=with_gaps(run.force),
+        responses=tuple(replace(each, channel=with_gaps(each.channel)) for each in run.responses),
+        reference=None if run.reference is None else with_gaps(run.reference),
+    )
+
+
+def without_lost_samples(
+    run: Run, spectra: Spectra, plan: BlockPlan
+) -> tuple[Run, tuple[Finding, ...]]:
+    """The run without what does not fit the rest after samples were lost, and what was found.
+
+    Parameters
+    ----------
+    run : Run
+    spectra : Spectra
+        Of all sensors of the run, the reference sensor last.
+    plan : BlockPlan
+        Blocks of this run.
+    """
+    damage = [
+        *_slipped(run, spectra.slip, plan),
+        *_joined(run, lost_everywhere(run, spectra, plan)),
+    ]
+    return _left_out(run, damage), tuple(_finding(run, one) for one in damage)
+
+
+def _stuck(run: Run) -> Iterator[_Damage]:
+    rate_hz = run.recording.sampling_rate_hz
+    by_channel: dict[str, list[Stretch]] = {}
+    for channel, stretch in stuck_stretches(run):
+        by_channel.setdefault(channel.name, []).append(stretch)
+    if len(by_channel) >= len(run.channels):  # the recorder stood still
+        wrong = tuple(dict.fromkeys(by_channel[run.force.name]))
+        detail = f"all channels hold their values: {_where(wrong, rate_hz)}; {_LEFT_OUT}"
+        yield _Damage(STUCK, None, wrong, detail)
+        return
+    for channel in run.channels:
+        wrong = tuple(by_channel.get(channel.name, ()))
+        if wrong:
+            where = _where(wrong, rate_hz)
+            detail = f"it holds one value while the others move: {where}; {_LEFT_OUT}"
+            yield _Damage(STUCK, channel, wrong, detail)
+
+
+def _repeated(run: Run, others: Sequence[int]) -> Iterator[_Damage]:
+    rate_hz = run.recording.sampling_rate_hz
+    for repeat in repeated_stretches(run):
+        if repeat.throughout and not _is_appended(repeat, others):
+            continue  # a computed recording of whole periods
+        copy, lag = repeat.copy, repeat.lag
+        what = "all channels repeat" if repeat.of is None else "the force alone repeats"
+        detail = (
+            f"{what} to the last bit what was recorded {lag / rate_hz:.4g} s before: "
+            f"{_where([copy], rate_hz)}"
+        )
+        if repeat.throughout:
+            detail += ", which is the recording appended to itself"
+        first = Stretch(copy.start - lag, copy.stop - lag)
+        # Which of two forces the sensors answered to is not known; of two recordings the first.
+        wrong = (copy,) if repeat.of is None else (first, copy)
+        says = _LEFT_OUT if repeat.of is None else "the averages with either are left out"
+        yield _Damage(REPEATED, repeat.of, wrong, f"{detail}; {says}")
+
+
+def _is_appended(repeat: Repeat, others: Sequence[int]) -> bool:
+    """Whether what repeats is as long as another run."""
+    return any(abs(repeat.lag - n) <= SAME_LENGTH * n for n in others)
+
+
+def _miscounted(run: Run) -> Iterator[_Damage]:
+    jumps = counter_jumps(run)
+    if not jumps:
+        return
+    said = [_counted(jump) for jump in jumps[:_SHOWN]]
+    more = f" and {len(jumps) - _SHOWN} more" if len(jumps) > _SHOWN else ""
+    detail = f"counter {jumps[0].channel!r} {_and(said)}{more}; {_LEFT_OUT}"
+    yield _Damage(COUNTER, None, tuple(jump.wrong for jump in jumps), detail)
+
+
+def _counted(jump: Jump) -> str:
+    row = f"goes from {jump.before} to {jump.after} at row {jump.wrong.start + 1}"
+    if jump.lost:
+        return f"{row}, {jump.lost} samples lost"
+    return f"{row}, {len(jump.wrong)} samples a second time"
+
+
+def _slipped(run: Run, slip: NDArray[np.float64], plan: BlockPlan) -> Iterator[_Damage]:
+    """Channels that run ahead of the force, or behind it, from some part of the run to its end."""
+    ends = part_ends(plan)
+    ahead = {row: part for row in range(len(slip)) if (part := _first_ahead(slip[row])) is not None}
+    if not ahead:
+        return
+    last = slip[:, -1]
+    usual = float(np.median(last[list(ahead)]))
+    same = np.abs(last - usual) <= _SAME_SLIP
+    if len(slip) < _FEWEST_SENSORS:  # sensor or force? Nothing can tell
+        who: dict[Channel | None, tuple[int, float]] = {None: (min(ahead.values()), usual)}
+    elif np.mean(same) >= _MOST_SENSORS:
+        who = {run.force: (min(ahead.values()), -usual)}
+    else:
+        sensors = run.channels[1:]
+        who = {sensors[row]: (part, float(last[row])) for row, part in ahead.items()}
+    for channel, (part, samples) in who.items():
+        first = plan.starts[_first_doubtful_block(ends, part, samples)]
+        behind = plan.starts[ends[part] - 1] + plan.block_samples
+        start_s, stop_s = first / plan.sampling_rate_hz, behind / plan.sampling_rate_hz
+        count = max(round(abs(samples)), 1)
+        detail = (
+            f"{count} sample{'s' if count > 1 else ''} {'lost' if samples > 0 else 'too many'} "
+            f"against the other channels between {start_s:.4g} and {stop_s:.4g} s; the averages "
+            "from there on are left out"
+        )
+        yield _Damage(LOST, channel, (Stretch(first, run.recording.n_samples),), detail)
+
+
+def _joined(run: Run, joints: Sequence[int]) -> Iterator[_Damage]:
+    rate_hz = run.recording.sampling_rate_hz
+    for sample in joints:
+        detail = (
+            f"all channels go on at {sample / rate_hz:.5g} s (row {sample + 1}) as they do where "
+            f"samples were lost or written twice; {_LEFT_OUT}"
+        )
+        yield _Damage(LOST, None, (Stretch(sample, sample + 1),), detail)
+
+
+def _first_doubtful_block(ends: Sequence[int], part: int, samples: float) -> int:
+    """First block that may be ahead: near the end of a part of several blocks that is not seen."""
+    if part == 1:
+        return ends[0] if ends[0] == 1 and samples % 1 == 0 else 0
+    return ends[part - 1] if ends[part - 1] - ends[part - 2] == 1 else ends[part - 2]
+
+
+def _first_ahead(slip: NDArray[np.float64]) -> int | None:
+    """Part from which on a channel is ahead, to the end and by one time; None where it is not."""
+    away = np.flatnonzero(np.abs(slip - slip[-1]) > _SAME_SLIP)
+    if slip[-1] == 0 or not away.size:
+        return None
+    part = int(away[-1]) + 1
+    whole = part == 1 or slip[-1] % 1 == 0  # of a slip within the first part only a share shows
+    partly = slip[part - 1] != 0  # the part in which it slips shows a share of it too
+    return (part - 1 if partly else part) if whole else None
+
+
+def _where(stretches: Sequence[Stretch], rate_hz: float) -> str:
+    return _and(
+        f"from {stretch.start / rate_hz:.4g} s for {len(stretch) / rate_hz:.3g} s"
+        for stretch in stretches
+    )
+
+
+def _and(texts: Iterable[str]) -> str:
+    return ", ".join(texts)
