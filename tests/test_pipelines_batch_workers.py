@@ -5,25 +5,20 @@ import os
 import signal
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from fleets import QUICK, edit, write_campaign
 
-from ema.errors import InputError
-from pipelines import batch, batch_workers
+from pipelines import batch
 from pipelines.batch import run_batch
 from pipelines.batch_campaigns import CampaignFolder
 from pipelines.batch_fingerprint import Fingerprint
 from pipelines.batch_folder import BatchFolder
 from pipelines.batch_record import DONE, Record, read_record
 from pipelines.batch_task import Task
-from pipelines.batch_workers import in_this_process, on_this_machine
+from pipelines.batch_workers import ONE_THREAD, in_this_process, on_this_machine
 from pipelines.options import Options
 
-needs_dask = pytest.mark.skipif(
-    not batch_workers.has_distributed(), reason="dask.distributed is not installed"
-)
 DEADLY, DEADLY_ONCE = "tyre_3", "tyre_5"
 
 
@@ -38,7 +33,7 @@ def tasks(tmp_path):
 
 def working(task):
     """Work that tells with which limits it was done."""
-    threads = " ".join(os.environ.get(name, "") for name in batch_workers._ONE_THREAD)
+    threads = " ".join(os.environ.get(name, "") for name in ONE_THREAD)
     return Record(task.campaign.name, DONE, Fingerprint("", ()), message=threads)
 
 
@@ -57,7 +52,6 @@ def test_in_this_process_campaigns_come_in_their_order(tasks):
     assert [record.campaign for record in records] == [task.campaign.name for task in tasks]
 
 
-@needs_dask
 def test_killed_workers_lose_nothing_but_the_campaign_that_kills_them_all(tasks, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     environment = dict(os.environ)
@@ -73,14 +67,15 @@ def test_killed_workers_lose_nothing_but_the_campaign_that_kills_them_all(tasks,
     assert multiprocessing.active_children() == []
 
 
-@needs_dask
 def test_two_workers_give_the_same_as_none(short_campaign, tmp_path, monkeypatch):
     for name in ("broken", "tyre_1", "tyre_2"):
         write_campaign(short_campaign, tmp_path / "root" / name)
     edit(tmp_path / "root" / "broken", "positions = 72", "positions = 0")
     edit(tmp_path / "root" / "tyre_2", "position_deg = 0.0", "position_deg = 30.0")
     two = run_batch(tmp_path / "root", tmp_path / "two", QUICK, jobs=2)
-    monkeypatch.setattr(batch, "has_distributed", lambda: False)
+    monkeypatch.setattr(
+        batch, "on_this_machine", lambda tasks, work, _: in_this_process(tasks, work)
+    )
     one = run_batch(tmp_path / "root", tmp_path / "one", QUICK, jobs=1)
     assert [record.is_done for record in two.records] == [False, True, True]
     for name in ("modes.parquet", "parameters.parquet"):
@@ -90,53 +85,3 @@ def test_two_workers_give_the_same_as_none(short_campaign, tmp_path, monkeypatch
         assert repr(replace(mine, seconds=0)) == repr(replace(other, seconds=0))
     again = run_batch(tmp_path / "root", tmp_path / "two", QUICK)
     assert again.fresh == frozenset()
-
-
-@needs_dask
-def test_the_workers_of_a_scheduler_give_the_same(tasks):
-    from distributed import LocalCluster
-
-    said = []
-    with LocalCluster(n_workers=1, processes=False, dashboard_address=None) as cluster:
-        address = cluster.scheduler_address
-        records = list(batch_workers.on_cluster(tasks, working, address, said.append))
-    assert {record.campaign for record in records} == {task.campaign.name for task in tasks}
-    assert said == []
-
-
-@pytest.mark.parametrize("answer", ["99.0", ImportError("No module named 'pipelines'")])
-def test_workers_without_this_version_are_refused(answer):
-    def result():
-        if isinstance(answer, ImportError):
-            raise answer
-        return answer
-
-    client = SimpleNamespace(submit=lambda work, pure: SimpleNamespace(result=result))
-    with pytest.raises(InputError, match=r"tcp://far:1.*(99\.0|No module).*the same ringmodal"):
-        batch_workers._require_same_version(client, "tcp://far:1")
-
-
-@needs_dask
-def test_no_scheduler_is_told(tasks, monkeypatch):
-    monkeypatch.setattr(batch_workers, "_CONNECT_S", 0.2)
-    for address in ("tcp://127.0.0.1:9", "nonsense"):
-        with pytest.raises(InputError, match="no scheduler answers"):
-            list(batch_workers.on_cluster(tasks, working, address, str))
-
-
-def test_several_workers_ask_for_what_is_missing(tasks, monkeypatch):
-    monkeypatch.setattr(batch_workers, "find_spec", lambda name: None)
-    for records in (
-        on_this_machine(tasks, working, 2),
-        batch_workers.on_cluster(tasks, working, "tcp://nowhere:8786", str),
-    ):
-        with pytest.raises(InputError, match=r'pip install "ringmodal\[cluster\]"'):
-            list(records)
-
-
-def test_without_dask_a_batch_takes_one_campaign_at_a_time(tasks, monkeypatch):
-    monkeypatch.setattr(batch, "has_distributed", lambda: False)
-    monkeypatch.setattr(batch, "carry_out", working)
-    said = []
-    assert len(list(batch._workers(tasks, None, None, said.append))) == len(tasks)
-    assert "ringmodal[cluster]" in said[0]
