@@ -18,6 +18,7 @@ EXTRA = "cluster"
 ALLOW = "--allow-unencrypted"
 _CONNECT_S = 20.0
 _ENCRYPTED = ("tls", "wss")
+_WITHIN = "inproc"  # a scheduler in this very process
 
 
 def on_cluster(
@@ -86,7 +87,7 @@ def _require_encryption(address: str, say: Callable[[str], None], *, allowed: bo
     Who reaches the port of a Dask scheduler without TLS runs code as whoever started its workers,
     and as whoever takes results from it.
     """
-    if allowed or _is_encrypted(address):
+    if allowed or _is_encrypted(address) or _scheme(address) == _WITHIN:
         return
     if _is_this_machine(address):
         say(
@@ -104,7 +105,11 @@ def _require_encryption(address: str, say: Callable[[str], None], *, allowed: bo
 
 
 def _is_encrypted(address: str) -> bool:
-    return address.partition("://")[0].lower() in _ENCRYPTED
+    return _scheme(address) in _ENCRYPTED
+
+
+def _scheme(address: str) -> str:
+    return address.partition("://")[0].lower()
 
 
 def _is_this_machine(address: str) -> bool:

@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,8 +33,10 @@ def tasks(tmp_path):
 
 
 def working(task):
-    """Work that tells with which limits it was done."""
+    """Work that tells with which limits it was done, and whether with Dask."""
     threads = " ".join(os.environ.get(name, "") for name in ONE_THREAD)
+    if "distributed" in sys.modules:
+        threads += ", Dask"
     return Record(task.campaign.name, DONE, Fingerprint("", ()), message=threads)
 
 
