@@ -1,7 +1,7 @@
 """Batches: 200 campaigns of which 10 are broken, a second run, and two workers against one.
 
-Run with ``python benchmarks/batch.py [--campaigns N] [--jobs N]``; prints Markdown.
-Needs the extra `cluster`.
+Run with ``python benchmarks/batch.py [--campaigns N] [--jobs N]``; prints Markdown. With
+``--memory N``, only the memory of two workers over N small campaigns (Linux).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from pipelines.simulate_campaign import simulate_campaign
 
 SHARED = 16  # campaigns for two workers against one
 LONG_S, SHORT_S = 20.0, 4.0
+WARM = 10  # campaigns of two workers until every library has loaded
 
 
 def main() -> None:
@@ -29,8 +30,13 @@ def main() -> None:
     parser.add_argument("--campaigns", type=int, default=200)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--no-comparison", action="store_true")
+    parser.add_argument("--memory", type=int, default=0, metavar="N")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
+        if arguments.memory:
+            source = simulate_campaign(Path(scratch) / "short", duration_s=SHORT_S)
+            watch_memory(one_run_of(source), Path(scratch), arguments.memory)
+            return
         if not arguments.no_comparison:
             source = simulate_campaign(Path(scratch) / "long", duration_s=LONG_S)
             compare_workers(source, Path(scratch))
@@ -53,6 +59,75 @@ def compare_workers(source: Path, scratch: Path) -> None:
     print(f"\nOne worker over two: {seconds[1] / seconds[2]:.2f} (at least 1.7).")
     if hasattr(os, "getloadavg"):
         print(f"Load of the machine at the end, two of it ours: {os.getloadavg()[0]:.1f}.")
+
+
+def watch_memory(source: Path, scratch: Path, count: int) -> None:
+    """Resident memory of each of two workers over many small campaigns.
+
+    The start is where every library has loaded and every cache has filled for the first time.
+    """
+    root, out = fleet(source, scratch / "small", count), scratch / "small_out"
+    command = [sys.executable, "-m", "pipelines.main", "batch", str(root), "--out", str(out)]
+    started = subprocess.Popen(
+        [*command, "--jobs", "2", "--max-order", "20", "--quiet"],
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    series: dict[int, list[tuple[int, float]]] = {}
+    while started.poll() is None:
+        n_done = sum(1 for _ in (out / "records").rglob("record.json"))
+        for worker in workers_of(started.pid):
+            series.setdefault(worker, []).append((n_done, resident_mb(worker)))
+        time.sleep(1.0)
+    require(started.returncode == 0, "the batch ends well")
+    print(f"\nResident memory of two workers over {count} small campaigns, MB:\n")
+    print("| campaigns done |", " | ".join(f"worker {k + 1}" for k in range(len(series))), "|")
+    print("|---:|" + "---:|" * len(series))
+    for share in range(21):
+        done = max(WARM, count * share // 20)
+        cells = (f"{at(samples, done):.1f}" for samples in series.values())
+        print(f"| {done} |", " | ".join(cells), "|")
+    for number, samples in enumerate(series.values(), 1):
+        start = at(samples, WARM)
+        most = max(mb for n_done, mb in samples if n_done >= WARM)
+        print(f"\nWorker {number}: at most {most / start:.3f} of its {start:.1f} MB at the start.")
+
+
+def one_run_of(source: Path) -> Path:
+    """The campaign with its first run only."""
+    manifest = source / "campaign.toml"
+    head, first, *_ = manifest.read_text().split("[[runs]]")
+    manifest.write_text(f"{head}[[runs]]{first}")
+    for recording in source.glob("config_*.uff"):
+        if recording.name != "config_1.uff":
+            recording.unlink()
+    return source
+
+
+def workers_of(process: int) -> list[int]:
+    """Children of a process that serve its batch."""
+    lists = Path(f"/proc/{process}/task").glob("*/children")  # of each of its threads
+    children = sorted(child for path in lists for child in path.read_text().split())
+    return [int(each) for each in children if "spawn_main" in command_line(each)]
+
+
+def command_line(process: str) -> str:
+    try:
+        return Path(f"/proc/{process}/cmdline").read_text()
+    except OSError:  # it has ended
+        return ""
+
+
+def resident_mb(process: int) -> float:
+    try:
+        pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
+    except OSError:  # it has ended
+        return 0.0
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def at(samples: list[tuple[int, float]], done: int) -> float:
+    """Memory when so many campaigns were done."""
+    return next((mb for n_done, mb in samples if n_done >= done), samples[-1][1])
 
 
 def cpu_s() -> float:

@@ -5,7 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from threading import Lock
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
+
+if TYPE_CHECKING:
+    from threadpoolctl import threadpool_limits
 
 Arguments = ParamSpec("Arguments")
 Answer = TypeVar("Answer")
@@ -31,14 +35,53 @@ def one_blas_thread(function: Callable[Arguments, Answer]) -> Callable[Arguments
     """Let a function's linear algebra use one thread.
 
     Its matrices are small: several threads wait for each other more than they work, and on a busy
-    machine that takes fifty times as long.
+    machine that takes fifty times as long. The limit is the whole process's: calls that overlap in
+    several threads share it, and the last one to end lifts it.
     """
 
     @wraps(function)
     def limited(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Answer:
-        from threadpoolctl import threadpool_limits
-
-        with threadpool_limits(1, user_api="blas"):
+        with _ONE_BLAS_THREAD:
             return function(*args, **kwargs)
 
     return limited
+
+
+class _SharedLimit:
+    """One thread of linear algebra, from the first user's start to the last one's end."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._n_users = 0
+        self._limits: threadpool_limits | None = None
+
+    def __enter__(self) -> None:
+        from threadpoolctl import threadpool_limits
+
+        with self._lock:
+            if self._limits is None:
+                _take_control()
+                self._limits = threadpool_limits(1, user_api="blas")
+            self._n_users += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._n_users -= 1
+            if self._n_users == 0 and self._limits is not None:
+                _take_control()
+                self._limits.restore_original_limits()
+                self._limits = None
+                _take_control()  # and leave it to whoever comes next
+
+
+def _take_control() -> None:
+    """Let any thread set the limit; threadpoolctl 3.8 leaves that to the first one that did."""
+    import threadpoolctl
+
+    openblas = getattr(threadpoolctl, "OpenBLASController", None)
+    clear = getattr(openblas, "clear_controlling_thread", None)
+    if clear is not None:
+        clear(force=True)
+
+
+_ONE_BLAS_THREAD = _SharedLimit()

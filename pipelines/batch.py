@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,16 +17,9 @@ from pipelines.batch_tables import (
     write_campaigns,
     write_modes_and_parameters,
 )
-from pipelines.batch_task import Task, carry_out
-from pipelines.batch_workers import (
-    EXTRA,
-    has_distributed,
-    in_this_process,
-    on_cluster,
-    on_this_machine,
-)
+from pipelines.batch_task import Task, carry_out, sweep
+from pipelines.batch_workers import in_this_process, on_this_machine
 from pipelines.options import Options
-from pipelines.partial import remove_abandoned
 from pipelines.result_check import PAGES, is_as_written
 
 Finished = Callable[[Record, int, int], None]
@@ -70,6 +62,7 @@ def run_batch(
     *,
     jobs: int | None = None,
     scheduler: str | None = None,
+    allow_unencrypted: bool = False,
     reports: bool = False,
     retry_failed: bool = False,
     finished: Finished = lambda record, done, total: None,
@@ -87,19 +80,22 @@ def run_batch(
     options : Options, optional
         For all campaigns.
     jobs : int, optional
-        Worker processes on this machine; by default one per core, where dask.distributed is there.
+        Worker processes on this machine; by default one per core.
     scheduler : str, optional
         Address of a dask.distributed scheduler, whose workers see `root` and `out` under the same
         paths, instead of `jobs`.
+    allow_unencrypted : bool
+        Whether `scheduler` may be on another machine and without TLS: whoever reaches it then can
+        run code in its workers and in this process.
     reports : bool
         Whether each result gets its ``report.html``.
     retry_failed : bool
         Whether to try again what failed before and has not changed.
     finished : callable, optional
-        Told the record of each campaign as it ends, how many of this run have ended, and how many
-        there are.
+        Called with the record of each campaign as it ends, how many of this run have ended, and
+        how many there are.
     say : callable, optional
-        Told what is waited for.
+        Called with what is waited for and what is risky.
 
     Returns
     -------
@@ -122,7 +118,15 @@ def run_batch(
     tasks = [
         Task(each, folder, options, reports) for each in campaigns if each.name not in standing
     ]
-    fresh = _carried_out(tasks, _workers(tasks, jobs, scheduler, say), finished)
+    if jobs is not None and scheduler is not None:
+        raise _two_kinds_of_workers(jobs, scheduler)
+    if scheduler is not None and tasks:
+        from pipelines.batch_cluster import on_cluster
+
+        records = on_cluster(tasks, carry_out, scheduler, say, allow_unencrypted=allow_unencrypted)
+    else:
+        records = _done_here(tasks, jobs or available_cores())
+    fresh = _carried_out(tasks, records, finished)
     every = standing | fresh
     batch = Batch(folder, tuple(every[each.name] for each in campaigns), frozenset(fresh))
     _write_overview(batch, campaigns)
@@ -155,25 +159,20 @@ def _standing(
     return record if is_complete else None
 
 
-def _workers(
-    tasks: Sequence[Task], jobs: int | None, scheduler: str | None, say: Callable[[str], None]
-) -> Iterator[Record]:
-    if jobs is not None and scheduler is not None:
-        raise InputError(
-            f"--jobs {jobs} and --scheduler {scheduler}",
-            "both",
-            "the workers are either this machine's or the scheduler's",
-            "Leave one of them out",
-        )
-    if not tasks:
-        return iter(())
-    if scheduler is not None:
-        return on_cluster(tasks, carry_out, scheduler, say)
-    if len(tasks) == 1 or (jobs in (None, 1) and not has_distributed()):
-        if jobs is None and len(tasks) > 1:
-            say(f'One at a time; `pip install "ringmodal[{EXTRA}]"` puts every core to work.')
+def _two_kinds_of_workers(jobs: int, scheduler: str) -> InputError:
+    return InputError(
+        f"--jobs {jobs} and --scheduler {scheduler}",
+        "both",
+        "the workers are either this machine's or the scheduler's",
+        "Leave one of them out",
+    )
+
+
+def _done_here(tasks: Sequence[Task], jobs: int) -> Iterator[Record]:
+    """Records of tasks done by this machine; a single one needs no worker."""
+    if len(tasks) < 2:
         return in_this_process(tasks, carry_out)
-    return on_this_machine(tasks, carry_out, min(jobs or available_cores(), len(tasks)))
+    return on_this_machine(tasks, carry_out, min(jobs, len(tasks)))
 
 
 def _carried_out(
@@ -190,8 +189,7 @@ def _carried_out(
             records.close()  # ends the workers
         for task in tasks:
             if task.campaign.name not in fresh:
-                with suppress(OSError):  # nothing was begun there
-                    remove_abandoned(task.folder.result(task.campaign.place))
+                sweep(task)
     return fresh
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import perf_counter
 
@@ -17,11 +19,14 @@ from pipelines.batch_folder import BatchFolder
 from pipelines.batch_record import DONE, FAILED, Record, Row, write_record
 from pipelines.options import Options
 from pipelines.parameter_set import from_tuning
+from pipelines.partial import remove_abandoned
 from pipelines.process import process
 from pipelines.result import Result
 from pipelines.result_folder import require_free
 from pipelines.store import save
 from pipelines.tables import modes_rows
+
+LIVES = 3  # a task that has ended this many workers is given up
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,9 @@ class Task:
     folder: BatchFolder
     options: Options
     report: bool = False
+
+
+Work = Callable[[Task], Record]
 
 
 def carry_out(task: Task) -> Record:
@@ -70,6 +78,23 @@ def kept(task: Task, record: Record) -> Record:
     except (InputError, OSError) as error:
         return Record(record.campaign, FAILED, record.fingerprint, message=_explained(error)[0])
     return record
+
+
+def given_up(task: Task, found: str) -> Record:
+    """Record of a campaign that every worker died of."""
+    rule = "every worker process that took this campaign died, most likely for lack of memory"
+    remedy = "Leave more memory to each worker, e.g. by fewer --jobs, then use --retry-failed"
+    return kept(task, failure(task, InputError(task.campaign.name, found, rule, remedy)))
+
+
+def sweep(task: Task) -> None:
+    """Remove what a killed worker left half-written."""
+    for place in (
+        task.folder.result(task.campaign.place),
+        task.folder.record(task.campaign.place),
+    ):
+        with suppress(OSError):  # nothing was begun there
+            remove_abandoned(place)
 
 
 def _processed(task: Task) -> Record:

@@ -1,37 +1,27 @@
-"""Who does the work of a batch: this process, workers on this machine, or a cluster."""
+"""Who does the work of a batch on this machine: this process, or workers on pipes of its own.
+
+Nothing listens anywhere, so nobody else on the machine can reach a batch: tasks and records travel
+through one anonymous pipe for each worker.
+"""
 
 from __future__ import annotations
 
-import logging
+import multiprocessing
 import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError
-from contextlib import contextmanager
-from importlib import import_module
-from importlib.util import find_spec
-from typing import Any
+import signal
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
 
 from ema.errors import InputError
 from pipelines.batch_record import Record
-from pipelines.batch_task import Task, failure, kept
-from pipelines.versions import software_version
+from pipelines.batch_task import LIVES, Task, Work, given_up, sweep
+from pipelines.batch_worker import serve
 
-EXTRA = "cluster"
-LIVES = 3  # a task that has ended this many workers is given up
-_ONE_THREAD = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
-_CONNECT_S = 20.0
-_OF_A_CLUSTER = {
-    "distributed.scheduler.allowed-failures": LIVES - 1,
-    # A task that waits at a worker would be blamed for the death that another one caused.
-    "distributed.scheduler.worker-saturation": 1.0,
-    # Memory that recordings are mapped to is given back by itself; a paused worker would hang.
-    "distributed.worker.memory.target": False,
-    "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.pause": False,
-    "distributed.worker.preload": ["pipelines.batch_preload"],
-}
-
-Work = Callable[[Task], Record]
+ONE_THREAD = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
 def in_this_process(tasks: Sequence[Task], work: Work) -> Iterator[Record]:
@@ -40,132 +30,173 @@ def in_this_process(tasks: Sequence[Task], work: Work) -> Iterator[Record]:
 
 
 def on_this_machine(tasks: Sequence[Task], work: Work, n_workers: int) -> Iterator[Record]:
-    """Share the tasks among processes with one thread and an equal part of the memory each.
+    """Share the tasks among processes with one thread of linear algebra each.
 
-    Even a single one keeps what may happen to it away from this process.
+    Even a single one keeps what may happen to it away from this process. A task whose worker dies
+    is tried again after the others.
+
+    Yields
+    ------
+    Record
+        As tasks end.
 
     Raises
     ------
     InputError
-        If dask.distributed is not installed.
+        If worker processes cannot start.
     """
-    distributed = _imported("--jobs")
-    with (
-        _one_thread_each(),
-        import_module("dask").config.set(_OF_A_CLUSTER),
-        distributed.LocalCluster(
-            n_workers=n_workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address="127.0.0.1:0",
-            memory_limit="auto",
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        yield from _shared(client, tasks, work)
-
-
-def on_cluster(
-    tasks: Sequence[Task], work: Work, address: str, say: Callable[[str], None]
-) -> Iterator[Record]:
-    """Share the tasks among the workers of a scheduler.
-
-    Parameters
-    ----------
-    tasks : sequence of Task
-        Their folders are under the same paths on all machines.
-    work : callable
-    address : str
-        For example ``tcp://login1:8786``.
-    say : callable
-        Told when workers are waited for.
-
-    Raises
-    ------
-    InputError
-        If the scheduler cannot be reached, or its workers run another version.
-    """
-    distributed = _imported("--scheduler")
+    crew = _Crew(tasks, work, n_workers)
     try:
-        client = distributed.Client(address, timeout=_CONNECT_S)
-    except (OSError, ValueError) as error:  # a timeout is an OSError
-        rule = "no scheduler answers there"
-        remedy = "Check the address; `dask scheduler` and SLURMCluster print it"
-        raise InputError(f"--scheduler {address}", str(error), rule, remedy) from error
-    with client:
-        if not client.scheduler_info()["workers"]:
-            say(f"Waiting for workers at {address} …")
-        _require_same_version(client, address)
-        yield from _shared(client, tasks, work)
-
-
-def has_distributed() -> bool:
-    """Whether dask.distributed is installed."""
-    return find_spec("distributed") is not None
-
-
-def _imported(option: str) -> Any:
-    """The optional dask.distributed."""
-    if not has_distributed():
-        rule = "several workers need dask.distributed"
-        remedy = f'Install it with `pip install "ringmodal[{EXTRA}]"`, or take --jobs 1'
-        raise InputError(option, "dask.distributed is not installed", rule, remedy)
-    return import_module("distributed")
-
-
-def _require_same_version(client: Any, address: str) -> None:
-    """Results of two versions side by side would not be comparable."""
-    here = software_version()
-    try:
-        there = client.submit(software_version, pure=False).result()
-    except (ImportError, RuntimeError) as error:  # there, or already at the scheduler
-        raise _other_version(f"workers at {address}", str(error)) from error
-    if there != here:
-        raise _other_version(f"workers at {address}", f"ringmodal {there}")
-
-
-def _other_version(where: str, found: str) -> InputError:
-    rule = f"workers must run the same ringmodal as this machine, {software_version()}"
-    return InputError(where, found, rule, "Install it where the scheduler and the workers start")
-
-
-def _shared(client: Any, tasks: Sequence[Task], work: Work) -> Iterator[Record]:
-    """Records as tasks are finished; what is not when this is closed is taken back."""
-    waiting = {client.submit(work, task, pure=False): task for task in tasks}
-    try:
-        for future in import_module("distributed").as_completed(list(waiting)):
-            yield _record_of(future, waiting.pop(future))
-            future.release()
+        yield from crew.records()
     finally:
-        client.cancel(list(waiting))
+        crew.dismiss()
 
 
-def _record_of(future: Any, task: Task) -> Record:
-    distributed = import_module("distributed")
-    try:
-        record: Record = future.result()
-    except CancelledError as error:
-        rule = "the scheduler is gone or dropped the campaign"
-        remedy = "Run the batch again; what is done is not done again"
-        raise InputError(task.campaign.name, "no answer", rule, remedy) from error
-    except ImportError as error:
-        raise _other_version(f"the worker that took {task.campaign.name}", str(error)) from error
-    except distributed.KilledWorker:
-        rule = "every worker process that took this campaign died, most likely for lack of memory"
-        remedy = "Give each worker more memory, e.g. by fewer --jobs, then take --retry-failed"
-        found = "workers died"
-        return kept(task, failure(task, InputError(task.campaign.name, found, rule, remedy)))
-    return record
+@dataclass
+class _Worker:
+    """A worker process; it has one task at a time, so that no other is blamed for its death."""
+
+    process: SpawnProcess
+    pipe: Connection
+    task: Task | None = None
+    is_ready: bool = False
+
+
+class _Crew:
+    """Worker processes, what each of them does, and what waits."""
+
+    def __init__(self, tasks: Sequence[Task], work: Work, n_workers: int) -> None:
+        self._waiting = deque(tasks)
+        self._work = work
+        self._n_workers = n_workers
+        self._workers: list[_Worker] = []
+        self._deaths: Counter[str] = Counter()
+        self._stillborn = 0  # killed one after the other, before they could take a task
+
+    def records(self) -> Iterator[Record]:
+        """Records as tasks end."""
+        while self._waiting or self._busy():
+            self._fill()
+            self._hand_out()
+            for pipe in wait([worker.pipe for worker in self._workers]):
+                worker = next(each for each in self._workers if each.pipe is pipe)
+                record = self._heard(worker)
+                if record is not None:
+                    yield record
+
+    def dismiss(self) -> None:
+        """End all workers at once: what they finished is on disk, what they did not is lost."""
+        for worker in self._workers:
+            worker.process.kill()
+        for worker in self._workers:
+            worker.process.join()
+            worker.process.close()
+            worker.pipe.close()
+        self._workers.clear()
+
+    def _busy(self) -> int:
+        return sum(worker.task is not None for worker in self._workers)
+
+    def _fill(self) -> None:
+        """Start workers as long as there is a task for one more."""
+        wanted = min(self._n_workers, len(self._waiting) + self._busy())
+        while len(self._workers) < wanted:
+            self._workers.append(_started(self._work))
+
+    def _hand_out(self) -> None:
+        for worker in self._workers:
+            if self._waiting and worker.is_ready and worker.task is None:
+                worker.task = self._waiting.popleft()
+                with suppress(OSError):  # it is dead, which its pipe will say next
+                    worker.pipe.send(worker.task)
+
+    def _heard(self, worker: _Worker) -> Record | None:
+        """Take what a worker says: that it is ready, a record, or by its silence that it died."""
+        try:
+            record: Record | None = worker.pipe.recv()
+        except (EOFError, OSError):  # it may die within a record
+            return self._buried(worker)
+        worker.task, worker.is_ready, self._stillborn = None, True, 0
+        self._hand_out()  # before the record is looked at
+        return record
+
+    def _buried(self, worker: _Worker) -> Record | None:
+        """Put the task of a dead worker back, or give it up."""
+        self._workers.remove(worker)
+        worker.pipe.close()
+        worker.process.join()
+        how = _ending(worker.process.exitcode)
+        is_killed = (worker.process.exitcode or 0) < 0
+        worker.process.close()
+        if not worker.is_ready:
+            self._stillborn += 1
+            if not is_killed or self._stillborn == LIVES:
+                raise _cannot_start(how)
+        task = worker.task
+        if task is None:
+            return None
+        sweep(task)
+        self._deaths[task.campaign.name] += 1
+        if self._deaths[task.campaign.name] < LIVES:
+            self._waiting.append(task)
+            return None
+        return given_up(task, f"workers died ({how})")
+
+
+def _started(work: Work) -> _Worker:
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=serve, args=(theirs, work), daemon=True)
+    with _one_thread(), _no_interrupt():
+        process.start()
+    theirs.close()  # what is left is the worker's alone: its death closes the pipe
+    return _Worker(process, ours)
+
+
+def _ending(code: int | None) -> str:
+    """How a process ended, in words."""
+    if code is None or code >= 0:
+        return f"exit code {code}"
+    return f"signal {-code}"
+
+
+def _cannot_start(how: str) -> InputError:
+    rule = "each worker is a process of its own"
+    remedy = (
+        'Run the batch with fewer --jobs; a script that calls it needs `if __name__ == "__main__":`'
+    )
+    return InputError("--jobs", f"a worker process ended as it started ({how})", rule, remedy)
 
 
 @contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """One thread for the linear algebra of each worker, whatever this machine sets."""
-    before = dict(os.environ)
-    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
+def _one_thread() -> Iterator[None]:
+    """One thread for the linear algebra of what is started, whatever this machine sets."""
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     try:
         yield
     finally:
-        os.environ.clear()
-        os.environ.update(before)
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _no_interrupt() -> Iterator[None]:
+    """Start what is started with Ctrl-C held back: it comes here, and the batch ends its workers.
+
+    Windows cannot hold it back; there a worker ignores it from its first line on.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # as it starts it lets Ctrl-C through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -49,9 +49,18 @@ def batch(
         typer.Option(
             metavar="ADDRESS",
             rich_help_panel=MACHINES,
-            help="Scheduler of a Dask cluster, tcp://HOST:PORT.",
+            help="Scheduler of a Dask cluster, tls://HOST:PORT, instead of --jobs. "
+            "Without TLS, whoever reaches its port can run code in its workers and in this batch.",
         ),
     ] = None,
+    allow_unencrypted: Annotated[
+        bool,
+        typer.Option(
+            "--allow-unencrypted",
+            rich_help_panel=MACHINES,
+            help="Use a --scheduler without TLS all the same.",
+        ),
+    ] = False,
     reports: Annotated[
         bool,
         typer.Option(
@@ -80,7 +89,7 @@ def batch(
     Examples:
       ringmodal batch measurements/2025 --out results/2025
       ringmodal batch measurements --out results --jobs 4 --reports
-      ringmodal batch measurements --out results --scheduler tcp://node1:8786
+      ringmodal batch measurements --out results --scheduler tls://node1:8786
     """  # noqa: D406, D407 - a heading of the help
     from pipelines.batch import run_batch
 
@@ -101,6 +110,7 @@ def batch(
                 options,
                 jobs=jobs,
                 scheduler=scheduler,
+                allow_unencrypted=allow_unencrypted,
                 reports=reports,
                 retry_failed=retry_failed,
                 finished=told,

@@ -13,6 +13,7 @@ from ema.errors import InputError
 from pipelines import batch, batch_task
 from pipelines.batch import run_batch
 from pipelines.batch_fingerprint import choices, take_fingerprint
+from pipelines.batch_workers import in_this_process
 from pipelines.options import Options
 from pipelines.parameter_set import read_parameter_set
 from pipelines.process import process
@@ -22,10 +23,10 @@ TABLES = ("modes.parquet", "parameters.parquet")
 
 
 @pytest.fixture(scope="module", autouse=True)
-def in_this_process():
+def no_workers():
     """Keep the work where tests can watch it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(batch, "has_distributed", lambda: False)
+        patch.setattr(batch, "on_this_machine", lambda tasks, work, _: in_this_process(tasks, work))
         yield
 
 

@@ -14,15 +14,18 @@ from pipelines.batch_fingerprint import Fingerprint
 from pipelines.batch_folder import BatchFolder
 from pipelines.batch_page import write_summary
 from pipelines.batch_record import DONE, FAILED, Record, read_record, write_record
+from pipelines.batch_workers import in_this_process
 
 ONCE = ("--jobs", 1, "--no-tune", "--max-order", 20)
 MODE = (1, 2, "", 100.3, 0.04, 0.03, 0.0003, 0.99, 0.7, 0.99, "", 0.001, 1e-5)
 
 
 @pytest.fixture(autouse=True)
-def in_this_process(monkeypatch):
+def no_workers(monkeypatch):
     """Keep the work where tests can watch it."""
-    monkeypatch.setattr(batch, "has_distributed", lambda: False)
+    monkeypatch.setattr(
+        batch, "on_this_machine", lambda tasks, work, _: in_this_process(tasks, work)
+    )
 
 
 @pytest.fixture

@@ -3,26 +3,29 @@
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from fleets import QUICK, edit, write_campaign
 
 from ema.errors import InputError
-from pipelines import batch, batch_workers
+from pipelines import batch
 from pipelines.batch import run_batch
 from pipelines.batch_campaigns import CampaignFolder
 from pipelines.batch_fingerprint import Fingerprint
 from pipelines.batch_folder import BatchFolder
 from pipelines.batch_record import DONE, Record, read_record
 from pipelines.batch_task import Task
-from pipelines.batch_workers import in_this_process, on_this_machine
+from pipelines.batch_workers import ONE_THREAD, in_this_process, on_this_machine
 from pipelines.options import Options
+from pipelines.partial import partial_folder
 
-needs_dask = pytest.mark.skipif(
-    not batch_workers.has_distributed(), reason="dask.distributed is not installed"
+needs_signals = pytest.mark.skipif(
+    not Path("/proc/self/status").exists(), reason="looks at processes as Linux shows them"
 )
 DEADLY, DEADLY_ONCE = "tyre_3", "tyre_5"
 
@@ -37,8 +40,10 @@ def tasks(tmp_path):
 
 
 def working(task):
-    """Work that tells with which limits it was done."""
-    threads = " ".join(os.environ.get(name, "") for name in batch_workers._ONE_THREAD)
+    """Work that tells with which limits it was done, and whether with Dask."""
+    threads = " ".join(os.environ.get(name, "") for name in ONE_THREAD)
+    if "distributed" in sys.modules:
+        threads += ", Dask"
     return Record(task.campaign.name, DONE, Fingerprint("", ()), message=threads)
 
 
@@ -52,12 +57,70 @@ def perilous(task):
     return working(task)
 
 
+class Unloadable:
+    """Work at which a worker ends before it is ready, as one does that cannot import it."""
+
+    def __reduce__(self):
+        return os._exit, (3,)
+
+
+def patient(task):
+    """Work that begins a result, says so, and does not end."""
+    place = task.folder.result(task.campaign.place)
+    place.parent.mkdir(parents=True, exist_ok=True)
+    with partial_folder(place) as partial:
+        (partial / str(os.getpid())).touch()
+        time.sleep(600)
+
+
+def begun(folder):
+    """Numbers of the processes that have begun a result."""
+    return [int(path.name) for path in folder.path.glob("results/.*.partial/*")]
+
+
+def runs(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return "State:\tZ" not in Path(f"/proc/{process}/status").read_text()
+
+
+@pytest.fixture
+def endless(short_campaign, tmp_path):
+    """A batch in a process group of its own, as a shell starts it, whose work does not end."""
+    for name in ("a", "b", "c"):
+        write_campaign(short_campaign, tmp_path / "root" / name)
+    program = (
+        "import sys; from pipelines import batch, main; import test_pipelines_batch_workers as t; "
+        "batch.carry_out = t.patient; main.main()"
+    )
+    tests = Path(__file__).parent
+    paths = os.pathsep.join([str(tests), str(tests.parent), *sys.path])
+    arguments = ("batch", tmp_path / "root", "--out", tmp_path / "out", "--jobs", "2", "--quiet")
+    with subprocess.Popen(
+        [sys.executable, "-c", program, *arguments],
+        env={**os.environ, "PYTHONPATH": paths},
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    ) as running:
+        yield running, BatchFolder(tmp_path / "out")
+        running.kill()
+
+
+def begun_by_two(batch, folder):
+    """The workers of a batch, once both are at work."""
+    while len(workers := begun(folder)) < 2:
+        assert batch.poll() is None
+        time.sleep(0.05)
+    return workers
+
+
 def test_in_this_process_campaigns_come_in_their_order(tasks):
     records = list(in_this_process(tasks, working))
     assert [record.campaign for record in records] == [task.campaign.name for task in tasks]
 
 
-@needs_dask
 def test_killed_workers_lose_nothing_but_the_campaign_that_kills_them_all(tasks, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     environment = dict(os.environ)
@@ -73,14 +136,15 @@ def test_killed_workers_lose_nothing_but_the_campaign_that_kills_them_all(tasks,
     assert multiprocessing.active_children() == []
 
 
-@needs_dask
 def test_two_workers_give_the_same_as_none(short_campaign, tmp_path, monkeypatch):
     for name in ("broken", "tyre_1", "tyre_2"):
         write_campaign(short_campaign, tmp_path / "root" / name)
     edit(tmp_path / "root" / "broken", "positions = 72", "positions = 0")
     edit(tmp_path / "root" / "tyre_2", "position_deg = 0.0", "position_deg = 30.0")
     two = run_batch(tmp_path / "root", tmp_path / "two", QUICK, jobs=2)
-    monkeypatch.setattr(batch, "has_distributed", lambda: False)
+    monkeypatch.setattr(
+        batch, "on_this_machine", lambda tasks, work, _: in_this_process(tasks, work)
+    )
     one = run_batch(tmp_path / "root", tmp_path / "one", QUICK, jobs=1)
     assert [record.is_done for record in two.records] == [False, True, True]
     for name in ("modes.parquet", "parameters.parquet"):
@@ -92,51 +156,40 @@ def test_two_workers_give_the_same_as_none(short_campaign, tmp_path, monkeypatch
     assert again.fresh == frozenset()
 
 
-@needs_dask
-def test_the_workers_of_a_scheduler_give_the_same(tasks):
-    from distributed import LocalCluster
-
-    said = []
-    with LocalCluster(n_workers=1, processes=False, dashboard_address=None) as cluster:
-        address = cluster.scheduler_address
-        records = list(batch_workers.on_cluster(tasks, working, address, said.append))
-    assert {record.campaign for record in records} == {task.campaign.name for task in tasks}
-    assert said == []
+def test_a_campaign_that_kills_is_tried_again_by_workers_that_have_nothing_to_do(tasks):
+    killing = [task for task in tasks if task.campaign.name in (DEADLY, DEADLY_ONCE)]
+    records = {record.campaign: record for record in on_this_machine(killing, perilous, 2)}
+    assert {name: record.is_done for name, record in records.items()} == {
+        DEADLY: False,
+        DEADLY_ONCE: True,
+    }
 
 
-@pytest.mark.parametrize("answer", ["99.0", ImportError("No module named 'pipelines'")])
-def test_workers_without_this_version_are_refused(answer):
-    def result():
-        if isinstance(answer, ImportError):
-            raise answer
-        return answer
-
-    client = SimpleNamespace(submit=lambda work, pure: SimpleNamespace(result=result))
-    with pytest.raises(InputError, match=r"tcp://far:1.*(99\.0|No module).*the same ringmodal"):
-        batch_workers._require_same_version(client, "tcp://far:1")
+def test_workers_that_cannot_start_end_the_batch(tasks):
+    with pytest.raises(InputError) as refused:
+        list(on_this_machine(tasks, Unloadable(), 2))
+    assert "3" in refused.value.found
+    assert multiprocessing.active_children() == []
 
 
-@needs_dask
-def test_no_scheduler_is_told(tasks, monkeypatch):
-    monkeypatch.setattr(batch_workers, "_CONNECT_S", 0.2)
-    for address in ("tcp://127.0.0.1:9", "nonsense"):
-        with pytest.raises(InputError, match="no scheduler answers"):
-            list(batch_workers.on_cluster(tasks, working, address, str))
+@needs_signals
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_ends_workers_and_removes_what_they_began(number, code, endless):
+    batch, folder = endless
+    workers = begun_by_two(batch, folder)
+    os.killpg(batch.pid, number) if number == signal.SIGINT else batch.send_signal(number)
+    assert batch.wait(30) == code
+    assert not any(map(runs, workers))
+    assert begun(folder) == []
 
 
-def test_several_workers_ask_for_what_is_missing(tasks, monkeypatch):
-    monkeypatch.setattr(batch_workers, "find_spec", lambda name: None)
-    for records in (
-        on_this_machine(tasks, working, 2),
-        batch_workers.on_cluster(tasks, working, "tcp://nowhere:8786", str),
-    ):
-        with pytest.raises(InputError, match=r'pip install "ringmodal\[cluster\]"'):
-            list(records)
-
-
-def test_without_dask_a_batch_takes_one_campaign_at_a_time(tasks, monkeypatch):
-    monkeypatch.setattr(batch, "has_distributed", lambda: False)
-    monkeypatch.setattr(batch, "carry_out", working)
-    said = []
-    assert len(list(batch._workers(tasks, None, None, said.append))) == len(tasks)
-    assert "ringmodal[cluster]" in said[0]
+@needs_signals
+def test_workers_do_not_outlive_a_batch_that_is_killed(endless):
+    batch, folder = endless
+    workers = begun_by_two(batch, folder)
+    batch.kill()
+    batch.wait()
+    deadline = time.monotonic() + 30
+    while any(map(runs, workers)):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
