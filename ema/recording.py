@@ -24,6 +24,8 @@ DISPLACEMENT = "displacement"
 VOLTAGE = "voltage"
 UNKNOWN = "unknown"
 
+SENSELESS = 1e30  # in SI, beyond any signal: what programs write where they have no number
+
 
 @dataclass(frozen=True, eq=False)
 class Channel:
@@ -46,6 +48,9 @@ class Channel:
         Node number, where the file has one.
     angle_deg : float or None
         Angle from geometry in the same file (datasets 15, 2411), which overrides the grid.
+    limit : float
+        Magnitude in SI beyond which a sample of this channel is impossible and counts as missing;
+        none is beyond 1e30 whatever the limit.
     """
 
     name: str
@@ -55,6 +60,7 @@ class Channel:
     scale_to_si: float = 1.0
     node: int | None = None
     angle_deg: float | None = None
+    limit: float = float("inf")
 
     @property
     def n_samples(self) -> int:
@@ -62,17 +68,33 @@ class Channel:
         return int(self.samples.shape[0])
 
     def block(self, start: int, stop: int) -> NDArray[np.float64]:
-        """Samples `start` to `stop` in SI units and double precision."""
+        """Samples `start` to `stop` in SI units and double precision; NaN where impossible."""
+        found = self.raw_block(start, stop)
+        self._leave_out_impossible(found)
+        return found
+
+    def raw_block(self, start: int, stop: int) -> NDArray[np.float64]:
+        """Samples `start` to `stop` in SI units, impossible ones included."""
         with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
             found = piece(self.samples, start, stop)
             return np.asarray(found, dtype=np.float64) * self.scale_to_si
 
     def read_block(self, start: int, into: NDArray[np.float64]) -> None:
-        """Fill `into` with the samples from `start` on, in SI units."""
+        """Fill `into` with the samples from `start` on, as `block` gives them."""
+        self.read_raw(start, into)
+        self._leave_out_impossible(into)
+
+    def read_raw(self, start: int, into: NDArray[np.float64]) -> None:
+        """Fill `into` with the samples from `start` on, as `raw_block` gives them."""
         with np.errstate(invalid="ignore", over="ignore"):
             fill(self.samples, start, into)
             if self.scale_to_si != 1.0:
                 into *= self.scale_to_si
+
+    def _leave_out_impossible(self, samples: NDArray[np.float64]) -> None:
+        limit = min(self.limit, SENSELESS)
+        if samples.size and not (samples.max() <= limit and samples.min() >= -limit):
+            samples[np.abs(samples) > limit] = np.nan
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ from ema.level_check import level_findings
 from ema.quality import OK, WARNING, Finding
 from ema.recording import VOLTAGE, Channel, Recording
 from ema.signal_summary import SignalSummary, signal_findings, summarise
+from ema.spikes import with_limits
 
 # What a reader left out is worth a note; it does not make a file look wrong.
 _NOTES = ("content",)
@@ -145,6 +146,7 @@ def _report(path: Path, manifest: Manifest | None, levels: bool) -> FileReport:
         summaries = None
         rate_hz = recording.sampling_rate_hz
         if levels:
+            recording = with_limits(recording)
             summaries = [summarise(channel, rate_hz) for channel in recording.channels]
             findings += level_findings(recording, summaries)
         channels = tuple(_channel_reports(recording, summaries, findings))
