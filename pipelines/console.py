@@ -9,6 +9,8 @@ import sys
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from ema.visible import escaped, visible_line
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -34,7 +36,7 @@ def say(message: str) -> None:
 
 def print_json(content: Any) -> None:
     """Print a result for programs, in plain ASCII, which every console can show."""
-    print(json.dumps(plain(content), indent=2, allow_nan=False))  # noqa: T201
+    print(escaped(json.dumps(plain(content), indent=2, allow_nan=False)))  # noqa: T201
 
 
 def complain(message: str) -> None:
@@ -44,9 +46,7 @@ def complain(message: str) -> None:
 
 def printable(text: str) -> str:
     """A text from a file as a terminal may show it: in one line, without control sequences."""
-    return "".join(
-        sign if sign.isprintable() else " " if sign.isspace() else "\ufffd" for sign in text
-    )
+    return visible_line(text)
 
 
 def file_trouble(error: OSError) -> str:
@@ -69,9 +69,9 @@ def out_of_memory(error: MemoryError) -> str:
 def report_fault(
     kind: type[BaseException], fault: BaseException, _: TracebackType | None = None
 ) -> None:
-    """Say in one line that the program is at fault; Python ends it with exit code 1."""
+    """Say in one line that the program failed; Python ends it with exit code 1."""
     complain(
-        f"Fault of the program: {kind.__name__}: {fault}. Please report it "
+        f"Internal error: {kind.__name__}: {fault}. Please report it "
         "with the command and this line; `ringmodal --debug …` or RINGMODAL_DEBUG=1 shows where."
     )
 
