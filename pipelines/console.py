@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
@@ -14,6 +15,7 @@ from ema.visible import escaped, visible_line
 if TYPE_CHECKING:
     from rich.console import Console
 
+_OF_DRIVES = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EFBIG)
 _PIPE_WIDTH = 10_000  # a pipe has no edge at which lines would have to break
 
 
@@ -50,11 +52,16 @@ def printable(text: str) -> str:
 
 
 def file_trouble(error: OSError) -> str:
-    """Message for a file that cannot be read or written any more."""
+    """Message for a file, or a drive, that cannot be read or written any more."""
     return (
-        f"Error: {error.filename}: {error.strerror}; it could be neither read nor written. "
-        "Check that the drive is there and what it permits."
+        f"Error: {error.filename or 'drive'}: {error.strerror}; it could be neither read nor "
+        "written. Check that the drive is there, its free space and what it permits."
     )
+
+
+def is_drive_trouble(error: OSError) -> bool:
+    """Whether a file or its drive is at fault; what a library writes may not name the file."""
+    return error.filename is not None or error.errno in _OF_DRIVES
 
 
 def out_of_memory(error: MemoryError) -> str:

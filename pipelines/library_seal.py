@@ -56,7 +56,10 @@ def unsealed(path: Path) -> dict[str, Any]:
         raise damaged(path, f"no checksum in its last line ({len(text)} characters)")
     if last + "\n" != _seal(body):
         raise damaged(path, "a checksum that does not fit its content")
-    return tomllib.loads(body)
+    try:
+        return tomllib.loads(body)
+    except tomllib.TOMLDecodeError as error:
+        raise damaged(path, f"no TOML ({error})") from error
 
 
 def is_sealed(path: Path) -> bool:

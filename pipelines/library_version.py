@@ -29,7 +29,7 @@ class Entry:
     tyre_id : str
         Tells tyres of one designation apart; empty where there is one of each.
     source : str
-        Result folder or parameter set that was added.
+        Name of the result folder or parameter set that was added, without its path.
     source_sha256 : str
         Checksum of its ``tyre.toml``.
     id : str
@@ -139,5 +139,18 @@ def read_version(path: Path, tyre: str, number: int) -> Version:
     told: dict[str, Any] = dict(content.get(SECTION, {}))
     if told.pop("number", None) != number:
         raise damaged(path, f"version {content.get(SECTION, {}).get('number')}")
+    try:
+        parameters = parameter_set_of(path, content)
+    except InputError as error:
+        raise damaged(path, f"{error.where}: {error.found}") from error
+    return Version(tyre, number, parameters, _entry(path, told), checksum(path))
+
+
+def _entry(path: Path, told: dict[str, Any]) -> Entry:
     known = {key: told[key] for key in Entry.__dataclass_fields__ if key in told}
-    return Version(tyre, number, parameter_set_of(path, content), Entry(**known), checksum(path))
+    if not {"author", "created", "software"} <= known.keys():
+        raise damaged(path, "a version without author, moment or software")
+    for key, text in known.items():
+        if not isinstance(text, str):
+            raise damaged(path, f"{key} = {text!r}, which is no text")
+    return Entry(**known)

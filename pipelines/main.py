@@ -41,6 +41,7 @@ def _run() -> Any:
     from pipelines import console
     from pipelines.cli import app
 
+    sys.excepthook = console.report_fault  # until `--debug` is read
     try:
         app()
     except SystemExit as ended:
@@ -49,7 +50,7 @@ def _run() -> Any:
         console.complain(f"Error: {error}")
         return 2
     except OSError as error:
-        if error.filename is None:
+        if not console.is_drive_trouble(error):
             raise
         console.complain(console.file_trouble(error))
         return 2

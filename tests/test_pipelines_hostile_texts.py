@@ -98,7 +98,7 @@ def test_nothing_acts_in_a_library(result, tmp_path):
     folder, _, _ = result
     library = ["--library", tmp_path / "library"]
     author = ["--author", "@SUM(1)", "--note", "\x1b[31m=1"]
-    code, output, errors = ringmodal("tyre", "add", folder, "--tyre", "t", *library, *author)
+    code, _, errors = ringmodal("tyre", "add", folder, "--tyre", "t", *library, *author)
     assert code == 0, errors
     for command in (["list"], ["show", "t"], ["history", "t"]):
         code, shown, errors = ringmodal("tyre", *command, *library)
