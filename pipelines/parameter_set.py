@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from ema.errors import InputError
+from ema.regular_file import require_regular
 from model.damping import DampingResult
 from model.identifiability import AT_BOUND, GIVEN, IDENTIFIED, NOT_IDENTIFIED
 from model.parameters import RingDamping, RingParameters, Wheel
@@ -208,7 +209,7 @@ def read_parameter_set(
 
     path = Path(path)
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(require_regular(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(
             str(path),

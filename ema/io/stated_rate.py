@@ -91,7 +91,9 @@ def _number(value: object) -> float:
     try:
         if isinstance(value, str):
             return float(value.strip().removesuffix("Hz"))
-        return float(value) if isinstance(value, int | float | np.number) else math.nan
+        return (
+            float(value) if isinstance(value, int | float | np.integer | np.floating) else math.nan
+        )
     except (ValueError, OverflowError, TypeError):
         return math.nan
 
