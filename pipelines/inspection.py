@@ -22,6 +22,7 @@ from ema.quality import OK, WARNING, Finding
 from ema.recording import VOLTAGE, Channel, Recording
 from ema.signal_summary import SignalSummary, signal_findings, summarise
 from ema.spikes import with_limits
+from ema.threads import one_blas_thread
 
 # What a reader left out is worth a note; it does not make a file look wrong.
 _NOTES = ("content",)
@@ -135,6 +136,7 @@ def _manifest_of(source: Path) -> Manifest | None:
     return None if is_folder(source) and not exists(path) else read_manifest(path)
 
 
+@one_blas_thread
 def _report(path: Path, manifest: Manifest | None, levels: bool) -> FileReport:
     content = read_file(path) if levels else read_headers(path)
     recording, findings = content.recording, list(content.findings)
