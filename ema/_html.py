@@ -10,6 +10,8 @@ from decimal import Decimal
 from html import escape
 from math import isfinite
 
+from ema.visible import visible
+
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -52,12 +54,12 @@ def value_with_std(value: float, std: float | None) -> str:
 
 def _captioned(caption: str, rows: str) -> str:
     style = "text-align:left;font-weight:bold;color:inherit"
-    return f'<table><caption style="{style}">{escape(caption)}</caption>{rows}</table>'
+    return f'<table><caption style="{style}">{escape(visible(caption))}</caption>{rows}</table>'
 
 
 def _row(tag: str, cells: Iterable[str], columns: Sequence[str]) -> str:
     written = (
-        f'<{tag} style="text-align:{column};padding:0.1em 0.6em">{escape(cell)}</{tag}>'
+        f'<{tag} style="text-align:{column};padding:0.1em 0.6em">{escape(visible(cell))}</{tag}>'
         for cell, column in zip(cells, columns, strict=True)
     )
     return f"<tr>{''.join(written)}</tr>"

@@ -21,6 +21,7 @@ _BETWEEN_SAMPLES = 0.6
 _PARTS = np.linspace(-0.5, 0.5, 11)
 # What the search for a period looks at; memory and time stay small.
 _SEARCHED_SAMPLES = 1 << 18
+_FEW_MISSING = 1e-3  # share of samples without which a force repeats as clearly as with them
 
 
 def is_steady(force: Channel) -> bool:
@@ -88,9 +89,12 @@ def repeats_after(force: Channel, period: int) -> bool:
 
 
 def _swings(force: Channel) -> NDArray[np.float64]:
-    """The force about its mean; nothing where samples are missing."""
+    """The force about its mean, there too where few samples miss; nothing where many do."""
     samples = force.block(0, min(force.n_samples, _SEARCHED_SAMPLES))
-    return samples - samples.mean() if np.all(np.isfinite(samples)) else np.zeros(0)
+    known = np.isfinite(samples)
+    if np.mean(~known) > _FEW_MISSING:
+        return np.zeros(0)
+    return np.where(known, samples - samples.mean(where=known), 0.0)
 
 
 def _self_correlation(samples: NDArray[np.float64]) -> NDArray[np.float64]:

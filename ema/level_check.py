@@ -10,7 +10,7 @@ import numpy as np
 from ema.io.units import SI_UNIT, is_stated, parse_unit
 from ema.quality import WARNING, Finding
 from ema.recording import ACCELERATION, FORCE, Channel, Recording
-from ema.signal_summary import SignalSummary, known_samples, summarise
+from ema.signal_summary import SignalSummary, summarise
 
 _PIECES, _PIECE = 4, 4096
 # A weak impact, or a short one in a long recording, has little rms but a peak well above it.
@@ -80,7 +80,7 @@ def _probe(channel: Channel) -> tuple[float, float]:
     """Rms and largest deviation about the mean, from a few pieces along the recording."""
     last = max(channel.n_samples - _PIECE, 0)
     starts = np.linspace(0, last, min(_PIECES, 1 + channel.n_samples // _PIECE)).astype(int)
-    pieces = [known_samples(channel, start, start + _PIECE) for start in starts.tolist()]
+    pieces = [channel.block(start, start + _PIECE) for start in starts.tolist()]
     samples = np.concatenate(pieces)
     samples = samples[np.isfinite(samples)]
     if not samples.size:

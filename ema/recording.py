@@ -24,6 +24,8 @@ DISPLACEMENT = "displacement"
 VOLTAGE = "voltage"
 UNKNOWN = "unknown"
 
+SENSELESS = 1e30  # in SI, beyond any signal: what programs write where they have no number
+
 
 @dataclass(frozen=True, eq=False)
 class Channel:
@@ -49,6 +51,9 @@ class Channel:
     gaps : tuple of (int, int)
         Stretches, first sample and the one behind the last, that are known to be wrong: `block` and
         `read_block` give NaN there, as for samples that are missing.
+    limit : float
+        Magnitude in SI beyond which a sample of this channel is impossible and counts as missing;
+        none is beyond 1e30 whatever the limit.
     """
 
     name: str
@@ -59,6 +64,7 @@ class Channel:
     node: int | None = None
     angle_deg: float | None = None
     gaps: tuple[tuple[int, int], ...] = ()
+    limit: float = float("inf")
 
     @property
     def n_samples(self) -> int:
@@ -66,22 +72,33 @@ class Channel:
         return int(self.samples.shape[0])
 
     def block(self, start: int, stop: int) -> NDArray[np.float64]:
-        """Samples `start` to `stop` in SI units and double precision."""
+        """Samples `start` to `stop` in SI units; NaN where impossible or known to be wrong."""
+        found = self.raw_block(start, stop)
+        self._leave_out(start, found)
+        return found
+
+    def raw_block(self, start: int, stop: int) -> NDArray[np.float64]:
+        """Samples `start` to `stop` in SI units, impossible ones included."""
         with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
             found = piece(self.samples, start, stop)
-            samples = np.asarray(np.asarray(found, dtype=np.float64) * self.scale_to_si)
-        self._leave_out(start, samples)
-        return samples
+            return np.asarray(np.asarray(found, dtype=np.float64) * self.scale_to_si)
 
     def read_block(self, start: int, into: NDArray[np.float64]) -> None:
-        """Fill `into` with the samples from `start` on, in SI units."""
+        """Fill `into` with the samples from `start` on, as `block` gives them."""
+        self.read_raw(start, into)
+        self._leave_out(start, into)
+
+    def read_raw(self, start: int, into: NDArray[np.float64]) -> None:
+        """Fill `into` with the samples from `start` on, as `raw_block` gives them."""
         with np.errstate(invalid="ignore", over="ignore"):
             fill(self.samples, start, into)
             if self.scale_to_si != 1.0:
                 into *= self.scale_to_si
-        self._leave_out(start, into)
 
     def _leave_out(self, start: int, samples: NDArray[np.float64]) -> None:
+        limit = min(self.limit, SENSELESS)
+        if samples.size and not (samples.max() <= limit and samples.min() >= -limit):
+            samples[np.abs(samples) > limit] = np.nan
         for first, behind in self.gaps:
             samples[max(first - start, 0) : max(behind - start, 0)] = np.nan
 

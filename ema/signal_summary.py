@@ -13,12 +13,12 @@ from ema.quality import WARNING, Finding
 from ema.recording import FORCE, Channel
 
 _PIECE = 1 << 18
-_SENSELESS = 1e30  # in SI, beyond any signal: what programs write where they have no number
+IMPOSSIBLE = "impossible samples"
 # Limits of the signal lie beyond its rms; the rest between impacts or bursts does not.
 _LIMIT_RMS = 1.0
 # A sensor that holds one value this long, though its signal is steady else, has dropped out.
 _DROPOUT_SHARE, _DROPOUT_SAMPLES = 0.01, 100
-_STEADY_CREST = 8.0
+STEADY_CREST = 8.0
 _LOUD_HUM = 0.01  # of the rms
 
 
@@ -40,9 +40,15 @@ class SignalSummary:
     n_clipped_low, n_clipped_high : int
         Samples on flat tops at the lowest and the highest value.
     n_missing : int
-        Samples that are not finite, or beyond any signal (1e30).
+        Samples that are not finite, or impossible: beyond the channel's limit.
     first_missing : int or None
         Index of the first of them.
+    n_impossible : int
+        Those among the missing ones that are numbers, but beyond the channel's limit.
+    first_impossible : int or None
+        Index of the first of these.
+    worst_impossible : float
+        Largest magnitude of these; 0 where there are none.
     longest_hold, longest_hold_start : int
         Length and first sample of the longest run of one value.
     hum : Hum or None
@@ -62,6 +68,9 @@ class SignalSummary:
     longest_hold: int
     longest_hold_start: int
     hum: Hum | None
+    n_impossible: int = 0
+    first_impossible: int | None = None
+    worst_impossible: float = 0.0
 
     @property
     def peak(self) -> float:
@@ -112,11 +121,27 @@ class _Moments:
         self.highest = max(self.highest, float(samples.max()))
 
 
-def known_samples(channel: Channel, start: int, stop: int) -> NDArray[np.float64]:
-    """Samples `start` to `stop` of a channel in SI; NaN where they are missing or senseless."""
-    with np.errstate(over="ignore"):  # what leaves the range of numbers is no signal either
-        piece = channel.block(start, stop)
-    return np.where(np.abs(piece) < _SENSELESS, piece, np.nan)
+@dataclass
+class _Gaps:
+    """Missing samples of a signal that comes piece by piece, and which of them are numbers."""
+
+    n_missing: int = 0
+    first_missing: int | None = None
+    n_impossible: int = 0
+    first_impossible: int | None = None
+    worst_impossible: float = 0.0
+
+    def add(self, start: int, known: NDArray[np.bool_], raw: NDArray[np.float64]) -> None:
+        self.n_missing += int(np.count_nonzero(~known))
+        if self.first_missing is None:
+            self.first_missing = start + int(np.argmin(known))
+        impossible = np.flatnonzero(~known & np.isfinite(raw))
+        if not impossible.size:
+            return
+        self.n_impossible += impossible.size
+        self.worst_impossible = max(self.worst_impossible, float(np.abs(raw[impossible]).max()))
+        if self.first_impossible is None:
+            self.first_impossible = start + int(impossible[0])
 
 
 def summarise(channel: Channel, sampling_rate_hz: float = float("nan")) -> SignalSummary:
@@ -130,14 +155,13 @@ def summarise(channel: Channel, sampling_rate_hz: float = float("nan")) -> Signa
     """
     moments, plateaus = _Moments(), Plateaus()
     hum_meter = HumMeter(sampling_rate_hz, channel.n_samples)
-    n_missing, first_missing = 0, None
+    gaps = _Gaps()
     for start in range(0, channel.n_samples, _PIECE):
-        piece = known_samples(channel, start, min(start + _PIECE, channel.n_samples))
+        stop = min(start + _PIECE, channel.n_samples)
+        piece = channel.block(start, stop)
         known = np.isfinite(piece)
         if not known.all():
-            n_missing += int(np.count_nonzero(~known))
-            if first_missing is None:
-                first_missing = start + int(np.argmin(known))
+            gaps.add(start, known, channel.raw_block(start, stop))
         moments.add(piece[known])
         plateaus.add(piece)
         hum_meter.add(piece)
@@ -156,11 +180,14 @@ def summarise(channel: Channel, sampling_rate_hz: float = float("nan")) -> Signa
         highest=np.nan if empty else moments.highest,
         n_clipped_low=low if mean - moments.lowest > _LIMIT_RMS * rms_ac else 0,
         n_clipped_high=high if moments.highest - mean > _LIMIT_RMS * rms_ac else 0,
-        n_missing=n_missing,
-        first_missing=first_missing,
+        n_missing=gaps.n_missing,
+        first_missing=gaps.first_missing,
         longest_hold=plateaus.longest,
         longest_hold_start=plateaus.longest_start,
         hum=hum_meter.hum(rms_ac),
+        n_impossible=gaps.n_impossible,
+        first_impossible=gaps.first_impossible,
+        worst_impossible=gaps.worst_impossible,
     )
 
 
@@ -177,6 +204,7 @@ def signal_findings(summary: SignalSummary, file: str, channel: Channel) -> list
     """
     said = {
         "missing samples": _missing(summary),
+        IMPOSSIBLE: _impossible(summary, channel),
         "silent": _silent(summary, channel),
         "clipped": _clipped(summary, channel),
         "dropout": _dropout(summary, channel),
@@ -190,15 +218,27 @@ def signal_findings(summary: SignalSummary, file: str, channel: Channel) -> list
 
 
 def _missing(summary: SignalSummary) -> str:
-    if not summary.n_missing:
+    count = summary.n_missing - summary.n_impossible
+    if not count:
         return ""
-    if summary.n_missing == summary.n_samples:
+    if count == summary.n_samples:
         return "there is no number in it"
-    share = 100 * summary.n_missing / summary.n_samples
-    first = summary.first_missing
+    found = f"{count} samples are no numbers ({100 * count / summary.n_samples:.2g} %)"
     return (
-        f"{summary.n_missing} samples are no numbers ({share:.2g} %), the first is sample {first}"
+        found if summary.n_impossible else f"{found}, the first is sample {summary.first_missing}"
     )
+
+
+def _impossible(summary: SignalSummary, channel: Channel) -> str:
+    count = summary.n_impossible
+    if not count:
+        return ""
+    samples = "1 sample" if count == 1 else f"{count} samples"
+    worst = _level(summary.worst_impossible, channel)
+    detail = f"{samples} of up to {worst}, which no sensor gave: taken as missing"
+    if not np.isnan(summary.peak):
+        detail += f"; everything else stays within {_level(summary.peak, channel)}"
+    return f"{detail}; the first is sample {summary.first_impossible}"
 
 
 def _silent(summary: SignalSummary, channel: Channel) -> str:
@@ -223,7 +263,7 @@ def _clipped(summary: SignalSummary, channel: Channel) -> str:
 def _dropout(summary: SignalSummary, channel: Channel) -> str:
     held = summary.longest_hold
     shortest = max(_DROPOUT_SAMPLES, _DROPOUT_SHARE * summary.n_samples)
-    event = not summary.crest_factor < _STEADY_CREST
+    event = not summary.crest_factor < STEADY_CREST
     # A force may well be zero between impacts and bursts.
     if channel.quantity == FORCE or summary.is_silent or event or held < shortest:
         return ""

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ema.regular_file import require_regular
 from pipelines.batch_fingerprint import FileState, Fingerprint
 from pipelines.console import plain
 from pipelines.whole_file import file_written_whole
@@ -80,7 +81,7 @@ def write_record(record: Record, path: Path) -> None:
 def read_record(path: Path) -> Record | None:
     """Read a record; None where there is none of this version that is whole."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(require_regular(path).read_text(encoding="utf-8"))
         if content.pop("schema") != SCHEMA:
             return None
         fingerprint = content.pop("fingerprint")

@@ -9,6 +9,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from ema.regular_file import require_regular
 from pipelines.batch_folder import BatchFolder
 from pipelines.batch_record import Record
 from pipelines.tables import MODES
@@ -64,7 +65,7 @@ def tables_are_current(records: Sequence[Record], folder: BatchFolder) -> bool:
     if not folder.is_complete():
         return False
     try:
-        rows = pq.read_table(folder.campaigns).to_pylist()
+        rows = pq.read_table(require_regular(folder.campaigns)).to_pylist()
     except (OSError, ValueError):  # what pyarrow raises for a damaged file
         return False
     return bool(rows == campaign_rows(records))

@@ -14,6 +14,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+from ema.visible import escaped
+
 FILES = "files"
 OWN = "content_sha256"
 ACCEPTED = "accepted_changes"  # key of a provenance: what was taken although it had changed
@@ -67,7 +69,7 @@ def write_marker(path: Path, content: Mapping[str, Any]) -> None:
     files = {each.name: sha256(each) for each in sorted(path.parent.iterdir()) if each != path}
     full = json.loads(json.dumps({**content, FILES: files}, default=str))
     full[OWN] = content_sha256(full)
-    text = json.dumps(full, indent=2, ensure_ascii=False)
+    text = escaped(json.dumps(full, indent=2, ensure_ascii=False))
     path.write_text(text + "\n", encoding="utf-8", newline="\n")
 
 

@@ -68,7 +68,7 @@ def common(
     debug: Annotated[
         bool,
         typer.Option(
-            "--debug", envvar="RINGMODAL_DEBUG", help="Show where a fault of the program happened."
+            "--debug", envvar="RINGMODAL_DEBUG", help="Show where an internal error happened."
         ),
     ] = False,
     version: Annotated[
@@ -81,7 +81,7 @@ def common(
         ),
     ] = False,
 ) -> None:
-    """Choose what a fault of the program shows, before any command runs."""
+    """Choose what an internal error shows, before any command runs."""
     sys.excepthook = sys.__excepthook__ if debug else console.report_fault
 
 

@@ -296,6 +296,8 @@ def table(
 ) -> None:
     """Write all versions as one table, for pandas or a spreadsheet; without --out, show them.
 
+    Versions whose files are damaged are left out and named; the exit code is 2 then.
+
     Example:
       ringmodal tyre table --library parameters --out parameters.parquet --wide
     """
@@ -307,12 +309,13 @@ def table(
     if out is not None:
         require_target(out, TABLE_ENDINGS)
     tyres = [of.tyre(name) for name in names] if names else of.tyres()
-    rows = version_rows(tyres, wide=wide and (as_json or out is not None))
+    rows, damage = version_rows(tyres, wide=wide and (as_json or out is not None))
     if out is None:
         console_tyre.show_rows(rows, as_json=as_json)
-        return
-    write_table(out, rows, wide=wide)
-    _say_file(out, as_json=as_json, told={"rows": len(rows)})
+    else:
+        write_table(out, rows, wide=wide)
+        _say_file(out, as_json=as_json, told={"rows": len(rows)})
+    _complain_of(damage)
 
 
 @tyre.command(cls=Command)
@@ -342,6 +345,7 @@ def series(
     Example:
       ringmodal tyre series 225-55R17 --library parameters --out series.png
     """
+    from ema.errors import InputError
     from pipelines import console_tyre
     from pipelines.library_series import pressure_series
 
@@ -350,8 +354,12 @@ def series(
         from pipelines.simulate_targets import require_target
 
         require_target(out, ENDINGS)
-    versions = _library(library).tyre(name).intact_versions()
-    found = pressure_series(versions, parameter or ())
+    meant = _library(library).tyre(name)
+    versions, damage = meant.versions()
+    try:
+        found = pressure_series(versions or [meant.latest_intact()], parameter or ())
+    except InputError as error:  # what is damaged may be what is missing
+        raise (damage[0] if damage else error) from error
     console_tyre.show_series(found, pressure_unit.value, as_json=as_json)
     if out is not None:
         from pipelines.library_series_file import write_series
@@ -359,6 +367,7 @@ def series(
         write_series(out, found, pressure_unit.value)
         if not as_json:
             console.say(f"Plot: {out}")
+    _complain_of(damage)
 
 
 for command in (update_tir, from_tir, modal_targets):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
@@ -9,9 +10,12 @@ import sys
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from ema.visible import escaped, visible_line
+
 if TYPE_CHECKING:
     from rich.console import Console
 
+_OF_DRIVES = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EFBIG)
 _PIPE_WIDTH = 10_000  # a pipe has no edge at which lines would have to break
 
 
@@ -34,7 +38,7 @@ def say(message: str) -> None:
 
 def print_json(content: Any) -> None:
     """Print a result for programs, in plain ASCII, which every console can show."""
-    print(json.dumps(plain(content), indent=2, allow_nan=False))  # noqa: T201
+    print(escaped(json.dumps(plain(content), indent=2, allow_nan=False)))  # noqa: T201
 
 
 def complain(message: str) -> None:
@@ -44,17 +48,20 @@ def complain(message: str) -> None:
 
 def printable(text: str) -> str:
     """A text from a file as a terminal may show it: in one line, without control sequences."""
-    return "".join(
-        sign if sign.isprintable() else " " if sign.isspace() else "\ufffd" for sign in text
-    )
+    return visible_line(text)
 
 
 def file_trouble(error: OSError) -> str:
-    """Message for a file that cannot be read or written any more."""
+    """Message for a file, or a drive, that cannot be read or written any more."""
     return (
-        f"Error: {error.filename}: {error.strerror}; it could be neither read nor written. "
-        "Check that the drive is there and what it permits."
+        f"Error: {error.filename or 'drive'}: {error.strerror}; it could be neither read nor "
+        "written. Check that the drive is there, its free space and what it permits."
     )
+
+
+def is_drive_trouble(error: OSError) -> bool:
+    """Whether a file or its drive is at fault; what a library writes may not name the file."""
+    return error.filename is not None or error.errno in _OF_DRIVES
 
 
 def out_of_memory(error: MemoryError) -> str:
@@ -69,9 +76,9 @@ def out_of_memory(error: MemoryError) -> str:
 def report_fault(
     kind: type[BaseException], fault: BaseException, _: TracebackType | None = None
 ) -> None:
-    """Say in one line that the program is at fault; Python ends it with exit code 1."""
+    """Say in one line that the program failed; Python ends it with exit code 1."""
     complain(
-        f"Fault of the program: {kind.__name__}: {fault}. Please report it "
+        f"Internal error: {kind.__name__}: {fault}. Please report it "
         "with the command and this line; `ringmodal --debug …` or RINGMODAL_DEBUG=1 shows where."
     )
 

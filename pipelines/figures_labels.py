@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ema.frf import FRF
 from ema.modes import Mode
+from ema.visible import visible_line
 from pipelines.numbers import signed
 
 
@@ -73,8 +74,8 @@ def apart(names: Sequence[str], length: int = 16) -> list[str]:
 
 
 def literal(text: str) -> str:
-    """`text` from a file as it stands: a dollar sign starts no formula."""
-    return text.replace("$", r"\$")
+    """`text` from a file as it stands: a dollar sign starts no formula, a control is named."""
+    return visible_line(text).replace("$", r"\$")
 
 
 def signed_cell(value: float) -> str:

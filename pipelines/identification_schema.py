@@ -14,6 +14,7 @@ from ema.blocks import BlockPlan
 from ema.errors import InputError
 from ema.quality import EXCLUDED, OK, WARNING, Finding
 from ema.recording import Tyre
+from ema.regular_file import require_regular
 from ema.resolution import OrderReport
 from ema.second_opinion import Opinion
 from pipelines.parquet import LARGEST
@@ -98,7 +99,7 @@ def read_stored(path: Path) -> StoredIdentification:
         If it cannot be read or holds what no identification gives; says where.
     """
     try:
-        text = path.read_bytes()
+        text = require_regular(path).read_bytes()
         found = TypeAdapter(StoredIdentification).validate_json(text, strict=True)
     except OSError as error:
         raise _unusable(path, error.strerror or "unreadable", "a result needs it") from error

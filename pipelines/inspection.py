@@ -21,6 +21,8 @@ from ema.level_check import level_findings
 from ema.quality import OK, WARNING, Finding
 from ema.recording import VOLTAGE, Channel, Recording
 from ema.signal_summary import SignalSummary, signal_findings, summarise
+from ema.spikes import with_limits
+from ema.threads import one_blas_thread
 
 # What a reader left out is worth a note; it does not make a file look wrong.
 _NOTES = ("content",)
@@ -134,6 +136,7 @@ def _manifest_of(source: Path) -> Manifest | None:
     return None if is_folder(source) and not exists(path) else read_manifest(path)
 
 
+@one_blas_thread
 def _report(path: Path, manifest: Manifest | None, levels: bool) -> FileReport:
     content = read_file(path) if levels else read_headers(path)
     recording, findings = content.recording, list(content.findings)
@@ -145,6 +148,7 @@ def _report(path: Path, manifest: Manifest | None, levels: bool) -> FileReport:
         summaries = None
         rate_hz = recording.sampling_rate_hz
         if levels:
+            recording = with_limits(recording)
             summaries = [summarise(channel, rate_hz) for channel in recording.channels]
             findings += level_findings(recording, summaries)
         channels = tuple(_channel_reports(recording, summaries, findings))

@@ -63,15 +63,29 @@ def write_next(folder: Path, text_of: Callable[[int], str]) -> int:
     OSError
         If nothing can be written there; nothing is left behind then.
     """
+    with folder_in_use(folder):
+        remove_abandoned(folder / _NEXT)
+        number = 0
+        while True:
+            # A network drive may list files late: a number found taken is not tried again.
+            number = max([number, *numbered_files(folder)]) + 1
+            if _taken(numbered(folder, number), text_of(number)):
+                _flush_folder(folder)
+                return number
+
+
+@contextmanager
+def folder_in_use(folder: Path) -> Iterator[None]:
+    """Make a folder where there is none; where nothing came of it, it is gone again."""
+    is_new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
-    remove_abandoned(folder / _NEXT)
-    number = 0
-    while True:
-        # A network drive may list files late: a number found taken is not tried again.
-        number = max([number, *numbered_files(folder)]) + 1
-        if _taken(numbered(folder, number), text_of(number)):
-            _flush_folder(folder)
-            return number
+    try:
+        yield
+    except BaseException:
+        if is_new:
+            with suppress(OSError):  # somebody else has written there
+                folder.rmdir()
+        raise
 
 
 def _taken(place: Path, text: str) -> bool:
@@ -174,9 +188,9 @@ def _write(path: Path, text: str) -> None:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-    except OSError:
+    except OSError as error:  # of a full drive does not name the file
         path.unlink(missing_ok=True)
-        raise
+        raise OSError(error.errno, error.strerror, str(path.parent)) from error
 
 
 def _flush_folder(folder: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ema.errors import InputError
+from ema.visible import escaped
 from pipelines.console import plain
 from pipelines.library_names import unknown
 from pipelines.parameter_set import SCHEMA, Parameter, ParameterSet, write_parameter_set
@@ -25,7 +26,7 @@ def write_json(parameters: ParameterSet, path: Path) -> None:
             sections[name] = {key: _told(entry) for key, entry in sections[name].items()}
     whole = plain({"schema": SCHEMA, **sections})
     text = json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8", newline="\n")
+    path.write_text(escaped(text) + "\n", encoding="utf-8", newline="\n")
 
 
 def write_csv(parameters: ParameterSet, path: Path) -> None:

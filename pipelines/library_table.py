@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pipelines.library_diff import values_of
+from pipelines.library_seal import DamagedFile
 from pipelines.library_tyre import LibraryTyre
 from pipelines.library_version import Version
 from pipelines.parameter_set import CONDITION_NAMES, DAMPING_NAMES, RING_NAMES, WHEEL_NAMES
@@ -28,28 +29,36 @@ WIDE = (
 )
 
 
-def version_rows(tyres: Iterable[LibraryTyre], *, wide: bool = False) -> list[Row]:
-    """Rows of the table, tyre by tyre and version by version.
+def version_rows(
+    tyres: Iterable[LibraryTyre], *, wide: bool = False
+) -> tuple[list[Row], list[DamagedFile]]:
+    """Rows of the table, tyre by tyre and version by version, and the damage that hides others.
 
     Parameters
     ----------
     tyres : iterable of LibraryTyre
     wide : bool
         One row per version with the columns `WIDE`, else one per version and parameter with `LONG`.
-
-    Raises
-    ------
-    DamagedFile
-        If any file is not what was written: a table without it would look complete.
     """
     rows: list[Row] = []
+    damage: list[DamagedFile] = []
     for tyre in tyres:
-        versions, approved = tyre.intact_versions(), tyre.approved()
-        number = approved.number if approved else 0
+        versions, hidden = tyre.versions()
+        number, more = _approved(tyre)
+        damage += dict.fromkeys([*hidden, *more])
         for version in versions:
             told = _of_version(version, approved=version.number == number)
             rows += [told | _all(version)] if wide else [told | one for one in _each(version)]
-    return rows
+    return rows, damage
+
+
+def _approved(tyre: LibraryTyre) -> tuple[int, list[DamagedFile]]:
+    """Number of the approved version, 0 for none; and the damage that hides which one it is."""
+    try:
+        approved = tyre.approved()
+    except DamagedFile as error:
+        return 0, [error]
+    return (approved.number if approved else 0), []
 
 
 def write_table(path: Path, rows: Sequence[Row], *, wide: bool = False) -> None:

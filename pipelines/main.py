@@ -3,45 +3,61 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 from pipelines.console_encoding import tolerant_output
 from pipelines.interrupt import Interrupted, interruptible
+from pipelines.streams import make_tolerant, output_trouble
 
 
 def main() -> None:
     """Run the command line; whatever ends it early ends with one message and its exit code.
 
-    2 for bad input and for files that cannot be read or written, 130 or 143 when asked to stop, 1
-    for too little memory and for a fault of the program.
+    2 for bad input and for files (or a standard output) that cannot be read or written, 130 or 143
+    when asked to stop, 1 for too little memory and for an internal error.
     """
+    make_tolerant()
     tolerant_output()
     try:
         with interruptible():
-            _run()
+            code = _run()
     except Interrupted as interrupted:
-        print(f"Interrupted: {interrupted.outcome}.", file=sys.stderr)  # noqa: T201
-        sys.exit(interrupted.exit_code)
+        from ema.visible import visible_line
+
+        print(visible_line(f"Interrupted: {interrupted.outcome}."), file=sys.stderr)  # noqa: T201
+        code = interrupted.exit_code
+    trouble = output_trouble()
+    if trouble is not None and not code:
+        reason = f"Error: standard output: {trouble.strerror}; not all was printed, files that"
+        print(f"{reason} were asked for are complete.", file=sys.stderr)  # noqa: T201
+        code = 2
+    sys.exit(code)
 
 
-def _run() -> None:
+def _run() -> Any:
+    """Exit code of the command; an internal error is handed on."""
     from ema.errors import FitError, InputError
     from model.errors import ParameterError
     from pipelines import console
     from pipelines.cli import app
 
+    sys.excepthook = console.report_fault  # until `--debug` is read
     try:
         app()
+    except SystemExit as ended:
+        return ended.code
     except (InputError, FitError, ParameterError) as error:
         console.complain(f"Error: {error}")
-        sys.exit(2)
+        return 2
     except OSError as error:
-        if error.filename is None:
+        if not console.is_drive_trouble(error):
             raise
         console.complain(console.file_trouble(error))
-        sys.exit(2)
+        return 2
     except MemoryError as error:
         console.complain(console.out_of_memory(error))
-        sys.exit(1)
+        return 1
+    return 0
 
 
 if __name__ == "__main__":

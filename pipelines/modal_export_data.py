@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.frf import FRF
+from ema.visible import escaped
 from pipelines.console import plain
 from pipelines.modal_export import ModalExport
 from pipelines.versions import software_version
@@ -34,8 +35,8 @@ UNITS = {
 def write_json(found: ModalExport, path: Path) -> None:
     """Write JSON: a complex array is an object of two arrays, ``real`` and ``imag``."""
     with path.open("w", encoding="utf-8", newline="\n") as file:
-        json.dump(_jsonable(content(found)), file, ensure_ascii=False, allow_nan=False)
-        file.write("\n")
+        text = json.dumps(_jsonable(content(found)), ensure_ascii=False, allow_nan=False)
+        file.write(escaped(text) + "\n")
 
 
 def write_mat(found: ModalExport, path: Path) -> None:

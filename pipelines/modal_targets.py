@@ -9,6 +9,7 @@ from math import nan
 from pathlib import Path
 
 from ema.errors import InputError
+from ema.visible import visible_line
 from model.damping import damping_ratios
 from model.errors import InstabilityError
 from model.ring import natural_frequencies_hz
@@ -164,7 +165,7 @@ def _conditions(parameters: ParameterSet) -> str:
 
 
 def _in_one_line(value: object) -> str:
-    return " ".join(f"{value:.10g}".split() if isinstance(value, float) else str(value).split())
+    return visible_line(f"{value:.10g}" if isinstance(value, float) else str(value))
 
 
 def _cell(value: object) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from ema.errors import InputError
+from ema.regular_file import require_regular
 from model.damping import DampingResult
 from model.identifiability import AT_BOUND, GIVEN, IDENTIFIED, NOT_IDENTIFIED
 from model.parameters import RingDamping, RingParameters, Wheel
@@ -37,6 +38,8 @@ CONDITION_NAMES = ("temperature_c", "load_n", "speed_m_s", "rim_width_m", "tread
 HOWS = (GIVEN, IDENTIFIED, NOT_IDENTIFIED, AT_BOUND)
 # No parameter or condition of a tyre is as large, or as small but zero, in SI units.
 LARGEST, SMALLEST = 1e15, 1e-15
+# These enter with high powers, and would overflow long before.
+_LARGEST_OF = {"mean_radius_m": 10.0, "belt_width_m": 10.0, "loss_factor": 10.0}
 
 _OPTIONAL = ("damping", "wheel", "provenance")
 
@@ -206,7 +209,7 @@ def read_parameter_set(
 
     path = Path(path)
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(require_regular(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(
             str(path),
@@ -360,7 +363,7 @@ def _require_number(path: Path, name: str, section: dict[str, Any], key: str) ->
     if not (_is_number(value) and isfinite(value)):
         rule = "it must be a number, and finite"
         raise InputError(where, repr(value), rule, f"Write {key} = …, without quotes")
-    _require_size(where, value)
+    _require_size(where, key, value)
 
 
 def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
@@ -370,7 +373,7 @@ def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
         rule = "value and std must be numbers"
         raise InputError(where, str(entry), rule, "Write { value = …, how = …, std = … }")
     if isfinite(value):  # the ring's own limits name what is not
-        _require_size(where, value)
+        _require_size(where, key, value)
     if std is not None and not 0 <= std <= LARGEST:
         rule = f"a standard deviation is finite, not below zero and at most {LARGEST:g}"
         raise InputError(where, f"std = {std:g}", rule, "Leave std out where it is not known")
@@ -383,9 +386,10 @@ def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
     return Parameter(float(value), how, None if std is None else float(std))
 
 
-def _require_size(where: str, value: float) -> None:
-    if value != 0 and not SMALLEST <= abs(value) <= LARGEST:
-        rule = f"numbers are zero, or from {SMALLEST:g} to {LARGEST:g}"
+def _require_size(where: str, key: str, value: float) -> None:
+    largest = _LARGEST_OF.get(key, LARGEST)
+    if value != 0 and not SMALLEST <= abs(value) <= largest:
+        rule = f"numbers are zero, or from {SMALLEST:g} to {largest:g}"
         raise InputError(where, f"{value:g}", rule, "Check its exponent and its unit")
 
 

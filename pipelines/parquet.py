@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.errors import InputError
+from ema.regular_file import require_regular
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -73,7 +74,7 @@ class Table:
 
         self.path = path
         try:  # `pyarrow.parquet.read_table` would load pandas to look for datasets
-            with pq.ParquetFile(path) as file:
+            with pq.ParquetFile(require_regular(path)) as file:
                 self._table = file.read().combine_chunks()
         except (pa.ArrowException, OSError, ValueError) as error:
             raise self.unusable(f"unreadable ({error})", "it must be a Parquet file") from error

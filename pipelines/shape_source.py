@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ema._arrays import readonly
 from ema.errors import InputError
 from ema.io.radial_shapes import read_radial_shapes
+from ema.regular_file import require_regular
 from pipelines.modal_export_geometry import node_numbers
 from pipelines.result import Result
 from pipelines.result_check import accepted_notes
@@ -188,7 +189,7 @@ _DEFAULTS = {"node": 0.0, "position_deg": _NO_ANGLE, "imag": 0.0, "frequency_hz"
 def _rows(path: Path) -> Iterator[dict[str, float]]:
     remedy = "Write the columns mode, position_deg or node, real and imag"
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
+        with require_regular(path).open(encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file)
             held = set(reader.fieldnames or ())
             if not {"mode", "real"} <= held or not held & {"node", "position_deg"}:

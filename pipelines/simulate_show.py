@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model import Bifurcation, ForcedRing, HubResponse
+from pipelines import console
 from pipelines.simulate_cleat import CleatResponse
 from pipelines.simulate_frequencies import frequency_columns, frequency_lists, instabilities
 from pipelines.simulate_hub import free_frequencies, hub_columns, largest_at_hub
@@ -152,7 +152,7 @@ def loaded(found: LoadedSweep, targets: Targets) -> None:
         )
     else:
         deflection_mm = 1e3 * found.contact_deflection_m
-        print(f"Deflection in the contact at {largest:g} N: {deflection_mm:.2f} mm")  # noqa: T201
+        console.say(f"Deflection in the contact at {largest:g} N: {deflection_mm:.2f} mm")
     if targets.screen:
         print_rows("Frequencies over load", found.columns, {"frequency_hz": 3})
     if targets.figure is not None:
@@ -199,8 +199,9 @@ def _write_picture(targets: Targets, figure: Figure) -> None:
 
 def _name(targets: Targets, what: str, path: Path) -> None:
     """Say where a file is: on standard error where a program reads the other."""
-    print(f"{what}: {path}", file=sys.stderr if targets.as_json else sys.stdout)
+    tell = console.complain if targets.as_json else console.say
+    tell(f"{what}: {path}")
 
 
 def _say(sentence: str) -> None:
-    print(sentence, file=sys.stderr)  # noqa: T201
+    console.complain(sentence)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ema.frf import FRF
 from ema.stability import StabilityDiagram
+from ema.visible import inert
 from pipelines.result import Result
 
 Row = tuple[Any, ...]
@@ -54,10 +55,13 @@ ORDERS = (
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
-    """Write a table; None and NaN become empty cells, floats keep every digit."""
+    """Write a table; None and NaN become empty cells, floats keep every digit.
+
+    Texts are inert: none is taken for a formula, and nothing in them acts on a terminal.
+    """
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
+        writer.writerow([inert(column) for column in columns])
         writer.writerows([_cell(value) for value in row] for row in rows)
 
 
@@ -176,4 +180,4 @@ def _on_circle(frf: FRF) -> bool:
 def _cell(value: Any) -> Any:
     if value is None or (isinstance(value, float) and np.isnan(value)):
         return ""
-    return repr(float(value)) if isinstance(value, float) else value
+    return repr(float(value)) if isinstance(value, float) else inert(value)

@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 
 from ema.errors import InputError
+from ema.regular_file import require_regular
 
 # Such files come in UTF-8, in code pages of Windows and in both: what is no UTF-8 is carried along.
 _ENCODING, _UNDECODED = "utf-8", "surrogateescape"
@@ -221,7 +222,7 @@ def read_tir(path: Path) -> TirFile:
         If it cannot be read, or is no such file.
     """
     try:
-        content = path.read_bytes()
+        content = require_regular(path).read_bytes()
     except OSError as error:
         raise InputError(
             str(path),

@@ -38,13 +38,19 @@ def save_tir(tir: TirFile, path: Path) -> Path | None:
 
 def _backed_up(path: Path) -> Path:
     """Copy a file to FILE.bak, or to FILE.bak2 and so on, whichever is free."""
+    content = path.read_bytes()
     for number in count(1):
         backup = path.with_name(f"{path.name}.bak{number if number > 1 else ''}")
         try:
-            with backup.open("xb") as copy:
-                copy.write(path.read_bytes())
+            copy = backup.open("xb")
         except FileExistsError:
             continue
-        shutil.copystat(path, backup)
+        try:
+            with copy:
+                copy.write(content)
+            shutil.copystat(path, backup)
+        except BaseException:
+            backup.unlink()
+            raise
         return backup
     raise AssertionError("counting never ends")

@@ -56,6 +56,8 @@ UNITS: dict[str, dict[tuple[str, ...], float]] = {
         ("psi",): _POUND_KG * _GRAVITY / (_FOOT_M / 12.0) ** 2,
     },
 }
+# Far beyond any value of a tyre: products and ratios of some of them stay numbers.
+_LARGEST_SI, _SMALLEST_SI = 1e15, 1e-12
 _LENGTH, _MASS = {"LENGTH": 1}, {"MASS": 1}
 _INERTIA = {"MASS": 1, "LENGTH": 2}
 _PRESSURE = {"FORCE": 1, "LENGTH": -2}
@@ -154,7 +156,13 @@ def si_value(tir: TirFile, units: TirUnits, key: str) -> float | None:
     if key.upper() not in QUANTITIES:
         raise unknown(tir.name, key, "the unit of this key is not known here", QUANTITIES)
     number = tir.number(key)
-    return None if number is None else number * units.size(key.upper())
+    if number is None:
+        return None
+    value = number * units.size(key.upper())
+    if abs(value) > _LARGEST_SI:
+        rule = f"no tyre has it: values in SI stay below {_LARGEST_SI:g}"
+        raise InputError(f"{tir.name}, {key}", f"{number:g}", rule, "Correct the value or its unit")
+    return value
 
 
 def clear_si_value(tir: TirFile, units: TirUnits, key: str) -> float | None:
@@ -172,11 +180,11 @@ def positive_si_value(tir: TirFile, units: TirUnits, key: str) -> float:
         Where it is not so.
     """
     value = si_value(tir, units, key)
-    if value is None or value <= 0:
+    if value is None or value < _SMALLEST_SI:
         raise InputError(
             f"{tir.name}, {key}",
             "not given" if value is None else f"{value:g}",
-            "a value greater than zero is needed",
+            f"a value greater than zero is needed (from {_SMALLEST_SI:g} on)",
             f"Give {key} in {units.unit(key)}",
         )
     return value

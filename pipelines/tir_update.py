@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from ema.errors import InputError
 from pipelines.parameter_set import ParameterSet
 from pipelines.tir_belt import BeltValue, belt_values
 from pipelines.tir_file import TirEntry, TirFile
@@ -193,7 +194,10 @@ def _notes(after: TirFile, units: TirUnits, changes: list[TirChange]) -> list[st
         if belt is not None and tyre is not None and belt > tyre:
             notes.append(f"{part} is now above {whole}: check the belt width and {whole}.")
     pressure, nominal = (clear_si_value(after, units, key) for key in ("INFLPRES", "NOMPRES"))
-    if pressure is not None and nominal is not None and abs(pressure / nominal - 1.0) > 0.01:
+    if nominal is not None and nominal <= 0:
+        rule = "tyres are measured under a pressure above zero"
+        raise InputError(f"{after.name}, NOMPRES", f"{nominal:g} Pa", rule, "Correct the value")
+    if pressure is not None and nominal is not None and abs(pressure - nominal) > 0.01 * nominal:
         notes.append(
             "INFLPRES and NOMPRES differ: a program may scale stiffnesses from one to the other, "
             "while the values of the ring hold at INFLPRES."

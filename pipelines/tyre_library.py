@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ema.errors import InputError
 from model.errors import ParameterError
-from pipelines.library_claim import numbered_files
+from pipelines.library_claim import folder_in_use, numbered_files
 from pipelines.library_names import folder_name, split_reference, unknown
 from pipelines.library_seal import DamagedFile
 from pipelines.library_tyre import LibraryTyre
@@ -138,20 +138,20 @@ class TyreLibrary:
             **signed_now(author or login_name()),
             note=note,
             tyre_id=tyre_id,
-            source=str(Path(source).resolve()),
+            source=Path(source).resolve().name,
             source_sha256=sha256(path),
         )
-        self._begin()
-        return self._tyre_for(parameters.designation, tyre_id).add(parameters, entry)
+        self._require_place()
+        with folder_in_use(self.folder):
+            return self._tyre_for(parameters.designation, tyre_id).add(parameters, entry)
 
-    def _begin(self) -> None:
-        """Make the library's folder where its parent exists; a mistyped path makes none."""
+    def _require_place(self) -> None:
+        """Refuse a folder whose parent does not exist: a mistyped path makes none."""
         if not self.folder.absolute().parent.is_dir():
             rule = "a new library needs an existing folder around it"
             raise InputError(str(self.folder), "no such folder", rule, "Check the path")
         if self.folder.exists() and not self.folder.is_dir():
             raise InputError(str(self.folder), "a file", "a library is a folder", "Name a folder")
-        self.folder.mkdir(exist_ok=True)
 
     def _tyre_for(self, designation: str, tyre_id: str) -> LibraryTyre:
         wanted = folder_name(designation, tyre_id)

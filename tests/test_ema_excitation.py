@@ -26,6 +26,12 @@ def shaker_noise():
     return sosfilt(butter(4, [10, 900], "bandpass", fs=RATE_HZ, output="sos"), noise())
 
 
+def test_a_missing_sample_hides_no_period():
+    force = np.resize(noise()[:2000], 40_000)
+    force[5] = np.nan
+    assert period_samples(load_cell(force), SHORTEST) == 2000
+
+
 @pytest.mark.parametrize(
     "force",
     [
@@ -103,7 +109,7 @@ def test_a_period_between_two_samples_is_that_of_the_nearest(period):
         pytest.param(sweep(40_000), id="one sweep"),
         pytest.param(np.resize(noise()[:25_000], 40_000), id="less than two periods"),
         pytest.param(np.ones(40_000), id="constant"),
-        pytest.param(np.where(np.arange(40_000) == 5, np.nan, np.resize(noise()[:2000], 40_000))),
+        pytest.param(np.where(np.arange(40_000) % 9, np.nan, noise()), id="gaps"),
     ],
 )
 def test_what_does_not_repeat_has_none(force):

@@ -300,3 +300,12 @@ def test_without_the_library_it_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(RecordingFormatError, match=re.escape("pip install 'ringmodal[hdf5]'")):
         read_file(path)
+
+
+def test_a_complex_sampling_rate_is_none(tmp_path):
+    path = tmp_path / "run.h5"
+    with h5py.File(path, "w") as file:
+        file["A01"] = np.zeros(100)
+        file.attrs["fs"] = 100 + 2j
+    with pytest.raises(RecordingFormatError):
+        read_file(path)

@@ -145,8 +145,23 @@ def test_a_full_drive_leaves_nothing_behind(folder, monkeypatch):
         raise OSError(errno.ENOSPC, "no space left")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OSError, match="no space"):
+    with pytest.raises(OSError, match="no space") as refused:
         write_next(folder, str)
+    assert refused.value.filename == str(folder)
+    assert not folder.exists()
+
+
+def test_a_full_drive_leaves_no_empty_library(folder, source, monkeypatch):
+    def full(_):
+        raise OSError(errno.ENOSPC, "no space left")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="no space"):
+        TyreLibrary(folder).add(source, author="a")
+    assert not folder.exists()
+    folder.mkdir()
+    with pytest.raises(OSError, match="no space"):
+        TyreLibrary(folder).add(source, author="a")
     assert list(folder.iterdir()) == []
 
 

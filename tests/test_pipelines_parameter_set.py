@@ -114,7 +114,7 @@ def test_no_belt_width_is_no_belt_width(path):
     assert read.ring_damping is None
 
 
-VALUES = st.floats(1e-12, 1e12)
+VALUES = st.floats(1e-12, 10.0)
 HOW = st.sampled_from(["given", "identified", "not identified", "at bound"])
 PARAMETERS = st.builds(Parameter, VALUES, HOW, st.none() | VALUES)
 
@@ -202,3 +202,26 @@ def test_values_that_no_ring_can_have_are_refused(path, value):
     text = PRINTED.replace("value = 19.69", f"value = {value}")
     with pytest.raises(ValueError, match="mass_per_area_kg_m2"):
         _ = read_parameter_set(written(path, text)).ring_parameters
+
+
+@pytest.mark.parametrize("value", ["1e308", "-1e300", "1e16", "1e-300"])
+@pytest.mark.parametrize(
+    ("section", "name"),
+    [
+        ("ring", "circumferential_stiffness_n_m3"),
+        ("ring", "mean_radius_m"),
+        ("damping", "loss_factor"),
+        ("conditions", "inflation_pressure_pa"),
+        ("wheel", "mass_kg"),
+    ],
+)
+def test_a_size_that_no_tyre_has_is_refused(tmp_path, section, name, value):
+    path = tmp_path / "tyre.toml"
+    lines = PRINTED.splitlines()
+    begin = next(k for k, line in enumerate(lines) if line.startswith(f"[{section}]"))
+    at = next(k for k in range(begin, len(lines)) if lines[k].startswith(name))
+    lines[at] = f"{name} = {value}"
+    path.write_text("\n".join(lines))
+    with pytest.raises(InputError) as refused:
+        read_parameter_set(path)
+    assert refused.value.where == f"tyre.toml, [{section}] {name}"

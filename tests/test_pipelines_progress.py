@@ -60,8 +60,8 @@ def test_a_new_stage_has_no_count_yet(clock, capsys):
 
 def test_names_from_files_cannot_control_the_terminal(capsys):
     Lines().line("tyre\x1b[2J\n2")
-    assert capsys.readouterr().err == "tyre\ufffd[2J 2\n"
-    assert any("tyre\ufffd[2J [red]2" in line for line in drawn(_tell("tyre\x1b[2J [red]2")))
+    assert capsys.readouterr().err == "tyre[U+001B][2J 2\n"
+    assert any("tyre[U+001B][2J [red]2" in line for line in drawn(_tell("tyre\x1b[2J [red]2")))
 
 
 def _tell(text):

@@ -344,7 +344,8 @@ def test_a_damaged_result_is_named_whatever_happened_to_its_bytes(stored, tmp_pa
 
 
 @pytest.mark.parametrize("name", ["x[/red]y", "[bold]x", "\x1b]0;title\x07\x1b[31m", "a\u202eb\nc"])
-def test_names_from_files_are_texts_on_a_terminal(capsys, name):
+def test_names_from_files_are_texts_on_a_terminal(capsys, monkeypatch, name):
+    monkeypatch.delenv("COLUMNS", raising=False)
     finding = Finding(name, name, None, "hum", WARNING, name)
     result = tyre_result(name=name, findings=(finding,), notes=(name,))
     console_result.show(result, Path("result"), as_json=False, report=True)

@@ -212,3 +212,18 @@ def test_files_of_no_ring_are_refused(si):
         plan_update(changed(si, "LENGTH", "metres", "UNITS"), SET)
     with pytest.raises(InputError, match=r"BELT_MASS: 'seven'"):
         plan_update(changed(si, "BELT_MASS", "seven"), SET)
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "-0", "1e308", "-1e308", "1e400", "nan", "inf"])
+def test_a_nominal_pressure_that_cannot_be_is_refused(si, value):
+    with pytest.raises(InputError) as refused:
+        plan_update(changed(si, "NOMPRES", value), SET)
+    assert "NOMPRES" in refused.value.where
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "1e308", "1e-320", "nan"])
+@pytest.mark.parametrize("key", ["BELT_IYY", "BELT_MASS", "FREQ_LONG", "INFLPRES"])
+def test_no_ring_is_made_of_values_that_cannot_be(si, key, value):
+    with pytest.raises(InputError) as refused:
+        ring_from_tir(changed(si, key, value), 0.19)
+    assert key in refused.value.where

@@ -34,6 +34,7 @@ from ema.io.roles import Wanted, assign, reference_place
 from ema.level_check import level_findings
 from ema.quality import EXCLUDED, Finding
 from ema.recording import Campaign, Recording, Run
+from ema.spikes import spike_findings, with_limits
 
 
 def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
@@ -248,13 +249,14 @@ def _fill_runs(
     runs, reference_deg, excitation_deg = [], None, campaign.excitation_deg
     names = run_names([recording.path for recording, _ in recordings])
     for name, (recording, each) in zip(names, recordings, strict=True):
-        run, noticed = assign(recording, each, grid, name)
+        run, noticed = assign(with_limits(recording), each, grid, name)
         runs.append(run)
         findings += noticed
         if run.reference is not None:
             reference_deg = _same_place(run, each, grid, reference_deg)
         if excitation_deg is None:
             excitation_deg = grid.known_place(run.force, each.positions_deg).angle_deg
+        findings += spike_findings(name, run.channels)
         findings += level_findings(replace(recording, channels=run.channels))
     findings += coverage_findings(runs, campaign.positions)
     return replace(

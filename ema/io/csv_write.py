@@ -12,6 +12,7 @@ import pyarrow.csv
 from ema.io.uff_write import check_time_series, in_own_unit
 from ema.io.units import is_stated
 from ema.recording import Channel
+from ema.visible import inert
 
 
 def write_csv(
@@ -23,7 +24,8 @@ def write_csv(
 ) -> None:
     """Write channels that share one clock as columns under ``name [unit]``.
 
-    Numbers take as many digits as their precision needs to be read back unchanged.
+    Numbers take as many digits as their precision needs to be read back unchanged. A name that a
+    spreadsheet would take for a formula gets an apostrophe in front, which reading takes away.
 
     Parameters
     ----------
@@ -50,7 +52,7 @@ def write_csv(
     for channel in channels:
         samples, unit, sense = in_own_unit(channel)
         name = " ".join(channel.name.split())
-        names.append(f"{name} [{unit}]" if is_stated(unit) else name)
+        names.append(inert(f"{name} [{unit}]" if is_stated(unit) else name))
         native = samples.astype(samples.dtype.newbyteorder("="), copy=False)
         columns.append(pa.array(native if sense > 0 else -native))
     table = pa.table(columns, names=names)

@@ -22,6 +22,7 @@ from pydantic import (
 
 from ema.errors import ManifestError
 from ema.recording import Processing, Tyre
+from ema.regular_file import require_regular
 
 MANIFEST_NAME = "campaign.toml"
 _DECIMAL_COMMA = re.compile(rb"= *[0-9]+,[0-9]")
@@ -194,6 +195,7 @@ def read_manifest(path: Path) -> Manifest:
         If it is missing, no TOML, or a key is unknown, missing or out of its limits. The first
         fault is named with its place and the nearest valid key.
     """
+    require_regular(path)
     try:
         raw = path.read_bytes()
         content = tomllib.loads(raw.decode("utf-8-sig"))

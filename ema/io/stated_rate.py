@@ -91,7 +91,8 @@ def _number(value: object) -> float:
     try:
         if isinstance(value, str):
             return float(value.strip().removesuffix("Hz"))
-        return float(value) if isinstance(value, int | float | np.number) else math.nan
+        is_real = isinstance(value, int | float | np.integer | np.floating)
+        return float(value) if is_real else math.nan  # type: ignore[arg-type]
     except (ValueError, OverflowError, TypeError):
         return math.nan
 

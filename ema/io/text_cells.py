@@ -7,6 +7,7 @@ import re
 
 from ema.io.columns import is_time, name_and_unit
 from ema.io.units import parse_unit
+from ema.visible import original
 
 BLANKS = " "  # as a separator: any run of blanks and tabs
 
@@ -102,7 +103,7 @@ def is_known_unit(text: str) -> bool:
 
 def label(cell: str) -> tuple[str, str]:
     """Name and unit of a heading such as ``A01 [g]``, ``A01 (g)`` or ``A01 / g``, on one line."""
-    name, unit = name_and_unit(" ".join(cell.split())[:_LONGEST_NAME])
+    name, unit = name_and_unit(original(" ".join(cell.split()))[:_LONGEST_NAME])
     if unit:
         return name, unit
     for pattern in _OTHER_LABELS:

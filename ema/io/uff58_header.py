@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
+from ema.visible import visible_line
+
 DELIMITER = b"    -1"
 HEADER_LINES = 11  # after the dataset number
 TIME_RESPONSE = 1
@@ -262,7 +264,8 @@ def parse_header(lines: list[str]) -> Header58:
 
 def _format_axis(axis: Axis) -> str:
     exponents = f"{axis.length_exponent:5d}{axis.force_exponent:5d}{0:5d}"
-    return f"{axis.data_type:10d}{exponents} {axis.label[:20]:<20} {axis.unit[:20]:<20}"
+    label, unit = visible_line(axis.label), visible_line(axis.unit)
+    return f"{axis.data_type:10d}{exponents} {label[:20]:<20} {unit[:20]:<20}"
 
 
 def format_header(header: Header58) -> bytes:
@@ -271,14 +274,14 @@ def format_header(header: Header58) -> bytes:
     if header.binary:
         sizes = f"{HEADER_LINES:12d}{header.n_bytes:12d}{0:6d}{0:6d}{0:12d}{0:12d}"
         kind += f"b{header.byte_order:6d}{IEEE_FLOATS:6d}{sizes}"
-    name = f" {header.response_name[:10]:<10}"
+    name = f" {visible_line(header.response_name)[:10]:<10}"
     response = f"{name}{header.response_node:10d}{header.response_direction:4d}"
     reference = f" {'NONE':<10}{header.reference_node:10d}{header.reference_direction:4d}"
     form = f"{header.ordinate:10d}{header.n_values:10d}{int(header.even):10d}"
     abscissa = f"{header.abscissa_min:13.5E}{header.abscissa_step:>13}{0.0:13.5E}"
     lines = [
         kind,
-        *(f"{line[:80]:<80}" for line in header.id_lines),
+        *(f"{visible_line(line)[:80]:<80}" for line in header.id_lines),
         f"{header.function_type:5d}{0:10d}{0:5d}{0:10d}{response}{reference}",
         form + abscissa,
         *map(_format_axis, (header.abscissa, header.ordinate_axis, header.denominator_axis)),

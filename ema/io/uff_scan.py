@@ -18,6 +18,7 @@ from ema.io.uff58_header import (
     HeaderError,
     parse_header,
 )
+from ema.regular_file import require_regular
 
 _LONGEST_LINE = 256  # header lines have 80 columns; nothing longer is looked at
 _WORTH_A_JUMP = 1 << 20  # bytes of text that are searched faster than a jump is worth
@@ -73,7 +74,7 @@ def scan(path: Path) -> tuple[Dataset, ...]:
         If the file is missing, empty, no universal file, truncated or damaged.
     """
     try:
-        with path.open("rb") as file:
+        with require_regular(path).open("rb") as file:
             if not path.stat().st_size:
                 rule = "a recording holds at least one dataset"
                 raise RecordingFormatError(str(path), "the file is empty", rule, COPY_AGAIN)

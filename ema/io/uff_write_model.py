@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.io.uff58_header import DELIMITER
+from ema.visible import visible_line
 
 CARTESIAN = 1  # number of the only coordinate system: the structure's own
 
@@ -154,7 +155,7 @@ def _dataset(number: int, lines: Iterable[str]) -> bytes:
 
 def _text(line: str) -> str:
     """80 columns of plain ASCII; a line may not be blank."""
-    plain = " ".join(line.encode("ascii", "replace").decode().split())
+    plain = " ".join(visible_line(line).encode("ascii", "replace").decode().split())
     return f"{plain[:80] or 'NONE':<80}"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from base64 import b64encode
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,17 +15,17 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
+from ema.visible import visible
 from pipelines.report.blocks import Alone, Beside, Block, Picture, Section
 from pipelines.report.chart import Drawing, Drawn
 
 LONG_WORD, PIECE = 32, 16  # characters: a checksum breaks, a file name does not
 LIBRARY = "vendor/plotly-cartesian.min.js"
 SCRIPTS = ("charts.js", "responses.js", "animation.js")  # in the order they run
-# Marks that turn the reading direction of all that follows, numbers too: they are named instead.
-TURNING = "\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
-NAMED = str.maketrans({mark: f"[U+{ord(mark):04X}]" for mark in TURNING})
 # In JSON these stand inside strings only; written so, no text of a file can end the script.
-ESCAPED = NAMED | str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"})
+ESCAPED = str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&"})
+# A backslash that stands for itself, or an escape of JSON for what is not seen.
+JSON_ESCAPE = re.compile(r"\\\\|\\u(00[01][0-9a-f])|\\([bf])")
 
 
 def render_page(
@@ -54,15 +55,15 @@ def render_page(
     str
         HTML; texts appear as text.
     """
-    shown = on_paper(sections) if paper else sections
-    moving = any(isinstance(block, Drawn) for section in shown for block in inside(section))
+    chosen = on_paper(sections) if paper else sections
+    moving = any(isinstance(block, Drawn) for section in chosen for block in inside(section))
     return (
         _environment()
         .get_template("report.html")
         .render(
             kind=kind,
             subject=subject,
-            sections=shown,
+            sections=chosen,
             signed=signed,
             scripts=_scripts() if moving else (),
         )
@@ -100,13 +101,13 @@ def breakable(text: str) -> Markup:
         Markup("<wbr>").join(word[start : start + PIECE] for start in range(0, len(word), PIECE))
         if len(word) > LONG_WORD
         else word
-        for word in unturned(text).split(" ")
+        for word in shown(text).split(" ")
     )
 
 
-def unturned(value: Any) -> Any:
-    """A text in which marks that turn the reading direction are named; anything else as it is."""
-    return value.translate(NAMED) if type(value) is str else value
+def shown(value: Any) -> Any:
+    """A text in which what acts without being seen is named; anything else as it is."""
+    return visible(value) if type(value) is str else value
 
 
 def as_json(value: Any) -> Markup:
@@ -118,7 +119,13 @@ def as_json(value: Any) -> Markup:
         For a number that is not finite: JSON has none.
     """
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    return Markup(text.translate(ESCAPED))
+    return Markup(visible(JSON_ESCAPE.sub(_named, text)).translate(ESCAPED))
+
+
+def _named(escape: re.Match[str]) -> str:
+    """What a page shows for an escape of JSON: a name, or the backslash."""
+    code = escape[1] or {"b": "0008", "f": "000c"}.get(escape[2] or "")
+    return f"[U+{code.upper()}]" if code else escape[0]
 
 
 def _printed(block: Block) -> tuple[Block, ...]:
@@ -153,7 +160,7 @@ def _environment() -> Environment:
         loader=PackageLoader("pipelines.report", "."),
         autoescape=select_autoescape(),
         undefined=StrictUndefined,
-        finalize=unturned,
+        finalize=shown,
         trim_blocks=True,
         lstrip_blocks=True,
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ema.errors import InputError
+from ema.visible import visible
 from pipelines.figures_labels import short
 from pipelines.report import KIND, report_sections, subject_of
 from pipelines.report.blocks import Beside, Block, Paragraph, Picture, Section, Table
@@ -113,4 +114,4 @@ def _running_texts(result: Result) -> str:
 
 def _quoted(text: Any) -> str:
     """A text as CSS writes it: whatever it holds, nothing of it is taken for style."""
-    return '"' + "".join(f"\\{ord(character):06x}" for character in text) + '"'
+    return '"' + "".join(f"\\{ord(character):06x}" for character in visible(text)) + '"'
