@@ -28,7 +28,9 @@ _WEIGHTS = {  # how often, against 10; slow commands whose only input are option
     "demo": 0.5,
     "doctor": 0.5,
 }
-_SHARE_GOOD_VALUE = 0.75
+# Two lines of three are typed with care, to reach what lies behind the checks of options.
+_SHARE_CAREFUL = 0.65
+_GOOD_VALUES = {True: 0.98, False: 0.5}
 # What an argument or option takes: by its name, of a command or of all.
 _KINDS = {
     ("process", "campaign"): ("campaign",) * 6 + ("manifest", "recording", "recording"),
@@ -175,6 +177,8 @@ class Lines:
         share = rng.choice((0.0, 0.1, 0.2, 0.4))
         for param in options:
             wanted = 0.97 if param.required or param.name == "library" else share
+            if drawing.careful and param.name == "scheduler":
+                wanted = 0.0
             if param.name in ("force", "as_json"):
                 wanted = 0.4
             for _ in range(
@@ -214,6 +218,10 @@ class _Drawing:
         self.line = line
         self.rng = rng
         self.inputs = inputs
+        self.careful = rng.random() < _SHARE_CAREFUL
+
+    def _is_good(self) -> bool:
+        return self.rng.random() < _GOOD_VALUES[self.careful]
 
     def argument(self, param: Any) -> list[str]:
         n = self.rng.choice((1, 1, 1, 2, 3)) if param.nargs == -1 else 1
@@ -232,7 +240,7 @@ class _Drawing:
 
     def _value(self, param: Any) -> str:
         rng = self.rng
-        if rng.random() < 0.03:
+        if not self.careful and rng.random() < 0.05:
             return rng.choice(ODD_TEXTS).replace("\0", "")
         if param.metavar and "FROM:TO" in param.metavar:
             return self._range(str(param.default or "0:10:1"), param.metavar.count(":") + 1)
@@ -264,14 +272,16 @@ class _Drawing:
             return self._output(param)
         if kinds is None:
             pool = "export_format" if self.line.command == "tyre export" else param.name
-            return rng.choice(_TEXT_POOLS.get(pool, ODD_TEXTS)).replace("\0", "")
-        kind = "odd" if rng.random() < 0.05 else rng.choice(kinds)
+            texts = _TEXT_POOLS.get(pool, ODD_TEXTS)
+            known = texts[: (len(texts) + 1) // 2] if self.careful else texts
+            return rng.choice(known).replace("\0", "")
+        kind = "odd" if not self.careful and rng.random() < 0.1 else rng.choice(kinds)
         if kind == "name":
-            return rng.choice(_NAMES[:4] if rng.random() < 0.8 else _NAMES)
+            return rng.choice(_NAMES[:4] if self._is_good() else _NAMES)
         made = self.inputs.make(kind)
         return (
             made
-            if rng.random() < 0.95
+            if self.careful or rng.random() < 0.9
             else rng.choice((f"{made}/", f"./{made}", f"{made}x", f"{made}/x"))
         )
 
@@ -287,13 +297,15 @@ class _Drawing:
         if self.line.command == "compare":
             panel = ".html"
         choice = rng.random()
-        if choice < 0.75:
+        if self.careful:
+            path = _OUTPUTS[panel][0]
+        elif choice < 0.5:
             path = rng.choice(_OUTPUTS[panel])
-        elif choice < 0.83:
+        elif choice < 0.7:
             path = rng.choice(
                 ("/proc/ringmodal/x.csv", "/dev/full", "missing/x.html", "/dev/null", "x\ny.csv")
             )
-        elif choice < 0.93:
+        elif choice < 0.9:
             path = self.inputs.make(rng.choice(("campaign", "result", "odd", "recording")))
         else:
             path = rng.choice(ODD_TEXTS).replace("\0", "")
@@ -304,7 +316,7 @@ class _Drawing:
         self, default: Any, *, whole: bool = False, least: Any = None, most: Any = None
     ) -> str:
         rng = self.rng
-        if rng.random() > _SHARE_GOOD_VALUE:
+        if not self._is_good():
             return rng.choice(BAD_NUMBERS)
         start = float(default) if isinstance(default, int | float) and default else 10.0
         value = start * rng.choice((0.25, 0.5, 0.8, 1.0, 1.0, 1.3, 2.0))
@@ -315,7 +327,7 @@ class _Drawing:
 
     def _range(self, default: str, n_parts: int) -> str:
         rng = self.rng
-        if rng.random() < _SHARE_GOOD_VALUE:
+        if self._is_good():
             return rng.choice((default, default, "1:3", "5", "0:2:0.5"))
         parts = [rng.choice(BAD_NUMBERS) for _ in range(rng.choice((1, 2, n_parts, n_parts, 4)))]
         return ":".join(parts)

@@ -17,6 +17,8 @@ ALLOWANCE_BYTES = 128 << 20  # buffers of a stage, libraries that load late, the
 _DOCUMENTED = (0, 2)
 # Exit code 1 is theirs to say that something was found.
 _MAY_END_WITH_1 = {"doctor", "batch"}
+# These speak of many files, and name each that is bad.
+_SPEAKS_OF_MANY = {"inspect", "batch"}
 _OUT_OF_MEMORY = re.compile(r"^Error: not enough memory", re.M)
 _MESSAGE = re.compile(r"^(Error|Usage|Interrupted)\b", re.M)
 _ERROR_LINES = re.compile(r"^Error: ", re.M)
@@ -88,6 +90,8 @@ def _of_ending(line: Line, usage: Usage, err: str, *, heard: bool) -> Iterator[s
     if not known:
         yield f"exit code {usage.code}"
     elif usage.code == 2 and heard:
+        if line.command in _SPEAKS_OF_MANY:
+            return
         if not _MESSAGE.search(err):
             yield "exit 2 without a message"
         elif len(_ERROR_LINES.findall(err)) > 1:
