@@ -18,7 +18,7 @@ _DOCUMENTED = (0, 2)
 # Exit code 1 is theirs to say that something was found.
 _MAY_END_WITH_1 = {"doctor", "batch"}
 # These speak of many files, and name each that is bad.
-_SPEAKS_OF_MANY = {"inspect", "batch"}
+_SPEAKS_OF_MANY = {"inspect", "batch", "tyre list", "tyre history", "tyre table", "tyre series"}
 _OUT_OF_MEMORY = re.compile(r"^Error: not enough memory", re.M)
 _MESSAGE = re.compile(r"^(Error|Usage|Interrupted)\b", re.M)
 _ERROR_LINES = re.compile(r"^Error: ", re.M)

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipelines.library_claim import numbered_files, write_next
-from pipelines.library_seal import damaged, sealed, unsealed
+from pipelines.library_seal import damaged, sealed, texts_of, unsealed
 from pipelines.library_version import Version, signed_now
 
 SCHEMA = 1
 FOLDER = "approvals"
 APPROVE, ROLLBACK = "approve", "rollback"
+_TEXTS = ("event", "version_sha256", "author", "created")
 
 
 @dataclass(frozen=True)
@@ -86,5 +87,7 @@ def _read(folder: Path, number: int) -> Approval:
     content = unsealed(path)
     if content.get("number") != number or content.get("schema") != SCHEMA:
         raise damaged(path, f"event {content.get('number')}, schema {content.get('schema')}")
-    known = {key: content[key] for key in Approval.__dataclass_fields__ if key in content}
-    return Approval(**known)
+    version = content.get("version")
+    if not isinstance(version, int) or content.get("event") not in (APPROVE, ROLLBACK):
+        raise damaged(path, f"event {content.get('event')!r} of version {version!r}")
+    return Approval(version=version, **texts_of(path, content, _TEXTS, ("note",)))

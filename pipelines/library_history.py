@@ -62,6 +62,8 @@ def history_of(tyre: LibraryTyre) -> TyreHistory:
     """Gather a tyre's history; damage is gathered too, not raised."""
     versions, damage = tyre.versions()
     approvals, more = _approvals(tyre)
+    named = {error.where for error in damage}
+    more = [error for error in more if error.where not in named]
     changes = ["", *map(_change, versions[:-1], versions[1:])]
     lines = [
         HistoryLine(version, approvals.get(version.number, ""), change)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,36 @@ def unsealed(path: Path) -> dict[str, Any]:
         raise damaged(path, f"no checksum in its last line ({len(text)} characters)")
     if last + "\n" != _seal(body):
         raise damaged(path, "a checksum that does not fit its content")
-    return tomllib.loads(body)
+    try:
+        return tomllib.loads(body)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise damaged(path, f"no TOML ({error})") from error
+
+
+def texts_of(
+    path: Path, told: dict[str, Any], required: Sequence[str], optional: Sequence[str] = ()
+) -> dict[str, str]:
+    """Texts that a file of the library tells; what is told beside them is left.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    told : dict
+    required, optional : sequence of str
+        Keys.
+
+    Raises
+    ------
+    DamagedFile
+        If one that is required is not there, or one is no text.
+    """
+    texts = {key: told.get(key) for key in required}
+    texts |= {key: told[key] for key in optional if key in told}
+    for key, text in texts.items():
+        if not isinstance(text, str):
+            raise damaged(path, f"no {key}" if text is None else f"{key} = {text!r}")
+    return {key: str(text) for key, text in texts.items()}
 
 
 def is_sealed(path: Path) -> bool:

@@ -6,13 +6,15 @@ import secrets
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from ema.errors import InputError
-from pipelines.library_seal import checksum, damaged, sealed, unsealed
+from pipelines.library_seal import checksum, damaged, sealed, texts_of, unsealed
 from pipelines.parameter_set import ParameterSet, parameter_document, parameter_set_of
 
 SECTION = "version"
+_SIGNED = ("author", "created", "software")
+_MORE = ("note", "tyre_id", "source", "source_sha256", "id")
 
 
 @dataclass(frozen=True)
@@ -136,8 +138,16 @@ def read_version(path: Path, tyre: str, number: int) -> Version:
         If its file is not what was written.
     """
     content = unsealed(path)
-    told: dict[str, Any] = dict(content.get(SECTION, {}))
-    if told.pop("number", None) != number:
-        raise damaged(path, f"version {content.get(SECTION, {}).get('number')}")
-    known = {key: told[key] for key in Entry.__dataclass_fields__ if key in told}
-    return Version(tyre, number, parameter_set_of(path, content), Entry(**known), checksum(path))
+    told = content.get(SECTION)
+    if not isinstance(told, dict) or told.get("number") != number:
+        raise damaged(path, f"version {told['number']}" if _has_number(told) else "no version")
+    try:
+        parameters = parameter_set_of(path, content)
+    except InputError as error:
+        raise damaged(path, f"{error.found} at {error.where}") from error
+    entry = Entry(**texts_of(path, told, _SIGNED, _MORE))
+    return Version(tyre, number, parameters, entry, checksum(path))
+
+
+def _has_number(told: object) -> TypeGuard[dict[str, Any]]:
+    return isinstance(told, dict) and isinstance(told.get("number"), int)
