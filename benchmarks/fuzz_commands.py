@@ -129,6 +129,7 @@ class Case:
             **asdict(usage),
             "faults": found,
             "refused_for_memory": _refused_for_memory(log, usage),
+            "said": _text(log / "stderr")[-300:],
         }
 
 
