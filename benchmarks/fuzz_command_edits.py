@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import json
 import os
@@ -184,37 +183,37 @@ def hurt(samples: np.ndarray, rng: random.Random) -> np.ndarray:
 
 
 def repair_checksums(folder: Path) -> None:
-    """Let the marker's checksums fit the files again, where it has any: code behind is reached."""
-    marker = folder / "provenance.json"
+    """Let the checksums of a result fit its files again: the code behind them is reached."""
+    from pipelines.checksums import FILES, OWN, content_sha256, sha256
+
+    tyre, marker = folder / "tyre.toml", folder / "provenance.json"
+    if tyre.is_file() and not tyre.is_symlink():
+        seal_again(tyre)
     try:
         record = json.loads(marker.read_text())
-    except (OSError, ValueError):
+        files = record[FILES]
+        files |= {name: sha256(folder / name) for name in files if (folder / name).is_file()}
+        record[OWN] = content_sha256(record)
+    except (OSError, ValueError, LookupError, TypeError):
         return
-    if not isinstance(record, dict):
-        return
-    files = record.get("files")
-    listed = files.items() if isinstance(files, dict) else ()
-    for name, entry in listed:
-        path = folder / str(name)
-        if not path.is_file() or path.is_symlink():
-            continue
-        total = hashlib.sha256(path.read_bytes()).hexdigest()
-        if isinstance(entry, dict) and "sha256" in entry:
-            entry["sha256"] = total
-        elif isinstance(entry, str):
-            files[name] = total
-    marker.write_text(json.dumps(record, indent=2))
+    marker.write_text(json.dumps(record, indent=2, ensure_ascii=False), errors="replace")
 
 
 def seal_again(path: Path) -> None:
-    """Give a file of the library the checksum of its new content."""
+    """Give a parameter set, or a file of the library, the checksum of its new content."""
+    from pipelines.checksums import OWN, content_sha256
     from pipelines.library_seal import sealed
 
     try:
         document = tomllib.loads(path.read_text())
     except (OSError, ValueError):
         return
-    table = document.get("version", document)
-    if isinstance(table, dict):
-        table.pop("sha256", None)
+    origin, version = document.get("provenance"), document.get("version", document)
+    if isinstance(origin, dict) and OWN in origin and "version" not in document:
+        del origin[OWN]
+        origin[OWN] = content_sha256(document)
+        path.write_text(toml_text(document), errors="replace")
+        return
+    if isinstance(version, dict):
+        version.pop("sha256", None)
     path.write_text(sealed(toml_text(document)), errors="replace")

@@ -176,6 +176,8 @@ class Inputs:
         path.write_bytes(source.read_bytes())
         if rng.random() > GOOD_SHARE:
             edit_file(path, rng)
+            if rng.random() < 0.6:
+                seal_again(path)
         return self._relative(path)
 
     def library(self) -> str:

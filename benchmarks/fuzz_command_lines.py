@@ -179,7 +179,7 @@ class Lines:
             wanted = 0.97 if param.required or param.name == "library" else share
             if drawing.careful and param.name == "scheduler":
                 wanted = 0.0
-            if param.name in ("force", "as_json"):
+            if param.name in ("force", "as_json", "accept_changes"):
                 wanted = 0.4
             for _ in range(
                 rng.choice((1, 2, 3)) if param.multiple and rng.random() < wanted else 1
