@@ -69,6 +69,7 @@ _NAMES = (
     "../225-55R17",
     "",
 )
+_CONDITIONS = ("temperature_c", "load_n")
 _OUTPUTS = {
     "folder": ("out", "out", "out", "out/deep/er", "out "),
     ".csv": ("t.csv", "t.parquet", "t.CSV", "t.txt", "t"),
@@ -225,6 +226,8 @@ class _Drawing:
 
     def argument(self, param: Any) -> list[str]:
         n = self.rng.choice((1, 1, 1, 2, 3)) if param.nargs == -1 else 1
+        if self.careful and self.line.command == "process":
+            n = 1  # several are recordings, which seldom make a campaign
         if param.nargs == -1 and not param.required and self.rng.random() < 0.5:
             n = 0
         return [self._value(param) for _ in range(n)]
@@ -234,6 +237,8 @@ class _Drawing:
         if param.is_flag:
             return [name]
         values = [self._value(param) for _ in range(param.nargs)]
+        if self.careful and param.nargs == 2:
+            values = self.rng.choice((["20", "260"], ["40", "200"], ["60", "900"]))
         if param.nargs == 1 and self.rng.random() < 0.2:
             return [f"{name}={values[0]}"]
         return [name, *values]
@@ -298,7 +303,7 @@ class _Drawing:
             panel = ".html"
         choice = rng.random()
         if self.careful:
-            path = _OUTPUTS[panel][0]
+            path = "pictures" if param.name == "figures" else _OUTPUTS[panel][0]
         elif choice < 0.5:
             path = rng.choice(_OUTPUTS[panel])
         elif choice < 0.7:
@@ -336,7 +341,10 @@ class _Drawing:
         from model.tuning_problem import PARAMETERS
 
         rng = self.rng
-        name = rng.choice((*PARAMETERS, *PARAMETERS, "temperature_c", "load_n", "x", "é", ""))
+        if self.careful:
+            name = rng.choice(_CONDITIONS if self.line.command == "tyre add" else PARAMETERS)
+            return f"{name}={self._number(20.0)}"
+        name = rng.choice((*PARAMETERS, *PARAMETERS, *_CONDITIONS, "x", "é", ""))
         return f"{name}{rng.choice(('=', '=', '=', '=', '', '==', ' = '))}{self._number(20.0)}"
 
 

@@ -13,7 +13,10 @@ from fuzz_command_child import STREAMS, Usage
 from fuzz_command_lines import Line
 
 TIMES_INPUT = 4
-ALLOWANCE_BYTES = 128 << 20  # buffers of a stage, libraries that load late, the report's figures
+# What a command takes whatever its input: buffers of a stage, libraries that load late.
+ALLOWANCE_BYTES = 128 << 20
+# Typesetting loads fonts; a simulation holds what its options ask for, up to their limits.
+_MORE_BYTES = {"--pdf": 128 << 20, "simulate": 256 << 20}
 _DOCUMENTED = (0, 2)
 # Exit code 1 is theirs to say that something was found.
 _MAY_END_WITH_1 = {"doctor", "batch"}
@@ -68,12 +71,14 @@ def faults(
         *_of_ending(line, usage, err, heard=heard),
         *_of_screen(line, usage, out, err, streams),
     ]
-    if usage.memory_bytes > TIMES_INPUT * input_bytes + ALLOWANCE_BYTES:
+    most = ALLOWANCE_BYTES + sum(
+        more for word, more in _MORE_BYTES.items() if word in line.arguments
+    )
+    if usage.memory_bytes > TIMES_INPUT * input_bytes + most:
         found.append(f"memory: {usage.memory_bytes >> 20} MB for {input_bytes >> 10} kB")
-    # With nobody to tell, a complete result may stand beside a code that says so.
-    if usage.code in _DOCUMENTED or streams == "plain":
-        found += _of_files(line, usage.code, before, after, foreign)
-    return found
+    # Where the last word could not be said, a complete result may stand beside a code that says so.
+    silent = streams != "plain" and usage.code != 0
+    return [*found, *_of_files(line, 0 if silent else usage.code, before, after, foreign)]
 
 
 def _said(path: Path) -> str:
