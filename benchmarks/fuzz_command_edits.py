@@ -202,7 +202,6 @@ def repair_checksums(folder: Path) -> None:
 def seal_again(path: Path) -> None:
     """Give a parameter set, or a file of the library, the checksum of its new content."""
     from pipelines.checksums import OWN, content_sha256
-
     from pipelines.library_seal import sealed
 
     try:

@@ -180,6 +180,8 @@ class Lines:
             wanted = 0.97 if param.required or param.name == "library" else share
             if drawing.careful and param.name == "scheduler":
                 wanted = 0.0
+            if param.name == "pdf":
+                wanted *= 0.3  # typesetting takes ten times as long as all the rest
             if param.name in ("force", "as_json", "accept_changes"):
                 wanted = 0.4
             for _ in range(
