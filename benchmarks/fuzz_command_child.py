@@ -13,6 +13,7 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 MOST_S = 20.0
 _NO_FILE_ABOVE_BYTES = 512 << 20
@@ -118,6 +119,7 @@ def _settle(
 ) -> None:
     """Give a forked process what a fresh one would have."""
     os.setsid()
+    sys.modules["__main__"] = ModuleType("__main__")  # spawned workers must not load the fuzzer
     os.chdir(folder)
     os.environ.update(environment)
     in_use = int(Path("/proc/self/statm").read_text().split()[0]) * _PAGE
