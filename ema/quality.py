@@ -100,7 +100,7 @@ def check_reference(reference: FRF, band_hz: tuple[float, float]) -> ReferenceCh
     level = np.sqrt(np.mean(std**2, axis=0))
     freedom = 2 * (values.shape[0] - 1)
     ratio = np.sqrt(np.mean(np.sum(np.abs(values - values.mean(axis=0)) ** 2, axis=0) / level**2))
-    ratio = float(ratio / np.sqrt(freedom))
+    ratio = float(ratio / np.sqrt(freedom)) if freedom else np.nan  # one run has nothing beside it
     return ReferenceCheck(
         run=reference.run,
         frequency_hz=reference.frequency_hz[lines],

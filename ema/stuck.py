@@ -19,6 +19,7 @@ _RUNG_OUT_S = 0.25
 _LOOKS = 4
 # With more holds than these the signal is coarse, or slower than its rate: every top is flat.
 _MOST_HOLDS = 64
+_SENSELESS = 1e30  # no sensor gives such a number, in whatever unit
 # A signal of fewer steps than these in its rms lies flat by itself.
 _FEWEST_STEPS = 8.0
 # The others go on: their rms in the hold over that of the whole recording. Random vibration of a
@@ -146,6 +147,7 @@ def _look(channel: Channel, shortest: int) -> _Look:
     stride = max(shortest // _LOOKS, 1)
     seen = _every(channel.samples, stride)
     known = seen[np.isfinite(seen)].astype(float)
+    known = known[np.abs(known) < _SENSELESS]  # a flipped bit is no sign of life, and overflows
     if not known.size:
         return _Look(channel, 0.0, 0.0, ())
     rms = float(np.std(known))

@@ -234,13 +234,17 @@ def loaded_frequencies_hz(
     loads = np.atleast_1d(finite_array("loads_n", loads_n))
     frequencies = np.empty((loads.size, n_modes))
     orders = np.empty((loads.size, n_modes), dtype=int)
+    free = np.zeros(_points(highest_order))
+    # All at first: a load that no tyre carries is refused before hours have gone into the others.
+    contacts = [contact_patch(ring, float(load)) if load != 0 else free for load in loads]
     state: LoadedRing | None = None
     for row in np.argsort(loads):
-        contact: ContactPatch | Array = np.zeros(_points(highest_order))
-        if loads[row] != 0:
-            contact = contact_patch(ring, float(loads[row]))
         state = load_ring(
-            ring, contact, highest_order=highest_order, pressure_load=pressure_load, start=state
+            ring,
+            contacts[row],
+            highest_order=highest_order,
+            pressure_load=pressure_load,
+            start=state,
         )
         modes = state.modes()
         frequencies[row] = modes.frequency_hz[:n_modes]

@@ -258,12 +258,12 @@ def loaded(
       ringmodal simulate loaded --load-n 0:4000:500 --figure loaded.svg
     """
     from pipelines import simulate_show as show
-    from pipelines.simulate_loaded import simulate_loaded
+    from pipelines.simulate_loaded import MOST_LOADS, simulate_loaded
     from pipelines.simulate_ranges import values_of
 
     found = simulate_loaded(
         show.announced(tyre, accept_changes=accept_changes).ring,
-        values_of("--load-n", load_n),
+        values_of("--load-n", load_n, MOST_LOADS),
         modes,
         highest_order=harmonics,
         pressure_load=pressure_load.value,

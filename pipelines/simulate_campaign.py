@@ -34,6 +34,7 @@ HUM_HZ = 50.0
 HUM_OVER_NOISE = 0.3
 OFFSET_M_S2 = 0.2
 _SETTLING_S = 2.0
+MOST_SAMPLES = 10_000_000  # 80 minutes at 2 kHz; a run is made in memory
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,14 @@ class Setup:
                     "that are not negative are needed",
                     "Correct the value",
                 )
+        samples = self.duration_s * self.sampling_rate_hz
+        if not samples <= MOST_SAMPLES:
+            raise InputError(
+                "duration_s",
+                f"{self.duration_s:g} s at {self.sampling_rate_hz:g} Hz, {samples:.3g} samples",
+                f"a run has at most {MOST_SAMPLES} samples of each channel",
+                "Shorten the runs or lower the rate",
+            )
 
     @property
     def n_samples(self) -> int:

@@ -12,6 +12,8 @@ from model import RingParameters, contact_patch, equilibrium, load_ring, loaded_
 from model._arrays import readonly
 from model.steady_state import PressureLoad
 
+MOST_LOADS = 200  # each takes a tenth of a second and more: a state and its modes
+
 
 @dataclass(frozen=True, eq=False)
 class LoadedSweep:

@@ -7,10 +7,12 @@ from numpy.typing import NDArray
 
 from ema.errors import InputError
 
-MOST_VALUES = 1_000_000
+# What a simulation of one line or instant keeps and a screen shows: seconds, and below 200 MB.
+MOST_VALUES = 100_000
+MOST_ORDERS = 2000  # as many harmonics as are ever summed
 
 
-def values_of(option: str, text: str) -> NDArray[np.float64]:
+def values_of(option: str, text: str, most: int = MOST_VALUES) -> NDArray[np.float64]:
     """Numbers from ``A``, ``A,B,C``, ``START:STOP`` or ``START:STOP:STEP``.
 
     Parameters
@@ -20,6 +22,8 @@ def values_of(option: str, text: str) -> NDArray[np.float64]:
     text : str
         What the user wrote. A range has a step of 1 unless it gives one, and holds its end where a
         whole number of steps leads there.
+    most : int
+        How many there may be.
 
     Returns
     -------
@@ -28,7 +32,7 @@ def values_of(option: str, text: str) -> NDArray[np.float64]:
     Raises
     ------
     InputError
-        For anything else, for a range that runs backwards, or for more than a million values.
+        For anything else, for a range that runs backwards, or for more values than may be.
     """
     try:
         parts = [float(part) for part in text.replace(":", ",").split(",")]
@@ -40,7 +44,7 @@ def values_of(option: str, text: str) -> NDArray[np.float64]:
         return np.array(parts)
     if "," in text or len(parts) > 3:
         raise _not_understood(option, text)
-    return _range(option, text, *(*parts, 1.0)[:3])
+    return _range(option, text, most, *(*parts, 1.0)[:3])
 
 
 def orders_of(option: str, text: str) -> NDArray[np.int_]:
@@ -51,7 +55,7 @@ def orders_of(option: str, text: str) -> NDArray[np.int_]:
     InputError
         As `values_of`, and for numbers that are not whole.
     """
-    values = values_of(option, text)
+    values = values_of(option, text, MOST_ORDERS)
     whole = np.rint(values)
     if np.any(whole != values):
         raise InputError(
@@ -60,18 +64,20 @@ def orders_of(option: str, text: str) -> NDArray[np.int_]:
     return whole.astype(int)
 
 
-def _range(option: str, text: str, start: float, stop: float, step: float) -> NDArray[np.float64]:
+def _range(
+    option: str, text: str, most: int, start: float, stop: float, step: float
+) -> NDArray[np.float64]:
     """START:STOP:STEP with both ends."""
     if not (step > 0 and stop >= start):
         raise InputError(
             option, repr(text), "a range runs upwards in steps above zero", "Write e.g. 0:100:0.5"
         )
     steps = (stop - start) / step
-    if not steps < MOST_VALUES:
+    if not steps < most:
         raise InputError(
             option,
             f"{text!r}, {steps:.3g} values",
-            f"at most {MOST_VALUES} values",
+            f"at most {most} values",
             "Widen the step or narrow the range",
         )
     count = int(steps + 1e-6) + 1

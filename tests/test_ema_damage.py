@@ -48,6 +48,17 @@ def test_a_sensor_that_is_stuck_is_left_out_alone(name, start, n):
     assert others_without_gaps(gaps, name)
 
 
+def test_a_flipped_bit_does_not_hide_that_a_sensor_is_stuck():
+    def change(samples):
+        samples = rec.held(5003, 500)(samples.astype(float))
+        samples[0] = 1e200
+        return samples
+
+    found, gaps = checked(rec.edited(rec.healthy(), change, ["A02"]))
+    assert ("run_1.uff", "A02", STUCK) in found
+    assert (5003, 5503) in gaps["A02"]
+
+
 def test_the_place_of_a_sensor_goes_with_its_finding():
     _, (finding,) = without_damage([rec.edited(rec.healthy(), rec.held(5000, 500), ["A03"])])
     assert finding.position_deg == 60.0

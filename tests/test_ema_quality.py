@@ -84,6 +84,12 @@ def test_without_known_noise_there_is_no_verdict():
     assert "nan" not in reference_finding(check).detail
 
 
+def test_one_run_has_nothing_to_differ_from():
+    check = check_reference(reference_frf(runs=1), BAND_HZ)
+    assert np.isnan(check.ratio)
+    assert check.consistent
+
+
 def test_each_position_gets_its_median_coherence():
     frf = systems.tyre_frf(positions=12)
     coherence = np.full(frf.values.shape, 0.99)

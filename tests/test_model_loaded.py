@@ -132,6 +132,14 @@ def test_frequencies_split_and_shift_with_the_load():
     np.testing.assert_array_equal(orders[1], [0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5])
 
 
+def test_a_load_that_no_tyre_carries_is_refused_before_any_is_solved(monkeypatch):
+    solved = []
+    monkeypatch.setattr("model.loaded.load_ring", lambda *_, **__: solved.append(1))
+    with pytest.raises(ParameterError, match="contact patch"):
+        loaded_frequencies_hz(TABLE_4_RING, [0.0, 1000.0, 1e7], 5)
+    assert not solved
+
+
 def test_a_continued_solution_is_the_direct_one(pressed):
     lighter = load_ring(TABLE_4_RING, contact_patch(TABLE_4_RING, 2500.0), highest_order=40)
     continued = load_ring(

@@ -16,7 +16,7 @@ from tampering import tamper, ways
 from ema.errors import FitError, InputError
 from model.errors import ParameterError
 from pipelines.batch import run_batch
-from pipelines.checksums import write_marker
+from pipelines.checksums import OWN, write_marker
 from pipelines.console_result import tuned_again
 from pipelines.options import Options
 from pipelines.result_check import is_as_written
@@ -142,6 +142,14 @@ def test_files_that_are_no_part_of_a_result_do_not_keep_it_from_being_read(copy)
     (copy / ".git").mkdir()
     (copy / "report.html").unlink()
     assert load(copy).modal_model.modes
+
+
+def test_provenance_of_other_types_is_refused_though_its_checksum_fits(copy):
+    record = json.loads((copy / MARKER).read_text())
+    record["inputs"][1]["file"] = 3
+    write_marker(copy / MARKER, {key: record[key] for key in record if key != OWN})
+    with pytest.raises(InputError, match=r"inputs\.1\.file"):
+        load(copy)
 
 
 @pytest.mark.parametrize("name", ["frf", "reference", "residues", "poles"])

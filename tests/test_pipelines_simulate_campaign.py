@@ -204,6 +204,8 @@ def test_sensor_mass_is_in_the_manifest(tmp_path):
     ("options", "rule"),
     [
         ({"duration_s": 0.0}, "duration_s: 0"),
+        ({"duration_s": 1e5}, "duration_s: 100000 s"),
+        ({"duration_s": float("inf")}, "duration_s: inf"),
         ({"sampling_rate_hz": 1000.0}, "sampling_rate_hz: 1000"),
         ({"sensor_mass_kg": -0.1}, "sensor_mass_kg"),
         ({"seed": -1}, "seed"),

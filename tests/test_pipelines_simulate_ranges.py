@@ -43,3 +43,14 @@ def test_orders_are_whole():
     assert orders_of("--orders", "1:3").tolist() == [1, 2, 3]
     with pytest.raises(InputError, match="whole"):
         orders_of("--orders", "0:1:0.5")
+
+
+def test_more_values_than_a_command_takes_are_refused():
+    assert values_of("--x", "0:99999:1").size == 100_000
+    for refused in (
+        lambda: values_of("--x", "0:100000:1"),
+        lambda: values_of("--x", "0:300:1", 300),
+        lambda: orders_of("--orders", "1:100000"),
+    ):
+        with pytest.raises(InputError, match="at most"):
+            refused()

@@ -1,0 +1,175 @@
+"""What counts as a failure of a command."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+from fuzz_command_child import STREAMS, Usage
+from fuzz_command_lines import Line
+
+TIMES_INPUT = 4
+# What a command takes whatever its input: buffers of a stage, libraries that load late.
+ALLOWANCE_BYTES = 128 << 20
+# Typesetting loads fonts; a simulation holds what its options ask for, up to their limits.
+_MORE_BYTES = {"--pdf": 128 << 20, "simulate": 256 << 20}
+_DOCUMENTED = (0, 2)
+# Exit code 1 is theirs to say that something was found.
+_MAY_END_WITH_1 = {"doctor", "batch"}
+# These speak of many files, and name each that is bad.
+_SPEAKS_OF_MANY = {"inspect", "batch", "tyre list", "tyre history", "tyre table", "tyre series"}
+_OUT_OF_MEMORY = re.compile(r"^Error: not enough memory", re.M)
+_MESSAGE = re.compile(r"^(Error|Usage|Interrupted)\b", re.M)
+_ERROR_LINES = re.compile(r"^Error: ", re.M)
+_PYTHON_WARNING = re.compile(r"^\S+\.py:\d+: \w+|^\w*Warning: .*\n  \w", re.M)
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+_PLACE = re.compile(r'File "\S*/((?:ema|model|pipelines)/\S+\.py)", line (\d+), in (\S+)')
+_RAISED = re.compile(
+    r"^(\w[\w.]*(?:Error|Exception|Warning|Interrupt|Fault|Exit|Trouble|Damage\w*))\b", re.M
+)
+
+Snapshot = dict[str, str]
+
+
+def snapshot(folder: Path) -> Snapshot:
+    """Everything below a folder: path → what it is and holds."""
+    return dict(_entries(folder, folder))
+
+
+def _entries(folder: Path, root: Path) -> Iterator[tuple[str, str]]:
+    for path in sorted(folder.iterdir()):
+        name, mode = str(path.relative_to(root)), path.lstat().st_mode
+        if stat.S_ISLNK(mode):
+            yield name, f"link {path.readlink()}"
+        elif stat.S_ISDIR(mode):
+            yield name, "folder"
+            yield from _entries(path, root)
+        elif stat.S_ISREG(mode):
+            yield name, hashlib.sha256(path.read_bytes()).hexdigest()
+        else:
+            yield name, "special"
+
+
+def faults(
+    line: Line,
+    usage: Usage,
+    log: Path,
+    streams: str,
+    input_bytes: int,
+    before: Snapshot,
+    after: Snapshot,
+    foreign: list[str],
+) -> list[str]:
+    """Name everything that is wrong with how a command ended."""
+    out, err = (_said(log / name) for name in ("stdout", "stderr"))
+    heard = STREAMS[streams][1] == "file"
+    found = [
+        *_of_ending(line, usage, err, heard=heard),
+        *_of_screen(line, usage, out, err, streams),
+    ]
+    most = ALLOWANCE_BYTES + sum(
+        more for word, more in _MORE_BYTES.items() if word in line.arguments
+    )
+    if usage.memory_bytes > TIMES_INPUT * input_bytes + most:
+        found.append(f"memory: {usage.memory_bytes >> 20} MB for {input_bytes >> 10} kB")
+    # Where the last word could not be said, a complete result may stand beside a code that says so.
+    silent = streams != "plain" and usage.code != 0
+    return [*found, *_of_files(line, 0 if silent else usage.code, before, after, foreign)]
+
+
+def _said(path: Path) -> str:
+    return path.read_bytes().decode("utf-8", "replace") if path.exists() else ""
+
+
+def _of_ending(line: Line, usage: Usage, err: str, *, heard: bool) -> Iterator[str]:
+    if usage.timed_out:
+        yield "time"
+        return
+    known = usage.code in _DOCUMENTED or (usage.code == 1 and line.command in _MAY_END_WITH_1)
+    if usage.code == 1 and _OUT_OF_MEMORY.search(err):
+        known = True
+    if not known:
+        yield f"exit code {usage.code}"
+    elif usage.code == 2 and heard:
+        if line.command in _SPEAKS_OF_MANY:
+            return
+        if not _MESSAGE.search(err):
+            yield "exit 2 without a message"
+        elif len(_ERROR_LINES.findall(err)) > 1:
+            yield "several error messages"
+
+
+def _of_screen(line: Line, usage: Usage, out: str, err: str, streams: str) -> Iterator[str]:
+    if "Traceback (most recent call last)" in err and "--debug" not in line.arguments:
+        yield "traceback"
+    if _PYTHON_WARNING.search(err):
+        yield f"raw warning: {_PYTHON_WARNING.search(err).group()[:150]}"
+    if "Exception ignored" in err:
+        yield "exception ignored"
+    for name, text in (("stdout", out), ("stderr", err)):
+        if (sign := _CONTROL.search(text)) is not None:
+            yield f"control character {sign.group()!r} on {name}"
+    is_json = "--json" in line.arguments and not {"--help", "-h", "--version"} & set(line.arguments)
+    if usage.code == 0 and is_json and STREAMS[streams][0] == "file":
+        try:
+            json.loads(out, parse_constant=_refuse)
+        except ValueError as error:
+            yield f"no JSON on stdout: {str(error)[:40]}"
+
+
+def _refuse(name: str) -> None:
+    raise ValueError(name)
+
+
+def _of_files(
+    line: Line, code: int, before: Snapshot, after: Snapshot, foreign: list[str]
+) -> Iterator[str]:
+    for name in foreign:
+        if after.get(name) != before[name]:
+            yield f"foreign file lost: {name}"
+    changed = sorted(name for name, was in before.items() if after.get(name, "") != was)
+    new = sorted(set(after) - set(before))
+    if code != 0:
+        if changed and not _goes_on(line):
+            yield f"changed though it failed: {changed[0]}"
+        if new and not _goes_on(line):
+            yield f"left behind: {new[0]}"
+        return
+    if hidden := [name for name in new if Path(name).name.startswith(".")]:
+        yield f"left behind: {hidden[0]}"
+    lost = [name for name in changed if not _may_change(line, name)]
+    if lost:
+        yield f"input changed or lost: {lost[0]}"
+
+
+def _goes_on(line: Line) -> bool:
+    """Whether a command keeps what it did before it failed."""
+    return line.command == "batch"
+
+
+def _may_change(line: Line, name: str) -> bool:
+    command, arguments = line.command, line.arguments
+    folders = [name, *map(str, Path(name).parents)]
+    given = {str(Path(path)) for path in line.outputs} - {"."}
+    if any(each in given for each in folders):
+        return line.may_replace or not command.startswith(
+            ("process", "export", "compare", "init", "paper")
+        )
+    if command in ("tune", "report"):
+        return any(each in {str(Path(a)) for a in arguments} for each in folders)
+    if command == "init":
+        return name.endswith("campaign.toml") and line.may_replace
+    if command == "tyre update-tir":
+        return "--yes" in arguments and name in {str(Path(a)) for a in arguments}
+    return False
+
+
+def place_of(err: str) -> str:
+    """Exception and innermost place of ours that a traceback names."""
+    raised, places = _RAISED.findall(err), _PLACE.findall(err)
+    place = f"{places[-1][0]}:{places[-1][1]} {places[-1][2]}" if places else "elsewhere"
+    return f"{raised[-1] if raised else '?'} at {place}"
