@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.errors import RecordingFormatError
+from ema.io.arrow_memory import arrow_reader
 from ema.io.columns import EXPORT_AGAIN, is_time
 from ema.io.content import remark
 from ema.io.text_cells import (
@@ -227,7 +228,7 @@ class _Reader:
         }
         block = max(_BLOCK_BYTES, 2 * section.find(b"\n"))
         return pa.csv.read_csv(
-            pa.BufferReader(section),
+            arrow_reader(section),
             read_options=pa.csv.ReadOptions(column_names=labels, block_size=block),
             parse_options=pa.csv.ParseOptions(
                 delimiter=layout.dialect.separator,

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.io.arrow_memory import arrow_reader
+
 _SIGNS = {b" ", b"+", b"-"}
 _EXPONENT_LETTERS = {b"E", b"e", b"D", b"d"}
 _MOST_DIGITS = 15  # such integers are exact in double precision
@@ -174,7 +176,7 @@ def _by_arrow(fields: NDArray[np.uint8]) -> NDArray[np.float64] | None:
     options = pa.csv.ConvertOptions(column_types={"value": pa.float64()}, null_values=[])
     try:
         parsed = pa.csv.read_csv(
-            pa.BufferReader(column.tobytes().translate(_D_TO_E)),
+            arrow_reader(column.tobytes().translate(_D_TO_E)),
             read_options=pa.csv.ReadOptions(column_names=["value"]),
             convert_options=options,
         )
