@@ -14,6 +14,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+from ema.regular_file import require_regular
 from ema.visible import escaped
 
 FILES = "files"
@@ -82,7 +83,7 @@ def read_marker(path: Path) -> Marker:
         If it is there and the drive does not let it be read.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(require_regular(path).read_text(encoding="utf-8"))
     except (FileNotFoundError, IsADirectoryError, ValueError, RecursionError):
         return Marker({}, {}, Fault.UNREADABLE)
     if not isinstance(content, dict) or FILES not in content:

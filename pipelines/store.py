@@ -9,6 +9,7 @@ from typing import Any
 
 from ema.errors import InputError
 from ema.quality import WARNING, Finding
+from ema.regular_file import require_regular
 from pipelines import tables
 from pipelines.checksums import ACCEPTED, write_marker
 from pipelines.frf_file import read_frf, write_frfs
@@ -139,8 +140,8 @@ def with_accepted(result: Result, checked: CheckedResult) -> Result:
 
 def _marker_bytes(folder: Path) -> bytes | None:
     """What tells one result from the next: another process may replace it meanwhile."""
-    with suppress(OSError):
-        return (folder / MARKER).read_bytes()
+    with suppress(OSError, InputError):
+        return require_regular(folder / MARKER).read_bytes()
     return None
 
 

@@ -32,7 +32,7 @@ def refused(*arguments):
         capture_output=True,
         text=True,
         check=False,
-        timeout=60,  # for one that waits would never end
+        timeout=30,  # for one that waits would never end
     )
     assert finished.returncode == 2, finished.stderr
     assert finished.stdout == ""
