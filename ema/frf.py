@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from ema.errors import InputError
 from ema.excitation import is_steady, period_samples, repeats_after
 from ema.quality import Finding
 from ema.recording import Campaign, Processing, Run
-from ema.spectra import Spectra, disagreement, measure_spectra, pooled
+from ema.spectra import Spectra, disagreement, measure_spectra, pooled, ratio
 from ema.threads import available_threads
 
 
@@ -337,22 +336,17 @@ def _random_error(spectra: Spectra, coherence: NDArray[np.float64]) -> NDArray[n
 
 
 def _h1(spectra: Spectra) -> NDArray[np.complex128]:
-    return _ratio(spectra.cross, spectra.force)
+    return ratio(spectra.cross, spectra.force)
 
 
 def _h2(spectra: Spectra) -> NDArray[np.complex128]:
-    return _ratio(spectra.response, spectra.cross.conj())
+    return ratio(spectra.response, spectra.cross.conj())
 
 
 def _hv(spectra: Spectra) -> NDArray[np.complex128]:
     """Geometric mean of H1 and H2, with the phase they share."""
-    direction = _ratio(spectra.cross, np.abs(spectra.cross))
-    return np.asarray(direction * np.sqrt(_ratio(spectra.response, spectra.force)))
-
-
-def _ratio(above: NDArray[Any], below: NDArray[Any]) -> NDArray[Any]:
-    zero = np.zeros(above.shape, np.result_type(above, below))
-    return np.asarray(np.divide(above, below, out=zero, where=np.abs(below) > 0))
+    direction = ratio(spectra.cross, np.abs(spectra.cross))
+    return np.asarray(direction * np.sqrt(ratio(spectra.response, spectra.force)))
 
 
 ESTIMATORS: dict[str, Callable[[Spectra], NDArray[np.complex128]]] = {

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ema.blocks import BlockPlan
 from ema.excitation import is_steady
 from ema.recording import Channel, Run
-from ema.spectra import Spectra
+from ema.spectra import Spectra, ratio
 from ema.stuck import Stretch
 
 # An impulse response: a tyre has rung out after half a second; a band-limited one begins early.
@@ -124,7 +124,7 @@ def _impulse_response(
     spectra: Spectra, row: int, plan: BlockPlan, late: int
 ) -> NDArray[np.float64]:
     lines = np.zeros(plan.block_samples // 2 + 1, dtype=complex)
-    lines[1 : 1 + spectra.cross.shape[1]] = spectra.cross[row] / spectra.force[row]
+    lines[1 : 1 + spectra.cross.shape[1]] = ratio(spectra.cross[row], spectra.force[row])
     response = np.fft.irfft(lines, plan.block_samples)
     return np.concatenate((response[-_EARLY:], response[:late]))
 

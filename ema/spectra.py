@@ -13,6 +13,7 @@ from ema.blocks import BlockPlan
 from ema.recording import Channel, Run
 from ema.slips import SlipMeter
 
+_LEAST_POWER = np.finfo(float).tiny
 _TOGETHER = 16  # sensors summed at once: the sums of more do not stay near the processor
 _PIECE_BYTES = 1 << 22  # read at a time: few calls, and it stays near the processor
 
@@ -255,3 +256,12 @@ def disagreement(
         between = (own.sum(axis=0) - common).sum() - (rows.size - 1) * noise
         share[number] = max(between, 0.0) / max(own.sum(), np.finfo(float).tiny)
     return share
+
+
+def ratio(above: NDArray[Any], below: NDArray[Any]) -> NDArray[Any]:
+    """Quotient of two spectra, and 0 where the one below is nothing.
+
+    Nothing is what lies below the smallest power of full precision, as of a force of 1e-155 N.
+    """
+    zero = np.zeros(above.shape, np.result_type(above, below))
+    return np.asarray(np.divide(above, below, out=zero, where=np.abs(below) >= _LEAST_POWER))

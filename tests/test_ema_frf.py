@@ -240,6 +240,13 @@ def test_an_frf_cannot_be_changed_behind_its_back():
         frf.values[0, 0] = 7
 
 
+@pytest.mark.parametrize("estimator", ["H1", "H2", "Hv"])
+def test_what_is_too_small_for_a_power_is_nothing(estimator):
+    force, motion = 1e-158 * white(4000, 1), 1e-158 * white(4000, 2, 3)
+    frf = estimate_frf(campaign_of(run_of(force, motion)), estimator=estimator)
+    assert np.all(frf.values == 0)
+
+
 def test_many_sensors_are_those_of_several_runs():
     force = white(4000, 1)
     motion = white(4000, 2, 40)
