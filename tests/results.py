@@ -22,6 +22,23 @@ DAMPING = np.array([0.0412, 0.0281, 0.0259, 0.0231, 0.0211, 0.0190, 0.0181])
 BAND_HZ = (40.0, 250.0)
 
 
+def provenance(campaign: str) -> dict[str, object]:
+    """What ``provenance.json`` of a result holds that later stages need."""
+    return {
+        "software": {"ringmodal": "0.1.0", "numpy": np.__version__},
+        "created": "2025-01-01T00:00:00+00:00",
+        "campaign": campaign,
+        "inputs": [{"file": "config_1.uff", "bytes": 1, "sha256": "0123456789abcdef" * 4}],
+        "options": {
+            "tune": True,
+            "objective": "frequency",
+            "given": {},
+            "processing": {"averages": 10, "window": "boxcar", "band_hz": list(BAND_HZ)},
+        },
+        "stage_seconds": {"read": 0.1, "modes": 0.4},
+    }
+
+
 def tyre_result(seed: int = 1, **changes: object) -> Result:
     """A result of seven orders at 72 positions in six runs, with every stage present."""
     modal_model = ring_modes(np.arange(72) * 5.0)
@@ -50,13 +67,7 @@ def tyre_result(seed: int = 1, **changes: object) -> Result:
         "reference_deg": 2.5,
         "findings": findings(),
         "notes": ("Sensor mass was not given: frequencies are those of the tyre with sensors.",),
-        "provenance": {
-            "software": {"ringmodal": "0.1.0", "numpy": np.__version__},
-            "created": "2025-01-01T00:00:00+00:00",
-            "inputs": [{"file": "config_1.uff", "bytes": 1, "sha256": "0123456789abcdef" * 4}],
-            "options": {"frf": {"averages": 10, "window": "boxcar"}, "band_hz": list(BAND_HZ)},
-            "stage_seconds": {"read": 0.1, "modes": 0.4},
-        },
+        "provenance": provenance("tyre_7"),
     }
     return Result(**(parts | changes))  # type: ignore[arg-type]
 
@@ -99,6 +110,7 @@ def structure_result(seed: int = 1, **changes: object) -> Result:
         "excitation_deg": None,
         "reference_deg": None,
         "notes": (why,),
+        "provenance": provenance("plate"),
     }
     return Result(**(parts | changes))  # type: ignore[arg-type]
 
