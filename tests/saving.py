@@ -29,7 +29,7 @@ def numbered(number):
     """A result whose every larger file tells its number."""
     frf = replace(RESULT.frf, values=np.full_like(RESULT.frf.values, number))
     model = replace(RESULT.modal_model, misfit=float(number))
-    provenance = {"options": {}, "campaign": str(number)}
+    provenance = RESULT.provenance | {"campaign": str(number)}
     return replace(RESULT, name=str(number), frf=frf, modal_model=model, provenance=provenance)
 
 

@@ -58,17 +58,13 @@ def result():
     return tyre_result()
 
 
-def test_both_packages_print_numbers_alike():
-    first, second = (Path(module.__file__).read_bytes() for module in (ema._html, model._html))
-    assert first == second
-
-
 @given(
     st.floats(-1e12, 1e12) | st.sampled_from([nan, inf]),
     st.floats(1e-9, 1e9) | st.sampled_from([nan, 0.0]),
 )
 def test_numbers_are_rounded_as_in_the_report(value, std):
-    assert ema._html.value_with_std(value, std) == numbers.value_with_std(value, std)
+    written = {package._html.value_with_std(value, std) for package in (ema, model)}
+    assert written == {numbers.value_with_std(value, std)}
 
 
 def test_a_result_shows_modes_ring_and_warnings(result):

@@ -1,5 +1,6 @@
 """What may go wrong outside: interrupts, full drives, faults, damage."""
 
+import json
 import os
 import shutil
 import signal
@@ -364,7 +365,8 @@ def test_a_result_without_its_options_is_no_fault_of_the_program(
     ringmodal, stored, tmp_path, options
 ):
     copy = Path(shutil.copytree(stored, tmp_path / "result"))
-    write_marker(copy / MARKER, {"options": options})
+    content = json.loads((copy / MARKER).read_text(encoding="utf-8"))
+    write_marker(copy / MARKER, content | {"options": options})
     code, _, errors = ringmodal("report", copy)
     assert code == 2
     assert "provenance.json, options" in errors
