@@ -189,6 +189,8 @@ def repair_checksums(folder: Path) -> None:
     tyre, marker = folder / "tyre.toml", folder / "provenance.json"
     if tyre.is_file() and not tyre.is_symlink():
         seal_again(tyre)
+    if not marker.is_file():  # a pipe, maybe
+        return
     try:
         record = json.loads(marker.read_text())
         files = record[FILES]
