@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -34,6 +35,14 @@ HUM_HZ = 50.0
 HUM_OVER_NOISE = 0.3
 OFFSET_M_S2 = 0.2
 _SETTLING_S = 2.0
+# Beyond these there is no tyre, no sensor and no noise; far beyond, powers overflow.
+_LIMITS = {
+    "snr_db": (-300.0, math.inf),
+    "split_percent": (-50.0, 50.0),
+    "shaker_between": (0.0, 1.0),
+    "sensor_mass_kg": (0.0, 1.0),
+    "drift_percent": (-10.0, 10.0),
+}
 MOST_SAMPLES = 10_000_000  # 80 minutes at 2 kHz; a run is made in memory
 
 
@@ -80,6 +89,14 @@ class Setup:
                     f"{getattr(self, name):g}",
                     f"a rate above {2 * FORCE_BAND_HZ[1]:g} Hz, a positive duration and values "
                     "that are not negative are needed",
+                    "Correct the value",
+                )
+        for name, (least, most) in _LIMITS.items():
+            if not least <= getattr(self, name) <= most:
+                raise InputError(
+                    name,
+                    f"{getattr(self, name):g}",
+                    f"it must lie between {least:g} and {most:g}",
                     "Correct the value",
                 )
         samples = self.duration_s * self.sampling_rate_hz
