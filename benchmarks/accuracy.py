@@ -19,9 +19,9 @@ from scoring import FoundMode, Match, Score, score, true_frequencies_hz
 from tyres import BAND_HZ, RandomTyre, measured_frf, random_tyre
 
 import ema
-from ema.errors import FitError, InputError
-from ema.family import FOREIGN
-from ema.frf import FRF
+from ema.circumference.ring_modes import FOREIGN
+from ema.core.errors import FitError, InputError
+from ema.core.frf import FRF
 
 OURS = "ringmodal"
 # Errors beyond these are listed one by one.

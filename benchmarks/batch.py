@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from pipelines.simulate_campaign import simulate_campaign
+from pipelines.simulate.campaign import simulate_campaign
 
 SHARED = 16  # campaigns for two workers against one
 LONG_S, SHORT_S = 20.0, 4.0
@@ -67,7 +67,7 @@ def watch_memory(source: Path, scratch: Path, count: int) -> None:
     The start is where every library has loaded and every cache has filled for the first time.
     """
     root, out = fleet(source, scratch / "small", count), scratch / "small_out"
-    command = [sys.executable, "-m", "pipelines.main", "batch", str(root), "--out", str(out)]
+    command = [sys.executable, "-m", "pipelines.cli.main", "batch", str(root), "--out", str(out)]
     started = subprocess.Popen(
         [*command, "--jobs", "2", "--max-order", "20", "--quiet"],
         env={**os.environ, "OMP_NUM_THREADS": "1"},
@@ -161,7 +161,7 @@ def many(source: Path, scratch: Path, count: int, jobs: int) -> None:
 
 def batch(root: Path, out: Path, jobs: int) -> tuple[float, dict[str, Any]]:
     """Wall time and rows of a batch in a process of its own, one thread a worker."""
-    command = [sys.executable, "-m", "pipelines.cli", "batch", str(root), "--out", str(out)]
+    command = [sys.executable, "-m", "pipelines.cli.main", "batch", str(root), "--out", str(out)]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     start = time.perf_counter()
     finished = subprocess.run(

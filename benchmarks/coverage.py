@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from tyres import BAND_HZ, ORDERS, RandomTyre, measured_frf
 
 import ema
-from pipelines.campaign_truth import truth_modes
-from pipelines.simulate_campaign import N_RUNS
+from pipelines.simulate.campaign import N_RUNS
+from pipelines.simulate.truth import truth_modes
 
 SNR_DB = (40.0, 20.0, 10.0)
 TYRE = RandomTyre(truth_modes(), 0.0, np.zeros(N_RUNS), np.zeros(0, dtype=int))

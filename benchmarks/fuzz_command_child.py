@@ -168,7 +168,7 @@ def _connect(number: int, kind: str, path: Path) -> None:
 
 def _main(arguments: list[str]) -> int:
     """What the interpreter does around ``main()``: exit codes, uncaught errors, the last flush."""
-    from pipelines.main import main
+    from pipelines.cli.main import main
 
     sys.argv = ["ringmodal", *arguments]
     code = 0

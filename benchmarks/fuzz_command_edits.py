@@ -184,7 +184,7 @@ def hurt(samples: np.ndarray, rng: random.Random) -> np.ndarray:
 
 def repair_checksums(folder: Path) -> None:
     """Let the checksums of a result fit its files again: the code behind them is reached."""
-    from pipelines.checksums import FILES, OWN, content_sha256, sha256
+    from pipelines.storage.checksums import FILES, OWN, content_sha256, sha256
 
     tyre, marker = folder / "tyre.toml", folder / "provenance.json"
     if tyre.is_file() and not tyre.is_symlink():
@@ -203,8 +203,7 @@ def repair_checksums(folder: Path) -> None:
 
 def seal_again(path: Path) -> None:
     """Give a parameter set, or a file of the library, the checksum of its new content."""
-    from pipelines.checksums import OWN, content_sha256
-    from pipelines.library_seal import sealed
+    from pipelines.storage.checksums import OWN, content_sha256, sealed
 
     try:
         document = tomllib.loads(path.read_text())

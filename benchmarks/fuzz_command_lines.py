@@ -138,7 +138,7 @@ class Line:
 
 def commands() -> dict[str, list[Any]]:
     """Every command that ends by itself, with its parameters."""
-    from pipelines.cli import app
+    from pipelines.cli.app import app
 
     found: dict[str, list[Any]] = {}
 

@@ -156,11 +156,11 @@ def signals_of(path: Path) -> CHANNELS_AND_SAMPLES:
 def make_seeds(folder: Path) -> None:
     """Write all good inputs below a folder."""
     from ema.io.formats import is_recording
-    from pipelines.options import Options
-    from pipelines.process import process
-    from pipelines.simulate_campaign import simulate_campaign
-    from pipelines.store import save
-    from pipelines.tyre_library import TyreLibrary
+    from pipelines.library.library import TyreLibrary
+    from pipelines.process.run import process
+    from pipelines.report.save import save
+    from pipelines.results.options import Options
+    from pipelines.simulate.campaign import simulate_campaign
 
     campaigns, results = folder / "campaigns", folder / "results"
     campaigns.mkdir(parents=True)
@@ -206,7 +206,7 @@ def make_seeds(folder: Path) -> None:
 
 def _settle(results: Path) -> None:
     """Give what differs from run to run (times) one value: the same seed changes the same bytes."""
-    from pipelines.checksums import FILES, OWN, write_marker
+    from pipelines.storage.checksums import FILES, OWN, write_marker
 
     for path in results.glob("*/provenance.json"):
         record = json.loads(path.read_text())

@@ -87,8 +87,8 @@ def measure(small: Path, large: Path) -> None:
     import contextlib
 
     import ema
-    from ema.errors import InputError
-    from pipelines.inspection import inspect_files
+    from ema.core.errors import InputError
+    from pipelines.prepare.inspection import inspect_files
 
     def read(path: Path) -> None:
         with contextlib.suppress(InputError):  # WAV and MATLAB files state no force

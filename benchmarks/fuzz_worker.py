@@ -33,9 +33,9 @@ with atheris.instrument_imports(include=["ema", "pipelines", "pyuff", "nptdms", 
     import pyuff  # noqa: F401
 
     import ema
-    from ema.errors import InputError
-    from ema.io.shapes import read_shapes
-    from pipelines.inspection import inspect_files
+    from ema.core.errors import InputError
+    from ema.io.uff.shape_sets import read_shapes
+    from pipelines.prepare.inspection import inspect_files
 
 FLOOR_BYTES = 64 << 20
 FACTOR = 4

@@ -28,10 +28,10 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
-from pipelines.checksums import sha256
-from pipelines.result_folder import recover
-from pipelines.simulate_campaign import simulate_campaign
-from pipelines.store import load
+from pipelines.results.store import load
+from pipelines.simulate.campaign import simulate_campaign
+from pipelines.storage.checksums import sha256
+from pipelines.storage.result_folder import recover
 
 TABLES = ("modes.csv", "shapes.csv", "quality.csv", "validation.csv")
 PARQUET = ("frf.parquet", "poles.parquet")
@@ -86,7 +86,7 @@ def main() -> None:
 
 
 def command(campaign: Path, out: Path, options: tuple[str, ...]) -> list[str]:
-    program = [sys.executable, "-m", "pipelines.cli", "process", str(campaign)]
+    program = [sys.executable, "-m", "pipelines.cli.main", "process", str(campaign)]
     return [*program, "--out", str(out), *options]
 
 

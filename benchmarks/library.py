@@ -20,8 +20,8 @@ from collections import Counter
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from pipelines import library_claim
-from pipelines.tyre_library import TyreLibrary
+from pipelines.library import numbering as library_claim
+from pipelines.library.library import TyreLibrary
 
 SOURCE = Path(__file__).parents[1] / "sample_data" / "tyre_225_55R17.toml"
 LINKS, TURNS = "hard links", "no links: in turn"

@@ -8,7 +8,7 @@ import io
 from scoring import FoundMode
 from sdypy import EMA
 
-from ema.frf import FRF
+from ema.core.frf import FRF
 
 ORDER = {"lscf": 60, "lsce": 30}
 # Its LSCE errs by several percent where the band does not start at 0 Hz; its LSCF fails there.

@@ -19,12 +19,18 @@ import pyarrow as pa
 import pyarrow.csv
 import pyuff
 
-from ema.io.csv_write import write_csv
+from ema.core.recording import ACCELERATION, Channel
 from ema.io.formats import read_file
-from ema.io.uff58_header import DELIMITER, LITTLE_ENDIAN, REAL_SINGLE, Header58, format_header
-from ema.io.uff_scan import scan
-from ema.io.uff_write import write_time_series
-from ema.recording import ACCELERATION, Channel
+from ema.io.text.write import write_csv
+from ema.io.uff.dataset58_header import (
+    DELIMITER,
+    LITTLE_ENDIAN,
+    REAL_SINGLE,
+    Header58,
+    format_header,
+)
+from ema.io.uff.scan import scan
+from ema.io.uff.write import write_time_series
 
 N_CHANNELS, N_SAMPLES, RATE_HZ = 14, 500_000, 2000.0
 BLOCK = 1 << 16

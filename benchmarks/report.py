@@ -22,16 +22,16 @@ from browser import Browser, chromium  # noqa: E402
 BUILD = """
 import sys, time
 from pathlib import Path
-from pipelines.store import load
+from pipelines.results.store import load
 result, page, n_bytes = load(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
 start = time.perf_counter()
 if n_bytes:
-    from pipelines.report import render_page
+    from pipelines.report.write import render_page
     from pipelines.report.blocks import Section
     empty = render_page("Floor", "Empty page", (Section("empty", "Empty", ()),))
     page.write_text(f"{empty}<!--{'x' * (n_bytes - len(empty))}-->", encoding="utf-8")
 else:
-    from pipelines.report import write_report
+    from pipelines.report.write import write_report
     write_report(result, page)
 print(time.perf_counter() - start)
 """
@@ -75,7 +75,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeat", type=int, default=5)
     repeat = parser.parse_args().repeat
-    from pipelines.demo import run_demo
+    from pipelines.cli.start import run_demo
 
     with tempfile.TemporaryDirectory() as folder:
         _, result = run_demo(Path(folder))

@@ -19,9 +19,9 @@ from tyres import BAND_HZ, measured_frf, random_tyre
 
 import ema
 import model
-from ema.modes import ModalModel
-from pipelines.process import process
-from pipelines.validate import ring_orders, validate
+from ema.core.modes import ModalModel
+from pipelines.process.run import process
+from pipelines.process.validate import ring_orders, validate
 
 HERE = Path(__file__).resolve().parent
 REFERENCE = HERE / "same_numbers.json"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tyres import ORDERS, RandomTyre
 
-from pipelines.campaign_truth import TruthMode
+from pipelines.simulate.truth import TruthMode
 
 # A member of a pair is driven when it carries at least this share of its order's response power …
 DRIVEN_SHARE = 0.1

@@ -78,7 +78,7 @@ def compare(commands: dict[str, list[str]], repeat: int) -> dict[str, Cost]:
 def write_campaign(folder: Path, single: Path, duration_s: float) -> Path:
     """The simulated campaign in double precision, repeated to the length wanted."""
     from ema.io.formats import read_file
-    from ema.io.uff_write import write_time_series
+    from ema.io.uff.write import write_time_series
 
     folder.mkdir()
     for name in ("campaign.toml", "truth.toml"):
@@ -98,7 +98,7 @@ def write_campaign(folder: Path, single: Path, duration_s: float) -> Path:
 @contextmanager
 def campaigns() -> Iterator[Callable[[float], Path]]:
     """Campaigns of any duration, in a temporary folder."""
-    from pipelines.simulate_campaign import simulate_campaign
+    from pipelines.simulate.campaign import simulate_campaign
 
     with tempfile.TemporaryDirectory() as place:
         single = simulate_campaign(Path(place) / "single", duration_s=STRETCH_S)
@@ -111,7 +111,7 @@ def ours(campaign: Path, order: int = 80) -> list[str]:
     """The command that processes a campaign without a report."""
     out = campaign.with_name(f"{campaign.name}_result")
     options = ["--no-report", "--force", "--quiet", "--max-order", str(order)]
-    program = [sys.executable, "-m", "pipelines.main", "process"]
+    program = [sys.executable, "-m", "pipelines.cli.main", "process"]
     return [*program, str(campaign), "--out", str(out), *options]
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.frf import FRF
+from ema.core.frf import FRF
 from model import RingParameters, modal_mass_kg, natural_frequencies_hz
-from pipelines.campaign_truth import HIGHEST_ORDER, TruthMode, modal_sum
-from pipelines.simulate_campaign import FORCE_BAND_HZ, N_RUNS, POSITIONS, REFERENCE_DEG
+from pipelines.simulate.campaign import FORCE_BAND_HZ, N_RUNS, POSITIONS, REFERENCE_DEG
+from pipelines.simulate.truth import HIGHEST_ORDER, TruthMode, modal_sum
 
 BAND_HZ = (20.0, 260.0)
 ORDERS = range(1, 8)

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from pipelines import figures
-from pipelines.process import process
+from pipelines.plots import figures
+from pipelines.process.run import process
 
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pipelines.process import process
-from pipelines.report import render_report
+from pipelines.process.run import process
+from pipelines.report.write import render_report
 
 DOCS = Path(__file__).parent
 SAMPLE = DOCS.parent / "sample_data" / "tyre_225_55R17"

@@ -1,13 +1,14 @@
-from .curve_fit import fit_modes
-from .errors import DataQualityWarning, FitError, InputError
-from .frf import FRF, estimate_frf
+from .core.campaign import Campaign, Processing
+from .core.errors import DataQualityWarning, FitError, InputError
+from .core.frf import FRF
+from .core.modes import ModalModel, Mode
+from .fitting.curve_fit import fit_modes
 from .identify import Identification, SensorMass, identify_modes
-from .io.campaign import read_campaign
-from .io.shapes import ShapeSet, read_shapes
-from .modes import ModalModel, Mode
-from .pole_selection import select_poles
-from .recording import Campaign, Processing
-from .stability import StabilityDiagram, build_stability
+from .io.campaign.read import read_campaign
+from .io.uff.shape_sets import ShapeSet, read_shapes
+from .poles.selection import select_poles
+from .poles.stability import StabilityDiagram, build_stability
+from .signals.frf_estimation import estimate_frf
 
 __all__ = [
     "FRF",

@@ -8,19 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema import _show
-from ema.circumference import on_circle
-from ema.consistency import check_consistency, is_better, withheld
-from ema.curve_fit import fit_modes
-from ema.frf import FRF
-from ema.mass_loading import unloaded
-from ema.modes import ModalModel
-from ema.pole_selection import select_poles
-from ema.quality import Finding
-from ema.screening import screen
-from ema.second_opinion import OTHER, Opinion, second_opinion
-from ema.stability import StabilityDiagram, build_stability, widened_band
-from ema.threads import one_blas_thread
+from ema.checks.screening import screen
+from ema.checks.sensor_consistency import check_consistency, is_better, withheld
+from ema.circumference.mass_loading import unloaded
+from ema.circumference.orders import on_circle
+from ema.core.bands import widened_band
+from ema.core.display import band_text, counted
+from ema.core.finding import _OK, Finding, findings_html
+from ema.core.frf import FRF
+from ema.core.modes import ModalModel, model_html
+from ema.core.numerics import one_blas_thread
+from ema.fitting.curve_fit import fit_modes
+from ema.poles.cross_check import OTHER, Opinion, second_opinion
+from ema.poles.selection import select_poles
+from ema.poles.stability import StabilityDiagram, build_stability
 
 # A force of wrong sign first, then the sensors, then a look at what is left.
 _CONSISTENCY_PASSES = 3
@@ -49,10 +50,10 @@ class Identification:
     findings: tuple[Finding, ...]
 
     def __repr__(self) -> str:
-        return _show.identification_line(self)
+        return identification_line(self)
 
     def _repr_html_(self) -> str:
-        return _show.identification_html(self)
+        return identification_html(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,3 +157,17 @@ def _bare(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
     if sensor_mass is None or not on_circle(frf.position_deg):
         return frf
     return unloaded(frf, sensor_mass.sensors_deg, sensor_mass.mass_kg, sensor_mass.excitation_deg)
+
+
+def identification_line(found: Identification) -> str:
+    """Modes and doubts."""
+    doubts = sum(finding.verdict != _OK for finding in found.findings)
+    return (
+        f"<Identification: {counted(len(found.model.modes), 'mode')}, "
+        f"{band_text(found.model.band_hz)}, {counted(doubts, 'warning')}>"
+    )
+
+
+def identification_html(found: Identification) -> str:
+    """The modes, and every finding that a reader has to know."""
+    return model_html(found.model) + findings_html(found.findings)

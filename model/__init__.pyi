@@ -1,13 +1,12 @@
 from .cleat import Cleat, CleatTest
-from .coefficients import Harmonics, harmonics
+from .coefficients import Harmonics, characteristic_roots, eigenvector_ratios, harmonics
 from .contact import ContactPatch, contact_patch
 from .damping import DampingResult, damping_ratios, identify_damping, torsion_damping_ratio
 from .errors import InstabilityError, ParameterError
 from .forced import inertance, inextensional_inertance
 from .foundation import Foundation, foundation_from_belt_modes
 from .hub import HubResponse, free_hub_roots, hub_response
-from .loaded import LoadedRing, load_ring, loaded_frequencies_hz
-from .loaded_modes import LoadedModes
+from .loaded import LoadedModes, LoadedRing, load_ring, loaded_frequencies_hz
 from .parameters import RingDamping, RingParameters, Wheel
 from .ring import (
     displacement_ratio,
@@ -17,7 +16,6 @@ from .ring import (
     radial_shape,
     torsion_frequency_hz,
 )
-from .roots import characteristic_roots, eigenvector_ratios
 from .rotation import Bifurcation, bifurcation, critical_speeds_rad_s
 from .sensitivity import Sensitivity, frequency_sensitivity
 from .steady_state import Equilibrium, equilibrium

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import finite_array
+from model.arrays import finite_array
 from model.errors import ParameterError
 from model.forced import Direction
 from model.ring import belt_width_m

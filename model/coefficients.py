@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import finite_array, readonly, whole_orders
+from model.arrays import finite_array, readonly, whole_orders
+from model.errors import ParameterError
 from model.parameters import RingDamping, RingParameters
 from model.steady_state import Equilibrium, PressureLoad, equilibrium
 
@@ -146,3 +147,140 @@ def roots_at_rest(terms: Harmonics) -> tuple[NDArray[np.float64], NDArray[np.flo
     return terms.determinant / larger / terms.mass_per_area_kg_m2, (
         larger / terms.mass_per_area_kg_m2
     )
+
+
+#: Imaginary part over the largest root below which a root counts as real: a double root is
+#: resolved to the square root of the machine precision only.
+REAL_ROOT = 1e-6
+
+
+def characteristic_roots(
+    ring: RingParameters,
+    orders: ArrayLike,
+    speed_rad_s: ArrayLike = 0.0,
+    *,
+    pressure_load: PressureLoad = "dead",
+    damping: RingDamping | None = None,
+) -> NDArray[np.complex128]:
+    """Roots ω of the characteristic polynomial (eq 14) in the order k = 1…4 of Table 1.
+
+    For n ≥ 1: k = 1 inextensional and positive (regressive wave), k = 2 inextensional and
+    negative (progressive wave), k = 3 and 4 the same for the extensional pair. For n ≤ −1 (Table 1
+    as corrected) all signs are inverted. For n = 0 the first pair is the torsion, the second the
+    breathing. Above a critical speed a sign may change; the sequence by size does not.
+
+    Parameters
+    ----------
+    ring : RingParameters
+        The ring.
+    orders, speed_rad_s : array_like
+        Orders n and angular speeds Ω in rad/s, of shapes that broadcast.
+    pressure_load : {"dead", "follower"}
+        See `equilibrium`.
+    damping : RingDamping or None
+        Viscous foundation and loss factor. A loss factor holds for e^{+iωt} with Re ω > 0.
+
+    Returns
+    -------
+    ndarray of complex, shape (..., 4)
+        ω in rad/s, rotating frame. An undamped stable root is exactly real; a root with Im ω < 0
+        grows in time: an instability, not a frequency.
+    """
+    terms = harmonics(ring, orders, speed_rad_s, pressure_load=pressure_load, damping=damping)
+    polynomial = _polynomial(terms, damping)
+    roots = _polish(polynomial, _companion_eigenvalues(polynomial))
+    if damping is None:
+        size = np.abs(roots).max(axis=-1, keepdims=True)
+        roots = np.where(np.abs(roots.imag) <= REAL_ROOT * size, roots.real, roots)
+    return _in_table_order(roots, terms.orders)
+
+
+def eigenvector_ratios(
+    ring: RingParameters,
+    orders: ArrayLike,
+    speed_rad_s: ArrayLike = 0.0,
+    *,
+    pressure_load: PressureLoad = "dead",
+) -> NDArray[np.float64]:
+    """Ratios b_k of the eigenvectors [1, i·b_k] of eq 12, in the order k = 1…4 of Table 2.
+
+    Table 2 writes the sign out: b = B_{n,k} for the inextensional pair of n ≥ 1, −B_{n,k} for the
+    extensional one; both change sign with n (as corrected: n ≤ −1).
+
+    Parameters
+    ----------
+    ring : RingParameters
+        The ring.
+    orders, speed_rad_s : array_like
+        Orders n ≠ 0 and angular speeds Ω in rad/s, of shapes that broadcast.
+    pressure_load : {"dead", "follower"}
+        See `equilibrium`.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        NaN where the root is unstable.
+
+    Raises
+    ------
+    ParameterError
+        For order 0, whose torsion has no radial part to be scaled by.
+    """
+    terms = harmonics(ring, orders, speed_rad_s, pressure_load=pressure_load)
+    if np.any(terms.orders == 0):
+        raise ParameterError(
+            "orders", "0", "only waves (n ≠ 0) have a ratio u_θ/u_r at any speed", "Leave it out"
+        )
+    roots = characteristic_roots(ring, orders, speed_rad_s, pressure_load=pressure_load)
+    omega = np.where(roots.imag == 0, roots.real, np.nan)
+    mass, speed = terms.mass_per_area_kg_m2, terms.speed_rad_s[..., None]
+    coupling = terms.c[..., None] - 2.0 * mass * speed * omega
+    return np.asarray(coupling / (terms.m22[..., None] - mass * omega**2))
+
+
+def _polynomial(terms: Harmonics, damping: RingDamping | None) -> NDArray[Any]:
+    """Monic coefficients of ω³, ω², ω, 1, shape (..., 4)."""
+    mass, a2, a1, a0 = terms.polynomial
+    if damping is None:
+        zero = np.zeros_like(a2)
+        return np.stack([zero, a2, a1, a0], axis=-1) / mass
+    c_r, c_t = damping.radial_n_s_m3, damping.circumferential_n_s_m3
+    rho = terms.mass_per_area_kg_m2
+    cubic = np.full(a2.shape, -1j * rho * (c_r + c_t))
+    square = a2 - c_r * c_t
+    linear = a1 + 1j * (c_r * terms.m22 + c_t * terms.m11)
+    return np.stack([cubic, square, linear, a0.astype(complex)], axis=-1) / mass
+
+
+def _companion_eigenvalues(polynomial: NDArray[Any]) -> NDArray[np.complex128]:
+    """Roots as eigenvalues of companion matrices in ω/size, so that no entry overflows."""
+    powers = np.arange(1, 5)
+    size = np.maximum.reduce([np.abs(polynomial[..., k - 1]) ** (1.0 / k) for k in powers])
+    scaled = polynomial / size[..., None] ** powers
+    companion = np.zeros((*scaled.shape, 4), dtype=scaled.dtype)
+    companion[..., 0, :] = -scaled
+    companion[..., [1, 2, 3], [0, 1, 2]] = 1.0
+    return np.asarray(np.linalg.eigvals(companion) * size[..., None], dtype=complex)
+
+
+def _polish(polynomial: NDArray[Any], roots: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Two Newton steps: the inner roots are small beside the outer ones that set the scale."""
+    b3, b2, b1, b0 = (polynomial[..., k, None] for k in range(4))
+    size = np.abs(roots).max(axis=-1, keepdims=True)
+    for _ in range(2):
+        value = (((roots + b3) * roots + b2) * roots + b1) * roots + b0
+        slope = ((4.0 * roots + 3.0 * b3) * roots + 2.0 * b2) * roots + b1
+        safe = np.where(slope == 0, 1.0, slope)
+        step = np.where(slope == 0, 0.0, value / safe)
+        roots = roots - np.where(np.abs(step) < 1e-6 * size, step, 0.0)
+    return roots
+
+
+def _in_table_order(
+    roots: NDArray[np.complex128], orders: NDArray[np.int_]
+) -> NDArray[np.complex128]:
+    """Sort by real part and deal out: inner pair first, the positive member first for n ≥ 0."""
+    ascending = np.take_along_axis(roots, np.lexsort((roots.imag, roots.real), axis=-1), axis=-1)
+    forward = ascending[..., [2, 1, 3, 0]]
+    backward = ascending[..., [1, 2, 0, 3]]
+    return np.where((orders >= 0)[..., None], forward, backward)

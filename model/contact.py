@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import finite_array
+from model.arrays import finite_array
 from model.errors import ParameterError
 from model.parameters import RingParameters
 from model.ring import belt_width_m

@@ -8,15 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import (
-    finite_array,
-    readonly,
-    require_one_each,
-    require_positive,
-    whole_orders,
-)
-from model.bounded import solve_within
-from model.coefficients import harmonics
+from model.arrays import finite_array, readonly, require_one_each, require_positive, whole_orders
+from model.coefficients import characteristic_roots, harmonics
 from model.identifiability import (
     AT_BOUND,
     NOT_IDENTIFIED,
@@ -28,8 +21,8 @@ from model.identifiability import (
 )
 from model.parameters import RingDamping, RingParameters
 from model.ring import natural_frequencies_hz, torsion_frequency_hz
-from model.roots import characteristic_roots
 from model.steady_state import PressureLoad
+from model.tuning_problem import solve_within
 
 _NAMES = ("radial_n_s_m3", "circumferential_n_s_m3", "loss_factor")
 _NOMINAL = 0.05  # relative error of a damping ratio that judges identifiability where none is known

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model._arrays import finite_array, require_positive
+from model.arrays import finite_array, require_positive
 from model.coefficients import harmonics
 from model.errors import ParameterError
 from model.parameters import RingParameters

@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import readonly
+from model.arrays import readonly
+from model.coefficients import REAL_ROOT
 from model.errors import ParameterError
 from model.forced import Direction
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m
-from model.roots import REAL_ROOT
 from model.steady_state import PressureLoad
 from model.transfer import Complex, ForcedRing, angular_frequency
 

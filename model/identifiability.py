@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import readonly
+from model.arrays import readonly
 
 GIVEN = "given"
 IDENTIFIED = "identified"

@@ -8,21 +8,23 @@ while the ring turns through it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import finite_array, readonly, require_order_limit
-from model.circle_fields import Array, CircleFields, circle_fields
-from model.contact import ContactPatch, contact_patch
-from model.deformed_energy import (
+from model.arrays import finite_array, readonly, require_order_limit
+from model.circle_fields import (
+    Array,
+    CircleFields,
     area_curvature,
+    circle_fields,
     elastic_curvature,
     elastic_slope,
     pressure_force,
 )
+from model.contact import ContactPatch, contact_patch
 from model.errors import InstabilityError, ParameterError
-from model.loaded_modes import LoadedModes
 from model.parameters import RingParameters
 from model.steady_state import PressureLoad, equilibrium, require_pressure_load
 
@@ -360,3 +362,45 @@ def _refuse_growth(growth_1_s: float) -> None:
             "an unstable state has no natural frequencies",
             "Lower the load or the speed",
         )
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedModes:
+    """Modes of a loaded ring.
+
+    Parameters
+    ----------
+    fields : CircleFields
+        Basis of the shapes.
+    frequency_hz : ndarray, shape (n_modes,)
+        Natural frequencies seen from space, ascending, Hz.
+    shapes : ndarray, shape (n_coefficients, n_modes)
+        Shapes in the coefficients of the fields; complex where the ring turns.
+    """
+
+    fields: CircleFields
+    frequency_hz: Array
+    shapes: NDArray[np.inexact[Any]]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "frequency_hz", readonly(self.frequency_hz))
+        object.__setattr__(self, "shapes", readonly(self.shapes, self.shapes.dtype))
+
+    @property
+    def share_of_order(self) -> Array:
+        """Share of each order in the power of each shape, (highest_order + 1, n_modes)."""
+        power = np.abs(self.shapes) ** 2
+        orders = self.fields.orders
+        shares = np.stack(
+            [power[orders == order].sum(axis=0) for order in range(self.fields.highest_order + 1)]
+        )
+        return np.asarray(shares / shares.sum(axis=0))
+
+    @property
+    def dominant_order(self) -> NDArray[np.int_]:
+        """Order with the largest share, per mode."""
+        return np.asarray(self.share_of_order.argmax(axis=0))
+
+    def radial(self, mode: int) -> NDArray[np.inexact[Any]]:
+        """Radial shape of one mode at the points of the circle."""
+        return np.asarray(self.fields.radial @ self.shapes[:, mode])

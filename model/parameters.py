@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from model import _show
+from model.display import number, table
 from model.errors import ParameterError
 
 #: Thickness over radius beyond which a ring is no longer thin.
@@ -108,7 +108,7 @@ class RingParameters:
             )
 
     def _repr_html_(self) -> str:
-        return _show.ring_html(self)
+        return ring_html(self)
 
 
 @dataclass(frozen=True)
@@ -165,3 +165,43 @@ class Wheel:
     def __post_init__(self) -> None:
         for entry in fields(self):
             _require(entry.name, getattr(self, entry.name), positive=True)
+
+
+RING_NAMES = {
+    "mean_radius_m": ("mean radius", "a", "m"),
+    "belt_width_m": ("belt width", "b", "m"),
+    "inflation_pressure_pa": ("inflation pressure", "p₀", "Pa"),
+    "mass_per_area_kg_m2": ("mass per area", "ρh", "kg/m²"),
+    "radial_stiffness_n_m3": ("radial stiffness", "k_r", "N/m³"),
+    "circumferential_stiffness_n_m3": ("circumferential stiffness", "k_θ", "N/m³"),
+    "axial_stiffness_n_m": ("axial stiffness", "K", "N/m"),
+    "bending_stiffness_n_m": ("bending stiffness", "D", "N m"),
+}
+DAMPING_NAMES = {
+    "radial_n_s_m3": ("radial damping", "c_r", "N s/m³"),
+    "circumferential_n_s_m3": ("circumferential damping", "c_θ", "N s/m³"),
+    "loss_factor": ("loss factor", "η", "1"),
+}
+
+
+def ring_html(ring: RingParameters) -> str:
+    """Every parameter with its symbol and unit."""
+    rows = [
+        (name, symbol, _typed(value), unit) for _, name, symbol, value, unit in _parameters(ring)
+    ]
+    return table("Ring", ("parameter", "symbol", "value", "unit"), rows, words=(0, 1, 3))
+
+
+def _parameters(ring: RingParameters) -> list[tuple[str, str, str, float, str]]:
+    """Field, name, symbol, value and unit of every parameter that is there."""
+    return [
+        (key, name, symbol, getattr(ring, key), unit)
+        for key, (name, symbol, unit) in RING_NAMES.items()
+        if getattr(ring, key) is not None
+    ]
+
+
+def _typed(value: float) -> str:
+    """A value as a person would have typed it, four digits of one that no one would type."""
+    text = f"{value:.10g}"
+    return text if len(text) <= len("220000") else number(value)

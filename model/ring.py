@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import finite_array, whole_orders
+from model.arrays import finite_array, whole_orders
 from model.coefficients import harmonics, roots_at_rest
 from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters

@@ -8,11 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import finite_array, readonly, whole_orders
-from model.coefficients import harmonics
+from model.arrays import finite_array, readonly, whole_orders
+from model.coefficients import characteristic_roots, harmonics
 from model.errors import ParameterError
 from model.parameters import RingParameters
-from model.roots import characteristic_roots
 from model.steady_state import PressureLoad
 
 #: Where an observer is: turning with the wheel, or fixed in space.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import readonly, whole_orders
+from model.arrays import readonly, whole_orders
 from model.parameters import RingParameters
 from model.ring import natural_frequencies_hz
 from model.steady_state import PressureLoad

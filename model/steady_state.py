@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import finite_array, readonly
+from model.arrays import finite_array, readonly
 from model.errors import ParameterError
 from model.parameters import LARGEST_HOOP_STRAIN, RingParameters
 

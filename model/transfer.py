@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import finite_array, readonly, require_order_limit
+from model.arrays import finite_array, readonly, require_order_limit
 from model.coefficients import Harmonics, harmonics
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model._arrays import readonly
+from model.arrays import readonly
+from model.coefficients import characteristic_roots
 from model.errors import InstabilityError, ParameterError
-from model.roots import characteristic_roots
 from model.transfer import Complex, ForcedRing
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import finite_array, require_one_each, require_positive, whole_orders
+from model.arrays import finite_array, require_one_each, require_positive, whole_orders
 from model.identifiability import (
     AT_BOUND,
     GIVEN,
@@ -20,8 +20,7 @@ from model.identifiability import (
     error_level,
     verdicts,
 )
-from model.parameter_names import RING_NAMES
-from model.parameters import RingParameters
+from model.parameters import RING_NAMES, RingParameters
 from model.sensitivity import frequency_sensitivity
 from model.steady_state import PressureLoad
 from model.tuning_problem import AXIAL, PARAMETERS, TuningProblem

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model import _show
-from model._arrays import readonly
-from model.identifiability import Correlation
-from model.parameters import RingParameters
+from model.arrays import readonly
+from model.display import table, value_with_std
+from model.identifiability import GIVEN, IDENTIFIED, Correlation
+from model.parameters import RING_NAMES, RingParameters, _parameters, _typed
 from model.sensitivity import Sensitivity
 
 
@@ -65,7 +65,45 @@ class TuningResult:
         return 100.0 * (self.model_hz / self.measured_hz - 1.0)
 
     def __repr__(self) -> str:
-        return _show.tuning_line(self)
+        return tuning_line(self)
 
     def _repr_html_(self) -> str:
-        return _show.tuning_html(self)
+        return tuning_html(self)
+
+
+def tuning_line(tuning: TuningResult) -> str:
+    """Orders, largest deviation and what was identified."""
+    identified = [RING_NAMES[name][1] for name, how in tuning.how.items() if how == IDENTIFIED]
+    orders = ", ".join(str(order) for order in tuning.orders)
+    worst = float(np.max(np.abs(tuning.error_percent)))
+    return (
+        f"<TuningResult: orders {orders}, largest deviation {worst:.2f} %, "
+        f"identified {', '.join(identified) or 'nothing'}>"
+    )
+
+
+def tuning_html(tuning: TuningResult) -> str:
+    """Every parameter with ± and how it was obtained, then the frequencies order by order."""
+    rows = [
+        (name, symbol, _value(tuning, key, value), unit, tuning.how.get(key, "–"))
+        for key, name, symbol, value, unit in _parameters(tuning.ring)
+    ]
+    head = ("parameter", "symbol", "value", "unit", "how obtained")
+    return table("Tuned ring", head, rows, words=(0, 1, 3, 4)) + _frequencies(tuning)
+
+
+def _value(tuning: TuningResult, key: str, value: float) -> str:
+    given = tuning.how.get(key) == GIVEN
+    return _typed(value) if given else value_with_std(value, tuning.std.get(key))
+
+
+def _frequencies(tuning: TuningResult) -> str:
+    columns = zip(
+        tuning.orders, tuning.measured_hz, tuning.model_hz, tuning.error_percent, strict=True
+    )
+    rows = [
+        (str(order), f"{measured:.2f}", f"{ring:.2f}", f"{error:+.2f}".replace("-", "−"))
+        for order, measured, ring, error in columns
+    ]
+    head = ("order n", "measured / Hz", "ring / Hz", "deviation / %")
+    return table("Frequencies it was tuned to", head, rows, words=())

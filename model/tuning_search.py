@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model._arrays import readonly
-from model.bounded import descend_within, solve_within
+from model.arrays import readonly
 from model.errors import ParameterError
 from model.parameters import LARGEST_THICKNESS_RATIO, RingParameters
 from model.tuning_problem import (
@@ -21,6 +20,8 @@ from model.tuning_problem import (
     RADIAL,
     TYPICAL_GROWTH,
     TuningProblem,
+    descend_within,
+    solve_within,
 )
 
 #: Sizes of a passenger-car tyre: they scale the search and stand in for what is left open.

@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model._arrays import finite_array
+from model.arrays import finite_array
+from model.coefficients import characteristic_roots, eigenvector_ratios
 from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
-from model.roots import characteristic_roots, eigenvector_ratios
 from model.rotation import wave_orders
 from model.steady_state import PressureLoad
 

@@ -11,8 +11,8 @@ import signal
 import sys
 from pathlib import Path
 
-from pipelines import library_claim
-from pipelines.tyre_library import TyreLibrary
+from pipelines.library import numbering as library_claim
+from pipelines.library.library import TyreLibrary
 
 EACH = 10
 _OF_FILES = {

@@ -11,10 +11,10 @@ import pytest
 from browser import chromium
 from hypothesis import HealthCheck, settings
 
-from pipelines import cli
-from pipelines.process import process
-from pipelines.simulate_campaign import simulate_campaign
-from pipelines.store import save
+from pipelines.cli import main as cli
+from pipelines.process.run import process
+from pipelines.report.save import save
+from pipelines.simulate.campaign import simulate_campaign
 
 # The same examples everywhere, and no verdict that depends on how busy a machine is.
 settings.register_profile(

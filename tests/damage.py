@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ema.errors import RecordingFormatError
+from ema.core.errors import RecordingFormatError
 
 
 def assert_truncations_named(path, read, step=97, end=1):

@@ -2,7 +2,7 @@
 
 import shutil
 
-from pipelines.options import Options
+from pipelines.results.options import Options
 
 # One run of twelve sensors and few model orders: as little work as still gives eight orders.
 QUICK = Options(max_order=20, tune=False)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from pipelines.parameter_set import Parameter, ParameterSet, write_parameter_set
+from pipelines.results.parameter_set import Parameter, ParameterSet, write_parameter_set
 
 DESIGNATION = "225/55R17"
 SET = ParameterSet(

@@ -8,7 +8,7 @@ import numpy as np
 import systems
 from scipy.signal import butter, sosfilt
 
-from ema.recording import UNKNOWN, Channel
+from ema.core.recording import UNKNOWN, Channel
 
 RATE_HZ = 1000.0
 N = 16_000

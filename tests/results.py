@@ -6,15 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ema.frf import FRF
-from ema.mac import auto_mac
-from ema.modes import ModalModel, Mode, ResidualTerms
-from ema.quality import OK, WARNING, Finding, ReferenceCheck
-from ema.recording import Tyre
-from ema.stability import Cluster, StabilityDiagram
+from ema.checks.quality import ReferenceCheck
+from ema.core.campaign import Tyre
+from ema.core.finding import OK, WARNING, Finding
+from ema.core.frf import FRF
+from ema.core.mac import auto_mac
+from ema.core.modes import ModalModel, Mode, ResidualTerms
+from ema.poles.stability import Cluster, StabilityDiagram
 from model.damping import identify_damping
 from model.tuning import tune_ring
-from pipelines.result import Result, Validation
+from pipelines.results.result import Result, Validation
 
 ORDERS = np.arange(1, 8)
 FREQUENCIES_HZ = np.array([78.73, 100.31, 121.40, 145.45, 170.78, 196.52, 224.40])

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from builders import binary58, floats
 
-from ema.errors import InputError, ManifestError, RecordingFormatError
+from ema.core.errors import InputError, ManifestError, RecordingFormatError
 
 N = 64  # samples of a channel: four blocks of sixteen
 RATE_HZ = 2000.0

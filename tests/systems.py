@@ -7,20 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ema.frf import FRF
-from ema.modes import synthesise
-from ema.recording import (
-    ACCELERATION,
-    FORCE,
-    Campaign,
-    Channel,
-    Processing,
-    Recording,
-    Response,
-    Run,
-)
-from pipelines.campaign_truth import modal_sum
-from pipelines.simulate_campaign import FORCE_BAND_HZ, N_RUNS, POSITIONS, REFERENCE_DEG
+from ema.core.campaign import Campaign, Processing, Response, Run
+from ema.core.frf import FRF
+from ema.core.modes import synthesise
+from ema.core.recording import ACCELERATION, FORCE, Channel, Recording
+from pipelines.simulate.campaign import FORCE_BAND_HZ, N_RUNS, POSITIONS, REFERENCE_DEG
+from pipelines.simulate.truth import modal_sum
 
 TABLE_3_HZ = np.array([78.73, 100.31, 121.40, 145.45, 170.78, 196.52, 224.40])
 TABLE_3_DAMPING = np.array([0.039, 0.033, 0.024, 0.022, 0.021, 0.020, 0.018])

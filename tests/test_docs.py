@@ -19,9 +19,9 @@ from pathlib import Path
 import pytest
 from docs_pages import COMMANDS, Block, Command, blocks_of, commands_of, name_of, pages
 
-from ema.io.manifest import Manifest, read_manifest
-from pipelines import cli
-from pipelines.parameter_set import read_parameter_set
+from ema.io.campaign.manifest import Manifest, read_manifest
+from pipelines.cli import main as cli
+from pipelines.results.parameter_set import read_parameter_set
 
 MOST_NOT_RUN = 8
 ALL_BLOCKS = [block for page in pages() for block in blocks_of(page)]

@@ -16,7 +16,7 @@ from docs_pages import ROOT, name_of, pages
 
 import ema
 import model
-from pipelines.cli import app
+from pipelines.cli.app import app
 
 sys.path.insert(0, str(ROOT / "docs" / "extensions"))
 
@@ -90,7 +90,7 @@ def test_every_public_name_has_its_entry(package):
 def listed_in_pipelines():
     page = (ROOT / "docs" / "api" / "pipelines.md").read_text(encoding="utf-8")
     names = LISTED.findall(page)
-    return [name if "." in name else f"pipelines.figures.{name}" for name in names]
+    return [name if "." in name else f"pipelines.plots.figures.{name}" for name in names]
 
 
 @pytest.mark.parametrize(

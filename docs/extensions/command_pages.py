@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from pipelines.cli import app as program
+from pipelines.cli.app import app as program
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx

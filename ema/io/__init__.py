@@ -1,1 +1,1 @@
-"""Files in and out: one file for each format, behind `ema.io.campaign.read_campaign`."""
+"""Files in and out: one file for each format, behind `ema.io.campaign.read.read_campaign`."""

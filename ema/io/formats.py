@@ -1,26 +1,35 @@
-"""The formats that can be read: adding one is one module in `ema.io.readers`."""
+"""The formats that can be read: a new one is a module in `ema.io` and a name in `FORMATS`.
+
+A module has ``SUFFIXES``, the endings that mark a file as a recording, ``read(path)``, which
+returns a `FileContent`, and perhaps ``read_headers(path)`` and ``NAMED_SUFFIXES``: endings that are
+too common (``.txt``) to take every such file of a folder for a recording, read where the user names
+the file. Libraries that are optional are imported inside the functions.
+"""
 
 from __future__ import annotations
 
 import difflib
-import importlib
-import pkgutil
 from collections.abc import Callable
 from pathlib import Path
 
-from ema.errors import RecordingFormatError
-from ema.io import readers
+from ema.core.errors import RecordingFormatError
+from ema.io import arrow, hdf5, tdms, wav
 from ema.io.content import FileContent
+from ema.io.matlab import reader as matlab
+from ema.io.text import lvm
+from ema.io.text import reader as text
+from ema.io.uff import reader as uff
 
 Reader = Callable[[Path], FileContent]
+
+FORMATS = (arrow, hdf5, lvm, matlab, tdms, text, uff, wav)
 
 
 def _found(endings: str, verb: str = "read") -> dict[str, Reader]:
     """Readers by the endings that their modules list under a name."""
     table: dict[str, Reader] = {}
-    for module in sorted(pkgutil.iter_modules(readers.__path__), key=lambda each: each.name):
-        reader = importlib.import_module(f"{readers.__name__}.{module.name}")
-        table |= dict.fromkeys(getattr(reader, endings, ()), getattr(reader, verb, reader.read))
+    for module in FORMATS:
+        table |= dict.fromkeys(getattr(module, endings, ()), getattr(module, verb, module.read))
     return table
 
 

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ema.mac import auto_mac
-from ema.modes import ModalModel, Mode
-from pipelines.charts_matrix import mac_chart
-from pipelines.figures_labels import mode_name, row_names
-from pipelines.numbers import number
+from ema.core.mac import auto_mac
+from ema.core.modes import ModalModel, Mode
+from pipelines.plots.chart import Chart, Drawing, packed
+from pipelines.plots.charts_matrix import mac_chart
 from pipelines.report.blocks import Animation, Beside, Paragraph, Section
-from pipelines.report.chart import Chart, Drawing, packed
-from pipelines.result import Result
+from pipelines.results.labels import mode_name, row_names
+from pipelines.results.result import Result
+from pipelines.storage.rounding import number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -113,7 +113,7 @@ def _row_names(result: Result) -> list[str]:
 
 
 def _draw(result: Result) -> Figure:
-    from pipelines import figures
+    from pipelines.plots import figures
 
     model = result.modal_model
     on_circle = _on_circle(model)

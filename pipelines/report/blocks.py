@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from pipelines.report.chart import Chart, Drawing
+from pipelines.plots.chart import Chart, Drawing
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from ema.quality import EXCLUDED, WARNING, ReferenceCheck
-from pipelines.numbers import number
+from ema.checks.quality import ReferenceCheck
+from ema.core.finding import EXCLUDED, WARNING
 from pipelines.report.blocks import Block, Facts, Listing, Paragraph, Section, Table
 from pipelines.report.measurement import flatten
-from pipelines.report.notes import listed, remaining_notes
-from pipelines.result import Result
+from pipelines.results.result import Result
+from pipelines.storage.rounding import number
 
 DEFINITIONS = (
     ("Inertance", "FRF of acceleration over force, estimated as H1 = G_xf/G_ff, time e^{+jωt}."),
@@ -142,3 +144,16 @@ def _attention(result: Result) -> str:
         ("modes with a remark", sum(mode.doubtful for mode in result.modal_model.modes)),
     )
     return "; ".join(f"{what}: {count}" for what, count in parts if count) or "nothing stands out"
+
+
+def listed(notes: Sequence[str]) -> tuple[Listing, ...]:
+    """The notes as a list; nothing where there are none."""
+    return (Listing(tuple(notes)),) if notes else ()
+
+
+def remaining_notes(result: Result) -> tuple[str, ...]:
+    """Notes that no other section shows: those of neither modes nor ring nor damping."""
+    shown = set(result.modal_model.notes)
+    for part in (result.tuning, result.damping):
+        shown |= set(part.notes) if part is not None else set()
+    return tuple(note for note in dict.fromkeys(result.notes) if note not in shown)

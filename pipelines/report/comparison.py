@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ema.errors import InputError
-from pipelines.comparison import Comparison
-from pipelines.comparison_charts import change_chart, cross_mac_chart, frf_charts
-from pipelines.comparison_modes import MatchedMode
-from pipelines.comparison_table import (
+from ema.core.errors import InputError
+from pipelines.compare.compare import Comparison
+from pipelines.compare.modes import MatchedMode
+from pipelines.compare.summary_text import CAUTION, METHOD, findings
+from pipelines.compare.table import (
     CONTRAST_HEAD,
     MODE_HEAD,
     PARAMETER_HEAD,
@@ -19,12 +19,12 @@ from pipelines.comparison_table import (
     frequency_rows,
     parameter_rows,
 )
-from pipelines.comparison_words import CAUTION, METHOD, findings
-from pipelines.numbers import DASH
+from pipelines.plots.comparison import change_chart, cross_mac_chart, frf_charts
 from pipelines.report.blocks import Block, Facts, Listing, Paragraph, Section, Table
 from pipelines.report.closing import DEFINITIONS, input_files
 from pipelines.report.page import render_page
-from pipelines.whole_file import file_written_whole
+from pipelines.storage.atomic import file_written_whole
+from pipelines.storage.rounding import DASH
 
 SHOWN_ANGLES_DEG = (0.0, 100.0)  # at the force, and where the literature on this test shows FRFs
 WORDS = ("Order n", "Pole, frequency, damping ratio", "Inertance", "MAC, AutoMAC", "±")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ema.modes import ModalModel
-from ema.stability import Cluster
-from pipelines import charts_stability
-from pipelines.numbers import DASH, number, value_with_std
+from ema.core.modes import ModalModel
+from ema.poles.stability import Cluster
+from pipelines.plots import charts_stability
 from pipelines.report.blocks import Block, Paragraph, Section, Table
-from pipelines.report.notes import listed
-from pipelines.result import Result
+from pipelines.report.closing import listed
+from pipelines.results.result import Result
+from pipelines.storage.rounding import DASH, number, value_with_std
 
 NO_MODE = "No mode was found in the band."
 

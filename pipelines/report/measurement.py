@@ -7,16 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from ema.frf import FRF
-from ema.modes import Drift
-from ema.quality import EXCLUDED, OK, WARNING, Finding, ReferenceCheck
-from pipelines import charts_drive_point, charts_quality
-from pipelines.figures_values import in_band
-from pipelines.numbers import DASH, number, plain, value_with_std
+from ema.checks.quality import ReferenceCheck
+from ema.core.finding import EXCLUDED, OK, WARNING, Finding
+from ema.core.frf import FRF
+from ema.core.modes import Drift
+from pipelines.plots import charts_data
+from pipelines.plots.chart import Chart
 from pipelines.report.blocks import Beside, Block, Facts, Paragraph, Section, Table
-from pipelines.report.chart import Chart
 from pipelines.report.sketch import setup_sketch
-from pipelines.result import Result
+from pipelines.results.conditions import KNOWN, named
+from pipelines.results.labels import in_band
+from pipelines.results.result import Result
+from pipelines.storage.rounding import DASH, number, plain, value_with_std
 
 FINDING_HEAD = ("run", "channel", "position", "check", "detail")
 MOST_NAMED_RUNS = 12
@@ -126,20 +128,20 @@ def _coherence(result: Result) -> tuple[Chart, ...]:
     unknown = not np.isfinite(result.frf.coherence[:, inside]).any()
     if unknown or result.frf.n_effective <= 1:
         return ()
-    return (charts_quality.coherence_chart(result.frf, band_hz),)
+    return (charts_data.coherence_chart(result.frf, band_hz),)
 
 
 def _reference(check: ReferenceCheck | None) -> tuple[Chart, ...]:
-    return () if check is None else (charts_quality.reference_chart(check),)
+    return () if check is None else (charts_data.reference_chart(check),)
 
 
 def _drive_point(result: Result) -> tuple[Chart, ...]:
-    row = charts_drive_point.drive_point_row(result.frf, result.excitation_deg)
+    row = charts_data.drive_point_row(result.frf, result.excitation_deg)
     if row is None:
         return ()
     found = (each for each in result.findings if each.check == "drive point")
     band_hz, finding = result.diagram.band_hz, next(found, None)
-    return (charts_drive_point.drive_point_chart(result.frf, row, band_hz, finding),)
+    return (charts_data.drive_point_chart(result.frf, row, band_hz, finding),)
 
 
 def _verdicts(result: Result) -> tuple[Paragraph, ...]:
@@ -213,3 +215,60 @@ def _finding_row(finding: Finding) -> tuple[str, ...]:
         finding.check,
         finding.detail,
     )
+
+
+CHECKSUM_DIGITS = 12  # enough to compare by eye; the whole ones stand with software and inputs
+MOST_FILES = 8
+#: Keys without which a test cannot be repeated.
+WANTED = ("serial", "rim", "load_n", "temperature_c", "boundary", "operator", "date")
+
+
+def identity(result: Result) -> Section:
+    """Say which tyre or structure was tested, how, and from which files the numbers come."""
+    rows = (*_object_rows(result), *_origin_rows(result))
+    return Section("identity", "Identity", (Facts(rows),))
+
+
+def _object_rows(result: Result) -> tuple[tuple[str, str], ...]:
+    tyre = result.tyre
+    if tyre is None:
+        return (("Object", "structure, not described as a tyre"), ("Campaign", result.name))
+    rows = [("Tyre", tyre.designation), ("Campaign", result.name)]
+    if tyre.inflation_pressure_pa is not None:
+        pressure = tyre.inflation_pressure_pa
+        rows.append(("Inflation pressure", f"{pressure / 1e3:g} kPa ({pressure / 1e5:g} bar)"))
+    if tyre.mean_radius_m is not None:
+        rows.append(("Mean radius", f"{tyre.mean_radius_m:g} m"))
+    if tyre.belt_width_m is not None:
+        rows.append(("Belt width", f"{tyre.belt_width_m:g} m"))
+    order = [*(key for key in KNOWN if key in tyre.details), *tyre.details]
+    rows += [named(key, tyre.details[key]) for key in dict.fromkeys(order)]
+    return (*rows, *_not_stated(tyre.details))
+
+
+def _not_stated(details: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
+    missing = [key for key in WANTED if key not in details]
+    if not missing:
+        return ()
+    names = ", ".join(KNOWN[key][0].lower() for key in missing)
+    return (("Not stated", f"{names} (in the manifest under [tyre]: {', '.join(missing)})"),)
+
+
+def _origin_rows(result: Result) -> tuple[tuple[str, str], ...]:
+    record = result.provenance
+    rows = []
+    if "created" in record:
+        rows.append(
+            ("Processed", str(record["created"]).replace("T", " ").replace("+00:00", " UTC"))
+        )
+    if version := record.get("software", {}).get("ringmodal"):
+        rows.append(("Software", f"ringmodal {version}"))
+    inputs = record.get("inputs", ())
+    if inputs:
+        named_files = [
+            f"{entry['file']} {str(entry['sha256'])[:CHECKSUM_DIGITS]}"
+            for entry in inputs[:MOST_FILES]
+        ]
+        more = [f"and {len(inputs) - MOST_FILES} more"] if len(inputs) > MOST_FILES else []
+        rows.append(("Files (SHA-256 begins with)", ", ".join(named_files + more)))
+    return tuple(rows)

@@ -15,9 +15,9 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
-from ema.visible import visible
+from ema.core.errors import visible
+from pipelines.plots.chart import Drawing, Drawn
 from pipelines.report.blocks import Alone, Beside, Block, Picture, Section
-from pipelines.report.chart import Drawing, Drawn
 
 LONG_WORD, PIECE = 32, 16  # characters: a checksum breaks, a file name does not
 LIBRARY = "vendor/plotly-cartesian.min.js"
@@ -157,7 +157,7 @@ def _text(name: str) -> str:
 @cache
 def _environment() -> Environment:
     environment = Environment(
-        loader=PackageLoader("pipelines.report", "."),
+        loader=PackageLoader("pipelines.report.write", "."),
         autoescape=select_autoescape(),
         undefined=StrictUndefined,
         finalize=shown,

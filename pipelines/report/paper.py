@@ -7,14 +7,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ema.errors import InputError
-from ema.visible import visible
-from pipelines.figures_labels import short
-from pipelines.report import KIND, report_sections, subject_of
+from ema.core.errors import InputError, visible
 from pipelines.report.blocks import Beside, Block, Paragraph, Picture, Section, Table
 from pipelines.report.page import on_paper, render_page
-from pipelines.result import Result
-from pipelines.whole_file import file_written_whole
+from pipelines.report.write import KIND, report_sections, subject_of
+from pipelines.results.labels import short
+from pipelines.results.result import Result
+from pipelines.storage.atomic import file_written_whole
 
 STYLE = Path(__file__).parent / "paper.css"
 MOST_FOLDED_ROWS = 30  # of a table that is folded on the screen: longer ones stay there

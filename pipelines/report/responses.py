@@ -7,20 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ema.modes import ModalModel
-from pipelines.charts_basis import as_text, axis, printed
-from pipelines.charts_frf import frf_axes
-from pipelines.figures_labels import row_names, short, sparse_labels
-from pipelines.report.blocks import Block, Chooser, Paragraph, Section
-from pipelines.report.chart import (
+from ema.core.modes import ModalModel
+from pipelines.plots.chart import (
     FAINT,
     FITTED,
     MEASURED,
     RING,
     Chart,
     Drawing,
+    as_text,
+    axis,
     packed,
+    printed,
 )
+from pipelines.plots.charts_data import frf_axes
+from pipelines.report.blocks import Block, Chooser, Paragraph, Section
 from pipelines.report.responses_data import (
     MOST_VALUES,
     fitted_data,
@@ -29,7 +30,8 @@ from pipelines.report.responses_data import (
     measured_data,
     ring_data,
 )
-from pipelines.result import Result
+from pipelines.results.labels import row_names, short, sparse_labels
+from pipelines.results.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -316,7 +318,7 @@ def _drawing(result: Result, row: int) -> Drawing:
 
 
 def _draw_response(result: Result, row: int) -> Figure:
-    from pipelines import figures
+    from pipelines.plots import figures
 
     frf, model = result.frf, result.modal_model
     with figures.styled_figure(13, 10, 2, sharex=True, height_ratios=(3, 2)) as (

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ema.frf import FRF
-from ema.modes import ModalModel
+from ema.core.frf import FRF
+from ema.core.modes import ModalModel
 from model.transfer import ForcedRing
-from pipelines.report.chart import packed
-from pipelines.result import Result
+from pipelines.plots.chart import packed
+from pipelines.results.result import Result
 
 MOST_POSITIONS = 600
 MOST_VALUES = 450_000  # of all positions: some 2.4 MB in the page

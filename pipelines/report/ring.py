@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.identifiability import AT_BOUND, GIVEN, NOT_IDENTIFIED
-from model.parameter_names import DAMPING_NAMES, RING_NAMES
+from model.parameters import DAMPING_NAMES, RING_NAMES
 from model.ring import natural_frequencies_hz
 from model.tuning_result import TuningResult
-from pipelines import charts_matrix, charts_parameters, charts_ring
-from pipelines.numbers import DASH, number, plain, signed, value_with_std
+from pipelines.plots import charts_matrix, charts_parameters, charts_ring
+from pipelines.plots.chart import Chart
+from pipelines.process.validate import ring_orders
 from pipelines.report.blocks import Beside, Block, Paragraph, Section, Table
-from pipelines.report.chart import Chart
-from pipelines.report.notes import listed, remaining_notes
-from pipelines.result import Result, Validation
-from pipelines.validate import ring_orders
+from pipelines.report.closing import listed, remaining_notes
+from pipelines.results.result import Result, Validation
+from pipelines.storage.rounding import DASH, number, plain, signed, value_with_std
 
 HEAD = ("parameter", "symbol", "value", "unit", "how obtained")
 

@@ -7,13 +7,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.charts_matrix import mac_chart
-from pipelines.figures_labels import short
+from pipelines.compare.shape_comparison import (
+    MATCH_HEAD,
+    PAIR_PERCENT,
+    SAME,
+    SAME_SHAPE,
+    SIMILAR,
+    TEXTS,
+    ShapeComparison,
+    match_rows,
+)
+from pipelines.plots.chart import Chart
+from pipelines.plots.charts_matrix import mac_chart
 from pipelines.report.blocks import Listing, Paragraph, Section, Table
-from pipelines.report.chart import Chart
 from pipelines.report.page import render_page
-from pipelines.shape_comparison import PAIR_PERCENT, SAME, SAME_SHAPE, SIMILAR, ShapeComparison
-from pipelines.shape_comparison_table import MATCH_HEAD, TEXTS, match_rows
+from pipelines.results.labels import short
 
 _MOST_SHOWN = 30  # more columns cannot be read
 _WORTH_SHOWING = 0.1

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipelines.figures_labels import short
+from pipelines.plots.chart import FITTED, MEASURED, SERIES, Drawing
 from pipelines.report.blocks import Mark, Sketch
-from pipelines.report.chart import FITTED, MEASURED, SERIES, Drawing
-from pipelines.result import Result
+from pipelines.results.labels import short
+from pipelines.results.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -138,7 +138,7 @@ def _arrow(angle_deg: float) -> str:
 
 
 def _draw(result: Result) -> Figure:
-    from pipelines import figures
+    from pipelines.plots import figures
 
     margins = figures.Margins(0.1, 0.1, 0.1, 0.1)
     with figures.styled_figure(11.5, 9.5, margins=margins) as (figure, ax):

@@ -1,0 +1,1 @@
+"""Checks on channels, sensors and runs, and what they find."""

@@ -1,0 +1,90 @@
+"""Whether the shapes agree with where the force is said to act, and with its sign."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.circumference.orders import on_circle, order_content
+from ema.core.finding import OK, WARNING, Finding
+from ema.core.modes import ModalModel
+
+# Share of the largest possible response: a force at its stated place gives 1, elsewhere about 0.
+_AGREES, _CLEAR = 0.5, 0.85
+_FEWEST_ORDERS = 3
+_STEP_DEG = 0.5
+
+
+def drive_point_finding(model: ModalModel, excitation_deg: float | None) -> list[Finding]:
+    """Compare where the shapes are driven from with where the force is said to be.
+
+    Where a structure is driven every mode answers in phase with the force: −Im of the residue is
+    positive in all orders (a point mobility has a positive real part). An order of a ring, both
+    members together, is there at the crest of its wave; so the place shows in the shapes.
+
+    Parameters
+    ----------
+    model : ModalModel
+    excitation_deg : float or None
+        Where the manifest says that the force acts.
+
+    Returns
+    -------
+    list of Finding
+        Nothing where it cannot be judged: no circle, or fewer than three orders.
+    """
+    if excitation_deg is None or not on_circle(model.position_deg):
+        return []
+    waves = _waves(model)
+    if len(waves) < _FEWEST_ORDERS:
+        return []
+    here = float(_agreement(waves, np.array([excitation_deg]))[0])
+    if here < -_CLEAR:
+        says = (
+            "all shapes move against the force where it acts: force or accelerations have the "
+            "wrong sign in all runs. Frequencies and damping are right, FRFs and residues turned"
+        )
+        return [_finding(excitation_deg, WARNING, says)]
+    angles = np.arange(0.0, 360.0, _STEP_DEG)
+    score = _agreement(waves, angles)
+    best = int(np.argmax(np.abs(score)))
+    elsewhere = abs(score[best]) > _CLEAR
+    if here > _CLEAR or (here > _AGREES and not elsewhere):
+        return [_finding(excitation_deg, OK, "the shapes are driven from where the force acts")]
+    says = "the shapes are not driven from there"
+    if elsewhere:
+        turned = ", by a force of the other sign" if score[best] < 0 else ""
+        says += f" but from about {angles[best]:g}°{turned}"
+    says += ". Check [excitation] position_deg and the positions of the sensors"
+    return [_finding(excitation_deg, WARNING, says)]
+
+
+def _finding(position_deg: float, verdict: str, detail: str) -> Finding:
+    return Finding("", "force", position_deg, "drive point", verdict, detail)
+
+
+def _waves(model: ModalModel) -> dict[int, tuple[float, float]]:
+    """−Im of the residues of each order n ≥ 1 as amplitudes of cos nθ and sin nθ."""
+    waves: dict[int, tuple[float, float]] = {}
+    for mode in model.modes:
+        if not mode.order:
+            continue
+        content = order_content(-mode.residues.imag.astype(complex), model.position_deg)
+        cosine, sine = waves.get(mode.order, (0.0, 0.0))
+        waves[mode.order] = (
+            cosine + float(content.cosine[mode.order].real),
+            sine + float(content.sine[mode.order].real),
+        )
+    return waves
+
+
+def _agreement(
+    waves: dict[int, tuple[float, float]], angles_deg: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Mean over the orders of the response at an angle over the crest of its wave, −1 … 1."""
+    orders = np.array(list(waves))
+    cosine, sine = np.array(list(waves.values())).T
+    phase = np.outer(np.deg2rad(angles_deg), orders)
+    return np.asarray(
+        np.mean((cosine * np.cos(phase) + sine * np.sin(phase)) / np.hypot(cosine, sine), axis=1)
+    )

@@ -1,0 +1,181 @@
+"""Checks on channels and runs, and what they found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.arrays import readonly
+from ema.core.finding import OK, WARNING, Finding
+from ema.core.frf import position_finding
+from ema.core.numerics import moving_mean
+
+if TYPE_CHECKING:
+    from ema.core.frf import FRF
+    from ema.core.modes import Drift
+
+# A reference sensor whose runs differ by more than this many σ did not see one and the same tyre.
+_CONSISTENT_RATIO = 1.5
+_POOR_COHERENCE = 0.5
+_GOOD_COHERENCE = 0.7
+_COHERENCE_LINES = 31  # dips at antiresonances do not end a band
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceCheck:
+    """The fixed reference sensor over the runs.
+
+    Parameters
+    ----------
+    run : tuple of str
+        Run names.
+    frequency_hz : ndarray, shape (n_frequencies,)
+        Lines of the band.
+    values : ndarray of complex, shape (n_runs, n_frequencies)
+        Inertance at the reference sensor, run by run.
+    std : ndarray, shape (n_runs, n_frequencies)
+        Its standard deviation per quadrature.
+    ratio : float
+        RMS deviation from the mean over the runs, over its standard deviation; 1 is pure noise.
+        NaN where the noise is unknown.
+    consistent : bool
+        Whether the runs show one and the same tyre, as far as noise lets one see.
+    """
+
+    run: tuple[str, ...]
+    frequency_hz: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    std: NDArray[np.float64]
+    ratio: float
+    consistent: bool
+
+    def __post_init__(self) -> None:
+        for name, dtype in (("frequency_hz", float), ("values", complex), ("std", float)):
+            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
+
+
+def check_reference(reference: FRF, band_hz: tuple[float, float]) -> ReferenceCheck:
+    """Compare the runs of the fixed reference sensor against their own noise.
+
+    Parameters
+    ----------
+    reference : FRF
+        `FRF.reference`, one row per run.
+    band_hz : tuple of float
+        Band to compare.
+    """
+    lines = (reference.frequency_hz >= band_hz[0]) & (reference.frequency_hz <= band_hz[1])
+    values, std = reference.values[:, lines], reference.std[:, lines]
+    level = np.sqrt(np.mean(std**2, axis=0))
+    freedom = 2 * (values.shape[0] - 1)
+    ratio = np.sqrt(np.mean(np.sum(np.abs(values - values.mean(axis=0)) ** 2, axis=0) / level**2))
+    ratio = float(ratio / np.sqrt(freedom)) if freedom else np.nan  # one run has nothing beside it
+    return ReferenceCheck(
+        run=reference.run,
+        frequency_hz=reference.frequency_hz[lines],
+        values=values,
+        std=std,
+        ratio=ratio,
+        consistent=not ratio > _CONSISTENT_RATIO,
+    )
+
+
+def coherence_findings(frf: FRF, band_hz: tuple[float, float]) -> list[Finding]:
+    """Median coherence of each position in the band; none where unknown, or 1 by definition."""
+    if frf.n_effective <= 1:
+        return []
+    lines = (frf.frequency_hz >= band_hz[0]) & (frf.frequency_hz <= band_hz[1])
+    findings = []
+    for row, median in enumerate(np.median(frf.coherence[:, lines], axis=1)):
+        if np.isnan(median):
+            continue
+        poor = median < _POOR_COHERENCE
+        detail = f"median coherence {median:.3f} between {band_hz[0]:g} and {band_hz[1]:g} Hz"
+        detail += f", below {_POOR_COHERENCE:g}" if poor else ""
+        findings.append(position_finding(frf, row, "coherence", WARNING if poor else OK, detail))
+    return findings
+
+
+def averages_finding(frf: FRF) -> list[Finding]:
+    """Remark that a single average has no error estimate; nothing for several averages."""
+    if not frf.n_effective <= 1:
+        return []
+    detail = (
+        "a single average: coherence is 1 whatever the noise, and says nothing; ± follows from "
+        "what the curve fit leaves over. Record the sweep, burst or impact several times"
+    )
+    return [Finding("", "", None, "averages", WARNING, detail)]
+
+
+def period_finding(frf: FRF) -> list[Finding]:
+    """Say whether blocks suit a force that repeats; nothing for one that does not."""
+    plan = frf.blocks
+    if plan is None or not plan.period_samples:
+        return []
+    found = f"the force repeats every {plan.period_s:g} s"
+    if plan.is_one_period:
+        detail = f"{found}; every block is one period, so that nothing leaks"
+        return [Finding("", "force", None, "period", OK, detail)]
+    detail = (
+        f"{found}, but blocks of {plan.block_s:g} s with a {plan.window} window are not one "
+        "period: damping ratios may be wrong by some percent. Leave averages, block length and "
+        "window to the program"
+    )
+    return [Finding("", "force", None, "period", WARNING, detail)]
+
+
+def coherent_band(frf: FRF) -> tuple[float, float]:
+    """Widest band in which the median coherence stays good; all lines where it is unknown."""
+    median = np.nan_to_num(np.median(frf.coherence, axis=0), nan=1.0)
+    smooth = moving_mean(median, _COHERENCE_LINES)
+    good = np.append((smooth >= _GOOD_COHERENCE) & (frf.frequency_hz > 0), False)
+    starts = np.flatnonzero(good & ~np.append(False, good[:-1]))
+    if starts.size == 0:
+        return float(frf.frequency_hz[0]), float(frf.frequency_hz[-1])
+    stops = np.array([start + np.argmin(good[start:]) for start in starts])
+    widest = np.argmax(stops - starts)
+    return float(frf.frequency_hz[starts[widest]]), float(frf.frequency_hz[stops[widest] - 1])
+
+
+def drift_findings(drift: Drift) -> list[Finding]:
+    """Drift of each run against the first, one finding each; none with a single run."""
+    if len(drift.run) < 2:
+        return []
+    verdict = WARNING if drift.applied else OK
+    says = "; the run was fitted in its own state" if drift.applied else "; no more than chance"
+    return [
+        Finding(
+            run=run,
+            channel="",
+            position_deg=None,
+            check="drift",
+            verdict=verdict,
+            detail=f"natural frequencies {percent:+.4f} ± {std:.4f} % against {drift.run[0]}{says}",
+        )
+        for run, percent, std in zip(
+            drift.run[1:], drift.percent[1:], drift.std_percent[1:], strict=True
+        )
+    ]
+
+
+def reference_finding(check: ReferenceCheck) -> Finding:
+    """Verdict on the reference sensor as a line of ``quality.csv``."""
+    deviation = f"deviation over the runs is {check.ratio:.2f} times its noise "
+    if np.isnan(check.ratio):
+        verdict, says = WARNING, "its noise is unknown with a single average"
+        deviation = "deviation over the runs cannot be judged "
+    elif check.consistent:
+        verdict, says = OK, "the runs show one and the same tyre"
+    else:
+        verdict, says = WARNING, "the tyre or its mounting changed between the runs"
+    return Finding(
+        run="",
+        channel="reference",
+        position_deg=None,
+        check="reference",
+        verdict=verdict,
+        detail=f"{deviation}(limit {_CONSISTENT_RATIO:g}): {says}",
+    )

@@ -1,0 +1,189 @@
+"""Channels that cannot be used, found before anything is fitted to them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.errors import InputError
+from ema.core.finding import EXCLUDED, OK, WARNING, Finding
+from ema.core.frf import FRF, position_finding
+
+# A channel this far below the median power of the others is dead (a cable, a switched-off input).
+_DEAD_DB = -50.0
+# A clipped sensor is useless when more samples than this sit on its limits, doubtful when a few do.
+_CLIPPED, _FEW_CLIPPED = 1e-3, 1e-4
+# A channel whose coherence is this much lower than that of the others sees something else.
+_INCOHERENT_SHARE, _INCOHERENT = 0.4, 0.3
+# More averages than this lost to missing samples: the channel is worth less than a guess.
+_MISSING = 0.5
+# Runs of one tyre differ at one place by a few percent of their power, where it warms up.
+_DISAGREES = 0.1
+_HUM_HZ = (50.0, 60.0)
+_HUM_DB = 20.0
+
+
+def screen(frf: FRF, band_hz: tuple[float, float]) -> tuple[FRF, list[Finding]]:
+    """Leave out channels that are dead, clipped, incoherent or full of gaps; remark on hum.
+
+    Parameters
+    ----------
+    frf : FRF
+    band_hz : tuple of float
+        Band in which the channels are judged.
+
+    Returns
+    -------
+    usable : FRF
+        Without the excluded rows.
+    findings : list of Finding
+        One for everything that is not in order.
+
+    Raises
+    ------
+    InputError
+        If no channel is usable.
+    """
+    faults = {
+        **_incoherent(frf, band_hz),
+        **_clipped(frf),
+        **_dead(frf, band_hz),
+        **_missing(frf),
+    }
+    findings = [position_finding(frf, row, *found) for row, found in sorted(faults.items())]
+    excluded = np.array([f in faults and faults[f][1] == EXCLUDED for f in range(frf.n_positions)])
+    if np.all(excluded):
+        raise InputError(
+            "all channels",
+            "; ".join(sorted({finding.detail for finding in findings})),
+            "at least one response must be usable",
+            "Check cables, ranges and the excitation",
+        )
+    usable = frf.rows(~excluded)
+    findings += _disagreeing(usable)
+    return usable, findings + _force_findings(frf) + _hum_findings(usable)
+
+
+def _disagreeing(frf: FRF) -> list[Finding]:
+    """Places where runs were averaged that did not see the same."""
+    return [
+        position_finding(
+            frf,
+            int(row),
+            "averaged runs",
+            WARNING,
+            f"the runs averaged here differ by {100 * frf.disagreement[row]:.0f} % of their power: "
+            "sensors of different places under one node or position?",
+        )
+        for row in np.flatnonzero(frf.disagreement > _DISAGREES)
+    ]
+
+
+_Fault = tuple[str, str, str]  # check, verdict, detail
+
+
+def _dead(frf: FRF, band_hz: tuple[float, float]) -> dict[int, _Fault]:
+    lines = _lines(frf, band_hz)
+    power = np.mean(np.abs(frf.values[:, lines]) ** 2, axis=1)
+    level = _db(power, float(np.median(power)))
+    return {
+        int(row): ("dead", EXCLUDED, _dead_text(level[row]))
+        for row in np.flatnonzero(level < _DEAD_DB)
+    }
+
+
+def _dead_text(level_db: float) -> str:
+    if np.isneginf(level_db):
+        return "the signal is constant"
+    return f"the signal is {-level_db:.0f} dB below the median of the channels"
+
+
+def _clipped(frf: FRF) -> dict[int, _Fault]:
+    return {
+        int(row): (
+            "clipped",
+            EXCLUDED if frf.clipped[row] > _CLIPPED else WARNING,
+            f"{100 * frf.clipped[row]:.2g} % of the samples sit on the limits of the signal",
+        )
+        for row in np.flatnonzero(frf.clipped > _FEW_CLIPPED)
+    }
+
+
+def _missing(frf: FRF) -> dict[int, _Fault]:
+    return {
+        int(row): (
+            "missing samples",
+            EXCLUDED if frf.missing[row] > _MISSING else WARNING,
+            f"{100 * frf.missing[row]:.2g} % of the averages left out, as samples are missing",
+        )
+        for row in np.flatnonzero(frf.missing > 0)
+    }
+
+
+def _incoherent(frf: FRF, band_hz: tuple[float, float]) -> dict[int, _Fault]:
+    if frf.n_positions < 4 or not np.all(np.isfinite(frf.coherence)):
+        return {}
+    median = np.median(frf.coherence[:, _lines(frf, band_hz)], axis=1)
+    usual = float(np.median(median))
+    poor = (median < _INCOHERENT_SHARE * usual) & (median < _INCOHERENT)
+    return {
+        int(row): (
+            "incoherent",
+            EXCLUDED,
+            f"median coherence {median[row]:.2f}, where the other channels have {usual:.2f}",
+        )
+        for row in np.flatnonzero(poor)
+    }
+
+
+def _hum_findings(frf: FRF) -> list[Finding]:
+    """Mains hum on all channels as one remark, and one for each channel that hums far louder."""
+    findings = []
+    for mains_hz in _HUM_HZ:
+        level = _tone_db(frf, mains_hz)
+        usual = float(np.median(level)) if level.size else 0.0
+        if usual > _HUM_DB:
+            text = f"{mains_hz:g} Hz hum on most channels, {usual:.0f} dB above the noise around it"
+            findings.append(Finding("", "", None, "hum", OK, text + "; those lines count less"))
+        for row in np.flatnonzero(level > max(usual, 0) + _HUM_DB):
+            text = f"{mains_hz:g} Hz hum, {level[row]:.0f} dB above the noise around it"
+            findings.append(position_finding(frf, int(row), "hum", WARNING, text))
+    return findings
+
+
+def _tone_db(frf: FRF, tone_hz: float) -> NDArray[np.float64]:
+    """How far the noise of each row sticks out at a frequency; empty where it cannot be told."""
+    near = np.flatnonzero(np.abs(frf.frequency_hz - tone_hz) < 3)
+    at = near[np.abs(frf.frequency_hz[near] - tone_hz) < 0.6]
+    if near.size < 9 or not at.size or not np.all(np.isfinite(frf.std[:, near])):
+        return np.zeros(0)
+    power = frf.std**2
+    return _db(np.max(power[:, at], axis=1), np.median(power[:, near], axis=1))
+
+
+def _force_findings(frf: FRF) -> list[Finding]:
+    worst = {
+        run: float(np.max(frf.force_clipped[np.array(frf.run) == run])) for run in set(frf.run)
+    }
+    return [
+        Finding(
+            run=run,
+            channel="force",
+            position_deg=None,
+            check="clipped",
+            verdict=WARNING,
+            detail=f"{100 * share:.2g} % of the force's samples sit on the limits of the signal; "
+            "all FRFs of this run suffer",
+        )
+        for run, share in sorted(worst.items())
+        if share > _FEW_CLIPPED
+    ]
+
+
+def _lines(frf: FRF, band_hz: tuple[float, float]) -> NDArray[np.bool_]:
+    return np.asarray((frf.frequency_hz >= band_hz[0]) & (frf.frequency_hz <= band_hz[1]))
+
+
+def _db(power: NDArray[np.float64], over: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(10 * np.log10(power / over))

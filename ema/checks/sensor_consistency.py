@@ -1,0 +1,330 @@
+"""Sensors that contradict the modes all others agree on: inverted, wrongly scaled, swapped.
+
+A correction is a claim about the set-up. It is made only where all ring modes say the same, where
+it is significant, and for few sensors: what makes many of them look wrong is the tyre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.checks.ring_shapes import MAJORITY, RingShapes, ring_shapes
+from ema.core.finding import EXCLUDED, WARNING, Finding
+from ema.core.frf import FRF, position_finding
+from ema.core.modes import ModalModel
+
+FLIPPED, SCALED, SWAPPED, INCONSISTENT = "flipped", "scaled", "swapped", "inconsistent"
+WITHHELD = "corrections withheld"
+
+# Fewer modes could hardly agree on a gain.
+_FEWEST_WAVES = 2
+# A gain between these is how sensors are; farther off it is a wrong sensitivity …
+_GAIN = (0.8, 1.25)
+# … if it is this many of its standard deviations away from 1.
+_SIGNIFICANT = 5.0
+# RMS over the modes, in standard deviations, from which on a sensor contradicts them. Healthy ones
+# show 1.4, and 2 on tyres whose shapes are not pure.
+_CONTRADICTS = 3.5
+# Corrections beyond three rows in a run or a tenth of all are none: sensors do not fail by the
+# dozen. A sensor that shows the same gain in all its runs counts once.
+_MOST_IN_A_RUN, _MOST = 3, 0.1
+_SAME_GAIN = 0.15
+# A run of which more than this share of the sensors contradicts the others is odd as a whole.
+_ODD_RUN = 0.5
+# A run's force is of wrong sign or scale where nearly all its sensors show one and the same gain.
+_WHOLE_RUN = 0.9
+# The reduced χ² of the fit may rise by this factor for reasons of the search.
+_SLACK = 1.02
+
+
+@dataclass(frozen=True)
+class _Change:
+    """What is to be done with a row.
+
+    Parameters
+    ----------
+    factor : float
+        What its FRF is multiplied with; 0 where it is left out.
+    source : int
+        Row that its FRF comes from.
+    gain : float
+        Measured over expected.
+    finding : Finding
+    """
+
+    factor: float
+    source: int
+    gain: float
+    finding: Finding
+
+
+@dataclass(frozen=True)
+class ConsistencyCheck:
+    """FRFs after the check of the sensors against the ring modes.
+
+    Parameters
+    ----------
+    frf : FRF
+    findings : tuple of Finding
+        One for every sensor that was corrected or left out, or why nothing was changed.
+    changed : bool
+        Whether `frf` differs from what was checked.
+    """
+
+    frf: FRF
+    findings: tuple[Finding, ...]
+    changed: bool
+
+
+def check_consistency(frf: FRF, model: ModalModel, *, exclude: bool = True) -> ConsistencyCheck:
+    """Compare every sensor with the shapes that all sensors together show.
+
+    Each ring mode is cos n(θ − θ_n) all around; fitted robustly, the few sensors that disagree
+    stand out by the gain and the mismatch over all modes. Inverted, wrongly scaled and swapped
+    sensors are corrected, what else contradicts the modes is left out.
+
+    Parameters
+    ----------
+    frf : FRF
+        Of a closed circle of positions.
+    model : ModalModel
+        Modes fitted to these FRFs.
+    exclude : bool
+        Whether to leave out what cannot be corrected.
+
+    Returns
+    -------
+    ConsistencyCheck
+    """
+    changes = _force_changes(frf, ring_shapes(frf, model, followed_by=MAJORITY))
+    if changes:  # of whole runs: single sensors are judged once those are right
+        return _applied(frf, changes, [])
+    shapes = ring_shapes(frf, model)
+    if shapes.n_waves < _FEWEST_WAVES:
+        return ConsistencyCheck(frf, (), changed=False)
+    changes = _sensor_changes(frf, shapes, exclude=exclude)
+    odd_runs = _odd_runs(frf, changes)
+    changes = {
+        row: change
+        for row, change in changes.items()
+        if change.factor or frf.run[row] not in odd_runs
+    }
+    odd = [_odd_run_finding(frf, run, count) for run, count in odd_runs.items()]
+    if _too_many(frf, changes):
+        return ConsistencyCheck(frf, (*odd, _withheld_finding(changes)), changed=False)
+    return _applied(frf, changes, odd)
+
+
+def is_better(before: tuple[FRF, ModalModel], after: tuple[FRF, ModalModel]) -> bool:
+    """Whether corrections brought the shapes closer to waves without a worse fit of the FRFs.
+
+    Parameters
+    ----------
+    before, after : tuple of FRF and ModalModel
+    """
+    shapes_before, shapes_after = (
+        ring_shapes(*state, followed_by=MAJORITY) for state in (before, after)
+    )
+    worse_fit = after[1].misfit > _SLACK * before[1].misfit
+    return shapes_after.misfit() < shapes_before.misfit() and not worse_fit
+
+
+def withheld(check: ConsistencyCheck) -> Finding:
+    """The finding for corrections that were tried and did not help."""
+    detail = (
+        f"{len(check.findings)} corrections of sensors were tried; the modes did not come closer "
+        "to pure shapes. Nothing was changed"
+    )
+    return Finding("", "", None, WITHHELD, WARNING, detail)
+
+
+def _force_changes(frf: FRF, shapes: RingShapes) -> dict[int, _Change]:
+    """Changes for runs whose force has another sign or scale than that of the others."""
+    changes: dict[int, _Change] = {}
+    for run in frf.run_names if shapes.n_waves >= _FEWEST_WAVES else ():
+        rows = [row for row in range(frf.n_positions) if frf.run[row] == run]
+        gains = {row: shapes.gain(row) for row in rows if shapes.n_telling(row)}
+        if len(gains) < max(2, _WHOLE_RUN * len(rows)) or len(rows) == frf.n_positions:
+            continue
+        common = float(np.median([gain for gain, _ in gains.values()]))
+        agreeing = [
+            row
+            for row, (gain, std) in gains.items()
+            if abs(gain - common) < max(_SAME_GAIN * abs(common), 3 * std)
+            and shapes.mismatch(row, gain) <= _CONTRADICTS
+        ]
+        if _is_usual(common) or len(agreeing) < _WHOLE_RUN * len(gains):
+            continue
+        if not _reference_agrees(frf, run, common):
+            continue
+        factor = _factor(common)
+        for row in rows:
+            finding = position_finding(frf, row, *_gain_finding(common, whole_run=True))
+            changes[row] = _Change(factor, row, common, finding)
+    return changes if len(changes) < frf.n_positions / 2 else {}
+
+
+def _reference_agrees(frf: FRF, run: str, gain: float) -> bool:
+    """Whether the fixed sensor shows a run's gain too; so it does without a fixed sensor."""
+    fixed = frf.reference
+    if fixed is None or run not in fixed.run or fixed.n_positions < 3:
+        return True
+    own = fixed.run.index(run)
+    usual = np.median(fixed.values.real, axis=0) + 1j * np.median(fixed.values.imag, axis=0)
+    weight = 1 / np.nan_to_num(fixed.std[own], nan=1.0) ** 2 if np.all(fixed.std[own]) else 1.0
+    power = float(np.sum(weight * np.abs(usual) ** 2))
+    seen = float(np.sum(weight * np.real(usual.conj() * fixed.values[own]))) / power if power else 0
+    return abs(seen - gain) < _SAME_GAIN * abs(gain)
+
+
+def _sensor_changes(frf: FRF, shapes: RingShapes, *, exclude: bool) -> dict[int, _Change]:
+    changes: dict[int, _Change] = {}
+    suspects = []
+    for row in range(frf.n_positions):
+        gain, std = shapes.gain(row)
+        if shapes.mismatch(row, gain) > _CONTRADICTS:
+            suspects.append(row)
+        elif _is_wrong(gain, std) and shapes.n_telling(row) >= _FEWEST_WAVES:
+            finding = position_finding(frf, row, *_gain_finding(gain))
+            changes[row] = _Change(_factor(gain), row, gain, finding)
+    for first, second in _swapped(frf, shapes, suspects):
+        for row, other in ((first, second), (second, first)):
+            text = f"swapped with {frf.channel[other]}; both corrected"
+            finding = position_finding(frf, row, SWAPPED, WARNING, text)
+            changes[row] = _Change(1.0, other, 1.0, finding)
+    for row in suspects:
+        if row not in changes and exclude:
+            finding = position_finding(
+                frf, row, INCONSISTENT, EXCLUDED, _contradiction(shapes, row)
+            )
+            changes[row] = _Change(0.0, row, shapes.gain(row)[0], finding)
+    return changes
+
+
+def _is_usual(gain: float) -> bool:
+    return _GAIN[0] <= gain <= _GAIN[1]
+
+
+def _is_wrong(gain: float, std: float) -> bool:
+    return not _is_usual(gain) and abs(gain - 1) > _SIGNIFICANT * std
+
+
+def _factor(gain: float) -> float:
+    """What to multiply with: an inverted sensor of right sensitivity keeps its own calibration."""
+    return -1.0 if _is_usual(-gain) else 1 / gain
+
+
+def _gain_finding(gain: float, *, whole_run: bool = False) -> tuple[str, str, str]:
+    where = ", as do all sensors of this run: the force's sign or scale is wrong" * whole_run
+    if _is_usual(-gain):
+        return FLIPPED, WARNING, f"fits the modes with a factor of {gain:.2f}{where}: inverted"
+    turned = " and with the wrong sign" * (gain < 0)
+    text = f"reads {abs(gain):.3g} times what the modes say{turned}{where}: "
+    return SCALED, WARNING, text + "gain corrected by this factor"
+
+
+def _contradiction(shapes: RingShapes, row: int) -> str:
+    gain, _ = shapes.gain(row)
+    left = np.linalg.norm(shapes.measured[row] - gain * shapes.expected[row])
+    size = np.linalg.norm(shapes.measured[row])
+    share = 100 * left / size if size else 100.0
+    return f"contradicts the modes of all other sensors: {share:.0f} % of it is not theirs"
+
+
+def _swapped(frf: FRF, shapes: RingShapes, suspects: Sequence[int]) -> list[tuple[int, int]]:
+    """Pairs of one run's suspects of which each fits the other's place."""
+    pairs: list[tuple[int, int]] = []
+    taken: set[int] = set()
+    for number, first in enumerate(suspects):
+        for second in suspects[number + 1 :]:
+            if frf.run[first] != frf.run[second] or {first, second} & taken:
+                continue
+            if _fits(shapes, first, second) and _fits(shapes, second, first):
+                pairs.append((first, second))
+                taken |= {first, second}
+    return pairs
+
+
+def _fits(shapes: RingShapes, row: int, as_if: int) -> bool:
+    gain, _ = shapes.gain(row, as_if)
+    return _is_usual(gain) and shapes.mismatch(row, gain, as_if) <= _CONTRADICTS
+
+
+def _odd_runs(frf: FRF, changes: dict[int, _Change]) -> dict[str, int]:
+    """Runs most sensors of which would be left out, and how many those are."""
+    lost = [frf.run[row] for row, change in changes.items() if not change.factor]
+    return {
+        run: lost.count(run)
+        for run in sorted(set(lost))
+        if lost.count(run) > _ODD_RUN * frf.run.count(run)
+    }
+
+
+def _odd_run_finding(frf: FRF, run: str, count: int) -> Finding:
+    detail = (
+        f"{count} of {frf.run.count(run)} sensors contradict the modes of the other runs together: "
+        "the run saw the tyre in another state, or its positions are those of another run; it was "
+        "left in"
+    )
+    return Finding(run, "", None, INCONSISTENT, WARNING, detail)
+
+
+def _too_many(frf: FRF, changes: dict[int, _Change]) -> bool:
+    """Whether more rows would be changed than sensors fail."""
+    in_run = [frf.run[row] for row in changes]
+    if any(in_run.count(run) > _MOST_IN_A_RUN for run in set(in_run)):
+        return True
+    of_sensor: dict[str, list[float]] = {}
+    for row, change in changes.items():
+        of_sensor.setdefault(frf.channel[row], []).append(change.gain)
+    counted = sum(
+        1 if _one_fault(gains, frf.channel.count(name)) else len(gains)
+        for name, gains in of_sensor.items()
+    )
+    return counted > max(1.0, _MOST * frf.n_positions)
+
+
+def _one_fault(gains: Sequence[float], n_runs: int) -> bool:
+    """Whether a sensor shows one and the same gain in all its runs."""
+    median = float(np.median(gains))
+    same = all(abs(gain - median) <= _SAME_GAIN * abs(median) for gain in gains)
+    return len(gains) == n_runs and same
+
+
+def _withheld_finding(changes: dict[int, _Change]) -> Finding:
+    first = "; ".join(
+        f"{change.finding.run} {change.finding.channel} {change.finding.check}"
+        for change in list(changes.values())[:_MOST_IN_A_RUN]
+    )
+    detail = (
+        f"{len(changes)} sensors seem to contradict the modes ({first} …), more than fail at a "
+        f"time (at most {_MOST_IN_A_RUN} in a run and {100 * _MOST:.0f} % of all): the tyre "
+        "changed between the runs, or positions are wrong. Nothing was changed"
+    )
+    return Finding("", "", None, WITHHELD, WARNING, detail)
+
+
+def _applied(frf: FRF, changes: dict[int, _Change], odd: Sequence[Finding]) -> ConsistencyCheck:
+    factor = np.ones(frf.n_positions)
+    source = np.arange(frf.n_positions)
+    for row, change in changes.items():
+        factor[row], source[row] = change.factor or 1.0, change.source
+    kept = [row for row in range(frf.n_positions) if row not in changes or changes[row].factor]
+    corrected = _corrected(frf, factor, source).rows(np.array(kept)) if changes else frf
+    findings = (*(changes[row].finding for row in sorted(changes)), *odd)
+    return ConsistencyCheck(corrected, findings, changed=bool(changes))
+
+
+def _corrected(frf: FRF, factor: NDArray[np.float64], source: NDArray[np.int_]) -> FRF:
+    moved = frf.rows(source)
+    return replace(
+        moved,
+        values=moved.values * factor[:, None],
+        std=moved.std * np.abs(factor)[:, None],
+        node=frf.node,
+        position_deg=frf.position_deg,
+    )

@@ -1,0 +1,139 @@
+"""What is special about a closed ring of sensors: circumferential orders and their purity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.modes import Mode
+
+# Condition number of the least-squares problem above which orders get mixed up.
+_WELL_CONDITIONED = 10.0
+# A shape with this share of its power in one order is surely of that order, or of an alias.
+_CLEAR = 0.9
+# The members of a pair lie within this share of their frequency.
+PAIR_REACH = 0.06
+
+
+@dataclass(frozen=True, eq=False)
+class OrderContent:
+    """A shape as a sum of cos nθ and sin nθ.
+
+    Parameters
+    ----------
+    cosine, sine : ndarray of complex, shape (n_orders,)
+        Amplitudes of orders 0, 1, 2 …
+    """
+
+    cosine: NDArray[np.complex128]
+    sine: NDArray[np.complex128]
+
+    @property
+    def power(self) -> NDArray[np.float64]:
+        """Mean square over the circle that each order carries."""
+        power = (np.abs(self.cosine) ** 2 + np.abs(self.sine) ** 2) / 2
+        power[0] = np.abs(self.cosine[0]) ** 2
+        return np.asarray(power)
+
+    @property
+    def order(self) -> int:
+        """Order that carries most."""
+        return int(np.argmax(self.power))
+
+    @property
+    def purity(self) -> float:
+        """Share of the power in that order; NaN for a shape that is zero."""
+        total = float(self.power.sum())
+        return float(self.power.max()) / total if total > 0 else float("nan")
+
+
+def order_content(shape: NDArray[np.complex128], position_deg: NDArray[np.float64]) -> OrderContent:
+    """Resolve a shape into circumferential orders.
+
+    Least squares; on complete equidistant positions this is the spatial Fourier transform.
+
+    Parameters
+    ----------
+    shape : ndarray of complex, shape (n_positions,)
+    position_deg : ndarray, shape (n_positions,)
+    """
+    amplitude = _resolving(tuple(float(angle) for angle in position_deg)) @ shape
+    cosine = np.concatenate([amplitude[:1], amplitude[1::2]])
+    sine = np.concatenate([[0], amplitude[2::2]])
+    return OrderContent(cosine, sine)
+
+
+@cache
+def _highest_order(position_deg: tuple[float, ...]) -> int:
+    angles = np.array(position_deg)
+    for highest in range((angles.size - 1) // 2, 0, -1):
+        if np.linalg.cond(circle_basis(angles, highest)) < _WELL_CONDITIONED:
+            return highest
+    return 0
+
+
+@cache
+def _resolving(position_deg: tuple[float, ...]) -> NDArray[np.float64]:
+    """Matrix that takes a shape to its orders."""
+    return np.asarray(
+        np.linalg.pinv(circle_basis(np.array(position_deg), _highest_order(position_deg)))
+    )
+
+
+def highest_order(position_deg: NDArray[np.float64]) -> int:
+    """Highest order up to which the positions can tell all orders from each other.
+
+    35 for 72 equidistant positions; fewer where positions are missing.
+    """
+    return _highest_order(tuple(float(angle) for angle in position_deg))
+
+
+def circle_basis(position_deg: NDArray[np.float64], highest: int) -> NDArray[np.float64]:
+    """Columns 1, cos θ, sin θ, cos 2θ, sin 2θ … up to the highest order."""
+    phase = np.outer(np.deg2rad(position_deg), np.arange(1, highest + 1))
+    waves = np.stack([np.cos(phase), np.sin(phase)], axis=2).reshape(phase.shape[0], 2 * highest)
+    return np.column_stack([np.ones(phase.shape[0]), waves])
+
+
+def on_circle(position_deg: NDArray[np.float64]) -> bool:
+    """Whether positions have angles, and enough of them to speak of orders."""
+    return bool(position_deg.size > 2 and np.all(np.isfinite(position_deg)))
+
+
+def label_modes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> tuple[Mode, ...]:
+    """Give each mode its circumferential order and purity; unchanged where there is no circle.
+
+    The order stays unknown above the frequency of the highest order that the positions can tell:
+    there, twelve sensors see order 7 as order 5.
+    """
+    if not on_circle(position_deg):
+        return tuple(modes)
+    contents = [order_content(mode.residues, position_deg) for mode in modes]
+    labelled = [
+        replace(mode, order=content.order, order_purity=content.purity)
+        for mode, content in zip(modes, contents, strict=True)
+    ]
+    limit_hz = _end_of_orders(labelled, highest_order(position_deg))
+    return tuple(
+        replace(mode, order=None, order_purity=float("nan"))
+        if mode.frequency_hz > limit_hz
+        else mode
+        for mode in labelled
+    )
+
+
+def _end_of_orders(modes: Sequence[Mode], highest: int) -> float:
+    """Frequency above which orders may be mistaken for lower ones."""
+    below = np.inf
+    for mode in sorted(modes, key=lambda each: each.frequency_hz):
+        if mode.order_purity < _CLEAR:
+            continue
+        if mode.order == highest - 1:
+            below = min(below, mode.frequency_hz)
+        if mode.order == highest and mode.frequency_hz > below:
+            return mode.frequency_hz * (1 + PAIR_REACH)
+    return float("inf")

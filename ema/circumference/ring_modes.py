@@ -1,0 +1,127 @@
+"""Which modes are the ring's own: one frequency per order, rising along the dispersion curve."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ema.circumference.orders import PAIR_REACH
+from ema.core.modes import NOT_RESOLVABLE, RESOLVED, Mode
+
+if TYPE_CHECKING:
+    from ema.core.modes import OrderReport
+
+FOREIGN = "outside the ring's family"
+
+# A shape with less of its power in one order is not one of the ring's.
+PURE = 0.5
+# The members of a pair are damped alike within this factor.
+_PAIR_DAMPING = 1.8
+# A neighbour on the curve that is damped this many times less (or more) is no tyre mode.
+_ODD_DAMPING = 3.0
+
+
+def family(modes: Sequence[Mode]) -> dict[int, list[int]]:
+    """Modes of the ring by order: for each order n ≥ 1 the main mode, then its partner if any.
+
+    Among all ways to take one mode per order with frequencies that rise with the order, the one
+    that the force drives most. |A|ω is the inverse of the modal mass, which is nearly the same for
+    all orders of a ring and much larger for what the ring only shakes along with.
+
+    Parameters
+    ----------
+    modes : sequence of Mode
+        With orders and purities.
+
+    Returns
+    -------
+    dict of int to list of int
+        Indices into `modes`.
+    """
+    candidates = [k for k, mode in enumerate(modes) if mode.order and mode.order_purity >= PURE]
+    main = _strongest_rising(modes, candidates)
+    members: dict[int, list[int]] = {}
+    for k in main:
+        partners = [p for p in candidates if p not in main and _paired(modes[k], modes[p])]
+        partners.sort(key=lambda p: -drive(modes[p]))
+        members[modes[k].order or 0] = [k, *partners[:1]]
+    return members
+
+
+def judged(modes: Sequence[Mode], reports: Sequence[OrderReport]) -> tuple[Mode, ...]:
+    """Give modes on a circle their status and the members of resolved pairs their letter."""
+    if not reports:
+        return tuple(modes)
+    verdicts = {report.order: report.pair.verdict for report in reports}
+    members = family(modes)
+    own = [k for chosen in members.values() for k in chosen]
+    named = list(modes)
+    for order, chosen in members.items():
+        status = verdicts.get(order, NOT_RESOLVABLE)
+        letters = "ab" if status == RESOLVED else ("", "")
+        for k, letter in zip(sorted(chosen), letters, strict=False):
+            named[k] = replace(modes[k], member=letter, status=_joined(status, modes[k].status))
+    for k in set(range(len(modes))) - set(own):
+        reason = why_not_named(modes[k], [modes[o] for o in own])
+        named[k] = replace(modes[k], status=_joined(reason, modes[k].status))
+    return tuple(named)
+
+
+def _joined(verdict: str, status: str) -> str:
+    return verdict if status == "ok" else f"{verdict}; {status}"
+
+
+def why_not_named(mode: Mode, own: Sequence[Mode]) -> str:
+    """Status of a mode that is none of the ring's `own`."""
+    if mode.order is None:
+        n_positions = mode.residues.size
+        where = f"{n_positions} positions, placed as they are,"
+        return f"order unknown: higher than {where} can tell from lower ones"
+    return f"{FOREIGN}: {why_foreign(mode, own)}"
+
+
+def why_foreign(mode: Mode, own: Sequence[Mode]) -> str:
+    """Say why a mode is not one of the ring's `own`."""
+    if mode.order_purity < PURE:
+        return f"its shape is no single order (purity {mode.order_purity:.2f})"
+    if mode.order == 0:
+        return "order 0 has no place on the ring's dispersion curve"
+    reasons = [f"the ring's order {mode.order} lies elsewhere on the dispersion curve"]
+    near = min(own, key=lambda other: abs(other.frequency_hz - mode.frequency_hz), default=None)
+    if near is not None and mode.damping_ratio * _ODD_DAMPING < near.damping_ratio:
+        reasons.append(
+            f"damped {near.damping_ratio / mode.damping_ratio:.1f} times less than its neighbour"
+        )
+    return ", ".join(reasons)
+
+
+def drive(mode: Mode) -> float:
+    """How strongly the force drives a mode: RMS |A|ω over the positions."""
+    return float(np.sqrt(np.mean(np.abs(mode.residues) ** 2)) * abs(mode.pole))
+
+
+def _strongest_rising(modes: Sequence[Mode], candidates: Sequence[int]) -> list[int]:
+    """Indices of the chain of rising order and frequency with the largest total drive."""
+    ordered = sorted(candidates, key=lambda k: (modes[k].order or 0, modes[k].frequency_hz))
+    best: dict[int, tuple[float, list[int]]] = {}
+    for k in ordered:
+        before: tuple[float, list[int]] = (0.0, [])
+        for earlier in best:
+            rises = modes[earlier].frequency_hz < modes[k].frequency_hz
+            if (modes[earlier].order or 0) < (modes[k].order or 0) and rises:
+                before = max(before, best[earlier], key=lambda chain: chain[0])
+        weight = drive(modes[k]) * modes[k].order_purity
+        best[k] = (before[0] + weight, [*before[1], k])
+    return max(best.values(), key=lambda chain: chain[0])[1] if best else []
+
+
+def _paired(main: Mode, other: Mode) -> bool:
+    ratio = other.damping_ratio / main.damping_ratio
+    return (
+        main.order == other.order
+        and abs(other.frequency_hz / main.frequency_hz - 1) < PAIR_REACH
+        and 1 / _PAIR_DAMPING < ratio < _PAIR_DAMPING
+    )

@@ -1,0 +1,1 @@
+"""Types and small tools that everything in `ema` rests on."""

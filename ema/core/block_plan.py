@@ -1,0 +1,117 @@
+"""ema.core.block_plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.errors import InputError
+
+
+@dataclass(frozen=True)
+class BlockPlan:
+    """Blocks of one recording.
+
+    Parameters
+    ----------
+    sampling_rate_hz : float
+    block_samples : int
+        Length of a block.
+    step_samples : int
+        Distance from the start of one block to the next.
+    n_blocks : int
+        Number of blocks, the averages of one run.
+    window : str
+        Name of a scipy window.
+    period_samples : int
+        Samples after which the force repeats; 0 for one that does not.
+    """
+
+    sampling_rate_hz: float
+    block_samples: int
+    step_samples: int
+    n_blocks: int
+    window: str
+    period_samples: int = 0
+
+    @property
+    def block_s(self) -> float:
+        """Length of a block."""
+        return self.block_samples / self.sampling_rate_hz
+
+    @property
+    def period_s(self) -> float:
+        """Time after which the force repeats; 0 for one that does not."""
+        return self.period_samples / self.sampling_rate_hz
+
+    @property
+    def is_one_period(self) -> bool:
+        """Whether every block is one period of the force: nothing leaks, every line is excited."""
+        return self.window == "boxcar" and self.block_samples == self.period_samples
+
+    @property
+    def overlap(self) -> float:
+        """Share of a block that the next one repeats."""
+        return 1 - self.step_samples / self.block_samples
+
+    @property
+    def starts(self) -> range:
+        """First sample of every block."""
+        return range(0, self.n_blocks * self.step_samples, self.step_samples)
+
+    @property
+    def frequency_hz(self) -> NDArray[np.float64]:
+        """Lines of the FRF: without 0 Hz, as means are removed, and without the Nyquist line."""
+        lines = np.arange(1, (self.block_samples + 1) // 2)
+        return np.asarray(lines * self.sampling_rate_hz / self.block_samples)
+
+    def for_length(self, n_samples: int) -> BlockPlan:
+        """Plan the same blocks for a recording of another length."""
+        n_blocks = 1 + (n_samples - self.block_samples) // self.step_samples
+        return replace(self, n_blocks=n_blocks)
+
+    @cached_property
+    def taper(self) -> NDArray[np.float64]:
+        """The window, scaled to a mean square of 1.
+
+        Raises
+        ------
+        InputError
+            If there is no window of that name.
+        """
+        taper = _window(self.window, self.block_samples)
+        return np.asarray(taper / np.sqrt(np.mean(taper**2)))
+
+    @property
+    def n_effective(self) -> float:
+        """Number of independent averages that the overlapping blocks are worth (Welch 1967)."""
+        correlation = 0.0
+        for lag in range(1, self.n_blocks):
+            shift = lag * self.step_samples
+            if shift >= self.block_samples:
+                break
+            shared = float(self.taper[shift:] @ self.taper[:-shift]) / self.block_samples
+            correlation += 2 * (1 - lag / self.n_blocks) * shared**2
+        return self.n_blocks / (1 + correlation)
+
+
+def _window(name: str, n_samples: int) -> NDArray[np.float64]:
+    """Periodic window; scipy.signal takes a second to load and is spared for the usual two."""
+    if name == "boxcar":
+        return np.ones(n_samples)
+    if name == "hann":
+        return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi / n_samples * np.arange(n_samples)))
+    from scipy.signal import get_window
+
+    try:
+        return np.asarray(get_window(name, n_samples))
+    except ValueError as error:
+        raise InputError(
+            "window",
+            repr(name),
+            "it must be a window of scipy that needs no parameter",
+            "Choose e.g. 'hann' or 'boxcar'",
+        ) from error

@@ -1,0 +1,176 @@
+"""ema.core.campaign."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ema.core.display import as_typed, counted, facts, number, table
+from ema.core.finding import Finding, findings_html
+from ema.core.frf import FRF
+from ema.core.recording import Channel, Recording
+
+
+@dataclass(frozen=True)
+class Tyre:
+    """Identity and given data of the tyre, from the manifest's ``[tyre]``."""
+
+    designation: str
+    inflation_pressure_pa: float | None = None
+    mean_radius_m: float | None = None
+    belt_width_m: float | None = None
+    details: dict[str, str] = field(default_factory=dict)  # anything else, shown in the report
+
+
+@dataclass(frozen=True)
+class Processing:
+    """How recordings become FRFs and in which band modes are sought; None means the default."""
+
+    averages: int | None = None
+    block_seconds: float | None = None
+    window: str | None = None
+    overlap: float | None = None
+    band_hz: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """A response channel of a run and where it sits."""
+
+    channel: Channel
+    node: int | None
+    position_deg: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One recording with the roles of its channels.
+
+    Parameters
+    ----------
+    name : str
+        The file's name, as messages and tables show it.
+    recording : Recording
+        Where the channels live.
+    force : Channel
+        The excitation.
+    responses : tuple of Response
+        The sensors on the grid (or on nodes), without the reference.
+    reference : Channel or None
+        The sensor that stays in place over all runs.
+    """
+
+    name: str
+    recording: Recording
+    force: Channel
+    responses: tuple[Response, ...]
+    reference: Channel | None = None
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Channels in use: the force, the responses, and the reference sensor last."""
+        sensors = [response.channel for response in self.responses]
+        return (self.force, *sensors, *([self.reference] if self.reference else []))
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """Everything the lab handed over, checked and in SI.
+
+    Parameters
+    ----------
+    name : str
+        Folder or file name.
+    runs : tuple of Run
+        Empty where the files hold FRFs.
+    frf : FRF or None
+        FRFs found in the files; they enter after the FRF estimation.
+    tyre : Tyre or None
+        None where the object is any structure.
+    positions : int or None
+        Number of grid positions on the circle; None where there is no grid.
+    excitation_deg : float or None
+        Angle of the force on the grid.
+    reference_deg : float or None
+        Angle of the reference sensor, where given.
+    sensor_mass_kg : float or None
+        Mass of one accelerometer.
+    processing : Processing
+        What the manifest asks for.
+    sources : tuple of Path
+        Every file read, the manifest first.
+    findings : tuple of Finding
+        What was assumed, left out or looks odd.
+    """
+
+    name: str
+    runs: tuple[Run, ...] = ()
+    frf: FRF | None = None
+    tyre: Tyre | None = None
+    positions: int | None = None
+    excitation_deg: float | None = None
+    reference_deg: float | None = None
+    sensor_mass_kg: float | None = None
+    processing: Processing = field(default_factory=Processing)
+    sources: tuple[Path, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def has_circle(self) -> bool:
+        """Whether the positions lie on a closed circle, so that circumferential orders exist."""
+        return self.positions is not None
+
+    def __repr__(self) -> str:
+        return campaign_line(self)
+
+    def _repr_html_(self) -> str:
+        return campaign_html(self)
+
+
+def campaign_line(campaign: Campaign) -> str:
+    """Name, runs and tyre."""
+    tyre = "no tyre" if campaign.tyre is None else f"tyre {campaign.tyre.designation}"
+    return f"<Campaign {campaign.name}: {_content(campaign)}, {tyre}>"
+
+
+def campaign_html(campaign: Campaign) -> str:
+    """What the lab handed over, run by run."""
+    pairs = [("content", _content(campaign))]
+    if campaign.tyre is not None:
+        pairs += [
+            ("tyre", campaign.tyre.designation),
+            ("inflation pressure", as_typed(campaign.tyre.inflation_pressure_pa, "Pa")),
+            ("mean radius", as_typed(campaign.tyre.mean_radius_m, "m")),
+        ]
+    pairs += [
+        ("grid positions", "no grid" if campaign.positions is None else str(campaign.positions)),
+        ("excitation at", as_typed(campaign.excitation_deg, "°")),
+        ("reference sensor at", as_typed(campaign.reference_deg, "°")),
+        ("mass of one sensor", as_typed(campaign.sensor_mass_kg, "kg")),
+    ]
+    runs = table(
+        "Runs",
+        ("run", "rate / Hz", "length / s", "force", "sensors", "reference"),
+        [_run_row(run) for run in campaign.runs],
+        words=(0, 3, 5),
+    )
+    shown = facts(f"Campaign {campaign.name}", pairs) + (runs if campaign.runs else "")
+    return shown + findings_html(campaign.findings)
+
+
+def _run_row(run: Run) -> tuple[str, ...]:
+    return (
+        run.name,
+        number(run.recording.sampling_rate_hz),
+        number(run.recording.duration_s),
+        run.force.name,
+        str(len(run.responses)),
+        "–" if run.reference is None else run.reference.name,
+    )
+
+
+def _content(campaign: Campaign) -> str:
+    if campaign.frf is not None:
+        return f"FRFs of {counted(campaign.frf.n_positions, 'position')}"
+    sensors = sum(len(run.responses) for run in campaign.runs)
+    return f"{counted(len(campaign.runs), 'run')} with {counted(sensors, 'response')}"

@@ -1,0 +1,101 @@
+"""Small HTML tables, as notebooks show results: plain strings, texts escaped, no colours set.
+
+`ema` and `model` do not know each other, so each has this file; a test keeps the two alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from decimal import Decimal
+from html import escape
+from math import isfinite
+
+from ema.core.errors import visible
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def table(
+    caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[int] = (0,)
+) -> str:
+    """A table with a caption; the columns in `words` to the left, numbers to the right."""
+    columns = ["left" if column in words else "right" for column in range(len(head))]
+    body = "".join(_row("td", row, columns) for row in rows)
+    return _captioned(caption, f"<thead>{_row('th', head, columns)}</thead><tbody>{body}</tbody>")
+
+
+def facts(caption: str, pairs: Iterable[tuple[str, str]]) -> str:
+    """A table of names and what belongs to them, without a head."""
+    body = "".join(_row("td", pair, ("left", "left")) for pair in pairs)
+    return _captioned(caption, f"<tbody>{body}</tbody>")
+
+
+def number(value: float) -> str:
+    """Value with four significant digits, a dash where there is none."""
+    if not isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    exponent = _exponent(value, 4)
+    shift = _common_power(exponent)
+    return _times_ten(_fixed(value, shift, min(0, exponent - shift - 3)), shift)
+
+
+def value_with_std(value: float, std: float | None) -> str:
+    """Value ± standard deviation, both rounded by it, exactly as in the report."""
+    if std is None or not isfinite(std) or std <= 0 or not isfinite(value):
+        return number(value)
+    shift = _common_power(_exponent(max(abs(value), std)))
+    place = _exponent(std)
+    end = (place - 1 if std / 10.0**place < 2.95 else place) - shift
+    text = f"{_fixed(value, shift, end)} ± {_fixed(std, shift, end)}"
+    return _times_ten(f"({text})", shift) if shift else text
+
+
+def _captioned(caption: str, rows: str) -> str:
+    style = "text-align:left;font-weight:bold;color:inherit"
+    return f'<table><caption style="{style}">{escape(visible(caption))}</caption>{rows}</table>'
+
+
+def _row(tag: str, cells: Iterable[str], columns: Sequence[str]) -> str:
+    written = (
+        f'<{tag} style="text-align:{column};padding:0.1em 0.6em">{escape(visible(cell))}</{tag}>'
+        for cell, column in zip(cells, columns, strict=True)
+    )
+    return f"<tr>{''.join(written)}</tr>"
+
+
+def _common_power(exponent: int) -> int:
+    """Power of ten in front of which large and small numbers are written."""
+    return exponent if exponent >= 5 or exponent < -3 else 0
+
+
+def _times_ten(text: str, power: int) -> str:
+    return f"{text} × 10{str(power).translate(_SUPERSCRIPT)}" if power else text
+
+
+def _exponent(value: float, digits: int = 16) -> int:
+    """Power of ten of the first digit of `value`, rounded to `digits` digits."""
+    return int(f"{value:.{digits - 1}e}".partition("e")[2])
+
+
+def _fixed(value: float, shift: int, end: int) -> str:
+    """Value in units of 10^shift, ending at 10^end."""
+    rounded = Decimal(value).scaleb(-shift).quantize(Decimal(1).scaleb(end))
+    return f"{abs(rounded) if rounded == 0 else rounded:f}".replace("-", "−")
+
+
+def band_text(band_hz: tuple[float, float]) -> str:
+    """A frequency band with its unit."""
+    return f"{band_hz[0]:g} to {band_hz[1]:g} Hz"
+
+
+def as_typed(value: float | None, unit: str) -> str:
+    """A value as a person would have typed it."""
+    space = "" if unit == "°" else " "
+    return "–" if value is None else f"{value:.10g}{space}{unit}"
+
+
+def counted(how_many: int, noun: str) -> str:
+    """A number and a noun, in the plural where there are several."""
+    return f"{how_many} {noun}" if how_many == 1 else f"{how_many} {noun}s"

@@ -1,0 +1,106 @@
+"""Samples that stay on disk, piece by piece."""
+
+from __future__ import annotations
+
+import mmap
+import stat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.errors import InputError, RecordingFormatError
+
+
+def piece(samples: NDArray[Any], start: int, stop: int) -> NDArray[Any]:
+    """Samples `start` to `stop`; those of a memory map are read from its file instead.
+
+    What was read through a map stays in the program's memory for as long as the map is there, and
+    a file that vanishes under it ends the program without a word.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_samples,)
+    start, stop : int
+
+    Raises
+    ------
+    RecordingFormatError
+        If the file became shorter or cannot be read any more.
+    """
+    if not isinstance(samples, np.memmap) or not _is_whole(samples):
+        return samples[start:stop]
+    start, stop, _ = slice(start, stop).indices(len(samples))
+    found = np.empty(max(stop - start, 0), samples.dtype)
+    _read(samples, start, found)
+    return found
+
+
+def fill(samples: NDArray[Any], start: int, into: NDArray[np.float64]) -> None:
+    """Put samples from `start` on into an array, as `piece` reads them.
+
+    Raises
+    ------
+    RecordingFormatError
+        As `piece`.
+    """
+    plain = samples.dtype == into.dtype and into.flags.c_contiguous
+    if plain and isinstance(samples, np.memmap) and _is_whole(samples):
+        _read(samples, start, into)
+    else:
+        into[:] = piece(samples, start, start + into.size)
+
+
+def _read(samples: np.memmap[Any, Any], start: int, into: NDArray[Any]) -> None:
+    """Read from the file of a map, without fresh memory."""
+    path = Path(str(samples.filename))
+    try:
+        with path.open("rb") as file:
+            file.seek(samples.offset + start * samples.itemsize)
+            n_bytes = file.readinto(into.view(np.uint8).data)
+    except OSError as error:
+        raise _gone(path, error.strerror or str(error)) from error
+    if n_bytes < into.nbytes:
+        count = n_bytes // samples.itemsize
+        raise _gone(path, f"{count} of {into.size} samples from sample {start + 1} on")
+
+
+def _is_whole(samples: np.memmap[Any, Any]) -> bool:
+    """Whether it is a whole memory map: views of one do not know their place in the file."""
+    is_own = isinstance(samples.base, mmap.mmap) and samples.flags.c_contiguous
+    return is_own and samples.filename is not None
+
+
+def _gone(path: Path, found: str) -> RecordingFormatError:
+    rule = "the file was longer when it was opened"
+    remedy = "Check the drive or the network, and process it again"
+    return RecordingFormatError(str(path), found, rule, remedy)
+
+
+def require_regular(path: Path) -> Path:
+    """Refuse a pipe, a socket or a device before it is opened.
+
+    Parameters
+    ----------
+    path : Path
+        What is not there, or is a folder, is left to whoever opens it.
+
+    Returns
+    -------
+    Path
+        `path`.
+
+    Raises
+    ------
+    InputError
+        If it is something else than a file or folder.
+    """
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):  # opening it says what is wrong
+        return path
+    if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
+        return path
+    rule = "only regular files are read: nobody knows when a pipe or device ends"
+    raise InputError(str(path), "not a regular file", rule, "Name a file, or write it to one first")

@@ -1,0 +1,183 @@
+"""ema.core.frf."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.arrays import readonly
+from ema.core.block_plan import BlockPlan
+from ema.core.display import counted, facts
+from ema.core.finding import Finding
+
+
+def frf_line(frf: FRF) -> str:
+    """Positions, lines and runs."""
+    return f"<FRF: {counted(frf.n_positions, 'position')}, {_lines(frf)}, {_runs(frf)}>"
+
+
+def frf_html(frf: FRF) -> str:
+    """Size, averages and quality."""
+    return facts(
+        "FRFs: inertance in (m/s²)/N",
+        [
+            ("positions", f"{frf.n_positions}, {_places(frf)}"),
+            ("frequencies", _lines(frf)),
+            ("runs", ", ".join(frf.run_names)),
+            ("independent averages", _averages(frf.n_effective)),
+            ("coherence γ², median", _median(frf.coherence)),
+            ("reference sensor", "no" if frf.reference is None else "yes, kept apart"),
+        ],
+    )
+
+
+def _lines(frf: FRF) -> str:
+    lines = frf.frequency_hz
+    if lines.size < 2:
+        return counted(int(lines.size), "line")
+    return f"{lines[0]:g} to {lines[-1]:g} Hz in steps of {lines[1] - lines[0]:.4g} Hz"
+
+
+def _places(frf: FRF) -> str:
+    if np.isfinite(frf.position_deg).all() and frf.n_positions:
+        return f"{frf.position_deg.min():g}° to {frf.position_deg.max():g}°"
+    return "by node"
+
+
+def _runs(frf: FRF) -> str:
+    return counted(len(frf.run_names), "run")
+
+
+def _median(values: NDArray[np.float64]) -> str:
+    known = values[np.isfinite(values)]
+    return f"{np.median(known):.4f}" if known.size else "unknown"
+
+
+def _averages(n_effective: float) -> str:
+    return f"{n_effective:.1f}" if np.isfinite(n_effective) else "unknown"
+
+
+@dataclass(frozen=True, eq=False)
+class FRF:
+    """Inertances of all positions against one force, e^{+jωt}, H = X/F.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n_frequencies,)
+        Frequency lines, equidistant.
+    values : ndarray of complex, shape (n_positions, n_frequencies)
+        Inertance in (m/s²)/N.
+    coherence : ndarray, shape (n_positions, n_frequencies)
+        Ordinary coherence; NaN where unknown.
+    std : ndarray, shape (n_positions, n_frequencies)
+        Standard deviation of the real and of the imaginary part; NaN where unknown.
+    node : ndarray of int, shape (n_positions,)
+        Node numbers; −1 where there are none.
+    position_deg : ndarray, shape (n_positions,)
+        Angles counter-clockwise from the excitation's zero; NaN where there is no circle.
+    run : tuple of str
+        The run each row was measured in; several names joined by "+" where rows were averaged.
+    channel : tuple of str
+        Name of the channel each row was measured with; empty where unknown.
+    blocks : BlockPlan or None
+        How the recordings were cut; None for FRFs from a file.
+    n_effective : float
+        Independent averages; NaN where unknown.
+    reference : FRF or None
+        The fixed reference sensor, one row per run.
+    clipped, force_clipped : ndarray, shape (n_positions,)
+        Share of samples of the sensor and of its run's force that sit on the signal's extremes.
+    missing : ndarray, shape (n_positions,)
+        Share of the averages left out because samples are missing.
+    disagreement : ndarray, shape (n_positions,)
+        Share of their power by which runs differ that were averaged at one place.
+    findings : tuple of Finding
+        What is wrong with the recordings, and what was left out of them for that.
+    """
+
+    frequency_hz: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    coherence: NDArray[np.float64]
+    std: NDArray[np.float64]
+    node: NDArray[np.int_]
+    position_deg: NDArray[np.float64]
+    run: tuple[str, ...]
+    channel: tuple[str, ...] = ()
+    blocks: BlockPlan | None = None
+    n_effective: float = float("nan")
+    reference: FRF | None = None
+    clipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    force_clipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    missing: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    disagreement: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, dtype in (
+            ("frequency_hz", float),
+            ("values", complex),
+            ("coherence", float),
+            ("std", float),
+            ("node", int),
+            ("position_deg", float),
+            ("clipped", float),
+            ("force_clipped", float),
+            ("missing", float),
+            ("disagreement", float),
+        ):
+            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
+        if not self.channel:
+            object.__setattr__(self, "channel", ("",) * self.n_positions)
+        for name in ("clipped", "force_clipped", "missing", "disagreement"):
+            if not getattr(self, name).size:
+                object.__setattr__(self, name, readonly(np.zeros(self.n_positions)))
+
+    @property
+    def n_positions(self) -> int:
+        """Number of rows."""
+        return int(self.values.shape[0])
+
+    @property
+    def run_names(self) -> tuple[str, ...]:
+        """Runs with a row here, in the order of the campaign where it is known, else by name."""
+        here = set(self.run)
+        order = dict.fromkeys(self.reference.run if self.reference is not None else ())
+        return tuple(name for name in dict.fromkeys([*order, *sorted(here)]) if name in here)
+
+    def rows(self, chosen: NDArray[np.generic]) -> FRF:
+        """Keep the chosen rows (indices or a mask) only."""
+        return replace(
+            self,
+            values=self.values[chosen],
+            coherence=self.coherence[chosen],
+            std=self.std[chosen],
+            node=self.node[chosen],
+            position_deg=self.position_deg[chosen],
+            run=tuple(np.asarray(self.run, dtype=object)[chosen]),
+            channel=tuple(np.asarray(self.channel, dtype=object)[chosen]),
+            clipped=self.clipped[chosen],
+            force_clipped=self.force_clipped[chosen],
+            missing=self.missing[chosen],
+            disagreement=self.disagreement[chosen],
+        )
+
+    def __repr__(self) -> str:
+        return frf_line(self)
+
+    def _repr_html_(self) -> str:
+        return frf_html(self)
+
+
+def position_finding(frf: FRF, row: int, check: str, verdict: str, detail: str) -> Finding:
+    """Finding about one row of some FRFs."""
+    angle = frf.position_deg[row]
+    return Finding(
+        run=frf.run[row],
+        channel=frf.channel[row],
+        position_deg=float(angle) if np.isfinite(angle) else None,
+        check=check,
+        verdict=verdict,
+        detail=detail,
+    )

@@ -1,0 +1,369 @@
+"""Modes: poles, residues and residual terms fitted to FRFs, with their uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.arrays import readonly
+from ema.core.display import band_text, counted, number, table, value_with_std
+from ema.core.mac import mpc, mpd_deg
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """One mode of vibration.
+
+    Parameters
+    ----------
+    pole : complex
+        s = −ζω + jω√(1−ζ²) in rad/s, upper half plane.
+    frequency_std_hz, damping_std : float
+        Standard deviations of `frequency_hz` and `damping_ratio`; NaN where unknown.
+    residues : ndarray of complex, shape (n_positions,)
+        A_i in H_i = −ω² Σ_r [A_ir/(jω−s_r) + A*_ir/(jω−s*_r)] + L_i − ω² U_i.
+    residues_std : ndarray, shape (n_positions,)
+        Standard deviation of the real and of the imaginary part of the residues.
+    order : int or None
+        Circumferential order n; None where there is no circle of sensors.
+    member : str
+        ``"a"`` or ``"b"`` for the two modes of a resolved pair, otherwise empty.
+    order_purity : float
+        Share of the shape's power in its circumferential order; NaN without a circle.
+    status : str
+        ``"ok"``, or what the reader of the number must know, e.g. ``"at bound"``.
+    frequency_band_shift_hz, damping_band_shift : float
+        Largest change when the band loses lines at either end; not part of the standard
+        deviations. NaN next to the ends.
+    """
+
+    pole: complex
+    frequency_std_hz: float
+    damping_std: float
+    residues: NDArray[np.complex128]
+    residues_std: NDArray[np.float64]
+    order: int | None = None
+    member: str = ""
+    order_purity: float = float("nan")
+    status: str = "ok"
+    frequency_band_shift_hz: float = float("nan")
+    damping_band_shift: float = float("nan")
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "residues", readonly(self.residues, complex))
+        object.__setattr__(self, "residues_std", readonly(self.residues_std, float))
+
+    @property
+    def frequency_hz(self) -> float:
+        """Undamped frequency |s|/2π."""
+        return float(abs(self.pole) / (2 * np.pi))
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio −Re(s)/|s|."""
+        return float(-self.pole.real / abs(self.pole))
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the status says more than which member of a pair is seen."""
+        return "at bound" in self.status or "outside" in self.status
+
+    @property
+    def shape(self) -> NDArray[np.complex128]:
+        """Residues turned to be as real as they can be and scaled to a largest part of 1."""
+        turned = self.residues * np.exp(-0.5j * np.angle(np.sum(self.residues**2)))
+        peak = turned[np.argmax(np.abs(turned))]
+        return np.asarray(turned / (np.abs(peak) * (np.sign(peak.real) or 1.0)))
+
+    @property
+    def mpc(self) -> float:
+        """Modal phase collinearity, 1 for a real mode."""
+        return mpc(self.residues)
+
+    @property
+    def mpd_deg(self) -> float:
+        """Mean phase deviation in degrees, 0 for a real mode."""
+        return mpd_deg(self.residues)
+
+    def __repr__(self) -> str:
+        return mode_line(self)
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualTerms:
+    """What the modes outside the band add to each FRF: L_i − ω² U_i.
+
+    Parameters
+    ----------
+    lower : ndarray, shape (n_positions,)
+        L in (m/s²)/N, the modes below the band (1/mass).
+    upper : ndarray, shape (n_positions,)
+        U in m/N, the modes above the band (1/stiffness).
+    """
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "lower", readonly(self.lower))
+        object.__setattr__(self, "upper", readonly(self.upper))
+
+
+@dataclass(frozen=True, eq=False)
+class Drift:
+    """How far the natural frequencies of each run are from those of the first.
+
+    Parameters
+    ----------
+    run : tuple of str
+        Run names in the order of the campaign; empty where there is nothing to compare.
+    percent, std_percent : ndarray, shape (n_runs,)
+        Common shift of all frequencies and its standard deviation.
+    applied : bool
+        Whether the shift is more than chance, so that each run was fitted in its own state.
+    chance : float
+        Probability of shifts as large from noise alone; NaN where unknown.
+    """
+
+    run: tuple[str, ...]
+    percent: NDArray[np.float64]
+    std_percent: NDArray[np.float64]
+    applied: bool = True
+    chance: float = float("nan")
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "percent", readonly(self.percent))
+        object.__setattr__(self, "std_percent", readonly(self.std_percent))
+
+    def factor(self, run: str) -> float:
+        """Poles of a run over those of the first run."""
+        if not self.applied or run not in self.run:
+            return 1.0
+        return 1 + float(self.percent[self.run.index(run)]) / 100
+
+
+NO_DRIFT = Drift((), np.zeros(0), np.zeros(0), applied=False)
+
+
+@dataclass(frozen=True, eq=False)
+class ModalModel:
+    """The modes of a band and everything needed to draw the FRFs from them.
+
+    Parameters
+    ----------
+    modes : tuple of Mode
+        Modes inside the band, ascending in frequency.
+    guard_modes : tuple of Mode
+        Modes just outside the band; part of the fit, not of the result.
+    residual_terms : ResidualTerms
+        Everything farther away.
+    band_hz : tuple of float
+        Band of the result.
+    fit_band_hz : tuple of float
+        Band of the lines that were fitted.
+    covariance : ndarray, shape (2 n_modes, 2 n_modes)
+        Covariance of (frequency_hz, damping_ratio) of `modes`, mode by mode.
+    frac : ndarray, shape (n_positions,)
+        Frequency response assurance criterion, measured against fitted, over the fitted lines.
+    misfit : float
+        Reduced χ² of the fit: 1 where the residuals are as large as the noise.
+    node, position_deg : ndarray, shape (n_positions,)
+        Where the rows are, as in `FRF`.
+    drift : Drift
+        Drift over the runs; the modes are those of the first run's state.
+    orders : tuple of OrderReport
+        Verdict on the pair of each order of the ring, and what the order says by itself.
+    notes : tuple of str
+        What was assumed, dropped or reached a bound, in words.
+    """
+
+    modes: tuple[Mode, ...]
+    guard_modes: tuple[Mode, ...]
+    residual_terms: ResidualTerms
+    band_hz: tuple[float, float]
+    fit_band_hz: tuple[float, float]
+    covariance: NDArray[np.float64]
+    frac: NDArray[np.float64]
+    misfit: float
+    node: NDArray[np.int_]
+    position_deg: NDArray[np.float64]
+    drift: Drift = NO_DRIFT
+    orders: tuple[OrderReport, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, dtype in (
+            ("covariance", float),
+            ("frac", float),
+            ("node", int),
+            ("position_deg", float),
+        ):
+            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
+
+    @property
+    def frequencies_hz(self) -> NDArray[np.float64]:
+        """Undamped frequencies of the modes."""
+        return np.array([mode.frequency_hz for mode in self.modes])
+
+    @property
+    def damping_ratios(self) -> NDArray[np.float64]:
+        """Damping ratios of the modes."""
+        return np.array([mode.damping_ratio for mode in self.modes])
+
+    def synthesise(
+        self, frequency_hz: NDArray[np.float64], run: Sequence[str] | None = None
+    ) -> NDArray[np.complex128]:
+        """Inertances of all positions, (n_positions, n_frequencies).
+
+        Parameters
+        ----------
+        frequency_hz : ndarray, shape (n_frequencies,)
+        run : sequence of str, optional
+            Run of each position, to see each in the state it was measured in; without it, all in
+            the state of the first run.
+        """
+        everything = self.modes + self.guard_modes
+        poles = np.array([mode.pole for mode in everything])
+        residues = np.stack([mode.residues for mode in everything], axis=1)
+        factors = np.array([self.drift.factor(name) for name in run or [""] * len(residues)])
+        values = np.empty((len(residues), np.size(frequency_hz)), dtype=complex)
+        for factor in np.unique(factors):
+            rows = factors == factor
+            terms = self.residual_terms.lower[rows], self.residual_terms.upper[rows]
+            values[rows] = synthesise(frequency_hz, factor * poles, residues[rows], *terms)
+        return values
+
+    def __repr__(self) -> str:
+        return model_line(self)
+
+    def _repr_html_(self) -> str:
+        return model_html(self)
+
+
+def synthesise(
+    frequency_hz: NDArray[np.float64],
+    poles: NDArray[np.complex128],
+    residues: NDArray[np.complex128],
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+) -> NDArray[np.complex128]:
+    """Inertances from poles, residues and residual terms.
+
+    H_i = −ω² Σ_r [A_ir/(jω−s_r) + A*_ir/(jω−s*_r)] + L_i − ω² U_i (Ewins 2000, eq. 4.29, as
+    inertance).
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n_frequencies,)
+    poles : ndarray of complex, shape (n_modes,)
+        rad/s.
+    residues : ndarray of complex, shape (n_positions, n_modes)
+    lower, upper : ndarray, shape (n_positions,)
+        Residual terms L in (m/s²)/N and U in m/N.
+
+    Returns
+    -------
+    ndarray of complex, shape (n_positions, n_frequencies)
+        Inertance in (m/s²)/N.
+    """
+    omega = 2 * np.pi * np.asarray(frequency_hz)
+    direct = 1 / (1j * omega - poles[:, None])
+    mirrored = 1 / (1j * omega - poles[:, None].conj())
+    modal = residues @ direct + residues.conj() @ mirrored
+    return np.asarray(-(omega**2) * (modal + upper[:, None]) + lower[:, None])
+
+
+def mode_line(mode: Mode) -> str:
+    """Order, frequency and damping."""
+    order = "" if mode.order is None else f"order {mode.order}{mode.member}, "
+    return (
+        f"<Mode: {order}{value_with_std(mode.frequency_hz, mode.frequency_std_hz)} Hz, "
+        f"{_damping(mode)} %, {mode.status}>"
+    )
+
+
+def model_line(model: ModalModel) -> str:
+    """How many modes in which band."""
+    return f"<ModalModel: {counted(len(model.modes), 'mode')}, {band_text(model.band_hz)}>"
+
+
+def model_html(model: ModalModel) -> str:
+    """The table of modes."""
+    return modes_html(model.modes, f"Modes, {band_text(model.band_hz)}")
+
+
+def modes_html(modes: Sequence[Mode], caption: str) -> str:
+    """Frequency and damping with one standard deviation, mode by mode."""
+    head = ("mode", "order", "frequency / Hz", "damping / %", "MPC", "purity", "status")
+    rows = [
+        (
+            str(number_of_mode),
+            "–" if mode.order is None else f"{mode.order}{mode.member}",
+            value_with_std(mode.frequency_hz, mode.frequency_std_hz),
+            _damping(mode),
+            f"{mode.mpc:.3f}",
+            number(mode.order_purity),
+            mode.status,
+        )
+        for number_of_mode, mode in enumerate(modes, start=1)
+    ]
+    return table(caption, head, rows, words=(6,))
+
+
+def _damping(mode: Mode) -> str:
+    return value_with_std(100 * mode.damping_ratio, 100 * mode.damping_std)
+
+
+@dataclass(frozen=True)
+class PairVerdict:
+    """Whether an order shows one mode of its pair or both, and on what evidence.
+
+    Parameters
+    ----------
+    order : int
+    verdict : str
+        ``"resolved pair"``, ``"pair not resolvable"`` or ``"single"`` (order 0).
+    chance : float
+        Probability that noise alone makes a second pole fit that much better (likelihood ratio);
+        NaN where it was not tested.
+    evidence : str
+        In words.
+    """
+
+    order: int
+    verdict: str
+    chance: float
+    evidence: str
+
+
+RESOLVED = "resolved pair"
+
+
+NOT_RESOLVABLE = "pair not resolvable"
+
+
+@dataclass(frozen=True)
+class OrderReport:
+    """What one circumferential order shows.
+
+    Parameters
+    ----------
+    pair : PairVerdict
+        One mode or both members of the pair, with the evidence.
+    frequency_hz, frequency_std_hz, damping_ratio, damping_std : float
+        Main mode identified from this order's FRFs alone; NaN where that failed.
+    """
+
+    pair: PairVerdict
+    frequency_hz: float = float("nan")
+    frequency_std_hz: float = float("nan")
+    damping_ratio: float = float("nan")
+    damping_std: float = float("nan")
+
+    @property
+    def order(self) -> int:
+        """Circumferential order."""
+        return self.pair.order

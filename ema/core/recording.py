@@ -1,0 +1,139 @@
+"""Recordings as the lab made them: channels, runs and the campaign around them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.files import fill, piece
+
+ACCELERATION = "acceleration"
+FORCE = "force"
+VELOCITY = "velocity"
+DISPLACEMENT = "displacement"
+VOLTAGE = "voltage"
+UNKNOWN = "unknown"
+
+SENSELESS = 1e30  # in SI, beyond any signal: what programs write where they have no number
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One channel of a recording.
+
+    Parameters
+    ----------
+    name : str
+        The name it is found by (UFF 58: first ID line; CSV: header cell without the unit).
+    quantity : str
+        ``"acceleration"``, ``"force"``, ``"velocity"``, ``"displacement"``, ``"voltage"`` or
+        ``"unknown"``.
+    unit : str
+        Unit as the file states it; empty where it states none.
+    samples : ndarray, shape (n_samples,)
+        Samples as stored, in the file's unit and precision; memory-mapped where the format allows.
+    scale_to_si : float
+        Factor from stored samples to SI (m/s², N, m/s, m, V); carries the direction's sign too.
+    node : int or None
+        Node number, where the file has one.
+    angle_deg : float or None
+        Angle from geometry in the same file (datasets 15, 2411), which overrides the grid.
+    gaps : tuple of (int, int)
+        Stretches, first sample and the one behind the last, that are known to be wrong: `block` and
+        `read_block` give NaN there, as for samples that are missing.
+    limit : float
+        Magnitude in SI beyond which a sample of this channel is impossible and counts as missing;
+        none is beyond 1e30 whatever the limit.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    samples: NDArray[Any]
+    scale_to_si: float = 1.0
+    node: int | None = None
+    angle_deg: float | None = None
+    gaps: tuple[tuple[int, int], ...] = ()
+    limit: float = float("inf")
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return int(self.samples.shape[0])
+
+    def block(self, start: int, stop: int) -> NDArray[np.float64]:
+        """Samples `start` to `stop` in SI units; NaN where impossible or known to be wrong."""
+        found = self.raw_block(start, stop)
+        self._leave_out(start, found)
+        return found
+
+    def raw_block(self, start: int, stop: int) -> NDArray[np.float64]:
+        """Samples `start` to `stop` in SI units, impossible ones included."""
+        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
+            found = piece(self.samples, start, stop)
+            return np.asarray(np.asarray(found, dtype=np.float64) * self.scale_to_si)
+
+    def read_block(self, start: int, into: NDArray[np.float64]) -> None:
+        """Fill `into` with the samples from `start` on, as `block` gives them."""
+        self.read_raw(start, into)
+        self._leave_out(start, into)
+
+    def read_raw(self, start: int, into: NDArray[np.float64]) -> None:
+        """Fill `into` with the samples from `start` on, as `raw_block` gives them."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            fill(self.samples, start, into)
+            if self.scale_to_si != 1.0:
+                into *= self.scale_to_si
+
+    def _leave_out(self, start: int, samples: NDArray[np.float64]) -> None:
+        limit = min(self.limit, SENSELESS)
+        if samples.size and not (samples.max() <= limit and samples.min() >= -limit):
+            samples[np.abs(samples) > limit] = np.nan
+        for first, behind in self.gaps:
+            samples[max(first - start, 0) : max(behind - start, 0)] = np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Channels recorded together at one rate.
+
+    Parameters
+    ----------
+    path : Path
+        The file it was read from.
+    sampling_rate_hz : float
+        Sampling rate; NaN where the file does not say.
+    channels : tuple of Channel
+        All of the same length.
+    """
+
+    path: Path
+    sampling_rate_hz: float
+    channels: tuple[Channel, ...]
+
+    @property
+    def n_samples(self) -> int:
+        """Samples per channel."""
+        return self.channels[0].n_samples
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the recording."""
+        return self.n_samples / self.sampling_rate_hz
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Channel names in file order."""
+        return tuple(channel.name for channel in self.channels)
+
+    def block(
+        self, start: int, stop: int, rows: Sequence[int] | None = None
+    ) -> NDArray[np.float64]:
+        """Samples `start` to `stop` of all (or the given) channels in SI, (n_channels, n)."""
+        chosen = self.channels if rows is None else [self.channels[row] for row in rows]
+        return np.stack([channel.block(start, stop) for channel in chosen])

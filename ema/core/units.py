@@ -1,0 +1,127 @@
+"""Unit texts as files state them: which quantity they measure, and their factor to SI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOCITY, VOLTAGE
+
+STANDARD_GRAVITY_M_S2 = 9.80665  # exact, CGPM 1901
+POUND_FORCE_N = 4.4482216152605  # exact, pound × standard gravity
+SI_UNIT = {
+    ACCELERATION: "m/s^2",
+    VELOCITY: "m/s",
+    DISPLACEMENT: "m",
+    FORCE: "N",
+    VOLTAGE: "V",
+}
+
+_LENGTH_M = {
+    "m": 1.0,
+    "cm": 1e-2,
+    "mm": 1e-3,
+    "um": 1e-6,
+    "micron": 1e-6,
+    "nm": 1e-9,
+    "in": 0.0254,
+    "inch": 0.0254,
+    "mil": 2.54e-5,
+    "ft": 0.3048,
+}
+_FORCE_N = {
+    "N": 1.0,
+    "newton": 1.0,
+    "newtons": 1.0,
+    "mN": 1e-3,
+    "daN": 10.0,
+    "kN": 1e3,
+    "MN": 1e6,
+    "lbf": POUND_FORCE_N,
+    "kip": 1e3 * POUND_FORCE_N,
+    "kgf": STANDARD_GRAVITY_M_S2,
+    "kp": STANDARD_GRAVITY_M_S2,
+}
+_GRAVITY_M_S2 = {
+    "g": STANDARD_GRAVITY_M_S2,
+    "gn": STANDARD_GRAVITY_M_S2,
+    "g_n": STANDARD_GRAVITY_M_S2,
+    "g0": STANDARD_GRAVITY_M_S2,
+    "mg": 1e-3 * STANDARD_GRAVITY_M_S2,
+    "Gal": 1e-2,
+}
+_PER_SECOND = ("/s", "/sec", "s^-1")
+_PER_SECOND_SQUARED = ("/s^2", "/s2", "/s/s", "/sec^2", "/sec2", "s^-2", "s-2")
+_VOLT = {"V": 1.0, "volt": 1.0, "volts": 1.0, "mV": 1e-3, "uV": 1e-6, "kV": 1e3}
+_ELECTRIC = ("A", "mA", "C", "pC")  # no channel of these can be calibrated here
+_NOTHING = {"", "none", "-", "n/a", "unknown"}
+_SPELLINGS = {"²": "^2", "⁻": "-", "μ": "u", "µ": "u", "**": "^", "·": "", "*": "", " ": ""}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit that is understood.
+
+    Parameters
+    ----------
+    quantity : str
+        As in `ema.core.recording.Channel`; ``"unknown"`` for charge and current.
+    factor : float
+        Factor from this unit to SI.
+    """
+
+    quantity: str
+    factor: float
+
+
+def _known_units() -> dict[str, Unit]:
+    """Table of all spellings, after `_normalise`."""
+    table = {text: Unit(FORCE, factor) for text, factor in _FORCE_N.items()}
+    table |= {text: Unit(ACCELERATION, factor) for text, factor in _GRAVITY_M_S2.items()}
+    table |= {text: Unit(VOLTAGE, factor) for text, factor in _VOLT.items()}
+    table |= {text: Unit(UNKNOWN, 1.0) for text in _ELECTRIC}
+    for length, factor in _LENGTH_M.items():
+        table[length] = Unit(DISPLACEMENT, factor)
+        table |= {length + per: Unit(VELOCITY, factor) for per in _PER_SECOND}
+        table |= {length + per: Unit(ACCELERATION, factor) for per in _PER_SECOND_SQUARED}
+    return table
+
+
+def _normalise(text: str) -> str:
+    for spelling, plain in _SPELLINGS.items():
+        text = text.replace(spelling, plain)
+    while text.startswith("(") and text.endswith(")") and ")" not in text[:-1]:
+        text = text[1:-1]
+    return text
+
+
+_KNOWN = _known_units()
+_KNOWN_LOWER: dict[str, Unit | None] = {}
+for _text, _unit in _KNOWN.items():
+    # Two units that differ by case alone (mN, MN) cannot be told apart in another case.
+    _KNOWN_LOWER[_text.lower()] = None if _text.lower() in _KNOWN_LOWER else _unit
+
+
+def is_stated(text: str) -> bool:
+    """Whether `text` states a unit at all (not empty, ``NONE`` or a dash)."""
+    return _normalise(text).lower() not in _NOTHING
+
+
+def parse_unit(text: str) -> Unit | None:
+    """Quantity and SI factor of a unit text; None where it is empty or not known.
+
+    Parameters
+    ----------
+    text : str
+        E.g. ``"m/s^2"``, ``"m/s²"``, ``"g"``, ``"mm/s2"``, ``"kN"``, ``"lbf"``.
+    """
+    plain = _normalise(text)
+    return _KNOWN.get(plain) or _KNOWN_LOWER.get(plain.lower())
+
+
+def parse_ratio(text: str) -> tuple[Unit, Unit] | None:
+    """Numerator and denominator of a unit of motion over force, e.g. ``"(m/s^2)/N"``."""
+    numerator, slash, denominator = _normalise(text).rpartition("/")
+    motion, force = parse_unit(numerator), parse_unit(denominator)
+    if not slash or motion is None or force is None or force.quantity != FORCE:
+        return None
+    return motion, force

@@ -1,0 +1,1 @@
+"""The curve fit: poles and residues with error bars, pair by pair."""

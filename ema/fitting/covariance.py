@@ -1,0 +1,165 @@
+"""How far to trust a curve fit: covariance of its parameters from what it left over."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.block_plan import BlockPlan
+from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit
+from ema.fitting.variable_projection import Projection, Real, slope_rows
+
+
+def line_correlation(plan: BlockPlan | None) -> float:
+    """Lines that share the information of one: N Σw⁴/(Σw²)², 1 for a boxcar, 1.94 for Hann.
+
+    A window correlates the noise of neighbouring lines; sums over lines scatter by this factor
+    more than independent lines would.
+    """
+    return 1.0 if plan is None else float(np.mean(plan.taper**4))
+
+
+def parameter_covariance(fit: PoleFit, correlation: float) -> Real:
+    """Covariance of (Re s, Im s) of all poles in rad/s, then of the drift of the runs.
+
+    N⁻¹ (Σ g gᵀ) N⁻¹ with the score g of each run and line (White 1980, clustered): it follows
+    the residuals as they are, whether noise, leakage or a model that does not quite fit, and the
+    fact that all sensors of a run see the same excitation. Residuals are first restored to what
+    they were before the fit took its share.
+
+    Parameters
+    ----------
+    fit : PoleFit
+    correlation : float
+        From `line_correlation`.
+
+    Returns
+    -------
+    ndarray, shape (n_parameters, n_parameters)
+    """
+    inverse = _inverse(fit.normal_matrix())
+    middle = np.zeros_like(inverse)
+    for number, (part, rows) in enumerate(zip(fit.parts, fit.groups, strict=True)):
+        transform = fit.transform(number)
+        run, scale = fit.lines.run[rows], fit.lines.scale[rows]
+        for name in np.unique(run):
+            score = _line_scores(part, scale, run == name) @ transform
+            middle += score.T @ score
+    slope = fit.likeness_slope()
+    middle = correlation * middle + slope.T @ slope
+    return np.asarray(inverse @ middle @ inverse)
+
+
+def frequency_damping_covariance(poles: NDArray[np.complex128], covariance: Real) -> Real:
+    """Covariance of (frequency_hz, damping_ratio), mode by mode, from that of (Re s, Im s)."""
+    n = 2 * poles.size
+    transform = np.zeros((n, n))
+    for r, s in enumerate(poles):
+        size = abs(s)
+        rows, columns = slice(2 * r, 2 * r + 2), slice(2 * r, 2 * r + 2)
+        transform[rows, columns] = [
+            [s.real / size / (2 * np.pi), s.imag / size / (2 * np.pi)],
+            [-(s.imag**2) / size**3, s.real * s.imag / size**3],
+        ]
+    return np.asarray(transform @ covariance[:n, :n] @ transform.T)
+
+
+def residue_std(fit: PoleFit, covariance: Real, correlation: float) -> Real:
+    """Standard deviation of the residues' parts (RMS of real and imaginary), like `residues`.
+
+    From the residuals of each position at given poles, and from the poles' own uncertainty.
+
+    Parameters
+    ----------
+    fit : PoleFit
+    covariance : ndarray
+        From `parameter_covariance`.
+    correlation : float
+        From `line_correlation`.
+    """
+    noise = fit.noise
+    std = np.empty(fit.residues.shape)
+    for number, (part, rows) in enumerate(zip(fit.parts, fit.groups, strict=True)):
+        transform = fit.transform(number)
+        poles = transform @ covariance @ transform.T
+        own = correlation * np.diag(part.unscaled)[:-2, None] * noise[rows] ** 2
+        following = part.following[:-2, slope_rows(fit.poles.size)]
+        slope = np.einsum("akp,kpi->iak", following, part.coefficients)
+        variance = own + np.einsum("iak,kl,ial->ai", slope, poles, slope)
+        std[rows] = np.sqrt((variance[0::2] + variance[1::2]) / 2).T
+    return std
+
+
+def _line_scores(part: Projection, scale: Real, here: NDArray[np.bool_]) -> Real:
+    """Score of each line from the positions of one run, (n_frequencies, 2 n_modes)."""
+    restored = part.misfit[:, here] / np.sqrt(np.clip(1 - part.leverage, 0.1, 1))[:, None]
+    weighted = part.coefficients[:, :, here] * scale[here] ** 2
+    along = np.einsum("fi,kpi->fkp", restored, weighted)
+    score = np.einsum("fkp,fkp->fk", part.slopes[:, slope_rows(part.poles.size)], along)
+    n_lines = score.shape[0] // 2
+    return np.asarray(score[:n_lines] + score[n_lines:])
+
+
+def _inverse(normal: Real) -> Real:
+    """Inverse of a normal matrix; directions the data say nothing about are left out."""
+    size = np.sqrt(np.diag(normal))
+    size[size == 0] = 1.0
+    scaled = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-12, hermitian=True)
+    return np.asarray(scaled / np.outer(size, size))
+
+
+# Share of the lines that is left out at one end.
+_TRIM = 0.06
+
+
+def band_shift(
+    fit: PoleFit, refit: Callable[[Lines, NDArray[np.complex128]], PoleFit]
+) -> NDArray[np.float64]:
+    """Largest change of each pole when the fit loses lines at either end of the band.
+
+    Parameters
+    ----------
+    fit : PoleFit
+        Its last pole is the stand-in for modes above the band.
+    refit : callable
+        Fits lines from start poles.
+
+    Returns
+    -------
+    ndarray, shape (n_modes, 2)
+        Changes of frequency in Hz and of damping ratio; NaN for poles next to the ends.
+    """
+    n_lines = fit.lines.frequency_hz.size
+    cut = int(_TRIM * n_lines)
+    shifts = [_shift(fit, refit, kept) for kept in (slice(cut, n_lines), slice(0, n_lines - cut))]
+    stacked = np.abs(np.stack(shifts))
+    known = np.isfinite(stacked)
+    largest = np.max(np.where(known, stacked, 0.0), axis=0)
+    return np.asarray(np.where(known.any(axis=0), largest, np.nan))
+
+
+def _shift(
+    fit: PoleFit, refit: Callable[[Lines, NDArray[np.complex128]], PoleFit], kept: slice
+) -> NDArray[np.float64]:
+    lines = replace(
+        fit.lines,
+        frequency_hz=fit.lines.frequency_hz[kept],
+        values=fit.lines.values[:, kept],
+        weight=fit.lines.weight[kept],
+        importance=fit.lines.importance[kept],
+    )
+    poles = fit.poles[:-N_STAND_INS]
+    frequency_hz, half_width_hz = np.abs(poles) / (2 * np.pi), -poles.real / (2 * np.pi)
+    low, high = lines.frequency_hz[[0, -1]]
+    inside = (frequency_hz - low > half_width_hz) & (high - frequency_hz > half_width_hz)
+    shift = np.full((fit.poles.size, 2), np.nan)
+    if not np.any(inside):
+        return shift
+    again = refit(lines, poles[inside]).poles[:-N_STAND_INS]
+    rows = np.flatnonzero(inside)
+    shift[rows, 0] = np.abs(again) / (2 * np.pi) - frequency_hz[inside]
+    shift[rows, 1] = again.real / -np.abs(again) - poles[inside].real / -np.abs(poles[inside])
+    return shift

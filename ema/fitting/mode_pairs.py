@@ -1,0 +1,220 @@
+"""Every order n ≥ 1 of a ring is a pair of modes: whether one is seen, or both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.circumference.orders import circle_basis, highest_order
+from ema.core.errors import FitError
+from ema.core.frf import FRF
+from ema.core.modes import NOT_RESOLVABLE, RESOLVED, PairVerdict
+from ema.core.numerics import chi_square_tail
+from ema.fitting.covariance import parameter_covariance
+from ema.fitting.pole_fit import Lines, PoleFit, fit_poles
+from ema.fitting.variable_projection import Complex, Real
+
+SINGLE = "single"
+
+# A second pole is looked into when chance would ask for it once in 10 000 orders.
+_CHANCE = 1e-4
+# The two frequencies of a pair must differ by this many standard deviations …
+_SEPARATION = 3.0
+# … their damping by no more than this factor, and neither may be weaker than this share.
+_DAMPING_FACTOR = 1.6
+_SHARE = 0.03
+# Damping of pairs that are searched for stays within this factor of the one pole's …
+_ALIKE = 1.3
+# … and the misfit that this costs at most.
+_MUCH_WORSE = 1.1
+# Steps after which a second pole that is there shows in the misfit.
+_FIRST_TRIES = 12
+
+
+def judge_pair(
+    order: OrderFrf, poles: NDArray[np.complex128], correlation: float
+) -> tuple[PairVerdict, NDArray[np.complex128]]:
+    """Test one pole against two on the FRFs of one order.
+
+    Parameters
+    ----------
+    order : OrderFrf
+        With everything but the mode (or pair) in question taken out.
+    poles : ndarray of complex
+        The one pole found so far, or two.
+    correlation : float
+        Lines that share the information of one, from `line_correlation`.
+
+    Returns
+    -------
+    verdict : PairVerdict
+    poles : ndarray of complex
+        What to go on with: two poles for a resolved pair, one where one explains everything, and
+        those found already where it cannot be told.
+    """
+    number = order.order
+    if not np.all(np.isfinite(order.std)):
+        text = "the noise is unknown: one pole against two cannot be tested"
+        verdict = RESOLVED if poles.size > 1 else NOT_RESOLVABLE
+        return PairVerdict(number, verdict, float("nan"), text), poles
+    try:
+        one = fit_order(order, np.array([np.mean(poles)]))
+        start = poles if poles.size > 1 else _beside(one.poles[0])[0]
+        two = fit_order(order, start, tries=_FIRST_TRIES)
+        chance, doubt = _chance(one, two, correlation), _doubt(two, correlation)
+        if chance < _CHANCE:
+            better = fit_order(order, two.poles)
+            if doubt or _doubt(better, correlation):
+                better = _searched(order, one.poles[0], two)
+            two = better
+            chance, doubt = _chance(one, two, correlation), _doubt(two, correlation)
+    except FitError as error:
+        return PairVerdict(number, NOT_RESOLVABLE, float("nan"), str(error)), poles
+    if not chance < _CHANCE:
+        text = f"one pole explains the order; a second may fit better by chance (p = {chance:.2g})"
+        return PairVerdict(number, NOT_RESOLVABLE, chance, text), one.poles
+    if doubt:
+        text = f"a second pole fits better (p = {chance:.2g}), but {doubt}"
+        return PairVerdict(number, NOT_RESOLVABLE, chance, text), poles
+    text = f"two poles fit better than one (p = {chance:.2g})"
+    return PairVerdict(number, RESOLVED, chance, text), two.poles[np.argsort(np.abs(two.poles))]
+
+
+def _searched(order: OrderFrf, pole: complex, found: PoleFit) -> PoleFit:
+    """Best of some pairs around one pole whose members are damped alike, if any is better.
+
+    Turning a tyre turns its modes: the members of a pair differ in frequency, hardly in damping.
+    """
+    fits = [fit_order(order, start, damping_reach=_ALIKE) for start in _beside(pole)]
+    best = min(fits, key=lambda fit: fit.chi_square)
+    return best if best.chi_square < _MUCH_WORSE * found.chi_square else found
+
+
+def _beside(pole: complex) -> list[NDArray[np.complex128]]:
+    """Two poles split evenly around one, and the one with another above or below it."""
+    width = -pole.real
+    shifts = ((-0.5j, 0.5j), (0.0, 1.0j), (0.0, -1.0j))
+    return [np.asarray(pole + width * (0.1 + np.array(pair))) for pair in shifts]
+
+
+def _chance(one: PoleFit, two: PoleFit, correlation: float) -> float:
+    """Likelihood-ratio test with the noise as large as the better fit leaves it."""
+    scale = correlation * max(two.misfit, 1.0)
+    freedom = 2 + 2 * one.lines.scale.size
+    return float(chi_square_tail(max(one.chi_square - two.chi_square, 0.0) / scale, freedom))
+
+
+def _doubt(two: PoleFit, correlation: float) -> str:
+    """Why two fitted poles cannot be taken for a pair; empty where they can."""
+    covariance = parameter_covariance(two, correlation)
+    gap = abs(two.poles[1].imag - two.poles[0].imag)
+    spread = np.sqrt(max(covariance[1, 1] + covariance[3, 3] - 2 * covariance[1, 3], 0.0))
+    damping = -two.poles.real
+    strength = np.linalg.norm(two.residues, axis=0)
+    if np.any(two.at_bound[1::2]):
+        return "its frequency is not determined"
+    if gap < _SEPARATION * spread:
+        return f"the two frequencies differ by only {gap / spread:.1f} standard deviations"
+    unlike = damping.max() / damping.min()
+    if unlike > _DAMPING_FACTOR:
+        return f"the two would be damped differently by a factor of {unlike:.1f}"
+    share = strength.min() / strength.max()
+    if share < _SHARE:
+        return f"the weaker one has {100 * share:.1f} % of the stronger"
+    return ""
+
+
+# Half-widths of a resonance that its own fit looks at, and the fewest lines for it.
+_REACH = 6.0
+_FEWEST_LINES = 12
+
+
+@dataclass(frozen=True, eq=False)
+class OrderFrf:
+    """The part of the FRFs that goes with cos nθ and sin nθ.
+
+    Parameters
+    ----------
+    order : int
+    frequency_hz : ndarray, shape (n_frequencies,)
+    values : ndarray of complex, shape (2, n_frequencies)
+        Amplitudes of cos nθ and sin nθ; one row for n = 0.
+    std : ndarray, shape (2, n_frequencies)
+        Standard deviation per quadrature.
+    """
+
+    order: int
+    frequency_hz: Real
+    values: Complex
+    std: Real
+
+
+class OrderDecomposition:
+    """FRFs of a circle of positions, resolved into circumferential orders.
+
+    The spatial Fourier transform where the positions are complete and equidistant, least squares
+    where some are missing.
+
+    Parameters
+    ----------
+    frf : FRF
+        With angles.
+    """
+
+    def __init__(self, frf: FRF) -> None:
+        self._frf = frf
+        self.highest = highest_order(frf.position_deg)
+        self._inverse = np.linalg.pinv(circle_basis(frf.position_deg, self.highest))
+
+    def order(
+        self, order: int, lines: slice | NDArray[np.int_], values: Complex | None = None
+    ) -> OrderFrf:
+        """Resolve one order from the FRFs, or from other `values` on the same lines."""
+        rows = self._inverse[[0]] if order == 0 else self._inverse[2 * order - 1 : 2 * order + 1]
+        measured = self._frf.values[:, lines] if values is None else values
+        variance = np.square(rows) @ np.square(self._frf.std[:, lines])
+        return OrderFrf(order, self._frf.frequency_hz[lines], rows @ measured, np.sqrt(variance))
+
+
+def fit_order(
+    order: OrderFrf, start: Complex, *, damping_reach: float = 4.0, tries: int = 30
+) -> PoleFit:
+    """Fit the poles of one order to its own FRFs, around their resonance.
+
+    Parameters
+    ----------
+    order : OrderFrf
+    start : ndarray of complex, shape (n_modes,)
+        One pole, or the two of a pair.
+    damping_reach : float
+        Factor within which the damping stays around the start.
+    tries : int
+        Most steps of the search.
+
+    Raises
+    ------
+    FitError
+        If too few lines lie around the resonance.
+    """
+    centre_hz = float(np.mean(np.abs(start))) / (2 * np.pi)
+    half_width_hz = float(np.max(-start.real)) / (2 * np.pi)
+    spread_hz = float(np.ptp(np.abs(start))) / (2 * np.pi)
+    near = np.abs(order.frequency_hz - centre_hz) < _REACH * half_width_hz + spread_hz
+    if np.count_nonzero(near) < _FEWEST_LINES:
+        raise FitError(f"only {np.count_nonzero(near)} lines around order {order.order}.")
+    level = np.sqrt(np.mean(order.std[:, near] ** 2, axis=1))
+    known = bool(np.all(np.isfinite(level)) and np.all(level > 0))
+    lines = Lines(
+        frequency_hz=order.frequency_hz[near],
+        values=order.values[:, near],
+        weight=np.ones(np.count_nonzero(near)),
+        scale=1 / level if known else np.ones(level.size),
+        run=np.zeros(level.size, dtype=int),
+        importance=np.ones(np.count_nonzero(near)),
+    )
+    decay, frequency = -start.real, start.imag
+    lower = np.column_stack([decay / damping_reach, frequency - 2 * decay]).ravel()
+    upper = np.column_stack([decay * damping_reach, frequency + 2 * decay]).ravel()
+    return fit_poles(lines, start, lower, upper, tries=tries)

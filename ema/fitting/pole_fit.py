@@ -1,0 +1,394 @@
+"""Poles within bounds that leave the smallest misfit, for one state of the tyre or one per run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.bands import widened_band
+from ema.core.errors import FitError
+from ema.core.frf import FRF
+from ema.fitting.variable_projection import Complex, Projection, Real, descend, project, stacked
+from ema.signals.bias_and_noise import leakage_bias, noise_level
+
+_NOTHING_LEFT = 1e-4  # of χ²
+_LARGEST_DRIFT = 0.03
+# Members of a pair differ in their decay rate by about this share.
+_ALIKE = 0.1
+#: The last poles of a fit stand for modes above the lines.
+N_STAND_INS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """What is fitted: lines of all positions and their weights.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n_frequencies,)
+    values : ndarray of complex, shape (n_positions, n_frequencies)
+        Inertances.
+    weight : ndarray, shape (n_frequencies,)
+        1/σ over frequency, shared by the positions.
+    scale : ndarray, shape (n_positions,)
+        Weight of each position beside the common one.
+    run : ndarray of int, shape (n_positions,)
+        Run each position was measured in, 0 … n_runs − 1.
+    importance : ndarray, shape (n_frequencies,)
+        What `weight` holds beside 1/σ: 1 in the band, less towards the ends of the margins.
+    """
+
+    frequency_hz: Real
+    values: Complex
+    weight: Real
+    scale: Real
+    run: NDArray[np.int_]
+    importance: Real
+
+    @cached_property
+    def target(self) -> Real:
+        """Weighted values as real columns, (2 n_frequencies, n_positions)."""
+        return stacked(self.values, self.weight)
+
+    @cached_property
+    def power(self) -> Real:
+        """Sum of squares of each column of `target`."""
+        return np.asarray(np.sum(self.target**2, axis=0))
+
+    @property
+    def omega(self) -> Real:
+        """Lines in rad/s."""
+        return np.asarray(2 * np.pi * self.frequency_hz)
+
+    @property
+    def n_runs(self) -> int:
+        """Number of runs."""
+        return int(self.run.max()) + 1
+
+
+@dataclass(frozen=True, eq=False)
+class PoleFit:
+    """Fitted poles of the first run's state, and what each group of positions says.
+
+    Parameters
+    ----------
+    lines : Lines
+    poles : ndarray of complex, shape (n_modes,)
+        rad/s, in the state of the first run.
+    drift : ndarray, shape (n_groups,)
+        All poles of a group are (1 + drift) times `poles`; the first is 0.
+    groups : tuple of ndarray of int
+        Positions of each group: all together, or run by run.
+    parts : tuple of Projection
+        Linear solution of each group.
+    at_bound : ndarray of bool, shape (2 n_modes,)
+        Decay rates and frequencies that ended on a bound, mode by mode.
+    pairs : tuple of (int, int)
+        Poles that are members of one pair, and therefore damped alike.
+    """
+
+    lines: Lines
+    poles: Complex
+    drift: Real
+    groups: tuple[NDArray[np.int_], ...]
+    parts: tuple[Projection, ...]
+    at_bound: NDArray[np.bool_]
+    pairs: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def n_parameters(self) -> int:
+        """Nonlinear parameters: two per pole and the drift of each group but the first."""
+        return 2 * self.poles.size + len(self.groups) - 1
+
+    @property
+    def residues(self) -> Complex:
+        """Residues of all positions, (n_positions, n_modes)."""
+        return self._gathered(lambda part: part.residues)
+
+    @property
+    def lower(self) -> Real:
+        """Residual terms L, (n_positions,)."""
+        return self._gathered(lambda part: part.lower)
+
+    @property
+    def upper(self) -> Real:
+        """Residual terms U, (n_positions,)."""
+        return self._gathered(lambda part: part.upper)
+
+    @property
+    def noise(self) -> Real:
+        """RMS of each position's weighted residuals, (n_positions,)."""
+        return self._gathered(lambda part: np.sqrt(np.mean(part.misfit**2, axis=0)))
+
+    @cached_property
+    def chi_square(self) -> float:
+        """Weighted sum of squared residuals."""
+        scale, power = self.lines.scale, self.lines.power
+        return sum(
+            part.chi_square(power[rows], scale[rows])
+            for part, rows in zip(self.parts, self.groups, strict=True)
+        )
+
+    @cached_property
+    def cost(self) -> float:
+        """What the search makes small: `chi_square` and the squares of `unlikeness`."""
+        return self.chi_square + float(np.sum(self.unlikeness**2))
+
+    @property
+    def misfit(self) -> float:
+        """Reduced χ², 1 where the residuals are as large as the noise."""
+        n_data = 2 * self.lines.scale.size * float(np.sum(self.lines.importance**2))
+        n_linear = self.lines.scale.size * (2 * self.poles.size + 2)
+        return self.chi_square / max(n_data - n_linear - self.n_parameters, 1)
+
+    def transform(self, group: int) -> Real:
+        """Derivative of a group's (Re s, Im s) to all parameters, (2 n_modes, n_parameters)."""
+        n = 2 * self.poles.size
+        matrix = np.zeros((n, self.n_parameters))
+        matrix[np.arange(n), np.arange(n)] = 1 + self.drift[group]
+        if group:
+            matrix[:, n + group - 1] = _interleaved(self.poles)
+        return matrix
+
+    def normal_matrix(self) -> Real:
+        """JᵀJ of all parameters."""
+        total = np.zeros((self.n_parameters, self.n_parameters))
+        for number, (part, rows) in enumerate(zip(self.parts, self.groups, strict=True)):
+            t = self.transform(number)
+            total += t.T @ part.normal_matrix(self.lines.scale[rows]) @ t
+        slope = self.likeness_slope()
+        return np.asarray(total + slope.T @ slope)
+
+    def gradient(self) -> Real:
+        """Jᵀr of all parameters."""
+        total = np.zeros(self.n_parameters)
+        for number, (part, rows) in enumerate(zip(self.parts, self.groups, strict=True)):
+            total += self.transform(number).T @ part.gradient(self.lines.scale[rows])
+        return np.asarray(total + self.likeness_slope().T @ self.unlikeness)
+
+    @property
+    def unlikeness(self) -> Real:
+        """How unlike the members of each pair are damped, in standard deviations of `_ALIKE`."""
+        first, second = np.array(self.pairs, dtype=int).reshape(-1, 2).T
+        return np.asarray(np.log(self.poles[first].real / self.poles[second].real) / _ALIKE)
+
+    def likeness_slope(self) -> Real:
+        """Derivative of `unlikeness` to all parameters, (n_pairs, n_parameters)."""
+        slope = np.zeros((len(self.pairs), self.n_parameters))
+        for row, (first, second) in enumerate(self.pairs):
+            slope[row, 2 * first] = 1 / (_ALIKE * self.poles[first].real)
+            slope[row, 2 * second] = -1 / (_ALIKE * self.poles[second].real)
+        return slope
+
+    def _gathered(self, of: Callable[[Projection], NDArray[Any]]) -> NDArray[Any]:
+        pieces = [of(part) for part in self.parts]
+        whole = np.empty((self.lines.scale.size, *pieces[0].shape[1:]), dtype=pieces[0].dtype)
+        for piece, rows in zip(pieces, self.groups, strict=True):
+            whole[rows] = piece
+        return whole
+
+
+def evaluate(
+    lines: Lines, poles: Complex, drift: Real, pairs: tuple[tuple[int, int], ...] = ()
+) -> PoleFit:
+    """Solve the linear problem of each group for given poles and drift.
+
+    A single drift value puts all positions into one group.
+    """
+    everything = np.arange(lines.scale.size)
+    groups = (
+        (everything,)
+        if drift.size == 1
+        else tuple(np.flatnonzero(lines.run == number) for number in range(drift.size))
+    )
+    parts = tuple(
+        project(lines.omega, lines.target[:, rows], lines.weight, poles * (1 + shift))
+        for rows, shift in zip(groups, drift, strict=True)
+    )
+    nowhere = np.zeros(2 * poles.size, dtype=bool)
+    return PoleFit(lines, poles, drift, groups, parts, nowhere, pairs)
+
+
+def fit_poles(
+    lines: Lines,
+    start: Complex,
+    lower: Real,
+    upper: Real,
+    drift: Real | None = None,
+    *,
+    pairs: tuple[tuple[int, int], ...] = (),
+    tries: int = 60,
+) -> PoleFit:
+    """Poles within bounds that leave the smallest weighted misfit over all positions.
+
+    Parameters
+    ----------
+    lines : Lines
+    start : ndarray of complex, shape (n_modes,)
+        Poles from the stability diagram.
+    lower, upper : ndarray, shape (2 n_modes,)
+        Bounds of (decay rate −Re s, frequency Im s), mode by mode, in rad/s.
+    drift : ndarray, shape (n_runs,), optional
+        Start values of a drift of all poles from run to run; without it the runs share one state.
+    pairs : tuple of (int, int)
+        Poles that are members of one pair. Turning a tyre turns its modes, so that the members
+        differ in frequency but hardly in damping: that they are alike within 10 % (one standard
+        deviation) counts as much as any measured value, and helps where one is hardly driven.
+    tries : int
+        Most steps of the search.
+
+    Raises
+    ------
+    FitError
+        If the fit diverges.
+    """
+    n = 2 * start.size
+    shifts = np.zeros(0) if drift is None else drift[1:] - drift[0]
+    decay = slice(0, n, 2)
+    low, high = lower.copy(), upper.copy()
+    low[decay], high[decay] = -upper[decay], -lower[decay]  # the search moves Re s itself
+    reach = np.full(shifts.size, _LARGEST_DRIFT)
+
+    def at(x: Real) -> PoleFit:
+        return evaluate(lines, x[0:n:2] + 1j * x[1:n:2], np.append(0.0, x[n:]), pairs)
+
+    x, found = descend(
+        at,
+        np.concatenate([_interleaved(start), shifts]),
+        np.concatenate([low, -reach]),
+        np.concatenate([high, reach]),
+        size=np.concatenate([np.repeat(-start.real, 2), np.full(shifts.size, 1e-3)]),
+        # χ² is of the order of the number of values: what is left to gain is far below 1.
+        gain=_NOTHING_LEFT / lines.values.size,
+        tries=tries,
+    )
+    if not np.all(np.isfinite(x)):
+        raise FitError("the curve fit diverged. Pin the frequencies or narrow the band.")
+    near = 1e-3 * (high - low)
+    return replace(found, at_bound=(x[:n] - low < near) | (high - x[:n] < near))
+
+
+def _interleaved(poles: Complex) -> Real:
+    return np.ravel(np.column_stack([poles.real, poles.imag]))
+
+
+# Bounds around the poles of LSCE: the fit refines them, it does not look for others.
+_FREQUENCY_REACH = 0.01  # share of the frequency, or the damping ratio where that is larger
+_DAMPING_REACH = 4.0  # factor
+# Free poles just above the lines stand for all modes farther up: two residual terms alone cost
+# 0.6 % of damping in the lowest mode of a tyre. There are two, as modes of a tyre come in pairs.
+_STAND_INS, _STAND_IN_REACH = (1.03, 1.09), (1.002, 1.3)
+_STAND_IN_DAMPING = 0.02
+# What lies beyond the lines disturbs those next to it: their weight falls to this at the ends.
+_END_WEIGHT = 0.05
+# A correction for random excitation that fits worse than this shows that it was not random.
+_WORSE = 1.05
+_LEAKAGE_ROUNDS = 2
+
+
+def lines_to_fit(frf: FRF, band_hz: tuple[float, float]) -> Lines:
+    """Lines of the band and a margin, with weights from their noise."""
+    chosen = widened_band(frf, band_hz)
+    level = noise_level(frf, chosen)
+    common = np.exp(np.mean(np.log(level), axis=0))
+    own = np.exp(np.mean(np.log(level / common), axis=1))
+    names = frf.run_names
+    run = np.array([names.index(name) for name in frf.run])
+    frequency_hz = frf.frequency_hz[chosen]
+    importance = _importance(frequency_hz, band_hz)
+    values = frf.values[:, chosen]
+    return Lines(frequency_hz, values, importance / common, 1 / own, run, importance)
+
+
+def _importance(
+    frequency_hz: NDArray[np.float64], band_hz: tuple[float, float]
+) -> NDArray[np.float64]:
+    """Weight 1 in the band, falling along the margins on either side."""
+    low, high = frequency_hz[[0, -1]]
+    below = (band_hz[0] - frequency_hz) / max(band_hz[0] - low, 1e-12)
+    above = (frequency_hz - band_hz[1]) / max(high - band_hz[1], 1e-12)
+    outside = np.clip(np.maximum(below, above), 0, 1)
+    return np.asarray(_END_WEIGHT ** (outside**2))
+
+
+def starting_poles(
+    poles: NDArray[np.complex128], lines: Lines, band_hz: tuple[float, float]
+) -> NDArray[np.complex128]:
+    """Poles that the lines show on both sides, and the stand-in for everything above."""
+    frequency_hz = np.abs(poles) / (2 * np.pi)
+    low, high = lines.frequency_hz[[0, -1]]
+    half_width_hz = -poles.real / (2 * np.pi)
+    in_band = (frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1])
+    shown = (frequency_hz - low > half_width_hz) & (high - frequency_hz > half_width_hz)
+    if not np.any(in_band):
+        raise FitError(
+            f"no pole between {band_hz[0]:g} and {band_hz[1]:g} Hz to start the curve fit from. "
+            "Pin frequencies or change the band."
+        )
+    return with_stand_ins(poles[in_band | shown], lines)
+
+
+def with_stand_ins(poles: NDArray[np.complex128], lines: Lines) -> NDArray[np.complex128]:
+    """Poles and, at the end, start values of those that stand for all modes above the lines."""
+    omega = 2 * np.pi * lines.frequency_hz[-1] * np.array(_STAND_INS)
+    return np.append(poles, omega * (-_STAND_IN_DAMPING + 1j))
+
+
+def fit_bounded(
+    lines: Lines,
+    start: NDArray[np.complex128],
+    drift: NDArray[np.float64] | None = None,
+    around: NDArray[np.complex128] | None = None,
+    pairs: tuple[tuple[int, int], ...] = (),
+) -> PoleFit:
+    """Fit poles within the bounds that suit start values from a stability diagram.
+
+    A fit that goes on from an earlier one keeps its bounds `around` the diagram's poles.
+    """
+    lower, upper = _bounds(start if around is None else around, lines.frequency_hz[-1])
+    return fit_poles(lines, start, lower, upper, drift, pairs=pairs)
+
+
+def _bounds(
+    start: NDArray[np.complex128], highest_hz: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    decay, frequency = -start.real, start.imag
+    reach = np.maximum(_FREQUENCY_REACH, decay / frequency) * frequency
+    lower = np.column_stack([decay / _DAMPING_REACH, frequency - reach])
+    upper = np.column_stack([decay * _DAMPING_REACH, frequency + reach])
+    stand_ins = slice(-len(_STAND_INS), None)
+    lower[stand_ins, 1], upper[stand_ins, 1] = (
+        2 * np.pi * highest_hz * np.array([_STAND_IN_REACH]).T
+    )
+    return lower.ravel(), upper.ravel()
+
+
+def without_leakage(
+    frf: FRF, plain: PoleFit, around: NDArray[np.complex128]
+) -> tuple[PoleFit, list[str]]:
+    """Fit again, for averaged blocks, with the bias of the window taken out of the FRFs."""
+    if frf.blocks is None or frf.blocks.n_blocks < 2:
+        return plain, []
+    if frf.blocks.is_one_period:
+        return plain, []
+    cleared = plain
+    for _ in range(_LEAKAGE_ROUNDS):
+        bias = leakage_bias(
+            frf.blocks,
+            plain.lines.frequency_hz,
+            cleared.poles[:-N_STAND_INS],
+            cleared.residues[:, :-N_STAND_INS],
+        )
+        lines = replace(plain.lines, values=plain.lines.values - bias)
+        start = np.append(cleared.poles[:-N_STAND_INS], plain.poles[-N_STAND_INS:])
+        drift = cleared.drift if cleared.drift.size > 1 else None
+        cleared = fit_bounded(lines, start, drift, around, plain.pairs)
+    if cleared.misfit > _WORSE * plain.misfit:
+        note = "The bias of window and block length was left in: taking it out fits worse."
+        return plain, [note]
+    return cleared, ["The bias of window and block length was taken out of the curve fit."]

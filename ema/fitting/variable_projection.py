@@ -1,0 +1,287 @@
+"""Poles, residues and residual terms by bounded variable projection: arrays in, arrays out.
+
+Only the poles are nonlinear. For given poles the residues and residual terms of all positions
+follow from one linear least-squares problem and are eliminated (Golub & Pereyra 1973), with
+Kaufman's (1975) Jacobian; because all positions share the basis, nothing of the size of the
+measured FRFs is ever formed (O'Leary & Rust 2013 for the single-response case).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Linear solution for given poles and what the covariance needs from it.
+
+    Parameters
+    ----------
+    poles : ndarray of complex, shape (n_modes,)
+    residues : ndarray of complex, shape (n_positions, n_modes)
+    lower, upper : ndarray, shape (n_positions,)
+        Residual terms.
+    target : ndarray, shape (2 n_frequencies, n_positions)
+        Weighted FRFs, real parts above imaginary parts.
+    orthonormal : ndarray, shape (2 n_frequencies, 2 n_modes + 2)
+        Orthonormal basis of everything linear.
+    inside : ndarray, shape (2 n_modes + 2, n_positions)
+        The target in that basis.
+    slopes : ndarray, shape (2 n_frequencies, 2 n_modes)
+        Derivatives of the modal terms to each pole, with everything linear projected out.
+    unscaled : ndarray, shape (2 n_modes + 2, 2 n_modes + 2)
+        Inverse normal matrix of the linear parameters of one position at unit weight.
+    following : ndarray, shape (2 n_modes + 2, 2 n_modes)
+        What the linear parameters give way when a slope is added to the basis.
+    """
+
+    poles: Complex
+    residues: Complex
+    lower: Real
+    upper: Real
+    target: Real
+    orthonormal: Real
+    inside: Real
+    slopes: Real
+    unscaled: Real
+    following: Real
+
+    @cached_property
+    def misfit(self) -> Real:
+        """Weighted residuals, (2 n_frequencies, n_positions), real parts above imaginary parts."""
+        return self.target - self.orthonormal @ self.inside
+
+    @property
+    def leverage(self) -> Real:
+        """Share of each weighted line that the linear parameters follow, (2 n_frequencies,)."""
+        return np.asarray(np.sum(self.orthonormal**2, axis=1))
+
+    def chi_square(self, power: Real, scale: Real) -> float:
+        """Weighted sum of squared residuals.
+
+        `power` is the sum of squares of the target per position, which never changes.
+        """
+        left = power - np.sum(self.inside**2, axis=0)
+        return float(np.sum(np.maximum(left, 0.0) * scale**2))
+
+    @cached_property
+    def coefficients(self) -> NDArray[np.float64]:
+        """What multiplies `slopes` in the Jacobian, (2 n_modes parameters, 2, n_positions).
+
+        Parameter 2r is Re s_r, 2r+1 is Im s_r; slopes 2r and 2r+1 belong to Re A_r and Im A_r.
+        """
+        real, imag = self.residues.T.real, self.residues.T.imag
+        pairs = np.stack([np.stack([real, imag], 1), np.stack([-imag, real], 1)], 1)
+        return np.asarray(pairs.reshape(2 * real.shape[0], 2, real.shape[1]))
+
+    def normal_matrix(self, scale: Real) -> Real:
+        """JᵀJ of the poles' parameters, (2 n_modes, 2 n_modes); `scale` per position."""
+        c = self.coefficients * scale
+        gram = np.einsum("kpi,lqi->kplq", c, c)
+        inner = self._inner
+        return np.asarray(np.einsum("kplq,kplq->kl", gram, inner))
+
+    def gradient(self, scale: Real) -> Real:
+        """Jᵀr of the poles' parameters, (2 n_modes,)."""
+        # The slopes hold nothing that is linear, so they see residuals and target alike.
+        projected = (self.slopes.T @ self.target) * scale
+        rows = slope_rows(self.poles.size)
+        return np.asarray(-np.einsum("kpi,kpi->k", self.coefficients * scale, projected[rows]))
+
+    @property
+    def _inner(self) -> Real:
+        rows = slope_rows(self.poles.size)
+        product = self.slopes.T @ self.slopes
+        return np.asarray(product[rows[:, :, None, None], rows[None, None, :, :]])
+
+
+def slope_rows(n_modes: int) -> NDArray[np.int_]:
+    """Slopes that belong to each parameter: both parameters of a pole use both of its slopes."""
+    return np.asarray(np.repeat(np.arange(2 * n_modes).reshape(n_modes, 2), 2, axis=0))
+
+
+def project(omega: Real, target: Real, weight: Real, poles: Complex) -> Projection:
+    """Best residues and residual terms for given poles, and the slopes towards better poles.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (n_frequencies,)
+        rad/s.
+    target : ndarray, shape (2 n_frequencies, n_positions)
+        Weighted inertances from `stacked`.
+    weight : ndarray, shape (n_frequencies,)
+        1/σ over frequency, shared by the positions.
+    poles : ndarray of complex, shape (n_modes,)
+    """
+    n_modes = poles.size
+    direct, mirrored = 1 / (1j * omega - poles[:, None]), 1 / (1j * omega - poles[:, None].conj())
+    inertia = -(omega**2)
+    basis = np.empty((2 * n_modes + 2, omega.size), dtype=complex)
+    basis[0:-2:2] = inertia * (direct + mirrored)
+    basis[1:-2:2] = 1j * inertia * (direct - mirrored)
+    basis[-2], basis[-1] = 1, inertia
+    slopes = np.empty((2 * n_modes, omega.size), dtype=complex)
+    slopes[0::2] = inertia * (direct**2 + mirrored**2)
+    slopes[1::2] = 1j * inertia * (direct**2 - mirrored**2)
+
+    basis_real, slopes_real = stacked(basis, weight), stacked(slopes, weight)
+    size = np.linalg.norm(basis_real, axis=0)
+    orthonormal, triangle = np.linalg.qr(basis_real / size)
+    inside = orthonormal.T @ target
+    inverse = _inverse(triangle) / size[:, None]
+    linear = inverse @ inside
+    seen = orthonormal.T @ slopes_real
+    return Projection(
+        poles=poles,
+        residues=np.asarray((linear[0:-2:2] + 1j * linear[1:-2:2]).T),
+        lower=linear[-2],
+        upper=linear[-1],
+        target=target,
+        orthonormal=orthonormal,
+        inside=inside,
+        slopes=slopes_real - orthonormal @ seen,
+        unscaled=inverse @ inverse.T,
+        following=inverse @ seen,
+    )
+
+
+def _inverse(triangle: Real) -> Real:
+    """Inverse of R; where two poles coincide, the least-norm one."""
+    diagonal = np.abs(np.diag(triangle))
+    if diagonal.min() > 1e-9 * diagonal.max():
+        return np.asarray(np.linalg.inv(triangle))
+    return np.asarray(np.linalg.pinv(triangle, rcond=1e-9))
+
+
+def stacked(rows: Complex, weight: Real) -> Real:
+    """Weighted rows as real columns, real parts above imaginary parts."""
+    weighted = rows * weight
+    return np.asarray(np.concatenate([weighted.real, weighted.imag], axis=1).T)
+
+
+_FIRST_DAMPING, _NO_DAMPING = 1e-2, 1e-9
+_SMALLEST_STEP = 1e-11  # of the parameters' own size
+_HOLDS = 1e-3  # of the fall predicted: a step that gains less is not taken
+_MOST_DAMPING = 1e12
+
+
+class SumOfSquares(Protocol):
+    """Sum of squared residuals r at one point, and its slopes."""
+
+    @property
+    def cost(self) -> float:
+        """rᵀr."""
+
+    def gradient(self) -> Real:
+        """Jᵀr, (n_parameters,)."""
+
+    def normal_matrix(self) -> Real:
+        """JᵀJ, (n_parameters, n_parameters)."""
+
+
+Point = TypeVar("Point", bound=SumOfSquares)
+
+
+def descend(
+    at: Callable[[Real], Point],
+    start: Real,
+    lower: Real,
+    upper: Real,
+    *,
+    size: Real,
+    gain: float,
+    tries: int,
+) -> tuple[Real, Point]:
+    """Levenberg–Marquardt steps on the normal equations, in a box.
+
+    A step that would leave the box puts those parameters on its face and goes on with the others.
+    Nothing is ever formed that is larger than the number of parameters squared.
+
+    Parameters
+    ----------
+    at : callable
+        Takes parameters, gives the sum of squares there.
+    start, lower, upper : ndarray, shape (n_parameters,)
+    size : ndarray, shape (n_parameters,)
+        How far a parameter goes in a large step: it ends the search.
+    gain : float
+        Share of the cost that is not worth another step.
+    tries : int
+        Most points to look at.
+
+    Returns
+    -------
+    parameters : ndarray, shape (n_parameters,)
+    point : Point
+        What `at` gave there.
+
+    References
+    ----------
+    Marquardt (1963); the damping follows Nielsen (1999).
+    """
+    x = np.clip(start, lower, upper)
+    here = at(x)
+    gradient, normal = here.gradient(), here.normal_matrix()
+    damping, growth, too_bold = _FIRST_DAMPING, 2.0, 0.0
+    for _ in range(tries - 1):
+        step = _step(gradient, normal, damping, lower - x, upper - x)
+        fall = -float(step @ (2 * gradient + normal @ step))
+        while fall <= gain * here.cost and damping > max(100 * too_bold, _NO_DAMPING):
+            # Damping holds back what is least certain: there may be more to gain without it.
+            damping /= 100
+            step = _step(gradient, normal, damping, lower - x, upper - x)
+            fall = -float(step @ (2 * gradient + normal @ step))
+        if fall <= gain * here.cost or np.all(np.abs(step) <= _SMALLEST_STEP * size):
+            break
+        there = at(x + step)
+        ratio = (here.cost - there.cost) / fall
+        if ratio > _HOLDS:
+            x, here, too_bold = x + step, there, 0.0
+            gradient, normal = here.gradient(), here.normal_matrix()
+            damping *= max(1 / 3, 1 - (2 * ratio - 1) ** 3)
+            growth = 2.0
+        elif damping > _MOST_DAMPING:
+            break
+        else:
+            too_bold = damping
+            damping, growth = damping * growth, 2 * growth
+    return x, here
+
+
+def _step(gradient: Real, normal: Real, damping: float, lowest: Real, highest: Real) -> Real:
+    """Damped Gauss–Newton step between `lowest` and `highest`."""
+    curved = np.diag(normal)
+    # A parameter that nothing depends on stays where it is.
+    damped = normal + np.diag(damping * curved + np.where(curved > 0, 0.0, 1.0))
+    step = np.zeros(gradient.size)
+    # Parameters on a face they are pushed against.
+    held = ((lowest >= 0) & (gradient > 0)) | ((highest <= 0) & (gradient < 0))
+    while not np.all(held):
+        free = ~held
+        right = -gradient[free] - damped[np.ix_(free, held)] @ step[held]
+        step[free] = _solved(damped[np.ix_(free, free)], right)
+        outside = free & ((step < lowest) | (step > highest))
+        step = np.clip(step, lowest, highest)
+        if not np.any(outside):
+            break
+        held |= outside
+    return step
+
+
+def _solved(matrix: Real, right: Real) -> Real:
+    """Solution of a symmetric positive system whose unknowns differ in size."""
+    size = np.sqrt(np.diag(matrix))
+    scaled = matrix / np.outer(size, size)
+    try:
+        return np.asarray(np.linalg.solve(scaled, right / size) / size)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(scaled, right / size, rcond=None)[0] / size)

@@ -1,0 +1,177 @@
+"""Units and sensitivities that the manifest gives where files state none, wrong ones, or volts."""
+
+from __future__ import annotations
+
+import fnmatch
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from ema.core.errors import ManifestError, nearest
+from ema.core.finding import OK, Finding
+from ema.core.recording import UNKNOWN, VOLTAGE, Channel, Recording
+from ema.core.units import Unit, is_stated, parse_unit
+from ema.io.campaign.manifest import MANIFEST_NAME, CalibrationSection
+from ema.io.content import remark
+
+_SENSITIVITY = re.compile(r"^\s*([+-]?[0-9.,]+(?:[eE][+-]?[0-9]+)?)\s*(.+?)\s*$")
+_AMBIGUOUS = re.compile(
+    r"^[+-]?[1-9][0-9]{0,2},[0-9]{3}$"
+)  # a thousand, or one with a decimal comma?
+_WRITE = "Write the number and its unit as on the calibration sheet, e.g. '10.2 mV/g'"
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What a sensor gives for what it measures.
+
+    Parameters
+    ----------
+    quantity : str
+        What it measures.
+    volts_per_si : float
+        Volts per m/s², N, m/s or m.
+    """
+
+    quantity: str
+    volts_per_si: float
+
+
+def parse_sensitivity(text: str) -> Sensitivity | None:
+    """Understand e.g. ``"10.2 mV/g"``, ``"2.25 mV/N"``, ``"98 (m/s^2)/V"``; else None."""
+    match = _SENSITIVITY.match(text)
+    if match is None or _AMBIGUOUS.match(match[1]):
+        return None
+    try:
+        value = float(match[1].replace(",", "."))
+    except ValueError:
+        return None
+    above, below = _parts(match[2])
+    if above is None or below is None or not value or not math.isfinite(value):
+        return None
+    if above.quantity == VOLTAGE and _mechanical(below):
+        return Sensitivity(below.quantity, value * above.factor / below.factor)
+    if below.quantity == VOLTAGE and _mechanical(above):
+        return Sensitivity(above.quantity, below.factor / (value * above.factor))
+    return None
+
+
+def _parts(text: str) -> tuple[Unit | None, Unit | None]:
+    """Units above and below the slash that stands outside of all brackets."""
+    depth = 0
+    slashes = []
+    for place, sign in enumerate(text):
+        depth += {"(": 1, ")": -1}.get(sign, 0)
+        if sign == "/" and depth == 0:
+            slashes.append(place)
+    for place in slashes:  # mV/m/s^2 is meant as mV/(m/s^2)
+        above, below = parse_unit(text[:place]), parse_unit(text[place + 1 :])
+        if above is not None and below is not None:
+            return above, below
+    return None, None
+
+
+def _mechanical(unit: Unit) -> bool:
+    return unit.quantity not in (UNKNOWN, VOLTAGE)
+
+
+def calibrated(
+    recordings: Sequence[Recording], sections: Mapping[str, CalibrationSection]
+) -> tuple[list[Recording], list[Finding]]:
+    """Apply the manifest's ``[calibration]`` to all channels that its keys name.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    sections : mapping
+        Unit or sensitivity by channel name or pattern such as ``"A*"``; a name goes before a
+        pattern.
+
+    Returns
+    -------
+    list of Recording, list of Finding
+
+    Raises
+    ------
+    ManifestError
+        If a key fits no channel, a text is not understood, or it contradicts the file.
+    """
+    names = {name for recording in recordings for name in recording.names}
+    for key in sections:
+        if key not in names and not fnmatch.filter(names, key):
+            where = f"{MANIFEST_NAME}, calibration.{key}"
+            rule = "no recording has a channel of that name"
+            raise ManifestError(where, repr(key), rule, nearest(key, sorted(names)))
+    findings: list[Finding] = []
+    result = []
+    for recording in recordings:
+        channels = []
+        for channel in recording.channels:
+            entry = _key(channel.name, sections)
+            if entry is not None:
+                channel = _calibrate(recording, channel, entry, sections[entry], findings)
+            channels.append(channel)
+        result.append(replace(recording, channels=tuple(channels)))
+    return result, findings
+
+
+def _key(name: str, sections: Mapping[str, CalibrationSection]) -> str | None:
+    if name in sections:
+        return name
+    return next((key for key in sections if fnmatch.fnmatchcase(name, key)), None)
+
+
+def _calibrate(
+    recording: Recording,
+    channel: Channel,
+    key: str,
+    section: CalibrationSection,
+    findings: list[Finding],
+) -> Channel:
+    where = f"{MANIFEST_NAME}, calibration.{key}"
+    sign = math.copysign(1.0, channel.scale_to_si)
+    if section.unit is not None:
+        unit = parse_unit(section.unit)
+        if unit is None or unit.quantity == UNKNOWN:
+            rule = "the unit is not known"
+            remedy = "Write e.g. m/s^2, g, mm/s^2, N, kN, lbf, V or mV"
+            raise ManifestError(f"{where}.unit", repr(section.unit), rule, remedy)
+        if is_stated(channel.unit) and parse_unit(channel.unit) not in (None, unit):
+            detail = f"the file states {channel.unit!r}, the manifest {section.unit!r} and decides"
+            findings.append(remark(recording.path, channel.name, "unit", detail))
+        channel = replace(
+            channel, quantity=unit.quantity, unit=section.unit, scale_to_si=sign * unit.factor
+        )
+    if section.sensitivity is not None:
+        channel = _with_sensitivity(recording, channel, where, section.sensitivity, findings)
+    given = section.sensitivity or section.unit
+    findings.append(
+        Finding(
+            recording.path.name, channel.name, None, "calibration", OK, f"{given} by the manifest"
+        )
+    )
+    return channel
+
+
+def _with_sensitivity(
+    recording: Recording, channel: Channel, where: str, text: str, findings: list[Finding]
+) -> Channel:
+    sensitivity = parse_sensitivity(text)
+    if sensitivity is None:
+        rule = "a sensitivity is volts over m/s^2, g, N or the like"
+        raise ManifestError(f"{where}.sensitivity", repr(text), rule, _WRITE)
+    if channel.quantity != VOLTAGE and is_stated(channel.unit):
+        found = f"a sensitivity for {channel.name!r}, which {recording.path.name} gives in "
+        found += repr(channel.unit)
+        rule = "a sensitivity turns volts into physical units"
+        remedy = 'Leave it out, or add unit = "V" if the file\'s unit is wrong'
+        raise ManifestError(where, found, rule, remedy)
+    if channel.quantity != VOLTAGE:
+        detail = "no unit stated; taken as V, as a sensitivity is given"
+        findings.append(remark(recording.path, channel.name, "unit", detail))
+    return replace(
+        channel,
+        quantity=sensitivity.quantity,
+        scale_to_si=channel.scale_to_si / sensitivity.volts_per_si,
+    )

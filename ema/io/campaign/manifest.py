@@ -1,0 +1,303 @@
+"""The manifest of a campaign, ``campaign.toml``: its keys, their units and their limits."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+import unicodedata
+from collections.abc import Callable
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+
+from ema.core.campaign import Processing, Tyre
+from ema.core.errors import ManifestError, nearest
+from ema.core.files import require_regular
+
+MANIFEST_NAME = "campaign.toml"
+_DECIMAL_COMMA = re.compile(rb"= *[0-9]+,[0-9]")
+
+FORWARD_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
+
+_SIMILAR = 0.8  # a free key that resembles a known one this much is a slip
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+
+
+def _between(lowest: float, highest: float, rule: str) -> Callable[[float], float]:
+    """Check the size of a number: a wrong unit is off by more than tyres differ."""
+
+    def check(value: float) -> float:
+        if not lowest <= value <= highest:
+            raise ValueError(rule)
+        return value
+
+    return check
+
+
+_Pascals = Annotated[
+    Positive,
+    AfterValidator(_between(1e3, 1e7, "tyres have 1000 to 10 000 000 Pa (1 bar is 100000 Pa)")),
+]
+_Metres = Annotated[
+    Positive, AfterValidator(_between(1e-3, 10.0, "tyres have 0.001 to 10 m (330 mm are 0.33 m)"))
+]
+_Kilograms = Annotated[
+    NotNegative, AfterValidator(_between(0.0, 1.0, "sensors have up to 1 kg (4 g are 0.004 kg)"))
+]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class TyreSection(_Section):
+    """``[tyre]``: identity and given data; any other key is kept as a detail."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    designation: str
+    inflation_pressure_pa: _Pascals | None = None
+    mean_radius_m: _Metres | None = None
+    belt_width_m: _Metres | None = None
+
+    @model_validator(mode="after")
+    def _no_slips(self) -> TyreSection:
+        for key in self.model_extra or {}:
+            similar = difflib.get_close_matches(key, type(self).model_fields, 1, _SIMILAR)
+            if similar:
+                raise ValueError(f"the key {key!r} resembles {similar[0]!r}; rename one of them")
+        return self
+
+    def tyre(self) -> Tyre:
+        """Return the tyre, with free keys as texts."""
+        details = {key: str(value) for key, value in (self.model_extra or {}).items()}
+        return Tyre(
+            self.designation,
+            self.inflation_pressure_pa,
+            self.mean_radius_m,
+            self.belt_width_m,
+            details,
+        )
+
+
+class AcquisitionSection(_Section):
+    """``[acquisition]``: what files may leave out."""
+
+    sampling_rate_hz: Positive | None = None
+
+
+class SensorsSection(_Section):
+    """``[sensors]``: the mass of one accelerometer."""
+
+    mass_kg: _Kilograms | None = None
+
+
+class CalibrationSection(_Section):
+    """An entry of ``[calibration]``: what the samples of some channels mean."""
+
+    unit: str | None = None
+    sensitivity: str | None = None
+
+    @model_validator(mode="after")
+    def _says_something(self) -> CalibrationSection:
+        if self.unit is None and self.sensitivity is None:
+            raise ValueError("an entry has a unit or a sensitivity")
+        return self
+
+
+class GridSection(_Section):
+    """``[grid]``: node k lies at k·360/positions degrees."""
+
+    positions: Annotated[int, Field(ge=3, le=100_000, strict=True)]
+
+
+class ExcitationSection(_Section):
+    """``[excitation]``: which channel is the force, and where it acts."""
+
+    channel: str | None = None
+    position_deg: Finite | None = None
+    direction: Literal["radial", "tangential", "axial"] | None = None
+
+    @field_validator("direction")
+    @classmethod
+    def _evaluated(cls, direction: str | None) -> str | None:
+        if direction not in (None, "radial"):
+            raise ValueError(
+                "only a radial force is evaluated: drive point, sensor mass and ring model would "
+                "take any other for radial. Remove the line only if the force is radial"
+            )
+        return direction
+
+
+class ProcessingSection(_Section):
+    """``[processing]``: how recordings become FRFs."""
+
+    averages: Annotated[int, Field(ge=1, strict=True)] | None = None
+    block_seconds: Positive | None = None
+    window: str | None = None
+    overlap: Annotated[float, Field(ge=0, lt=1, strict=True)] | None = None
+    band_hz: tuple[NotNegative, Positive] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> ProcessingSection:
+        if self.averages is not None and self.block_seconds is not None:
+            raise ValueError("averages and block_seconds exclude each other")
+        if self.band_hz is not None and self.band_hz[0] >= self.band_hz[1]:
+            raise ValueError("band_hz is [lower, upper]")
+        return self
+
+    def processing(self) -> Processing:
+        """Return the settings."""
+        return Processing(**self.model_dump())
+
+
+class RunSection(_Section):
+    """One ``[[runs]]``: a file, its reference sensor, and where its sensors sit."""
+
+    file: Annotated[str, Field(min_length=1)]
+    reference: str | None = None
+    positions_deg: dict[str, Finite] | None = None
+
+
+class Manifest(_Section):
+    """The whole manifest."""
+
+    schema_version: Annotated[int, Field(alias="schema", ge=1, le=1, strict=True)]
+    tyre: TyreSection | None = None
+    acquisition: AcquisitionSection = AcquisitionSection()
+    sensors: SensorsSection = SensorsSection()
+    calibration: dict[str, CalibrationSection] = {}
+    grid: GridSection | None = None
+    excitation: ExcitationSection = ExcitationSection()
+    processing: ProcessingSection = ProcessingSection()
+    runs: Annotated[tuple[RunSection, ...], Field(min_length=1)]
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Read and check a manifest.
+
+    Raises
+    ------
+    ManifestError
+        If it is missing, no TOML, or a key is unknown, missing or out of its limits. The first
+        fault is named with its place and the nearest valid key.
+    """
+    require_regular(path)
+    try:
+        raw = path.read_bytes()
+        content = tomllib.loads(raw.decode("utf-8-sig"))
+    except OSError as error:
+        reason = error.strerror or str(error)
+        rule = "a campaign is described by a manifest that can be read"
+        raise ManifestError(str(path), reason, rule, "Check name and rights") from error
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        found = f"byte 0x{raw[error.start]:02x}"
+        rule = "a manifest is TOML in UTF-8"
+        raise ManifestError(
+            f"{path.name}, line {line}", found, rule, "Save it in UTF-8 from the editor"
+        ) from error
+    except (ValueError, RecursionError) as error:  # TOML, an endless number, nesting
+        rule = "a manifest is TOML in UTF-8"
+        remedy = "Correct the place named"
+        if _DECIMAL_COMMA.search(raw):
+            remedy += "; numbers have a decimal point, not a comma"
+        if b"<" in raw:
+            remedy += "; in a draft, values take the place of what stands in angle brackets"
+        if b"\\" in raw:
+            remedy += f"; {FORWARD_SLASHES}"
+        raise ManifestError(path.name, str(error), rule, remedy) from error
+    try:
+        return Manifest.model_validate(content)
+    except ValidationError as error:
+        raise _explain(path, error) from None
+
+
+def resolve(manifest: Path, file: str) -> Path:
+    """Path of a file that a manifest names; it may not leave the manifest's folder.
+
+    Raises
+    ------
+    ManifestError
+        If the path is absolute, or leads out of the folder, be it by a symbolic link.
+    """
+    folder = manifest.parent.resolve()
+    try:
+        target = _as_stored(folder / file).resolve()
+        # From Python 3.13 on a loop of links is handed back as it is.
+        is_loop = any(part.is_symlink() for part in (target, *target.parents))
+        inside = not (_starts_elsewhere(file) or is_loop) and target.is_relative_to(folder)
+    except (OSError, ValueError, RuntimeError):  # a NUL in the name, a loop of links
+        inside = False
+    if not inside:
+        rule = "paths are relative to the manifest and stay within its folder"
+        remedy = "Put the recordings beside the manifest"
+        raise ManifestError(f"{manifest.name}, runs", f"file {file!r}", rule, remedy)
+    return target
+
+
+def _as_stored(path: Path) -> Path:
+    """The file whose name looks the same: systems store an umlaut as one character or as two."""
+    wanted = unicodedata.normalize("NFC", path.name)
+    if wanted.isascii() or path.exists() or not path.parent.is_dir():
+        return path
+    alike = (p for p in path.parent.iterdir() if unicodedata.normalize("NFC", p.name) == wanted)
+    return next(alike, path)
+
+
+def _starts_elsewhere(file: str) -> bool:
+    """Whether a path is absolute or names a drive or a share; the same answer on every system."""
+    return bool(PureWindowsPath(file).anchor) or PurePosixPath(file).is_absolute()
+
+
+def _explain(path: Path, error: ValidationError) -> ManifestError:
+    # A misspelt key also leaves its place empty: the key is what the author has to see.
+    first = min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
+    place = tuple(first["loc"])
+    where = f"{path.name}, {_dotted(place)}" if place else path.name
+    if first["type"] == "extra_forbidden":
+        remedy = nearest(str(place[-1]), _valid_keys(place[:-1]))
+        return ManifestError(where, f"key {place[-1]!r}", "it is not known here", remedy)
+    if first["type"] == "missing":
+        return ManifestError(where, "nothing", "this key is required", "Add it")
+    found = repr(first["input"])
+    message = str(first["msg"]).removeprefix("Value error, ")
+    found = found if len(found) <= 60 else f"{found[:60]}…"
+    return ManifestError(where, found, message[:1].lower() + message[1:], "Correct the value")
+
+
+def _dotted(place: tuple[Any, ...]) -> str:
+    """Name a place as the manifest's author counts: runs from 1."""
+    return ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in place)
+
+
+def _valid_keys(place: tuple[Any, ...]) -> list[str]:
+    """Keys that the section at `place` may have."""
+    section: type[BaseModel] = Manifest
+    for part in place:
+        if isinstance(part, str) and part in section.model_fields:
+            section = _section_type(section.model_fields[part].annotation) or section
+    return [field.alias or name for name, field in section.model_fields.items()]
+
+
+def _section_type(annotation: Any) -> type[BaseModel] | None:
+    """Find the section among the parts of a type such as ``tuple[RunSection, ...] | None``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for part in get_args(annotation):
+        if (section := _section_type(part)) is not None:
+            return section
+    return None

@@ -1,0 +1,282 @@
+"""Read a campaign: a folder, a manifest, or recordings that say enough by themselves."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ema.core.campaign import Campaign, Run
+from ema.core.errors import ManifestError, RecordingFormatError, nearest
+from ema.core.finding import EXCLUDED, Finding
+from ema.core.recording import Recording
+from ema.io.campaign import agreement
+from ema.io.campaign.agreement import (
+    RATE_TOLERANCE,
+    check_duplicates,
+    check_rates,
+    coverage_findings,
+    run_names,
+)
+from ema.io.campaign.calibration import calibrated
+from ema.io.campaign.manifest import (
+    FORWARD_SLASHES,
+    MANIFEST_NAME,
+    Manifest,
+    read_manifest,
+    resolve,
+)
+from ema.io.campaign.roles import Grid, Wanted, assign, reference_place
+from ema.io.content import FileContent
+from ema.io.formats import exists, is_folder, is_recording, read_file
+from ema.signals.signal_checks import level_findings
+from ema.signals.spikes import spike_findings, with_limits
+
+
+def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
+    """Read everything the lab handed over, check it and give each channel its role.
+
+    Parameters
+    ----------
+    source : path or sequence of paths
+        A folder (with ``campaign.toml``, or with recordings alone), a manifest, a recording, or
+        several recordings.
+
+    Returns
+    -------
+    Campaign
+        Runs whose samples stay on disk where the format allows, or FRFs.
+
+    Raises
+    ------
+    RecordingFormatError
+        If a file is missing, damaged, or holds nothing that can be used.
+    ManifestError
+        If the manifest is faulty or contradicts the recordings.
+    """
+    paths = [Path(source)] if isinstance(source, str | Path) else [Path(each) for each in source]
+    if len(paths) == 1 and is_folder(paths[0]):
+        if exists(paths[0] / MANIFEST_NAME):
+            return _with_manifest(paths[0] / MANIFEST_NAME)
+        return _without_manifest(paths[0].resolve().name, recordings_in(paths[0]))
+    if len(paths) == 1 and paths[0].suffix.lower() == ".toml":
+        return _with_manifest(paths[0])
+    if not paths:
+        rule = "a campaign has at least one recording"
+        raise RecordingFormatError("campaign", "no files", rule, "Name the recordings")
+    name = paths[0].stem if len(paths) == 1 else paths[0].resolve().parent.name
+    return _without_manifest(name, paths)
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """Recordings of a folder, config_2 before config_10; hidden files are none.
+
+    A link whose target is gone stays in the list: whoever reads it names it.
+
+    Raises
+    ------
+    RecordingFormatError
+        If there are none, or the folder cannot be looked into.
+    """
+    try:
+        listed = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    except OSError as error:
+        rule = "a campaign's folder must be one that can be read"
+        reason = error.strerror or str(error)
+        raise RecordingFormatError(str(folder), reason, rule, "Check name and rights") from error
+    found = [path for path in listed if is_recording(path) and not path.is_dir()]
+    if not found:
+        rule = f"a campaign holds recordings, and a {MANIFEST_NAME} where they do not say enough"
+        remedy = "Check the folder's name"
+        raise RecordingFormatError(str(folder), "no recordings", rule, remedy)
+    return sorted(found, key=lambda path: [_number(part) for part in _parts(path.name)])
+
+
+def _parts(name: str) -> list[str]:
+    return re.split(r"([0-9]+)", name)
+
+
+def _number(part: str) -> tuple[int, str]:
+    return (int(part), "") if part.isdecimal() and len(part) < 100 else (-1, part)
+
+
+def _without_manifest(name: str, paths: Sequence[Path]) -> Campaign:
+    contents = _read_all(paths)
+    campaign = Campaign(name=name, sources=tuple(path.resolve() for path in paths))
+    return _fill(campaign, contents, [Wanted()] * len(contents))
+
+
+def _with_manifest(path: Path) -> Campaign:
+    manifest = read_manifest(path)
+    files = _files_of(path, manifest)
+    force = manifest.excitation.channel
+    wanted = [
+        Wanted.from_section(section, number, force)
+        for number, section in enumerate(manifest.runs, 1)
+    ]
+    contents = _read_all(files)
+    _refuse_empty(contents, wanted)
+    rate = manifest.acquisition.sampling_rate_hz
+    contents = [replace(each, recording=_with_rate(each.recording, rate)) for each in contents]
+    contents = _calibrated(contents, manifest)
+    angle = manifest.excitation.position_deg
+    campaign = Campaign(
+        name=path.resolve().parent.name,
+        tyre=None if manifest.tyre is None else manifest.tyre.tyre(),
+        positions=None if manifest.grid is None else manifest.grid.positions,
+        excitation_deg=None if manifest.grid is None or angle is None else angle % 360.0,
+        sensor_mass_kg=manifest.sensors.mass_kg,
+        processing=manifest.processing.processing(),
+        sources=(path.resolve(), *files),
+    )
+    return _fill(campaign, contents, wanted)
+
+
+def _files_of(path: Path, manifest: Manifest) -> list[Path]:
+    """Paths of the runs' files, each of them there and named once."""
+    files: list[Path] = []
+    for number, section in enumerate(manifest.runs, 1):
+        where = f"{path.name}, runs.{number}.file"
+        file = resolve(path, section.file)
+        if not exists(file):
+            remedy = _instead_of(section.file, path.parent)
+            raise ManifestError(where, repr(section.file), "the file does not exist", remedy)
+        if file in files:
+            rule = f"run {files.index(file) + 1} names the same file"
+            raise ManifestError(where, repr(section.file), rule, "Name each file once")
+        files.append(file)
+    return files
+
+
+def _instead_of(file: str, folder: Path) -> str:
+    """What to write for a file that is not there; a backslash starts a sign such as a tab."""
+    if "\\" in file or not file.isprintable():
+        return f"Mind the backslash: {FORWARD_SLASHES}"
+    return nearest(file, sorted(each.name for each in folder.iterdir()))
+
+
+def _read_all(paths: Sequence[Path]) -> list[FileContent]:
+    contents = [read_file(path) for path in paths]
+    check_duplicates(paths)
+    if all(each.recording is None and each.frf is None for each in contents):
+        notes = "; ".join(finding.detail for each in contents for finding in each.findings)
+        found = f"no time series and no FRFs ({notes or 'nothing at all'})"
+        rule = "the files hold nothing for this tool"
+        remedy = "Export time series (function type 1) or FRFs (function type 4)"
+        raise RecordingFormatError(", ".join(path.name for path in paths), found, rule, remedy)
+    return contents
+
+
+def _refuse_empty(contents: Sequence[FileContent], wanted: Sequence[Wanted]) -> None:
+    """A run of the manifest that holds nothing would be missing without a word."""
+    for content, each in zip(contents, wanted, strict=True):
+        if content.recording is None and content.frf is None:
+            notes = "; ".join(finding.detail for finding in content.findings)
+            found = "neither time series nor FRFs" + (f" ({notes})" if notes else "")
+            rule = "a run is a recording"
+            raise ManifestError(each.where, found, rule, "Name another file, or take the run out")
+
+
+def _calibrated(contents: list[FileContent], manifest: Manifest) -> list[FileContent]:
+    recordings = [each.recording for each in contents if each.recording is not None]
+    if not manifest.calibration:
+        return contents
+    done, findings = calibrated(recordings, manifest.calibration)
+    by_path = {recording.path: recording for recording in done}
+    contents = [
+        each if each.recording is None else replace(each, recording=by_path[each.recording.path])
+        for each in contents
+    ]
+    return [replace(contents[0], findings=(*contents[0].findings, *findings)), *contents[1:]]
+
+
+def _with_rate(recording: Recording | None, rate_hz: float | None) -> Recording | None:
+    """Check the file's rate against the manifest's, or take that where the file has none."""
+    if recording is None or rate_hz is None:
+        return recording
+    if np.isnan(recording.sampling_rate_hz):
+        return replace(recording, sampling_rate_hz=rate_hz)
+    if abs(recording.sampling_rate_hz - rate_hz) > RATE_TOLERANCE * rate_hz:
+        where = f"{MANIFEST_NAME}, acquisition.sampling_rate_hz"
+        rule = f"{recording.path.name} was sampled at {recording.sampling_rate_hz:g} Hz"
+        remedy = "Correct the manifest, or leave the key out"
+        raise ManifestError(where, f"{rate_hz:g} Hz", rule, remedy)
+    return recording
+
+
+def _fill(
+    campaign: Campaign, contents: Sequence[FileContent], wanted: Sequence[Wanted]
+) -> Campaign:
+    """Add FRFs where the files hold some, and else the runs."""
+    findings = [finding for content in contents for finding in content.findings]
+    if any(content.frf is not None for content in contents):
+        chosen = [
+            (content, each.positions_deg)
+            for content, each in zip(contents, wanted, strict=True)
+            if content.frf is not None
+        ]
+        findings += [_left_out(each) for each in contents if each.recording is not None]
+        files, positions_deg = zip(*chosen, strict=True)
+        frf, noticed = agreement.merge(files, positions_deg, campaign.positions)
+        findings += noticed
+        return replace(campaign, frf=frf, findings=tuple(findings))
+    return _fill_runs(campaign, contents, wanted, findings)
+
+
+def _fill_runs(
+    campaign: Campaign,
+    contents: Sequence[FileContent],
+    wanted: Sequence[Wanted],
+    findings: list[Finding],
+) -> Campaign:
+    recordings = [
+        (content.recording, each)
+        for content, each in zip(contents, wanted, strict=True)
+        if content.recording is not None
+    ]
+    check_rates([recording for recording, _ in recordings])
+    candidates = [
+        channel
+        for recording, each in recordings
+        for channel in recording.channels
+        if each.may_be_response(channel)
+    ]
+    grid = Grid.over(campaign.positions, candidates)
+    runs, reference_deg, excitation_deg = [], None, campaign.excitation_deg
+    names = run_names([recording.path for recording, _ in recordings])
+    for name, (recording, each) in zip(names, recordings, strict=True):
+        run, noticed = assign(with_limits(recording), each, grid, name)
+        runs.append(run)
+        findings += noticed
+        if run.reference is not None:
+            reference_deg = _same_place(run, each, grid, reference_deg)
+        if excitation_deg is None:
+            excitation_deg = grid.known_place(run.force, each.positions_deg).angle_deg
+        findings += spike_findings(name, run.channels)
+        findings += level_findings(replace(recording, channels=run.channels))
+    findings += coverage_findings(runs, campaign.positions)
+    return replace(
+        campaign,
+        runs=tuple(runs),
+        excitation_deg=excitation_deg,
+        reference_deg=reference_deg,
+        findings=tuple(findings),
+    )
+
+
+def _same_place(run: Run, wanted: Wanted, grid: Grid, others: float | None) -> float | None:
+    """Angle of the reference, which stays where it is over all runs."""
+    angle = reference_place(run, wanted, grid).angle_deg
+    if angle is not None and others is not None and abs(angle - others) > 1e-6:
+        found = f"reference at {angle:g} degrees"
+        rule = f"in earlier runs it is at {others:g}, and a reference stays in place"
+        raise ManifestError(f"{wanted.where}, reference", found, rule, "Correct its position")
+    return others if angle is None else angle
+
+
+def _left_out(content: FileContent) -> Finding:
+    detail = "time series beside FRFs: the FRFs enter, the time series are left out"
+    return Finding(content.path.name, "", None, "content", EXCLUDED, detail)

@@ -1,0 +1,304 @@
+"""Recordings, FRFs and modes for other Python packages; none of them is needed before it is used.
+
+Time series as SEP-005 objects, FRFs as tables of pandas or xarray, poles for sdypy-EMA.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.arrays import readonly
+from ema.core.errors import InputError
+from ema.core.frf import FRF
+from ema.core.modes import ModalModel
+from ema.core.recording import (
+    ACCELERATION,
+    DISPLACEMENT,
+    FORCE,
+    UNKNOWN,
+    VELOCITY,
+    Channel,
+    Recording,
+)
+from ema.core.units import SI_UNIT, parse_unit
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+_QUANTITY = {"f": FORCE, "a": ACCELERATION, "v": VELOCITY, "d": DISPLACEMENT}
+_LETTER = {quantity: letter for letter, quantity in _QUANTITY.items()}
+_EVEN = 1e-6  # steps of a time vector may differ by this part
+
+
+def to_sep005(recording: Recording) -> list[dict[str, Any]]:
+    """Time series as SEP-005 objects, one dictionary per channel.
+
+    Parameters
+    ----------
+    recording : Recording
+        Read whole into memory.
+
+    Returns
+    -------
+    list of dict
+        ``name``, ``data`` (SI), ``fs`` in Hz, ``unit_str``, ``quantity`` where it is known,
+        ``group`` (the file), and ``node`` where the channel has one.
+
+    Raises
+    ------
+    InputError
+        If the recording does not state its sampling rate.
+    """
+    if not recording.sampling_rate_hz > 0:
+        rule, remedy = "SEP-005 needs a rate", "State it with dataclasses.replace"
+        raise InputError(str(recording.path), "no sampling rate", rule, remedy)
+    return [_series(recording, channel) for channel in recording.channels]
+
+
+def from_sep005(series: Sequence[Mapping[str, Any]]) -> Recording:
+    """Recording from SEP-005 objects, such as those that ``sep005-io-…`` packages read.
+
+    Parameters
+    ----------
+    series : sequence of mapping
+        Each with ``name``, ``data``, ``unit_str`` and ``fs`` in Hz or ``time`` in s; all of the
+        same rate and length. None in the data counts as missing.
+
+    Returns
+    -------
+    Recording
+        A unit that is not known leaves the quantity unknown and the values as they are.
+
+    Raises
+    ------
+    InputError
+        If something of this is missing or differs.
+    """
+    if not series:
+        raise InputError("SEP-005", "no channels", "a recording has channels", "Give at least one")
+    channels = tuple(_channel(each, number) for number, each in enumerate(series, start=1))
+    rates = [_rate_hz(each, channel) for each, channel in zip(series, channels, strict=True)]
+    lengths = {channel.n_samples for channel in channels}
+    if len(lengths) > 1 or not np.allclose(rates, rates[0], rtol=_EVEN, atol=0):
+        found = f"rates {_few(rates)} Hz, lengths {_few(lengths)}"
+        rule = "the channels of a recording share rate and length"
+        raise InputError("SEP-005", found, rule, "Resample or cut them, or pass them apart")
+    return Recording(Path(str(series[0].get("group") or "sep005")), rates[0], channels)
+
+
+def frf_to_frame(frf: FRF, form: Literal["long", "wide"] = "long") -> pd.DataFrame:
+    """FRFs as a pandas table.
+
+    Parameters
+    ----------
+    frf : FRF
+    form : {"long", "wide"}
+        Long: a row for each position and line, with inertance in (m/s²)/N, coherence and standard
+        deviation. Wide: a row for each line, a complex column for each position: its angle in
+        degrees, or its node where there are no angles.
+
+    Raises
+    ------
+    InputError
+        If the form is neither.
+    """
+    import pandas as pd
+
+    if form == "wide":
+        name, place = _places(frf)
+        columns = pd.Index(place, name=name)
+        lines = pd.Index(frf.frequency_hz, name="frequency_hz")
+        return pd.DataFrame(np.array(frf.values.T), index=lines, columns=columns)
+    if form != "long":
+        raise InputError("form", repr(form), "it is 'long' or 'wide'", "Choose one of them")
+    n_lines = frf.frequency_hz.size
+    return pd.DataFrame(
+        {
+            "position_deg": np.repeat(frf.position_deg, n_lines),
+            "node": np.repeat(frf.node, n_lines),
+            "run": np.repeat(np.array(frf.run, dtype=object), n_lines),
+            "channel": np.repeat(np.array(frf.channel, dtype=object), n_lines),
+            "frequency_hz": np.tile(frf.frequency_hz, frf.n_positions),
+            "inertance": frf.values.ravel(),
+            "std": frf.std.ravel(),
+            "coherence": frf.coherence.ravel(),
+        }
+    )
+
+
+def frf_to_xarray(frf: FRF) -> xr.Dataset:
+    """FRFs as an xarray dataset; needs the package xarray.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``inertance``, ``std`` and ``coherence`` over (``position``, ``frequency_hz``), with
+        ``position_deg``, ``node``, ``run`` and ``channel`` along the positions.
+
+    Raises
+    ------
+    InputError
+        If xarray is not installed.
+    """
+    xarray = _package("xarray", "xarray")
+    grid = ("position", "frequency_hz")
+    inertance = {"units": "(m/s^2)/N", "long_name": "inertance"}
+    found: xr.Dataset = xarray.Dataset(
+        {
+            "inertance": (grid, np.array(frf.values), inertance),
+            "std": (grid, np.array(frf.std), {"units": "(m/s^2)/N"}),
+            "coherence": (grid, np.array(frf.coherence), {"units": "1"}),
+        },
+        coords={
+            "frequency_hz": ("frequency_hz", np.array(frf.frequency_hz), {"units": "Hz"}),
+            "position_deg": ("position", np.array(frf.position_deg), {"units": "degree"}),
+            "node": ("position", np.array(frf.node)),
+            "run": ("position", list(frf.run)),
+            "channel": ("position", list(frf.channel)),
+        },
+    )
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class SdypyModes:
+    """Poles and modal constants under the names of ``sdypy.EMA.Model``.
+
+    Parameters
+    ----------
+    nat_freq : ndarray, shape (n_modes,)
+        Undamped natural frequencies in Hz.
+    nat_xi : ndarray, shape (n_modes,)
+        Damping ratios.
+    all_poles : list of ndarray
+        One model order with all poles, rad/s.
+    pole_ind : list of [int, int]
+        Model order and pole of each mode.
+    A : ndarray of complex, shape (n_positions, n_modes)
+        Modal constants of the receptance; its columns are the shapes.
+    """
+
+    nat_freq: NDArray[np.float64]
+    nat_xi: NDArray[np.float64]
+    all_poles: list[NDArray[np.complex128]]
+    pole_ind: list[list[int]]
+    A: NDArray[np.complex128]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "nat_freq", readonly(self.nat_freq, float))
+        object.__setattr__(self, "nat_xi", readonly(self.nat_xi, float))
+        object.__setattr__(self, "A", readonly(self.A, complex))
+
+    def put_into(self, target: Any) -> None:
+        """Give a ``sdypy.EMA.Model`` these poles and constants, as if it had found them."""
+        for name in ("nat_freq", "nat_xi", "all_poles", "pole_ind", "A"):
+            setattr(target, name, getattr(self, name))
+
+
+def poles_and_shapes_for_sdypy(model: ModalModel) -> SdypyModes:
+    """Modes as ``sdypy.EMA.Model`` holds them: same pole sign, same modal constants.
+
+    Parameters
+    ----------
+    model : ModalModel
+
+    Returns
+    -------
+    SdypyModes
+    """
+    poles = np.array([mode.pole for mode in model.modes])
+    return SdypyModes(
+        nat_freq=model.frequencies_hz,
+        nat_xi=model.damping_ratios,
+        all_poles=[poles],
+        pole_ind=[[0, number] for number in range(poles.size)],
+        A=np.array([mode.residues for mode in model.modes]).reshape(poles.size, -1).T,
+    )
+
+
+def _series(recording: Recording, channel: Channel) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "name": channel.name,
+        "data": channel.block(0, channel.n_samples),
+        "fs": float(recording.sampling_rate_hz),
+        "unit_str": SI_UNIT.get(channel.quantity, channel.unit).replace("^2", "²"),
+        "group": recording.path.name,
+    }
+    if channel.quantity in _LETTER:
+        found["quantity"] = _LETTER[channel.quantity]
+    if channel.node is not None:
+        found["node"] = channel.node
+    return found
+
+
+def _channel(series: Mapping[str, Any], number: int) -> Channel:
+    where = f"SEP-005, channel {number}"
+    missing = [key for key in ("name", "data", "unit_str") if series.get(key) is None]
+    if missing:
+        rule = "each channel has name, data and unit_str"
+        raise InputError(where, f"no {', no '.join(missing)}", rule, "Complete it")
+    try:
+        samples = np.asarray(series["data"], dtype=np.float64)  # None becomes NaN
+    except (TypeError, ValueError) as error:
+        raise InputError(where, str(error), "data are numbers", "Pass a list of floats") from error
+    if samples.ndim != 1 or not samples.size:
+        found = f"data of shape {samples.shape}"
+        raise InputError(where, found, "a channel is one row of samples", "Split it into channels")
+    unit = parse_unit(str(series["unit_str"]))
+    stated = _QUANTITY.get(str(series.get("quantity", "")).lower())
+    if unit is not None and stated not in (None, unit.quantity):
+        found = f"quantity {series['quantity']!r} in {series['unit_str']}"
+        raise InputError(where, found, "quantity and unit contradict each other", "Correct one")
+    node = series.get("node")
+    return Channel(
+        name=str(series["name"]),
+        quantity=UNKNOWN if unit is None else unit.quantity,
+        unit=str(series["unit_str"]),
+        samples=samples,
+        scale_to_si=1.0 if unit is None else unit.factor,
+        node=None if node is None else int(node),
+    )
+
+
+def _rate_hz(series: Mapping[str, Any], channel: Channel) -> float:
+    where = f"SEP-005, channel {channel.name}"
+    rate_hz, time_s = series.get("fs"), series.get("time")
+    if rate_hz is None and time_s is not None and len(time_s) == channel.n_samples > 1:
+        steps_s = np.diff(np.asarray(time_s, dtype=np.float64))
+        step_s = float(steps_s.mean())
+        if not np.allclose(steps_s, step_s, rtol=0, atol=max(_EVEN * step_s, 0.0)):
+            found = f"steps of {steps_s.min():g} to {steps_s.max():g} s"
+            raise InputError(where, found, "samples are evenly spaced", "Resample the channel")
+        rate_hz = 1.0 / step_s if step_s > 0 else None
+    if rate_hz is None or not 0 < float(rate_hz) < np.inf:
+        found = f"fs {series.get('fs')}"
+        rule = "a channel has a positive rate fs in Hz, or a time vector as long as its data"
+        raise InputError(where, found, rule, "Add fs")
+    return float(rate_hz)
+
+
+def _places(frf: FRF) -> tuple[str, NDArray[Any]]:
+    on_circle = bool(np.isfinite(frf.position_deg).all())
+    return ("position_deg", frf.position_deg) if on_circle else ("node", frf.node)
+
+
+def _few(values: Any) -> str:
+    return ", ".join(f"{value:g}" for value in sorted(set(values))[:4])
+
+
+def _package(name: str, extra: str) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        rule = f"this needs the package {name}"
+        remedy = f"Run pip install 'ringmodal[{extra}]'"
+        raise InputError(name, "not installed", rule, remedy) from error

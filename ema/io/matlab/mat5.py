@@ -1,0 +1,256 @@
+"""The variables of a MATLAB file of level 5 (saved with -v6 or -v7), as plain Python values.
+
+After "MAT-File Format" (The MathWorks). Numbers stay views of the file, or of what was unpacked
+from it; nothing that MATLAB would execute (objects, function handles) is looked into.
+"""
+
+from __future__ import annotations
+
+import math
+import mmap
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.errors import RecordingFormatError
+from ema.io.content import check_expansion
+
+COPY_AGAIN = "Copy the file again, or save it again with -v7"
+HEADER_BYTES = 128
+_NUMBERS = {
+    1: "i1",
+    2: "u1",
+    3: "i2",
+    4: "u2",
+    5: "i4",
+    6: "u4",
+    7: "f4",
+    9: "f8",
+    12: "i8",
+    13: "u8",
+}
+_MATRIX, _COMPRESSED = 14, 15
+_TEXTS = {
+    1: "latin-1",
+    2: "latin-1",
+    3: "utf-16",
+    4: "utf-16",
+    16: "utf-8",
+    17: "utf-16",
+    18: "utf-32",
+}
+_CELL, _STRUCT, _CHAR = 1, 2, 4
+_NUMERIC = range(6, 16)
+_KINDS = {3: "an object", 5: "a sparse matrix", 16: "a function", 17: "an object, table or string"}
+_COMPLEX, _LOGICAL = 0x0800, 0x0200
+_DEEPEST = 16
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A variable that holds nothing for this tool.
+
+    Parameters
+    ----------
+    why : str
+        What it is, e.g. ``"a function"``.
+    """
+
+    why: str
+
+
+@dataclass(frozen=True)
+class _Element:
+    """A tagged piece of the file: its data type and its bytes."""
+
+    kind: int
+    data: memoryview
+
+
+class Mat5Reader:
+    """Walks through the tagged elements of one file.
+
+    Parameters
+    ----------
+    path : Path
+        File of level 5.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with path.open("rb") as file:
+            self._bytes = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+        self._order = "<" if bytes(self._bytes[126:128]) == b"IM" else ">"
+        self._unpacked_bytes = 0
+
+    def variables(self) -> dict[str, Any]:
+        """Variables by name, in the order of the file.
+
+        Numbers come as ndarray in the precision they are stored in, texts as str, cell arrays as
+        list, structs as dict, everything else as `LeftOut`.
+
+        Raises
+        ------
+        RecordingFormatError
+            If the file is damaged or truncated, or claims to be far larger than it is.
+        """
+        found: dict[str, Any] = {}
+        for element in self._elements(self._bytes[HEADER_BYTES:]):
+            if element.kind == _COMPRESSED:
+                element = self._unpacked(element.data)
+            if element.kind != _MATRIX:
+                raise self._damaged(f"an element of type {element.kind} among the variables")
+            name, value = self._matrix(element.data, 0)
+            if name in found:
+                raise self._damaged(f"two variables {name!r}")
+            if name:  # MATLAB keeps what belongs to objects in a variable without a name
+                found[name] = value
+        return found
+
+    def _damaged(self, found: str) -> RecordingFormatError:
+        rule = "variables follow MATLAB's format of level 5; the file is damaged or cut short"
+        return RecordingFormatError(self.path.name, found, rule, COPY_AGAIN)
+
+    def _elements(self, data: memoryview) -> Iterator[_Element]:
+        while len(data):
+            element, data = self._first(data)
+            yield element
+
+    def _first(self, data: memoryview) -> tuple[_Element, memoryview]:
+        """First element of `data`, and what follows it."""
+        if len(data) < 8:
+            raise self._damaged(f"{len(data)} bytes left where an element begins")
+        kind, size = np.frombuffer(data, f"{self._order}u4", 2).tolist()
+        if kind >> 16:  # up to four bytes are kept beside their tag
+            kind, size = kind & 0xFFFF, kind >> 16
+            if size > 4:
+                raise self._damaged(f"a short element of {size} bytes")
+            return _Element(kind, data[4 : 4 + size]), data[8:]
+        if size > len(data) - 8:
+            raise self._damaged(f"{len(data) - 8} of {size} bytes of an element")
+        padded = size if kind == _COMPRESSED else -(-size // 8) * 8
+        return _Element(kind, data[8 : 8 + size]), data[8 + padded :]
+
+    def _unpacked(self, packed: memoryview) -> _Element:
+        """Element that was compressed; its claimed size is checked before it is unpacked."""
+        stream = zlib.decompressobj()
+        try:
+            tag = stream.decompress(packed, 8)
+            if len(tag) < 8:
+                raise self._damaged("a compressed variable without content")
+            kind, size = np.frombuffer(tag, f"{self._order}u4").tolist()
+            self._unpacked_bytes += size
+            check_expansion(self.path.name, self.path, self._unpacked_bytes)
+            content = stream.decompress(stream.unconsumed_tail, size) if size else b""
+            surplus = stream.decompress(stream.unconsumed_tail, 1)
+        except zlib.error as error:
+            raise self._damaged(f"a compressed variable: {error}") from error
+        if len(content) != size or surplus or not stream.eof:
+            raise self._damaged(f"{len(content)} of {size} bytes of a compressed variable")
+        return _Element(kind, memoryview(content))
+
+    def _matrix(self, data: memoryview, depth: int) -> tuple[str, Any]:
+        """Name and value of an array of any class."""
+        if not len(data):
+            return "", LeftOut("empty")
+        if depth > _DEEPEST:
+            raise self._damaged(f"arrays nested more than {_DEEPEST} deep")
+        flags, rest = self._first(data)
+        words = self._integers(flags)
+        if not words:
+            raise self._damaged("an array without flags")
+        kind, marks = words[0] & 0xFF, words[0]
+        if kind in _KINDS:
+            return self._name_of_left_out(rest), LeftOut(_KINDS[kind])
+        shape, rest = self._first(rest)
+        name, rest = self._first(rest)
+        dimensions = tuple(self._integers(shape))
+        if len(dimensions) < 2 or min(dimensions) < 0:
+            raise self._damaged(f"an array of dimensions {dimensions}")
+        return self._text(name), self._value(kind, marks, dimensions, rest, depth)
+
+    def _value(
+        self, kind: int, marks: int, shape: tuple[int, ...], rest: memoryview, depth: int
+    ) -> Any:
+        if kind == _CELL:
+            return self._cells(math.prod(shape), rest, depth)
+        if kind == _STRUCT:
+            return self._struct(math.prod(shape), rest, depth)
+        if kind == _CHAR:
+            return self._rows_of_text(shape, self._first(rest)[0])
+        if kind not in _NUMERIC:
+            raise self._damaged(f"an array of class {kind}")
+        if marks & _COMPLEX:
+            return LeftOut("complex numbers")
+        if marks & _LOGICAL:
+            return LeftOut("logical values")
+        values = self._numbers(self._first(rest)[0])
+        if values.size != math.prod(shape):
+            raise self._damaged(f"{values.size} numbers in an array of {shape}")
+        return values.reshape(shape, order="F")
+
+    def _name_of_left_out(self, rest: memoryview) -> str:
+        """Name of an array that is not read further: the first text in it."""
+        for element in self._elements(rest):
+            if element.kind == 1:
+                return self._text(element)
+        return ""
+
+    def _cells(self, count: int, rest: memoryview, depth: int) -> list[Any]:
+        values = [self._inner(element, depth) for element in self._elements(rest)]
+        if len(values) != count:
+            raise self._damaged(f"{len(values)} of {count} cells")
+        return values
+
+    def _struct(self, count: int, rest: memoryview, depth: int) -> Any:
+        length, rest = self._first(rest)
+        names, rest = self._first(rest)
+        width = next(iter(self._integers(length)), 0)
+        if width < 1 or len(names.data) % width:
+            raise self._damaged(f"field names of {width} bytes")
+        fields = [
+            bytes(names.data[start : start + width]).split(b"\0")[0].decode("latin-1")
+            for start in range(0, len(names.data), width)
+        ]
+        if count != 1:
+            return LeftOut(f"an array of {count} structs")
+        return dict(zip(fields, self._cells(len(fields), rest, depth), strict=True))
+
+    def _inner(self, element: _Element, depth: int) -> Any:
+        if element.kind != _MATRIX:
+            raise self._damaged(f"an element of type {element.kind} in a cell or struct")
+        return self._matrix(element.data, depth + 1)[1]
+
+    def _numbers(self, element: _Element) -> NDArray[Any]:
+        if element.kind not in _NUMBERS:
+            raise self._damaged(f"an element of type {element.kind} where numbers stand")
+        dtype = np.dtype(self._order + _NUMBERS[element.kind])
+        if len(element.data) % dtype.itemsize:
+            raise self._damaged(f"{len(element.data)} bytes of numbers of {dtype.itemsize}")
+        return np.frombuffer(element.data, dtype)
+
+    def _integers(self, element: _Element) -> list[int]:
+        values = self._numbers(element)
+        if values.dtype.kind not in "iu":
+            raise self._damaged("broken numbers where whole ones stand")
+        return [int(value) for value in values]
+
+    def _text(self, element: _Element) -> str:
+        encoding = _TEXTS.get(element.kind)
+        if encoding is None:
+            raise self._damaged(f"an element of type {element.kind} where text stands")
+        ends = {"<": "-le", ">": "-be"}[self._order]
+        suffix = ends if encoding in ("utf-16", "utf-32") else ""
+        return bytes(element.data).decode(encoding + suffix, "replace").rstrip("\0")
+
+    def _rows_of_text(self, shape: tuple[int, ...], element: _Element) -> str | list[str]:
+        """One text, or one for each row of a character matrix."""
+        text = self._text(element)
+        if shape[0] <= 1 or len(text) != math.prod(shape):
+            return text
+        return [text[row :: shape[0]].rstrip() for row in range(shape[0])]

@@ -1,0 +1,188 @@
+"""Read MATLAB files: channels as vectors, or as a matrix with their names beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.errors import RecordingFormatError
+from ema.io.columns import Column, content_of_columns, is_time, matrix_columns, unit_of_each
+from ema.io.content import FileContent, reading, remark
+from ema.io.matlab.mat5 import COPY_AGAIN, HEADER_BYTES, LeftOut, Mat5Reader
+from ema.io.sampling import stated_rate, states_rate
+
+SUFFIXES = (".mat",)
+_NAMES = {"names", "channels", "channelnames", "labels", "channellabels"}
+_UNITS = {"units", "unit", "channelunits"}
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_LAYOUTS = (
+    "a file holds a vector for each channel, or one matrix and the channels' names, "
+    "and fs, dt or t; or a struct of those"
+)
+_SAVE_AGAIN = "Save it in one of these layouts"
+
+
+@dataclass
+class _Variables:
+    """Variables sorted by what they are for."""
+
+    vectors: dict[str, NDArray[Any]] = field(default_factory=dict)
+    matrices: dict[str, NDArray[Any]] = field(default_factory=dict)
+    rates: dict[str, Any] = field(default_factory=dict)
+    names: list[str] = field(default_factory=list)
+    units: list[str] | dict[str, Any] = field(default_factory=list)
+    left_out: dict[str, str] = field(default_factory=dict)
+
+
+def read(path: Path) -> FileContent:
+    """Read the time series of a MATLAB file (level 5, compressed or not, or 7.3).
+
+    Understood are a vector for each channel, named like it, or one matrix (samples × channels or
+    the other way round) with its names in a cell array ``names``, ``channels`` or ``labels``;
+    ``units`` beside them; the rate from ``fs``, ``dt`` or a time vector ``t``. All of it may sit
+    in a struct. Variables of other kinds are left out, and a finding says so.
+
+    Raises
+    ------
+    RecordingFormatError
+        If the file is missing, damaged or of level 4, claims to be far larger than it is, or its
+        variables can be understood in more than one way.
+    """
+    found = _sorted(path, _unwrapped(_variables(path)))
+    columns = _columns(path, found)
+    content = content_of_columns(path, columns, rate_hz=stated_rate(path, found.rates))
+    notes = tuple(
+        remark(path, name, "content", f"{why}, left out") for name, why in found.left_out.items()
+    )
+    return replace(content, findings=notes + content.findings)
+
+
+def _variables(path: Path) -> Mapping[str, Any]:
+    with reading(path, "a MATLAB file"), path.open("rb") as file:
+        start = file.read(4 * HEADER_BYTES + len(_HDF5))
+    if start.startswith(_HDF5) or start.endswith(_HDF5):
+        from ema.io.matlab.mat73 import read_variables
+
+        return read_variables(path)
+    if len(start) < HEADER_BYTES or start[126:128] not in (b"IM", b"MI"):
+        found = "the file is empty" if not start else f"a file that begins with {start[:16]!r}"
+        rule = "a MATLAB file of level 5 or 7.3 begins with a header of its own"
+        raise RecordingFormatError(path.name, found, rule, COPY_AGAIN)
+    return Mat5Reader(path).variables()
+
+
+def _unwrapped(variables: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Fields of the only struct, where the file holds no samples beside it."""
+    structs = [
+        name
+        for name, value in variables.items()
+        if isinstance(value, dict) and _plain(name) not in _UNITS
+    ]
+    samples = [value for value in variables.values() if _is_series(value)]
+    if len(structs) != 1 or samples:
+        return variables
+    beside = {name: value for name, value in variables.items() if name != structs[0]}
+    return _unwrapped({**beside, **variables[structs[0]]})
+
+
+def _is_series(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.size > 1
+
+
+def _plain(name: str) -> str:
+    return name.lower().replace("_", "")
+
+
+def _sorted(path: Path, variables: Mapping[str, Any]) -> _Variables:
+    found = _Variables()
+    for name, value in variables.items():
+        if _plain(name) in _NAMES and _texts(value):
+            found.names = _texts(value)
+        elif _plain(name) in _UNITS and not isinstance(value, np.ndarray):
+            found.units = value if isinstance(value, dict) else _texts(value)
+        elif states_rate(name) and not isinstance(value, LeftOut):
+            found.rates[name] = value
+        elif isinstance(value, np.ndarray) and value.size != 1:
+            _sort_array(name, value, found)
+        else:
+            found.left_out[name] = _what(value)
+    structs = [name for name in variables if found.left_out.get(name) == "a struct"]
+    if len(structs) > 1 and not found.vectors and not found.matrices:
+        raise RecordingFormatError(
+            path.name, f"structs {', '.join(structs)}", _LAYOUTS, _SAVE_AGAIN
+        )
+    return found
+
+
+def _sort_array(name: str, value: NDArray[Any], found: _Variables) -> None:
+    sides = [side for side in value.shape if side != 1]
+    if len(sides) == 1 and value.size:
+        found.vectors[name] = value.reshape(-1, order="F")
+    elif len(sides) == 2 and value.size:
+        found.matrices[name] = value.reshape(sides, order="F")
+    else:
+        found.left_out[name] = f"an array of {' × '.join(map(str, value.shape))}"
+
+
+def _what(value: Any) -> str:
+    if isinstance(value, LeftOut):
+        return value.why
+    if isinstance(value, np.ndarray):
+        return "a single number"
+    if isinstance(value, str):
+        return "text"
+    return "a cell array" if isinstance(value, list) else "a struct"
+
+
+def _texts(value: Any) -> list[str]:
+    """Texts of a cell array, a character matrix or a single text; none where there are others."""
+    values = [value] if isinstance(value, str) else value
+    if isinstance(values, list) and all(isinstance(each, str) for each in values):
+        return [each.strip() for each in values]
+    return []
+
+
+def _columns(path: Path, found: _Variables) -> list[Column]:
+    times = [name for name in found.vectors if is_time(name, "")]
+    others = [name for name in found.vectors if name not in times]
+    if len(found.matrices) > 1 or (found.matrices and others):
+        what = f"matrices {', '.join(found.matrices)}"
+        what += f" and vectors {', '.join(others)}" if others else ""
+        raise RecordingFormatError(path.name, what, _LAYOUTS, _SAVE_AGAIN)
+    if not found.matrices and not others:
+        held = ", ".join(f"{name} ({why})" for name, why in found.left_out.items())
+        what = f"no vectors or matrices of numbers beside {held or 'time'}"
+        raise RecordingFormatError(path.name, what, _LAYOUTS, _SAVE_AGAIN)
+    columns = [Column(name, "s", found.vectors[name]) for name in times]
+    if found.matrices:
+        name, matrix = next(iter(found.matrices.items()))
+        units = _units(found, found.names)
+        return columns + matrix_columns(f"{path.name}, {name}", matrix, found.names, units)
+    if found.names:
+        found.left_out["names"] = "names without a matrix"
+    if isinstance(found.units, list) and len(found.units) > 1:
+        # The order of variables in a file is not always that in which they were saved.
+        what = f"a list of {len(found.units)} units beside the vectors {', '.join(others)}"
+        rule = "a list of units belongs to a matrix"
+        remedy = "Save a struct with the unit of each channel under its name"
+        raise RecordingFormatError(path.name, what, rule, remedy)
+    units = unit_of_each(path.name, len(others), _units(found, others))
+    return columns + [
+        Column(name, unit, found.vectors[name]) for name, unit in zip(others, units, strict=True)
+    ]
+
+
+def _units(found: _Variables, channels: list[str]) -> list[str]:
+    """Units as a list, also where the file gives them in a struct by channel."""
+    if isinstance(found.units, dict):
+        return [_unit(found.units.get(name)) for name in channels]
+    return found.units
+
+
+def _unit(value: Any) -> str:
+    return value.strip() if isinstance(value, str) else ""

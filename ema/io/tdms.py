@@ -1,0 +1,156 @@
+"""Read LabVIEW TDMS files: the channels of all groups."""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.errors import RecordingFormatError
+from ema.io.columns import Column, content_of_columns, is_time, name_and_unit
+from ema.io.content import FileContent, check_stored, reading, remark, require
+from ema.io.sampling import stated_rate
+
+if TYPE_CHECKING:
+    from nptdms import TdmsChannel, TdmsFile
+
+SUFFIXES = (".tdms",)
+_TAG = b"TDSm"
+_LEAD_IN_BYTES = 28
+_BIG_ENDIAN = 1 << 6  # of a segment's table of contents
+_COPY_AGAIN = "Copy the file again, or drop the run"
+_UNITS = ("unit_string", "NI_UnitDescription", "unit")
+
+
+def read(path: Path) -> FileContent:
+    """Read the time series of a TDMS file, with LabVIEW's scaling applied.
+
+    A channel keeps its name, with its group before it where names repeat. The unit is the
+    property ``unit_string``, the rate follows from ``wf_increment`` or a channel ``time``.
+
+    Raises
+    ------
+    RecordingFormatError
+        If npTDMS is not installed, the file is missing, damaged or truncated, or its groups
+        differ in rate or length.
+    """
+    library = require("nptdms", "tdms", path)
+    with reading(path, "a TDMS file"), _BoundedFile(path) as file:
+        _check_segments(path, file)
+        tdms = library.TdmsFile.open(file)
+        channels = [channel for group in tdms.groups() for channel in group.channels()]
+        for item in (tdms, *tdms.groups(), *channels):
+            _check_scales(path, item.properties)
+        wanted = [channel for channel in channels if _is_wanted(channel)]
+        samples = _samples(path, tdms, wanted)
+        statements = {
+            f"{channel.group_name}/{channel.name}/wf_increment": channel.properties["wf_increment"]
+            for channel in wanted
+            if channel.properties.get("wf_increment")  # LabVIEW writes 0 where it knows none
+        }
+    rate_hz = stated_rate(path, statements)
+    content = content_of_columns(path, _columns(wanted, samples), rate_hz=rate_hz)
+    notes = tuple(
+        remark(path, channel.name, "content", "no samples, or something other than numbers")
+        for channel in channels
+        if channel not in wanted
+    )
+    return replace(content, findings=notes + content.findings)
+
+
+class _BoundedFile(io.BufferedReader):
+    """A file that reserves no more memory than it has bytes, whatever length is asked for."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self.size = path.stat().st_size
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        left = max(self.size - self.tell(), 0)
+        return super().read(left if size is None or size < 0 else min(size, left))
+
+
+def _check_segments(path: Path, file: _BoundedFile) -> None:
+    """Segments follow each other up to the end: a cut file would be read silently short."""
+    start = 0
+    while start < file.size or start == 0:
+        file.seek(start)
+        lead_in = file.read(_LEAD_IN_BYTES)
+        where = f"{path.name}, byte {start}"
+        if not lead_in or lead_in[:4] != _TAG[: len(lead_in)]:
+            found = repr(lead_in[:4]) if lead_in else "the file is empty"
+            rule = f"each segment of a TDMS file begins with {_TAG!r}"
+            raise RecordingFormatError(where, found, rule, _COPY_AGAIN)
+        end = start + _LEAD_IN_BYTES
+        if len(lead_in) == _LEAD_IN_BYTES:
+            order = ">" if struct.unpack("<I", lead_in[4:8])[0] & _BIG_ENDIAN else "<"
+            end += struct.unpack(f"{order}Q", lead_in[12:20])[0]
+        if end > file.size:
+            found = f"the file ends {end - file.size} bytes before its last segment does"
+            rule = "the file is truncated, or was never closed"
+            raise RecordingFormatError(where, found, rule, _COPY_AGAIN)
+        start = end
+    file.seek(0)
+
+
+def _check_scales(path: Path, properties: Mapping[str, Any]) -> None:
+    """Counts of scalings and of their coefficients, each of which is a property of its own."""
+    for name, value in properties.items():
+        counts = name == "NI_Number_Of_Scales" or (name.startswith("NI_Scale") and "_Size" in name)
+        if counts and not 0 <= value <= len(properties):
+            found = f"{name} is {value}, among {len(properties)} properties"
+            rule = "each scaling and each coefficient is a property"
+            raise RecordingFormatError(path.name, found, rule, _COPY_AGAIN)
+
+
+def _is_wanted(channel: TdmsChannel) -> bool:
+    return len(channel) > 0 and channel.dtype.kind in "iuf"
+
+
+def _samples(path: Path, tdms: TdmsFile, channels: list[TdmsChannel]) -> list[NDArray[Any]]:
+    """Scaled samples of all channels, in one pass over the file."""
+    size = path.stat().st_size
+    check_stored(path.name, sum(len(each) * _stored_bytes(each) for each in channels), size)
+    arrays = [np.empty(len(channel), _precision(channel)) for channel in channels]
+    filled = [0] * len(channels)
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite is missing, not a warning
+        for chunk in tdms.data_chunks():
+            for index, channel in enumerate(channels):
+                piece = chunk[channel.group_name][channel.name][:]
+                arrays[index][filled[index] : filled[index] + len(piece)] = piece
+                filled[index] += len(piece)
+    for channel, array, count in zip(channels, arrays, filled, strict=True):
+        if count != array.size:
+            where = f"{path.name}, {channel.path}"
+            found = f"{count} of {array.size} samples"
+            raise RecordingFormatError(where, found, "the file is truncated", _COPY_AGAIN)
+    return arrays
+
+
+def _stored_bytes(channel: TdmsChannel) -> int:
+    return max(1, channel.data_type.size or 1)
+
+
+def _precision(channel: TdmsChannel) -> np.dtype[Any]:
+    """Type that holds scaled samples: single precision has room for converters of 16 bit."""
+    single = channel.dtype.kind == "f" and _stored_bytes(channel) <= 2
+    return np.dtype(np.float32) if single else channel.dtype
+
+
+def _columns(channels: list[TdmsChannel], samples: list[NDArray[Any]]) -> list[Column]:
+    repeated = Counter(channel.name for channel in channels)
+    columns = []
+    for channel, array in zip(channels, samples, strict=True):
+        name, unit = name_and_unit(channel.name)
+        stated = next((channel.properties[key] for key in _UNITS if key in channel.properties), "")
+        unit = str(stated).strip() or unit
+        alone = repeated[channel.name] == 1 or is_time(name, unit)
+        columns.append(Column(name if alone else f"{channel.group_name}/{name}", unit, array))
+    return columns

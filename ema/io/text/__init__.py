@@ -1,0 +1,1 @@
+"""Tables of text in any dialect, and LabVIEW's."""

@@ -1,0 +1,422 @@
+"""Where the table of a text file begins, and how it is written."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+
+from ema.core.errors import RecordingFormatError
+from ema.core.units import is_stated
+from ema.io.content import EXPORT_AGAIN
+from ema.io.sampling import step_and_inverse
+from ema.io.text.source import (
+    BLANKS,
+    Line,
+    TextSource,
+    cells_of,
+    heading_cells,
+    holds_numbers_alone,
+    is_clock,
+    is_known_unit,
+    is_missing,
+    is_not_a_number,
+    is_number,
+    is_time_label,
+    label,
+    lines_of,
+    may_hold_thousands,
+)
+
+_MOST_PREAMBLE = 200  # lines
+_SAMPLE_ROWS = 20
+_SAMPLE_CELLS = 40_000  # of tables with thousands of columns
+_TIME_WITHIN = 50  # columns
+_SEPARATORS = ("\t", ";", ",", "|")
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a table is written.
+
+    Parameters
+    ----------
+    separator : str
+        Between cells; a blank stands for any run of blanks and tabs.
+    decimal : str
+        Point or comma.
+    """
+
+    separator: str
+    decimal: str
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the numbers of a file are, and what they are called.
+
+    Parameters
+    ----------
+    dialect : Dialect
+        How they are written.
+    names, units : tuple of str
+        For each column; empty where there is none.
+    first_line : int
+        Line of the first numbers in the file, counted from 1.
+    start : int
+        Their first character in the beginning of the text.
+    clocks : frozenset of int
+        Columns that hold times of day or dates.
+    filled : int
+        Columns before the empty ones that separators at the rows' ends make.
+    either_decimal : bool
+        Whether the first rows, integers, leave the decimal sign open.
+    rate_hz : float
+        Sampling rate stated above the table; NaN where none is.
+    """
+
+    dialect: Dialect
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    first_line: int
+    start: int
+    clocks: frozenset[int] = frozenset()
+    filled: int = 0
+    either_decimal: bool = False
+    rate_hz: float = float("nan")
+
+    @property
+    def width(self) -> int:
+        """Number of cells in each row."""
+        return len(self.names)
+
+
+@dataclass(frozen=True)
+class _Row:
+    """What the cells of a line are, all in all."""
+
+    line: Line
+    separator: str
+    width: int
+    filled: int
+    numbers: int
+    texts: int
+
+    @cached_property
+    def is_heading(self) -> bool:
+        """Whether one of the cells is the name of a time column."""
+        cells = cells_of(self.line.text, self.separator)[:_TIME_WITHIN]
+        return self.texts > 0 and any(map(is_time_label, cells))
+
+    @property
+    def is_data(self) -> bool:
+        return self.numbers > 0 and self.texts == 0
+
+    @property
+    def is_damaged_data(self) -> bool:
+        return self.numbers >= self.texts > 0 and not self.is_heading
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A table as one dialect sees it: its rows of numbers, and the two lines that name them."""
+
+    dialect: Dialect
+    rows: tuple[_Row, ...]
+    names: Line | None
+    units: Line | None
+
+    @property
+    def n_data(self) -> int:
+        return sum(row.is_data and row.width == self.rows[0].width for row in self.rows)
+
+    @property
+    def rank(self) -> tuple[bool, bool, int, int]:
+        """The better a dialect fits, the higher."""
+        return self.names is not None, self.n_data > 0, self.rows[0].width, self.n_data
+
+
+def find_layout(source: TextSource) -> Layout:
+    """Find the table in a text file: lines of text, then names, perhaps units, then numbers.
+
+    Separator and decimal sign are those with which the first rows are numbers throughout and as
+    many as the names above them.
+
+    Raises
+    ------
+    RecordingFormatError
+        If there is no table, or its columns have no names.
+    """
+    where = source.path.name
+    if not source.head:
+        rule = "a table begins with a header row and holds at least one row of numbers"
+        raise RecordingFormatError(where, "the file is empty", rule, EXPORT_AGAIN)
+    if "\x00" in source.head:
+        rule = "a table is text in UTF-8, latin-1, or UTF-16 with a byte-order mark"
+        raise RecordingFormatError(where, "binary data", rule, EXPORT_AGAIN)
+    lines = list(islice(lines_of(source), _MOST_PREAMBLE + _SAMPLE_ROWS))
+    tables = [_table(lines, dialect) for dialect in _dialects(lines, _SEPARATORS)]
+    best = max((each for each in tables if each), key=lambda each: each.rank, default=None)
+    if best is None or best.names is None or best.rows[0].width == 1:
+        tables += [_table(lines, dialect) for dialect in _dialects(lines, (BLANKS,))]
+        best = max((each for each in tables if each), key=lambda each: each.rank, default=None)
+    if best is None:
+        raise _no_numbers(where, lines)
+    if best.names is None:
+        raise _no_header(where, lines, best)
+    return _layout(where, lines, best, tables)
+
+
+def _dialects(lines: Sequence[Line], separators: Sequence[str]) -> Iterator[Dialect]:
+    """Dialects to try; the tab also reads a table of one column, which has no separator."""
+    for separator in separators:
+        if separator in "\t " or any(separator in line.text for line in lines):
+            yield Dialect(separator, ".")
+            yield Dialect(separator, ",")
+
+
+def _row(line: Line, dialect: Dialect) -> _Row:
+    cells = cells_of(line.text, dialect.separator)
+    filled = numbers = texts = 0
+    for index, cell in enumerate(cells, 1):
+        filled = index if cell else filled
+        if is_number(cell, dialect.decimal) or is_not_a_number(cell):
+            numbers += 1
+        elif not is_missing(cell) and not is_clock(cell):
+            texts += 1
+    return _Row(line, dialect.separator, len(cells), filled, numbers, texts)
+
+
+def _table(lines: Sequence[Line], dialect: Dialect) -> _Table | None:
+    """The longest run of numbers near the beginning, with names above where there are any."""
+    rows: list[_Row] = []
+    for line in lines:
+        rows.append(_row(line, dialect))
+        sample = rows[-min(_SAMPLE_ROWS, 2 + _SAMPLE_CELLS // rows[-1].width) :]
+        if len(sample) > 1 and all(row.is_data for row in sample):
+            break
+    tables = [_table_at(rows, first, dialect) for first in _starts(rows, dialect)]
+    return max(tables, key=lambda each: (each.names is not None, each.n_data), default=None)
+
+
+def _starts(rows: Sequence[_Row], dialect: Dialect) -> list[int]:
+    """Where rows of numbers begin; a row with a word in it counts where none is clean."""
+    numeric = [
+        row.is_data
+        or (row.is_damaged_data and stated_rate_hz(row.line.text, dialect.decimal) is None)
+        for row in rows
+    ]
+    starts = [
+        index
+        for index, is_numeric in enumerate(numeric)
+        if is_numeric
+        and (index == 0 or not numeric[index - 1] or rows[index - 1].width != rows[index].width)
+    ]
+    clean = [index for index in starts if any(row.is_data for row in _run(rows, index))]
+    return [index for index in clean or starts if index <= _MOST_PREAMBLE]
+
+
+def _run(rows: Sequence[_Row], first: int) -> tuple[_Row, ...]:
+    """Rows of the same width from `first` on that hold numbers."""
+    run = []
+    for row in rows[first : first + _SAMPLE_ROWS]:
+        if not row.numbers or row.width != rows[first].width:
+            break
+        run.append(row)
+    return tuple(run)
+
+
+def _table_at(rows: Sequence[_Row], first: int, dialect: Dialect) -> _Table:
+    """The table whose numbers begin at a row, with the rows above it that name the columns.
+
+    Units may stand between names and numbers, and a row of other text below the units.
+    """
+    run = _run(rows, first)
+    width, filled = run[0].width, max(row.filled for row in run)
+
+    def fits(index: int) -> bool:
+        if index < 0 or (rows[index].numbers and not rows[index].is_heading):
+            return False
+        cells = heading_cells(rows[index].line.text, dialect.separator, width)
+        named = max((i for i, cell in enumerate(cells, 1) if cell), default=0)
+        return len(cells) == width or filled <= named <= width
+
+    above = first - 1
+    if not fits(above) or holds_numbers_alone(rows[above].line.text):
+        return _Table(dialect, run, None, None)
+    for units in (above, above - 1):
+        if fits(units - 1) and fits(units) and _holds_units(rows[units], dialect, width):
+            return _Table(dialect, run, rows[units - 1].line, rows[units].line)
+        if rows[above].is_heading:
+            break
+    # Units alone are no names, where those stand in a line above that has lost a cell.
+    is_unnamed = (
+        above > 0 and rows[above - 1].width > 1 and _holds_units(rows[above], dialect, width)
+    )
+    return _Table(dialect, run, None if is_unnamed else rows[above].line, None)
+
+
+def _holds_units(row: _Row, dialect: Dialect, width: int) -> bool:
+    cells = heading_cells(row.line.text, dialect.separator, width)
+    cells = [cell for cell in cells if is_stated(cell)]
+    return 2 * sum(map(is_known_unit, cells)) > len(cells) and not row.is_heading
+
+
+def _no_numbers(where: str, lines: Sequence[Line]) -> RecordingFormatError:
+    if lines:
+        found = f"no rows of numbers below the header, down to line {lines[-1].number}"
+    else:
+        found = "no rows of numbers, nor of anything else, or rows of over a megabyte"
+    rule = f"a table begins with a header row after at most {_MOST_PREAMBLE} others, then numbers"
+    return RecordingFormatError(where, found, rule, EXPORT_AGAIN)
+
+
+def _no_header(where: str, lines: Sequence[Line], table: _Table) -> RecordingFormatError:
+    row = table.rows[0]
+    above = next((line for line in reversed(lines) if line.number < row.line.number), None)
+    place = f"{where}, line {row.line.number}"
+    if above is None or not any(character.isalpha() for character in above.text):
+        found = f"no header: {row.line.text[:20]!r} …"
+        rule = "a row above the numbers names each column, its unit in square brackets"
+        return RecordingFormatError(place, found, rule, "Add a header line")
+    count = len(heading_cells(above.text, table.dialect.separator, row.width))
+    found = f"{row.width} cells below {count} in line {above.number}, no header of as many"
+    if count == row.width:
+        found = f"units in line {above.number}, no header of {row.width} names above them"
+    rule = "a row above the numbers names each column, its unit in square brackets"
+    return RecordingFormatError(place, found, rule, "Correct the header, or the row below it")
+
+
+def _layout(
+    where: str, lines: Sequence[Line], table: _Table, tables: Sequence[_Table | None]
+) -> Layout:
+    row = table.rows[0]
+    assert table.names is not None
+    _check_commas(where, table)
+    labels = [label(cell) for cell in _heading(table, table.names)]
+    units = [""] * row.width if table.units is None else _heading(table, table.units)
+    clocks = cells_of(row.line.text, table.dialect.separator)
+    return Layout(
+        dialect=table.dialect,
+        names=tuple(name for name, _ in labels),
+        units=tuple(
+            unit or below.strip().removeprefix("[").removesuffix("]").strip()
+            for (_, unit), below in zip(labels, units, strict=True)
+        ),
+        first_line=row.line.number,
+        start=row.line.start,
+        clocks=frozenset(index for index, cell in enumerate(clocks) if is_clock(cell)),
+        filled=max(each.filled for each in table.rows),
+        either_decimal=_either_decimal(table, tables),
+        rate_hz=_rate_above(where, lines, table),
+    )
+
+
+def _check_commas(where: str, table: _Table) -> None:
+    """Refuse quoted commas between commas where all may separate thousands, as in ``"1,234"``."""
+    if table.dialect != Dialect(",", ","):
+        return
+    cells = [cell for row in table.rows for cell in cells_of(row.line.text, ",") if "," in cell]
+    if cells and all(map(may_hold_thousands, cells)):
+        place = f"{where}, line {table.rows[0].line.number}"
+        rule = "it may be a decimal comma or separate thousands"
+        raise RecordingFormatError(place, repr(cells[0]), rule, "Export plain numbers")
+
+
+def _heading(table: _Table, line: Line) -> list[str]:
+    """Cells of a line of names or units, as many as the table has columns."""
+    width = table.rows[0].width
+    cells = heading_cells(line.text, table.dialect.separator, width)
+    return [*cells, *[""] * width][:width]
+
+
+def _either_decimal(table: _Table, tables: Sequence[_Table | None]) -> bool:
+    return any(
+        each is not None
+        and each.dialect.separator == table.dialect.separator
+        and each.dialect.decimal != table.dialect.decimal
+        and each.rank == table.rank
+        for each in tables
+    )
+
+
+def _rate_above(where: str, lines: Sequence[Line], table: _Table) -> float:
+    """The sampling rate that lines above the table state; NaN where none does."""
+    assert table.names is not None
+    stated = [
+        (line.number, rate)
+        for line in lines
+        if line.number < table.names.number
+        and (rate := stated_rate_hz(line.text, table.dialect.decimal)) is not None
+    ]
+    for number, rate in stated[1:]:
+        first, other = stated[0]
+        if abs(rate - other) > 1e-4 * other:
+            found = f"{rate:g} Hz, and {other:g} Hz in line {first}"
+            rule = "a recording has one sampling rate"
+            raise RecordingFormatError(f"{where}, line {number}", found, rule, EXPORT_AGAIN)
+    return stated[0][1] if stated else float("nan")
+
+
+_RATE = (
+    r"sampl\w*[\s_-]*(?:rate|freq\w*)|scan[\s_-]*rate|abtast(?:rate|frequenz)|fs|f_s|"
+    r"samples[\s_-]*(?:per|/)[\s_-]*s(?:ec\w*)?"
+)
+_STEP = (
+    r"dt|delta[\s_-]*[tx]|abtast(?:intervall|zeit|schritt)|"
+    r"(?:sampl\w*|scan|time)[\s_-]*(?:interval|period|step|increment|spacing)"
+)
+_STATEMENT = re.compile(
+    rf"[\s#%!/;'\"*]*(?:(?P<rate>{_RATE})|(?P<step>{_STEP}))\s*(?:[\[(](?P<unit>[^\])]*)[\])])?"
+    r"[\s\"]*[:=;,|\s][\s:=\"]*(?P<value>[0-9](?:[0-9.,]*[0-9])?\.?(?:e[+-]?[0-9]+)?)"
+    r"(?:[\s;,|\"]*[\[(]?(?P<behind>[a-zµμ]+(?:/s)?|\b1/s)[\])]?)?[\s;,|\"]*",
+    re.IGNORECASE,
+)
+_HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "ks/s": 1e3}
+_PER_SECOND = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e3, "us": 1e6}
+_LONGEST = 200
+
+
+def stated_rate_hz(line: str, decimal: str) -> float | None:
+    """Sampling rate that a line such as ``Sampling rate [Hz]; 2000`` or ``dt = 0.0005`` states.
+
+    Parameters
+    ----------
+    line : str
+        A line above the table.
+    decimal : str
+        The table's decimal sign. Another one is understood too, unless it could as well separate
+        thousands: then nothing counts as stated.
+
+    Returns
+    -------
+    float or None
+        None where the line states no rate, or not clearly.
+    """
+    match = _STATEMENT.fullmatch(line) if len(line) <= _LONGEST else None
+    if match is None:
+        return None
+    value = _plain(match["value"], decimal)
+    unit = (match["unit"] or match["behind"] or "").strip().lower()
+    unit = unit.replace("µ", "u").replace("μ", "u")
+    factor = (_HERTZ if match["rate"] else _PER_SECOND).get(unit)
+    if value is None or factor is None:
+        return None
+    try:
+        step, inverse = step_and_inverse(value)
+    except ValueError:
+        return None
+    rate_hz = float(value) * factor if match["rate"] else inverse * factor
+    return rate_hz if step > 0.0 and math.isfinite(rate_hz) else None
+
+
+def _plain(value: str, decimal: str) -> str | None:
+    """Write a number with a decimal point; None where that is not clear."""
+    other = "," if decimal == "." else "."
+    if other in value and may_hold_thousands(value):
+        return None
+    plain = value.replace(",", ".")
+    return plain if plain.count(".") <= 1 else None

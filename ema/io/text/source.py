@@ -1,0 +1,341 @@
+"""Text of a file piece by piece: unpacked, decoded, with one kind of line ends."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import gzip
+import os
+import re
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, cast
+
+from ema.core.errors import RecordingFormatError, original
+from ema.core.units import parse_unit
+from ema.io.columns import is_time, name_and_unit
+
+_HEAD_BYTES = 1 << 20
+_SMALLEST_SECTION = 1 << 18
+_LARGEST_SECTION = 1 << 23
+_LONGEST_LINE = 1 << 26
+_MOST_PACKED = 50  # digits pack 3 to 10 times; what packs far better is a bomb or no measurement
+_UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+_COPY_AGAIN = "Copy or export it again"
+
+
+class TextSource:
+    """A text file that is open for reading, once from its beginning to its end.
+
+    The bytes it hands out are text in `encoding`, a superset of ASCII, with lines that end in LF
+    or CR LF; UTF-16 arrives as UTF-8, and a byte-order mark is left out.
+
+    Attributes
+    ----------
+    path : Path
+        The file, for messages.
+    head : str
+        Its beginning, up to a megabyte.
+    is_whole : bool
+        Whether `head` is all of it.
+    encoding : str
+        How the bytes of `sections` encode text.
+    """
+
+    def __init__(self, path: Path, file: BinaryIO) -> None:
+        self.path = path
+        self._file = file
+        self._size = os.fstat(file.fileno()).st_size
+        self._packed = path.name.lower().endswith(".gz")
+        self._stream = cast(BinaryIO, gzip.GzipFile(fileobj=file)) if self._packed else file
+        self._unpacked = 0
+        self._decoder: codecs.IncrementalDecoder | None = None
+        self._has_cr_alone = False
+        self._bytes = self._beginning()
+        self.is_whole = self._unpacked < _HEAD_BYTES
+        self.head, self.encoding = _decoded(self._bytes)
+
+    def sections(self, start: int) -> Iterator[bytes]:
+        """Whole lines from character `start` of `head` on, some of them at a time.
+
+        A last line that does not end comes by itself. `head` is given up, for memory.
+        """
+        rest = self._bytes[len(self.head[:start].encode(self.encoding)) :]
+        self._bytes, self.head = b"", ""
+        size = min(max(self._size // 4, _SMALLEST_SECTION), _LARGEST_SECTION)
+        carried = b""
+        for piece in self._pieces(rest, size):
+            end = piece.rfind(b"\n") + 1
+            if end:
+                yield b"".join((carried, memoryview(piece)[:end]))
+                carried = b""
+            carried += piece[end:]
+            if len(carried) > _LONGEST_LINE:
+                rule = "a row of a table is no longer than that"
+                found = f"a line of over {_LONGEST_LINE >> 20} MB"
+                raise RecordingFormatError(self.path.name, found, rule, _COPY_AGAIN)
+        if carried:
+            yield carried
+
+    def share_read(self) -> float:
+        """How much of the file has been read, above 0 and up to 1."""
+        return min(max(self._file.tell(), 1) / max(self._size, 1), 1.0)
+
+    def _pieces(self, rest: bytes, size: int) -> Iterator[bytes]:
+        for start in range(0, len(rest), size):
+            yield rest[start : start + size]
+        while piece := self._read(size):
+            yield piece
+
+    def _beginning(self) -> bytes:
+        raw = self._raw(_HEAD_BYTES)
+        codec = _UTF_16.get(raw[:2])
+        if codec is not None:
+            self._decoder = codecs.getincrementaldecoder(codec)()
+            raw = self._in_utf_8(raw[2:])
+        raw = raw.removeprefix(codecs.BOM_UTF8)
+        self._has_cr_alone = b"\r" in raw and b"\n" not in raw
+        return raw.replace(b"\r", b"\n") if self._has_cr_alone else raw
+
+    def _read(self, size: int) -> bytes:
+        raw = self._raw(size)
+        if self._decoder is not None:
+            raw = self._in_utf_8(raw)
+        return raw.replace(b"\r", b"\n") if self._has_cr_alone else raw
+
+    def _raw(self, size: int) -> bytes:
+        try:
+            raw = self._stream.read(size)
+        except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+            rule = "a file ending in .gz is packed by gzip, as a whole"
+            raise RecordingFormatError(self.path.name, str(error), rule, _COPY_AGAIN) from error
+        except OSError as error:
+            raise _unreadable(self.path, error) from error
+        self._unpacked += len(raw)
+        if self._packed and self._unpacked > _MOST_PACKED * self._size + _HEAD_BYTES:
+            found = f"over {self._unpacked} bytes of text in {self._size}"
+            rule = f"measured numbers do not pack more than {_MOST_PACKED} times"
+            raise RecordingFormatError(self.path.name, found, rule, "Unpack it, if you trust it")
+        return raw
+
+    def _in_utf_8(self, raw: bytes) -> bytes:
+        assert self._decoder is not None
+        try:
+            return self._decoder.decode(raw, final=not raw).encode()
+        except UnicodeDecodeError as error:
+            rule = "the file begins as UTF-16 and does not go on so"
+            raise RecordingFormatError(self.path.name, str(error), rule, _COPY_AGAIN) from error
+
+
+@contextmanager
+def open_text(path: Path) -> Iterator[TextSource]:
+    """Open a text file, packed by gzip where its name ends in ``.gz``.
+
+    Raises
+    ------
+    RecordingFormatError
+        If it cannot be read, is damaged, or unpacks to far more than any measurement.
+    """
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    with file:
+        yield TextSource(path, file)
+
+
+def _unreadable(path: Path, error: OSError) -> RecordingFormatError:
+    rule = "it must be a file that can be read"
+    reason = error.strerror or str(error)
+    return RecordingFormatError(str(path), reason, rule, "Check name and rights")
+
+
+def _decoded(raw: bytes) -> tuple[str, str]:
+    """Text and encoding of a file's beginning, which may end within a character."""
+    try:
+        return codecs.getincrementaldecoder("utf-8")().decode(raw), "utf-8"
+    except UnicodeDecodeError:
+        pass
+    try:
+        return raw.decode("cp1252"), "cp1252"
+    except UnicodeDecodeError:
+        return raw.decode("latin-1"), "latin-1"
+
+
+_MOST_LINES = 2000  # blank ones too
+_MOST_JOINED = 10  # lines of one row, in whose quoted names lines break
+_OPEN_QUOTE = re.compile(r"(?:^|[\t;,|])[ ]*\"[^\"]*$")
+_RULE = " \t\r\x1a,;|+-=_*#"  # what rules between header and numbers are made of
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line, or several that a quoted cell joins.
+
+    Parameters
+    ----------
+    text : str
+        Without its end.
+    number : int
+        In the file, counted from 1.
+    start : int
+        Its first character in the beginning of the file.
+    """
+
+    text: str
+    number: int
+    start: int
+
+
+def lines_of(source: TextSource) -> Iterator[Line]:
+    """Lines that hold something; one whose quoted cell goes on in the next is one with that."""
+    text, start, number = source.head, 0, 1
+    while start < len(text) and number <= _MOST_LINES:
+        end = _line_end(text, start)
+        joined = end
+        for _ in range(_MOST_JOINED):
+            if joined >= len(text) or not _OPEN_QUOTE.search(_last_line(text, start, joined)):
+                break
+            joined = _line_end(text, joined)
+            if text.count('"', start, joined) % 2 == 0:
+                end = joined
+                break
+        if end == len(text) and not source.is_whole and text[-1] != "\n":
+            return  # the head ends within this line
+        line = text[start:end].rstrip("\r\n")
+        if line.strip(_RULE):
+            yield Line(line, number, start)
+        number += text.count("\n", start, end)
+        start = end
+
+
+def _line_end(text: str, start: int) -> int:
+    return text.find("\n", start) + 1 or len(text)
+
+
+def _last_line(text: str, start: int, end: int) -> str:
+    """The line in which a quotation mark may stand open, or nothing where none does."""
+    line = text[start:end].rstrip("\r\n")
+    return line if line.count('"') % 2 else ""
+
+
+BLANKS = " "  # as a separator: any run of blanks and tabs
+
+_NUMBER = {
+    decimal: re.compile(rf"[+-]?(?:[0-9]+(?:{sign}[0-9]*)?|{sign}[0-9]+)(?:[eEdD][+-]?[0-9]+)?")
+    for decimal, sign in ((".", r"\."), (",", ","))
+}
+_SPREADSHEET_FAULTS = ("#n/a", "#nv", "#num!", "#wert!", "#value!", "#div/0!", "#ref!")
+_NO_NUMBERS = ("nan", "-nan", "+nan", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind")
+_INFINITIES = ("inf", "-inf", "+inf", "infinity", "-infinity", "1.#inf", "-1.#inf")
+_NOTHING = ("", "-", "--", "null", "none", "n/a", "na")
+_MISSING = frozenset((*_NOTHING, *_NO_NUMBERS, *_INFINITIES, *_SPREADSHEET_FAULTS))
+_CLOCK = re.compile(
+    r"(?:[0-9]{4}([-/])[0-9]{2}\1[0-9]{2}[T ])?[0-9]{2}:[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,9})?Z?"
+)
+_THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:[.,][0-9]{3})+")
+# Units behind a name without square brackets: "Force (N)", and "Kraft / N" as in DIN 461.
+_OTHER_LABELS = (
+    re.compile(r"(?P<name>.*\S)\s*\((?P<unit>[^()]*(?:\([^()]*\))?[^()]*)\)"),
+    re.compile(r"(?P<name>.*\S)\s+/\s+(?P<unit>\S+)"),
+)
+_COMMENT_MARK = re.compile(r"^ *(?:[#!']+|//|%+(?= )) *")
+_LONGEST_NAME = 400
+_SECONDS = {"seconds": "s", "second": "s", "secs": "s", "sekunden": "s", "msec": "ms"}
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether a cell is a number with this decimal sign."""
+    return _NUMBER[decimal].fullmatch(cell) is not None
+
+
+def may_hold_thousands(cell: str) -> bool:
+    """Whether points or commas in a number may as well separate thousands: ``1,234``."""
+    return _THOUSANDS.fullmatch(cell) is not None
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell stands for a sample that was not taken, such as ``NaN`` or ``-``."""
+    return cell.lower() in _MISSING
+
+
+def is_clock(cell: str) -> bool:
+    """Whether a cell is a time of day, ``hh:mm:ss.s``, or a date and time as in ISO 8601."""
+    return _CLOCK.fullmatch(cell) is not None
+
+
+def is_not_a_number(cell: str) -> bool:
+    """Whether a cell is a missing sample where a number stood, so that no name reads like it."""
+    return cell.lower() in _NO_NUMBERS
+
+
+def holds_numbers_alone(line: str) -> bool:
+    """Whether a line holds nothing but numbers, whatever separates them."""
+    texts = re.split(r"[;,\t |\"]+", line.strip())
+    return all(not text or is_number(text, ".") for text in texts)
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """Cells of a line, without quotation marks and the blanks around them."""
+    if separator == BLANKS:
+        line = " ".join(line.split())
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(separator)]
+    try:
+        (cells,) = csv.reader([line], delimiter=separator, skipinitialspace=True)
+    except csv.Error:  # a line break outside of quotation marks, or a cell too long to be one
+        return [line]
+    return [cell.strip() for cell in cells]
+
+
+def heading_cells(line: str, separator: str, width: int) -> list[str]:
+    """Cells of a line of names or units, without a comment mark in front.
+
+    Where blanks separate, names may hold blanks too: `width` tells how many cells to look for.
+    """
+    line = _COMMENT_MARK.sub("", line)
+    cells = cells_of(line, separator)
+    if separator != BLANKS or len(cells) == width:
+        return cells
+    line = line.strip()
+    for pattern in (r"\s{2,}|\t", r"\s+(?![\[(])"):
+        cells = re.split(pattern, line)
+        if len(cells) == width:
+            return cells
+    return cells_of(line, separator)
+
+
+def is_known_unit(text: str) -> bool:
+    """Whether a text is a unit of a channel or of time."""
+    text = text.strip().removeprefix("[").removesuffix("]")
+    return bool(text) and (parse_unit(text) is not None or is_time("t", _plain_time(text)))
+
+
+def label(cell: str) -> tuple[str, str]:
+    """Name and unit of a heading such as ``A01 [g]``, ``A01 (g)`` or ``A01 / g``, on one line."""
+    name, unit = name_and_unit(original(" ".join(cell.split()))[:_LONGEST_NAME])
+    if unit:
+        return name, unit
+    for pattern in _OTHER_LABELS:
+        match = pattern.fullmatch(name)
+        if match and is_known_unit(match["unit"]):
+            return match["name"], match["unit"].strip()
+    return name, ""
+
+
+def is_time_label(cell: str) -> bool:
+    """Whether a heading is that of a time column."""
+    name, unit = label(cell)
+    return is_time(name, _plain_time(unit))
+
+
+def time_unit(name: str, unit: str) -> str:
+    """Unit of a column, that of a time column in the spelling that `is_time` knows."""
+    return _plain_time(unit) if is_time(name, "") else unit
+
+
+def _plain_time(unit: str) -> str:
+    return _SECONDS.get(unit.lower(), unit)

@@ -1,0 +1,345 @@
+"""Numbers of a text table, read section by section so that memory stays near what they need."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.errors import RecordingFormatError
+from ema.core.finding import Finding
+from ema.io.columns import is_time
+from ema.io.content import EXPORT_AGAIN, arrow_reader, remark
+from ema.io.text.layout import Dialect, Layout
+from ema.io.text.source import BLANKS, TextSource, cells_of, is_clock, is_missing, is_number
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_BLOCK_BYTES = 1 << 20
+_NARROW_BYTES = 4  # cells of fewer bytes are kept in single precision where that is exact
+_CUT_SHORT = "the file is cut short"
+_COPY_AGAIN = "Copy or export it again"
+_USUAL_MISSING = ["", "NaN", "nan", "-", "#N/A"]  # for each column Arrow builds a tree of these
+_STAMP_RULE = "a time stamp is hh:mm:ss.s, or date and time as in ISO 8601"
+_TAIL_ROWS = 8
+_DECIMAL = {".": "point", ",": "comma"}
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Samples of one column of text.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_rows,)
+        NaN where missing; time stamps in s since the first.
+    n_missing : int
+        How many are.
+    first_missing : int
+        Row of the first of them, counted from 1; 0 where none is.
+    """
+
+    samples: NDArray[Any]
+    n_missing: int = 0
+    first_missing: int = 0
+
+
+def read_cells(
+    source: TextSource, layout: Layout, wanted: Sequence[int], sections: Iterable[bytes]
+) -> dict[int, Cells]:
+    """Read columns of a table.
+
+    Parameters
+    ----------
+    source : TextSource
+        The file, for messages and to foresee how many rows come.
+    layout : Layout
+        Of the table.
+    wanted : sequence of int
+        Columns to read, counted from 0; cells of the others may be anything.
+    sections : iterable of bytes
+        Whole lines from the first row on; one without a line end is the last.
+
+    Raises
+    ------
+    RecordingFormatError
+        If a cell is no number, rows differ in length, or the last one is cut short.
+    """
+    reader = _Reader(source.path.name, layout, wanted)
+    for section in sections:
+        reader.take(section, source.share_read)
+    return reader.columns()
+
+
+def missing_samples(path: Path, name: str, cells: Cells) -> list[Finding]:
+    """Note how many samples of a channel are missing, where any are."""
+    if not cells.n_missing:
+        return []
+    detail = (
+        f"{cells.n_missing} of {len(cells.samples)} samples are missing, "
+        f"the first in row {cells.first_missing}"
+    )
+    return [remark(path, name, "missing samples", detail)]
+
+
+class _Column:
+    """Samples of one column as they come in."""
+
+    def __init__(self, dtype: type[np.generic]) -> None:
+        self._array: NDArray[Any] = np.empty(0, dtype)
+        self._n = 0
+        self._n_missing = 0
+        self._first_missing = 0
+
+    def append(self, values: NDArray[Any], n_expected: int, *, narrow: bool) -> None:
+        """Add samples, of which some `n_expected` will come; overflow is to be ignored."""
+        if not math.isfinite(values.sum()):  # far faster than to look at each sample
+            absent = ~np.isfinite(values)
+            values = np.where(absent, np.nan, values)
+            if not self._n_missing and absent.any():
+                self._first_missing = self._n + int(np.argmax(absent)) + 1
+            self._n_missing += int(np.count_nonzero(absent))
+        if self._array.dtype == np.float32 and not (narrow and _is_single(values)):
+            self._array = self._array.astype(np.float64)
+        end = self._n + len(values)
+        if end > len(self._array):
+            larger = np.empty(max(end, n_expected), self._array.dtype)
+            larger[: self._n] = self._array[: self._n]
+            self._array = larger
+        self._array[self._n : end] = values
+        self._n = end
+
+    def cells(self) -> Cells:
+        self._array.resize(self._n, refcheck=False)
+        samples = self._array
+        if samples.dtype == np.int64:
+            samples = (samples - samples[:1]) * 1e-9
+        return Cells(samples, self._n_missing, self._first_missing)
+
+
+class _Reader:
+    """Where reading stands: lines and rows behind, decimal sign, columns so far."""
+
+    def __init__(self, where: str, layout: Layout, wanted: Sequence[int]) -> None:
+        self._where = where
+        self._layout = layout
+        self._columns = {
+            index: _Column(np.int64 if index in layout.clocks else np.float32) for index in wanted
+        }
+        self._decimal_is_open = layout.either_decimal
+        self._line = layout.first_line
+        self._n_rows = 0
+        self._tail = b""
+        self._held = b""
+
+    def take(self, section: bytes, share_read: Callable[[], float]) -> None:
+        """Read the next section into the columns."""
+        section = section.rstrip(b"\x1a")  # DOS programs end a text with it
+        if not section or section.isspace():
+            if self._layout.width == 1:
+                self._held += section
+            else:
+                self._line += _n_lines(section)
+            return
+        if self._layout.width == 1:
+            section = self._without_blank_end(section)
+        self._settle_decimal(section)
+        if not section.endswith(b"\n"):
+            self._check_end(section)
+        table = self._parsed(section)
+        self._n_rows += table.num_rows
+        n_expected = int(1.02 * self._n_rows / share_read())
+        narrow = len(section) < _NARROW_BYTES * table.num_rows * self._layout.width
+        with np.errstate(over="ignore", invalid="ignore"):
+            for (index, column), values in zip(self._columns.items(), table.columns, strict=True):
+                if index in self._layout.clocks:
+                    values = self._nanoseconds(section, index, values)
+                for chunk in values.chunks:
+                    samples = chunk.to_numpy(zero_copy_only=False)
+                    column.append(samples, n_expected, narrow=narrow)
+        self._line += _n_lines(section)
+        self._tail = section[-(1 << 16) :]
+
+    def columns(self) -> dict[int, Cells]:
+        """Columns read so far."""
+        if not self._n_rows:
+            rule = "a table holds at least one row of numbers"
+            raise RecordingFormatError(self._where, "blank rows only", rule, EXPORT_AGAIN)
+        return {index: column.cells() for index, column in self._columns.items()}
+
+    def _without_blank_end(self, section: bytes) -> bytes:
+        """Hold blank lines back until more numbers come: at the file's end they are no samples."""
+        section = self._held + section
+        end = section.find(b"\n", len(section.rstrip())) + 1 or len(section)
+        self._held = section[end:]
+        return section[:end]
+
+    def _settle_decimal(self, section: bytes) -> None:
+        """Take the decimal comma once it occurs, where the first rows were integers."""
+        if not self._decimal_is_open or not (b"." in section or b"," in section):
+            return
+        separator = self._layout.dialect.separator
+        if separator == "," and b"." not in section and b'"' not in section:
+            return
+        self._decimal_is_open = False
+        decimal = "." if b"." in section else ","
+        self._layout = replace(self._layout, dialect=Dialect(separator, decimal))
+
+    def _parsed(self, section: bytes) -> pa.Table:
+        import pyarrow as pa
+
+        if self._layout.dialect.separator == BLANKS:
+            section = _single_blanks(section)
+        try:
+            return self._by_arrow(section)
+        except (pa.ArrowInvalid, pa.ArrowKeyError):
+            plain = self._checked(section)
+        try:
+            return self._by_arrow(plain)
+        except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
+            rule = f"each of the {self._layout.width} columns holds a number in every row"
+            raise self._fault(self._line, str(error), rule) from error
+
+    def _by_arrow(self, section: bytes) -> pa.Table:
+        import pyarrow as pa
+        import pyarrow.csv
+
+        layout = self._layout
+        labels = [str(index) for index in range(layout.width)]
+        chosen = [str(index) for index in self._columns]
+        types = {
+            str(index): pa.string() if index in layout.clocks else pa.float64()
+            for index in self._columns
+        }
+        block = max(_BLOCK_BYTES, 2 * section.find(b"\n"))
+        return pa.csv.read_csv(
+            arrow_reader(section),
+            read_options=pa.csv.ReadOptions(column_names=labels, block_size=block),
+            parse_options=pa.csv.ParseOptions(
+                delimiter=layout.dialect.separator,
+                # In a table of one column an empty line is a sample that is missing.
+                ignore_empty_lines=layout.width > 1,
+            ),
+            memory_pool=pa.system_memory_pool(),  # the default one holds megabytes in reserve
+            convert_options=pa.csv.ConvertOptions(
+                column_types=types,
+                include_columns=chosen,
+                null_values=_USUAL_MISSING,
+                strings_can_be_null=True,
+                decimal_point=layout.dialect.decimal,
+                check_utf8=False,
+            ),
+        )
+
+    def _checked(self, section: bytes) -> bytes:
+        """Write a section anew in plain cells, or tell which of its cells is at fault."""
+        separator = self._layout.dialect.separator
+        plain = bytearray()
+        for number, raw in enumerate(io.BytesIO(section), self._line):
+            line = raw.decode("utf-8", errors="replace").rstrip("\r\n")
+            if not line.strip() and self._layout.width > 1:
+                continue
+            cells = cells_of(line, separator)
+            if len(cells) != self._layout.width:
+                raise self._ragged(number, line, cells, is_cut=not raw.endswith(b"\n"))
+            plain += separator.join(self._checked_cells(number, cells)).encode() + b"\n"
+        return bytes(plain)
+
+    def _checked_cells(self, number: int, cells: Sequence[str]) -> list[str]:
+        decimal = self._layout.dialect.decimal
+        checked = [""] * len(cells)
+        for index in self._columns:
+            cell = cells[index]
+            if index in self._layout.clocks:
+                if not is_clock(cell):
+                    found = repr(cell[:40]) if cell else "no time"
+                    raise self._fault(number, found, _STAMP_RULE, index)
+                checked[index] = f'"{cell}"'
+            elif is_number(cell, decimal):
+                number_text = cell.upper().replace("D", "E")
+                checked[index] = f'"{number_text}"' if decimal in number_text else number_text
+            elif not is_missing(cell):
+                rule = f"a cell holds a number with a decimal {_DECIMAL[decimal]}, or is empty"
+                if is_time(self._layout.names[index], ""):
+                    rule += f"; {_STAMP_RULE}"
+                raise self._fault(number, repr(cell[:40]), rule, index)
+        return checked
+
+    def _ragged(
+        self, number: int, line: str, cells: Sequence[str], *, is_cut: bool
+    ) -> RecordingFormatError:
+        width = self._layout.width
+        found = f"{len(cells)} cells, {width} columns: {line[:40]!r}"
+        if not any(is_number(cell, self._layout.dialect.decimal) for cell in cells):
+            found = f"text where numbers go on: {line[:40]!r}"
+            rule = "below the header, a table holds rows of numbers to the file's end"
+            return self._fault(number, found, rule)
+        if is_cut and len(cells) < width:
+            where = f"{self._where}, line {number}"
+            return RecordingFormatError(where, found, _CUT_SHORT, _COPY_AGAIN)
+        return self._fault(number, found, f"each row has a cell for each of the {width} columns")
+
+    def _fault(
+        self, line: int, found: str, rule: str, index: int | None = None
+    ) -> RecordingFormatError:
+        column = "" if index is None else f", column {self._layout.names[index]!r}"
+        where = f"{self._where}, line {line}{column}"
+        return RecordingFormatError(where, found, rule, EXPORT_AGAIN)
+
+    def _check_end(self, section: bytes) -> None:
+        """Refuse a last line that stops within its last number.
+
+        Without a line end it may. It does where all rows before print the same number of
+        decimals in that column, and this one prints fewer, or nothing at all.
+        """
+        decimal, separator = self._layout.dialect.decimal, self._layout.dialect.separator
+        rows = (self._tail + section).decode("utf-8", errors="replace").splitlines()
+        last = [cells_of(row, separator)[-1] for row in rows[-_TAIL_ROWS - 1 :] if row.strip()]
+        *others, end = (len(cell.partition(decimal)[2]) for cell in last)
+        is_empty = len(last) > 1 and all(last[:-1]) and not last[-1]
+        if is_empty or (len(last) > _TAIL_ROWS // 2 and min(others) == max(others) > end):
+            where = f"{self._where}, line {self._line}"
+            found = f"the last row ends in {last[-1]!r}, those before in {last[-2]!r} and the like"
+            raise RecordingFormatError(where, found, _CUT_SHORT, _COPY_AGAIN)
+
+    def _nanoseconds(self, section: bytes, index: int, stamps: pa.ChunkedArray) -> pa.ChunkedArray:
+        """Time stamps as whole nanoseconds since some moment."""
+        import pyarrow as pa
+        from pyarrow import compute
+
+        text = compute.utf8_trim_whitespace(compute.replace_substring(stamps, ",", "."))
+        text = compute.replace_substring(compute.replace_substring(text, "/", "-"), "Z", "")
+        if "-" not in (text[0].as_py() or ""):
+            text = compute.binary_join_element_wise("1970-01-01", text, " ")
+        try:
+            if not stamps.null_count:
+                return text.cast(pa.timestamp("ns")).cast(pa.int64())
+            found = "a row without a time"
+        except pa.ArrowInvalid as error:
+            found = str(error)
+        self._checked(section)  # knows the line, unless a stamp merely looks like one
+        raise self._fault(self._line, found, _STAMP_RULE, index)
+
+
+def _n_lines(section: bytes) -> int:
+    return int(np.count_nonzero(np.frombuffer(section, np.uint8) == ord("\n")))
+
+
+def _single_blanks(section: bytes) -> bytes:
+    """Runs of blanks and tabs as one blank, none at a line's ends."""
+    section = section.replace(b"\t", b" ").replace(b"\r", b"")
+    while b"  " in section:
+        section = section.replace(b"  ", b" ")
+    return section.replace(b"\n ", b"\n").replace(b" \n", b"\n").strip(b" ")
+
+
+def _is_single(values: NDArray[np.float64]) -> bool:
+    """Whether single precision holds all values exactly."""
+    return np.array_equal(values, values.astype(np.float32), equal_nan=True)

@@ -1,0 +1,438 @@
+"""Write universal files: time series and FRFs as dataset 58 or 58b."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import BinaryIO, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.errors import InputError, visible_line
+from ema.core.frf import FRF
+from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY, Channel
+from ema.core.units import SI_UNIT, parse_unit
+from ema.io.uff.dataset58_header import (
+    BIG_ENDIAN,
+    COMPLEX_DOUBLE,
+    COMPLEX_SINGLE,
+    DATA_ACCELERATION,
+    DATA_DISPLACEMENT,
+    DATA_FORCE,
+    DATA_FREQUENCY,
+    DATA_TIME,
+    DATA_VELOCITY,
+    DELIMITER,
+    FREQUENCY_RESPONSE,
+    LITTLE_ENDIAN,
+    REAL_DOUBLE,
+    REAL_SINGLE,
+    TIME_RESPONSE,
+    Axis,
+    Header58,
+    format_header,
+)
+
+Precision = Literal["single", "double"]
+ByteOrder = Literal["little", "big"]
+
+RADIAL = 1  # first axis of a cylindrical system, as modal programs expect it
+_DATA_TYPE = {
+    ACCELERATION: DATA_ACCELERATION,
+    FORCE: DATA_FORCE,
+    VELOCITY: DATA_VELOCITY,
+    DISPLACEMENT: DATA_DISPLACEMENT,
+}
+_ASCII_FIELD = {False: ("%13.5E", 6), True: ("%20.12E", 4)}  # double precision: width, per line
+_LINES_PER_WRITE = 10_000
+
+
+def write_time_series(
+    path: Path | str,
+    channels: Sequence[Channel],
+    sampling_rate_hz: float,
+    *,
+    precision: Precision | None = None,
+    byte_order: ByteOrder = "little",
+    binary: bool = True,
+    directions: Sequence[int] | None = None,
+) -> None:
+    """Write channels that share one clock as datasets 58b (or 58), function type 1.
+
+    Samples are written as they are, under their own unit. Where the unit does not explain the
+    channel's factor to SI, they are converted and written in SI.
+
+    Parameters
+    ----------
+    path : Path or str
+        File to write; an existing one is replaced.
+    channels : sequence of Channel
+        All of the same length.
+    sampling_rate_hz : float
+        Common sampling rate, Hz.
+    precision : {"single", "double"}, optional
+        Default: single for float32 samples, double for all others.
+    byte_order : {"little", "big"}
+        Byte order of binary datasets.
+    binary : bool
+        58b; False writes ASCII with 6 (single) or 13 (double) digits.
+    directions : sequence of int, optional
+        Direction codes 1 to 3 (X, Y, Z), one for each channel, default 1. A channel with a
+        negative factor gets the negative code.
+
+    Raises
+    ------
+    InputError
+        If there are no channels, their lengths differ, or the rate is not positive.
+    """
+    check_time_series(path, channels, sampling_rate_hz, directions)
+    with Path(path).open("wb") as file:
+        for index, channel in enumerate(channels):
+            samples, unit, sense = in_own_unit(channel)
+            single = samples.dtype == np.float32 if precision is None else precision == "single"
+            header = Header58(
+                id_lines=(_one_line(channel.name), "NONE", "NONE", "NONE", "NONE"),
+                function_type=TIME_RESPONSE,
+                ordinate=REAL_SINGLE if single else REAL_DOUBLE,
+                n_values=len(samples),
+                abscissa_step=f"{1.0 / sampling_rate_hz:.6E}",
+                response_node=channel.node or 0,
+                response_direction=sense * (directions[index] if directions else RADIAL),
+                abscissa=Axis(DATA_TIME, label="Time", unit="s"),
+                ordinate_axis=Axis(
+                    _DATA_TYPE.get(channel.quantity, 0),
+                    label=channel.quantity.capitalize(),
+                    unit=_one_line(unit),
+                ),
+            )
+            _write_dataset(file, header, samples, byte_order if binary else None)
+
+
+def write_frfs(
+    path: Path | str,
+    frf: FRF,
+    *,
+    reference_node: int = 0,
+    precision: Precision = "double",
+    byte_order: ByteOrder = "little",
+    binary: bool = True,
+) -> None:
+    """Write inertances as datasets 58b (or 58), function type 4, acceleration over force.
+
+    Parameters
+    ----------
+    path : Path or str
+        File to write; an existing one is replaced.
+    frf : FRF
+        Inertance in (m/s²)/N on equidistant lines; coherence and deviation have no place here.
+    reference_node : int
+        Node of the force.
+    precision, byte_order, binary
+        As in `write_time_series`.
+
+    Raises
+    ------
+    InputError
+        If the FRF has no rows or fewer than two lines.
+    """
+    with Path(path).open("wb") as file:
+        append_frfs(
+            file,
+            frf,
+            reference_node=reference_node,
+            precision=precision,
+            byte_order=byte_order if binary else None,
+        )
+
+
+def append_frfs(
+    file: BinaryIO,
+    frf: FRF,
+    *,
+    reference_node: int = 0,
+    direction: int = RADIAL,
+    note: str = "NONE",
+    precision: Precision = "double",
+    byte_order: ByteOrder | None = "little",
+) -> None:
+    """Write inertances to an open file, as `write_frfs` does.
+
+    Parameters
+    ----------
+    file : binary file
+    frf : FRF
+    reference_node, precision
+        As in `write_frfs`.
+    direction : int
+        Direction code of force and response, 1 to 3.
+    note : str
+        Third ID line of each dataset.
+    byte_order : {"little", "big"} or None
+        Byte order of binary datasets; None writes ASCII.
+
+    Raises
+    ------
+    InputError
+        As `write_frfs`.
+    """
+    lines = frf.frequency_hz
+    if len(lines) < 2 or not len(frf.values):
+        shape = f"{len(frf.values)} FRFs of {len(lines)} lines"
+        rule = "at least one of two lines is needed"
+        raise InputError(str(file.name), shape, rule, "Check the band")
+    step = (lines[-1] - lines[0]) / (len(lines) - 1)
+    template = Header58(
+        id_lines=(),
+        function_type=FREQUENCY_RESPONSE,
+        ordinate=COMPLEX_DOUBLE if precision == "double" else COMPLEX_SINGLE,
+        n_values=len(lines),
+        abscissa_min=float(lines[0]),
+        abscissa_step=f"{step:.6E}",
+        response_direction=direction,
+        reference_node=reference_node,
+        reference_direction=direction,
+        abscissa=Axis(DATA_FREQUENCY, label="Frequency", unit="Hz"),
+        ordinate_axis=Axis(DATA_ACCELERATION, label="Acceleration", unit="m/s^2"),
+        denominator_axis=Axis(DATA_FORCE, label="Excitation force", unit="N"),
+    )
+    for row, values in enumerate(frf.values):
+        named = _row_name(frf, row), _one_line(frf.run[row]), _one_line(note), "NONE", "NONE"
+        header = replace(template, id_lines=named, response_node=max(int(frf.node[row]), 0))
+        _write_dataset(file, header, values, byte_order)
+
+
+def check_time_series(
+    path: Path | str,
+    channels: Sequence[Channel],
+    sampling_rate_hz: float,
+    directions: Sequence[int] | None = None,
+) -> None:
+    """Refuse channels that cannot be written as one recording.
+
+    Raises
+    ------
+    InputError
+        If there are no channels or samples, lengths differ, the rate is not positive, or
+        directions are given for some channels only.
+    """
+    lengths = sorted({channel.n_samples for channel in channels})
+    if len(lengths) != 1 or lengths[0] == 0:
+        found = f"channel lengths {lengths}"
+        rule = "all channels of a recording have the same length, at least one sample"
+        raise InputError(str(path), found, rule, "Cut them to a common length")
+    if not 0 < sampling_rate_hz < np.inf:
+        found = f"sampling rate {sampling_rate_hz} Hz"
+        raise InputError(str(path), found, "it must be positive", "Give the rate in Hz")
+    if directions is not None and len(directions) != len(channels):
+        found = f"{len(directions)} directions for {len(channels)} channels"
+        raise InputError(str(path), found, "each channel has one", "Give one code per channel")
+
+
+def in_own_unit(channel: Channel) -> tuple[NDArray[np.floating], str, int]:
+    """Find the samples to write, the unit they are in, and the sign of their direction."""
+    sense = -1 if channel.scale_to_si < 0 else 1
+    unit = parse_unit(channel.unit)
+    explained = 1.0 if unit is None else unit.factor
+    samples = np.asarray(channel.samples)
+    if samples.dtype.kind != "f":
+        samples = samples.astype(np.float64)
+    if sense * channel.scale_to_si == explained:
+        return samples, channel.unit or SI_UNIT.get(channel.quantity, "NONE"), sense
+    return samples * abs(channel.scale_to_si), SI_UNIT.get(channel.quantity, "NONE"), sense
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split()) or "NONE"
+
+
+def _row_name(frf: FRF, row: int) -> str:
+    position = frf.position_deg[row]
+    place = f"node {frf.node[row]}" if frf.node[row] >= 0 else f"response {row + 1}"
+    return place if np.isnan(position) else f"{place} at {position:g} deg"
+
+
+def _write_dataset(
+    file: BinaryIO, header: Header58, values: NDArray[np.inexact], byte_order: ByteOrder | None
+) -> None:
+    """Header, payload (binary where a byte order is given) and closing delimiter."""
+    if byte_order is None:
+        file.write(format_header(header))
+        for lines in _ascii_lines(values, header.is_double):
+            file.write(lines)
+    else:
+        order = "<" if byte_order == "little" else ">"
+        kind = "c" if header.is_complex else "f"
+        size = (8 if header.is_double else 4) * (2 if header.is_complex else 1)
+        payload = np.ascontiguousarray(values, dtype=f"{order}{kind}{size}")
+        code = LITTLE_ENDIAN if byte_order == "little" else BIG_ENDIAN
+        header = replace(header, binary=True, byte_order=code, n_bytes=payload.nbytes)
+        file.write(format_header(header))
+        file.write(payload.data)
+    file.write(DELIMITER + b"\n")
+
+
+def _ascii_lines(values: NDArray[np.inexact], double: bool) -> Iterable[bytes]:
+    """Fixed-width lines of numbers; the parts of complex values alternate."""
+    pattern, per_line = _ASCII_FIELD[double]
+    if np.iscomplexobj(values):
+        values = np.ascontiguousarray(values, dtype=np.complex128).view(np.float64)
+    step = per_line * _LINES_PER_WRITE
+    for start in range(0, len(values), step):
+        block = values[start : start + step].tolist()
+        full, rest = divmod(len(block), per_line)
+        text = (pattern * per_line + "\n") * full + (pattern * rest + "\n" if rest else "")
+        yield (text % tuple(block)).encode("ascii")
+
+
+CARTESIAN = 1  # number of the only coordinate system: the structure's own
+
+_KELVIN_AT_0_C = 273.15
+_NODE_COLOUR, _LINE_COLOUR = 11, 8
+_LONGEST_LINE = 125  # nodes of a trace line that every program takes
+_MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
+_STRUCTURAL, _TRANSLATION, _DISPLACEMENT = 1, 2, 8
+_NORMAL_MODE, _COMPLEX_EIGENVALUE = 2, 3
+_REAL, _COMPLEX = 2, 5
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeDataset:
+    """One mode as dataset 55 holds it.
+
+    Parameters
+    ----------
+    number : int
+        Number of the mode, from 1.
+    id_lines : tuple of str
+        Up to five lines of text.
+    pole : complex
+        rad/s, upper half plane.
+    node : ndarray of int, shape (n_nodes,)
+    values : ndarray, shape (n_nodes, 3)
+        Motion along x, y and z; real for a normal mode, complex for a complex one.
+    modal_a : complex
+        Modal A of a complex mode in N s/m, 0 where unknown.
+    modal_mass_kg : float
+        Modal mass of a normal mode, 0 where unknown.
+    """
+
+    number: int
+    id_lines: tuple[str, ...]
+    pole: complex
+    node: NDArray[np.int_]
+    values: NDArray[np.inexact]
+    modal_a: complex = 0.0
+    modal_mass_kg: float = 0.0
+
+
+def header_151(name: str, description: str, program: str, written: datetime) -> bytes:
+    """Dataset 151: what the file is, and who wrote it when."""
+    moment = f"{written.day:02d}-{_MONTHS[written.month - 1]}-{written:%y} {written:%H:%M:%S}"
+    stamp = f"{moment[:9]:<10}{moment[10:]:<10}"
+    lines = [
+        _text(name),
+        _text(description),
+        _text(program),
+        f"{stamp}{0:10d}{0:10d}{0:10d}",
+        stamp,
+        _text(program),
+        stamp,
+    ]
+    return _dataset(151, lines)
+
+
+def units_164() -> bytes:
+    """Dataset 164: everything in SI."""
+    lines = [
+        f"{1:10d}{'SI: Meter (newton)':<20}{2:10d}",
+        _reals((1.0, 1.0, 1.0), 25, 16),
+        _reals((_KELVIN_AT_0_C,), 25, 16),
+    ]
+    return _dataset(164, lines)
+
+
+def coordinate_system_2420() -> bytes:
+    """Dataset 2420: the structure's own Cartesian system, for programs that ask for one."""
+    axes = np.vstack([np.eye(3), np.zeros(3)])
+    lines = [
+        f"{1:10d}",
+        _text("ringmodal"),
+        f"{CARTESIAN:10d}{0:10d}{_LINE_COLOUR:10d}",
+        _text("global"),
+        *(_reals(row, 25, 16) for row in axes),
+    ]
+    return _dataset(2420, lines)
+
+
+def nodes_2411(node: NDArray[np.int_], xyz_m: NDArray[np.float64]) -> bytes:
+    """Dataset 2411: nodes in Cartesian coordinates, m."""
+    lines = []
+    for label, point in zip(node.tolist(), xyz_m.tolist(), strict=True):
+        lines.append(f"{label:10d}{CARTESIAN:10d}{CARTESIAN:10d}{_NODE_COLOUR:10d}")
+        lines.append(_reals(point, 25, 16))
+    return _dataset(2411, lines)
+
+
+def trace_lines_82(name: str, path: Sequence[int]) -> bytes:
+    """Dataset 82: a line through the nodes, in as many pieces as programs can take."""
+    step = _LONGEST_LINE - 1  # each piece begins where the one before it ended
+    pieces = [path[start : start + step + 1] for start in range(0, max(len(path) - 1, 1), step)]
+    datasets = []
+    for number, piece in enumerate(pieces, start=1):
+        head = f"{number:10d}{len(piece):10d}{_LINE_COLOUR:10d}"
+        rows = (piece[start : start + 8] for start in range(0, len(piece), 8))
+        lines = ["".join(f"{label:10d}" for label in row) for row in rows]
+        datasets.append(_dataset(82, [head, _text(name), *lines]))
+    return b"".join(datasets)
+
+
+def shape_55(mode: ShapeDataset) -> bytes:
+    """Dataset 55: a mode shape, as a complex eigenvalue or, where it is real, a normal mode."""
+    is_complex = np.iscomplexobj(mode.values)
+    analysis = _COMPLEX_EIGENVALUE if is_complex else _NORMAL_MODE
+    kind = _COMPLEX if is_complex else _REAL
+    numbers = (_STRUCTURAL, analysis, _TRANSLATION, _DISPLACEMENT, kind, 3)
+    reals = _of_complex(mode) if is_complex else _of_normal(mode)
+    lines = [
+        *map(_text, (*mode.id_lines, *("NONE",) * 5)[:5]),
+        "".join(f"{number:10d}" for number in numbers),
+        f"{2:10d}{len(reals):10d}{1:10d}{mode.number:10d}",
+        _reals(reals, 13, 5),
+    ]
+    values = np.ascontiguousarray(mode.values)
+    parts = values.view(np.float64) if is_complex else values
+    for label, row in zip(mode.node.tolist(), parts.tolist(), strict=True):
+        lines += [f"{label:10d}", _reals(row, 13, 5)]
+    return _dataset(55, lines)
+
+
+def _of_complex(mode: ShapeDataset) -> tuple[float, ...]:
+    """Eigenvalue, modal A and modal B = −s A."""
+    modal_b = -mode.pole * mode.modal_a
+    return tuple(
+        part for value in (mode.pole, mode.modal_a, modal_b) for part in (value.real, value.imag)
+    )
+
+
+def _of_normal(mode: ShapeDataset) -> tuple[float, ...]:
+    """Frequency, modal mass, viscous and hysteretic damping."""
+    size = abs(mode.pole)
+    return size / (2 * np.pi), mode.modal_mass_kg, -mode.pole.real / size, 0.0
+
+
+def _dataset(number: int, lines: Iterable[str]) -> bytes:
+    end = DELIMITER.decode()
+    return "\n".join([end, f"{number:6d}", *lines, end, ""]).encode("ascii")
+
+
+def _text(line: str) -> str:
+    """80 columns of plain ASCII; a line may not be blank."""
+    plain = " ".join(visible_line(line).encode("ascii", "replace").decode().split())
+    return f"{plain[:80] or 'NONE':<80}"
+
+
+def _reals(values: Iterable[float], width: int, digits: int) -> str:
+    return "".join(f"{value + 0.0:{width}.{digits}E}" for value in values)

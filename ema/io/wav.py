@@ -1,0 +1,146 @@
+"""Read WAV files: one channel for each track, in fractions of full scale."""
+
+from __future__ import annotations
+
+import mmap
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.errors import RecordingFormatError
+from ema.io.columns import Column, content_of_columns
+from ema.io.content import EXPORT_AGAIN, FileContent, reading, remark
+
+SUFFIXES = (".wav",)
+_INTEGER, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
+_COPY_AGAIN = "Copy the file again, or drop the run"
+_IN_DS64 = 0xFFFFFFFF  # sizes beyond 4 GB stand in a chunk of their own
+
+
+@dataclass(frozen=True)
+class _Format:
+    """How samples are stored."""
+
+    code: int
+    n_channels: int
+    rate_hz: int
+    sample_bytes: int
+
+
+def read(path: Path) -> FileContent:
+    """Read a WAV file of integers (8, 16, 24 or 32 bit) or floats (32 or 64 bit).
+
+    Integers become fractions of full scale, −1 to 1. No unit is known: a finding says so. Floats
+    stay on disk as a memory map.
+
+    Raises
+    ------
+    RecordingFormatError
+        If the file is missing, damaged, truncated, or compressed.
+    """
+    # The walk through the chunks is done here because a cut file has to be noticed, and because
+    # chunks that other programs add (dates, notes) are no reason for a warning.
+    with reading(path, "a WAV file"), path.open("rb") as file:
+        if not path.stat().st_size:
+            raise EOFError("the file is empty")
+        data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    layout, start, size = _layout(path, data)
+    samples = _samples(data, layout, start, size)
+    columns = [
+        Column(f"channel {number}", "", track) for number, track in enumerate(samples.T, start=1)
+    ]
+    content = content_of_columns(path, columns, rate_hz=float(layout.rate_hz))
+    detail = "a WAV file states no unit; samples are fractions of full scale"
+    return replace(content, findings=(remark(path, "", "unit", detail), *content.findings))
+
+
+def _layout(path: Path, data: mmap.mmap) -> tuple[_Format, int, int]:
+    """Format, and where the samples are: first byte and number of bytes."""
+    layout = None
+    for name, start, size in _chunks(path, data):
+        if name == b"fmt ":
+            layout = _format(path, data[start : start + size])
+        if name == b"data" and layout is not None:
+            row = layout.n_channels * layout.sample_bytes
+            if start + size > len(data):
+                found = f"{len(data) - start} of {size} bytes of samples"
+                raise RecordingFormatError(path.name, found, "the file is truncated", _COPY_AGAIN)
+            if size % row:
+                found = f"{size} bytes of samples"
+                rule = f"each instant takes {row} bytes"
+                raise RecordingFormatError(path.name, found, rule, _COPY_AGAIN)
+            return layout, start, size
+    found = "no chunk 'data'" if layout else "no chunk 'fmt ' before the samples"
+    rule = "a WAV file states the format of its samples and holds them"
+    raise RecordingFormatError(path.name, found, rule, _COPY_AGAIN)
+
+
+def _chunks(path: Path, data: mmap.mmap) -> Iterator[tuple[bytes, int, int]]:
+    """Names, first bytes and sizes of the chunks, in the order of the file."""
+    if data[:4] not in (b"RIFF", b"RF64") or data[8:12] != b"WAVE":
+        rule = "a WAV file begins with RIFF or RF64, and WAVE"
+        raise RecordingFormatError(path.name, repr(data[:12]), rule, EXPORT_AGAIN)
+    start, size_in_ds64 = 12, None
+    while start + 8 <= len(data):
+        name, size = struct.unpack("<4sI", data[start : start + 8])
+        start += 8
+        if name == b"ds64" and start + 16 <= len(data):
+            size_in_ds64 = struct.unpack("<Q", data[start + 8 : start + 16])[0]
+        if name == b"data" and size == _IN_DS64 and size_in_ds64 is not None:
+            size = size_in_ds64
+        yield name, start, size
+        start += size + size % 2
+
+
+def _format(path: Path, chunk: bytes) -> _Format:
+    if len(chunk) < 16:
+        found = f"{len(chunk)} bytes"
+        raise RecordingFormatError(
+            f"{path.name}, 'fmt '", found, "it takes at least 16", _COPY_AGAIN
+        )
+    code, n_channels, rate_hz, _, row, n_bits = struct.unpack("<HHIIHH", chunk[:16])
+    if code == _EXTENSIBLE and len(chunk) >= 26:
+        code = struct.unpack("<H", chunk[24:26])[0]
+    sample_bytes = -(-n_bits // 8)
+    known = {_INTEGER: (1, 2, 3, 4), _FLOAT: (4, 8)}
+    if sample_bytes not in known.get(code, ()) or n_bits % 8:
+        found = f"format {code} of {n_bits} bit"
+        rule = "integers of 8, 16, 24 or 32 bit and floats of 32 or 64 bit can be read"
+        raise RecordingFormatError(f"{path.name}, 'fmt '", found, rule, EXPORT_AGAIN)
+    if not n_channels or not rate_hz or row != n_channels * sample_bytes:
+        found = f"{n_channels} channels of {sample_bytes} bytes in rows of {row}, {rate_hz} Hz"
+        rule = "rows hold a sample of each channel, at a positive rate"
+        raise RecordingFormatError(f"{path.name}, 'fmt '", found, rule, _COPY_AGAIN)
+    return _Format(code, n_channels, rate_hz, sample_bytes)
+
+
+def _samples(data: mmap.mmap, layout: _Format, start: int, size: int) -> NDArray[Any]:
+    """Samples as fractions of full scale, (n_samples, n_channels)."""
+    width = layout.sample_bytes
+    shape = (-1, layout.n_channels)
+    count = size // width
+    if layout.code == _FLOAT:
+        return np.frombuffer(data, f"<f{width}", count, start).reshape(shape)
+    if width == 3:
+        stored: NDArray[Any] = _three_bytes(np.frombuffer(data, np.uint8, size, start))
+    else:
+        stored = np.frombuffer(data, "u1" if width == 1 else f"<i{width}", count, start)
+    values: NDArray[Any] = stored.astype(np.float64 if width == 4 else np.float32)  # of 24 bit
+    if width == 1:  # the only unsigned ones, with zero in the middle
+        values -= 128
+    values /= 1 << (8 * width - 1)
+    return values.reshape(shape)
+
+
+def _three_bytes(stored: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Integers of 24 bit: below them a byte of zeros, which the shift takes out again."""
+    wide = np.zeros((len(stored) // 3, 4), dtype=np.uint8)
+    wide[:, 1:] = stored.reshape(-1, 3)
+    values = wide.view("<i4")[:, 0]
+    values >>= 8
+    return values

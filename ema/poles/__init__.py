@@ -1,0 +1,1 @@
+"""Poles: estimators, the stability diagram, and the choice among them."""

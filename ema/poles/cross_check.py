@@ -1,0 +1,88 @@
+"""The same FRFs through another pole estimator: where do the two disagree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ema.core.errors import FitError
+from ema.core.frf import FRF
+from ema.core.modes import Mode
+from ema.poles.selection import select_poles
+from ema.poles.stability import build_stability
+
+OTHER = {"lsce": "plscf", "plscf": "lsce"}
+
+# Two estimators agree on a mode within these, before the curve fit.
+_FREQUENCY = 0.005
+_DAMPING = 0.10
+# Model orders that show every mode of a tyre; a second look need not go further.
+_ENOUGH = 40
+
+
+@dataclass(frozen=True)
+class Opinion:
+    """What another estimator says about one mode.
+
+    Parameters
+    ----------
+    method : str
+        The other estimator.
+    mode_hz : float
+        Frequency of the mode; NaN where only the other estimator sees one.
+    frequency_hz, damping_ratio : float
+        The other estimator's pole; NaN where it sees none.
+    agrees : bool
+        Within 0.5 % of frequency and 10 % of damping.
+    """
+
+    method: str
+    mode_hz: float
+    frequency_hz: float
+    damping_ratio: float
+    agrees: bool
+
+
+def second_opinion(
+    frf: FRF, modes: Sequence[Mode], band_hz: tuple[float, float], method: str, max_order: int
+) -> tuple[Opinion, ...]:
+    """Find the poles again with another method and compare them with the modes.
+
+    Parameters
+    ----------
+    frf : FRF
+    modes : sequence of Mode
+    band_hz : tuple of float
+    method : str
+        The other method, see `build_stability`.
+    max_order : int
+    """
+    try:
+        selection = select_poles(
+            build_stability(frf, band_hz, max_order=min(max_order, _ENOUGH), method=method)
+        ).poles
+    except FitError:
+        selection = np.zeros(0, dtype=complex)
+    frequency_hz = np.abs(selection) / (2 * np.pi)
+    free = [k for k, f in enumerate(frequency_hz) if band_hz[0] <= f <= band_hz[1]]
+    opinions = []
+    for mode in modes:
+        near = min(free, key=lambda k: abs(frequency_hz[k] - mode.frequency_hz), default=None)
+        if near is None or abs(frequency_hz[near] / mode.frequency_hz - 1) > 4 * _FREQUENCY:
+            nothing = float("nan")
+            opinions.append(Opinion(method, mode.frequency_hz, nothing, nothing, False))
+            continue
+        free.remove(near)
+        ratio = float(-selection[near].real / np.abs(selection[near]))
+        agrees = (
+            abs(frequency_hz[near] / mode.frequency_hz - 1) < _FREQUENCY
+            and abs(ratio / mode.damping_ratio - 1) < _DAMPING
+        )
+        seen = float(frequency_hz[near])
+        opinions.append(Opinion(method, mode.frequency_hz, seen, ratio, bool(agrees)))
+    for k in free:
+        ratio = float(-selection[k].real / np.abs(selection[k]))
+        opinions.append(Opinion(method, float("nan"), float(frequency_hz[k]), ratio, False))
+    return tuple(opinions)

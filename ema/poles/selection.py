@@ -1,0 +1,170 @@
+"""Which poles of a stability diagram the curve fit starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ema.core.arrays import readonly
+from ema.core.errors import FitError
+from ema.poles.stability import StabilityDiagram
+
+_PIN_REACH = 0.05
+_EXCLUDE_REACH = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class PoleSelection:
+    """Poles that start a curve fit.
+
+    Parameters
+    ----------
+    poles : ndarray of complex, shape (n_modes,)
+        rad/s; poles outside the band guard its ends.
+    band_hz : tuple of float
+        Band whose modes are wanted.
+    pinned : bool
+        Whether the user chose them: then none is added and none dropped.
+    aside : ndarray of complex, shape (n_aside,)
+        Poles that the diagram shows and the user does not want: they are fitted, so that their
+        response is not pressed into the others, and are no part of the result.
+    """
+
+    poles: NDArray[np.complex128]
+    band_hz: tuple[float, float]
+    pinned: bool = False
+    aside: NDArray[np.complex128] = field(default_factory=lambda: np.zeros(0, dtype=complex))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "poles", readonly(self.poles, complex))
+        object.__setattr__(self, "aside", readonly(self.aside, complex))
+
+    @property
+    def fitted(self) -> NDArray[np.complex128]:
+        """Poles to fit, those set aside included; ascending in frequency."""
+        both = np.append(self.poles, self.aside)
+        return np.asarray(both[np.argsort(np.abs(both))])
+
+    def is_aside(self, poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
+        """Which fitted poles go back to one that was set aside."""
+        if self.aside.size == 0:
+            return np.zeros(poles.size, dtype=bool)
+        wanted, aside = (
+            np.min(np.abs(poles[:, None] - each[None, :]), axis=1, initial=np.inf)
+            for each in (self.poles, self.aside)
+        )
+        return np.asarray(aside < wanted)
+
+    @classmethod
+    def around(cls, poles: ArrayLike) -> PoleSelection:
+        """Select given poles and a band that reaches 20 % beyond them."""
+        given = np.atleast_1d(np.asarray(poles, dtype=complex))
+        frequency_hz = np.abs(given) / (2 * np.pi)
+        return cls(given, (0.8 * float(frequency_hz.min()), 1.2 * float(frequency_hz.max())))
+
+
+def select_poles(
+    diagram: StabilityDiagram,
+    pinned_hz: Sequence[float] | None = None,
+    excluded_hz: Sequence[float] = (),
+) -> PoleSelection:
+    """Choose the poles that start the curve fit, those just outside the band included.
+
+    Parameters
+    ----------
+    diagram : StabilityDiagram
+    pinned_hz : sequence of float, optional
+        Take one pole next to each of these frequencies instead of the automatic selection.
+    excluded_hz : sequence of float
+        Leave out the pole nearest to each of these frequencies (within 1 %).
+
+    What the diagram shows beside the pinned ones, and what is excluded, is set aside: fitted, but
+    no part of the result.
+
+    Returns
+    -------
+    PoleSelection
+        Poles ascending in frequency, with the diagram's band.
+
+    Raises
+    ------
+    FitError
+        Where nothing was found, nothing within 5 % of a pinned frequency, one pole for two, or one
+        that is excluded too.
+    """
+    excluded = {_excluded(diagram, wanted) for wanted in excluded_hz}
+    kept = [cluster for cluster in diagram.clusters if cluster.kept]
+    wanted = [cluster.pole for cluster in kept if cluster.label not in excluded]
+    aside = [cluster.pole for cluster in kept if cluster.label in excluded]
+    if pinned_hz is not None:
+        pins = _pinned_poles(diagram, pinned_hz, aside)
+        others = [pole for pole in wanted if not _near_any(pole, pins)]
+        guards = [pole for pole in others if not _inside(pole, diagram.band_hz)]
+        wanted = pins + guards
+        aside += [pole for pole in others if pole not in guards]
+    if not wanted:
+        raise FitError(
+            f"no mode found between {diagram.band_hz[0]:g} and {diagram.band_hz[1]:g} Hz: no pole "
+            "is stable over the model orders. Check coherence and band, or pin frequencies."
+        )
+    poles = np.array(wanted)
+    return PoleSelection(
+        poles[np.argsort(np.abs(poles))], diagram.band_hz, pinned_hz is not None, np.array(aside)
+    )
+
+
+def _inside(pole: complex, band_hz: tuple[float, float]) -> bool:
+    return band_hz[0] <= abs(pole) / (2 * np.pi) <= band_hz[1]
+
+
+def _near_any(pole: complex, others: Sequence[complex]) -> bool:
+    return any(abs(abs(pole) / abs(other) - 1) < _EXCLUDE_REACH for other in others)
+
+
+def _pinned_poles(
+    diagram: StabilityDiagram, pinned_hz: Sequence[float], excluded: Sequence[complex]
+) -> list[complex]:
+    """One pole for each frequency; the same pole twice would leave the curve fit without answer."""
+    wanted_at: dict[complex, float] = {}
+    for wanted in pinned_hz:
+        pole = _pinned_pole(diagram, wanted)
+        if pole in excluded:
+            raise FitError(f"the pinned {wanted:g} Hz is excluded too. Leave out one of the two.")
+        if pole in wanted_at:
+            raise FitError(
+                f"the pinned {wanted_at[pole]:g} and {wanted:g} Hz lead to the same pole at "
+                f"{abs(pole) / (2 * np.pi):.2f} Hz. Leave one of them out."
+            )
+        wanted_at[pole] = wanted
+    return list(wanted_at)
+
+
+def _excluded(diagram: StabilityDiagram, wanted_hz: float) -> int:
+    """Label of the kept cluster nearest to a frequency that the user wants left out."""
+    kept = [cluster for cluster in diagram.clusters if cluster.kept]
+    near = min(kept, key=lambda c: abs(c.frequency_hz - wanted_hz), default=None)
+    if near is None or abs(near.frequency_hz / wanted_hz - 1) > _EXCLUDE_REACH:
+        raise FitError(
+            f"no mode within {100 * _EXCLUDE_REACH:g} % of the excluded {wanted_hz:g} Hz. "
+            "Leave it out or correct the frequency."
+        )
+    return near.label
+
+
+def _pinned_pole(diagram: StabilityDiagram, wanted_hz: float) -> complex:
+    """Pole of the largest cluster within 5 % of a frequency, or of the nearest single pole."""
+    if not wanted_hz > 0:
+        raise FitError(f"the pinned {wanted_hz:g} Hz is no frequency. Correct it or leave it out.")
+    near = [c for c in diagram.clusters if abs(c.frequency_hz / wanted_hz - 1) < _PIN_REACH / 5]
+    if near:
+        return max(near, key=lambda cluster: cluster.size).pole
+    distance = np.abs(diagram.frequency_hz / wanted_hz - 1)
+    if distance.size == 0 or distance.min() > _PIN_REACH:
+        raise FitError(
+            f"no pole within {100 * _PIN_REACH:g} % of the pinned {wanted_hz:g} Hz at any model "
+            "order. Leave it out or widen the band."
+        )
+    return complex(diagram.poles[np.argmin(distance)])

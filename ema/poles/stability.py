@@ -1,0 +1,244 @@
+"""The stability diagram: poles over model order, their clusters, and which clusters are modes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.arrays import readonly
+from ema.core.bands import widened_band
+from ema.core.display import band_text, counted, table
+from ema.core.errors import InputError
+from ema.core.frf import FRF
+from ema.core.numerics import one_blas_thread
+from ema.poles.lsce import impulse_responses, normal_matrix, useful_length
+from ema.poles.plscf import line_weight, reduced_normal_matrix
+from ema.poles.run_alignment import align_runs
+from ema.poles.tracking import interpret, pole_history
+from ema.signals.bias_and_noise import without_spikes
+
+STABLE_FREQUENCY = 0.01
+STABLE_DAMPING = 0.05
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Poles of many model orders that belong together.
+
+    Parameters
+    ----------
+    label : int
+        Number used in `StabilityDiagram.cluster`.
+    pole : complex
+        Representative pole in rad/s.
+    size : int
+        Number of model orders that contain it.
+    kept : bool
+        Whether it is taken for a mode.
+    reason : str
+        Why it was kept or dropped, in words.
+    """
+
+    label: int
+    pole: complex
+    size: int
+    kept: bool
+    reason: str
+
+    @property
+    def frequency_hz(self) -> float:
+        """Undamped frequency |s|/2π."""
+        return abs(self.pole) / (2 * np.pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio −Re(s)/|s|."""
+        return -self.pole.real / abs(self.pole)
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityDiagram:
+    """Every pole of every model order, with what is stable from one order to the next.
+
+    Parameters
+    ----------
+    band_hz : tuple of float
+        Band in which modes are sought.
+    model_order : ndarray of int, shape (n_poles,)
+        Model order each pole comes from.
+    poles : ndarray of complex, shape (n_poles,)
+        Poles in rad/s, upper half plane.
+    stable_frequency, stable_damping : ndarray of bool, shape (n_poles,)
+        Whether the previous order has the pole within 1 % of frequency, 5 % of damping.
+    cluster : ndarray of int, shape (n_poles,)
+        Cluster label; −1 where the pole belongs to none.
+    clusters : tuple of Cluster
+        All clusters, kept or not.
+    indicator_hz, indicator : ndarray
+        Mode indicator function drawn behind the poles: RMS inertance over all positions.
+    """
+
+    band_hz: tuple[float, float]
+    model_order: NDArray[np.int_]
+    poles: NDArray[np.complex128]
+    stable_frequency: NDArray[np.bool_]
+    stable_damping: NDArray[np.bool_]
+    cluster: NDArray[np.int_]
+    clusters: tuple[Cluster, ...]
+    indicator_hz: NDArray[np.float64]
+    indicator: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name, dtype in (
+            ("model_order", int),
+            ("poles", complex),
+            ("stable_frequency", bool),
+            ("stable_damping", bool),
+            ("cluster", int),
+            ("indicator_hz", float),
+            ("indicator", float),
+        ):
+            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
+
+    @property
+    def frequency_hz(self) -> NDArray[np.float64]:
+        """Undamped frequencies |s|/2π of all poles."""
+        return np.asarray(np.abs(self.poles) / (2 * np.pi))
+
+    @property
+    def damping_ratio(self) -> NDArray[np.float64]:
+        """Damping ratios −Re(s)/|s| of all poles."""
+        return np.asarray(-self.poles.real / np.abs(self.poles))
+
+    def __repr__(self) -> str:
+        return diagram_line(self)
+
+    def _repr_html_(self) -> str:
+        return diagram_html(self)
+
+
+@one_blas_thread
+def build_stability(
+    frf: FRF,
+    band_hz: tuple[float, float] = (20.0, 260.0),
+    *,
+    max_order: int = 60,
+    max_damping: float = 0.2,
+    method: str = "lsce",
+) -> StabilityDiagram:
+    """Poles of all model orders, matched from order to order, clustered and judged.
+
+    Parameters
+    ----------
+    frf : FRF
+    band_hz : tuple of float
+        Band in which modes are sought. Some lines beyond it are used where their noise allows, so
+        that modes just outside are seen as such.
+    max_order : int
+        Highest model order: the number of poles in the band.
+    max_damping : float
+        Poles with a larger damping ratio are not taken for modes.
+    method : {"lsce", "plscf"}
+        Least-squares complex exponentials from impulse responses, or polyreference least-squares
+        complex frequency from the FRFs, weighted with their noise.
+
+    Returns
+    -------
+    StabilityDiagram
+
+    Raises
+    ------
+    InputError
+        If there is no such method.
+    FitError
+        Where the band holds too few lines.
+    """
+    if method not in METHODS:
+        raise InputError(
+            "poles", f"method {method!r}", f"known are {', '.join(METHODS)}", "Choose one"
+        )
+    lines = widened_band(frf, band_hz)
+    frequency_hz, values = frf.frequency_hz[lines], align_runs(frf, lines)
+    values = without_spikes(frf, lines, values)
+    responses, step_s = impulse_responses(frequency_hz, values)
+    max_order = max(min(max_order, responses.shape[1] // 4), 2)
+    length = useful_length(responses, shortest=3 * max_order)
+    # The first sample holds the direct part of an inertance and the residual terms.
+    piece = responses[:, 1:length]
+    matrix = METHODS[method](piece, values, frf.std[:, lines], max_order)
+    found = pole_history(matrix, piece, step_s, frequency_hz[0], max_damping)
+    label, verdicts = interpret(found, max_order)
+    return StabilityDiagram(
+        band_hz=band_hz,
+        model_order=found.model_order,
+        poles=found.poles,
+        stable_frequency=found.step_frequency < STABLE_FREQUENCY,
+        stable_damping=found.step_damping < STABLE_DAMPING,
+        cluster=label,
+        clusters=tuple(
+            Cluster(number, verdict.pole, verdict.size, verdict.kept, verdict.reason)
+            for number, verdict in enumerate(verdicts)
+        ),
+        indicator_hz=frequency_hz,
+        indicator=np.sqrt(np.mean(np.abs(values) ** 2, axis=0)),
+    )
+
+
+def _lsce(
+    piece: NDArray[np.complex128],
+    values: NDArray[np.complex128],
+    std: NDArray[np.float64],
+    max_order: int,
+) -> NDArray[np.complex128]:
+    return normal_matrix(piece, max_order)
+
+
+def _plscf(
+    piece: NDArray[np.complex128],
+    values: NDArray[np.complex128],
+    std: NDArray[np.float64],
+    max_order: int,
+) -> NDArray[np.complex128]:
+    return reduced_normal_matrix(values, max_order, line_weight(std))
+
+
+#: Normal matrix whose leading blocks give the poles of every order, from (impulse responses,
+#: FRFs, their σ, highest order).
+METHODS: dict[str, Callable[..., NDArray[np.complex128]]] = {"lsce": _lsce, "plscf": _plscf}
+
+
+def diagram_line(diagram: StabilityDiagram) -> str:
+    """Band, poles and what was kept of them."""
+    kept = sum(_verdict(cluster, diagram.band_hz) == "yes" for cluster in diagram.clusters)
+    highest = int(diagram.model_order.max(initial=0))
+    return (
+        f"<StabilityDiagram: {band_text(diagram.band_hz)}, "
+        f"{counted(diagram.poles.size, 'pole')} up to "
+        f"model order {highest}, {counted(kept, 'mode')} seen>"
+    )
+
+
+def diagram_html(diagram: StabilityDiagram) -> str:
+    """Clusters of poles, and why each was kept or dropped."""
+    rows = [
+        (
+            _verdict(cluster, diagram.band_hz),
+            f"{cluster.frequency_hz:.2f}",
+            f"{100 * cluster.damping_ratio:.2f}",
+            str(cluster.size),
+            cluster.reason,
+        )
+        for cluster in sorted(diagram.clusters, key=lambda cluster: cluster.frequency_hz)
+    ]
+    head = ("a mode", "frequency / Hz", "damping / %", "model orders", "why")
+    return table(f"Clusters of poles, {band_text(diagram.band_hz)}", head, rows, words=(0, 4))
+
+
+def _verdict(cluster: Cluster, band_hz: tuple[float, float]) -> str:
+    """Whether a cluster becomes a mode; beyond the band it guards the band's ends at most."""
+    if not band_hz[0] <= cluster.frequency_hz <= band_hz[1]:
+        return "beyond the band"
+    return "yes" if cluster.kept else "no"

@@ -1,0 +1,288 @@
+"""Poles over the model orders, each followed from one order to the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.mac import auto_mac, mac
+from ema.core.numerics import average_linkage
+from ema.poles.lsce import poles_of_order, shapes_of_poles
+
+
+@dataclass(frozen=True, eq=False)
+class PoleHistory:
+    """Poles of all orders with their shapes and their match in the order before.
+
+    Parameters
+    ----------
+    model_order : ndarray of int, shape (n_poles,)
+    poles : ndarray of complex, shape (n_poles,)
+    shapes : ndarray of complex, shape (n_poles, n_positions)
+    step_frequency, step_damping : ndarray, shape (n_poles,)
+        Relative change of frequency and damping ratio from the match; inf where there is none.
+    step_total : ndarray, shape (n_poles,)
+        |Δλ|/max|λ| + 1 − MAC to the match; inf where there is none.
+    match : ndarray of int, shape (n_poles,)
+        Index of the match; −1 where there is none.
+    """
+
+    model_order: NDArray[np.int_]
+    poles: NDArray[np.complex128]
+    shapes: NDArray[np.complex128]
+    step_frequency: NDArray[np.float64]
+    step_damping: NDArray[np.float64]
+    step_total: NDArray[np.float64]
+    match: NDArray[np.int_]
+
+
+def pole_history(
+    matrix: NDArray[np.complex128],
+    piece: NDArray[np.complex128],
+    step_s: float,
+    lowest_hz: float,
+    max_damping: float,
+) -> PoleHistory:
+    """Solve all model orders of one normal matrix and follow the stable poles through them.
+
+    Parameters
+    ----------
+    matrix : ndarray of complex
+        Normal matrix of the highest order.
+    piece : ndarray of complex, shape (n_positions, n_samples)
+        Impulse responses that give the shapes.
+    step_s, lowest_hz : float
+        As in `ema.poles.lsce.poles_of_order`.
+    max_damping : float
+        Largest damping ratio of a pole worth following.
+    """
+    rows: list[tuple[NDArray[np.generic], ...]] = []
+    old_poles = np.zeros(0, dtype=complex)
+    old_shapes = np.zeros((0, piece.shape[0]), dtype=complex)
+    first_old = 0
+    for order in range(2, len(matrix)):
+        poles = poles_of_order(matrix, order, step_s, lowest_hz)
+        damping = -poles.real / np.abs(poles)
+        poles = poles[(damping > 0) & (damping < max_damping) & (poles.imag > 0)]
+        shapes = shapes_of_poles(piece, poles, step_s, lowest_hz)
+        match, total = _matches(old_poles, old_shapes, poles, shapes)
+        frequency, ratio = _changes(old_poles, poles, match)
+        global_match = np.where(match >= 0, match + first_old, -1)
+        rows.append(
+            (np.full(poles.size, order), poles, shapes, frequency, ratio, total, global_match)
+        )
+        first_old += old_poles.size
+        old_poles, old_shapes = poles, shapes
+    return PoleHistory(*(np.concatenate(column) for column in zip(*rows, strict=True)))
+
+
+def _matches(
+    old_poles: NDArray[np.complex128],
+    old_shapes: NDArray[np.complex128],
+    poles: NDArray[np.complex128],
+    shapes: NDArray[np.complex128],
+) -> tuple[NDArray[np.int_], NDArray[np.float64]]:
+    """Match of each pole in the order before, one to one, and the distance to it.
+
+    Only mutual nearest neighbours match. Shapes count as much as poles, so that the two members of
+    a pair are not mistaken for each other where they lie close together.
+    """
+    match, total = np.full(poles.size, -1), np.full(poles.size, np.inf)
+    if not (old_poles.size and poles.size):
+        return match, total
+    largest = np.maximum(np.abs(old_poles)[:, None], np.abs(poles)[None, :])
+    distance = np.abs(old_poles[:, None] - poles[None, :]) / largest
+    distance = distance + 1 - mac(old_shapes, shapes)
+    nearest_old, nearest_new = distance.argmin(axis=0), distance.argmin(axis=1)
+    mutual = np.flatnonzero(nearest_new[nearest_old] == np.arange(poles.size))
+    match[mutual] = nearest_old[mutual]
+    total[mutual] = distance[nearest_old[mutual], mutual]
+    return match, total
+
+
+def _changes(
+    old_poles: NDArray[np.complex128], poles: NDArray[np.complex128], match: NDArray[np.int_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Relative change of frequency and of damping ratio from the matches."""
+    frequency, damping = np.full(poles.size, np.inf), np.full(poles.size, np.inf)
+    new = np.flatnonzero(match >= 0)
+    old = old_poles[match[new]]
+    frequency[new] = np.abs(np.abs(poles[new]) / np.abs(old) - 1)
+    ratio = (poles[new].real / np.abs(poles[new])) / (old.real / np.abs(old))
+    damping[new] = np.abs(ratio - 1)
+    return frequency, damping
+
+
+# The cut of the tree follows the diagram, within what can still mean "the same mode".
+_CUT_RANGE = (0.01, 0.1)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A cluster of poles and whether it is taken for a mode."""
+
+    pole: complex
+    size: int
+    kept: bool
+    reason: str
+
+
+def interpret(history: PoleHistory, max_order: int) -> tuple[NDArray[np.int_], list[Verdict]]:
+    """Group the poles of all orders and decide which groups are modes.
+
+    Parameters
+    ----------
+    history : PoleHistory
+    max_order : int
+        Highest model order of the diagram.
+
+    Returns
+    -------
+    label : ndarray of int, shape (n_poles,)
+        Cluster number, −1 for poles that were cleared.
+    verdicts : list of Verdict
+        One per cluster, ascending in frequency.
+    """
+    step, poles, order = history.step_total, history.poles, history.model_order
+    label = np.full(poles.size, -1)
+    matched = np.isfinite(step)
+    if np.count_nonzero(matched) < 2:
+        return label, []
+    tracks = _tracks(history, _cut(step[matched]))
+    if not tracks:
+        return label, []
+    members = _joined(tracks, history)
+    members.sort(key=lambda rows: float(np.median(np.abs(poles[rows]))))
+    sizes = np.array([np.unique(order[rows]).size for rows in members])
+    large = _large(sizes)
+    whole = _broken_up(members, sizes, large, history)
+    for number, rows in enumerate(members):
+        label[rows] = number
+    reasons = _reasons(sizes, large, max_order)
+    for number, count in whole.items():
+        large[number] = True
+        reasons[number] = f"kept: with the pieces beside it in {count} of {max_order - 1} orders"
+    verdicts = [
+        Verdict(_representative(poles[rows], order[rows]), int(size), bool(kept), reason)
+        for rows, size, kept, reason in zip(members, sizes, large, reasons, strict=True)
+    ]
+    return label, verdicts
+
+
+def _tracks(history: PoleHistory, cut: float) -> list[NDArray[np.int_]]:
+    """Chains of poles that follow each other in steps below the cut, two or more in a row."""
+    track = np.full(history.poles.size, -1)
+    count = 0
+    for row in np.flatnonzero(history.step_total < cut):
+        before = history.match[row]
+        if track[before] < 0:
+            track[before] = count
+            count += 1
+        track[row] = track[before]
+    return [np.flatnonzero(track == number) for number in range(count)]
+
+
+def _joined(tracks: list[NDArray[np.int_]], history: PoleHistory) -> list[NDArray[np.int_]]:
+    """Tracks of one and the same pole, interrupted in between, as one.
+
+    Average linkage of the tracks' last poles; tracks that run side by side are different poles.
+    """
+    last = np.array([rows[-1] for rows in tracks])
+    groups = _groups(history.poles[last], history.shapes[last], _CUT_RANGE[1])
+    joined: list[NDArray[np.int_]] = []
+    for number in np.unique(groups):
+        parts = [tracks[k] for k in np.flatnonzero(groups == number)]
+        parts.sort(key=len, reverse=True)
+        chains: list[NDArray[np.int_]] = []
+        for rows in parts:
+            for k, chain in enumerate(chains):
+                side_by_side = np.intersect1d(history.model_order[chain], history.model_order[rows])
+                if side_by_side.size <= 1:
+                    chains[k] = np.concatenate([chain, rows])
+                    break
+            else:
+                chains.append(rows)
+        joined += chains
+    return joined
+
+
+def _cut(step: NDArray[np.float64]) -> float:
+    """Distance that still joins poles: the boundary of two groups of steps, on a log scale."""
+    logs = np.sort(np.log10(np.clip(step, 1e-12, 1.0)))
+    boundary = _two_means(logs, logs[0], logs[-1])
+    return float(np.clip(10**boundary, *_CUT_RANGE))
+
+
+def _groups(
+    poles: NDArray[np.complex128], shapes: NDArray[np.complex128], cut: float
+) -> NDArray[np.int_]:
+    """Average-linkage clusters with d = |Δλ|/max|λ| + 1 − MAC."""
+    size = np.abs(poles)
+    distance = np.abs(poles[:, None] - poles[None, :]) / np.maximum(size[:, None], size[None, :])
+    distance = distance + 1 - np.clip(auto_mac(shapes), 0, 1)
+    return average_linkage((distance + distance.T) / 2, cut)
+
+
+def _large(sizes: NDArray[np.int_]) -> NDArray[np.bool_]:
+    """Large clusters among all; empty ones are added so that large ones alone are not split."""
+    padded = np.concatenate([sizes, np.zeros(np.sum(sizes > sizes.max() / 5))]).astype(float)
+    boundary = _two_means(np.sort(padded), 0.0, float(sizes.max()))
+    return np.asarray(sizes > boundary)
+
+
+def _broken_up(
+    members: list[NDArray[np.int_]],
+    sizes: NDArray[np.int_],
+    large: NDArray[np.bool_],
+    history: PoleHistory,
+) -> dict[int, int]:
+    """Largest pieces of tracks that broke up, with the number of orders that all pieces cover.
+
+    Two poles that lie too close together for their shapes to settle swap and break off: neither
+    is large, though the resonance shows in as many orders as any other. A piece counts where no
+    large track lies within the half-width of its resonance.
+    """
+    poles, order = history.poles, history.model_order
+    centre = np.array([_representative(poles[rows], order[rows]) for rows in members])
+    near = np.abs(centre[:, None] - centre) < np.minimum.outer(-centre.real, -centre.real)
+    whole: dict[int, int] = {}
+    for number in np.argsort(-sizes):
+        beside = near[number]
+        if not np.any(large) or np.any(large & beside) or any(beside[k] for k in whole):
+            continue
+        covered = np.concatenate([members[k] for k in np.flatnonzero(beside)])
+        count = int(np.unique(order[covered]).size)
+        if count >= sizes[large].min():
+            whole[int(number)] = count
+    return whole
+
+
+def _two_means(values: NDArray[np.float64], low: float, high: float) -> float:
+    """Boundary between two groups of sorted numbers (2-means from given centres)."""
+    boundary = (low + high) / 2
+    for _ in range(50):
+        below, above = values[values <= boundary], values[values > boundary]
+        if below.size == 0 or above.size == 0:
+            break
+        moved = (below.mean() + above.mean()) / 2
+        if moved == boundary:
+            break
+        boundary = moved
+    return float(boundary)
+
+
+def _representative(poles: NDArray[np.complex128], order: NDArray[np.int_]) -> complex:
+    """Median pole of the higher half of the orders, where the noise is modelled best."""
+    upper = poles[order >= np.median(order)]
+    return complex(np.median(upper.real), np.median(upper.imag))
+
+
+def _reasons(sizes: NDArray[np.int_], large: NDArray[np.bool_], max_order: int) -> list[str]:
+    fewest = sizes[large].min() if np.any(large) else 0
+    return [
+        f"{'kept' if kept else 'dropped'}: in {size} of {max_order - 1} model orders"
+        + ("" if kept else f", the modes are in {fewest} or more")
+        for size, kept in zip(sizes, large, strict=True)
+    ]

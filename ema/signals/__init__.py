@@ -1,0 +1,1 @@
+"""From samples to frequency response functions, and what signals show of themselves."""

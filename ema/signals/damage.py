@@ -1,0 +1,335 @@
+"""Parts of recordings that cannot be what was measured: found, named and left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.block_plan import BlockPlan
+from ema.core.campaign import Run
+from ema.core.files import piece
+from ema.core.finding import WARNING, Finding
+from ema.core.recording import Channel
+from ema.signals.lost_samples import lost_everywhere
+from ema.signals.slips import part_ends
+from ema.signals.spectra import Spectra
+from ema.signals.stuck_and_repeated import Repeat, Stretch, repeated_stretches, stuck_stretches
+
+STUCK, REPEATED, COUNTER, LOST = "stuck", "repeated", "counter", "lost samples"
+# Runs of one campaign are as long as each other within this share; stopped by hand they differ.
+SAME_LENGTH = 0.01
+_LEFT_OUT = "the averages with it are left out"
+# Slips that are one and the same, in samples; the share of the sensors of a run that puts the blame
+# on the force, and the fewest that have a majority.
+_SAME_SLIP, _MOST_SENSORS, _FEWEST_SENSORS = 0.25, 0.8, 3
+_SHOWN = 5  # of one kind in one channel
+
+
+@dataclass(frozen=True, eq=False)
+class _Damage:
+    """Stretches of a run that are wrong, in one channel or (None) in all; texts as in `Finding`."""
+
+    check: str
+    channel: Channel | None
+    wrong: tuple[Stretch, ...]
+    detail: str
+
+
+def without_damage(
+    runs: Sequence[Run], every: Callable[..., Iterable[Any]] = map
+) -> tuple[list[Run], tuple[Finding, ...]]:
+    """Runs in which stretches that are stuck or repeated read as missing, and what was found.
+
+    Nothing is changed or guessed: blocks that contain such a stretch are left out like those in
+    which samples are missing, for the channel that is concerned, or for all.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+    every : callable
+        A `map`, e.g. that of a pool of threads.
+    """
+
+    def damage_of(run: Run) -> list[_Damage]:
+        others = [other.recording.n_samples for other in runs if other is not run]
+        return [*_stuck(run), *_repeated(run, others), *_miscounted(run)]
+
+    found = list(every(damage_of, runs))
+    usable = [_left_out(run, damage) for run, damage in zip(runs, found, strict=True)]
+    findings = [
+        _finding(run, one) for run, damage in zip(runs, found, strict=True) for one in damage
+    ]
+    return usable, tuple(findings)
+
+
+def _finding(run: Run, damage: _Damage) -> Finding:
+    channel = damage.channel
+    places = {response.channel.name: response.position_deg for response in run.responses}
+    return Finding(
+        run=run.name,
+        channel="" if channel is None else channel.name,
+        position_deg=None if channel is None else places.get(channel.name),
+        check=damage.check,
+        verdict=WARNING,
+        detail=damage.detail,
+    )
+
+
+def _left_out(run: Run, damage: Sequence[_Damage]) -> Run:
+    """The run, its channels with gaps where they are wrong."""
+    if not damage:
+        return run
+
+    def with_gaps(channel: Channel) -> Channel:
+        wrong = [
+            (stretch.start, stretch.stop)
+            for one in damage
+            if one.channel is None or one.channel.name == channel.name
+            for stretch in one.wrong
+        ]
+        return replace(channel, gaps=(*channel.gaps, *wrong)) if wrong else channel
+
+    return replace(
+        run,
+        force=with_gaps(run.force),
+        responses=tuple(replace(each, channel=with_gaps(each.channel)) for each in run.responses),
+        reference=None if run.reference is None else with_gaps(run.reference),
+    )
+
+
+def without_lost_samples(
+    run: Run, spectra: Spectra, plan: BlockPlan
+) -> tuple[Run, tuple[Finding, ...]]:
+    """The run without what does not fit the rest after samples were lost, and what was found.
+
+    Parameters
+    ----------
+    run : Run
+    spectra : Spectra
+        Of all sensors of the run, the reference sensor last.
+    plan : BlockPlan
+        Blocks of this run.
+    """
+    damage = [
+        *_slipped(run, spectra.slip, plan),
+        *_joined(run, lost_everywhere(run, spectra, plan)),
+    ]
+    return _left_out(run, damage), tuple(_finding(run, one) for one in damage)
+
+
+def _stuck(run: Run) -> Iterator[_Damage]:
+    rate_hz = run.recording.sampling_rate_hz
+    by_channel: dict[str, list[Stretch]] = {}
+    for channel, stretch in stuck_stretches(run):
+        by_channel.setdefault(channel.name, []).append(stretch)
+    if len(by_channel) >= len(run.channels):  # the recorder stood still
+        wrong = tuple(dict.fromkeys(by_channel[run.force.name]))
+        detail = f"all channels hold their values: {_where(wrong, rate_hz)}; {_LEFT_OUT}"
+        yield _Damage(STUCK, None, wrong, detail)
+        return
+    for channel in run.channels:
+        wrong = tuple(by_channel.get(channel.name, ()))
+        if wrong:
+            where = _where(wrong, rate_hz)
+            detail = f"it holds one value while the others move: {where}; {_LEFT_OUT}"
+            yield _Damage(STUCK, channel, wrong, detail)
+
+
+def _repeated(run: Run, others: Sequence[int]) -> Iterator[_Damage]:
+    rate_hz = run.recording.sampling_rate_hz
+    for repeat in repeated_stretches(run):
+        if repeat.throughout and not _is_appended(repeat, others):
+            continue  # a computed recording of whole periods
+        copy, lag = repeat.copy, repeat.lag
+        what = "all channels repeat" if repeat.of is None else "the force alone repeats"
+        detail = (
+            f"{what} to the last bit what was recorded {lag / rate_hz:.4g} s before: "
+            f"{_where([copy], rate_hz)}"
+        )
+        if repeat.throughout:
+            detail += ", which is the recording appended to itself"
+        first = Stretch(copy.start - lag, copy.stop - lag)
+        # Which of two forces the sensors answered to is not known; of two recordings the first.
+        wrong = (copy,) if repeat.of is None else (first, copy)
+        says = _LEFT_OUT if repeat.of is None else "the averages with either are left out"
+        yield _Damage(REPEATED, repeat.of, wrong, f"{detail}; {says}")
+
+
+def _is_appended(repeat: Repeat, others: Sequence[int]) -> bool:
+    """Whether what repeats is as long as another run."""
+    return any(abs(repeat.lag - n) <= SAME_LENGTH * n for n in others)
+
+
+def _miscounted(run: Run) -> Iterator[_Damage]:
+    jumps = counter_jumps(run)
+    if not jumps:
+        return
+    said = [_counted(jump) for jump in jumps[:_SHOWN]]
+    more = f" and {len(jumps) - _SHOWN} more" if len(jumps) > _SHOWN else ""
+    detail = f"counter {jumps[0].channel!r} {_and(said)}{more}; {_LEFT_OUT}"
+    yield _Damage(COUNTER, None, tuple(jump.wrong for jump in jumps), detail)
+
+
+def _counted(jump: Jump) -> str:
+    row = f"goes from {jump.before} to {jump.after} at row {jump.wrong.start + 1}"
+    if jump.lost:
+        return f"{row}, {jump.lost} samples lost"
+    return f"{row}, {len(jump.wrong)} samples a second time"
+
+
+def _slipped(run: Run, slip: NDArray[np.float64], plan: BlockPlan) -> Iterator[_Damage]:
+    """Channels that run ahead of the force, or behind it, from some part of the run to its end."""
+    ends = part_ends(plan)
+    ahead = {row: part for row in range(len(slip)) if (part := _first_ahead(slip[row])) is not None}
+    if not ahead:
+        return
+    last = slip[:, -1]
+    usual = float(np.median(last[list(ahead)]))
+    same = np.abs(last - usual) <= _SAME_SLIP
+    if len(slip) < _FEWEST_SENSORS:  # sensor or force? Nothing can tell
+        who: dict[Channel | None, tuple[int, float]] = {None: (min(ahead.values()), usual)}
+    elif np.mean(same) >= _MOST_SENSORS:
+        who = {run.force: (min(ahead.values()), -usual)}
+    else:
+        sensors = run.channels[1:]
+        who = {sensors[row]: (part, float(last[row])) for row, part in ahead.items()}
+    for channel, (part, samples) in who.items():
+        first = plan.starts[_first_doubtful_block(ends, part, samples)]
+        behind = plan.starts[ends[part] - 1] + plan.block_samples
+        start_s, stop_s = first / plan.sampling_rate_hz, behind / plan.sampling_rate_hz
+        count = max(round(abs(samples)), 1)
+        detail = (
+            f"{count} sample{'s' if count > 1 else ''} {'lost' if samples > 0 else 'too many'} "
+            f"against the other channels between {start_s:.4g} and {stop_s:.4g} s; the averages "
+            "from there on are left out"
+        )
+        yield _Damage(LOST, channel, (Stretch(first, run.recording.n_samples),), detail)
+
+
+def _joined(run: Run, joints: Sequence[int]) -> Iterator[_Damage]:
+    rate_hz = run.recording.sampling_rate_hz
+    for sample in joints:
+        detail = (
+            f"all channels go on at {sample / rate_hz:.5g} s (row {sample + 1}) as they do where "
+            f"samples were lost or written twice; {_LEFT_OUT}"
+        )
+        yield _Damage(LOST, None, (Stretch(sample, sample + 1),), detail)
+
+
+def _first_doubtful_block(ends: Sequence[int], part: int, samples: float) -> int:
+    """First block that may be ahead: near the end of a part of several blocks that is not seen."""
+    if part == 1:
+        return ends[0] if ends[0] == 1 and samples % 1 == 0 else 0
+    return ends[part - 1] if ends[part - 1] - ends[part - 2] == 1 else ends[part - 2]
+
+
+def _first_ahead(slip: NDArray[np.float64]) -> int | None:
+    """Part from which on a channel is ahead, to the end and by one time; None where it is not."""
+    away = np.flatnonzero(np.abs(slip - slip[-1]) > _SAME_SLIP)
+    if slip[-1] == 0 or not away.size:
+        return None
+    part = int(away[-1]) + 1
+    whole = part == 1 or slip[-1] % 1 == 0  # of a slip within the first part only a share shows
+    partly = slip[part - 1] != 0  # the part in which it slips shows a share of it too
+    return (part - 1 if partly else part) if whole else None
+
+
+def _where(stretches: Sequence[Stretch], rate_hz: float) -> str:
+    return _and(
+        f"from {stretch.start / rate_hz:.4g} s for {len(stretch) / rate_hz:.3g} s"
+        for stretch in stretches
+    )
+
+
+def _and(texts: Iterable[str]) -> str:
+    return ", ".join(texts)
+
+
+# A ramp of whole numbers so long at the start is a counter …
+_FIRST = 64
+# … if it keeps its steps nearly everywhere.
+_USUAL = 0.99
+# Registers that counters live in, and begin anew where these are full.
+_REGISTER_BITS = (8, 12, 16, 24, 32)
+_PIECE = 1 << 18
+
+
+@dataclass(frozen=True)
+class Jump:
+    """Where a counter leaves its steps.
+
+    Parameters
+    ----------
+    channel : str
+        Name of the counter.
+    wrong : Stretch
+        Samples that the counter has counted before, or the one behind a gap.
+    lost : int
+        Samples that are not there; 0 where it jumps back.
+    before, after : int
+        What it counts on either side.
+    """
+
+    channel: str
+    wrong: Stretch
+    lost: int
+    before: int
+    after: int
+
+
+def counter_jumps(run: Run) -> list[Jump]:
+    """Gaps and repetitions that a counter among the channels that have no role tells of.
+
+    Parameters
+    ----------
+    run : Run
+    """
+    used = {channel.name for channel in run.channels}
+    spare = [channel for channel in run.recording.channels if channel.name not in used]
+    return [jump for channel in spare if _step(channel) for jump in _jumps(channel)]
+
+
+def _step(channel: Channel) -> float:
+    """Step of a channel that begins as a counter does; 0 for any other."""
+    first = piece(channel.samples, 0, _FIRST).astype(np.float64)
+    if first.size < _FIRST or not np.all(np.isfinite(first)) or np.any(first % 1):
+        return 0.0
+    steps = np.diff(first)
+    step = float(np.median(steps))
+    return step if step > 0 and np.mean(steps == step) > 0.9 else 0.0
+
+
+def _jumps(channel: Channel) -> list[Jump]:
+    step, n = _step(channel), channel.n_samples
+    places: list[NDArray[np.int_]] = []
+    for start in range(0, n - 1, _PIECE):
+        samples = piece(channel.samples, start, min(start + _PIECE + 1, n)).astype(np.float64)
+        places.append(start + 1 + np.flatnonzero(_is_jump(samples[:-1], samples[1:], step)))
+    found = np.concatenate(places)
+    if found.size > (1 - _USUAL) * n:
+        return []
+    jumps = [_jump(channel, int(place), step) for place in found]
+    anew = {(jump.before, jump.after) for jump in jumps}
+    return [] if len(jumps) > 1 and len(anew) == 1 else jumps  # an angle: it begins anew each turn
+
+
+def _is_jump(
+    before: NDArray[np.float64], after: NDArray[np.float64], step: float
+) -> NDArray[np.bool_]:
+    jump = after - before != step
+    for bits in _REGISTER_BITS:
+        jump &= after - before != step - 2.0**bits
+    return np.asarray(jump)
+
+
+def _jump(channel: Channel, place: int, step: float) -> Jump:
+    before, after = piece(channel.samples, place - 1, place + 1).astype(np.float64).tolist()
+    if not np.isfinite(after - before):
+        return Jump(channel.name, Stretch(place, place + 1), 0, 0, 0)
+    back = round((before - after) / step) + 1
+    wrong = Stretch(place, min(place + max(back, 1), channel.n_samples))
+    return Jump(channel.name, wrong, max(-back, 0), int(before), int(after))

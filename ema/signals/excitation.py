@@ -1,0 +1,113 @@
+"""What kind of force excites the structure: steady (blocks are alike), periodic, or an event."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.recording import Channel
+
+_SEGMENTS = 8
+_SEGMENT_SAMPLES = 1 << 14
+_BANDS = 16
+# Share of its mean by which the power in a band varies over the segments; a steady random force
+# stays below 0.5, sweeps, bursts and impacts are well above 1.
+_STEADY_VARIATION = 1.0
+# Correlation of the force with itself one period later; noise of 20 dB leaves 0.99.
+_REPEATS = 0.98
+# The same at the nearest sample, where a force of all frequencies repeats between two samples …
+_BETWEEN_SAMPLES = 0.6
+# … and the parts of a sample that are looked at then.
+_PARTS = np.linspace(-0.5, 0.5, 11)
+# What the search for a period looks at; memory and time stay small.
+_SEARCHED_SAMPLES = 1 << 18
+_FEW_MISSING = 1e-3  # share of samples without which a force repeats as clearly as with them
+
+
+def is_steady(force: Channel) -> bool:
+    """Whether the force looks alike all along the recording, as shaker noise does.
+
+    A sweep, a burst or an impact is one event: cut into blocks, each block would hold only a part
+    of it. It is told from the power in bands, compared between segments of the recording.
+
+    Parameters
+    ----------
+    force : Channel
+    """
+    length = min(force.n_samples // _SEGMENTS, _SEGMENT_SAMPLES)
+    if length < 4 * _BANDS:
+        return True
+    starts = np.linspace(0, force.n_samples - length, _SEGMENTS).astype(int)
+    segments = [force.block(start, start + length) for start in starts]
+    power = np.array([_band_power(part) for part in segments if np.all(np.isfinite(part))])
+    if len(power) < 2:
+        return True
+    weight = power.mean(axis=0)
+    if not np.any(weight > 0):
+        return True
+    excited = weight > 1e-3 * weight.max()
+    variation = power[:, excited].std(axis=0) / weight[excited]
+    return bool(np.median(variation) < _STEADY_VARIATION)
+
+
+def period_samples(force: Channel, shortest: int) -> int:
+    """Samples after which the force repeats, as repeated sweeps and pseudo-random noise do; or 0.
+
+    A generator with a clock of its own repeats between two samples; the nearest one is given.
+
+    Parameters
+    ----------
+    force : Channel
+    shortest : int
+        Fewest samples that count as a period: what repeats sooner is a tone.
+    """
+    samples = _swings(force)
+    if not samples.size:
+        return 0
+    alike = _self_correlation(samples)
+    apart = np.flatnonzero(alike < 0.5)
+    first = max(int(apart[0]), shortest) if apart.size else alike.size
+    again = first + np.flatnonzero(alike[first:] > _BETWEEN_SAMPLES)
+    if not again.size:
+        return 0
+    peak = again[np.cumsum(np.diff(again, prepend=again[0] - 1) > 1) == 0]
+    period = int(peak[np.argmax(alike[peak])])
+    return period if repeats_after(force, period) else 0
+
+
+def repeats_after(force: Channel, period: int) -> bool:
+    """Whether the force repeats after this many samples, give or take half a sample."""
+    samples = _swings(force)
+    if samples.size < 2 * period:
+        return False
+    early, late = samples[:-period], samples[period:]
+    spectrum = np.conj(np.fft.rfft(early)) * np.fft.rfft(late)
+    turn = 2 * np.pi * np.fft.rfftfreq(early.size)
+    shifted = [np.real(np.sum(spectrum * np.exp(1j * turn * part))) for part in _PARTS]
+    size = np.linalg.norm(early) * np.linalg.norm(late) * early.size / 2
+    return bool(max(shifted) > _REPEATS * size)
+
+
+def _swings(force: Channel) -> NDArray[np.float64]:
+    """The force about its mean, there too where few samples miss; nothing where many do."""
+    samples = force.block(0, min(force.n_samples, _SEARCHED_SAMPLES))
+    known = np.isfinite(samples)
+    if np.mean(~known) > _FEW_MISSING:
+        return np.zeros(0)
+    return np.where(known, samples - samples.mean(where=known), 0.0)
+
+
+def _self_correlation(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Correlation coefficient of a signal with itself, by lag up to half its length."""
+    n = samples.size
+    lags = np.arange(n // 2 + 1)
+    product = np.fft.irfft(np.abs(np.fft.rfft(samples, 2 * n)) ** 2)[lags]
+    energy = np.append(0.0, np.cumsum(samples**2))
+    size = np.sqrt(energy[n - lags] * (energy[n] - energy[lags]))
+    return np.asarray(np.divide(product, size, out=np.zeros(lags.size), where=size > 0))
+
+
+def _band_power(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    spectrum = np.abs(np.fft.rfft((samples - samples.mean()) * np.hanning(samples.size))[1:]) ** 2
+    edges = np.unique(np.geomspace(1, spectrum.size, _BANDS + 1).astype(int)) - 1
+    return np.add.reduceat(spectrum, edges[:-1])

@@ -1,0 +1,253 @@
+"""Frequency response functions: the type, and their estimation from recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.block_plan import BlockPlan
+from ema.core.campaign import Campaign, Processing, Run
+from ema.core.errors import InputError
+from ema.core.finding import Finding
+from ema.core.frf import FRF
+from ema.core.numerics import available_threads
+from ema.signals.blocks import SHORTEST_PERIOD_S, plan_blocks
+from ema.signals.damage import without_damage, without_lost_samples
+from ema.signals.excitation import is_steady, period_samples, repeats_after
+from ema.signals.spectra import Spectra, disagreement, measure_spectra, pooled, ratio
+
+
+def estimate_frf(
+    campaign: Campaign,
+    processing: Processing | None = None,
+    *,
+    estimator: str = "H1",
+    progress: Callable[[int, int], None] | None = None,
+) -> FRF:
+    """FRFs of all positions of a campaign, in the order of their angle (or node).
+
+    A position measured in several runs enters with the spectra of all of them. The fixed
+    reference sensor is kept apart, one row per run, in `FRF.reference`.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        From `read_campaign`. FRFs found in its files are handed through.
+    processing : Processing, optional
+        Instead of the campaign's own.
+    estimator : {"H1", "H2", "Hv"}
+        H1 suits noise on the accelerations (the usual case), H2 noise on the force, Hv both
+        (Bendat & Piersol 2010, ch. 6; Rocklin, Crowley & Vold 1985).
+    progress : callable, optional
+        Told how many runs are done and how many there are, as each one ends.
+
+    Returns
+    -------
+    FRF
+
+    Raises
+    ------
+    InputError
+        If the blocks asked for do not fit, the runs differ in rate or the force is silent.
+    """
+    if estimator not in ESTIMATORS:
+        raise InputError(
+            "FRF", f"estimator {estimator!r}", f"known are {', '.join(ESTIMATORS)}", "Choose one"
+        )
+    if campaign.frf is not None:
+        return campaign.frf.rows(_order_of(campaign.frf.position_deg, campaign.frf.node))
+    with ThreadPoolExecutor(available_threads()) as pool:
+        runs, findings = without_damage(campaign.runs, pool.map)
+        plan = _common_plan(runs, processing or campaign.processing)
+        spectra = []
+        for part, slips in pool.map(lambda run: _run_spectra(run, plan), runs):
+            spectra.append(part)
+            findings += slips
+            if progress is not None:
+                progress(len(spectra), len(runs))
+    frf = _positions_frf(runs, spectra, plan, estimator)
+    reference = _reference_frf(campaign, spectra, plan, estimator)
+    return replace(frf, reference=reference, findings=findings)
+
+
+def _common_plan(runs: Sequence[Run], processing: Processing) -> BlockPlan:
+    """Blocks for the shortest run; all runs share their length, so that their lines agree."""
+    shortest = min(runs, key=lambda run: run.recording.n_samples)
+    rate = shortest.recording.sampling_rate_hz
+    for run in runs:
+        if not np.isclose(run.recording.sampling_rate_hz, rate, rtol=1e-6):
+            raise InputError(
+                run.name,
+                f"{run.recording.sampling_rate_hz:g} Hz sampling rate",
+                f"{shortest.name} has {rate:g} Hz and all runs must agree",
+                "Resample one of them or process them apart",
+            )
+    return plan_blocks(
+        shortest.recording.n_samples,
+        rate,
+        processing,
+        shortest.name,
+        steady=is_steady(shortest.force),
+        period_samples=_common_period(runs, shortest, rate),
+    )
+
+
+def _common_period(runs: Sequence[Run], shortest: Run, rate_hz: float) -> int:
+    """Samples after which the force of every run repeats; 0 where one of them does not."""
+    period = period_samples(shortest.force, round(SHORTEST_PERIOD_S * rate_hz))
+    return period if period and all(repeats_after(run.force, period) for run in runs) else 0
+
+
+def _run_spectra(run: Run, plan: BlockPlan) -> tuple[Spectra, tuple[Finding, ...]]:
+    """Spectra of a run, measured again where channels turn out to have lost samples."""
+    plan = plan.for_length(run.recording.n_samples)
+    spectra = measure_spectra(run, plan)
+    usable, findings = without_lost_samples(run, spectra, plan)
+    if findings:
+        spectra = measure_spectra(usable, plan)
+    _require_signal(usable, spectra, plan, findings)
+    return spectra, findings
+
+
+def _require_signal(
+    run: Run, spectra: Spectra, plan: BlockPlan, findings: Sequence[Finding]
+) -> None:
+    if not np.any(spectra.n_effective):
+        lost = "samples missing" if not run.force.gaps else "samples missing or wrong"
+        said = "".join(f": {finding.detail}" for finding in findings)
+        raise InputError(
+            f"{run.name}, channel {run.force.name!r}",
+            f"{lost} in every block of {plan.block_s:g} s{said}",
+            "spectra need blocks in which no sample is missing",
+            "Export the run again, or leave it out",
+        )
+    if not np.any(spectra.force > 0):
+        raise InputError(
+            f"{run.name}, channel {run.force.name!r}",
+            "a constant signal",
+            "the force must excite the tyre",
+            "Check the load cell's cable, or name another excitation channel",
+        )
+
+
+def _positions_frf(
+    runs: Sequence[Run], spectra: list[Spectra], plan: BlockPlan, estimator: str
+) -> FRF:
+    responses = [(run, response) for run in runs for response in run.responses]
+    angle = np.array([_number(response.position_deg) for _, response in responses])
+    node = np.array([-1 if response.node is None else response.node for _, response in responses])
+    key = np.where(np.isfinite(angle), np.round(angle, 6), node)
+    _, first, place = np.unique(key, return_index=True, return_inverse=True)
+    run = _joined([run.name for run, _ in responses], place)
+    channel = _joined([response.channel.name for _, response in responses], place)
+    parts = [part.rows(slice(len(run.responses))) for part, run in zip(spectra, runs, strict=True)]
+    frf = _as_frf(
+        pooled(parts, place, first.size),
+        plan,
+        estimator,
+        node[first],
+        angle[first],
+        run,
+        channel,
+    )
+    return replace(frf, disagreement=disagreement(parts, place, first.size))
+
+
+def _joined(words: list[str], place: NDArray[np.int_]) -> list[str]:
+    """Words that share a place, joined; each only once."""
+    there: dict[int, dict[str, None]] = {int(p): {} for p in np.unique(place)}
+    for word, p in zip(words, place, strict=True):
+        there[int(p)][word] = None
+    return ["+".join(there[p]) for p in sorted(there)]
+
+
+def _reference_frf(
+    campaign: Campaign, spectra: list[Spectra], plan: BlockPlan, estimator: str
+) -> FRF | None:
+    pairs = [(r, s) for r, s in zip(campaign.runs, spectra, strict=True) if r.reference is not None]
+    if len(pairs) < 2:
+        return None
+    last = pooled(
+        [part.rows(slice(-1, None)) for _, part in pairs], np.arange(len(pairs)), len(pairs)
+    )
+    nodes = np.full(len(pairs), -1)
+    angle = np.full(len(pairs), _number(campaign.reference_deg))
+    runs = [run.name for run, _ in pairs]
+    names = [run.reference.name for run, _ in pairs if run.reference is not None]
+    return _as_frf(last, plan, estimator, nodes, angle, runs, names)
+
+
+def _as_frf(
+    spectra: Spectra,
+    plan: BlockPlan,
+    estimator: str,
+    node: NDArray[np.int_],
+    position_deg: NDArray[np.float64],
+    run: list[str],
+    channel: list[str],
+) -> FRF:
+    power = spectra.force * spectra.response
+    coherence = np.divide(
+        np.abs(spectra.cross) ** 2, power, out=np.zeros(power.shape), where=power > 0
+    )
+    values = ESTIMATORS[estimator](spectra)
+    missing = 1 - spectra.n_effective / spectra.n_planned
+    return FRF(
+        frequency_hz=plan.frequency_hz,
+        values=values,
+        coherence=np.clip(coherence, 0, 1),
+        std=_random_error(spectra, coherence),
+        node=node,
+        position_deg=position_deg,
+        run=tuple(run),
+        channel=tuple(channel),
+        blocks=plan,
+        n_effective=float(np.min(spectra.n_effective, where=missing < 0.5, initial=np.inf)),
+        clipped=spectra.clipped,
+        force_clipped=spectra.force_clipped,
+        missing=missing,
+    )
+
+
+def _random_error(spectra: Spectra, coherence: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard deviation of each quadrature of H1 (Bendat & Piersol 2010, eq. 9.89, unbiased).
+
+    One average says nothing about its error: NaN.
+    """
+    freedom = spectra.n_effective[:, None] - 1
+    with np.errstate(divide="ignore", invalid="ignore"):
+        variance = spectra.response / spectra.force * (1 - coherence) / (2 * freedom)
+    return np.sqrt(np.where((freedom > 0.5) & (variance >= 0), variance, np.nan))
+
+
+def _h1(spectra: Spectra) -> NDArray[np.complex128]:
+    return ratio(spectra.cross, spectra.force)
+
+
+def _h2(spectra: Spectra) -> NDArray[np.complex128]:
+    return ratio(spectra.response, spectra.cross.conj())
+
+
+def _hv(spectra: Spectra) -> NDArray[np.complex128]:
+    """Geometric mean of H1 and H2, with the phase they share."""
+    direction = ratio(spectra.cross, np.abs(spectra.cross))
+    return np.asarray(direction * np.sqrt(ratio(spectra.response, spectra.force)))
+
+
+ESTIMATORS: dict[str, Callable[[Spectra], NDArray[np.complex128]]] = {
+    "H1": _h1,
+    "H2": _h2,
+    "Hv": _hv,
+}
+
+
+def _order_of(position_deg: NDArray[np.float64], node: NDArray[np.int_]) -> NDArray[np.int_]:
+    return np.lexsort((node, np.nan_to_num(position_deg)))
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value

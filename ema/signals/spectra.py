@@ -1,0 +1,268 @@
+"""Auto and cross spectra of a run, summed block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.block_plan import BlockPlan
+from ema.core.campaign import Run
+from ema.core.recording import Channel
+from ema.signals.slips import SlipMeter
+
+_LEAST_POWER = np.finfo(float).tiny
+_TOGETHER = 16  # sensors summed at once: the sums of more do not stay near the processor
+_PIECE_BYTES = 1 << 22  # read at a time: few calls, and it stays near the processor
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """Sums over blocks of |F|², |X|² and X F*, in common arbitrary scale.
+
+    Parameters
+    ----------
+    force : ndarray, shape (n_rows, n_frequencies)
+        Auto spectrum of the force, repeated for each response.
+    response : ndarray, shape (n_rows, n_frequencies)
+        Auto spectra of the responses.
+    cross : ndarray of complex, shape (n_rows, n_frequencies)
+        Cross spectra X F* of responses and force.
+    n_effective, n_planned : ndarray, shape (n_rows,)
+        Independent averages, and what they would be if no sample were missing.
+    clipped, force_clipped : ndarray, shape (n_rows,)
+        Share of samples of response and force that sit on the extremes of their block.
+    slip : ndarray, shape (n_rows, n_parts)
+        Samples by which a response runs ahead of the force, part by part of the run, against the
+        first part; see `SlipMeter`.
+    """
+
+    force: NDArray[np.float64]
+    response: NDArray[np.float64]
+    cross: NDArray[np.complex128]
+    n_effective: NDArray[np.float64]
+    n_planned: NDArray[np.float64]
+    clipped: NDArray[np.float64]
+    force_clipped: NDArray[np.float64]
+    slip: NDArray[np.float64]
+
+    def rows(self, chosen: slice) -> Spectra:
+        """Keep the chosen rows only."""
+        return Spectra(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+
+def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
+    """Spectra of all responses of a run and, in the last row, of its reference sensor.
+
+    Only a few blocks of all channels are in memory at a time. Means are removed block by block: the
+    shaker's preload is a constant force that says nothing about the tyre. A block in which samples
+    of a channel are missing (not finite) is left out for that channel; without the force, for all.
+
+    Parameters
+    ----------
+    run : Run
+    plan : BlockPlan
+        Blocks for the length of this run.
+    """
+    force, *sensors = run.channels
+    groups = [sensors[k : k + _TOGETHER] for k in range(0, len(sensors), _TOGETHER)]
+    return _one_below_another([_measured((force, *group), plan) for group in groups])
+
+
+def _measured(channels: Sequence[Channel], plan: BlockPlan) -> Spectra:
+    """Spectra of all channels against the first one, the force."""
+    sums = _Sums(len(channels) - 1, plan)
+    looked_at = 0  # samples up to here were looked at for clipping: none needs that twice
+    for start, block in _blocks(channels, plan):
+        fresh = start >= looked_at
+        looked_at = start + plan.block_samples if fresh else looked_at
+        sums.add(block, look_for_clipping=fresh)
+    return sums.spectra()
+
+
+def _one_below_another(parts: Sequence[Spectra]) -> Spectra:
+    if len(parts) == 1:
+        return parts[0]
+    names = [field.name for field in fields(Spectra)]
+    return Spectra(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def _blocks(
+    channels: Sequence[Channel], plan: BlockPlan
+) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """Start and samples of each block, all channels; several blocks are read at a time."""
+    room = _PIECE_BYTES // (8 * len(channels)) - plan.block_samples
+    at_once = 1 + max(room, 0) // plan.step_samples
+    longest = (min(at_once, plan.n_blocks) - 1) * plan.step_samples + plan.block_samples
+    piece = np.empty((len(channels), longest))
+    for first in range(0, plan.n_blocks, at_once):
+        starts = plan.starts[first : first + at_once]
+        stop = starts[-1] + plan.block_samples
+        for row, channel in zip(piece, channels, strict=True):
+            channel.read_block(starts[0], row[: stop - starts[0]])
+        for start in starts:
+            begin = start - starts[0]
+            yield start, piece[:, begin : begin + plan.block_samples]
+
+
+class _Sums:
+    """Running sums over the blocks of a run; the force is row 0 of each block.
+
+    Scratch arrays are kept: the system takes longer to hand out fresh ones than the sums take.
+    """
+
+    def __init__(self, n_sensors: int, plan: BlockPlan) -> None:
+        n_lines = plan.block_samples // 2 + 1
+        self.plan = plan
+        self.squares = np.zeros((n_sensors + 1, 2 * n_lines))  # of real and imaginary parts
+        self.cross = np.zeros((n_sensors, n_lines), dtype=complex)
+        self.gaps = np.zeros((n_sensors, 2 * n_lines))  # of the force, in blocks a sensor lacks
+        self.clipped = np.zeros(n_sensors + 1)
+        self.n_looked_at = 0
+        self.n_used = np.zeros(n_sensors)
+        self._slip = SlipMeter(n_sensors, plan)
+        self._part = np.zeros_like(self.cross)  # of the part of the run that is going on
+        self._n_seen, self._n_parts = 0, 0
+        self._block = np.empty((n_sensors + 1, plan.block_samples))
+        self._spectrum = np.empty((n_sensors + 1, n_lines), dtype=complex)
+        self._squares = np.empty_like(self.squares)
+        self._cross = np.empty_like(self.cross)
+
+    def add(self, block: NDArray[np.float64], *, look_for_clipping: bool) -> None:
+        """Add a block of all channels."""
+        self._add(block, look_for_clipping=look_for_clipping)
+        self._n_seen += 1
+        if self._n_seen == self._slip.ends[self._n_parts]:
+            self._slip.add(self._n_parts, self._part)
+            self._n_parts += 1
+            self.cross += self._part
+            self._part[:] = 0.0
+
+    def _add(self, block: NDArray[np.float64], *, look_for_clipping: bool) -> None:
+        with np.errstate(invalid="ignore", over="ignore"):  # such a mean tells that samples miss
+            mean = block.mean(axis=1, keepdims=True)
+        whole = np.isfinite(mean[:, 0])
+        if not whole[0]:
+            return
+        if look_for_clipping:
+            self.clipped += _on_extremes(block)
+            self.n_looked_at += 1
+        with np.errstate(invalid="ignore"):
+            block = np.subtract(block, mean, out=self._block)
+        block[~whole] = 0.0
+        block *= self.plan.taper
+        spectrum = np.fft.rfft(block, axis=1, out=self._spectrum)
+        parts = spectrum.view(np.float64)
+        self.squares += np.multiply(parts, parts, out=self._squares)
+        self._part += np.multiply(spectrum[1:], spectrum[0].conj(), out=self._cross)
+        self.gaps[~whole[1:]] += self._squares[0]
+        self.n_used += whole[1:]
+
+    def spectra(self) -> Spectra:
+        """Everything that was added."""
+        self.gaps[self.n_used == 0] = self.squares[0]  # exactly, whatever the rounding
+        lines = slice(1, self.plan.frequency_hz.size + 1)
+        n_sensors = self.n_used.size
+        clipped = self.clipped / max(self.n_looked_at, 1)
+        return Spectra(
+            _power(self.squares[0] - self.gaps)[:, lines],
+            _power(self.squares[1:])[:, lines],
+            self.cross[:, lines],
+            self.plan.n_effective * self.n_used / self.plan.n_blocks,
+            np.full(n_sensors, self.plan.n_effective),
+            clipped[1:],
+            np.full(n_sensors, clipped[0]),
+            self._slip.found,
+        )
+
+
+def _power(squares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """|z|² from the squares of real and imaginary parts, which alternate."""
+    return squares[:, ::2] + squares[:, 1::2]
+
+
+def _on_extremes(block: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share of samples equal to a block's largest or smallest; one of each is no clipping."""
+    share = np.empty(len(block))
+    for number, row in enumerate(block):  # row by row: it stays in the cache
+        count = np.count_nonzero(row == row.max()) + np.count_nonzero(row == row.min())
+        share[number] = max(count - 2, 0) / row.size
+    return share
+
+
+def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spectra:
+    """Add up the spectra of rows that belong to the same place.
+
+    Parameters
+    ----------
+    parts : list of Spectra
+        Their rows, one after the other, are the rows of `place`.
+    place : ndarray of int, shape (n_rows,)
+        Place of each row, 0 … n_places − 1.
+    n_places : int
+    """
+
+    def add(name: str) -> NDArray[Any]:
+        rows = np.concatenate([getattr(part, name) for part in parts])
+        total = np.zeros((n_places, *rows.shape[1:]), dtype=rows.dtype)
+        np.add.at(total, place, rows)
+        return total
+
+    def largest(name: str) -> NDArray[Any]:
+        worst = np.zeros(n_places)
+        np.maximum.at(worst, place, np.concatenate([getattr(part, name) for part in parts]))
+        return worst
+
+    sums = ("force", "response", "cross", "n_effective", "n_planned")
+    worst = ("clipped", "force_clipped")
+    return Spectra(
+        **{name: add(name) for name in sums},
+        **{name: largest(name) for name in worst},
+        slip=np.zeros((n_places, 0)),  # of a run, not of a place
+    )
+
+
+def disagreement(
+    parts: Sequence[Spectra], place: NDArray[np.int_], n_places: int
+) -> NDArray[np.float64]:
+    """By which share of their power the FRFs that are averaged at one place differ.
+
+    Between the runs, Σ|X F*|²/|F|² exceeds its value for the sums by (K − 1)σ² if all K of them see
+    the same; σ² follows from what is incoherent within the runs. What exceeds that expectation
+    is given, relative to the coherent power; 0 where a place was measured once.
+
+    Parameters
+    ----------
+    parts, place, n_places
+        As for `pooled`.
+    """
+    force, response, cross = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("force", "response", "cross")
+    )
+    freedom = np.concatenate([part.n_effective for part in parts]) - 1
+    share = np.zeros(n_places)
+    for number in np.flatnonzero(np.bincount(place, minlength=n_places) > 1):
+        rows = np.flatnonzero(place == number)
+        rows = rows[np.any(force[rows] > 0, axis=1)]
+        if rows.size < 2:
+            continue
+        own = np.abs(cross[rows]) ** 2 / np.maximum(force[rows], np.finfo(float).tiny)
+        total = np.maximum(force[rows].sum(axis=0), np.finfo(float).tiny)
+        common = np.abs(cross[rows].sum(axis=0)) ** 2 / total
+        noise = np.maximum(response[rows] - own, 0).sum() / max(freedom[rows].sum(), 1.0)
+        between = (own.sum(axis=0) - common).sum() - (rows.size - 1) * noise
+        share[number] = max(between, 0.0) / max(own.sum(), np.finfo(float).tiny)
+    return share
+
+
+def ratio(above: NDArray[Any], below: NDArray[Any]) -> NDArray[Any]:
+    """Quotient of two spectra, and 0 where the one below is nothing.
+
+    Nothing is what lies below the smallest power of full precision, as of a force of 1e-155 N.
+    """
+    zero = np.zeros(above.shape, np.result_type(above, below))
+    return np.asarray(np.divide(above, below, out=zero, where=np.abs(below) >= _LEAST_POWER))

@@ -1,0 +1,1 @@
+"""Results side by side: what changed, and whether noise explains it."""

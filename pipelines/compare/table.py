@@ -1,0 +1,254 @@
+"""A comparison as rows of a table, and as a record for other programs."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from model.identifiability import GIVEN
+from model.parameters import DAMPING_NAMES, RING_NAMES
+from pipelines.compare.compare import Comparison
+from pipelines.compare.conditions import Contrast
+from pipelines.compare.modes import MatchedMode, UnmatchedMode
+from pipelines.compare.parameters import ParameterChange
+from pipelines.compare.significance import LEVEL, Agreement, Difference, Scatter
+from pipelines.compare.summary_text import findings
+from pipelines.results.result import Result
+from pipelines.storage.rounding import DASH, chance_text, plain, signed, value_with_std
+
+Row = tuple[str, ...]
+
+#: Short: what fits a terminal.
+COMPARISON_HEAD = (
+    "mode",
+    "first / Hz",
+    "second / Hz",
+    "change / %",
+    "verdict",
+    "damping change / %",
+    "verdict on damping",
+    "MAC",
+)
+MODE_HEAD = ("mode", "first", "second", "change", "relative / %", "z", "p", "verdict")
+PARAMETER_HEAD = (
+    "parameter",
+    "unit",
+    "first",
+    "second",
+    "change / %",
+    "p",
+    "verdict",
+)
+CONTRAST_HEAD = ("", "first", "second", "verdict")
+
+
+def comparison_rows(comparison: Comparison) -> tuple[Row, ...]:
+    """One row per matched mode under `COMPARISON_HEAD`, as printed."""
+    return tuple(
+        (
+            mode.name,
+            value_with_std(mode.first.frequency_hz, mode.first.frequency_std_hz),
+            value_with_std(mode.second.frequency_hz, mode.second.frequency_std_hz),
+            percent_text(mode.frequency),
+            mode.frequency.status,
+            percent_text(mode.damping),
+            mode.damping.status,
+            _mac_text(mode.mac),
+        )
+        for mode in comparison.modes
+    )
+
+
+def frequency_rows(comparison: Comparison) -> tuple[Row, ...]:
+    """Frequencies in Hz under `MODE_HEAD`."""
+    return tuple(
+        _mode_row(mode, mode.frequency, (mode.first.frequency_std_hz, mode.second.frequency_std_hz))
+        for mode in comparison.modes
+    )
+
+
+def damping_rows(comparison: Comparison) -> tuple[Row, ...]:
+    """Damping ratios in percent under `MODE_HEAD`."""
+    return tuple(
+        _mode_row(mode, mode.damping, (mode.first.damping_std, mode.second.damping_std), 100)
+        for mode in comparison.modes
+    )
+
+
+def parameter_rows(comparison: Comparison) -> tuple[Row, ...]:
+    """Ring and damping parameters under `PARAMETER_HEAD`."""
+    return tuple(_parameter_row(change) for change in comparison.parameters)
+
+
+def contrast_rows(contrasts: tuple[Contrast, ...]) -> tuple[Row, ...]:
+    """Conditions or choices under `CONTRAST_HEAD`."""
+    return tuple(
+        (each.name, each.first or DASH, each.second or DASH, _verdict(each)) for each in contrasts
+    )
+
+
+def percent_text(difference: Difference) -> str:
+    """Relative difference with its sign and, where known, its ±."""
+    if not math.isfinite(difference.percent_std):
+        return signed(difference.percent, 2)
+    return _with_sign(difference.percent, difference.percent_std)
+
+
+def comparison_record(comparison: Comparison) -> dict[str, Any]:
+    """Everything that was found, in SI and fractions, for ``--json``; NaN stands for unknown."""
+    return {
+        "first": _result_record(comparison.first, comparison.names[0]),
+        "second": _result_record(comparison.second, comparison.names[1]),
+        "findings": list(findings(comparison)),
+        "doubts": list(comparison.doubts),
+        "level": LEVEL,
+        "correction": "Holm",
+        "modes": [_mode_record(mode) for mode in comparison.modes],
+        "only_first": [_unmatched_record(mode) for mode in comparison.only_first],
+        "only_second": [_unmatched_record(mode) for mode in comparison.only_second],
+        "mac": comparison.mac.tolist(),
+        "shapes": comparison.shapes_note,
+        "parameters": [_parameter_record(change) for change in comparison.parameters],
+        "agreement": _agreement_record(comparison.agreement),
+        "repeat": comparison.is_repeat,
+        "conditions": [_contrast_record(each) for each in comparison.conditions],
+        "processing": [_contrast_record(each) for each in comparison.processing],
+    }
+
+
+def _mode_row(
+    mode: MatchedMode, difference: Difference, stds: tuple[float, float], scale: float = 1
+) -> Row:
+    return (
+        mode.name,
+        value_with_std(scale * difference.first, scale * stds[0]),
+        value_with_std(scale * difference.second, scale * stds[1]),
+        _with_sign(scale * difference.value, scale * difference.std),
+        percent_text(difference),
+        signed(difference.z, 1),
+        chance_text(difference.adjusted_chance),
+        difference.status,
+    )
+
+
+def _parameter_row(change: ParameterChange) -> Row:
+    title, _, unit = (RING_NAMES | DAMPING_NAMES)[change.name]
+    difference = change.difference
+    return (
+        title,
+        unit,
+        _parameter_text(difference.first, change.first_std, change.first_how),
+        _parameter_text(difference.second, change.second_std, change.second_how),
+        percent_text(difference) if difference.value else "0",
+        chance_text(difference.adjusted_chance) if change.is_tested else DASH,
+        change.status if change.is_tested else f"{change.status}: {change.hows}",
+    )
+
+
+def _parameter_text(value: float, std: float, how: str) -> str:
+    return plain(value) if how == GIVEN else value_with_std(value, std)
+
+
+def _with_sign(value: float, std: float) -> str:
+    text = value_with_std(value, std)
+    return f"+{text}" if value > 0 and not text.startswith("(") else text
+
+
+def _mac_text(mac: float) -> str:
+    return DASH if math.isnan(mac) else f"{mac:.3f}"
+
+
+def _verdict(contrast: Contrast) -> str:
+    if contrast.is_open:
+        return "not stated for both"
+    return "differs" if contrast.differs else "same"
+
+
+def _result_record(result: Result, name: str) -> dict[str, Any]:
+    return {
+        "name": name,
+        "designation": None if result.tyre is None else result.tyre.designation,
+        "band_hz": list(result.modal_model.band_hz),
+        "created": result.provenance.get("created"),
+    }
+
+
+def _difference_record(difference: Difference) -> dict[str, Any]:
+    return {
+        "first": difference.first,
+        "second": difference.second,
+        "difference": difference.value,
+        "std": difference.std,
+        "percent": difference.percent,
+        "percent_std": difference.percent_std,
+        "z": difference.z,
+        "chance": difference.chance,
+        "adjusted_chance": difference.adjusted_chance,
+    }
+
+
+def _mode_record(mode: MatchedMode) -> dict[str, Any]:
+    return {
+        "order": mode.first.order,
+        "member": mode.first.member,
+        "first_mode": mode.first_number,
+        "second_mode": mode.second_number,
+        "mac": mode.mac,
+        "frequency_hz": _difference_record(mode.frequency) | {"status": mode.frequency.status},
+        "damping_ratio": _difference_record(mode.damping) | {"status": mode.damping.status},
+        "remark": mode.remark,
+    }
+
+
+def _unmatched_record(mode: UnmatchedMode) -> dict[str, Any]:
+    return {
+        "mode": mode.number,
+        "order": mode.mode.order,
+        "member": mode.mode.member,
+        "frequency_hz": mode.mode.frequency_hz,
+        "damping_ratio": mode.mode.damping_ratio,
+        "reason": mode.reason,
+    }
+
+
+def _parameter_record(change: ParameterChange) -> dict[str, Any]:
+    return {
+        "name": change.name,
+        **_difference_record(change.difference),
+        "first_std": change.first_std,
+        "second_std": change.second_std,
+        "first_how": change.first_how,
+        "second_how": change.second_how,
+        "status": change.status,
+    }
+
+
+def _agreement_record(found: Agreement | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {
+        "frequency": _scatter_record(found.frequency),
+        "damping": _scatter_record(found.damping),
+        "shift_percent": found.shift_percent,
+        "shift_std_percent": found.shift_std_percent,
+        "apart_from_shift": _scatter_record(found.apart),
+    }
+
+
+def _scatter_record(scatter: Scatter) -> dict[str, Any]:
+    return {
+        "freedom": scatter.freedom,
+        "chi_square": scatter.chi_square,
+        "ratio": scatter.ratio,
+        "chance": scatter.chance,
+        "rms_percent": scatter.rms_percent,
+    }
+
+
+def _contrast_record(contrast: Contrast) -> dict[str, Any]:
+    return {
+        "name": contrast.name,
+        "first": contrast.first or None,
+        "second": contrast.second or None,
+        "differs": contrast.differs,
+    }

@@ -1,0 +1,1 @@
+"""Modes, FRFs and ring parameters for other programs."""

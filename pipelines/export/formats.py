@@ -1,0 +1,157 @@
+"""A result as tables that any spreadsheet opens: nodes, modes, shapes, FRFs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ema.core.frf import FRF
+from ema.io.uff.frf import SYNTHESISED
+from ema.io.uff.write import (
+    ShapeDataset,
+    append_frfs,
+    coordinate_system_2420,
+    header_151,
+    nodes_2411,
+    shape_55,
+    trace_lines_82,
+    units_164,
+)
+from pipelines.export.data import FOLDER_MARKER, MEASURED, UNITS, ModalExport, mode_columns
+from pipelines.results.provenance import software_version
+from pipelines.storage.checksums import write_marker
+from pipelines.storage.tables import Row, write_csv
+
+NODES = ("node", "position_deg", "x_m", "y_m", "z_m")
+SHAPES = ("mode", "frequency_hz", "node", "position_deg", "real", "imag")
+
+
+def write_tables(found: ModalExport, folder: Path) -> None:
+    """Write ``nodes.csv``, ``modes.csv``, ``shapes.csv``, FRFs, and ``export.json`` with the rest.
+
+    FRFs have one line per frequency and two columns per node, real and imaginary part.
+    """
+    write_csv(folder / "nodes.csv", NODES, _node_rows(found))
+    columns = _columns(found)
+    rows: list[Row] = list(zip(*columns.values(), strict=True))
+    write_csv(folder / "modes.csv", tuple(columns), rows)
+    write_csv(folder / "shapes.csv", SHAPES, _shape_rows(found))
+    for name, frf in (("measured", found.measured), ("synthesised", found.synthesised)):
+        if frf is not None:
+            write_csv(folder / f"frf_{name}.csv", _frf_columns(frf), _frf_rows(frf))
+    about = {
+        "source": found.result.name,
+        "notes": list(found.geometry.notes),
+        "force_node": found.geometry.reference_node,
+        "units": UNITS,
+    }
+    write_marker(folder / FOLDER_MARKER, about)
+
+
+def _node_rows(found: ModalExport) -> Iterator[Row]:
+    geometry = found.geometry
+    for node, angle, point in zip(
+        geometry.node.tolist(), geometry.position_deg.tolist(), geometry.xyz_m.tolist(), strict=True
+    ):
+        yield (node, angle, *point)
+
+
+def _columns(found: ModalExport) -> dict[str, list[Any]]:
+    """Columns of the modes; complex ones as two."""
+    columns: dict[str, list[Any]] = {}
+    for name, values in mode_columns(found).items():
+        if np.iscomplexobj(values):
+            columns[f"{name}_real"] = values.real.tolist()
+            columns[f"{name}_imag"] = values.imag.tolist()
+        else:
+            columns[name] = list(np.asarray(values).tolist())
+    columns["order"] = [mode.order for mode in found.modes]
+    return columns
+
+
+def _shape_rows(found: ModalExport) -> Iterator[Row]:
+    geometry = found.geometry
+    places = list(zip(geometry.node.tolist(), geometry.position_deg.tolist(), strict=True))
+    for number, (mode, shape) in enumerate(zip(found.modes, found.shapes, strict=True), start=1):
+        for place, value in zip(places[: geometry.n_measured], shape.tolist(), strict=True):
+            yield (number, mode.frequency_hz, *place, complex(value).real, complex(value).imag)
+
+
+def _frf_columns(frf: FRF) -> tuple[str, ...]:
+    parts = [f"{part}_node_{node}" for node in frf.node.tolist() for part in ("real", "imag")]
+    return ("frequency_hz", *parts)
+
+
+def _frf_rows(frf: FRF) -> Iterator[Row]:
+    parts = np.ascontiguousarray(frf.values.T).view(np.float64)
+    for frequency_hz, row in zip(frf.frequency_hz.tolist(), parts.tolist(), strict=True):
+        yield (frequency_hz, *row)
+
+
+def write_uff(found: ModalExport, path: Path, *, binary: bool = True) -> None:
+    """Write datasets 151, 164, 2420, 2411, 82, 55 and 58b (58 where `binary` is False).
+
+    Shapes are in Cartesian components: the motion along the measured direction, as x, y, z.
+    """
+    geometry = found.geometry
+    program = f"ringmodal {software_version()}"
+    notes = "; ".join(geometry.notes)
+    with path.open("wb") as file:
+        file.write(header_151(found.result.name, notes, program, datetime.now().astimezone()))
+        file.write(units_164() + coordinate_system_2420())
+        file.write(nodes_2411(geometry.node, geometry.xyz_m))
+        file.write(trace_lines_82("ring" if geometry.is_closed else "line", geometry.path))
+        for number in range(1, len(found.modes) + 1):
+            file.write(shape_55(_shape(found, number)))
+        for kind, frf in ((MEASURED, found.measured), (SYNTHESISED, found.synthesised)):
+            if frf is not None:
+                append_frfs(
+                    file,
+                    frf,
+                    reference_node=geometry.reference_node,
+                    direction=geometry.direction_code,
+                    note=_frf_note(found, kind),
+                    byte_order="little" if binary else None,
+                )
+
+
+def _shape(found: ModalExport, number: int) -> ShapeDataset:
+    mode, geometry = found.modes[number - 1], found.geometry
+    along = found.shapes[number - 1]
+    directions = geometry.direction[: geometry.n_measured]
+    modal_a, mass_kg = complex(found.modal_a[number - 1]), float(found.modal_mass_kg[number - 1])
+    return ShapeDataset(
+        number=number,
+        id_lines=_id_lines(found, number),
+        pole=mode.pole,
+        node=geometry.node[: geometry.n_measured],
+        values=along[:, None] * directions,
+        modal_a=0.0 if np.isnan(modal_a) else modal_a,
+        modal_mass_kg=0.0 if np.isnan(mass_kg) else mass_kg,
+    )
+
+
+def _id_lines(found: ModalExport, number: int) -> tuple[str, ...]:
+    mode = found.modes[number - 1]
+    order = "" if mode.order is None else f", order {mode.order}{mode.member}"
+    motion = "radial motion" if found.geometry.is_closed else "measured motion"
+    return (
+        f"Mode {number}{order}, {mode.frequency_hz:.4f} Hz, {100 * mode.damping_ratio:.4f} %",
+        found.result.name,
+        f"std {_known(mode.frequency_std_hz, 'Hz')}, {_known(100 * mode.damping_std, '%')} damping",
+        f"{motion} as x, y, z; largest part 1",
+        f"status {mode.status}",
+    )
+
+
+def _known(std: float, unit: str) -> str:
+    return f"{std:.2g} {unit}" if np.isfinite(std) else f"unknown {unit}"
+
+
+def _frf_note(found: ModalExport, kind: str) -> str:
+    meaning = "radial, outward" if found.geometry.is_closed else "as measured"
+    return f"{kind}; direction {found.geometry.direction_code} is {meaning}"

@@ -1,0 +1,231 @@
+"""Modal results for other programs: what is handed over, in which formats, and where to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ema.core.arrays import readonly
+from ema.core.errors import InputError
+from ema.core.frf import FRF
+from ema.core.modes import ModalModel, Mode
+from ema.io.uff.frf import SYNTHESISED
+from pipelines.export.data import (
+    BOTH,
+    FOLDER_MARKER,
+    MEASURED,
+    NONE,
+    Geometry,
+    ModalExport,
+    geometry_of,
+)
+from pipelines.results.check import accepted_notes
+from pipelines.results.result import Result
+
+FRF_CHOICES = (BOTH, MEASURED, SYNTHESISED, NONE)
+
+_LEAST_DRIVE = 3.0  # standard deviations that a residue at the force has to differ from zero
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written where."""
+
+    path: Path
+    file_format: str
+    export: ModalExport
+
+
+def gather(result: Result, *, real: bool = False, frfs: str = BOTH) -> ModalExport:
+    """Put together what other programs get.
+
+    Parameters
+    ----------
+    result : Result
+    real : bool
+        Whether shapes are reduced to their real part.
+    frfs : {"both", "measured", "synthesised", "none"}
+        FRFs that go along. Those synthesised from the modes cover the fitted band; where both are
+        wanted, the measured ones are cut to it: many programs want one set of lines in a file.
+    """
+    geometry, model = geometry_of(result), result.modal_model
+    notes = accepted_notes(result.provenance, result.name)
+    geometry = replace(geometry, notes=(*geometry.notes, *notes))
+    shapes = np.array([mode.shape for mode in model.modes]).reshape(-1, geometry.n_measured)
+    frf = replace(result.frf, node=geometry.node[: geometry.n_measured])
+    if frfs in (BOTH, SYNTHESISED):
+        frf = _within(frf, model.fit_band_hz)
+    return ModalExport(
+        result=result,
+        geometry=geometry,
+        shapes=readonly(shapes.real, float) if real else readonly(shapes, complex),
+        modal_a=np.array([_modal_a(mode, geometry) for mode in model.modes]),
+        measured=frf if frfs in (BOTH, MEASURED) else None,
+        synthesised=_synthesised(model, frf) if frfs in (BOTH, SYNTHESISED) else None,
+    )
+
+
+def export(
+    folder: Path | str,
+    out: Path | str | None = None,
+    file_format: str = "",
+    *,
+    real: bool = False,
+    frfs: str = BOTH,
+    text: bool = False,
+    force: bool = False,
+    accept_changes: bool = False,
+) -> Written:
+    """Write a result folder's modes for other programs, whole or not at all.
+
+    Parameters
+    ----------
+    folder : path
+        A result folder.
+    out : path, optional
+        File, or folder for ``"csv"``; default: named after the result, in the current folder.
+    file_format : {"uff", "csv", "json", "mat"}, optional
+        Default: the ending of `out`, or ``"uff"``.
+    real, frfs
+        As for `gather`.
+    text : bool
+        Whether the FRFs of a universal file are written as text (58) and not binary (58b).
+    force : bool
+        Replace what is there.
+    accept_changes : bool
+        Whether to take the result although parts of it were changed; the notes say so.
+
+    Raises
+    ------
+    InputError
+        If the folder is no result, or was changed and that is not accepted, a choice is not
+        known, or the place is taken.
+    """
+    from pipelines.results.store import load
+
+    if frfs not in FRF_CHOICES:
+        raise _unknown("--frfs", frfs, FRF_CHOICES)
+    chosen = _format_of(out, file_format)
+    folder = Path(folder)
+    found = gather(load(folder, accept_changes=accept_changes), real=real, frfs=frfs)
+    name = folder.resolve().name
+    target = Path(out) if out else Path(f"{name}_csv" if chosen == "csv" else f"{name}.{chosen}")
+    FORMATS[chosen](found, target, text, force)
+    return Written(target, chosen, found)
+
+
+def _format_of(out: Path | str | None, file_format: str) -> str:
+    if file_format:
+        if file_format.casefold() not in FORMATS:
+            raise _unknown("--format", file_format, tuple(FORMATS))
+        return file_format.casefold()
+    ending = Path(out).suffix.lower().lstrip(".") if out else "uff"
+    ending = {"unv": "uff", "": "csv"}.get(ending, ending)
+    if ending not in FORMATS:
+        raise _unknown(str(out), ending, tuple(FORMATS))
+    return ending
+
+
+def _unknown(where: str, found: str, known: tuple[str, ...]) -> InputError:
+    from ema.core.errors import nearest
+
+    rule = f"it must be one of {', '.join(known)}"
+    return InputError(where, repr(found), rule, nearest(found.casefold(), known))
+
+
+def _modal_a(mode: Mode, geometry: Geometry) -> complex:
+    rows = np.flatnonzero(geometry.node[: geometry.n_measured] == geometry.reference_node)
+    if rows.size == 0:
+        return complex(np.nan, np.nan)
+    at_force = complex(mode.residues[rows[0]])
+    noise = float(mode.residues_std[rows[0]])
+    if not abs(at_force) > _LEAST_DRIVE * (noise if np.isfinite(noise) else 0.0):
+        return complex(np.nan, np.nan)
+    modal_a = complex(mode.shape[rows[0]]) ** 2 / at_force
+    is_mass = (modal_a / (2j * mode.pole.imag)).real > 0  # else the force acts elsewhere
+    return modal_a if is_mass else complex(np.nan, np.nan)
+
+
+def _within(frf: FRF, band_hz: tuple[float, float]) -> FRF:
+    chosen = (frf.frequency_hz >= band_hz[0]) & (frf.frequency_hz <= band_hz[1])
+    return replace(
+        frf,
+        frequency_hz=frf.frequency_hz[chosen],
+        values=frf.values[:, chosen],
+        coherence=frf.coherence[:, chosen],
+        std=frf.std[:, chosen],
+    )
+
+
+def _synthesised(model: ModalModel, frf: FRF) -> FRF:
+    unknown = np.full(frf.values.shape, np.nan)
+    values = model.synthesise(frf.frequency_hz, frf.run)
+    return replace(frf, values=values, coherence=unknown, std=unknown)
+
+
+def require_free_file(target: Path, *, force: bool) -> None:
+    """Refuse a place where a file may not be written.
+
+    Raises
+    ------
+    InputError
+        For a folder, an earlier file without `force`, and a folder above that is not there.
+    """
+    rule, remedy = (
+        "it is replaced only where that is asked for",
+        "Choose another name, or replace it with --force",
+    )
+    if target.is_dir():
+        raise InputError(str(target), "a folder", "a file is to be written", "Name a file")
+    if target.exists() and not force:
+        raise InputError(str(target), "exists already", rule, remedy)
+    if not target.absolute().parent.is_dir():
+        found = "a place in a folder that does not exist"
+        raise InputError(str(target), found, "the folder must be there", "Make it first")
+
+
+def _uff(found: ModalExport, target: Path, text: bool, force: bool) -> None:
+    from pipelines.export.formats import write_uff
+    from pipelines.storage.atomic import file_written_whole
+
+    require_free_file(target, force=force)
+    with file_written_whole(target) as partial:
+        write_uff(found, partial, binary=not text)
+
+
+def _json(found: ModalExport, target: Path, _: bool, force: bool) -> None:
+    from pipelines.export.data import write_json
+    from pipelines.storage.atomic import file_written_whole
+
+    require_free_file(target, force=force)
+    with file_written_whole(target) as partial:
+        write_json(found, partial)
+
+
+def _mat(found: ModalExport, target: Path, _: bool, force: bool) -> None:
+    from pipelines.export.data import write_mat
+    from pipelines.storage.atomic import file_written_whole
+
+    require_free_file(target, force=force)
+    with file_written_whole(target) as partial:
+        write_mat(found, partial)
+
+
+def _csv(found: ModalExport, target: Path, _: bool, force: bool) -> None:
+    from pipelines.export.formats import write_tables
+    from pipelines.storage.result_folder import written_whole
+
+    with written_whole(target, force=force, marker=FOLDER_MARKER) as partial:
+        write_tables(found, partial)
+
+
+#: Writers by the name of their format: content, place, FRFs as text, replace what is there.
+FORMATS: dict[str, Callable[[ModalExport, Path, bool, bool], None]] = {
+    "uff": _uff,
+    "csv": _csv,
+    "json": _json,
+    "mat": _mat,
+}

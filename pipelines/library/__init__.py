@@ -1,0 +1,1 @@
+"""Parameter sets of tyres in numbered versions."""

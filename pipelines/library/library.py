@@ -1,0 +1,296 @@
+"""The library of parameter sets: a folder of tyres, each with numbered versions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import isfinite, nan
+from pathlib import Path
+
+from ema.core.errors import InputError, unknown
+from model.errors import ParameterError
+from pipelines.library.numbering import folder_in_use, folder_name, numbered_files, split_reference
+from pipelines.library.tyre import LibraryTyre
+from pipelines.library.version import Entry, Version, login_name, signed_now
+from pipelines.results.check import checked_result
+from pipelines.results.parameter_set import (
+    CONDITION_NAMES,
+    ParameterSet,
+    accepted,
+    read_parameter_set,
+)
+from pipelines.storage.checksums import DamagedFile
+
+VARIABLE = "RINGMODAL_LIBRARY"
+_RESULT, _SET = "provenance.json", "tyre.toml"
+
+
+@dataclass(frozen=True)
+class NamedSet:
+    """A parameter set and how messages call it: ``NAME@3``, or the path it was read from."""
+
+    name: str
+    parameters: ParameterSet
+
+
+@dataclass(frozen=True)
+class TyreLibrary:
+    """A folder with one subfolder per tyre.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+
+    folder: Path
+
+    def tyres(self) -> tuple[LibraryTyre, ...]:
+        """All tyres, by name.
+
+        Raises
+        ------
+        InputError
+            If there is no such folder.
+        """
+        if not self.folder.is_dir():
+            place = "a file" if self.folder.exists() else "no such folder"
+            remedy = "Check the path; `ringmodal tyre add` begins a new library"
+            raise InputError(str(self.folder), place, "a library is a folder", remedy)
+        folders = (path for path in self.folder.iterdir() if path.is_dir())
+        found = [LibraryTyre(path) for path in folders if numbered_files(path)]
+        return tuple(sorted(found, key=lambda tyre: tyre.name.casefold()))
+
+    def tyre(self, name: str) -> LibraryTyre:
+        """The tyre that is meant by its name here, its designation, or its id.
+
+        Raises
+        ------
+        InputError
+            If there is none, or several.
+        """
+        tyres = self.tyres()
+        exact = [tyre for tyre in tyres if tyre.name.casefold() == _as_folder(name)]
+        meant = exact or [tyre for tyre in tyres if _as_folder(name) in _names(tyre)]
+        if len(meant) == 1:
+            return meant[0]
+        names = [tyre.name for tyre in meant or tyres]
+        if not meant:
+            rule = f"there is no such tyre in {self.folder}"
+            raise unknown("tyre", name, rule, names)
+        rule = f"several tyres go by it: {', '.join(names)}"
+        raise InputError("tyre", repr(name), rule, f"Write e.g. {names[0]}")
+
+    def version(self, reference: str) -> Version:
+        """The version that ``NAME``, ``NAME@3``, ``NAME@approved`` or ``NAME@newest`` means.
+
+        Raises
+        ------
+        InputError
+            If there is none, or its file is damaged.
+        """
+        name, version = split_reference(reference)
+        return self.tyre(name).chosen(version)
+
+    def add(
+        self,
+        source: Path | str,
+        *,
+        tyre_id: str = "",
+        note: str = "",
+        author: str = "",
+        conditions: Mapping[str, float] | None = None,
+        accept_changes: bool = False,
+    ) -> Version:
+        """Add a parameter set as a new version of its tyre.
+
+        Parameters
+        ----------
+        source : path
+            A result folder or a parameter set in TOML.
+        tyre_id : str
+            Tells tyres of one designation apart.
+        note, author : str
+            Author: default the login name.
+        conditions : mapping of str to float, optional
+            Further conditions, named as in `CONDITION_NAMES`.
+        accept_changes : bool
+            Whether to take a result or a set that was edited; its provenance says so then.
+
+        Returns
+        -------
+        Version
+
+        Raises
+        ------
+        InputError
+            If it is no parameter set of a possible ring, was edited and is not accepted, or the
+            name belongs to another tyre.
+        """
+        from pipelines.storage.checksums import sha256
+
+        path = parameter_file(Path(source))
+        found = read_source(Path(source), accept_changes=accept_changes)
+        parameters = _with_conditions(found, conditions or {})
+        _require_ring(path, parameters)
+        entry = Entry(
+            **signed_now(author or login_name()),
+            note=note,
+            tyre_id=tyre_id,
+            source=Path(source).resolve().name,
+            source_sha256=sha256(path),
+        )
+        self._require_place()
+        with folder_in_use(self.folder):
+            return self._tyre_for(parameters.designation, tyre_id).add(parameters, entry)
+
+    def _require_place(self) -> None:
+        """Refuse a folder whose parent does not exist: a mistyped path makes none."""
+        if not self.folder.absolute().parent.is_dir():
+            rule = "a new library needs an existing folder around it"
+            raise InputError(str(self.folder), "no such folder", rule, "Check the path")
+        if self.folder.exists() and not self.folder.is_dir():
+            raise InputError(str(self.folder), "a file", "a library is a folder", "Name a folder")
+
+    def _tyre_for(self, designation: str, tyre_id: str) -> LibraryTyre:
+        wanted = folder_name(designation, tyre_id)
+        same = [t for t in self.tyres() if t.name.casefold() == wanted.casefold()]
+        return same[0] if same else LibraryTyre(self.folder / wanted)
+
+
+def resolve(
+    reference: str, library: Path | None = None, *, accept_changes: bool = False
+) -> NamedSet:
+    """Parameter set that a text on the command line means.
+
+    Parameters
+    ----------
+    reference : str
+        A result folder, a parameter set in TOML, or a version of a tyre in the library: ``NAME``,
+        ``NAME@3``.
+    library : Path, optional
+        Needed for the latter.
+    accept_changes : bool
+        Whether to take a result or a set that was edited.
+
+    Returns
+    -------
+    NamedSet
+
+    Raises
+    ------
+    InputError
+        If it means none, or the file is damaged, or edited and not accepted.
+    """
+    path = Path(reference)
+    if path.is_file() or any((path / name).is_file() for name in (_RESULT, _SET)):
+        return NamedSet(reference, read_source(path, accept_changes=accept_changes))
+    if library is None:
+        rule = "it is no file or result folder, and no library is named"
+        raise InputError(
+            reference, "no such file", rule, f"Check the path, or give --library or {VARIABLE}"
+        )
+    version = TyreLibrary(library).version(reference)
+    return NamedSet(version.reference, version.for_others)
+
+
+def read_source(source: Path, *, accept_changes: bool = False, lone: bool = True) -> ParameterSet:
+    """Parameter set of a result folder or file, which must be as it was written.
+
+    Parameters
+    ----------
+    source : Path
+    accept_changes : bool
+        Whether to take it although it was edited; its provenance says so then.
+    lone : bool
+        Whether that is demanded of a file too, and not of a result folder alone.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it was edited and is not accepted.
+    """
+    changes: Iterable[str] = ()
+    if (source / _RESULT).is_file():
+        changes = checked_result(source, accept_changes=accept_changes).accepted
+    found = read_parameter_set(
+        parameter_file(source),
+        must_be_as_written=lone and not source.is_dir(),
+        accept_changes=accept_changes,
+    )
+    return accepted(found, changes) if changes else found
+
+
+def parameter_file(source: Path) -> Path:
+    """The parameter set of a result folder, or the file itself.
+
+    Raises
+    ------
+    InputError
+        If a folder holds none.
+    """
+    if not source.is_dir():
+        return source
+    path = source / _SET
+    if not path.is_file():
+        is_result = (source / _RESULT).is_file()
+        remedy = "Give pressure and radius in [tyre] and process it again; see its report"
+        raise InputError(
+            str(source),
+            f"no {_SET}",
+            "its ring steps were left out" if is_result else "it is no result folder",
+            remedy if is_result else "Give a result folder or a parameter set",
+        )
+    return path
+
+
+def conditions_of(texts: Iterable[str]) -> dict[str, float]:
+    """Conditions of repeated ``NAME=VALUE`` texts.
+
+    Raises
+    ------
+    InputError
+        If a text is none, or its value no finite number.
+    """
+    found = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            number = float(value)
+        except ValueError:
+            number = nan
+        if not isfinite(number):
+            rule = "it must be NAME=NUMBER, in the unit that the name ends with"
+            raise InputError("--condition", repr(text), rule, "Write e.g. temperature_c=21.5")
+        found[name.strip()] = number
+    return found
+
+
+def _with_conditions(parameters: ParameterSet, given: Mapping[str, float]) -> ParameterSet:
+    for name in given:
+        if name not in CONDITION_NAMES:
+            raise unknown("--condition", name, "there is no such condition", CONDITION_NAMES)
+    return replace(parameters, conditions={**parameters.conditions, **given})
+
+
+def _require_ring(path: Path, parameters: ParameterSet) -> None:
+    try:
+        _ = parameters.ring_parameters, parameters.ring_damping, parameters.wheel_parameters
+    except ParameterError as error:
+        raise InputError(f"{path}, {error.where}", error.found, error.rule, error.remedy) from error
+
+
+def _as_folder(name: str) -> str:
+    """A tyre's name as its folder would be called; empty where no folder could be."""
+    with suppress(InputError):
+        return folder_name(name).casefold()
+    return ""
+
+
+def _names(tyre: LibraryTyre) -> set[str]:
+    """Designation and id of a tyre, as they would be as folders; none where all is damaged."""
+    with suppress(DamagedFile):
+        latest = tyre.latest_intact()
+        texts = (latest.parameters.designation, latest.entry.tyre_id)
+        return {folder_name(text).casefold() for text in texts if text}
+    return set()

@@ -1,0 +1,84 @@
+"""The paper reproduced: its tables and figures computed, beside what it prints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from pipelines.paper.damping import damping
+from pipelines.paper.forced import forced_response
+from pipelines.paper.identification import identification
+from pipelines.paper.parts import Chapter, Drawing, NumberTable, paper_page, statements_table
+from pipelines.paper.tuning import tuning
+from pipelines.paper.waves import waves
+from pipelines.process.run import process
+from pipelines.results.result import Result
+from pipelines.simulate.campaign import sample_campaign
+from pipelines.storage.checksums import write_marker
+from pipelines.storage.result_folder import require_free, written_whole
+from pipelines.storage.tables import write_csv
+
+PAGE = "paper.html"
+FOLDER_MARKER = "paper.json"  # lists the files, by which an earlier reproduction is known
+
+
+def reproduce_paper(
+    folder: Path, *, force: bool = False, progress: Callable[[str], None] | None = None
+) -> tuple[Chapter, ...]:
+    """Compute Tables 3 to 5 and Figs. 3 to 8 and 10 to 12, and write them.
+
+    Parameters
+    ----------
+    folder : Path
+        Gets ``paper.html``, a CSV file per table, a PNG file per figure and ``paper.json``, which
+        lists them; written atomically.
+    force : bool
+        Replace an earlier reproduction.
+    progress : callable, optional
+        Told the name of each stage as it starts.
+
+    Returns
+    -------
+    tuple of Chapter
+
+    Raises
+    ------
+    InputError
+        If the folder exists and may not be replaced, or cannot be written.
+    """
+    require_free(folder, force=force, marker=FOLDER_MARKER)
+    with TemporaryDirectory() as scratch:
+        result = process(sample_campaign(Path(scratch) / "campaign"), progress=progress)
+    if progress is not None:
+        progress("Computing the paper's tables and figures …")
+    chapters = paper_chapters(result)
+    write_paper(chapters, result, folder, force=force)
+    return chapters
+
+
+def paper_chapters(result: Result) -> tuple[Chapter, ...]:
+    """All that is computed, from a campaign that stands for the paper's recordings."""
+    return (identification(result), tuning(result), waves(), damping(), forced_response(result))
+
+
+def write_paper(
+    chapters: tuple[Chapter, ...], result: Result, folder: Path, *, force: bool = False
+) -> None:
+    """Write page, tables and figures; the folder appears whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the folder exists and may not be replaced, or cannot be written.
+    """
+    parts = [part for chapter in chapters for part in chapter.parts]
+    with written_whole(folder, force=force, marker=FOLDER_MARKER) as partial:
+        for part in (*parts, statements_table(chapters)):
+            if isinstance(part, NumberTable):
+                write_csv(partial / f"{part.name}.csv", part.file_columns, part.file_rows)
+            if isinstance(part, Drawing):
+                (partial / f"{part.name}.png").write_bytes(part.content)
+        (partial / PAGE).write_text(paper_page(chapters, result), encoding="utf-8", newline="\n")
+        about = {key: result.provenance[key] for key in ("software", "created")}
+        write_marker(partial / FOLDER_MARKER, about)

@@ -1,0 +1,253 @@
+"""Figs. 5 to 8 and 10: waves of the undamped ring, at rest and rolling, from three frames."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model import WavePair, bifurcation, natural_frequencies_hz, wave_pair
+from model.reference import TABLE_4_RING
+from model.waves import WaveFrame
+from pipelines.paper import parts as paper_printed
+from pipelines.paper.parts import (
+    FIGURE_6_ORDERS,
+    SPEED_RAD_S,
+    WAVE_ORDER,
+    Chapter,
+    Column,
+    Drawing,
+    NumberTable,
+    Statement,
+    drawing,
+    places,
+    verdict,
+)
+from pipelines.plots import figures
+from pipelines.plots import waves as figures_waves
+from pipelines.report.blocks import Paragraph
+from pipelines.storage.rounding import signed
+
+#: Figure, speed and reference system of each sequence.
+SEQUENCES: tuple[tuple[int, float, WaveFrame], ...] = (
+    (5, 0.0, "rotating"),
+    (7, SPEED_RAD_S, "rotating"),
+    (8, SPEED_RAD_S, "absolute"),
+    (10, SPEED_RAD_S, "stationary"),
+)
+_DRAWN_SPEEDS = np.arange(0.0, 150.1, 1.0)
+_SOUGHT_SPEEDS = np.arange(0.0, 800.0, 0.5)
+_INSTANTS = 9  # per cycle, both ends included
+_SEQUENCE_MARGINS = figures.Margins(left=0.2, right=2.4, between_columns=1.8)
+INTRODUCTION = (
+    "Two waves of one order run around the ring in opposite directions. Their superposition "
+    "pulses with the mean of the two frequencies while its pattern turns; the tables give how far "
+    "it turns in one cycle, seen from each reference system. The figures show the ring at the "
+    "beginning and at the end of a cycle, and the radial displacement at nine instants of it."
+)
+
+
+def waves() -> Chapter:
+    """Figs. 5 to 8 and 10, from the ring of Table 4 alone."""
+    standing, rolling = (wave_pair(TABLE_4_RING, WAVE_ORDER, speed) for speed in (0.0, SPEED_RAD_S))
+    return Chapter(
+        "waves",
+        "Free response: Figs. 5 to 8 and 10",
+        (
+            _figure_6(),
+            _table_of_minima(),
+            Paragraph(INTRODUCTION),
+            _table_of_sequences(),
+            *(_sequence(*entry) for entry in SEQUENCES),
+        ),
+        (*_on_bifurcation(), _on_standing(standing), *_on_rotating(rolling)),
+    )
+
+
+def turn_per_cycle_deg(pair: WavePair, frame: WaveFrame) -> float:
+    """Angle by which the pattern of a pair turns in one cycle, degrees."""
+    return float(np.rad2deg(pair.pattern_speed_rad_s(frame) * cycle_s(pair)))
+
+
+def cycle_s(pair: WavePair) -> float:
+    """Period of the factor that modulates the pattern in time (eqs 20, 22, 27), s."""
+    return float(4.0 * np.pi / (pair.regressive_rad_s + pair.progressive_rad_s))
+
+
+def _figure_6() -> Drawing:
+    room = figures.Margins(right=1.4, between_columns=2.6)
+    with figures.styled_figure(19, 9, 1, 2, room) as (figure, axes):
+        for ax, orders, letter in zip(axes, FIGURE_6_ORDERS, "ab", strict=True):
+            figures_waves.plot_bifurcation(bifurcation(TABLE_4_RING, orders, _DRAWN_SPEEDS), ax)
+            ax.axvline(SPEED_RAD_S, color="#BBBBBB", linewidth=0.8, zorder=0)
+            ax.set_title(f"({letter})")
+    return drawing(
+        "figure_6",
+        figure,
+        "Frequencies of orders 1 to 4 over speed; each splits into two branches.",
+        "Fig. 6: bifurcation of the inextensional frequencies in the rotating frame. The grey line "
+        "is 67.3 rad/s (80 km/h).",
+    )
+
+
+def _minima() -> tuple[NDArray[np.int_], NDArray[np.float64], NDArray[np.float64]]:
+    """Orders above one, and speed and frequency of their lowest progressive wave."""
+    orders = np.array([order for pair in FIGURE_6_ORDERS for order in pair if order > 1])
+    progressive_hz = bifurcation(TABLE_4_RING, orders, _SOUGHT_SPEEDS).progressive_hz
+    return orders, _SOUGHT_SPEEDS[progressive_hz.argmin(axis=1)], progressive_hz.min(axis=1)
+
+
+def _table_of_minima() -> NumberTable:
+    orders, speed_rad_s, lowest_hz = _minima()
+    speed_km_h = 3.6 * speed_rad_s * TABLE_4_RING.mean_radius_m
+    return NumberTable(
+        "figure_6_minima",
+        "Fig. 6: where the frequency of the progressive wave is lowest",
+        (
+            Column("order n", "order", orders),
+            Column("at / (rad/s)", "speed_rad_s", speed_rad_s, show=places(1)),
+            Column("at / (km/h)", "speed_km_h", speed_km_h, show=places(0)),
+            Column("lowest / Hz", "lowest_hz", lowest_hz, show=places(2)),
+            Column(
+                "at rest / Hz",
+                "at_rest_hz",
+                natural_frequencies_hz(TABLE_4_RING, orders),
+                show=places(2),
+            ),
+        ),
+    )
+
+
+def _table_of_sequences() -> NumberTable:
+    pairs = [wave_pair(TABLE_4_RING, WAVE_ORDER, speed) for _, speed, _ in SEQUENCES]
+    frames = [frame for _, _, frame in SEQUENCES]
+    seen = list(zip(pairs, frames, strict=True))
+    speeds = np.array([pair.propagation_speeds_rad_s(frame) for pair, frame in seen])
+    return NumberTable(
+        "waves",
+        f"The two waves of order {WAVE_ORDER} and the pattern they form",
+        (
+            Column("figure", "figure", [str(number) for number, _, _ in SEQUENCES]),
+            Column("Ω / (rad/s)", "speed_rad_s", [speed for _, speed, _ in SEQUENCES]),
+            Column("frame", "frame", frames),
+            Column("c₁ / (rad/s)", "regressive_rad_s", speeds[:, 0], show=places(2)),
+            Column("c₂ / (rad/s)", "progressive_rad_s", speeds[:, 1], show=places(2)),
+            Column("cycle / ms", "cycle_ms", [1e3 * cycle_s(p) for p in pairs], show=places(3)),
+            Column(
+                "pattern / (rad/s)",
+                "pattern_rad_s",
+                [pair.pattern_speed_rad_s(frame) for pair, frame in seen],
+                show=places(2),
+            ),
+            Column(
+                "turn per cycle / °",
+                "turn_deg",
+                [turn_per_cycle_deg(pair, frame) for pair, frame in seen],
+                show=places(2),
+            ),
+        ),
+    )
+
+
+def _sequence(number: int, speed_rad_s: float, frame: WaveFrame) -> Drawing:
+    pair = wave_pair(TABLE_4_RING, WAVE_ORDER, speed_rad_s)
+    angles = np.linspace(0.0, 2.0 * np.pi, 361)
+    times = np.linspace(0.0, cycle_s(pair), _INSTANTS)
+    field = pair.radial(angles, times, frame) / 4.0
+    with figures.styled_figure(20, 8, 1, 2, _SEQUENCE_MARGINS, width_ratios=(1, 1.5)) as (
+        figure,
+        (circle, unrolled),
+    ):
+        ends = (f"{1e3 * times[0]:.0f} ms", f"{1e3 * times[-1]:.2f} ms")
+        figures_waves.plot_waves_on_circle(angles, field[:, [0, -1]], ends, circle)
+        figures_waves.plot_waves_unrolled(angles, times, field, unrolled)
+    turn = turn_per_cycle_deg(pair, frame)
+    moves = "stands" if turn < 0.01 else f"turns by {turn:.1f}° per cycle"
+    return drawing(
+        f"figure_{number}",
+        figure,
+        f"Superposed waves of order {WAVE_ORDER} at {speed_rad_s:g} rad/s, {frame} frame.",
+        f"Fig. {number}: superposed waves, n = {WAVE_ORDER}, Ω = {speed_rad_s:g} rad/s, {frame} "
+        f"reference system. The pattern {moves}. Left: beginning (solid) and end (dashed) of a "
+        "cycle; right: nine instants of it.",
+    )
+
+
+def _on_bifurcation() -> tuple[Statement, ...]:
+    found = bifurcation(TABLE_4_RING, [1, *_minima()[0]], _DRAWN_SPEEDS)
+    rest_hz, shift_hz = found.regressive_hz[0, 0], _DRAWN_SPEEDS / (2.0 * np.pi)
+    bend = max(
+        float(np.abs(found.regressive_hz[0] - rest_hz - shift_hz).max()),
+        float(np.abs(found.progressive_hz[0] - rest_hz + shift_hz).max()),
+    )
+    rising = bool(np.all(np.diff(found.regressive_hz, axis=1) > 0))
+    orders, speeds, _ = _minima()
+    inside = bool(np.all((speeds > 0) & (speeds < _SOUGHT_SPEEDS[-1])))
+    listed = ", ".join(f"{s:.0f} (n = {n})" for n, s in zip(orders, speeds, strict=True))
+    return (
+        Statement(
+            "Section 5.1, Fig. 6",
+            paper_printed.LINEAR,
+            f"Up to 150 rad/s it stays within {bend:.4f} Hz of f ± Ω/2π.",
+            verdict(bend < 0.01),
+        ),
+        Statement(
+            "Section 5.1, Fig. 6",
+            paper_printed.RISING,
+            "So they do for n = 1 to 4 up to 150 rad/s."
+            if rising
+            else "They do not everywhere up to 150 rad/s.",
+            verdict(rising),
+        ),
+        Statement(
+            "Section 5.1, Fig. 6",
+            paper_printed.MINIMUM,
+            f"The minima lie at {listed} rad/s; that of n = 2 is beyond any road speed.",
+            verdict(inside),
+        ),
+    )
+
+
+def _on_standing(pair: WavePair) -> Statement:
+    cycle = cycle_s(pair)
+    stands = turn_per_cycle_deg(pair, "rotating") < 0.01
+    return Statement(
+        "Section 5.1, Fig. 5",
+        paper_printed.STANDING,
+        f"The pattern stands; a cycle of order 3 takes {1e3 * cycle:.2f} ms.",
+        verdict(stands and round(cycle, 3) == paper_printed.CYCLE_S),
+    )
+
+
+def _on_rotating(pair: WavePair) -> tuple[Statement, ...]:
+    apart = abs(pair.progressive_ratio / pair.regressive_ratio - 1.0)
+    turns: dict[WaveFrame, float] = {
+        frame: turn_per_cycle_deg(pair, frame) for _, _, frame in SEQUENCES[1:]
+    }
+    return (
+        Statement(
+            "Section 5.1",
+            paper_printed.RATIOS_ALIKE,
+            f"B is {pair.regressive_ratio:.4f} and {pair.progressive_ratio:.4f} for n = 3 at 67.3 "
+            f"rad/s: {100.0 * apart:.2g} % apart.",
+            verdict(apart < 0.05),
+        ),
+        Statement(
+            "Section 5.1, Fig. 7",
+            paper_printed.ROTATES,
+            f"It turns by {turns['rotating']:.1f}° per cycle in the rotating frame.",
+            verdict(turns["rotating"] > 1.0),
+        ),
+        Statement(
+            "Section 5.2, Fig. 8",
+            paper_printed.ABSOLUTE,
+            f"It turns by {turns['absolute']:.1f}° per cycle in the absolute frame.",
+            verdict(turns["absolute"] > 1.0),
+        ),
+        Statement(
+            "Section 5.2, Fig. 10",
+            paper_printed.STANDS,
+            f"It turns by {turns['stationary']:.1g}° per cycle in the frame that turns with "
+            f"β = {signed(pair.beta_rad_s, 2)} rad/s.",
+            verdict(turns["stationary"] < 0.01),
+        ),
+    )

@@ -1,0 +1,1 @@
+"""Plots: what is drawn, once for the page and once for files."""

@@ -1,0 +1,1 @@
+"""Before processing: look at files, draft a manifest."""

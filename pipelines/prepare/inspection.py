@@ -1,0 +1,218 @@
+"""A look into recordings before anything is done with them."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ema.core.errors import InputError
+from ema.core.finding import OK, WARNING, Finding
+from ema.core.frf import FRF
+from ema.core.numerics import one_blas_thread
+from ema.core.recording import VOLTAGE, Channel, Recording
+from ema.core.units import is_stated
+from ema.io.campaign.calibration import calibrated
+from ema.io.campaign.manifest import MANIFEST_NAME, Manifest, read_manifest, resolve
+from ema.io.campaign.read import recordings_in
+from ema.io.formats import exists, is_folder, read_file, read_headers
+from ema.signals.signal_checks import SignalSummary, level_findings, signal_findings, summarise
+from ema.signals.spikes import with_limits
+
+# What a reader left out is worth a note; it does not make a file look wrong.
+_NOTES = ("content",)
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelReport:
+    """One channel of a file: what it is, and its signal in SI units where it was looked at."""
+
+    channel: Channel
+    signal: SignalSummary | None
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class FileReport:
+    """What one file holds and what looks wrong in it.
+
+    Parameters
+    ----------
+    path : Path
+    size_bytes : int
+    sampling_rate_hz : float
+        NaN where neither file nor manifest say, and without time series.
+    channels : tuple of ChannelReport
+        Time series.
+    frf : FRF or None
+        FRFs.
+    frf_names : tuple of str
+        Their names.
+    findings : tuple of Finding
+        About the file, not one of its channels.
+    """
+
+    path: Path
+    size_bytes: int
+    sampling_rate_hz: float
+    channels: tuple[ChannelReport, ...]
+    frf: FRF | None
+    frf_names: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def all_findings(self) -> tuple[Finding, ...]:
+        """Findings about the file and its channels."""
+        return (*self.findings, *(each for row in self.channels for each in row.findings))
+
+    @property
+    def wrong(self) -> tuple[Finding, ...]:
+        """What looks wrong."""
+        return tuple(f for f in self.all_findings if f.verdict != OK and f.check not in _NOTES)
+
+    @property
+    def notes(self) -> tuple[Finding, ...]:
+        """What is worth knowing, and no fault."""
+        return tuple(f for f in self.all_findings if f.verdict == OK or f.check in _NOTES)
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """Reports on all files that can be read, and what is wrong with the others."""
+
+    files: tuple[FileReport, ...]
+    errors: tuple[InputError, ...]
+
+    @property
+    def looks_wrong(self) -> bool:
+        """Whether any file has a fault."""
+        return bool(self.errors) or any(report.wrong for report in self.files)
+
+
+def inspect_files(sources: Sequence[Path], *, levels: bool = True) -> Inspection:
+    """Look into recordings, one after the other; a bad one does not hide the others.
+
+    Parameters
+    ----------
+    sources : sequence of Path
+        Recordings, folders of recordings, or manifests. A manifest (in a folder, or named) gives
+        sampling rate and calibration where the files do not.
+    levels : bool
+        Whether to go through the signals; without, only headers are told.
+    """
+    found = [each for source in sources for each in _look(source, levels)]
+    return Inspection(
+        tuple(each for each in found if isinstance(each, FileReport)),
+        tuple(each for each in found if isinstance(each, InputError)),
+    )
+
+
+def _look(source: Path, levels: bool) -> Iterator[FileReport | InputError]:
+    """Report on each file of a source, or the error that is in the way."""
+    manifest, files = None, [source]
+    if is_folder(source) or source.suffix.lower() == ".toml":
+        files = []
+        try:
+            files = recordings_in(source) if is_folder(source) else []
+            manifest = _manifest_of(source)
+            if manifest is not None and not files:
+                files = [resolve(source, run.file) for run in manifest.runs]
+        except InputError as error:
+            yield error
+    for path in files:
+        try:
+            yield _report(path, manifest, levels)
+        except InputError as error:
+            yield error
+
+
+def _manifest_of(source: Path) -> Manifest | None:
+    path = source / MANIFEST_NAME if is_folder(source) else source
+    return None if is_folder(source) and not exists(path) else read_manifest(path)
+
+
+@one_blas_thread
+def _report(path: Path, manifest: Manifest | None, levels: bool) -> FileReport:
+    content = read_file(path) if levels else read_headers(path)
+    recording, findings = content.recording, list(content.findings)
+    channels: tuple[ChannelReport, ...] = ()
+    rate_hz = float("nan")
+    if recording is not None:
+        recording, noticed = _with_manifest(recording, manifest)
+        findings += [*noticed, *_remarks(recording)]
+        summaries = None
+        rate_hz = recording.sampling_rate_hz
+        if levels:
+            recording = with_limits(recording)
+            summaries = [summarise(channel, rate_hz) for channel in recording.channels]
+            findings += level_findings(recording, summaries)
+        channels = tuple(_channel_reports(recording, summaries, findings))
+    names = {row.channel.name for row in channels}
+    return FileReport(
+        path=path,
+        size_bytes=path.stat().st_size,
+        sampling_rate_hz=rate_hz,
+        channels=channels,
+        frf=content.frf,
+        frf_names=content.frf_names,
+        findings=tuple(finding for finding in findings if finding.channel not in names),
+    )
+
+
+def _with_manifest(
+    recording: Recording, manifest: Manifest | None
+) -> tuple[Recording, list[Finding]]:
+    """Rate and calibration by the manifest, as far as they concern this recording."""
+    if manifest is None:
+        return recording, []
+    rate_hz = manifest.acquisition.sampling_rate_hz
+    if np.isnan(recording.sampling_rate_hz) and rate_hz is not None:
+        recording = replace(recording, sampling_rate_hz=rate_hz)
+    sections = {
+        key: section
+        for key, section in manifest.calibration.items()
+        if key in recording.names or fnmatch.filter(recording.names, key)
+    }
+    recordings, findings = calibrated([recording], sections)
+    return recordings[0], findings
+
+
+def _remarks(recording: Recording) -> list[Finding]:
+    """What the recording leaves open, and the manifest has to say."""
+    file = recording.path.name
+    findings = []
+    if np.isnan(recording.sampling_rate_hz):
+        detail = "not stated: sampling_rate_hz of the manifest's [acquisition] has to say"
+        findings.append(Finding(file, "", None, "sampling rate", OK, detail))
+    for channel in recording.channels:
+        place = (file, channel.name, channel.angle_deg)
+        if channel.quantity == VOLTAGE:
+            detail = "volts: the manifest's [calibration] has to give a sensitivity"
+            findings.append(Finding(*place, "unit", OK, detail))
+        elif not is_stated(channel.unit):
+            detail = "no unit stated: taken as SI, unless the manifest's [calibration] says else"
+            findings.append(Finding(*place, "unit", OK, detail))
+    repeated = [name for name, count in Counter(recording.names).items() if count > 1]
+    for name in repeated:
+        detail = "several channels have this name, and channels are found by their names"
+        findings.append(Finding(file, name, None, "name", WARNING, detail))
+    return findings
+
+
+def _channel_reports(
+    recording: Recording, summaries: Sequence[SignalSummary] | None, findings: Sequence[Finding]
+) -> Iterator[ChannelReport]:
+    for row, channel in enumerate(recording.channels):
+        about = [finding for finding in findings if finding.channel == channel.name]
+        if channel.name in recording.names[:row]:  # said of its first namesake
+            about = []
+        signal = None if summaries is None else summaries[row]
+        if signal is not None:
+            said = {finding.check for finding in about}  # some readers count what is missing
+            seen = signal_findings(signal, recording.path.name, channel)
+            about += [finding for finding in seen if finding.check not in said]
+        yield ChannelReport(channel, signal, tuple(about))

@@ -1,0 +1,357 @@
+"""A first ``campaign.toml`` for a folder of recordings, as far as the files themselves tell."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ema.core.errors import InputError
+from ema.core.finding import Finding
+from ema.core.recording import VOLTAGE, Channel
+from ema.io.campaign.manifest import MANIFEST_NAME
+from ema.io.campaign.read import recordings_in
+from ema.io.formats import read_file
+from pipelines.prepare.guesses import (
+    GEOMETRY,
+    NODES,
+    Layout,
+    Places,
+    Source,
+    excitation_deg,
+    forces_in,
+    needs_calibration,
+    places_laid_out,
+    places_of,
+    reference_of,
+    sensors_in,
+    sources_of,
+)
+from pipelines.storage.atomic import file_written_whole
+
+_BARE_KEY = re.compile(r"^[A-Za-z0-9_-]+$")
+_TO_FILL_IN = """\
+# Draft made from the recordings. Put a value in place of what stands in angle brackets and take
+# away the # before that line; check the rest. The README shows a whole manifest.
+"""
+_ANGLES = """\
+# Angles in degrees, counted around the tyre from where the force acts, the same way in all runs.
+"""
+_POSITIONS = """\
+# positions = <number>           # places around the tyre: 72 where they are 5 degrees apart
+"""
+_REFERENCE = '# reference = "<channel>"        # the sensor that stays in place in all runs, if any'
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A draft manifest and what is still missing in it.
+
+    Parameters
+    ----------
+    text : str
+        TOML; lines to fill in are comments.
+    missing : tuple of str
+        What the files do not tell, in words.
+    left_out : tuple of str
+        Why files could not be considered.
+    """
+
+    text: str
+    missing: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Sketch:
+    """What is known, or thought, of the campaign."""
+
+    name: str
+    runs: tuple[Source, ...]
+    frfs: tuple[Source, ...]  # beside time series; these go first
+    unread: tuple[Path, ...]
+    force: str | None
+    reference: str | None
+    places: Places
+
+    @property
+    def is_structure(self) -> bool:
+        """Whether places are numbered, but on no circle."""
+        return bool(self.places.known_from) and self.places.positions is None
+
+    @property
+    def sensors(self) -> list[Channel]:
+        return [c for source in self.runs for c in sensors_in(source, self.reference)]
+
+
+def draft_manifest(
+    folder: Path, *, layout: Layout | None = None, reference: str | None = None
+) -> Draft:
+    """Draft a manifest from the recordings in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+    layout : Layout or None
+        Where the sensors sit, if they are evenly spread. Default: what the files tell.
+    reference : str or None
+        Channel of the sensor that stays in place. Default: what its name tells.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no recordings, or none that can be read; if no run has the reference
+        or two sensors would sit at one place.
+    """
+    sources, errors = _read_all(recordings_in(folder))
+    if not sources:
+        found = "; ".join(text.rstrip(".") for text in errors.values())
+        rule = "a manifest is drafted from recordings"
+        raise InputError(str(folder), found, rule, "Copy the files there, or name another folder")
+    series = tuple(source for source in sources if not source.has_frfs)
+    runs = series or tuple(sources)
+    if reference is not None:
+        _require_channel(reference, runs)
+    elif series:
+        reference = reference_of(runs)
+    forces = {name for source in runs for name in forces_in(source)}
+    sketch = _Sketch(
+        name=folder.resolve().name,
+        runs=runs,
+        frfs=tuple(source for source in sources if source.has_frfs and series),
+        unread=tuple(errors),
+        force=forces.pop() if len(forces) == 1 else None,
+        reference=reference,
+        places=places_laid_out(runs, reference, layout) if layout else places_of(runs, reference),
+    )
+    return Draft(_text_of(sketch), tuple(_missing(sketch)), tuple(errors.values()))
+
+
+def _require_channel(name: str, runs: Sequence[Source]) -> None:
+    known = sorted({channel.name for run in runs for channel in run.channels})
+    if name not in known:
+        rule = f"the recordings have {_listed(known, 20)}"
+        raise InputError("--reference", repr(name), rule, "Name one of them")
+
+
+def _read_all(paths: Sequence[Path]) -> tuple[list[Source], dict[Path, str]]:
+    """Content of all files that can be used, and what is wrong with the others."""
+    sources: list[Source] = []
+    errors: dict[Path, str] = {}
+    for path in paths:
+        try:
+            path.name.encode()
+            content = read_file(path)
+        except UnicodeEncodeError:
+            errors[path] = f"{path.name!a}: a name that no manifest can hold; rename the file"
+        except InputError as error:
+            errors[path] = str(error)
+        else:
+            sources += sources_of(content)
+            if content.recording is None and content.frf is None:
+                errors[path] = _nothing_in(path, content.findings)
+    return sources, errors
+
+
+def write_draft(folder: Path, draft: Draft, *, force: bool = False) -> Path:
+    """Write a draft beside the recordings; an existing manifest is replaced only with `force`.
+
+    Raises
+    ------
+    InputError
+        If there is one, and `force` is not given.
+    """
+    path = folder / MANIFEST_NAME
+    if path.exists() and not force:
+        remedy = "Move it away, or use --force"
+        raise InputError(str(path), "a manifest", "it is not overwritten unasked", remedy)
+    with file_written_whole(path) as partial:
+        partial.write_text(draft.text, encoding="utf-8", newline="\n")
+    return path
+
+
+def _nothing_in(path: Path, findings: Sequence[Finding]) -> str:
+    notes = "; ".join(finding.detail for finding in findings)
+    return f"{path.name}: neither time series nor FRFs" + (f" ({notes})" if notes else "")
+
+
+def _missing(sketch: _Sketch) -> Iterator[str]:
+    """What the user has to say, in the order of the manifest."""
+    if not sketch.is_structure:
+        yield "[tyre] inflation_pressure_pa and mean_radius_m, for the ring parameters"
+    rates = _rates(sketch)
+    if len(rates) > 1:
+        yield f"one sampling rate: the files have {', '.join(f'{rate:g} Hz' for rate in rates)}"
+    if not rates and not sketch.runs[0].has_frfs:
+        yield "[acquisition] sampling_rate_hz, which the files do not state"
+    volts, unitless = _uncalibrated(sketch)
+    if volts:
+        yield f"[calibration] sensitivity of {_listed(volts)}, in volts"
+    if unitless:
+        yield f"[calibration] unit of {_listed(unitless)}; without one they are taken as SI"
+    if _force_is_open(sketch):
+        names = {channel.name for source in sketch.runs for channel in source.channels}
+        yield f"[excitation] channel, the force, one of {_listed(sorted(names))}"
+    if not sketch.places.known_from:
+        yield (
+            "[grid] positions, and positions_deg of each run, the angles of the sensors; "
+            "--spacing-deg 30 --step-deg 5 writes those of sensors 30° apart that are turned by "
+            "5° from run to run"
+        )
+    elif sketch.places.is_guess and sketch.places.positions:
+        known_from = sketch.places.known_from
+        yield f"[grid] positions: {sketch.places.positions} is a guess from {known_from}"
+
+
+def _listed(names: Sequence[str], most: int = 6) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def _rates(sketch: _Sketch) -> list[float]:
+    """Sampling rates that files state, each once."""
+    rates = [source.sampling_rate_hz for source in sketch.runs]
+    return list(dict.fromkeys(round(rate, 6) for rate in rates if not np.isnan(rate)))
+
+
+def _force_is_open(sketch: _Sketch) -> bool:
+    """Whether it is not clear which channel is the force; one in each run needs no naming."""
+    return any(not source.has_frfs and len(forces_in(source)) != 1 for source in sketch.runs)
+
+
+def _uncalibrated(sketch: _Sketch) -> tuple[list[str], list[str]]:
+    """Names of the channels in volts, and of those without unit."""
+    used = {sketch.reference, *(c.name for c in sketch.sensors)}
+    used.update(name for source in sketch.runs for name in forces_in(source))
+    channels = [
+        channel
+        for source in sketch.runs
+        for channel in source.channels
+        if channel.name in used and needs_calibration(channel)
+    ]
+    volts = dict.fromkeys(c.name for c in channels if c.quantity == VOLTAGE)
+    unitless = dict.fromkeys(c.name for c in channels if c.quantity != VOLTAGE)
+    return list(volts), list(unitless)
+
+
+def _text_of(sketch: _Sketch) -> str:
+    parts = [
+        _TO_FILL_IN,
+        "schema = 1\n",
+        _tyre(sketch),
+        _acquisition(sketch),
+        _calibration(sketch),
+        _grid(sketch),
+        _excitation(sketch),
+        *(_run(sketch, source) for source in sketch.runs),
+        *(
+            _commented_run(source.path, "FRFs, instead of the time series")
+            for source in sketch.frfs
+        ),
+        *(_commented_run(path, "left out: nothing could be read") for path in sketch.unread),
+    ]
+    return "\n".join(part for part in parts if part)
+
+
+def _tyre(sketch: _Sketch) -> str:
+    lines = [
+        "[tyre]",
+        f"designation = {_text(sketch.name)}",
+        "# inflation_pressure_pa = <Pa>   # required for the ring parameters",
+        "# mean_radius_m = <m>            # required for the ring parameters",
+        "# belt_width_m = <m>             # optional: absolute amplitudes of the ring model",
+    ]
+    if sketch.is_structure:  # a tyre without its data, and without a circle, would be refused
+        lines = ["# Only for a tyre:", *(f"# {line.removeprefix('# ')}" for line in lines)]
+    return _joined(lines)
+
+
+def _acquisition(sketch: _Sketch) -> str:
+    rates = _rates(sketch)
+    if len(rates) == 1:
+        return f"[acquisition]\nsampling_rate_hz = {rates[0]!r}\n"
+    if sketch.runs[0].has_frfs:
+        return ""
+    why = "the files do not say" if not rates else "the files differ, and runs share one rate"
+    return f"[acquisition]\n# sampling_rate_hz = <Hz>          # {why}\n"
+
+
+def _calibration(sketch: _Sketch) -> str:
+    volts, unitless = _uncalibrated(sketch)
+    if not volts and not unitless:
+        return ""
+    lines = ['[calibration]                     # a key may be a pattern such as "A*"']
+    for name in volts:
+        unit = "mV/N" if name == sketch.force else "mV/g"
+        lines.append(f'# {_key(name)} = {{ sensitivity = "<number> {unit}" }}')
+    for name in unitless:
+        unit = "N, kN, …" if name == sketch.force else "m/s^2, g, …"
+        lines.append(f'# {_key(name)} = {{ unit = "<{unit}>" }}')
+    return _joined(lines)
+
+
+def _grid(sketch: _Sketch) -> str:
+    positions, known_from = sketch.places.positions, sketch.places.known_from
+    if positions is not None:
+        guess = "   # a guess: check it" if sketch.places.is_guess else ""
+        return f"[grid]\npositions = {positions}{guess}\n"
+    what = "Only for a circle of sensors:" if known_from else "For a circle of sensors:"
+    return f"# {what}\n# [grid]\n{_POSITIONS}"
+
+
+def _excitation(sketch: _Sketch) -> str:
+    lines = ["[excitation]"]
+    if sketch.force is not None:
+        lines.append(f"channel = {_text(sketch.force)}")
+    elif _force_is_open(sketch):
+        lines.append("# channel = <name of the force>")
+    if not sketch.is_structure:
+        angle = excitation_deg(sketch.runs, sketch.places)
+        assumed = "               # assumed" if angle is None else ""
+        lines += [f"position_deg = {angle or 0.0!r}{assumed}", 'direction = "radial"']
+    return _joined(lines) if len(lines) > 1 else ""
+
+
+def _run(sketch: _Sketch, source: Source) -> str:
+    lines = ["[[runs]]", f"file = {_text(source.path.name)}"]
+    if sketch.reference in [channel.name for channel in source.channels]:
+        lines.append(f"reference = {_text(str(sketch.reference))}")
+    elif sketch.reference is None and len(sketch.runs) > 1 and not source.has_frfs:
+        lines.append(_REFERENCE)
+    sensors = sensors_in(source, sketch.reference)
+    places = sketch.places
+    # The file itself says where its accelerations are; what is no acceleration yet, is listed.
+    tells = places.known_from in (GEOMETRY, NODES) and not any(map(needs_calibration, sensors))
+    if tells or sketch.is_structure:
+        lines.append(f"# positions follow from {places.known_from}")
+    elif places.angle_deg is not None:
+        known = (f"{_key(c.name)} = {places.angle_deg[source.path, c.name]!r}" for c in sensors)
+        lines.append(f"positions_deg = {{ {', '.join(known)} }}")
+    else:
+        open_places = (f"{_key(channel.name)} = <deg>" for channel in sensors)
+        lines = lines if source is not sketch.runs[0] else [_ANGLES.rstrip(), *lines]
+        lines.append(f"# positions_deg = {{ {', '.join(open_places)} }}")
+    return _joined(lines)
+
+
+def _commented_run(path: Path, why: str) -> str:
+    name = path.name.encode("utf-8", "replace").decode()
+    return f"# {why}\n# [[runs]]\n# file = {_text(name)}\n"
+
+
+def _joined(lines: Sequence[str]) -> str:
+    return "\n".join(lines) + "\n"
+
+
+def _key(name: str) -> str:
+    return name if _BARE_KEY.match(name) else _text(name)
+
+
+def _text(value: str) -> str:
+    """A string of TOML, whatever signs a name has."""
+    import tomlkit
+
+    return tomlkit.item(value).as_string()

@@ -1,0 +1,5 @@
+"""The whole story: a campaign becomes modes, the modes become a ring."""
+
+from pipelines.process.run import process, retune, tune
+
+__all__ = ["process", "retune", "tune"]

@@ -1,0 +1,359 @@
+"""The whole story: a campaign becomes modes, the modes become a ring."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import ema
+import model
+from ema.checks.drive_point import drive_point_finding
+from ema.checks.quality import (
+    averages_finding,
+    check_reference,
+    coherence_findings,
+    coherent_band,
+    drift_findings,
+    period_finding,
+    reference_finding,
+)
+from ema.checks.run_gain import gain_findings
+from ema.circumference.mass_loading import loading_note, sensors_of_runs
+from ema.core.campaign import Campaign, Tyre
+from ema.core.errors import InputError
+from ema.core.finding import OK, Finding
+from ema.core.frf import FRF
+from ema.core.modes import ModalModel
+from ema.identify import Identification, SensorMass
+from ema.io.campaign.roles import UNNUMBERED
+from model.identifiability import IDENTIFIED
+from model.tuning_result import TuningResult
+from pipelines.process.plausibility import (
+    AMPLITUDE,
+    PLAUSIBILITY,
+    amplitude_finding,
+    plausibility_finding,
+)
+from pipelines.process.validate import RingOrder, ring_orders, validate
+from pipelines.results.options import TYRE_BAND_HZ, Options, processing_in_force
+from pipelines.results.provenance import Stopwatch, checksummed, provenance
+from pipelines.results.result import Result
+from pipelines.results.store import load
+
+# Share by which a band may reach beyond the last line: half the sampling rate has none.
+_BAND_ROOM = 0.01
+
+
+def process(
+    source: str | Path | Sequence[str | Path],
+    options: Options | None = None,
+    progress: Callable[[str], None] | None = None,
+    run_progress: Callable[[int, int], None] | None = None,
+) -> Result:
+    """Recordings → FRFs → poles → modes → ring parameters → validation.
+
+    Parameters
+    ----------
+    source : path or sequence of paths
+        A campaign's folder, its manifest, or recordings.
+    options : Options, optional
+    progress : callable, optional
+        Told the name of each stage as it starts.
+    run_progress : callable, optional
+        Told how many runs have their FRFs and how many there are, as each one ends.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    InputError
+        If the input cannot be used, or gives a warning in a strict run; nothing is written.
+    FitError
+        If no modes can be identified.
+    """
+    options = options or Options()
+    watch = Stopwatch(progress or (lambda name: None))
+    with watch.stage("read", "Reading"):
+        campaign = ema.read_campaign(source)
+        _require_ring_data(campaign, options)
+        if options.strict:
+            refuse_warnings(campaign.findings)
+    processing = processing_in_force(campaign, options.processing)
+    with watch.stage("frf", "Estimating FRFs"):
+        estimated = ema.estimate_frf(
+            campaign, processing, estimator=options.estimator, progress=run_progress
+        )
+        _require_band(processing.band_hz, estimated)
+        band_hz = processing.band_hz or _default_band(campaign, estimated)
+    with checksummed(campaign.sources) as inputs:
+        with watch.stage("modes", "Identifying modes"):
+            found = ema.identify_modes(
+                estimated,
+                band_hz,
+                pinned_hz=options.pinned_hz or None,
+                excluded_hz=options.excluded_hz,
+                sensor_mass=_sensor_mass(campaign),
+                max_order=options.max_order,
+                method=options.method,
+            )
+        measured = _measured(campaign, estimated, found, band_hz)
+        if options.strict:
+            refuse_warnings(measured.findings)
+        with watch.stage("ring", "Tuning the ring"):
+            result = tune(measured, options)
+    in_force = replace(processing, band_hz=band_hz)
+    record = provenance(campaign.name, inputs(), options, in_force, found.frf, watch)
+    return replace(result, provenance=record)
+
+
+def _measured(
+    campaign: Campaign, estimated: FRF, found: Identification, band_hz: tuple[float, float]
+) -> Result:
+    """Gather what was identified, with everything that was checked on the way."""
+    notes = (*found.model.notes, *_mass_note(campaign, found.model))
+    fixed = found.frf.reference
+    reference = None if fixed is None else check_reference(fixed, band_hz)
+    return Result(
+        name=campaign.name,
+        tyre=campaign.tyre,
+        frf=found.frf,
+        diagram=found.diagram,
+        modal_model=replace(found.model, notes=notes),
+        reference=reference,
+        tuning=None,
+        damping=None,
+        validation=None,
+        excitation_deg=campaign.excitation_deg,
+        reference_deg=campaign.reference_deg,
+        findings=(
+            *campaign.findings,
+            *estimated.findings,
+            *averages_finding(estimated),
+            *period_finding(estimated),
+            *coherence_findings(estimated, band_hz),
+            *found.findings,
+            *([reference_finding(reference), *gain_findings(reference)] if reference else []),
+            *drift_findings(found.model.drift),
+            *drive_point_finding(found.model, campaign.excitation_deg),
+        ),
+        opinions=found.opinions,
+        notes=notes,
+    )
+
+
+def tune(result: Result, options: Options) -> Result:
+    """Add ring parameters and validation to identified modes, or the reason why there are none."""
+    tyre, modal_model = result.tyre, result.modal_model
+    reason = _why_no_ring(tyre, modal_model, options)
+    if reason or tyre is None or tyre.mean_radius_m is None or tyre.inflation_pressure_pa is None:
+        return replace(result, notes=(*result.notes, reason))
+    kept = tuple(f for f in result.findings if f.check not in (AMPLITUDE, PLAUSIBILITY))
+    orders = ring_orders(modal_model)
+    numbers = np.array([order.order for order in orders])
+    tuning = model.tune_ring(
+        numbers,
+        [order.frequency_hz for order in orders],
+        mean_radius_m=tyre.mean_radius_m,
+        inflation_pressure_pa=tyre.inflation_pressure_pa,
+        belt_width_m=tyre.belt_width_m,
+        frequency_std_hz=[order.frequency_std_hz for order in orders],
+        objective=options.objective,
+        given=options.given,
+    )
+    damping = model.identify_damping(
+        tuning.ring,
+        numbers,
+        [order.damping_ratio for order in orders],
+        [order.damping_std for order in orders],
+    )
+    return replace(
+        result,
+        tuning=tuning,
+        damping=damping,
+        validation=validate(modal_model, orders, tuning, damping),
+        findings=(*kept, *_ring_findings(modal_model, orders, tuning)),
+        notes=(*result.notes, *tuning.notes, *damping.notes),
+    )
+
+
+def _ring_findings(
+    modal_model: ModalModel, orders: Sequence[RingOrder], tuning: TuningResult
+) -> list[Finding]:
+    """Whether ring and amplitudes are those of a tyre, the most likely cause of a doubt first."""
+    identified = tuning.how["mass_per_area_kg_m2"] == IDENTIFIED
+    mass = tuning.ring.mass_per_area_kg_m2 if identified else None
+    plausible = plausibility_finding(orders, mass)
+    doubted = plausible is not None and plausible.verdict != OK
+    amplitude = amplitude_finding(modal_model, orders, tuning.ring, ring_is_doubted=doubted)
+    return [*([plausible] if plausible else []), *amplitude]
+
+
+def _require_ring_data(campaign: Campaign, options: Options) -> None:
+    """Refuse a tyre without pressure or radius before an hour of processing, not after."""
+    if campaign.tyre is None or not options.tune:
+        return
+    for name in ("inflation_pressure_pa", "mean_radius_m"):
+        if getattr(campaign.tyre, name) is None:
+            raise InputError(
+                f"{campaign.sources[0].name}, [tyre]",
+                f"no {name}",
+                "without it no ring parameters can be determined",
+                f"Add {name} = …, or stop at the modes with --no-tune",
+            )
+    numbered = not any(finding.check == UNNUMBERED for finding in campaign.findings)
+    if len(campaign.runs) > 1 and not campaign.has_circle and not numbered:
+        raise InputError(
+            campaign.sources[0].name,
+            f"{len(campaign.runs)} runs whose sensors have neither position nor node",
+            "sensors of one name are averaged over the runs; on a tyre that is turned between the "
+            "runs they sit elsewhere in each",
+            "Add [grid] positions = … and positions_deg = { sensor = angle, … } to every [[runs]], "
+            "or stop at the modes with --no-tune if they stayed in place",
+        )
+
+
+def _require_band(stated_hz: tuple[float, float] | None, frf: FRF) -> None:
+    """Refuse a band that the user names and the FRFs do not reach."""
+    last_hz = float(frf.frequency_hz[-1])
+    if stated_hz is not None and stated_hz[1] > last_hz * (1 + _BAND_ROOM):
+        raise InputError(
+            "band_hz",
+            f"{stated_hz[0]:g} to {stated_hz[1]:g} Hz",
+            f"the FRFs end at {last_hz:g} Hz, half the sampling rate",
+            "Lower the upper limit",
+        )
+
+
+def _sensor_mass(campaign: Campaign) -> SensorMass | None:
+    if campaign.sensor_mass_kg is None or not campaign.has_circle or not campaign.runs:
+        return None
+    return SensorMass(
+        campaign.sensor_mass_kg, sensors_of_runs(campaign), campaign.excitation_deg or 0.0
+    )
+
+
+def _mass_note(campaign: Campaign, modal_model: ModalModel) -> list[str]:
+    if campaign.sensor_mass_kg is not None and campaign.has_circle and not campaign.runs:
+        return [
+            "Sensor mass given, but FRFs from a file do not say which sensors sat on the tyre "
+            "together: nothing was corrected for it."
+        ]
+    if not campaign.has_circle or not campaign.runs:
+        return []
+    if campaign.sensor_mass_kg is not None:
+        grams = 1e3 * campaign.sensor_mass_kg
+        return [f"Corrected to the bare tyre: the mass of the sensors, {grams:g} g each, is off."]
+    seats = max(angles.size for angles in sensors_of_runs(campaign).values())
+    return [loading_note(modal_model, seats, campaign.excitation_deg or 0.0)]
+
+
+def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:
+    """Band of a tyre; for any other structure the widest one that the force excites well."""
+    if campaign.has_circle or campaign.tyre is not None:
+        return TYRE_BAND_HZ[0], min(TYRE_BAND_HZ[1], float(frf.frequency_hz[-1]))
+    return coherent_band(frf)
+
+
+def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -> str:
+    if not options.tune:
+        return "The ring steps were left out as asked for (--no-tune)."
+    if tyre is None:
+        return "No [tyre] in the manifest: the ring steps were left out."
+    if tyre.mean_radius_m is None or tyre.inflation_pressure_pa is None:
+        return "No mean radius or inflation pressure: no ring parameters can be determined."
+    if not np.all(np.isfinite(modal_model.position_deg)):
+        return "No [grid] in the manifest: without angles there are no orders and no ring."
+    n_orders = len(ring_orders(modal_model))
+    if n_orders < 3:
+        orders = "order was" if n_orders == 1 else "orders were"
+        return f"Only {n_orders} circumferential {orders} identified; a ring needs three."
+    return ""
+
+
+_SHOWN = 3
+
+
+def refuse_warnings(findings: Sequence[Finding]) -> None:
+    """Raise where any finding is a warning or tells that something was left out.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+
+    Raises
+    ------
+    InputError
+        Names the first findings and how many more there are.
+    """
+    doubtful = [finding for finding in findings if finding.verdict != OK]
+    if not doubtful:
+        return
+    more = len(doubtful) - _SHOWN
+    texts = [_text(finding) for finding in doubtful[:_SHOWN]]
+    raise InputError(
+        "--strict",
+        "; ".join(texts) + (f"; and {more} more" if more > 0 else ""),
+        "a strict run accepts no warnings",
+        "Mend the recordings or leave them out, or run without --strict: quality.csv lists all",
+    )
+
+
+def _text(finding: Finding) -> str:
+    place = " ".join(part for part in (finding.run, finding.channel) if part)
+    return f"{finding.check}, {place}: {finding.detail}" if place else finding.detail
+
+
+def retune(
+    folder: Path,
+    objective: str | None = None,
+    given: dict[str, float] | None = None,
+    *,
+    strict: bool = False,
+    accept_changes: bool = False,
+) -> Result:
+    """Load a result and determine its ring again; what is not chosen stays as it was.
+
+    Parameters
+    ----------
+    folder : path
+        Result folder.
+    objective : {"frequency", "paper"}, optional
+        What the tuning minimises.
+    given : dict, optional
+        Ring parameters known from elsewhere, by name, in SI.
+    strict : bool
+        Whether warnings of the result are errors.
+    accept_changes : bool
+        Whether to take a result in which files were changed.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    InputError
+        If the folder is no result, or was changed.
+    """
+    result = load(folder, accept_changes=accept_changes)
+    if strict:
+        refuse_warnings(result.findings)
+    earlier = result.provenance.get("options", {})
+    try:
+        options = Options(
+            tune=True if objective is not None else earlier["tune"],
+            objective=objective or earlier["objective"],
+            given=earlier["given"] if given is None else given,
+        )
+    except (KeyError, TypeError) as error:
+        place = f"{folder}, provenance.json, options"
+        rule = "the options of the earlier run are needed"
+        raise InputError(place, f"no {error}", rule, "Process it again") from error
+    chosen = {"tune": options.tune, "objective": options.objective, "given": options.given}
+    again = tune(result, options)
+    return replace(again, provenance={**result.provenance, "options": {**earlier, **chosen}})

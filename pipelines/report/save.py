@@ -1,0 +1,124 @@
+"""pipelines.report.save."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from pipelines.process.run import process
+from pipelines.report.paper import write_pdf
+from pipelines.report.write import write_report
+from pipelines.results import tables
+from pipelines.results.check import OPTIONAL_READ_BACK, READ_BACK
+from pipelines.results.frf_file import write_frfs
+from pipelines.results.identification_file import write_identification
+from pipelines.results.parameter_set import from_tuning, write_parameter_set
+from pipelines.results.result import Result
+from pipelines.simulate.campaign import sample_campaign
+from pipelines.storage.checksums import ACCEPTED, write_marker
+from pipelines.storage.result_folder import MARKER, written_whole
+from pipelines.storage.tables import write_csv, write_parquet
+
+
+def save(
+    result: Result,
+    folder: Path | str,
+    *,
+    report: bool = True,
+    pdf: bool = False,
+    force: bool = False,
+) -> None:
+    """Write a result folder as the contract describes it.
+
+    Parameters
+    ----------
+    result : Result
+    folder : path
+        Appears whole or not at all.
+    report : bool
+        Whether to write ``report.html``.
+    pdf : bool
+        Whether to write ``report.pdf`` too.
+    force : bool
+        Replace an existing result.
+
+    Raises
+    ------
+    InputError
+        If the folder exists and may not be replaced, or cannot be written.
+    """
+    folder = Path(folder)
+    with written_whole(folder, force=force, accepted=_replaceable(result)) as partial:
+        _write_tables(result, partial)
+        write_frfs(result.frf, partial)
+        write_identification(result, partial)
+        _write_tyre(result, partial / "tyre.toml")
+        if report:
+            write_report(result, partial / "report.html")
+        if pdf:
+            write_pdf(result, partial / PDF)
+        write_marker(partial / MARKER, {**result.provenance, "warnings": _warnings(result)})
+
+
+def has_pdf(folder: Path | str) -> bool:
+    """Whether a result holds the report as PDF: then it is written again with the others."""
+    return (Path(folder) / PDF).is_file()
+
+
+PDF = "report.pdf"
+
+
+def _write_tables(result: Result, folder: Path) -> None:
+    write_csv(folder / "modes.csv", tables.MODES, tables.modes_rows(result))
+    write_csv(folder / "shapes.csv", tables.shapes_columns(result), tables.shapes_rows(result))
+    write_csv(folder / "orders.csv", tables.ORDERS, tables.orders_rows(result))
+    write_csv(folder / "quality.csv", tables.QUALITY, tables.quality_rows(result))
+    write_csv(folder / "validation.csv", tables.VALIDATION, tables.validation_rows(result))
+    write_parquet(folder / "poles.parquet", tables.poles_columns(result.diagram))
+
+
+def _warnings(result: Result) -> list[dict[str, Any]]:
+    return [asdict(finding) for finding in result.findings if finding.verdict != "ok"]
+
+
+def _write_tyre(result: Result, path: Path) -> None:
+    """Write ``tyre.toml`` where the ring was tuned."""
+    if result.tuning is None or result.tyre is None:
+        return
+    record = result.provenance
+    origin = {
+        "software": f"ringmodal {record['software']['ringmodal']}",
+        "created": record["created"],
+        "campaign": result.name,
+        "inputs": {entry["file"]: entry["sha256"] for entry in record["inputs"]},
+    }
+    if record.get(ACCEPTED):
+        origin[ACCEPTED] = sorted(record[ACCEPTED])
+    tyre = result.tyre
+    parameters = from_tuning(tyre.designation, result.tuning, result.damping, origin, tyre.details)
+    write_parameter_set(path, parameters)
+
+
+def _replaceable(result: Result) -> dict[str, str]:
+    """Checksums of changed parts that live on in a result: they may be replaced by it."""
+    accepted = result.provenance.get(ACCEPTED, {})
+    lives_on = (MARKER, *READ_BACK, *OPTIONAL_READ_BACK)
+    return {name: sha for name, sha in accepted.items() if name in lives_on and sha}
+
+
+def run_demo(out: Path) -> tuple[Result, Path]:
+    """Process the sample campaign into ``out/result``.
+
+    The campaign comes from the project's folder; where that is not at hand it is written to
+    ``out/campaign`` first.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for the demonstration; an earlier demonstration is replaced.
+    """
+    result = process(sample_campaign(out / "campaign"))
+    folder = out / "result"
+    save(result, folder, force=True)
+    return result, folder

@@ -1,0 +1,1 @@
+"""Everything one campaign gave, in memory and in its folder."""

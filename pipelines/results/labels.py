@@ -1,0 +1,217 @@
+"""Texts in figures and charts: names that are short enough, and where there is room for them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ema.core.errors import visible_line
+from ema.core.frf import FRF
+from ema.core.modes import Mode
+from ema.poles.stability import StabilityDiagram
+from pipelines.storage.rounding import signed
+
+
+def place_name(node: int, position_deg: float) -> str:
+    """Name of a position as labels show it: "node 20, 100°"."""
+    where = [f"node {node}"] if node >= 0 else []
+    if np.isfinite(position_deg):
+        where.append(f"{position_deg:g}°")
+    return ", ".join(where) or "unnamed position"
+
+
+def row_names(frf: FRF, rows: NDArray[np.int_]) -> list[str]:
+    """Names of rows of some FRFs, each once: the angle, else the node, else the row's number."""
+    names = [
+        f"{frf.position_deg[row]:g}°"
+        if np.isfinite(frf.position_deg[row])
+        else str(frf.node[row] if frf.node[row] >= 0 else row + 1)
+        for row in rows
+    ]
+    seen: Counter[str] = Counter()
+    for index, name in enumerate(names):
+        seen[name] += 1
+        if seen[name] > 1:
+            names[index] = f"{name} ({seen[name]})"
+    return names
+
+
+def mode_name(mode: Mode) -> str:
+    """Short name of a mode: order and member where known, and frequency."""
+    frequency = f"{mode.frequency_hz:.1f} Hz"
+    return frequency if mode.order is None else f"n = {mode.order}{mode.member}, {frequency}"
+
+
+def short(text: str, length: int = 28) -> str:
+    """`text`, cut in the middle where it is longer than `length`."""
+    if len(text) <= length:
+        return text
+    tail = (length - 1) // 2
+    return f"{text[: length - 1 - tail]}…{text[-tail:]}"
+
+
+def apart(names: Sequence[str], length: int = 16) -> list[str]:
+    """Names for a legend: where one is longer than `length`, without what all of them share.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Such as names of files.
+    length : int
+        Characters.
+    """
+    if max(map(len, names), default=0) <= length:
+        return list(names)
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
+    shared = len(list(alike))
+    # One name alone, and names that are all alike, share everything: they are only shortened.
+    if shared < 2 or len(set(names)) == 1:
+        return [short(name, length) for name in names]
+    return [short(f"…{name[shared:]}", length) for name in names]
+
+
+def literal(text: str) -> str:
+    """`text` from a file as it stands: a dollar sign starts no formula, a control is named."""
+    return visible_line(text).replace("$", r"\$")
+
+
+def signed_cell(value: float) -> str:
+    """A value with its sign and two digits; what rounds to nothing has the plus."""
+    return signed(round(float(value), 2) + 0.0, 2)
+
+
+def spread(positions: ArrayLike, gap: float) -> NDArray[np.float64]:
+    """Move labels apart until neighbours are at least `gap` from each other, and no farther.
+
+    Parameters
+    ----------
+    positions : array_like, shape (n,)
+        Where the labels belong, ascending.
+    gap : float
+        Smallest distance.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The nearest positions in the least-squares sense that keep the gap.
+    """
+    wanted = np.asarray(positions, dtype=float) - gap * np.arange(np.size(positions))
+    groups: list[list[float]] = []
+    for value in wanted:
+        groups.append([float(value)])
+        # Pool neighbours that are out of order: isotonic regression.
+        while len(groups) > 1 and np.mean(groups[-2]) > np.mean(groups[-1]):
+            last = groups.pop()
+            groups[-1].extend(last)
+    placed = [float(np.mean(group)) for group in groups for _ in group]
+    return np.asarray(np.array(placed) + gap * np.arange(np.size(positions)))
+
+
+def sparse_labels(labels: Sequence[str], at_most: int = 13) -> tuple[list[int], list[str]]:
+    """Every k-th index and label, so that at most `at_most` ticks are drawn."""
+    # Steps that people count in; grids of 5° then show 30° or 60°.
+    steps = (1, 2, 3, 6, 12, 24, 48, 120, 240, 600, 1200)
+    step = next((step for step in steps if len(labels) / step <= at_most), len(labels))
+    indices = list(range(0, len(labels), step))
+    return indices, [labels[index] for index in indices]
+
+
+@dataclass(frozen=True, eq=False)
+class CoherenceMap:
+    """Coherence by position and frequency, averaged where there are more lines than can be shown.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n_columns,)
+        Middle of each column.
+    names : tuple of str
+        Name of each row, in ascending angle.
+    values : ndarray, shape (n_rows, n_columns)
+        NaN where unknown.
+    averaged : int
+        Lines in one column.
+    band_hz : tuple of float
+        What is shown.
+    """
+
+    frequency_hz: NDArray[np.float64]
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+    averaged: int
+    band_hz: tuple[float, float]
+
+
+def coherence_map(frf: FRF, band_hz: tuple[float, float], most_columns: int) -> CoherenceMap:
+    """Sort the coherence by position and average neighbouring lines until they fit.
+
+    Parameters
+    ----------
+    frf : FRF
+    band_hz : tuple of float
+    most_columns : int
+        Largest number of columns.
+    """
+    inside = in_band(frf.frequency_hz, band_hz)
+    rows = np.argsort(frf.position_deg, kind="stable")
+    lines_hz, values = frf.frequency_hz[inside], frf.coherence[rows][:, inside]
+    width = max(1, -(-lines_hz.size // most_columns))
+    return CoherenceMap(
+        _mean_by_column(lines_hz[None, :], width)[0],
+        tuple(row_names(frf, rows)),
+        _mean_by_column(values, width),
+        width,
+        band_hz,
+    )
+
+
+def in_band(frequency_hz: NDArray[np.float64], band_hz: tuple[float, float]) -> NDArray[np.bool_]:
+    """Which frequencies, shape (n_lines,), lie in a band in Hz, its ends included."""
+    return np.asarray((frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1]))
+
+
+def pole_marks(diagram: StabilityDiagram) -> dict[str, NDArray[np.bool_]]:
+    """Which poles of the band get which mark in the stability diagram; each pole gets one.
+
+    Returns
+    -------
+    dict of str to ndarray of bool, shape (n_poles,)
+        Legend entry → poles.
+    """
+    kept_labels = [cluster.label for cluster in diagram.clusters if cluster.kept]
+    kept = np.isin(diagram.cluster, kept_labels)
+    stable = diagram.stable_frequency & diagram.stable_damping
+    inside = in_band(diagram.frequency_hz, diagram.band_hz)
+    return {
+        "not stable": ~stable & ~kept & inside,
+        "stable, not in a mode": stable & ~kept & inside,
+        "in a mode, not stable": ~stable & kept & inside,
+        "in a mode": stable & kept & inside,
+    }
+
+
+def wrapped_phase_deg(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Phase of complex values in degrees, NaN where it wraps: no line crosses the picture there.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (n_lines,)
+    """
+    phase = np.rad2deg(np.angle(values))
+    phase[1:][np.abs(np.diff(phase)) > 180] = np.nan
+    return np.asarray(phase)
+
+
+def _mean_by_column(values: NDArray[np.float64], width: int) -> NDArray[np.float64]:
+    """Mean over `width` neighbouring columns, unknown ones left out."""
+    padding = -values.shape[1] % width
+    padded = np.pad(values, ((0, 0), (0, padding)), constant_values=np.nan)
+    bins = padded.reshape(values.shape[0], -1, width)
+    known = np.isfinite(bins).sum(axis=2)
+    total = np.nansum(bins, axis=2)
+    mean = np.full(total.shape, np.nan)
+    return np.asarray(np.divide(total, known, out=mean, where=known > 0))

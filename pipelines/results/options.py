@@ -1,0 +1,86 @@
+"""What a user can choose, one name per choice, the same in Python and on the command line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ema.core.campaign import Campaign, Processing
+from ema.core.errors import InputError
+
+TYRE_BAND_HZ = (20.0, 260.0)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Choices for a whole run; None leaves the manifest or a default in force.
+
+    Parameters
+    ----------
+    processing : Processing
+        Averages, block length, window, overlap and band; what is set here overrides the manifest.
+    estimator : {"H1", "H2", "Hv"}
+        FRF estimator.
+    max_order : int
+        Highest model order of the stability diagram.
+    pinned_hz : tuple of float
+        Frequencies of the modes, instead of the automatic selection; empty for automatic.
+    excluded_hz : tuple of float
+        Frequencies of poles that are no modes.
+    method : {"lsce", "plscf"}
+        Pole estimator; the other one gives the second opinion.
+    tune : bool
+        Whether to determine the ring's parameters.
+    objective : {"frequency", "paper"}
+        What the tuning minimises: relative frequency errors, or the residual of eq. 18.
+    given : dict
+        Ring parameters known from elsewhere, by name, in SI.
+    strict : bool
+        Whether warnings about the recordings are errors.
+    """
+
+    processing: Processing = field(default_factory=Processing)
+    estimator: str = "H1"
+    max_order: int = 60
+    pinned_hz: tuple[float, ...] = ()
+    excluded_hz: tuple[float, ...] = ()
+    method: str = "lsce"
+    tune: bool = True
+    objective: str = "frequency"
+    given: dict[str, float] = field(default_factory=dict)
+    strict: bool = False
+
+
+def processing_in_force(campaign: Campaign, chosen: Processing) -> Processing:
+    """Combine the manifest's processing with what was chosen on top of it.
+
+    Averages and block length exclude each other: choosing one drops the manifest's other.
+
+    Raises
+    ------
+    InputError
+        If both are chosen, or the band is none.
+    """
+    if chosen.averages is not None and chosen.block_seconds is not None:
+        raise InputError(
+            "processing",
+            f"averages {chosen.averages} and block_seconds {chosen.block_seconds:g}",
+            "each sets the length of the blocks",
+            "Leave one of them out",
+        )
+    if chosen.band_hz is not None and not 0 <= chosen.band_hz[0] < chosen.band_hz[1]:
+        raise InputError(
+            "band_hz",
+            f"{chosen.band_hz[0]:g} to {chosen.band_hz[1]:g} Hz",
+            "a band runs from a lower to a higher frequency",
+            "Correct the limits",
+        )
+    manifest = campaign.processing
+    own = chosen.averages is not None or chosen.block_seconds is not None
+    lengths = chosen if own else manifest
+    return Processing(
+        averages=lengths.averages,
+        block_seconds=lengths.block_seconds,
+        window=chosen.window or manifest.window,
+        overlap=manifest.overlap if chosen.overlap is None else chosen.overlap,
+        band_hz=chosen.band_hz or manifest.band_hz,
+    )

@@ -1,0 +1,136 @@
+"""Everything one campaign gave, in memory: what the result folder and the report hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.checks.quality import ReferenceCheck
+from ema.core.campaign import Tyre
+from ema.core.display import facts, table
+from ema.core.finding import Finding, findings_html
+from ema.core.frf import FRF
+from ema.core.modes import ModalModel, modes_html
+from ema.poles.cross_check import Opinion
+from ema.poles.stability import StabilityDiagram
+from model.damping import DampingResult
+from model.tuning_result import TuningResult
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """Measured modes against the ring model.
+
+    Parameters
+    ----------
+    order : ndarray of int, shape (n_orders,)
+    measured_hz, model_hz : ndarray, shape (n_orders,)
+    measured_damping, model_damping : ndarray, shape (n_orders,)
+    mac : ndarray, shape (n_orders, n_orders)
+        Measured (rows) against model shapes, aligned in each order's (cos, sin) plane.
+    auto_mac : ndarray, shape (n_modes, n_modes)
+        The measured shapes among themselves.
+    """
+
+    order: NDArray[np.int_]
+    measured_hz: NDArray[np.float64]
+    model_hz: NDArray[np.float64]
+    measured_damping: NDArray[np.float64]
+    model_damping: NDArray[np.float64]
+    mac: NDArray[np.float64]
+    auto_mac: NDArray[np.float64]
+
+    @property
+    def error_percent(self) -> NDArray[np.float64]:
+        """Deviation of the model's frequencies from the measured ones."""
+        return 100 * (self.model_hz / self.measured_hz - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Result of `pipelines.process.run`; stages that did not apply are None.
+
+    Parameters
+    ----------
+    name : str
+        Campaign name.
+    tyre : Tyre or None
+        Identity; None for a structure that is no tyre.
+    frf : FRF
+    diagram : StabilityDiagram
+    modal_model : ModalModel
+    reference : ReferenceCheck or None
+        None without a reference sensor.
+    tuning, damping, validation : or None
+        None where the ring steps were left out; `notes` says why.
+    excitation_deg, reference_deg : float or None
+        Angles of the force and of the reference sensor.
+    opinions : tuple of Opinion
+        What another pole estimator says about the modes.
+    findings : tuple of Finding
+        Lines of ``quality.csv``.
+    notes : tuple of str
+        What a reader of the report must know.
+    provenance : dict
+        Content of ``provenance.json``: versions, inputs with SHA-256, options, stage times.
+    """
+
+    name: str
+    tyre: Tyre | None
+    frf: FRF
+    diagram: StabilityDiagram
+    modal_model: ModalModel
+    reference: ReferenceCheck | None
+    tuning: TuningResult | None
+    damping: DampingResult | None
+    validation: Validation | None
+    excitation_deg: float | None
+    reference_deg: float | None
+    opinions: tuple[Opinion, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    notes: tuple[str, ...] = ()
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return result_line(self)
+
+    def _repr_html_(self) -> str:
+        return result_html(self)
+
+
+def result_line(result: Result) -> str:
+    """Name, modes, ring and warnings."""
+    n_modes = len(result.modal_model.modes)
+    ring = "no ring" if result.tuning is None else "ring tuned"
+    n_warnings = sum(finding.verdict != "ok" for finding in result.findings)
+    return f"<Result {result.name}: {n_modes} modes, {ring}, {n_warnings} warnings>"
+
+
+def result_html(result: Result) -> str:
+    """Modes, ring, validation, and what a reader has to know."""
+    title = result.name if result.tyre is None else f"{result.name}, {result.tyre.designation}"
+    low, high = result.modal_model.band_hz
+    parts = [modes_html(result.modal_model.modes, f"{title}: modes, {low:g} to {high:g} Hz")]
+    if result.tuning is not None:
+        parts.append(result.tuning._repr_html_())
+    if result.validation is not None:
+        parts.append(_shapes(result.validation))
+    parts.append(findings_html(result.findings))
+    if result.notes:
+        parts.append(facts("Notes", [("", note) for note in result.notes]))
+    return "".join(parts)
+
+
+def _shapes(found: Validation) -> str:
+    """What the frequencies of the tuning do not say: damping and likeness of the shapes."""
+    rows = [
+        (str(order), f"{100 * measured:.2f}", f"{100 * ring:.2f}", f"{found.mac[row, row]:.3f}")
+        for row, (order, measured, ring) in enumerate(
+            zip(found.order, found.measured_damping, found.model_damping, strict=True)
+        )
+    ]
+    head = ("order n", "measured damping / %", "ring damping / %", "MAC of the shapes")
+    return table("Validation", head, rows, words=())

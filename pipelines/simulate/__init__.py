@@ -1,0 +1,1 @@
+"""Virtual campaigns and what the ring model answers."""

@@ -1,0 +1,370 @@
+"""A measuring campaign on a tyre whose modes are known: the recordings a lab would hand over."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len
+
+from ema.core.errors import InputError
+from ema.core.recording import ACCELERATION, FORCE, Channel
+from ema.io.text.write import write_csv
+from ema.io.uff.write import write_time_series
+from model.reference import DESIGNATION, TABLE_4_RING
+from pipelines.simulate.truth import HIGHEST_ORDER, TruthMode, modal_sum, truth_modes
+from pipelines.storage.result_folder import written_whole
+
+POSITIONS = 72
+N_RUNS = 6
+N_SENSORS = 12
+REFERENCE_DEG = 2.5
+REFERENCE_NODE = 999
+
+FORCE_RMS_N = 10.0
+FORCE_BAND_HZ = (10.0, 900.0)
+PRELOAD_N = 50.0
+FORCE_NOISE_DB = 60.0
+HUM_HZ = 50.0
+HUM_OVER_NOISE = 0.3
+OFFSET_M_S2 = 0.2
+_SETTLING_S = 2.0
+# Beyond these there is no tyre, no sensor and no noise; far beyond, powers overflow.
+_LIMITS = {
+    "snr_db": (-300.0, math.inf),
+    "split_percent": (-50.0, 50.0),
+    "shaker_between": (0.0, 1.0),
+    "sensor_mass_kg": (0.0, 1.0),
+    "drift_percent": (-10.0, 10.0),
+}
+MOST_SAMPLES = 10_000_000  # 80 minutes at 2 kHz; a run is made in memory
+
+
+@dataclass(frozen=True)
+class Setup:
+    """How a simulated campaign is measured.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of everything random.
+    duration_s, sampling_rate_hz : float
+        Length of each run and sampling rate.
+    snr_db : float
+        Mean response over the noise of each sensor, rms, dB; all sensors have the same noise.
+    split_percent, shaker_between : float
+        Split of each order and the shaker's place in it, see `truth_modes`.
+    sensor_mass_kg : float
+        Mass of each accelerometer, kg.
+    drift_percent : float
+        Rise of all natural frequencies from one run to the next, percent.
+    """
+
+    seed: int = 1
+    duration_s: float = 20.0
+    sampling_rate_hz: float = 2000.0
+    snr_db: float = 34.0
+    split_percent: float = 0.0
+    shaker_between: float = 0.5
+    sensor_mass_kg: float = 0.0
+    drift_percent: float = 0.0
+
+    def __post_init__(self) -> None:
+        limits = {
+            "duration_s": self.duration_s > 0,
+            "sampling_rate_hz": self.sampling_rate_hz > 2.0 * FORCE_BAND_HZ[1],
+            "sensor_mass_kg": self.sensor_mass_kg >= 0,
+            "seed": self.seed >= 0,
+        }
+        for name, holds in limits.items():
+            if not holds:
+                raise InputError(
+                    name,
+                    f"{getattr(self, name):g}",
+                    f"a rate above {2 * FORCE_BAND_HZ[1]:g} Hz, a positive duration and values "
+                    "that are not negative are needed",
+                    "Correct the value",
+                )
+        for name, (least, most) in _LIMITS.items():
+            if not least <= getattr(self, name) <= most:
+                raise InputError(
+                    name,
+                    f"{getattr(self, name):g}",
+                    f"it must lie between {least:g} and {most:g}",
+                    "Correct the value",
+                )
+        samples = self.duration_s * self.sampling_rate_hz
+        if not samples <= MOST_SAMPLES:
+            raise InputError(
+                "duration_s",
+                f"{self.duration_s:g} s at {self.sampling_rate_hz:g} Hz, {samples:.3g} samples",
+                f"a run has at most {MOST_SAMPLES} samples of each channel",
+                "Shorten the runs or lower the rate",
+            )
+
+    @property
+    def n_samples(self) -> int:
+        """Samples per channel."""
+        return round(self.duration_s * self.sampling_rate_hz)
+
+
+def simulate_campaign(
+    folder: Path | str,
+    *,
+    seed: int = 1,
+    duration_s: float = 20.0,
+    sampling_rate_hz: float = 2000.0,
+    snr_db: float = 34.0,
+    file_format: Literal["uff", "csv"] = "uff",
+    split_percent: float = 0.0,
+    shaker_between: float = 0.5,
+    sensor_mass_kg: float = 0.0,
+    drift_percent: float = 0.0,
+) -> Path:
+    """Write a campaign of six runs on a tyre with known modes.
+
+    Twelve sensors at 30° spacing are turned by 5° from run to run, so that the runs cover 72
+    positions; a thirteenth stays at 2.5°. The random force acts at 0° on top of a preload. Each
+    response is the force times the exact inertance in the frequency domain, over a period longer
+    than what is kept, so neither time stepping nor a start-up enters. Noise, hum and offsets are
+    added to what the sensors see.
+
+    Parameters
+    ----------
+    folder : Path or str
+        New or empty folder. Gets ``config_1`` … ``config_6``, ``campaign.toml``, ``README.md`` and
+        ``truth.toml``, which the processing never reads; all of them or nothing.
+    seed : int
+        Same seed and options, same bytes.
+    duration_s, sampling_rate_hz : float
+        Length of each run in s, sampling rate in Hz.
+    snr_db : float
+        Signal-to-noise ratio of the responses, dB.
+    file_format : {"uff", "csv"}
+        Universal file 58b in single precision, or a table of text.
+    split_percent, shaker_between : float
+        Splits each order into a pair and places the shaker, see `truth_modes`.
+    sensor_mass_kg : float
+        Mass of each sensor, which loads the tyre; goes into the manifest.
+    drift_percent : float
+        Rise of all natural frequencies from one run to the next.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    InputError
+        If the folder holds anything or cannot be written, or an option is out of its range.
+    """
+    folder = Path(folder)
+    setup = Setup(
+        seed,
+        duration_s,
+        sampling_rate_hz,
+        snr_db,
+        split_percent,
+        shaker_between,
+        sensor_mass_kg,
+        drift_percent,
+    )
+    if file_format not in ("uff", "csv"):
+        raise InputError(
+            "file_format", repr(file_format), "one of uff and csv", "Choose one of them"
+        )
+    _require_empty(folder)
+    modes = truth_modes(split_percent=split_percent, shaker_between=shaker_between)
+    write = write_time_series if file_format == "uff" else write_csv
+    with written_whole(folder, marker=None) as partial:
+        names = []
+        for run, channels in enumerate(simulate_runs(modes, setup)):
+            names.append(f"config_{run + 1}.{file_format}")
+            write(partial / names[-1], channels, sampling_rate_hz)
+        _write_text(partial / "campaign.toml", _manifest(names, setup))
+        _write_text(partial / "truth.toml", _truth(modes, setup))
+        _write_text(partial / "README.md", _readme(partial, names, setup))
+    return folder
+
+
+def simulate_runs(modes: tuple[TruthMode, ...], setup: Setup) -> Iterator[list[Channel]]:
+    """Channels of one run after the other: the force, the turned sensors, the reference."""
+    for run in range(N_RUNS):
+        random = np.random.default_rng([setup.seed, run])
+        factor = 1.0 + setup.drift_percent / 100.0 * run
+        drifted = tuple(replace(mode, frequency_hz=factor * mode.frequency_hz) for mode in modes)
+        yield _simulate_run(drifted, _positions_deg(run), setup, random)
+
+
+def _positions_deg(run: int) -> dict[str, float]:
+    """Angle of each sensor in a run."""
+    step = 360.0 / POSITIONS
+    spacing = 360.0 / N_SENSORS
+    turned = {f"A{k + 1:02d}": spacing * k + step * run for k in range(N_SENSORS)}
+    return turned | {"REF": REFERENCE_DEG}
+
+
+def _simulate_run(
+    modes: tuple[TruthMode, ...],
+    positions_deg: dict[str, float],
+    setup: Setup,
+    random: np.random.Generator,
+) -> list[Channel]:
+    rate, kept = setup.sampling_rate_hz, setup.n_samples
+    period = next_fast_len(kept + round(_SETTLING_S * rate), real=True)
+    omega = 2.0 * np.pi * np.arange(period // 2 + 1) * rate / period
+    spectrum = _force_spectrum(omega, period, random)
+    force = irfft(spectrum, period)[-kept:] + PRELOAD_N
+    force += FORCE_RMS_N * 10.0 ** (-FORCE_NOISE_DB / 20.0) * random.standard_normal(kept)
+    angles = np.array(list(positions_deg.values()))
+    system = modal_sum(modes, angles, 0.0, sensor_mass_kg=setup.sensor_mass_kg)
+    clean = [
+        irfft(spectrum * system.inertance(row, omega), period)[-kept:].astype(np.float32)
+        for row in range(angles.size)
+    ]
+    noise = float(np.mean([np.std(signal, dtype=float) for signal in clean]))
+    noise *= 10.0 ** (-setup.snr_db / 20.0)
+    channels = [Channel("force", FORCE, "N", force.astype(np.float32))]
+    for (name, angle), signal in zip(positions_deg.items(), clean, strict=True):
+        seen = signal + _disturbance(noise, kept, rate, random)
+        node = REFERENCE_NODE if name == "REF" else round(angle * POSITIONS / 360.0)
+        samples = seen.astype(np.float32)
+        channels.append(Channel(name, ACCELERATION, "m/s^2", samples, node=node))
+    return channels
+
+
+def _force_spectrum(
+    omega: NDArray[np.float64], period: int, random: np.random.Generator
+) -> NDArray[np.complex128]:
+    """Gaussian noise of `FORCE_RMS_N` within the band and nothing outside."""
+    low, high = (2.0 * np.pi * limit for limit in FORCE_BAND_HZ)
+    inside = (omega >= low) & (omega <= high)
+    spectrum = np.zeros(omega.size, dtype=complex)
+    spectrum[inside] = random.standard_normal((np.count_nonzero(inside), 2)) @ [1.0, 1j]
+    rms = np.sqrt(2.0 * np.sum(np.abs(spectrum) ** 2)) / period
+    return np.asarray(spectrum * (FORCE_RMS_N / rms))
+
+
+def _disturbance(
+    noise: float, n_samples: int, rate: float, random: np.random.Generator
+) -> NDArray[np.float64]:
+    """Sensor noise, mains hum and offset of one sensor, m/s²."""
+    phase = random.uniform(0.0, 2.0 * np.pi)
+    offset = OFFSET_M_S2 * random.standard_normal()
+    time = np.arange(n_samples) / rate
+    hum = np.sqrt(2.0) * HUM_OVER_NOISE * noise * np.sin(2.0 * np.pi * HUM_HZ * time + phase)
+    return np.asarray(noise * random.standard_normal(n_samples) + hum + offset)
+
+
+def _require_empty(folder: Path) -> None:
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(
+            str(folder),
+            "something is there already",
+            "a campaign is written into a new or empty folder",
+            "Choose another folder or remove this one",
+        )
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _manifest(names: list[str], setup: Setup) -> str:
+    ring = TABLE_4_RING
+    sensors = f"\n[sensors]\nmass_kg = {setup.sensor_mass_kg}\n" if setup.sensor_mass_kg else ""
+    runs = "".join(
+        f'\n[[runs]]\nfile = "{name}"\nreference = "REF"\npositions_deg = {{ '
+        + ", ".join(f"{channel} = {angle}" for channel, angle in _positions_deg(run).items())
+        + " }\n"
+        for run, name in enumerate(names)
+    )
+    return f"""schema = 1
+
+[tyre]
+designation = "{DESIGNATION}"
+inflation_pressure_pa = {ring.inflation_pressure_pa}
+mean_radius_m = {ring.mean_radius_m}
+belt_width_m = {ring.belt_width_m}
+origin = "simulated, see README.md"
+
+[acquisition]
+sampling_rate_hz = {setup.sampling_rate_hz}
+{sensors}
+[grid]
+positions = {POSITIONS}
+
+[excitation]
+channel = "force"
+position_deg = 0.0
+direction = "radial"
+{runs}"""
+
+
+def _truth(modes: tuple[TruthMode, ...], setup: Setup) -> str:
+    """What the recordings were made from, as TOML."""
+    options = "".join(f"{name} = {value}\n" for name, value in asdict(setup).items())
+    rows = "".join(
+        "\n[[modes]]\n"
+        + "".join(
+            f'{name} = "{value}"\n' if isinstance(value, str) else f"{name} = {value!r}\n"
+            for name, value in asdict(mode).items()
+        )
+        for mode in modes
+    )
+    return f"schema = 1\n\n[setup]\n{options}{rows}"
+
+
+def _readme(folder: Path, names: list[str], setup: Setup) -> str:
+    listed = [*names, "campaign.toml", "truth.toml"]
+    sums = "\n".join(
+        f"{hashlib.sha256((folder / name).read_bytes()).hexdigest()}  {name}" for name in listed
+    )
+    options = "\n".join(f"- `{name}`: {value:g}" for name, value in asdict(setup).items())
+    return f"""# Simulated campaign on a tyre {DESIGNATION}
+
+No lab has measured these recordings: `ringmodal simulate campaign` computed them from known modes.
+
+**Truth.** Orders 1 to 7 have the natural frequencies and damping ratios of Table 3 of the paper
+that ringmodal implements; orders 8 to {HIGHEST_ORDER} and the breathing mode are those of
+its ring (Table 4, 2.2 bar, belt width 0.19 m) with damping refitted to Table 3. Modal masses are
+those of the ring. `truth.toml` lists every mode; the processing never reads it.
+
+**Set-up.** {N_RUNS} runs of {setup.duration_s:g} s at {setup.sampling_rate_hz:g} Hz. `force`: a
+random force of {FORCE_RMS_N:g} N rms in {FORCE_BAND_HZ[0]:g}–{FORCE_BAND_HZ[1]:g} Hz at 0°, on a
+preload of {PRELOAD_N:g} N, in N. `A01` … `A{N_SENSORS}`: radial acceleration in m/s², 30° apart,
+turned by 5° from run to run. `REF`: the sensor that stays at {REFERENCE_DEG}°, in m/s². Responses
+carry noise, {HUM_HZ:g} Hz hum ({HUM_OVER_NOISE:g} of the noise, rms) and an offset; the load cell
+carries noise {FORCE_NOISE_DB:g} dB below the force.
+
+{options}
+
+**Files.** In universal files (58b, single precision) node k lies at 5k degrees and the reference
+has node {REFERENCE_NODE}. SHA-256:
+
+```
+{sums}
+```
+"""
+
+
+SAMPLE = Path("sample_data") / "tyre_225_55R17"
+
+
+def sample_campaign(folder: Path) -> Path:
+    """The sample campaign of the project's folder; simulated into `folder` where not at hand."""
+    for root in (Path.cwd(), Path(__file__).resolve().parents[2]):
+        if (root / SAMPLE / "campaign.toml").is_file():
+            return root / SAMPLE
+    if not (folder / "campaign.toml").is_file():
+        from pipelines.simulate.campaign import simulate_campaign
+
+        simulate_campaign(folder)
+    return folder

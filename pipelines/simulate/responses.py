@@ -1,0 +1,319 @@
+"""Inertance of the ring model: values with their unit, columns and peaks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model import (
+    CleatTest,
+    ForcedRing,
+    RingParameters,
+    contact_patch,
+    equilibrium,
+    inertance,
+    inextensional_inertance,
+    load_ring,
+    loaded_frequencies_hz,
+)
+from model.arrays import readonly
+from model.cleat import Quantity
+from model.forced import Direction
+from model.rotation import Frame
+from model.steady_state import PressureLoad
+
+PER_FORCE = "(m/s²)/N"
+PER_LINE_FORCE = "(m/s²)/(N/m)"
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedInertance:
+    """Inertance over frequency.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n_frequencies,)
+        Hz.
+    values : ndarray of complex, shape (n_frequencies,)
+        Acceleration over force.
+    unit : str
+        ``"(m/s²)/N"``, or ``"(m/s²)/(N/m)"`` for a force per unit of belt width.
+    """
+
+    frequency_hz: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    unit: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "frequency_hz", readonly(self.frequency_hz, float))
+        object.__setattr__(self, "values", readonly(self.values, complex))
+
+    @property
+    def magnitude(self) -> NDArray[np.float64]:
+        """Modulus."""
+        return np.abs(self.values)
+
+    @property
+    def phase_deg(self) -> NDArray[np.float64]:
+        """Phase between −180° and 180°."""
+        return np.asarray(np.rad2deg(np.angle(self.values)))
+
+    @property
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """Columns of a table."""
+        return {
+            "frequency_hz": self.frequency_hz,
+            "real": self.values.real,
+            "imag": self.values.imag,
+            "magnitude": self.magnitude,
+            "phase_deg": self.phase_deg,
+        }
+
+    @property
+    def peaks(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Frequencies in Hz and heights of the peaks of the magnitude, on the given lines."""
+        inner = self.magnitude[1:-1]
+        top = (inner > self.magnitude[:-2]) & (inner >= self.magnitude[2:])
+        at = np.flatnonzero(top) + 1
+        return self.frequency_hz[at], self.magnitude[at]
+
+
+def simulate_inertance(
+    forced: ForcedRing,
+    frequency_hz: ArrayLike,
+    at_deg: float,
+    force_deg: float = 0.0,
+    *,
+    inextensional: bool = False,
+) -> SimulatedInertance:
+    """Radial inertance between two angles; per unit of width where the belt width is unknown.
+
+    Parameters
+    ----------
+    forced : ForcedRing
+    frequency_hz : array_like, shape (n_frequencies,)
+        Hz.
+    at_deg, force_deg : float
+        Angles of response and force, degrees.
+    inextensional : bool
+        Whether to take the belt as inextensible (eq 33).
+    """
+    per_width = forced.ring.belt_width_m is None
+    form = inextensional_inertance if inextensional else inertance
+    values = form(
+        forced, frequency_hz, np.deg2rad(at_deg), float(np.deg2rad(force_deg)), per_width=per_width
+    )
+    unit = PER_LINE_FORCE if per_width else PER_FORCE
+    return SimulatedInertance(np.asarray(frequency_hz), values.astype(complex), unit)
+
+
+UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
+
+
+@dataclass(frozen=True)
+class Observer:
+    """A point that watches, and what it reads.
+
+    Parameters
+    ----------
+    at_deg : float
+        Angle, degrees: on the tyre, or in space.
+    frame : {"rotating", "absolute"}
+        Whether it stays on the tyre or in space.
+    direction : {"radial", "circumferential"}
+    quantity : {"displacement", "velocity", "acceleration"}
+    """
+
+    at_deg: float
+    frame: Frame = "rotating"
+    direction: Direction = "radial"
+    quantity: Quantity = "acceleration"
+
+    @property
+    def unit(self) -> str:
+        """Unit of what it reads."""
+        return UNITS[self.quantity]
+
+
+@dataclass(frozen=True, eq=False)
+class CleatResponse:
+    """Response to a blow in time and frequency.
+
+    Parameters
+    ----------
+    observer : Observer
+    time_s : ndarray, shape (n_times,)
+        From the start of the blow, s.
+    response : ndarray, shape (n_times,)
+        In the observer's unit.
+    frequency_hz : ndarray, shape (n_frequencies,)
+        Hz.
+    spectrum : ndarray of complex, shape (n_frequencies,)
+        ∫x(t)e^{−jωt}dt, in the observer's unit times s.
+    """
+
+    observer: Observer
+    time_s: NDArray[np.float64]
+    response: NDArray[np.float64]
+    frequency_hz: NDArray[np.float64]
+    spectrum: NDArray[np.complex128]
+
+    def __post_init__(self) -> None:
+        for name in ("time_s", "response", "frequency_hz"):
+            object.__setattr__(self, name, readonly(getattr(self, name), float))
+        object.__setattr__(self, "spectrum", readonly(self.spectrum, complex))
+
+    @property
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """Columns of a table over time."""
+        return {"time_s": self.time_s, self.observer.quantity: self.response}
+
+    @property
+    def spectrum_columns(self) -> dict[str, NDArray[np.float64]]:
+        """Columns of a table over frequency."""
+        return {
+            "frequency_hz": self.frequency_hz,
+            "real": self.spectrum.real,
+            "imag": self.spectrum.imag,
+            "magnitude": np.abs(self.spectrum),
+            "phase_deg": np.rad2deg(np.angle(self.spectrum)),
+        }
+
+
+def simulate_cleat(
+    test: CleatTest, observer: Observer, times_s: ArrayLike, frequency_hz: ArrayLike
+) -> CleatResponse:
+    """Response of the rolling tyre to a blow, exact for the harmonics summed.
+
+    Parameters
+    ----------
+    test : CleatTest
+        Ring and blow.
+    observer : Observer
+    times_s : array_like, shape (n_times,)
+        s.
+    frequency_hz : array_like, shape (n_frequencies,)
+        Hz.
+    """
+    angle = float(np.deg2rad(observer.at_deg))
+    response = test.response(
+        times_s,
+        angle,
+        frame=observer.frame,
+        direction=observer.direction,
+        quantity=observer.quantity,
+    )
+    spectrum = test.spectrum(
+        frequency_hz,
+        angle,
+        frame=observer.frame,
+        direction=observer.direction,
+        quantity=observer.quantity,
+    )
+    return CleatResponse(
+        observer,
+        np.asarray(times_s),
+        response,
+        np.asarray(frequency_hz),
+        spectrum.astype(complex),
+    )
+
+
+MOST_LOADS = 200  # each takes a tenth of a second and more: a state and its modes
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedSweep:
+    """Frequencies of a standing tyre over vertical load.
+
+    Parameters
+    ----------
+    load_n : ndarray, shape (n_loads,)
+        N.
+    frequency_hz : ndarray, shape (n_loads, n_modes)
+        Ascending, Hz.
+    dominant_order : ndarray of int, shape (n_loads, n_modes)
+        Order with the largest share of each shape.
+    angle_deg : ndarray, shape (n_angles,)
+        Angles from the contact, degrees.
+    deflection_m : ndarray, shape (n_angles,)
+        Radial deflection by the largest load, against the inflated tyre, m.
+    """
+
+    load_n: NDArray[np.float64]
+    frequency_hz: NDArray[np.float64]
+    dominant_order: NDArray[np.int_]
+    angle_deg: NDArray[np.float64]
+    deflection_m: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name in ("load_n", "frequency_hz", "angle_deg", "deflection_m"):
+            object.__setattr__(self, name, readonly(getattr(self, name), float))
+        object.__setattr__(self, "dominant_order", readonly(self.dominant_order, int))
+
+    @property
+    def contact_deflection_m(self) -> float:
+        """Deflection towards the axle in the middle of the contact, at the largest load."""
+        return 0.0 - float(self.deflection_m[np.argmin(np.abs(self.angle_deg))])
+
+    @property
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Columns of a table, load by load and mode by mode."""
+        n_loads, n_modes = self.frequency_hz.shape
+        return {
+            "load_n": np.repeat(self.load_n, n_modes),
+            "mode": np.tile(np.arange(1, n_modes + 1), n_loads),
+            "frequency_hz": self.frequency_hz.ravel(),
+            "dominant_order": self.dominant_order.ravel(),
+        }
+
+
+def simulate_loaded(
+    ring: RingParameters,
+    load_n: ArrayLike,
+    n_modes: int,
+    *,
+    highest_order: int = 60,
+    pressure_load: PressureLoad = "dead",
+) -> LoadedSweep:
+    """Frequencies over vertical load, and the deflection by the largest one.
+
+    Parameters
+    ----------
+    ring : RingParameters
+        With belt width.
+    load_n : array_like, shape (n_loads,)
+        Vertical loads, N; 0 is the free tyre.
+    n_modes : int
+        How many of the lowest modes.
+    highest_order, pressure_load
+        As `model.load_ring`.
+    """
+    loads = np.asarray(load_n, dtype=float)
+    frequencies, orders = loaded_frequencies_hz(
+        ring, loads, n_modes, highest_order=highest_order, pressure_load=pressure_load
+    )
+    angle, deflection = _deflection(ring, float(loads.max()), highest_order, pressure_load)
+    return LoadedSweep(loads, frequencies, orders, angle, deflection)
+
+
+def _deflection(
+    ring: RingParameters, load_n: float, highest_order: int, pressure_load: PressureLoad
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Angles from −180° and the deflection against the inflated tyre there."""
+    if load_n == 0:
+        angle = np.arange(-180.0, 180.0)
+        return angle, np.zeros(angle.size)
+    state = load_ring(
+        ring,
+        contact_patch(ring, load_n),
+        highest_order=highest_order,
+        pressure_load=pressure_load,
+    )
+    inflated = float(equilibrium(ring, pressure_load=pressure_load).radial_displacement_m)
+    angle = np.remainder(np.rad2deg(state.angles_rad) + 180.0, 360.0) - 180.0
+    rising = np.argsort(angle)
+    return angle[rising], state.radial_m[rising] - inflated

@@ -1,0 +1,59 @@
+"""Experimental modal analysis of tyres: from recordings to modes, ring parameters and a report.
+
+>>> import ringmodal as rm
+>>> ring = rm.RingParameters(
+...     mean_radius_m=0.33,
+...     mass_per_area_kg_m2=19.69,
+...     radial_stiffness_n_m3=8.27e6,
+...     circumferential_stiffness_n_m3=6.56e5,
+...     axial_stiffness_n_m=2.52e7,
+...     bending_stiffness_n_m=7.45,
+...     inflation_pressure_pa=2.2e5,
+... )
+>>> [f"{f:.1f} Hz" for f in rm.natural_frequencies_hz(ring, [2, 3])]
+['97.5 Hz', '119.7 Hz']
+
+The names come from `ema` (measurement), `model` (ring) and `pipelines` (whole campaigns), and load
+where they are first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module, metadata
+from typing import Any
+
+_HOME = {
+    "ema": (
+        *("Campaign", "FRF", "FitError", "Identification", "InputError", "ModalModel", "Mode"),
+        *("Processing", "SensorMass", "StabilityDiagram", "build_stability", "estimate_frf"),
+        *("fit_modes", "identify_modes", "read_campaign", "read_shapes", "select_poles"),
+    ),
+    "ema.core.mac": ("auto_mac", "frac", "mac", "mpc", "mpd_deg"),
+    "model": (
+        *("ParameterError", "RingDamping", "RingParameters", "TuningResult", "identify_damping"),
+        *("inertance", "natural_frequencies_hz", "tune_ring"),
+    ),
+    "pipelines.compare.compare": ("Comparison", "compare", "compare_folders"),
+    "pipelines.process": ("process", "retune"),
+    "pipelines.report.save": ("save",),
+    "pipelines.report.write": ("write_report",),
+    "pipelines.results.options": ("Options",),
+    "pipelines.results.result": ("Result",),
+    "pipelines.results.store": ("load",),
+    "pipelines.simulate.campaign": ("simulate_campaign",),
+}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+__all__ = [*_MODULE_OF, "__version__"]  # noqa: PLE0604
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return metadata.version("ringmodal")
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'ringmodal' has no attribute {name!r}")
+    return getattr(import_module(_MODULE_OF[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

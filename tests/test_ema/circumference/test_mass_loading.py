@@ -1,0 +1,173 @@
+"""Sensors that weigh: taken off exactly, for tyres whose pairs are split or not, or told about."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import systems
+
+from ema.circumference.mass_loading import loading_note, loading_percent, sensors_of_runs, unloaded
+from ema.core.errors import InputError
+from ema.core.finding import EXCLUDED
+from ema.core.modes import NOT_RESOLVABLE, RESOLVED
+from ema.identify import SensorMass, identify_modes
+from pipelines.simulate.truth import modal_sum, truth_modes
+
+MASS_KG = 0.004
+SEATS = systems.seats_deg()
+SENSORS = SensorMass(MASS_KG, SEATS)
+TYRES = {
+    "driven members only": truth_modes(),
+    "both members alike": truth_modes(split_percent=1e-6, shaker_between=0.0),
+    "split, shaker on an antinode": truth_modes(split_percent=2.5, shaker_between=0.0),
+    "split, shaker in between": truth_modes(split_percent=2.5),
+    "split, shaker off centre": truth_modes(split_percent=1.5, shaker_between=0.3),
+}
+LINES_HZ = np.arange(80, 500) / 2
+
+
+def loaded_and_bare(modes, snr_db=60, **changes):
+    options = {"frequency_hz": LINES_HZ} | changes
+    loaded = systems.campaign_frf(modes, snr_db, sensor_mass_kg=MASS_KG, **options)
+    return loaded, systems.campaign_frf(modes, snr_db, **options)
+
+
+def away(frf, bare):
+    return np.linalg.norm(frf.values - bare.values) / np.linalg.norm(bare.values)
+
+
+@pytest.mark.parametrize("name", TYRES)
+def test_frfs_of_the_bare_tyre_come_back(name):
+    """The sensors change the FRFs by 10 to 20 %; what is left is a hundredth of that."""
+    loaded, bare = loaded_and_bare(TYRES[name])
+    found = unloaded(loaded, SEATS, MASS_KG)
+    assert away(loaded, bare) > 0.1
+    assert away(found, bare) < 0.02 * away(loaded, bare)
+    assert away(found.reference, bare.reference) < 0.02 * away(loaded.reference, bare.reference)
+
+
+def test_without_mass_nothing_changes():
+    frf = loaded_and_bare(TYRES["split, shaker in between"])[1]
+    np.testing.assert_allclose(unloaded(frf, SEATS, 0.0).values, frf.values, rtol=1e-12)
+
+
+def test_the_correction_does_not_depend_on_where_zero_is():
+    loaded, _ = loaded_and_bare(TYRES["split, shaker in between"])
+    turned = replace(loaded, position_deg=loaded.position_deg + 40)
+    turned = replace(turned, reference=replace(loaded.reference, position_deg=np.full(6, 42.5)))
+    seats = {name: angles + 40 for name, angles in SEATS.items()}
+    again = unloaded(turned, seats, MASS_KG, excitation_deg=40.0)
+    np.testing.assert_allclose(again.values, unloaded(loaded, SEATS, MASS_KG).values, rtol=1e-7)
+
+
+@pytest.mark.parametrize("lost", [[7], [0, 30, 31]])
+def test_sensors_that_gave_nothing_still_weigh(lost):
+    loaded, bare = loaded_and_bare(TYRES["split, shaker in between"])
+    kept = np.setdiff1d(np.arange(72), lost)
+    found = unloaded(loaded.rows(kept), SEATS, MASS_KG)
+    assert away(found, bare.rows(kept)) < 0.1 * away(loaded, bare)
+
+
+def test_a_run_that_gave_nothing_is_no_obstacle():
+    loaded, bare = loaded_and_bare(TYRES["both members alike"])
+    kept = np.flatnonzero(np.array(loaded.run) != "run_1")
+    found = unloaded(loaded.rows(kept), SEATS, MASS_KG)
+    assert away(found, bare.rows(kept)) < 0.1 * away(loaded, bare)
+
+
+def test_the_reference_sensor_may_be_missing():
+    loaded, bare = loaded_and_bare(TYRES["split, shaker in between"])
+    found = unloaded(replace(loaded, reference=None), SEATS, MASS_KG)
+    assert away(found, bare) < 0.05 * away(loaded, bare)
+
+
+def test_a_reference_sensor_at_an_unknown_angle_is_left_as_it_is():
+    loaded, bare = loaded_and_bare(TYRES["both members alike"])
+    nowhere = replace(loaded.reference, position_deg=np.full(6, np.nan))
+    found = unloaded(replace(loaded, reference=nowhere), SEATS, MASS_KG)
+    assert away(found, bare) < 0.05 * away(loaded, bare)
+    np.testing.assert_array_equal(found.reference.values, loaded.reference.values)
+
+
+def test_unknown_noise_does_not_stop_the_correction():
+    loaded, bare = loaded_and_bare(TYRES["split, shaker in between"])
+    silent = replace(loaded, std=np.full(loaded.std.shape, np.nan), reference=None)
+    assert away(unloaded(silent, SEATS, MASS_KG), bare) < 0.05 * away(loaded, bare)
+
+
+def test_a_run_with_unknown_seats_is_an_error():
+    loaded, _ = loaded_and_bare(TYRES["driven members only"])
+    known = {name: angles for name, angles in SEATS.items() if name != "run_2"}
+    with pytest.raises(InputError, match="run 'run_2': no sensors"):
+        unloaded(loaded, known, MASS_KG)
+
+
+@pytest.mark.parametrize(
+    ("name", "member"),
+    [
+        ("driven members only", ""),
+        ("both members alike", "a"),
+        ("split, shaker on an antinode", "a"),
+        ("split, shaker in between", None),
+    ],
+)
+def test_bare_frequencies_come_back_through_the_whole_identification(name, member):
+    """Order 6, which divides the sensors' spacing, moves by up to 0.6 % and differently by run."""
+    frf = systems.campaign_frf(TYRES[name], 34, sensor_mass_kg=MASS_KG)
+    found = identify_modes(frf, sensor_mass=SENSORS)
+    seen = systems.of_orders(TYRES[name], member=member)
+    systems.assert_modes(found.model, seen, frequency=3e-4, damping=0.02)
+    assert found.findings == ()
+    assert not found.model.drift.applied
+    assert {mode.status for mode in found.model.modes} == {
+        NOT_RESOLVABLE if len(seen) == 7 else RESOLVED
+    }
+
+
+def test_a_flipped_sensor_is_found_beneath_the_mass():
+    modes = TYRES["split, shaker in between"]
+    frf = systems.campaign_frf(modes, 34, sensor_mass_kg=MASS_KG)
+    frf = systems.edited(frf, 20, values=-frf.values[20])
+    found = identify_modes(frf, sensor_mass=SENSORS)
+    assert [(f.position_deg, f.check) for f in found.findings] == [(100.0, "flipped")]
+    systems.assert_modes(found.model, systems.of_orders(modes), frequency=3e-4)
+    assert {mode.status for mode in found.model.modes} == {RESOLVED}
+
+
+def test_without_the_mass_no_sensor_is_accused_and_the_note_tells_the_size():
+    modes = TYRES["both members alike"]
+    model_of = identify_modes(systems.campaign_frf(modes, 34, sensor_mass_kg=MASS_KG))
+    assert not any(finding.verdict == EXCLUDED for finding in model_of.findings)
+    note = loading_note(model_of.model, 13, 0.0)
+    typical, worst = (float(word) for word in note.split() if word.startswith("0."))
+    fourth = next(mode for mode in model_of.model.modes if mode.order == 4)
+    assert 4 * typical == pytest.approx(100 * (145.45 / fourth.frequency_hz - 1), rel=0.15)
+    assert 0.12 < worst < 0.2
+
+
+def test_without_a_drive_point_the_note_gives_no_number():
+    frf = systems.campaign_frf(TYRES["driven members only"], 34)
+    model = identify_modes(frf.rows(np.arange(2, 71))).model
+    note = loading_note(model, 13, 0.0)
+    assert note == "Sensor mass not given: nothing was corrected for it."
+
+
+@pytest.mark.parametrize("order", [6, 12])
+def test_the_worst_loading_is_that_of_sensors_on_antinodes(order):
+    """Exact frequencies with twelve small masses on antinodes, against the first-order formula."""
+    mode = next(m for m in TYRES["driven members only"] if m.order == order)
+    angles_deg, mass_kg = np.arange(12) * 30.0, 1e-5
+    poles = modal_sum((mode,), angles_deg, 0.0, sensor_mass_kg=mass_kg).poles
+    exact = 100 * (1 - np.abs(poles) / (2 * np.pi) / mode.frequency_hz)
+    residues = modal_sum((mode,), angles_deg, 0.0).residues.T
+    found = loading_percent(np.array([mode.frequency_hz]), residues, residues[:, 0], 12, mass_kg)
+    np.testing.assert_allclose(found, exact, rtol=1e-3)
+
+
+def test_seats_of_a_campaign_include_the_reference():
+    rate, noise = 1000.0, systems.white(64, 0, 3)
+    run = systems.run_of(noise[0], noise, rate, position_deg=[0, 30, 60], reference=noise[1])
+    campaign = replace(systems.campaign_of(run), reference_deg=2.5)
+    np.testing.assert_array_equal(sensors_of_runs(campaign)["run_1.uff"], [0, 30, 60, 2.5])
+    unknown = replace(campaign, reference_deg=None)
+    np.testing.assert_array_equal(sensors_of_runs(unknown)["run_1.uff"], [0, 30, 60])

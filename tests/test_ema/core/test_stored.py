@@ -1,0 +1,57 @@
+"""Samples on disk are read as they are, and a file that shrinks or goes is named."""
+
+import numpy as np
+import pytest
+
+from ema.core.errors import RecordingFormatError
+from ema.core.files import fill, piece
+
+
+@pytest.fixture
+def stored(tmp_path):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"head" + np.arange(100, dtype=">f4").tobytes())
+    return np.memmap(path, dtype=">f4", mode="r", offset=4, shape=(100,))
+
+
+@pytest.mark.parametrize(("start", "stop"), [(0, 100), (17, 43), (90, 200), (100, 110), (5, 5)])
+def test_pieces_are_those_of_the_array(stored, start, stop):
+    np.testing.assert_array_equal(piece(stored, start, stop), np.arange(100.0)[start:stop])
+
+
+def test_a_view_knows_no_place_in_the_file_and_is_sliced(stored):
+    np.testing.assert_array_equal(piece(stored[10:], 5, 8), [15, 16, 17])
+    np.testing.assert_array_equal(piece(stored[::2], 5, 8), [10, 12, 14])
+    np.testing.assert_array_equal(piece(np.arange(9), 2, 4), [2, 3])
+
+
+def test_nothing_is_read_through_the_map(stored):
+    found = piece(stored, 0, 10)
+    assert not isinstance(found, np.memmap)
+    assert found.base is None
+
+
+def test_a_file_that_became_shorter_is_named(stored, tmp_path):
+    with (tmp_path / "a.bin").open("r+b") as file:
+        file.truncate(4 + 4 * 60)
+    with pytest.raises(RecordingFormatError, match=r"a\.bin: 10 of 50 samples from sample 51 on"):
+        piece(stored, 50, 100)
+
+
+def test_a_file_that_is_gone_is_named(stored, tmp_path):
+    (tmp_path / "a.bin").unlink()
+    with pytest.raises(RecordingFormatError, match="No such file"):
+        piece(stored, 50, 100)
+
+
+@pytest.mark.parametrize("kind", ["<f8", ">f8", "<f4", "<i2"])
+def test_an_array_is_filled_whatever_is_stored(tmp_path, kind):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"head of 12 b" + np.arange(100, dtype=kind).tobytes())
+    samples = np.memmap(path, dtype=kind, mode="r", offset=12, shape=(100,))
+    into = np.empty(20)
+    fill(samples, 30, into)
+    np.testing.assert_array_equal(into, np.arange(30.0, 50.0))
+    path.write_bytes(path.read_bytes()[: 12 + 40 * samples.itemsize])
+    with pytest.raises(RecordingFormatError, match="10 of 20 samples from sample 31 on"):
+        fill(samples, 30, into)

@@ -1,0 +1,117 @@
+"""FRFs of one circumferential order: exact amplitudes, their noise, and the poles they show."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import systems
+
+from ema.circumference.orders import highest_order
+from ema.core.errors import FitError
+from ema.fitting.mode_pairs import OrderDecomposition, OrderFrf, fit_order
+
+LINES_HZ = np.arange(100, 560) / 2
+POLES = systems.table_3_poles()
+EVERY = np.arange(72)
+KEPT = np.setdiff1d(EVERY, [3, 20, 21, 40, 41, 42])
+
+
+def tyre(rows=EVERY, std=1e-3):
+    position_deg = np.arange(72) * 5.0
+    values = systems.inertance(LINES_HZ, POLES, systems.tyre_residues(position_deg))
+    frf = systems.noise_free_frf(LINES_HZ, values, position_deg=position_deg)
+    return replace(frf, std=np.full(values.shape, std)).rows(rows)
+
+
+def drive_point(order):
+    """Inertance of one order at the shaker: the amplitude of cos nθ."""
+    pole = POLES[[order - 1]]
+    return systems.inertance(LINES_HZ, pole, systems.residue(pole)[None, :])[0]
+
+
+@pytest.mark.parametrize("rows", [EVERY, KEPT, np.random.default_rng(0).permutation(72)])
+@pytest.mark.parametrize("order", [1, 4, 7])
+def test_each_order_is_one_oscillator(order, rows):
+    part = OrderDecomposition(tyre(rows)).order(order, slice(None))
+    np.testing.assert_allclose(part.values[0], drive_point(order), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(part.values[1], 0, atol=1e-12)
+
+
+def test_orders_that_are_not_there_are_empty():
+    decomposition = OrderDecomposition(tyre())
+    for order in (0, 12, 35):
+        np.testing.assert_allclose(decomposition.order(order, slice(None)).values, 0, atol=1e-12)
+
+
+def test_all_orders_together_are_the_frfs():
+    rng = np.random.default_rng(0)
+    random = rng.standard_normal((71, LINES_HZ.size)) + 1j
+    angles = np.arange(71) * 360 / 71
+    frf = replace(
+        systems.noise_free_frf(LINES_HZ, random, position_deg=angles), std=np.ones(random.shape)
+    )
+    decomposition = OrderDecomposition(frf)
+    assert decomposition.highest == 35
+    total = np.zeros_like(random)
+    for order in range(36):
+        waves = np.deg2rad(order * angles)
+        part = decomposition.order(order, slice(None)).values
+        total += np.outer(np.cos(waves), part[0])
+        if order:
+            total += np.outer(np.sin(waves), part[1])
+    np.testing.assert_allclose(total, random, rtol=1e-9)
+
+
+def test_noise_averages_over_the_circle():
+    """Cosine and sine amplitudes of N positions have σ √(2/N), the mean has σ/√N."""
+    decomposition = OrderDecomposition(tyre(std=1.0))
+    np.testing.assert_allclose(decomposition.order(3, slice(None)).std, np.sqrt(2 / 72))
+    np.testing.assert_allclose(decomposition.order(0, slice(None)).std, np.sqrt(1 / 72))
+
+
+def test_noise_is_what_repeated_measurements_scatter_by():
+    frf, rng = tyre(KEPT, std=0.5), np.random.default_rng(0)
+    decomposition = OrderDecomposition(frf)
+    noise = 0.5 * rng.standard_normal((KEPT.size, 20_000))
+    found = decomposition.order(5, slice(0, 1), noise).values
+    expected = decomposition.order(5, slice(0, 1)).std[:, 0]
+    np.testing.assert_allclose(found.std(axis=1), expected, rtol=0.02)
+
+
+def test_lines_and_other_values_can_be_chosen():
+    decomposition = OrderDecomposition(tyre())
+    part = decomposition.order(2, slice(10, 20), 2 * tyre().values[:, 10:20])
+    np.testing.assert_allclose(part.frequency_hz, LINES_HZ[10:20])
+    np.testing.assert_allclose(part.values[0], 2 * drive_point(2)[10:20], rtol=1e-9)
+
+
+def test_missing_positions_limit_the_orders():
+    assert OrderDecomposition(tyre(KEPT)).highest == highest_order(np.arange(72)[KEPT] * 5.0) < 35
+
+
+@pytest.mark.parametrize("order", range(1, 8))
+def test_the_pole_of_an_order_is_found_from_its_frfs_alone(order):
+    part = OrderDecomposition(tyre()).order(order, slice(None))
+    start = POLES[[order - 1]] * (1.004 + 0.003j)
+    found = fit_order(part, start).poles
+    np.testing.assert_allclose(found, POLES[[order - 1]], rtol=1e-6)
+
+
+def test_both_poles_of_a_pair_are_found():
+    poles = systems.pole([144.0, 147.0], [0.02, 0.023])
+    shapes = systems.residue(poles) * np.array([[1.0, 0.8], [0.7, -1.0]])
+    values = systems.inertance(LINES_HZ, poles, shapes)
+    part = OrderFrf(4, LINES_HZ, values, np.full(values.shape, 1e-3))
+    found = fit_order(part, poles * np.array([0.998, 1.003])).poles
+    np.testing.assert_allclose(found, poles, rtol=1e-6)
+
+
+def test_unknown_noise_does_not_stop_the_fit():
+    part = OrderDecomposition(tyre(std=np.nan)).order(3, slice(None))
+    np.testing.assert_allclose(fit_order(part, POLES[[2]] * 1.003).poles, POLES[[2]], rtol=1e-6)
+
+
+def test_too_few_lines_are_refused():
+    part = OrderDecomposition(tyre()).order(3, slice(0, 20))
+    with pytest.raises(FitError, match="lines around order 3"):
+        fit_order(part, POLES[[2]])

@@ -1,0 +1,97 @@
+"""Split tyres through the whole identification: pairs resolved, or said not to be."""
+
+import numpy as np
+import pytest
+import systems
+
+from ema.core.modes import NOT_RESOLVABLE, RESOLVED
+from ema.identify import identify_modes
+from pipelines.simulate.truth import truth_modes
+
+SPLIT = truth_modes(split_percent=2.5)
+
+
+def own(model, orders=range(1, 8)):
+    return [mode for mode in model.modes if mode.order in orders]
+
+
+@pytest.fixture(scope="module", params=[0, 1])
+def split(request):
+    return identify_modes(systems.campaign_frf(SPLIT, 34, seed=request.param)).model
+
+
+def test_both_members_of_every_driven_pair_hold_their_bounds(split):
+    systems.assert_modes(split, systems.of_orders(SPLIT), frequency=5e-4, damping=0.02)
+
+
+def test_members_have_their_letters_and_the_verdict(split):
+    modes = own(split)
+    assert [mode.member for mode in modes] == ["a", "b"] * 7
+    assert {mode.status for mode in modes} == {RESOLVED}
+    assert [report.pair.verdict for report in split.orders] == [RESOLVED] * len(split.orders)
+    assert all(report.pair.chance < 1e-4 for report in split.orders)
+
+
+def test_members_stand_a_quarter_wave_apart(split):
+    """cos n(θ − ψ): the antinodes of the two members lie 90°/n from each other."""
+    modes = own(split)
+    for lower, upper in zip(modes[::2], modes[1::2], strict=True):
+        wave = np.exp(1j * lower.order * np.deg2rad(split.position_deg))
+        turns = [np.angle(np.sum(mode.shape.real * wave)) for mode in (lower, upper)]
+        away = np.rad2deg(np.abs(turns[0] - turns[1])) % 180
+        assert away == pytest.approx(90, abs=1)
+
+
+def test_each_order_by_itself_says_the_same(split):
+    modes = own(split)
+    for report in split.orders[:7]:
+        pair = [mode for mode in modes if mode.order == report.order]
+        near = min(pair, key=lambda mode: abs(mode.frequency_hz - report.frequency_hz))
+        assert report.frequency_hz == pytest.approx(near.frequency_hz, rel=1e-3)
+        assert report.damping_ratio == pytest.approx(near.damping_ratio, rel=0.04)
+        assert report.frequency_std_hz > 0
+        assert report.damping_std > 0
+
+
+@pytest.mark.parametrize(("place", "member"), [(0.0, "a"), (1.0, "b")])
+def test_a_pair_with_the_shaker_on_an_antinode_is_not_resolvable(place, member):
+    truth = truth_modes(split_percent=2.5, shaker_between=place)
+    model = identify_modes(systems.campaign_frf(truth, 34)).model
+    systems.assert_modes(model, systems.of_orders(truth, member=member), frequency=5e-4)
+    assert {mode.status for mode in own(model)} == {NOT_RESOLVABLE}
+    assert {mode.member for mode in own(model)} == {""}
+
+
+def test_a_pair_that_is_not_split_is_one_mode():
+    truth = truth_modes(split_percent=1e-6)
+    model = identify_modes(systems.campaign_frf(truth, 34)).model
+    systems.assert_modes(model, systems.of_orders(truth, member="a"), frequency=5e-4)
+    assert {(mode.member, mode.status) for mode in own(model)} == {("", NOT_RESOLVABLE)}
+
+
+@pytest.mark.parametrize(("split_percent", "snr_db"), [(0.1, 34), (0.1, 20), (0.2, 34)])
+def test_a_small_split_is_never_one_mode_whose_damping_looks_certain(split_percent, snr_db):
+    """No order is lost, and where one mode stands for two, its damping is that of both."""
+    truth = truth_modes(split_percent=split_percent)
+    model = identify_modes(systems.campaign_frf(truth, snr_db, seed=1)).model
+    ratios = {mode.order: mode.damping_ratio for mode in truth}
+    modes = [mode for mode in own(model) if mode.frequency_hz < 235]
+    orders = [mode.order for mode in modes]
+    assert set(orders) == set(range(1, 8))
+    for mode in modes:
+        assert (mode.member != "") == (mode.status == RESOLVED)
+        if orders.count(mode.order) == 1:
+            assert abs(mode.damping_ratio - ratios[mode.order]) < 4 * mode.damping_std
+
+
+def test_an_order_too_high_for_the_positions_does_not_pass_for_the_highest_told():
+    # 15° apart, none from 180° to 210°: orders up to 6 are told, order 7 leaks into order 6.
+    nodes = np.setdiff1d(np.arange(0, 72, 3), [36, 39, 42])
+    truth = {mode.order: mode for mode in truth_modes()}
+    model = identify_modes(systems.campaign_frf(truth_modes(), 34).rows(nodes)).model
+    assert model.modes[-1].order is None
+    report = model.orders[-1]
+    assert report.order == 6
+    away = report.frequency_hz - truth[6].frequency_hz
+    assert abs(away) < 4 * report.frequency_std_hz
+    assert abs(report.damping_ratio - truth[6].damping_ratio) < 4 * report.damping_std

@@ -1,0 +1,143 @@
+"""Six runs of one tyre that drifts: brought to one state, measured, reported."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import systems
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ema.checks.quality import check_reference, drift_findings
+from ema.core.finding import OK, WARNING
+from ema.core.modes import NO_DRIFT, Drift
+from ema.identify import identify_modes
+from ema.poles.run_alignment import align_runs, stretched
+from pipelines.simulate.truth import truth_modes
+
+BAND_HZ = (20.0, 260.0)
+TYRE = truth_modes()
+SEVEN = systems.of_orders(TYRE)
+LINES = slice(30, 540)
+# Common shifts of run 2 … 6 in percent: temperature rising evenly, and a jump with a return.
+DRIFTS = {
+    "even": np.array([0, 0.06, 0.12, 0.18, 0.24, 0.3]),
+    "back": np.array([0, -0.3, -0.05, 0.1, 0, -0.2]),
+}
+
+
+def modes_moved_by(percent):
+    return [replace(m, frequency_hz=m.frequency_hz * (1 + percent / 100)) for m in TYRE]
+
+
+@pytest.fixture(scope="module", params=DRIFTS)
+def drifted(request):
+    percent = DRIFTS[request.param]
+    frf = systems.campaign_frf(TYRE, 26, seed=1, drift_percent=percent)
+    return percent, frf, identify_modes(frf)
+
+
+@pytest.fixture(scope="module")
+def still():
+    frf = systems.campaign_frf(TYRE, 26, seed=1)
+    return frf, identify_modes(frf)
+
+
+@given(st.floats(-0.5, 0.5))
+def test_stretching_undoes_a_drift(percent):
+    """On lines much finer than the resonances; damping ratios stay as they are."""
+    lines_hz, angle_deg = np.arange(300, 520) / 2, np.array([0.0, 35.0])
+    still, moved = (
+        systems.true_inertance(modes, angle_deg, lines_hz)
+        for modes in (TYRE, modes_moved_by(percent))
+    )
+    back = stretched(lines_hz, moved, 1 + percent / 100)
+    error = np.abs(back - still)[:, 5:-5].max() / np.abs(still).max()
+    assert error < 1e-3
+
+
+def test_stretching_by_nothing_changes_nothing():
+    values = np.random.default_rng(0).standard_normal((2, 50)) @ np.eye(50) * (1 + 1j)
+    np.testing.assert_allclose(stretched(np.arange(1.0, 51), values, 1.0), values)
+
+
+def test_runs_are_brought_to_the_state_of_the_first():
+    percent = DRIFTS["even"]
+    frf = systems.campaign_frf(TYRE, 40, drift_percent=percent)
+    first = systems.campaign_frf(TYRE, 40)
+    apart = np.abs(frf.values - first.values)[:, LINES].max()
+    aligned = np.abs(align_runs(frf, LINES) - first.values[:, LINES])[:, 5:-5].max()
+    assert aligned < 0.1 * apart
+
+
+@pytest.mark.parametrize("lost_run", ["", "run_3"])
+def test_runs_of_one_state_are_left_nearly_as_they_are(lost_run):
+    """Also where all rows of a run were excluded."""
+    frf = systems.campaign_frf(TYRE, 26)
+    frf = frf.rows(np.array(frf.run) != lost_run)
+    change = np.abs(align_runs(frf, LINES) - frf.values[:, LINES])
+    assert np.sqrt(np.mean(change**2)) < 0.2 * np.sqrt(np.mean(frf.std[:, LINES] ** 2))
+
+
+def test_modes_of_the_first_run_come_back(drifted):
+    _, _, found = drifted
+    systems.assert_modes(found.model, SEVEN, frequency=5e-4, damping=0.02)
+
+
+def test_the_drift_of_each_run_comes_back_with_its_error_bar(drifted):
+    percent, _, found = drifted
+    drift = found.model.drift
+    assert drift.applied
+    assert drift.chance < 1e-4
+    assert drift.run == tuple(f"run_{number}" for number in range(1, 7))
+    np.testing.assert_allclose(drift.percent, percent, atol=0.01)
+    assert np.all(np.abs(drift.percent - percent)[1:] < 4 * drift.std_percent[1:])
+
+
+def test_the_reference_sensor_tells_the_same(drifted, still):
+    _, frf, _ = drifted
+    assert not check_reference(frf.reference, BAND_HZ).consistent
+    assert check_reference(still[0].reference, BAND_HZ).consistent
+
+
+def test_each_run_has_its_drift_in_the_findings(drifted):
+    percent, _, found = drifted
+    findings = drift_findings(found.model.drift)
+    assert [finding.run for finding in findings] == [f"run_{n}" for n in range(2, 7)]
+    for finding, true in zip(findings, percent[1:], strict=True):
+        assert finding.verdict == WARNING
+        assert float(finding.detail.split()[2]) == pytest.approx(true, abs=0.01)
+
+
+def test_a_tyre_that_stays_as_it_is_does_not_drift(still):
+    drift = still[1].model.drift
+    assert not drift.applied
+    assert drift.chance > 1e-4
+    assert np.all(np.abs(drift.percent) < 4 * drift.std_percent + 1e-12)
+    assert {finding.verdict for finding in drift_findings(drift)} == {OK}
+
+
+@pytest.mark.parametrize("seed", range(2, 6))
+def test_noise_alone_is_not_taken_for_drift(seed):
+    frf = systems.campaign_frf(TYRE, 15, seed=seed)
+    assert not identify_modes(frf).model.drift.applied
+
+
+def test_synthesis_follows_the_state_of_each_run(drifted):
+    _, frf, found = drifted
+    shown = (frf.frequency_hz > 40) & (frf.frequency_hz < 235)
+    lines_hz = frf.frequency_hz[shown]
+    error = found.model.synthesise(lines_hz, run=frf.run) - frf.values[:, shown]
+    noise = frf.std[:, shown]
+    assert np.sqrt(np.mean(np.abs(error) ** 2 / (2 * noise**2))) == pytest.approx(1, abs=0.05)
+
+
+def test_one_run_has_no_drift():
+    assert drift_findings(NO_DRIFT) == []
+    assert NO_DRIFT.factor("any") == 1.0
+
+
+def test_a_drift_that_was_not_applied_moves_nothing():
+    seen = Drift(("a", "b"), np.array([0, 0.1]), np.array([0, 0.1]), applied=False)
+    assert seen.factor("b") == 1.0
+    assert replace(seen, applied=True).factor("b") == pytest.approx(1.001)

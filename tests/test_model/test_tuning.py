@@ -1,0 +1,280 @@
+"""Tuning on the paper's frequencies, and on rings whose parameters are known."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from model import (
+    ParameterError,
+    RingParameters,
+    equilibrium,
+    frequency_sensitivity,
+    natural_frequencies_hz,
+    tune_ring,
+)
+from model.parameters import RING_NAMES
+from model.reference import TABLE_3_FREQUENCIES_HZ as MEASURED
+from model.reference import TABLE_3_ORDERS as ORDERS
+from model.reference import TABLE_4_RING
+from model.tuning_problem import TuningProblem
+
+TYRE = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
+MASS = {"mass_per_area_kg_m2": 19.69}
+
+
+def test_every_frequency_of_table_3_within_one_percent():
+    result = tune_ring(ORDERS, MEASURED, **TYRE)
+    assert np.abs(result.error_percent).max() < 0.3
+    assert result.how["mass_per_area_kg_m2"] == "identified"
+    assert result.how["bending_stiffness_n_m"] == "not identified"
+    assert any("bending stiffness D is not identified" in note for note in result.notes)
+
+
+def test_given_mass_and_axial_stiffness_reproduce_the_relative_frequency_optimum():
+    given = MASS | {"axial_stiffness_n_m": 2.52e7}
+    result = tune_ring(ORDERS, MEASURED, given=given, **TYRE)
+    assert result.ring.circumferential_stiffness_n_m3 == pytest.approx(1.68e6, rel=3e-3)
+    assert result.ring.radial_stiffness_n_m3 == pytest.approx(7.98e6, rel=1e-3)
+    assert result.ring.bending_stiffness_n_m == pytest.approx(9.86, rel=1e-3)
+    expected = [-0.07, 0.32, 0.20, -0.49, -0.53, 0.09, 0.25]
+    np.testing.assert_allclose(result.error_percent, expected, atol=6e-3)
+    assert {result.how[name] for name in given} == {"given"}
+
+
+def test_standard_deviations_at_half_a_percent_noise():
+    given = MASS | {"axial_stiffness_n_m": 2.52e7}
+    result = tune_ring(ORDERS, MEASURED, given=given, frequency_std_hz=0.005 * MEASURED, **TYRE)
+    relative = {name: std / getattr(result.ring, name) for name, std in result.std.items()}
+    assert relative["radial_stiffness_n_m3"] == pytest.approx(0.01, abs=3e-3)
+    assert relative["circumferential_stiffness_n_m3"] == pytest.approx(0.09, abs=8e-3)
+    assert relative["bending_stiffness_n_m"] == pytest.approx(0.18, abs=8e-3)
+
+
+def test_standard_deviations_at_table_4():
+    truth = natural_frequencies_hz(TABLE_4_RING, ORDERS)
+    given = MASS | {"axial_stiffness_n_m": 2.52e7}
+    result = tune_ring(ORDERS, truth, given=given, frequency_std_hz=0.005 * truth, **TYRE)
+    relative = {name: std / getattr(result.ring, name) for name, std in result.std.items()}
+    assert relative["circumferential_stiffness_n_m3"] == pytest.approx(0.21, abs=5e-3)
+    assert relative["bending_stiffness_n_m"] == pytest.approx(0.24, abs=5e-3)
+
+
+def test_the_papers_objective_weighs_order_7_two_hundred_times_order_1():
+    problem = TuningProblem(ORDERS, MEASURED, 0.33, 2.2e5, objective="paper")
+    slope = problem.data_slope(TABLE_4_RING)
+    assert slope[6] / slope[0] == pytest.approx(200.0, rel=0.02)
+
+
+def test_standard_deviations_never_fall_below_the_misfit():
+    result = tune_ring(ORDERS, MEASURED, given=MASS, frequency_std_hz=1e-6 * MEASURED, **TYRE)
+    plain = tune_ring(ORDERS, MEASURED, given=MASS, **TYRE)
+    assert result.std == pytest.approx(plain.std)
+    assert any("misfit" in note for note in result.notes)
+
+
+def test_standard_deviations_cover_the_scatter_of_noisy_tunings():
+    truth = natural_frequencies_hz(TABLE_4_RING, ORDERS)
+    given = MASS | {"axial_stiffness_n_m": 2.52e7}
+    rng = np.random.default_rng(5)
+    found = [
+        tune_ring(
+            ORDERS, truth * (1 + 0.002 * rng.standard_normal(7)), given=given, **TYRE
+        ).ring.radial_stiffness_n_m3
+        for _ in range(30)
+    ]
+    stated = tune_ring(ORDERS, truth, given=given, frequency_std_hz=0.002 * truth, **TYRE)
+    assert np.std(found) == pytest.approx(stated.std["radial_stiffness_n_m3"], rel=0.4)
+
+
+def test_the_papers_objective_trades_mode_1_for_the_others():
+    result = tune_ring(ORDERS, MEASURED, objective="paper", **TYRE)
+    error = np.abs(result.error_percent)
+    assert 3.0 < error[0] < 5.0
+    assert error[1:].max() < 1.0
+    table_4 = [19.69, 8.27e6, 2.52e7, 7.45]
+    names = ["mass_per_area_kg_m2", "radial_stiffness_n_m3", "axial_stiffness_n_m"]
+    found = [getattr(result.ring, name) for name in (*names, "bending_stiffness_n_m")]
+    np.testing.assert_allclose(found, table_4, rtol=0.06)
+
+
+def test_axial_stiffness_hardly_moves_a_frequency():
+    table = frequency_sensitivity(TABLE_4_RING, ORDERS)
+    assert table.of("axial_stiffness_n_m").max() == pytest.approx(0.014, abs=5e-4)
+    np.testing.assert_allclose(table.values.sum(axis=1), 0.0, atol=1e-7)
+    np.testing.assert_allclose(table.of("mass_per_area_kg_m2"), -0.5, atol=1e-6)
+
+
+def test_axial_stiffness_comes_from_a_measured_growth_or_the_breathing_mode():
+    growth = float(equilibrium(TABLE_4_RING).radial_displacement_m)
+    given = {n: getattr(TABLE_4_RING, n) for n in ("mass_per_area_kg_m2", "bending_stiffness_n_m")}
+    truth = natural_frequencies_hz(TABLE_4_RING, ORDERS)
+    by_growth = tune_ring(ORDERS, truth, given=given, radial_growth_m=growth, **TYRE)
+    assert by_growth.ring.axial_stiffness_n_m == pytest.approx(2.52e7, rel=1e-6)
+    assert by_growth.how["axial_stiffness_n_m"] == "identified"
+    orders = np.arange(8)
+    truth = natural_frequencies_hz(TABLE_4_RING, orders)
+    by_breathing = tune_ring(orders, truth, given=given, **TYRE)
+    assert by_breathing.ring.axial_stiffness_n_m == pytest.approx(2.52e7, rel=1e-6)
+    assert by_breathing.how["axial_stiffness_n_m"] == "identified"
+
+
+def test_without_either_the_axial_stiffness_is_a_placeholder():
+    result = tune_ring(ORDERS, MEASURED, **TYRE)
+    assert result.how["axial_stiffness_n_m"] == "not identified"
+    assert "axial_stiffness_n_m" not in result.std
+    assert any("do not determine the axial stiffness" in note for note in result.notes)
+
+
+def test_the_remark_on_the_axial_stiffness_says_what_hangs_on_it():
+    assumed = tune_ring(ORDERS, MEASURED, **TYRE)
+    growth = float(equilibrium(assumed.ring).radial_displacement_m)
+    grown = tune_ring(ORDERS, MEASURED, radial_growth_m=1.1 * growth, **TYRE)
+    (note,) = (note for note in assumed.notes if "axial stiffness" in note)
+    shifts = re.findall(r"(\S+) by ([+−][0-9.]+) %", note)
+    said = {symbol: float(text.replace("−", "-")) for symbol, text in shifts}
+    for symbol, name in (("ρh", "mass_per_area_kg_m2"), ("k_r", "radial_stiffness_n_m3")):
+        change = 100 * (getattr(grown.ring, name) / getattr(assumed.ring, name) - 1)
+        assert said[symbol] == pytest.approx(change, rel=0.15)
+
+
+@pytest.mark.parametrize("pressure", [1e5, 2.5e5, 9e5])
+@pytest.mark.parametrize(("radius", "mass"), [(0.25, 10.0), (0.33, 19.69), (0.55, 45.0)])
+def test_known_rings_are_found_again(pressure, radius, mass):
+    axial = pressure * radius / 0.003
+    ring = RingParameters(radius, mass, 4e5 * mass, 6e4 * mass, axial, 15.0, pressure)
+    truth = natural_frequencies_hz(ring, ORDERS)
+    result = tune_ring(
+        ORDERS,
+        truth,
+        mean_radius_m=radius,
+        inflation_pressure_pa=pressure,
+        given={"axial_stiffness_n_m": axial},
+    )
+    for name in ("mass_per_area_kg_m2", "radial_stiffness_n_m3", "circumferential_stiffness_n_m3"):
+        assert getattr(result.ring, name) == pytest.approx(getattr(ring, name), rel=1e-4)
+    np.testing.assert_allclose(result.model_hz, truth, rtol=1e-7)
+
+
+@pytest.mark.parametrize("objective", ["frequency", "paper"])
+def test_follower_pressure_is_tuned_with_its_own_frequencies(objective):
+    truth = natural_frequencies_hz(TABLE_4_RING, ORDERS, pressure_load="follower")
+    given = {n: getattr(TABLE_4_RING, n) for n in ("mass_per_area_kg_m2", "axial_stiffness_n_m")}
+    result = tune_ring(
+        ORDERS, truth, given=given, objective=objective, pressure_load="follower", **TYRE
+    )
+    assert result.ring.radial_stiffness_n_m3 == pytest.approx(8.27e6, rel=1e-6)
+
+
+def test_a_bound_that_is_hit_is_said():
+    bounds = {"circumferential_stiffness_n_m3": (0.0, 1e6)}
+    result = tune_ring(ORDERS, MEASURED, given=MASS, bounds=bounds, **TYRE)
+    assert result.how["circumferential_stiffness_n_m3"] == "at bound"
+    assert result.ring.circumferential_stiffness_n_m3 == 1e6
+    assert "circumferential_stiffness_n_m3" not in result.std
+    assert "circumferential_stiffness_n_m3" not in result.correlation.parameters
+    assert any("ended on a bound" in note for note in result.notes)
+
+
+def test_a_belt_that_wants_negative_bending_stiffness_gets_none():
+    limp = replace(TABLE_4_RING, bending_stiffness_n_m=0.0)
+    truth = natural_frequencies_hz(limp, ORDERS) * (1 - 1e-3 * (ORDERS / 7) ** 4)
+    result = tune_ring(ORDERS, truth, given=MASS, **TYRE)
+    assert result.ring.bending_stiffness_n_m == 0.0
+    assert result.how["bending_stiffness_n_m"] == "at bound"
+
+
+@pytest.mark.parametrize(
+    ("count", "assumed"),
+    [(3, ["bending_stiffness_n_m"]), (2, ["bending_stiffness_n_m", "mass_per_area_kg_m2"])],
+)
+def test_too_few_frequencies_leave_parameters_assumed(count, assumed):
+    result = tune_ring(ORDERS[:count], MEASURED[:count], **TYRE)
+    np.testing.assert_allclose(result.error_percent, 0.0, atol=1e-5)
+    for name in assumed:
+        assert getattr(result.ring, name) == {"b": 8.0, "m": 20.0}[name[0]]
+        assert result.how[name] == "not identified"
+        assert any(
+            f"{RING_NAMES[name][0]} {RING_NAMES[name][1]} was assumed" in note
+            for note in result.notes
+        )
+    radial = "identified" if count == 3 else "not identified"
+    assert result.how["radial_stiffness_n_m3"] == radial
+    assert result.std == {}
+
+
+def test_what_is_assumed_widens_the_standard_deviations():
+    truth = natural_frequencies_hz(TABLE_4_RING, [1, 2, 3])
+    std = {"frequency_std_hz": 1e-4 * truth}
+    assumed = tune_ring([1, 2, 3], truth, start={"bending_stiffness_n_m": 7.0}, **std, **TYRE)
+    given = tune_ring([1, 2, 3], truth, given={"bending_stiffness_n_m": 7.0}, **std, **TYRE)
+    assert assumed.ring.mass_per_area_kg_m2 == pytest.approx(given.ring.mass_per_area_kg_m2)
+    name = "mass_per_area_kg_m2"
+    assert assumed.std[name] > 3 * given.std[name]
+    off = tune_ring([1, 2, 3], truth, given={"bending_stiffness_n_m": 7.7}, **TYRE)
+    moved = off.ring.mass_per_area_kg_m2 - given.ring.mass_per_area_kg_m2
+    widened = np.sqrt(assumed.std[name] ** 2 - given.std[name] ** 2)
+    assert widened == pytest.approx(abs(moved) / 0.1, rel=0.05)
+
+
+def test_too_few_frequencies_and_a_bound_at_once():
+    bounds = {"circumferential_stiffness_n_m3": (0.0, 1e5)}
+    result = tune_ring(ORDERS[:3], MEASURED[:3], bounds=bounds, **TYRE)
+    assert result.how["circumferential_stiffness_n_m3"] == "at bound"
+    assert result.how["bending_stiffness_n_m"] == "not identified"
+
+
+def test_a_given_mass_makes_three_frequencies_enough():
+    truth = natural_frequencies_hz(TABLE_4_RING, [1, 2, 6])
+    given = MASS | {"axial_stiffness_n_m": 2.52e7}
+    result = tune_ring([1, 2, 6], truth, given=given, frequency_std_hz=1e-3 * truth, **TYRE)
+    assert result.ring.circumferential_stiffness_n_m3 == pytest.approx(6.56e5, rel=1e-5)
+    assert result.how["radial_stiffness_n_m3"] == "identified"
+
+
+def test_starting_values_do_not_change_the_answer():
+    start = {"mass_per_area_kg_m2": 40.0, "radial_stiffness_n_m3": 2e7}
+    result = tune_ring(ORDERS, MEASURED, start=start, **TYRE)
+    plain = tune_ring(ORDERS, MEASURED, **TYRE)
+    np.testing.assert_allclose(result.model_hz, plain.model_hz, rtol=1e-7)
+
+
+ALL_GIVEN = {
+    name: getattr(TABLE_4_RING, name)
+    for name in (
+        "mass_per_area_kg_m2",
+        "radial_stiffness_n_m3",
+        "circumferential_stiffness_n_m3",
+        "bending_stiffness_n_m",
+    )
+}
+
+
+@pytest.mark.parametrize(
+    ("orders", "frequencies", "options", "rule"),
+    [
+        ([1], [78.7], {}, "fewer than the unknowns"),
+        ([1, 2], [78.7], {}, "one value per order"),
+        ([1, 1], [78.7, 78.9], {}, "may appear once"),
+        ([1, 2], [78.7, -1.0], {}, "greater than zero"),
+        ([1, 2], [78.7, np.nan], {}, "must be finite"),
+        (ORDERS, MEASURED, {"frequency_std_hz": np.zeros(7)}, "greater than zero"),
+        (ORDERS, MEASURED, {"given": {"mass": 1.0}}, "no such parameter"),
+        (ORDERS, MEASURED, {"given": ALL_GIVEN}, "nothing is left"),
+        (ORDERS, MEASURED, {"objective": "best"}, "one of"),
+        ([0, 1, 2, 3, 4], [550.0, *MEASURED[:4]], {"objective": "paper"}, "n ≥ 1"),
+        (ORDERS, MEASURED, {"bounds": {"bending_stiffness_n_m": (2.0, 1.0)}}, "lower < upper"),
+        (ORDERS, MEASURED, {"mean_radius_m": 0.0}, "above zero"),
+        (ORDERS, MEASURED, {"inflation_pressure_pa": 0.0}, "above zero"),
+        (
+            ORDERS,
+            MEASURED,
+            {"radial_growth_m": 1e-3, "given": {"axial_stiffness_n_m": 2e7}},
+            "determined twice",
+        ),
+    ],
+)
+def test_refusals(orders, frequencies, options, rule):
+    with pytest.raises(ParameterError, match=rule):
+        tune_ring(orders, frequencies, **(TYRE | options))

@@ -1,0 +1,186 @@
+"""``ringmodal tyre update-tir``, ``from-tir`` and ``modal-targets``."""
+
+import json
+import sys
+from dataclasses import replace
+from io import StringIO
+
+import pytest
+from library import SET, written
+from tyre_property_files import content
+
+from pipelines.results.parameter_set import Parameter, read_parameter_set
+
+
+@pytest.fixture
+def tir(tmp_path):
+    path = tmp_path / "tyre.tir"
+    path.write_bytes(content(in_mm=True))
+    return path
+
+
+@pytest.fixture
+def toml(tmp_path):
+    return written(tmp_path / "tyre.toml")
+
+
+@pytest.fixture
+def tyre(ringmodal, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "150")
+    return lambda *arguments: ringmodal("tyre", *arguments)
+
+
+def assert_refused(outcome, *says):
+    code, output, errors = outcome
+    assert (code, output) == (2, "")
+    for words in says:
+        assert words in errors
+
+
+def test_there_and_back(tyre, tir, sample_folder, tmp_path):
+    code, output, _ = tyre("update-tir", tir, "--from", sample_folder, "--yes")
+    assert code == 0
+    assert "BELT_IYY       25  720000" in output
+    assert "kg mm²" in output
+    assert "Left alone: BELT_IXX, FREQ_YAW, DAMP_YAW: out of the wheel's plane" in output
+    assert f"Written: {tir}" in output
+    out = tmp_path / "back.toml"
+    code, output, errors = tyre("from-tir", tir, "--belt-width-m", "0.19", "--out", out)
+    assert code == 0
+    assert "K and D are not in such a file" in errors
+    measured, back = read_parameter_set(sample_folder / "tyre.toml"), read_parameter_set(out)
+    for name in (
+        "mass_per_area_kg_m2",
+        "radial_stiffness_n_m3",
+        "circumferential_stiffness_n_m3",
+    ):
+        assert back.ring[name].value == pytest.approx(measured.ring[name].value, rel=1e-9)
+
+
+def test_what_stood_there_is_kept(tyre, tir, toml):
+    first = tir.read_bytes()
+    assert tyre("update-tir", tir, "--from", toml, "--yes")[0] == 0
+    second = tir.read_bytes()
+    assert tyre("update-tir", tir, "--from", toml, "--belt-width-m", "0.2", "--yes")[0] == 0
+    assert tir.with_name("tyre.tir.bak").read_bytes() == first
+    assert tir.with_name("tyre.tir.bak2").read_bytes() == second
+    assert tir.read_bytes() not in (first, second)
+    _, output, _ = tyre("update-tir", tir, "--from", toml, "--belt-width-m", "0.2", "--yes")
+    assert "Nothing was written." in output
+    assert not tir.with_name("tyre.tir.bak3").exists()
+
+
+def test_only_a_look(tyre, tir, toml):
+    _, output, _ = tyre("update-tir", tir, "--from", toml, "--dry-run")
+    assert output.endswith("Nothing was written.\n")
+    assert tir.read_bytes() == content(in_mm=True)
+    assert list(tir.parent.glob("*.bak")) == []
+
+
+def test_another_file(tyre, tir, toml):
+    out = tir.with_name("new.tir")
+    code, output, _ = tyre("update-tir", tir, "--from", toml, "--out", out, "--json")
+    told = json.loads(output)
+    assert (code, told["file"], told["written"], told["backup"]) == (0, str(out), True, None)
+    changes = {change["key"]: change for change in told["changes"]}
+    assert changes["INFLPRES"]["new"] == pytest.approx(0.22)
+    assert changes["INFLPRES"]["unit"] == "N/mm²"
+    assert told["left_alone"]["MASS"].startswith("of the whole tyre")
+    assert tir.read_bytes() == content(in_mm=True)
+    assert out.read_bytes() != tir.read_bytes()
+
+
+@pytest.mark.parametrize(("answer", "end"), [("y", "Written"), ("n", "Nothing was written.")])
+def test_it_asks(tyre, tir, toml, monkeypatch, answer, end):
+    person = StringIO(f"{answer}\n")
+    person.isatty = lambda: True
+    monkeypatch.setattr(sys, "stdin", person)
+    code, output, _ = tyre("update-tir", tir, "--from", toml)
+    assert code == 0
+    assert end in output.splitlines()[-1]
+    assert (tir.read_bytes() == content(in_mm=True)) == (answer == "n")
+
+
+def test_nobody_to_ask(tyre, tir, toml):
+    for more in ((), ("--json",)):
+        code, _, errors = tyre("update-tir", tir, "--from", toml, *more)
+        assert code == 2
+        assert "Give --yes, or --dry-run to only look" in errors
+    assert tir.read_bytes() == content(in_mm=True)
+
+
+def test_a_version_of_the_library(tyre, tir, toml, tmp_path):
+    library = ("--library", tmp_path / "library")
+    tyre("add", toml, *library)
+    code, output, _ = tyre("update-tir", tir, "--from", "225/55R17", *library, "--yes")
+    assert code == 0
+    assert output.startswith("tyre.tir from 225-55R17@1:")
+    assert_refused(tyre("update-tir", tir, "--from", "225-55R18", *library), "'225-55R17'")
+    code, output, _ = tyre("from-tir", tir, "--like", "225-55R17@1", *library, "--json")
+    ring = json.loads(output)["ring"]
+    assert code == 0
+    assert ring["axial_stiffness_n_m"] == {"value": 2.5e7, "how": "not identified"}
+    assert ring["radial_stiffness_n_m3"]["value"] == pytest.approx(8e6, rel=1e-9)
+
+
+def test_bad_input_is_refused(tyre, tir, toml):
+    assert_refused(tyre("update-tir", toml.with_name("a.tir"), "--from", toml), "a.tir")
+    assert_refused(tyre("from-tir", tir), "no belt width", "--belt-width-m")
+    for width in ("-1", "0", "nan", "190"):  # the last one is in mm
+        width_m = ("--belt-width-m", width)
+        says = (f"--belt-width-m: {width} m", "up to 2 m", "e.g. 0.19")
+        assert_refused(tyre("update-tir", tir, "--from", toml, *width_m, "--yes"), *says)
+        assert_refused(tyre("from-tir", tir, *width_m), *says)
+    assert_refused(tyre("update-tir", tir, "--form", toml), "Did you mean --from?")
+    tir.write_bytes(content().replace(b"'newton'", b"'newtn'"))
+    assert_refused(tyre("update-tir", tir, "--from", toml), "FORCE", "Did you mean 'newton'?")
+
+
+def rows_of(path):
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert lines[0] == "# Modal targets for an FTire-style parameter fit"
+    head, *rows = (line.split() for line in lines if not line.startswith("#"))
+    return [dict(zip(head, row, strict=True)) for row in rows]
+
+
+def test_modal_targets(tyre, sample_folder, truth, tmp_path):
+    out = tmp_path / "targets.txt"
+    assert tyre("modal-targets", sample_folder, "--out", out)[0] == 0
+    rotation, *others = rows_of(out)
+    assert (rotation["mode"], rotation["measured_hz"]) == ("in_plane_rotation", "-")
+    assert [row["order"] for row in others] == ["1", "2", "3"]
+    for row in others:
+        mode = truth[int(row["order"])]
+        assert float(row["frequency_hz"]) == pytest.approx(mode["frequency_hz"], rel=5e-3)
+        assert float(row["measured_hz"]) == pytest.approx(mode["frequency_hz"], rel=1e-3)
+        assert float(row["damping_ratio"]) == pytest.approx(mode["damping_ratio"], rel=0.15)
+    assert "# inflation_pressure_pa: 220000\n" in out.read_text(encoding="utf-8")
+
+
+def test_modal_targets_of_a_set_alone(tyre, toml, tmp_path):
+    out = tmp_path / "targets.txt"
+    code, output, _ = tyre("modal-targets", toml, "--out", out, "--json")
+    assert code == 0
+    told = json.loads(output)["targets"]
+    assert [target["mode"] for target in told] == [row["mode"] for row in rows_of(out)]
+    assert told[1]["measured_hz"] is None
+    assert "measured_hz" not in rows_of(out)[0]
+    exported = tmp_path / "exported.txt"
+    assert tyre("export", toml, "--out", exported, "--format", "modal-targets")[0] == 0
+    assert exported.read_bytes() == out.read_bytes()
+
+
+def test_modal_targets_without_damping_and_rotation(tyre, tmp_path):
+    loose = {**SET.ring, "circumferential_stiffness_n_m3": Parameter(0.0, "at bound")}
+    path = written(tmp_path / "loose.toml", replace(SET, ring=loose, damping={}))
+    out = tmp_path / "targets.txt"
+    assert tyre("modal-targets", path, "--out", out)[0] == 0
+    rotation, translation, *_ = rows_of(out)
+    assert rotation["frequency_hz"] == rotation["damping_ratio"] == "-"
+    assert float(translation["frequency_hz"]) > 0
+    assert translation["damping_ratio"] == "-"
+
+
+def test_a_damaged_result_is_refused(tyre, toml, tmp_path):
+    (tmp_path / "validation.csv").write_text("order,measured_hz\n1,78\n")
+    assert_refused(tyre("modal-targets", tmp_path, "--out", tmp_path / "t.txt"), "measured_damping")

@@ -1,0 +1,183 @@
+"""``ringmodal tyre``: what it prints, for people and programs, and how it refuses."""
+
+import json
+import subprocess
+import sys
+
+import pyarrow.parquet as pq
+import pytest
+from library import SET, varied, written
+
+
+@pytest.fixture
+def tyre(ringmodal, tmp_path, monkeypatch):
+    """Run ``ringmodal tyre`` with a library of two versions, at two pressures."""
+    monkeypatch.setenv("RINGMODAL_LIBRARY", str(tmp_path / "library"))
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*arguments):
+        return ringmodal("tyre", *arguments)
+
+    for parameters in (SET, varied("2", 250000.0, radial_stiffness_n_m3=8.5e6)):
+        path = written(tmp_path / "set.toml", parameters)
+        assert run("add", path, "--author", "Ada", "--note", "new contour")[0] == 0
+    return run
+
+
+def as_json(outcome):
+    code, output, errors = outcome
+    assert code == 0, errors
+    return json.loads(output)
+
+
+def assert_refused(outcome, *says):
+    code, output, errors = outcome
+    assert code == 2
+    assert output == ""
+    (line,) = errors.strip().splitlines()
+    assert line.startswith("Error: ")
+    for words in says:
+        assert words in line
+
+
+def test_a_result_is_added_and_shown(ringmodal, sample_folder, tmp_path):
+    library = ("--library", tmp_path / "library")
+    code, output, _ = ringmodal(
+        *("tyre", "add", sample_folder, *library, "--condition", "temperature_c=21.5")
+    )
+    assert (code, output.strip()) == (0, "Added: 225-55R17@1")
+    code, output, _ = ringmodal("tyre", "show", "225/55R17", *library)
+    assert code == 0
+    assert "Standing: the newest; no version is approved" in output
+    assert "Condition: temperature_c = 21.5" in output
+    assert "tyre_225_55R17" in output
+    assert "radial_stiffness_n_m3" in output
+
+
+def test_list_and_history(tyre):
+    tyre("approve", "225-55R17@1", "--note", "checked")
+    _, output, _ = tyre("list")
+    assert "225-55R17" in output
+    assert "2.20, 2.50" in output
+    _, output, _ = tyre("history", "225/55R17")
+    assert "new contour" in output
+    assert "radial_stiffness_n_m3 +6.2 % (z = +3.5)" in output
+    (listed,) = as_json(tyre("list", "--json"))
+    assert (listed["versions"], listed["approved"]) == (2, 1)
+    told = as_json(tyre("history", "225-55R17", "--json"))
+    assert [line["approval"] for line in told["history"]] == ["approved", ""]
+
+
+def test_approve_show_and_rollback(tyre):
+    for number in (1, 2):
+        assert as_json(tyre("approve", f"225-55R17@{number}", "--json"))["version"] == number
+    assert as_json(tyre("show", "225-55R17", "--json"))["version"] == 2
+    assert tyre("rollback", "225-55R17", "--note", "not released")[1] == (
+        "Rolled back to: 225-55R17@1\n"
+    )
+    shown = as_json(tyre("show", "225-55R17", "--json"))
+    assert (shown["version"], shown["entry"]["note"]) == (1, "new contour")
+    assert "not released; 1 newer not approved" in shown["standing"]
+
+
+def test_diff_of_versions_and_files(tyre, tmp_path):
+    _, output, _ = tyre("diff", "225-55R17@1", "225-55R17@2")
+    assert "Condition: inflation_pressure_pa: 220000 in A, 250000 in B" in output
+    assert "significant" in output
+    assert "not tested (given)" in output
+    told = as_json(tyre("diff", "225-55R17@1", tmp_path / "set.toml", "--json"))
+    (radial,) = (p for p in told["parameters"] if p["parameter"] == "radial_stiffness_n_m3")
+    assert radial["z"] == pytest.approx(3.5355, rel=1e-4)
+    assert radial["verdict"] == "significant"
+
+
+def test_export_table_and_series(tyre, tmp_path):
+    assert as_json(tyre("export", "225-55R17@2", "--out", tmp_path / "x.json", "--json")) == {
+        "file": str(tmp_path / "x.json"),
+        "set": "225-55R17@2",
+        "format": "json",
+    }
+    assert tyre("table", "--out", tmp_path / "t.parquet", "--wide")[0] == 0
+    assert pq.read_table(tmp_path / "t.parquet")["version"].to_pylist() == [1, 2]
+    assert len(as_json(tyre("table", "225-55R17", "--json"))) == 20
+    code, output, _ = tyre("table", "--wide")
+    assert (code, output.count("225-55R17@2")) == (0, 10)
+    code, output, errors = tyre("series", "225-55R17", "--out", tmp_path / "s.svg")
+    assert (code, "slope per bar" in output) == (0, True)
+    assert "Not identified at two pressures" in errors
+    assert (tmp_path / "s.svg").is_file()
+    told = as_json(tyre("series", "225-55R17", "--parameter", "loss_factor", "--json"))
+    assert told["trends"][0]["pressure_pa"] == [220000.0, 250000.0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("show", "225/65R17"), "Did you mean '225-55R17'"),
+        (("show", "225-55R17@7"), "The newest is 225-55R17@2"),
+        (("show", "225-55R17@x"), "Write e.g. 225-55R17@1"),
+        (("approve", "225-55R17"), "tyre approve 225-55R17@1"),
+        (("rollback", "225-55R17"), "no earlier approval"),
+        (("diff", "225-55R17@1", "nowhere"), "Known are 225-55R17"),
+        (("series", "225-55R17", "--parameter", "los_factor"), "Did you mean 'loss_factor'"),
+        (("series", "225-55R17", "--out", "s.pdf"), "it must be .png or .svg or .html"),
+        (("table", "--out", "t.xlsx"), "it must be .csv or .parquet"),
+        (("export", "225-55R17", "--out", "x.toml", "--format", "jsn"), "Did you mean 'json'"),
+        (("add", "nowhere.toml"), "nowhere.toml"),
+        (("list", "--library", "nowhere"), "`ringmodal tyre add` begins a new library"),
+    ],
+)
+def test_bad_input_names_what_to_do(tyre, arguments, says):
+    assert_refused(tyre(*arguments), says)
+
+
+def test_an_unknown_unit_is_a_usage_error_that_lists_the_units(tyre):
+    code, output, errors = tyre("series", "225-55R17", "--pressure-unit", "mbar")
+    assert (code, output) == (2, "")
+    assert "kPa" in errors
+
+
+def test_without_a_library_it_is_asked_for(ringmodal, monkeypatch):
+    monkeypatch.delenv("RINGMODAL_LIBRARY", raising=False)
+    assert_refused(ringmodal("tyre", "list"), "--library DIR", "RINGMODAL_LIBRARY")
+
+
+def test_damage_is_reported_after_what_can_be_read(tyre, tmp_path):
+    path = tmp_path / "library" / "225-55R17" / "0001.toml"
+    path.write_text(path.read_text().replace("0.33", "0.34"))
+    for command in (("list",), ("history", "225-55R17")):
+        code, output, errors = tyre(*command)
+        assert code == 2
+        assert "225-55R17" in output
+        assert "0001.toml: a checksum that does not fit its content" in errors
+    assert tyre("show", "225-55R17")[0] == 0
+    assert_refused(tyre("series", "225-55R17"), "0001.toml", "Restore")
+
+
+def test_nothing_is_written_over_a_version(tyre, tmp_path):
+    path = tmp_path / "library" / "225-55R17" / "0001.toml"
+    content = path.read_bytes()
+    for command in ("export", "modal-targets"):
+        assert_refused(tyre(command, "225-55R17", "--out", path), "0001.toml", "never changes")
+    assert path.read_bytes() == content
+    for _ in range(2):  # what was exported may be replaced
+        assert tyre("export", "225-55R17", "--out", tmp_path / "a.toml", "--format", "TOML")[0] == 0
+    path.write_bytes(content.replace(b"\n", b"\r\n"))
+    assert tyre("export", "225-55R17", "--out", path)[0] == 2
+
+
+def test_every_command_shows_an_example(ringmodal):
+    _, output, _ = ringmodal("tyre", "--help")
+    commands = ("add", "list", "show", "history", "diff", "approve", "rollback", "export")
+    for command in (*commands, "table", "series"):
+        assert f"  {command} " in output
+        assert f"ringmodal tyre {command} " in ringmodal("tyre", command, "--help")[1]
+
+
+def test_help_loads_nothing_heavy():
+    code = (
+        "import sys, pipelines.cli.tyre; "
+        "print({'numpy', 'tomlkit', 'matplotlib', 'pandas'} & set(sys.modules))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "set()"

@@ -1,0 +1,162 @@
+"""Figures as files and the report as PDF: what is written, what is refused, what it says."""
+
+from __future__ import annotations
+
+import re
+import zlib
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from results import structure_result, tyre_result
+
+from ema.core.errors import InputError
+from pipelines.report import figure_files as figure_export
+from pipelines.report import paper
+from pipelines.report.blocks import Beside, Paragraph, Picture, Section, Table
+from pipelines.report.figure_files import write_figures
+from pipelines.report.page import drawings
+from pipelines.report.write import report_sections
+
+
+@pytest.fixture(scope="module")
+def structure():
+    return structure_result()
+
+
+@pytest.fixture(scope="module")
+def written(structure, tmp_path_factory):
+    return write_figures(structure, tmp_path_factory.mktemp("figures") / "new" / "folder")
+
+
+def test_every_figure_of_the_report_is_written_in_both_formats(structure, written):
+    names = [drawing.name for drawing in drawings(report_sections(structure))]
+    assert [path.name for path in written] == [
+        f"{name}.{ending}" for name in names for ending in ("png", "svg")
+    ]
+    assert "stability.png" in {path.name for path in written}
+    assert sorted(written) == sorted(written[0].parent.iterdir())
+
+
+def test_no_picture_is_blank_and_all_are_fine_enough_to_print(written):
+    for path in written:
+        if path.suffix == ".png":
+            picture = imread(path)
+            assert picture.shape[1] >= 1000  # 300 dots per inch at 8.5 cm
+            assert np.ptp(picture[..., :3]) > 0.5
+
+
+def test_texts_in_drawings_stay_texts(written):
+    stability = next(path for path in written if path.name == "stability.svg")
+    text = stability.read_text(encoding="utf-8")
+    assert "frequency / Hz</text>" in text
+    assert "model order</text>" in text
+
+
+def test_names_of_the_figures_of_a_tyre_are_unique():
+    names = [drawing.name for drawing in drawings(report_sections(tyre_result()))]
+    assert len(set(names)) == len(names)
+    assert {"coherence", "reference", "drive-point", "mac", "sensitivity"} <= set(names)
+
+
+def only(monkeypatch, module, result, *anchors):
+    """Let `module` see a short report."""
+    chosen = tuple(each for each in report_sections(result) if each.anchor in anchors)
+    assert len(chosen) == len(anchors)
+    monkeypatch.setattr(module, "report_sections", lambda _: chosen)
+
+
+def test_existing_files_are_replaced_only_when_asked(structure, tmp_path, monkeypatch):
+    only(monkeypatch, figure_export, structure, "stability")
+    (tmp_path / "stability.svg").write_text("mine")
+    (tmp_path / "notes.txt").write_text("mine too")
+    with pytest.raises(InputError, match=r"stability\.svg: it exists.*--force"):
+        write_figures(structure, tmp_path, ["svg"])
+    assert {path.name for path in tmp_path.iterdir()} == {"stability.svg", "notes.txt"}
+    write_figures(structure, tmp_path, ["svg"], force=True)
+    assert (tmp_path / "stability.svg").read_text(encoding="utf-8").startswith("<?xml")
+    assert (tmp_path / "notes.txt").read_text() == "mine too"
+
+
+def test_an_unknown_format_is_refused(structure, tmp_path):
+    with pytest.raises(InputError, match="'bmp'; known are png, svg"):
+        write_figures(structure, tmp_path, ["bmp"])
+
+
+def test_a_file_in_the_way_of_the_folder_is_named(structure, tmp_path):
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(InputError, match=r"taken.*could not be made"):
+        write_figures(structure, tmp_path / "taken" / "figures", ["svg"])
+
+
+def test_the_pdf_holds_its_texts_and_leads_to_its_sections(structure, tmp_path, monkeypatch):
+    try:
+        paper.printing_library("this test")
+    except InputError as error:
+        pytest.skip(str(error))
+    only(monkeypatch, paper, structure, "summary", "notes")
+    name = "plate <b> (1)"
+    target = paper.write_pdf(replace(structure, name=name), tmp_path / "report.pdf")
+    content = target.read_bytes()
+    assert content.startswith(b"%PDF-")
+    assert content.rstrip().endswith(b"%%EOF")
+    assert [path.name for path in tmp_path.iterdir()] == ["report.pdf"]
+    inside = content + b"".join(inflated(content))
+    assert name.encode("utf-16-be").hex().encode() in inside
+    for anchor in (b"summary", b"notes"):
+        assert b"/Dest (" + anchor + b")" in inside
+
+
+def inflated(content):
+    """The compressed streams of a PDF as they were."""
+    for stream in re.findall(rb"stream\r?\n(.*?)\r?\nendstream", content, re.DOTALL):
+        with suppress(zlib.error):
+            yield zlib.decompress(stream)
+
+
+@pytest.mark.parametrize("missing", [ImportError("No module"), OSError("cannot load libpango-1.0")])
+def test_a_missing_library_is_said_before_anything_is_computed(
+    structure, tmp_path, monkeypatch, missing
+):
+    def fail(name):
+        raise missing
+
+    monkeypatch.setattr(paper, "import_module", fail)
+    with pytest.raises(InputError, match=r"ringmodal\[pdf\].*Windows.*MSYS2") as caught:
+        paper.write_pdf(structure, tmp_path / "report.pdf")
+    assert str(missing) in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_running_texts_are_texts(structure):
+    hostile = '"; } body { display: none } /* \\ é'
+    style = paper._running_texts(
+        replace(structure, name=hostile, provenance={"created": "2025-01-01T00:00:00+00:00"})
+    )
+    assert "display" not in style
+    assert "body" not in style
+    assert style.count('"') == 6
+    assert "".join(f"\\{ord(c):06x}" for c in "2025-01-01") in style
+
+
+def test_long_folded_tables_stay_on_the_screen():
+    rows = tuple((str(k),) for k in range(40))
+    tables = (
+        Table("Long", ("a",), rows, folded=True),
+        Table("Short", ("a",), rows[:5], folded=True),
+        Table("Open", ("a",), rows),
+    )
+    blocks = paper._for_paper(Section("some", "Some", tables)).blocks
+    assert blocks[0] == Paragraph("Long: the 40 rows are in the HTML report.")
+    assert blocks[1:] == tables[1:]
+
+
+def test_a_wide_picture_stands_by_itself():
+    wide, one, two = (
+        Picture("data:,", name, name, wide=name == "wide") for name in ["wide", "one", "two"]
+    )
+    blocks = paper._for_paper(Section("some", "Some", (Beside((wide, one)), Beside((two,))))).blocks
+    assert blocks == (wide, Beside((one,)), Beside((two,)))
+    assert paper._for_paper(Section("some", "Some", (Beside((wide,)),))).blocks == (wide,)
