@@ -18,8 +18,8 @@ import h5py
 import pyarrow as pa
 import scenarios_binary as binary
 from builders import ascii58, binary58, fixed
-from test_ema_io_shapes import shape55, shape2414
 from tyre_property_files import content as tir_content
+from uff_datasets import shape55, shape2414
 
 CHANNELS_AND_SAMPLES = tuple[list[str], np.ndarray]
 RATE_HZ = 2000.0

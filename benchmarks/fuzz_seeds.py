@@ -18,8 +18,7 @@ from builders import ascii58, fixed, frf58, nodes15, nodes2411, units164
 from scenarios import ACCELERATION, FORCE, RATE_HZ, N, force, sensor, table
 from scenarios_campaign import MANIFEST, RUNS
 from scenarios_text import lvm_file
-from test_ema_io_shapes import shape55, shape2414
-from test_ema_io_uff_geometry import nodes_in, system18, system2420
+from uff_datasets import nodes_in, shape55, shape2414, system18, system2420
 
 
 def universal_files() -> dict[str, bytes]:

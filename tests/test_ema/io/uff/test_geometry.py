@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from builders import SHARED_DATA, dataset, nodes15, nodes2411, response58, row, units164
+from uff_datasets import CARTESIAN, CYLINDRICAL, SPHERICAL, nodes_in, system18, system2420
 
 from ema.core.errors import RecordingFormatError
 from ema.io.uff.geometry import read_nodes, read_units
@@ -10,7 +11,6 @@ from ema.io.uff.reader import read as read_uff
 from ema.io.uff.scan import scan
 
 OROS = SHARED_DATA / "uff_corpus" / "mesh_Oros-modal_uff15_uff2412.uff"
-CARTESIAN, CYLINDRICAL, SPHERICAL = 0, 1, 2
 
 
 def write(tmp_path, content):
@@ -21,30 +21,6 @@ def write(tmp_path, content):
 def nodes_of(tmp_path, content):
     path = write(tmp_path, content)
     return read_nodes(path, scan(path))
-
-
-def nodes_in(system, coordinates):
-    """Dataset 15 with a coordinate system of its own."""
-    rows = [
-        row("10d 10d 10d 10d 13.5E 13.5E 13.5E", node, system, 0, 0, *point)
-        for node, point in coordinates.items()
-    ]
-    return dataset(15, *rows)
-
-
-def system18(number, kind=CARTESIAN, reference=0, origin=(0, 0, 0), x=(1, 0, 0), xz=(0, 0, 1)):
-    return dataset(
-        18,
-        row("10d 10d 10d 10d 10d", number, kind, reference, 1, 1),
-        f"CS{number}",
-        row("13.5E " * 6, *origin, *x),
-        row("13.5E " * 3, *xz) + "  ",
-    )
-
-
-def system2420(number, kind, axes, origin):
-    rows = [row("25.16E " * 3, *each).replace("E", "D") for each in (*axes, origin)]
-    return dataset(2420, row("10d", 1), "Part", row("10d 10d 10d", number, kind, 8), "CS", *rows)
 
 
 def test_2411_is_in_the_structure_s_own_system(tmp_path):

@@ -2,80 +2,16 @@
 
 import numpy as np
 import pytest
-from builders import SHARED_DATA, dataset, nodes2411, response58, row
+from builders import SHARED_DATA, dataset, nodes2411, response58
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from uff_datasets import COMPLEX, COMPLEX_VALUES, REAL, SIX, shape55, shape2414
 
 import ema
 from ema.core.errors import RecordingFormatError
 from ema.io.uff.shape_sets import read_shapes
 
 CORPUS = SHARED_DATA / "uff_corpus"
-NORMAL, COMPLEX = 2, 3
-VECTOR, SIX = 2, 3
-REAL, COMPLEX_VALUES = 2, 5
-SHAPE = {1: [1.0, -2.0, 0.5], 2: [0.0, 0.25, -1e-3]}
-
-
-def values_text(shape):
-    lines = []
-    for node, numbers in shape.items():
-        parts = [part for each in numbers for part in as_parts(each)]
-        lines.append(row("10d", node))
-        lines += [
-            "".join(f"{part:13.5E}" for part in parts[k : k + 6]) for k in range(0, len(parts), 6)
-        ]
-    return lines
-
-
-def as_parts(number):
-    return (number.real, number.imag) if isinstance(number, complex) else (number,)
-
-
-def shape55(
-    shape=SHAPE,
-    *,
-    analysis=NORMAL,
-    characteristic=VECTOR,
-    result=8,
-    kind=REAL,
-    n=3,
-    reals=(80.0, 1.0, 0.03, 0.0),
-):
-    head = row("10d " * 6, 1, analysis, characteristic, result, kind, n)
-    counts = row("10d " * 4, 2, len(reals), 1, 1)
-    return dataset(
-        55, *["NONE"] * 5, head, counts, row("13.5E " * len(reals), *reals), *values_text(shape)
-    )
-
-
-def shape2414(
-    shape=SHAPE,
-    *,
-    location=1,
-    analysis=NORMAL,
-    characteristic=VECTOR,
-    result=8,
-    kind=REAL,
-    n=3,
-    reals=(0.0, 80.0, 0.0, 1.0, 0.03, 0.0, 0.0, 0.0),
-):
-    reals = [*reals, *[0.0] * (12 - len(reals))]
-    head = row("10d " * 6, 1, analysis, characteristic, result, kind, n)
-    zeros = row("10d " * 8, *[0] * 8)
-    return dataset(
-        2414,
-        row("10d", 1),
-        "Mode 1",
-        row("10d", location),
-        *["NONE"] * 5,
-        head,
-        zeros,
-        row("10d 10d", 0, 0),
-        row("13.5E " * 6, *reals[:6]),
-        row("13.5E " * 6, *reals[6:]),
-        *values_text(shape),
-    )
 
 
 def read(tmp_path, content):
