@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import nnls
 
 from model.arrays import finite_array, readonly, require_one_each, require_positive, whole_orders
 from model.coefficients import characteristic_roots, harmonics
@@ -22,7 +23,6 @@ from model.identifiability import (
 from model.parameters import RingDamping, RingParameters
 from model.ring import natural_frequencies_hz, torsion_frequency_hz
 from model.steady_state import PressureLoad
-from model.tuning_problem import solve_within
 
 _NAMES = ("radial_n_s_m3", "circumferential_n_s_m3", "loss_factor")
 _NOMINAL = 0.05  # relative error of a damping ratio that judges identifiability where none is known
@@ -242,7 +242,7 @@ def _fit(
         )
         slope /= measured[:, None]
         target = 1.0 - at_values / measured + slope @ (values / scale)
-        updated = solve_within(slope, target, 0.0, np.inf) * scale
+        updated = nnls(slope, target)[0] * scale
         done = np.allclose(updated, values, rtol=1e-9, atol=1e-12 * scale.max())
         values = updated
         if done:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares, nnls
 
 from model.arrays import readonly
 from model.errors import ParameterError
@@ -20,8 +21,6 @@ from model.tuning_problem import (
     RADIAL,
     TYPICAL_GROWTH,
     TuningProblem,
-    descend_within,
-    solve_within,
 )
 
 #: Sizes of a passenger-car tyre: they scale the search and stand in for what is left open.
@@ -32,7 +31,9 @@ FIRST_ASSUMED = (BENDING, MASS)
 
 _START_MASSES = (6.0, 12.0, 20.0, 45.0)
 _AT_BOUND = 1e-4  # distance to a bound, over the parameter's scale, that counts as on it
-_TOLERANCE = 1e-14
+# The search ends where a step gains less than this share of χ², or moves less than this share.
+_COST_TOLERANCE, _STEP_TOLERANCE = 1e-14, 1e-9
+_MOST_EVALUATIONS = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,16 +105,18 @@ class Search:
 
     def _descend(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
         size = self._size()
-        values = descend_within(
+        found = least_squares(
             lambda x: self.problem.residual(self.ring(x * self.scale)) / size,
-            lambda x: self.residual_slope(x * self.scale) * self.scale / size,
             start / self.scale,
-            self.lower / self.scale,
-            self.upper / self.scale,
-            tolerance=_TOLERANCE,
-            tries=500,
+            lambda x: self.residual_slope(x * self.scale) * self.scale / size,
+            (self.lower / self.scale, self.upper / self.scale),
+            x_scale="jac",
+            ftol=_COST_TOLERANCE,
+            xtol=_STEP_TOLERANCE,
+            gtol=_COST_TOLERANCE,
+            max_nfev=_MOST_EVALUATIONS,
         )
-        return np.asarray(np.clip(values * self.scale, self.lower, self.upper))
+        return np.asarray(np.clip(found.x * self.scale, self.lower, self.upper))
 
     def _cost(self, values: NDArray[np.float64]) -> float:
         return float(np.sum(self.problem.residual(self.ring(values)) ** 2))
@@ -226,7 +229,7 @@ def _linear_solution(search: Search, mass: float | None) -> dict[str, float]:
     right = tension - sum(columns[name] * value for name, value in known.items() if name in columns)
     scale = np.array([TYPICAL[name] for name in wanted])
     matrix = np.column_stack([columns[name] for name in wanted]) * scale / inertia[:, None]
-    found = solve_within(matrix, right / inertia, 0.0, np.inf) * scale
+    found = nnls(matrix, right / inertia)[0] * scale
     solution = {**known, **dict(zip(wanted, map(float, found), strict=True))}
     solution.setdefault(AXIAL, _axial_from_breathing(problem, solution))
     return solution

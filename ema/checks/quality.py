@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import correlate1d
 
 from ema.core.arrays import readonly
 from ema.core.finding import OK, WARNING, Finding
 from ema.core.frf import position_finding
-from ema.core.numerics import moving_mean
 
 if TYPE_CHECKING:
     from ema.core.frf import FRF
@@ -130,7 +130,8 @@ def period_finding(frf: FRF) -> list[Finding]:
 def coherent_band(frf: FRF) -> tuple[float, float]:
     """Widest band in which the median coherence stays good; all lines where it is unknown."""
     median = np.nan_to_num(np.median(frf.coherence, axis=0), nan=1.0)
-    smooth = moving_mean(median, _COHERENCE_LINES)
+    mean = np.full(_COHERENCE_LINES, 1 / _COHERENCE_LINES)
+    smooth = correlate1d(median, mean, mode="nearest")
     good = np.append((smooth >= _GOOD_COHERENCE) & (frf.frequency_hz > 0), False)
     starts = np.flatnonzero(good & ~np.append(False, good[:-1]))
     if starts.size == 0:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import chdtrc
 
 from ema.circumference.orders import label_modes, on_circle
 from ema.circumference.ring_modes import PURE, family, judged
@@ -15,7 +16,7 @@ from ema.core.errors import FitError
 from ema.core.frf import FRF
 from ema.core.mac import frac
 from ema.core.modes import NO_DRIFT, Drift, ModalModel, Mode, OrderReport, ResidualTerms
-from ema.core.numerics import chi_square_tail, one_blas_thread
+from ema.core.numerics import one_blas_thread
 from ema.fitting.covariance import (
     band_shift,
     frequency_damping_covariance,
@@ -97,7 +98,7 @@ def drift_in_one_step(fit: PoleFit, run: tuple[str, ...], correlation: float) ->
     covariance = parameter_covariance(apart, correlation)[own, own]
     step = -np.linalg.lstsq(apart.normal_matrix(), apart.gradient(), rcond=1e-12)[0][own]
     size = float(step @ np.linalg.pinv(covariance, rcond=1e-10) @ step)
-    chance = float(chi_square_tail(size, step.size))
+    chance = float(chdtrc(step.size, size))
     std = np.sqrt(np.diag(covariance))
     percent = 100 * np.append(0.0, step), 100 * np.append(0.0, std)
     return Drift(run, *percent, applied=chance < _DRIFT_CHANCE, chance=chance)
@@ -272,7 +273,7 @@ def significant(
     frequency_hz = np.abs(fit.poles) / (2 * np.pi)
     inside = (frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1])
     inside[-N_STAND_INS:] = False
-    noise = inside & ~(chi_square_tail(size, 2 * fit.lines.scale.size) < _RESIDUE_CHANCE)
+    noise = inside & ~(chdtrc(2 * fit.lines.scale.size, size) < _RESIDUE_CHANCE)
     lesser = size[:, None] > size
     noise &= ~np.any(noise & _share_resonance(fit.poles) & lesser, axis=1)
     if not np.any(noise) or np.all(noise | ~inside):

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtrc
 
 from ema.circumference.orders import circle_basis, highest_order
 from ema.core.errors import FitError
 from ema.core.frf import FRF
 from ema.core.modes import NOT_RESOLVABLE, RESOLVED, PairVerdict
-from ema.core.numerics import chi_square_tail
 from ema.fitting.covariance import parameter_covariance
 from ema.fitting.pole_fit import Lines, PoleFit, fit_poles
 from ema.fitting.variable_projection import Complex, Real
@@ -103,7 +103,7 @@ def _chance(one: PoleFit, two: PoleFit, correlation: float) -> float:
     """Likelihood-ratio test with the noise as large as the better fit leaves it."""
     scale = correlation * max(two.misfit, 1.0)
     freedom = 2 + 2 * one.lines.scale.size
-    return float(chi_square_tail(max(one.chi_square - two.chi_square, 0.0) / scale, freedom))
+    return float(chdtrc(freedom, max(one.chi_square - two.chi_square, 0.0) / scale))
 
 
 def _doubt(two: PoleFit, correlation: float) -> str:

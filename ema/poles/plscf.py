@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-
-from ema.core.numerics import moving_median
+from scipy.ndimage import median_filter
 
 # Lines whose median is the noise level: σ of one line is itself uncertain, or that of a tone.
 _SMOOTHING_LINES = 21
@@ -68,7 +67,7 @@ def line_weight(std: NDArray[np.float64]) -> NDArray[np.float64] | None:
     level = np.median(std, axis=0)
     if not np.all(level > 0):
         return None
-    smooth = moving_median(level, _SMOOTHING_LINES)
+    smooth = median_filter(level, _SMOOTHING_LINES, mode="nearest")
     return np.asarray(smooth.min() / smooth)
 
 

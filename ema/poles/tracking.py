@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.spatial.distance import squareform
 
 from ema.core.mac import auto_mac, mac
-from ema.core.numerics import average_linkage
 from ema.poles.lsce import poles_of_order, shapes_of_poles
 
 
@@ -192,7 +193,7 @@ def _joined(tracks: list[NDArray[np.int_]], history: PoleHistory) -> list[NDArra
     last = np.array([rows[-1] for rows in tracks])
     groups = _groups(history.poles[last], history.shapes[last], _CUT_RANGE[1])
     joined: list[NDArray[np.int_]] = []
-    for number in np.unique(groups):
+    for number in dict.fromkeys(groups.tolist()):
         parts = [tracks[k] for k in np.flatnonzero(groups == number)]
         parts.sort(key=len, reverse=True)
         chains: list[NDArray[np.int_]] = []
@@ -219,10 +220,13 @@ def _groups(
     poles: NDArray[np.complex128], shapes: NDArray[np.complex128], cut: float
 ) -> NDArray[np.int_]:
     """Average-linkage clusters with d = |Δλ|/max|λ| + 1 − MAC."""
+    if poles.size < 2:
+        return np.zeros(poles.size, dtype=int)
     size = np.abs(poles)
     distance = np.abs(poles[:, None] - poles[None, :]) / np.maximum(size[:, None], size[None, :])
     distance = distance + 1 - np.clip(auto_mac(shapes), 0, 1)
-    return average_linkage((distance + distance.T) / 2, cut)
+    condensed = squareform((distance + distance.T) / 2, checks=False)
+    return np.asarray(fcluster(linkage(condensed, "average"), cut, "distance"))
 
 
 def _large(sizes: NDArray[np.int_]) -> NDArray[np.bool_]:

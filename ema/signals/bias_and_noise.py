@@ -11,11 +11,11 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import correlate1d, median_filter
 
 from ema.core.arrays import readonly
 from ema.core.block_plan import BlockPlan
 from ema.core.frf import FRF
-from ema.core.numerics import moving_mean, moving_median
 
 
 def leakage_bias(
@@ -85,12 +85,12 @@ def noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
     floor = max(1e-12 * np.max(np.abs(values)) ** 2, np.finfo(float).tiny)
     if not np.all(np.isfinite(frf.std[:, lines])):
         power = np.broadcast_to(np.mean(np.abs(values) ** 2, axis=0), values.shape)
-        smooth = moving_mean(power, _SMOOTHING_LINES)
+        smooth = _smoothed(power)
         return np.asarray(np.sqrt(np.maximum(smooth, floor)))
     power = frf.std[:, lines] ** 2
     around = _median_level(frf, lines.start, lines.stop)
     spikes = power > _SPIKE**2 * around
-    smooth = moving_mean(np.where(spikes, around, power), _SMOOTHING_LINES)
+    smooth = _smoothed(np.where(spikes, around, power))
     return np.asarray(np.sqrt(np.maximum(np.where(spikes, power, smooth), floor)))
 
 
@@ -116,4 +116,11 @@ def without_spikes(
 def _median_level(frf: FRF, start: int | None, stop: int | None) -> NDArray[np.float64]:
     """Median noise power around each line; both pole estimators and the fit ask for it."""
     power = frf.std[:, start:stop] ** 2
-    return readonly(moving_median(power, _SMOOTHING_LINES))
+    size = (1,) * (power.ndim - 1) + (_SMOOTHING_LINES,)
+    return readonly(median_filter(power, size, mode="nearest"))
+
+
+def _smoothed(power: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean over neighbouring lines; a running sum would lose the digits of small values."""
+    mean = np.full(_SMOOTHING_LINES, 1 / _SMOOTHING_LINES)
+    return np.asarray(correlate1d(power, mean, mode="nearest"))

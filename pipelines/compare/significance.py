@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-from ema.core.numerics import chi_square_tail
+from scipy.special import chdtrc
 
 #: Accepted chance that noise alone makes even one of all differences tested look significant.
 LEVEL = 0.05
@@ -137,7 +136,7 @@ class Scatter:
         """Probability of a χ² at least as large from noise alone; NaN without freedom."""
         if not self.freedom:
             return float("nan")
-        return float(chi_square_tail(self.chi_square, self.freedom))
+        return float(chdtrc(self.freedom, self.chi_square))
 
     @property
     def is_noise(self) -> bool:
