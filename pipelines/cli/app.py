@@ -1,26 +1,112 @@
-"""The command line: ``ringmodal``, its commands in groups."""
+"""The command line: ``ringmodal``, its commands in groups, each loaded when it is called."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import typer
 
 from pipelines.cli import terminal
-from pipelines.cli.batch import batch
-from pipelines.cli.compare import compare
-from pipelines.cli.export import compare_shapes, export
-from pipelines.cli.help import SETTINGS, Command, Group
-from pipelines.cli.paper import paper
-from pipelines.cli.result import process, report, tune
-from pipelines.cli.simulate import simulate
-from pipelines.cli.start import demo, doctor, init, inspect
-from pipelines.cli.tyre import tyre
+from pipelines.cli.help import SETTINGS, Lazy, LazyGroup
+
+# Loading all commands with all they need would take a second, for a page of help too.
+COMMANDS = (
+    Lazy(
+        "pipelines.cli.start",
+        "demo",
+        "First steps",
+        "Process the sample campaign and say where the report is.",
+    ),
+    Lazy(
+        "pipelines.cli.start",
+        "doctor",
+        "First steps",
+        "Check the installation: libraries, optional parts, machine, and a small campaign.",
+    ),
+    Lazy(
+        "pipelines.cli.start",
+        "inspect",
+        "First steps",
+        "Show channels, units, rates, lengths and levels of recordings, and what looks wrong.",
+    ),
+    Lazy(
+        "pipelines.cli.start",
+        "init",
+        "First steps",
+        "Draft a campaign.toml from the recordings in a folder, and say what to fill in.",
+    ),
+    Lazy(
+        "pipelines.cli.result",
+        "process",
+        "From recordings to a result",
+        "Recordings → FRFs → poles → modes → ring parameters → validation → report.",
+    ),
+    Lazy(
+        "pipelines.cli.result",
+        "tune",
+        "From recordings to a result",
+        "Determine the ring's parameters again, from the modes of an earlier result.",
+    ),
+    Lazy(
+        "pipelines.cli.result",
+        "report",
+        "From recordings to a result",
+        "Write the report of an earlier result again, as HTML and where wanted as PDF.",
+    ),
+    Lazy(
+        "pipelines.cli.compare",
+        "compare",
+        "From recordings to a result",
+        "Compare two results: frequencies, damping, shapes and ring parameters, with significance.",
+    ),
+    Lazy(
+        "pipelines.cli.export",
+        "export",
+        "From recordings to a result",
+        "Write modes, shapes, geometry and FRFs of a result for other modal programs.",
+    ),
+    Lazy(
+        "pipelines.cli.export",
+        "compare_shapes",
+        "From recordings to a result",
+        "Compare shapes with those of a finite-element model or of another program, by MAC.",
+    ),
+    Lazy(
+        "pipelines.cli.batch",
+        "batch",
+        "Many campaigns",
+        "Process every campaign under a folder, each by itself, and gather modes and parameters.",
+    ),
+    Lazy(
+        "pipelines.cli.simulate",
+        "simulate",
+        "Ring model",
+        "The ring model at work: frequencies, forced vibration, virtual measurements.",
+    ),
+    Lazy(
+        "pipelines.cli.paper",
+        "paper",
+        "Ring model",
+        "Compute the tables and figures of the paper behind the ring model, beside what it prints.",
+    ),
+    Lazy(
+        "pipelines.cli.tyre",
+        "tyre",
+        "Parameter sets",
+        "Parameter sets of tyres: kept in a library, compared, handed to other programs.",
+    ),
+)
+
+
+class Program(LazyGroup):
+    """``ringmodal``."""
+
+    lazy: ClassVar[dict[str, Lazy]] = {each.command: each for each in COMMANDS}
+
 
 app = typer.Typer(
-    cls=Group,
+    cls=Program,
     name="ringmodal",
     help="""Modal analysis of tyres: from recordings to modes, ring parameters and a report.
 
@@ -37,18 +123,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings=SETTINGS,
 )
-
-_GROUPS: dict[str, tuple[Callable[..., None], ...]] = {
-    "First steps": (demo, doctor, inspect, init),
-    "From recordings to a result": (process, tune, report, compare, export, compare_shapes),
-    "Many campaigns": (batch,),
-}
-for _heading, _commands in _GROUPS.items():
-    for _command in _commands:
-        app.command(cls=Command, rich_help_panel=_heading)(_command)
-app.add_typer(simulate, name="simulate", cls=Group, rich_help_panel="Ring model")
-app.command(cls=Command, rich_help_panel="Ring model")(paper)
-app.add_typer(tyre, name="tyre", cls=Group, rich_help_panel="Parameter sets")
 
 
 def _version(wanted: bool) -> None:

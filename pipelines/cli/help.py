@@ -7,8 +7,10 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -38,10 +40,8 @@ class _Page:
     def format_options(self: Any, ctx: Any, formatter: Any) -> None:
         """Write commands, arguments and options, each group beneath its heading."""
         groups: dict[str, list[tuple[str, str]]] = {}
-        for name in self.list_commands(ctx) if isinstance(self, TyperGroup) else ():
-            command = self.get_command(ctx, name)
-            heading = command.rich_help_panel or "Commands"
-            groups.setdefault(heading, []).append((name, _first_paragraph(command.help)))
+        for heading, name, summary in self.listed(ctx):
+            groups.setdefault(heading, []).append((name, summary))
         for param in self.get_params(ctx):
             row = param.get_help_record(ctx)
             if row is not None:
@@ -51,6 +51,10 @@ class _Page:
         for heading, rows in sorted(groups.items(), key=lambda group: group[0] in _LAST):
             with formatter.section(_heading_text(ctx, heading)):
                 formatter.write_dl(rows, col_max=_NAME_WIDTH)
+
+    def listed(self: Any, ctx: Any) -> list[tuple[str, str, str]]:
+        """Heading, name and first paragraph of each command."""
+        return []
 
     def collect_usage_pieces(self: Any, ctx: Any) -> list[str]:
         """What stands behind the command's name in its usage."""
@@ -77,6 +81,83 @@ class Command(_Page, TyperCommand):
 
 class Group(_Page, TyperGroup):
     """A group of commands."""
+
+    def listed(self, ctx: Any) -> list[tuple[str, str, str]]:
+        """Heading, name and first paragraph of each command."""
+        found: list[Any] = [self.get_command(ctx, name) for name in self.list_commands(ctx)]
+        return [
+            (each.rich_help_panel or "Commands", each.name, _first_paragraph(each.help))
+            for each in found
+        ]
+
+
+@dataclass(frozen=True)
+class Lazy:
+    """A command, or a group of them, that is loaded when it is called.
+
+    Parameters
+    ----------
+    module, name : str
+        Where its function, or its `typer.Typer`, stands.
+    heading : str
+        Heading of the help that it stands under.
+    summary : str
+        First paragraph of its help.
+    """
+
+    module: str
+    name: str
+    heading: str
+    summary: str
+
+    @property
+    def command(self) -> str:
+        """Name on the command line."""
+        return self.name.replace("_", "-")
+
+    def load(self) -> Any:
+        """The command, ready to be called."""
+        found = getattr(import_module(self.module), self.name)
+        if not isinstance(found, typer.Typer):
+            alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+            alone.command(self.command, cls=Command)(found)
+            found = alone
+        command: Any = typer.main.get_command(found)
+        command.name = self.command
+        return command
+
+
+class LazyGroup(Group):
+    """A group whose commands are loaded one by one, each when it is called."""
+
+    lazy: ClassVar[dict[str, Lazy]] = {}
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names of all commands."""
+        return list(self.lazy)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of a name; None where there is none."""
+        if cmd_name not in self.lazy:
+            return None
+        if cmd_name not in self.commands:
+            self.commands[cmd_name] = self.lazy[cmd_name].load()
+        return self.commands[cmd_name]
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the command that is called; for one that is not known suggest the nearest."""
+        try:
+            return super().resolve_command(ctx, args)
+        except _UsageError as error:
+            typed: Any = error
+            if args and args[0] not in self.lazy and "Did you mean" not in typed.message:
+                similar = difflib.get_close_matches(args[0], list(self.lazy), 1)
+                typed.message += f" Did you mean {similar[0]!r}?" if similar else ""
+            raise
+
+    def listed(self, ctx: Any) -> list[tuple[str, str, str]]:
+        """Heading, name and first paragraph of each command, none of them loaded."""
+        return [(each.heading, name, each.summary) for name, each in self.lazy.items()]
 
 
 def _first_paragraph(text: str | None) -> str:
