@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from model.display import table, value_with_std
 from model.identifiability import GIVEN, IDENTIFIED, Correlation
 from model.parameters import RING_NAMES, RingParameters, _parameters, _typed
 from model.sensitivity import Sensitivity
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +67,42 @@ class TuningResult:
     def error_percent(self) -> NDArray[np.float64]:
         """Deviation of the model from the measurement, percent of the measured frequency."""
         return 100.0 * (self.model_hz / self.measured_hz - 1.0)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Table of the ring's parameters, one row for each.
+
+        Returns
+        -------
+        pandas.DataFrame
+            ``parameter``, ``value``, ``std`` (NaN where unknown), ``unit`` (of both) and ``how``
+            (given, identified, not identified or at bound).
+
+        Examples
+        --------
+        >>> import model
+        >>> ring = model.tune_ring(
+        ...     [2, 3, 4, 5, 6, 7],
+        ...     [106.5, 130.0, 152.5, 177.0, 206.0, 240.0],
+        ...     mean_radius_m=0.33,
+        ...     inflation_pressure_pa=2.2e5,
+        ... )
+        >>> table = ring.to_frame().set_index("parameter")
+        >>> table.loc["mean_radius_m", ["value", "unit", "how"]].to_list()
+        [0.33, 'm', 'given']
+        """
+        import pandas as pd  # takes 0.3 s, longer than a tuning: only those who want tables wait
+
+        parameters = _parameters(self.ring)
+        keys = [key for key, *_ in parameters]
+        return pd.DataFrame(
+            {
+                "parameter": keys,
+                "value": [value for *_, value, _ in parameters],
+                "std": np.array([self.std.get(key, np.nan) for key in keys], dtype=float),
+                "unit": [unit for *_, unit in parameters],
+                "how": [self.how.get(key, GIVEN) for key in keys],
+            }
+        )
 
     def __repr__(self) -> str:
         return tuning_line(self)

@@ -1,10 +1,15 @@
-"""Read-only arrays for frozen data."""
+"""Read-only arrays for frozen data, and tables made of arrays."""
 
-from collections.abc import Sequence
-from typing import Any
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def readonly(values: ArrayLike, dtype: Any = float) -> NDArray[Any]:
@@ -39,6 +44,30 @@ def stacked(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
     array = np.concatenate(parts)
     array.setflags(write=False)
     return array
+
+
+def frame_of(columns: Mapping[Any, Any], whole: Sequence[str] = ()) -> pd.DataFrame:
+    """Table with a copy of each column.
+
+    Parameters
+    ----------
+    columns : mapping of name to sequence
+        Columns of equal length.
+    whole : sequence of str
+        Columns of whole numbers of which some may be unknown (None).
+    """
+    import pandas as pd  # takes 0.3 s, more than `import ema`: only those who want tables wait
+
+    return pd.DataFrame(
+        {
+            name: pd.array(values, dtype="Int64")
+            if name in whole
+            else np.array(values)
+            if isinstance(values, np.ndarray)
+            else list(values)
+            for name, values in columns.items()
+        }
+    )
 
 
 def _is_frozen(array: NDArray[Any]) -> bool:

@@ -1,16 +1,21 @@
-"""ema.core.frf."""
+"""Frequency response functions of all positions against one force."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import readonly
+from ema.core.arrays import frame_of, readonly
 from ema.core.block_plan import BlockPlan
 from ema.core.display import counted, facts
+from ema.core.errors import InputError
 from ema.core.finding import Finding
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def frf_line(frf: FRF) -> str:
@@ -161,6 +166,65 @@ class FRF:
             force_clipped=self.force_clipped[chosen],
             missing=self.missing[chosen],
             disagreement=self.disagreement[chosen],
+        )
+
+    def to_frame(self, form: Literal["long", "wide"] = "long") -> pd.DataFrame:
+        """Table of the FRFs.
+
+        Parameters
+        ----------
+        form : {"long", "wide"}
+            Long: one row for each position and frequency. Wide: one row for each frequency and one
+            complex column for each position, named by its angle in degrees, or by its node where
+            there are no angles.
+
+        Returns
+        -------
+        pandas.DataFrame
+            In long form: ``position_deg`` (NaN off a circle), ``node`` (−1 without), ``run``,
+            ``channel``, ``frequency_hz``, ``inertance`` (complex, (m/s²)/N), ``std`` (of its real
+            and of its imaginary part, (m/s²)/N) and ``coherence``; NaN where unknown.
+
+        Raises
+        ------
+        InputError
+            If the form is neither.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from ema import FRF
+        >>> ones = np.ones((2, 3))
+        >>> frf = FRF([0, 1, 2], (2 + 1j) * ones, ones, 0.1 * ones, [1, 2], [0, 180], ("1", "1"))
+        >>> table = frf.to_frame()
+        >>> table.groupby("position_deg")["std"].max().to_dict()
+        {0.0: 0.1, 180.0: 0.1}
+        >>> frf.to_frame("wide")[180.0].abs().max().round(3)
+        np.float64(2.236)
+        """
+        if form == "wide":
+            on_circle = bool(np.isfinite(self.position_deg).all())
+            name = "position_deg" if on_circle else "node"
+            wide = frame_of(dict(enumerate(self.values))).set_axis(getattr(self, name), axis=1)
+            return (
+                wide.set_axis(self.frequency_hz)
+                .rename_axis("frequency_hz")
+                .rename_axis(columns=name)
+            )
+        if form != "long":
+            raise InputError("form", repr(form), "it is 'long' or 'wide'", "Choose one of them")
+        n_lines = self.frequency_hz.size
+        return frame_of(
+            {
+                "position_deg": np.repeat(self.position_deg, n_lines),
+                "node": np.repeat(self.node, n_lines),
+                "run": np.repeat(np.array(self.run, dtype=object), n_lines),
+                "channel": np.repeat(np.array(self.channel, dtype=object), n_lines),
+                "frequency_hz": np.tile(self.frequency_hz, self.n_positions),
+                "inertance": self.values.ravel(),
+                "std": self.std.ravel(),
+                "coherence": self.coherence.ravel(),
+            }
         )
 
     def __repr__(self) -> str:

@@ -4,13 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import readonly
+from ema.core.arrays import frame_of, readonly
 from ema.core.display import band_text, counted, number, table, value_with_std
 from ema.core.mac import mpc, mpd_deg
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Columns of `ModalModel.to_frame`, and the attributes of a `Mode` they hold.
+MODE_COLUMNS = {
+    "order": "order",
+    "member": "member",
+    "frequency_hz": "frequency_hz",
+    "frequency_std_hz": "frequency_std_hz",
+    "damping_ratio": "damping_ratio",
+    "damping_ratio_std": "damping_std",
+    "mpc": "mpc",
+    "mpd_deg": "mpd_deg",
+    "order_purity": "order_purity",
+    "status": "status",
+    "frequency_band_shift_hz": "frequency_band_shift_hz",
+    "damping_ratio_band_shift": "damping_band_shift",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,6 +255,32 @@ class ModalModel:
             terms = self.residual_terms.lower[rows], self.residual_terms.upper[rows]
             values[rows] = synthesise(frequency_hz, factor * poles, residues[rows], *terms)
         return values
+
+    def to_frame(self) -> pd.DataFrame:
+        """Table of the modes, one row for each.
+
+        Returns
+        -------
+        pandas.DataFrame
+            ``mode`` (from 1), ``order`` (missing without a circle), ``member``, ``frequency_hz``,
+            ``frequency_std_hz``, ``damping_ratio``, ``damping_ratio_std``, ``mpc``, ``mpd_deg``
+            (degrees), ``order_purity``, ``status``, ``frequency_band_shift_hz`` and
+            ``damping_ratio_band_shift``, as in `Mode`; NaN where unknown.
+
+        Examples
+        --------
+        >>> import ema
+        >>> campaign = ema.read_campaign("sample_data/tyre_225_55R17")
+        >>> found = ema.identify_modes(ema.estimate_frf(campaign), band_hz=(20, 260))
+        >>> table = found.model.to_frame()
+        >>> table["frequency_hz"].round().head(2).to_list()
+        [79.0, 100.0]
+        """
+        columns = {
+            name: [getattr(mode, attribute) for mode in self.modes]
+            for name, attribute in MODE_COLUMNS.items()
+        }
+        return frame_of({"mode": np.arange(1, len(self.modes) + 1), **columns}, whole=("order",))
 
     def __repr__(self) -> str:
         return model_line(self)

@@ -96,43 +96,8 @@ def from_sep005(series: Sequence[Mapping[str, Any]]) -> Recording:
 
 
 def frf_to_frame(frf: FRF, form: Literal["long", "wide"] = "long") -> pd.DataFrame:
-    """FRFs as a pandas table.
-
-    Parameters
-    ----------
-    frf : FRF
-    form : {"long", "wide"}
-        Long: a row for each position and line, with inertance in (m/s²)/N, coherence and standard
-        deviation. Wide: a row for each line, a complex column for each position: its angle in
-        degrees, or its node where there are no angles.
-
-    Raises
-    ------
-    InputError
-        If the form is neither.
-    """
-    import pandas as pd
-
-    if form == "wide":
-        name, place = _places(frf)
-        columns = pd.Index(place, name=name)
-        lines = pd.Index(frf.frequency_hz, name="frequency_hz")
-        return pd.DataFrame(np.array(frf.values.T), index=lines, columns=columns)
-    if form != "long":
-        raise InputError("form", repr(form), "it is 'long' or 'wide'", "Choose one of them")
-    n_lines = frf.frequency_hz.size
-    return pd.DataFrame(
-        {
-            "position_deg": np.repeat(frf.position_deg, n_lines),
-            "node": np.repeat(frf.node, n_lines),
-            "run": np.repeat(np.array(frf.run, dtype=object), n_lines),
-            "channel": np.repeat(np.array(frf.channel, dtype=object), n_lines),
-            "frequency_hz": np.tile(frf.frequency_hz, frf.n_positions),
-            "inertance": frf.values.ravel(),
-            "std": frf.std.ravel(),
-            "coherence": frf.coherence.ravel(),
-        }
-    )
+    """FRFs as a pandas table: the same as `FRF.to_frame`, under its earlier name."""
+    return frf.to_frame(form)
 
 
 def frf_to_xarray(frf: FRF) -> xr.Dataset:
@@ -284,11 +249,6 @@ def _rate_hz(series: Mapping[str, Any], channel: Channel) -> float:
         rule = "a channel has a positive rate fs in Hz, or a time vector as long as its data"
         raise InputError(where, found, rule, "Add fs")
     return float(rate_hz)
-
-
-def _places(frf: FRF) -> tuple[str, NDArray[Any]]:
-    on_circle = bool(np.isfinite(frf.position_deg).all())
-    return ("position_deg", frf.position_deg) if on_circle else ("node", frf.node)
 
 
 def _few(values: Any) -> str:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import readonly
+from ema.core.arrays import frame_of, readonly
 from ema.core.bands import widened_band
 from ema.core.display import band_text, counted, table
 from ema.core.errors import InputError
@@ -19,6 +20,9 @@ from ema.poles.plscf import line_weight, reduced_normal_matrix
 from ema.poles.run_alignment import align_runs
 from ema.poles.tracking import interpret, pole_history
 from ema.signals.bias_and_noise import without_spikes
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 STABLE_FREQUENCY = 0.01
 STABLE_DAMPING = 0.05
@@ -112,6 +116,19 @@ class StabilityDiagram:
     def damping_ratio(self) -> NDArray[np.float64]:
         """Damping ratios −Re(s)/|s| of all poles."""
         return np.asarray(-self.poles.real / np.abs(self.poles))
+
+    def to_frame(self) -> pd.DataFrame:
+        """Table of the poles, one row for each pole of each model order.
+
+        Returns
+        -------
+        pandas.DataFrame
+            ``order`` (of the model), ``frequency_hz``, ``damping_ratio``, ``stable_frequency``,
+            ``stable_damping`` (true or false) and ``cluster`` (−1: none).
+        """
+        names = "frequency_hz", "damping_ratio", "stable_frequency", "stable_damping", "cluster"
+        columns = {name: getattr(self, name) for name in names}
+        return frame_of({"order": self.model_order, **columns})
 
     def __repr__(self) -> str:
         return diagram_line(self)

@@ -2,36 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
+import pandas as pd
 import pyarrow.parquet as pq
 
 from ema.core.files import require_regular
 from pipelines.batch.state import BatchFolder, Record
 from pipelines.results.tables import MODES
-from pipelines.storage.atomic import file_written_whole
+from pipelines.storage.tables import write_table
 
 PARAMETERS = ("parameter", "value", "std", "how")
-_OF_CAMPAIGN: list[tuple[str, Any]] = [
-    ("campaign", pa.string()),
-    ("designation", pa.string()),
-    ("inflation_pressure_pa", pa.float64()),
-]
+_OF_CAMPAIGN = {
+    "campaign": "string",
+    "designation": "string",
+    "inflation_pressure_pa": "Float64",
+}
 _TEXT = ("member", "status", "parameter", "how")
 _WHOLE = ("mode", "order")
-_CAMPAIGNS: list[tuple[str, Any]] = [
-    *_OF_CAMPAIGN,
-    ("status", pa.string()),
-    ("message", pa.string()),
-    ("seconds", pa.float64()),
-    ("n_modes", pa.int32()),
-    ("n_warnings", pa.int32()),
-    ("fingerprint", pa.string()),
-    ("traceback", pa.string()),
-]
+_CAMPAIGNS = {
+    **_OF_CAMPAIGN,
+    "status": "string",
+    "message": "string",
+    "seconds": "Float64",
+    "n_modes": "Int32",
+    "n_warnings": "Int32",
+    "fingerprint": "string",
+    "traceback": "string",
+}
 
 
 def write_modes_and_parameters(records: Sequence[Record], folder: BatchFolder) -> None:
@@ -44,8 +44,8 @@ def write_modes_and_parameters(records: Sequence[Record], folder: BatchFolder) -
     """
     modes = [(*_campaign(each), *row) for each in records for row in each.modes]
     parameters = [(*_campaign(each), *row) for each in records for row in each.parameters]
-    _write(folder.modes, _schema(MODES), modes)
-    _write(folder.parameters, _schema(PARAMETERS), parameters)
+    _write(folder.modes, _types(MODES), modes)
+    _write(folder.parameters, _types(PARAMETERS), parameters)
 
 
 def write_campaigns(records: Sequence[Record], folder: BatchFolder) -> None:
@@ -56,7 +56,7 @@ def write_campaigns(records: Sequence[Record], folder: BatchFolder) -> None:
     InputError
         If it cannot be written; the earlier one stands then.
     """
-    _write(folder.campaigns, pa.schema(_CAMPAIGNS), [_campaign_row(each) for each in records])
+    _write(folder.campaigns, _CAMPAIGNS, [_campaign_row(each) for each in records])
 
 
 def tables_are_current(records: Sequence[Record], folder: BatchFolder) -> bool:
@@ -86,35 +86,22 @@ def _campaign_row(record: Record) -> tuple[Any, ...]:
 
 def campaign_rows(records: Sequence[Record]) -> list[dict[str, Any]]:
     """Rows of ``campaigns.parquet`` with the names of their columns."""
-    names = [name for name, _ in _CAMPAIGNS]
-    return [dict(zip(names, _campaign_row(record), strict=True)) for record in records]
+    return [dict(zip(_CAMPAIGNS, _campaign_row(record), strict=True)) for record in records]
 
 
 def _campaign(record: Record) -> tuple[Any, ...]:
     return record.campaign, record.designation, record.inflation_pressure_pa
 
 
-def _schema(columns: Sequence[str]) -> Any:
-    return pa.schema([*_OF_CAMPAIGN, *((name, _type_of(name)) for name in columns)])
+def _types(columns: Sequence[str]) -> dict[str, str]:
+    return {**_OF_CAMPAIGN, **{name: _type_of(name) for name in columns}}
 
 
-def _type_of(column: str) -> Any:
+def _type_of(column: str) -> str:
     if column in _TEXT:
-        return pa.string()
-    return pa.int32() if column in _WHOLE else pa.float64()
+        return "string"
+    return "Int32" if column in _WHOLE else "Float64"
 
 
-def _write(path: Path, schema: Any, rows: Sequence[tuple[Any, ...]]) -> None:
-    columns = list(zip(*rows, strict=True)) or [()] * len(schema)
-    arrays = [
-        pa.array([_plain(value) for value in column], field.type)
-        for column, field in zip(columns, schema, strict=True)
-    ]
-    with file_written_whole(path) as partial:
-        pq.write_table(pa.Table.from_arrays(arrays, schema=schema), partial)
-
-
-def _plain(value: Any) -> Any:
-    """None for what is unknown, as one kind of missing value is enough for those who read it."""
-    value = value.item() if hasattr(value, "item") else value
-    return None if value != value else value
+def _write(path: Path, types: Mapping[str, str], rows: Sequence[tuple[Any, ...]]) -> None:
+    write_table(path, pd.DataFrame(rows, columns=list(types), dtype=object).astype(dict(types)))

@@ -30,9 +30,9 @@ from pipelines.report.save import save
 from pipelines.results.options import Options
 from pipelines.results.parameter_set import from_tuning
 from pipelines.results.result import Result
-from pipelines.results.tables import modes_rows
 from pipelines.storage.atomic import remove_abandoned
 from pipelines.storage.result_folder import require_free
+from pipelines.storage.tables import plain_rows
 
 LIVES = 3  # a task that has ended this many workers is given up
 
@@ -127,7 +127,7 @@ def _processed(task: Task) -> Record:
         designation="" if result.tyre is None else result.tyre.designation,
         inflation_pressure_pa=None if result.tyre is None else result.tyre.inflation_pressure_pa,
         n_warnings=sum(finding.verdict != OK for finding in result.findings),
-        modes=tuple(modes_rows(result)),
+        modes=tuple(plain_rows(result.modal_model.to_frame())),
         parameters=_parameters(result),
     )
 

@@ -58,9 +58,10 @@ def warnings(result: Result) -> list[str]:
 
 def summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
     """Content of ``--json``: modes, ring, warnings, and where the report is, if there is one."""
-    from pipelines.results import tables
+    from pipelines.storage.tables import plain_rows  # loads pandas
 
-    modes = [dict(zip(tables.MODES, row, strict=True)) for row in tables.modes_rows(result)]
+    table = result.modal_model.to_frame()
+    modes = [dict(zip(table.columns, row, strict=True)) for row in plain_rows(table)]
     ring: dict[str, Any] = {}
     if result.tuning is not None:
         for name, how in result.tuning.how.items():

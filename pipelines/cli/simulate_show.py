@@ -30,7 +30,6 @@ from pipelines.simulate.responses import (
 )
 from pipelines.simulate.tyre import SimulatedTyre, tyre_to_simulate
 from pipelines.storage.atomic import file_written_whole
-from pipelines.storage.tables import write_csv
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -225,7 +224,7 @@ Columns = Mapping[str, NDArray[Any]]
 
 
 def write_columns(path: Path, columns: Columns, note: str = "") -> None:
-    """Write a table as CSV or Parquet, by the ending of `path`; whole or not at all.
+    """Write a table as CSV or Parquet, by the ending of `path`; written atomically.
 
     Parameters
     ----------
@@ -235,12 +234,12 @@ def write_columns(path: Path, columns: Columns, note: str = "") -> None:
     note : str
         What a reader must know; a Parquet file carries it as its metadata.
     """
-    with file_written_whole(path) as partial:
-        if path.suffix.lower() == ".csv":
-            rows = zip(*(values.tolist() for values in columns.values()), strict=True)
-            write_csv(partial, tuple(columns), rows)
-        else:
-            _write_parquet(partial, columns, note)
+    import pandas as pd  # half a second that only a file costs
+
+    from pipelines.storage.tables import write_table
+
+    table = pd.DataFrame({name: np.asarray(values) for name, values in columns.items()})
+    write_table(path, table, {"note": note} if note else None)
 
 
 def write_figure(path: Path, figure: Figure) -> None:
@@ -265,14 +264,6 @@ def print_rows(title: str, columns: Mapping[str, ArrayLike], places: Mapping[str
         for name, values in columns.items()
     ]
     print_table(terminal.screen(), title, shown)
-
-
-def _write_parquet(path: Path, columns: Columns, note: str) -> None:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    table = pa.table({name: np.asarray(values) for name, values in columns.items()})
-    pq.write_table(table.replace_schema_metadata({"note": note} if note else None), path)
 
 
 def _listed(value: Any) -> Any:

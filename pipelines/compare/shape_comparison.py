@@ -23,7 +23,7 @@ from pipelines.compare.shape_source import (
     read_source,
 )
 from pipelines.storage.rounding import DASH, number, signed, value_with_std
-from pipelines.storage.tables import write_csv
+from pipelines.storage.tables import table_of, write_csv
 
 SAME, SIMILAR = 0.9, 0.6  # MAC from which shapes are called the same, or similar
 SAME_SHAPE, SIMILAR_SHAPE, NO_COUNTERPART = "same shape", "similar", "no counterpart"
@@ -335,7 +335,7 @@ def write_table(found: ShapeComparison, path: Path) -> None:
         (*_values(found, match), *macs)
         for match, macs in zip(found.matches, found.mac.tolist(), strict=True)
     ]
-    write_csv(path, (*_COLUMNS, *others), rows)
+    write_csv(path, table_of((*_COLUMNS, *others), rows))
 
 
 def _values(found: ShapeComparison, match: Match) -> tuple[Any, ...]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ema.core.frf import FRF
 from ema.io.uff.frf import SYNTHESISED
@@ -24,10 +24,7 @@ from ema.io.uff.write import (
 from pipelines.export.data import FOLDER_MARKER, MEASURED, UNITS, ModalExport, mode_columns
 from pipelines.results.provenance import software_version
 from pipelines.storage.checksums import write_marker
-from pipelines.storage.tables import Row, write_csv
-
-NODES = ("node", "position_deg", "x_m", "y_m", "z_m")
-SHAPES = ("mode", "frequency_hz", "node", "position_deg", "real", "imag")
+from pipelines.storage.tables import write_csv
 
 
 def write_tables(found: ModalExport, folder: Path) -> None:
@@ -35,14 +32,12 @@ def write_tables(found: ModalExport, folder: Path) -> None:
 
     FRFs have one line per frequency and two columns per node, real and imaginary part.
     """
-    write_csv(folder / "nodes.csv", NODES, _node_rows(found))
-    columns = _columns(found)
-    rows: list[Row] = list(zip(*columns.values(), strict=True))
-    write_csv(folder / "modes.csv", tuple(columns), rows)
-    write_csv(folder / "shapes.csv", SHAPES, _shape_rows(found))
+    write_csv(folder / "nodes.csv", _nodes(found))
+    write_csv(folder / "modes.csv", _modes(found))
+    write_csv(folder / "shapes.csv", _shapes(found))
     for name, frf in (("measured", found.measured), ("synthesised", found.synthesised)):
         if frf is not None:
-            write_csv(folder / f"frf_{name}.csv", _frf_columns(frf), _frf_rows(frf))
+            write_csv(folder / f"frf_{name}.csv", _frfs(frf))
     about = {
         "source": found.result.name,
         "notes": list(found.geometry.notes),
@@ -52,44 +47,48 @@ def write_tables(found: ModalExport, folder: Path) -> None:
     write_marker(folder / FOLDER_MARKER, about)
 
 
-def _node_rows(found: ModalExport) -> Iterator[Row]:
+def _nodes(found: ModalExport) -> pd.DataFrame:
     geometry = found.geometry
-    for node, angle, point in zip(
-        geometry.node.tolist(), geometry.position_deg.tolist(), geometry.xyz_m.tolist(), strict=True
-    ):
-        yield (node, angle, *point)
+    points = dict(zip(("x_m", "y_m", "z_m"), geometry.xyz_m.T, strict=True))
+    return pd.DataFrame({"node": geometry.node, "position_deg": geometry.position_deg, **points})
 
 
-def _columns(found: ModalExport) -> dict[str, list[Any]]:
-    """Columns of the modes; complex ones as two."""
-    columns: dict[str, list[Any]] = {}
+def _modes(found: ModalExport) -> pd.DataFrame:
+    """The modes; complex columns as two."""
+    columns: dict[str, Any] = {}
     for name, values in mode_columns(found).items():
         if np.iscomplexobj(values):
-            columns[f"{name}_real"] = values.real.tolist()
-            columns[f"{name}_imag"] = values.imag.tolist()
+            columns |= {f"{name}_real": values.real, f"{name}_imag": values.imag}
         else:
-            columns[name] = list(np.asarray(values).tolist())
-    columns["order"] = [mode.order for mode in found.modes]
-    return columns
+            columns[name] = values
+    columns["order"] = pd.array([mode.order for mode in found.modes], dtype="Int64")
+    return pd.DataFrame(columns)
 
 
-def _shape_rows(found: ModalExport) -> Iterator[Row]:
-    geometry = found.geometry
-    places = list(zip(geometry.node.tolist(), geometry.position_deg.tolist(), strict=True))
-    for number, (mode, shape) in enumerate(zip(found.modes, found.shapes, strict=True), start=1):
-        for place, value in zip(places[: geometry.n_measured], shape.tolist(), strict=True):
-            yield (number, mode.frequency_hz, *place, complex(value).real, complex(value).imag)
+def _shapes(found: ModalExport) -> pd.DataFrame:
+    geometry, n_modes = found.geometry, len(found.modes)
+    measured = slice(geometry.n_measured)
+    shapes = np.concatenate(found.shapes).astype(complex)
+    repeat = np.repeat(np.arange(n_modes), geometry.n_measured)
+    return pd.DataFrame(
+        {
+            "mode": repeat + 1,
+            "frequency_hz": np.array([mode.frequency_hz for mode in found.modes])[repeat],
+            "node": np.tile(geometry.node[measured], n_modes),
+            "position_deg": np.tile(geometry.position_deg[measured], n_modes),
+            "real": shapes.real,
+            "imag": shapes.imag,
+        }
+    )
 
 
-def _frf_columns(frf: FRF) -> tuple[str, ...]:
-    parts = [f"{part}_node_{node}" for node in frf.node.tolist() for part in ("real", "imag")]
-    return ("frequency_hz", *parts)
-
-
-def _frf_rows(frf: FRF) -> Iterator[Row]:
+def _frfs(frf: FRF) -> pd.DataFrame:
+    """A row for each frequency, two columns for each node."""
     parts = np.ascontiguousarray(frf.values.T).view(np.float64)
-    for frequency_hz, row in zip(frf.frequency_hz.tolist(), parts.tolist(), strict=True):
-        yield (frequency_hz, *row)
+    names = [f"{part}_node_{node}" for node in frf.node.tolist() for part in ("real", "imag")]
+    return pd.DataFrame(
+        np.column_stack([frf.frequency_hz, parts]), columns=["frequency_hz", *names]
+    )
 
 
 def write_uff(found: ModalExport, path: Path, *, binary: bool = True) -> None:

@@ -29,9 +29,10 @@ def write_json(parameters: ParameterSet, path: Path) -> None:
 
 def write_csv(parameters: ParameterSet, path: Path) -> None:
     """Write a parameter set as a table of section, name, value, standard deviation and origin."""
+    from pipelines.storage.tables import table_of  # loads pandas, which a TOML file does not need
     from pipelines.storage.tables import write_csv as write
 
-    write(path, COLUMNS, _rows(parameters))
+    write(path, table_of(COLUMNS, _rows(parameters)))
 
 
 def _toml(parameters: ParameterSet, path: Path) -> None:

@@ -15,7 +15,6 @@ from pipelines.library.series import PRESSURE, UNITS_PA
 from pipelines.library.tyre import LibraryTyre
 from pipelines.library.version import Version, read_approvals
 from pipelines.results.parameter_set import CONDITION_NAMES, DAMPING_NAMES, RING_NAMES, WHEEL_NAMES
-from pipelines.storage.atomic import file_written_whole
 from pipelines.storage.checksums import DamagedFile
 from pipelines.storage.rounding import signed
 
@@ -158,15 +157,14 @@ def _approved(tyre: LibraryTyre) -> tuple[int, list[DamagedFile]]:
 
 
 def write_table(path: Path, rows: Sequence[Row], *, wide: bool = False) -> None:
-    """Write rows as CSV or Parquet, by the ending of `path`; whole or not at all."""
-    columns = WIDE if wide else LONG
-    with file_written_whole(path) as partial:
-        if path.suffix.lower() == ".csv":
-            from pipelines.storage.tables import write_csv
+    """Write rows as CSV or Parquet, by the ending of `path`; written atomically."""
+    import pandas as pd  # half a second, which a history on the screen does not need
 
-            write_csv(partial, columns, (tuple(map(row.get, columns)) for row in rows))
-        else:
-            _write_parquet(partial, columns, rows)
+    from pipelines.storage.tables import write_table
+
+    columns = WIDE if wide else LONG
+    table = pd.DataFrame(rows, columns=list(columns), dtype=object)
+    write_table(path, table.astype({name: _type_of(name) for name in columns}))
 
 
 def _of_version(version: Version, *, approved: bool) -> Row:
@@ -203,17 +201,7 @@ def _number(value: Any) -> float | None:
     return float(value) if isinstance(value, int | float) else None
 
 
-def _write_parquet(path: Path, columns: Sequence[str], rows: Sequence[Row]) -> None:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    schema = pa.schema([(name, _type_of(name, pa)) for name in columns])
-    complete = [{name: row.get(name) for name in columns} for row in rows]
-    pq.write_table(pa.Table.from_pylist(complete, schema), path)
-
-
-def _type_of(name: str, pa: Any) -> Any:
+def _type_of(name: str) -> str:
     if name in _TEXTS or name == "parameter" or name == "how" or name.endswith("_how"):
-        return pa.string()
-    kinds = {"version": pa.int32(), "approved": pa.bool_()}
-    return kinds.get(name, pa.float64())
+        return "string"
+    return {"version": "Int32", "approved": "boolean"}.get(name, "Float64")

@@ -1,4 +1,4 @@
-"""pipelines.report.save."""
+"""A result as a folder: tables, FRFs, parameters, provenance and report."""
 
 from __future__ import annotations
 
@@ -70,12 +70,9 @@ PDF = "report.pdf"
 
 
 def _write_tables(result: Result, folder: Path) -> None:
-    write_csv(folder / "modes.csv", tables.MODES, tables.modes_rows(result))
-    write_csv(folder / "shapes.csv", tables.shapes_columns(result), tables.shapes_rows(result))
-    write_csv(folder / "orders.csv", tables.ORDERS, tables.orders_rows(result))
-    write_csv(folder / "quality.csv", tables.QUALITY, tables.quality_rows(result))
-    write_csv(folder / "validation.csv", tables.VALIDATION, tables.validation_rows(result))
-    write_parquet(folder / "poles.parquet", tables.poles_columns(result.diagram))
+    for name, table in tables.csv_tables(result).items():
+        write_csv(folder / name, table)
+    write_parquet(folder / "poles.parquet", tables.poles(result.diagram))
 
 
 def _warnings(result: Result) -> list[dict[str, Any]]:

@@ -21,9 +21,8 @@ def write_frfs(frf: FRF, folder: Path) -> None:
     for name, rows in (("frf", frf), ("reference", frf.reference)):
         if rows is None:
             continue
-        words = {"run": rows.run, "channel": rows.channel}
         metadata = {"n_positions": str(rows.n_positions)}
-        write_parquet(folder / f"{name}.parquet", tables.frf_columns(rows), words, metadata)
+        write_parquet(folder / f"{name}.parquet", tables.frfs(rows), metadata)
 
 
 def read_frf(path: Path) -> FRF:

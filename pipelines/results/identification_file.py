@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ema.checks.quality import check_reference
@@ -143,7 +144,8 @@ def _write_residues(model: ModalModel, path: Path) -> None:
         "lower",
         "upper",
     ]
-    write_parquet(path, {**dict(zip(names, parts, strict=True)), "row": np.arange(parts[0].size)})
+    columns = dict(zip(names, parts, strict=True))
+    write_parquet(path, pd.DataFrame({**columns, "row": np.arange(parts[0].size)}))
 
 
 def _read_model(stored: StoredIdentification, frf: FRF, path: Path) -> ModalModel:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.checks.quality import ReferenceCheck
+from ema.core.arrays import frame_of
 from ema.core.campaign import Tyre
 from ema.core.display import facts, table
 from ema.core.finding import Finding, findings_html
@@ -18,6 +19,9 @@ from ema.poles.cross_check import Opinion
 from ema.poles.stability import StabilityDiagram
 from model.damping import DampingResult
 from model.tuning_result import TuningResult
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +97,20 @@ class Result:
     findings: tuple[Finding, ...] = ()
     notes: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Table of the quality checks, one row for each; modes and FRFs have their own `to_frame`.
+
+        Returns
+        -------
+        pandas.DataFrame
+            ``run``, ``channel``, ``position_deg`` (degrees, missing where a finding is about no
+            position), ``check``, ``verdict`` (ok, warning or excluded) and ``detail``.
+        """
+        names = "run", "channel", "position_deg", "check", "verdict", "detail"
+        return frame_of(
+            {name: [getattr(finding, name) for finding in self.findings] for name in names}
+        )
 
     def __repr__(self) -> str:
         return result_line(self)

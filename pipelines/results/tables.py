@@ -2,42 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
 from ema.core.frf import FRF
+from ema.core.modes import MODE_COLUMNS, OrderReport
 from ema.poles.stability import StabilityDiagram
-from pipelines.results.result import Result
-from pipelines.storage.tables import Row
+from pipelines.results.result import Result, Validation
 
-MODES = (
-    "mode",
-    "order",
-    "member",
-    "frequency_hz",
-    "frequency_std_hz",
-    "damping_ratio",
-    "damping_ratio_std",
-    "mpc",
-    "mpd_deg",
-    "order_purity",
-    "status",
-    "frequency_band_shift_hz",
-    "damping_ratio_band_shift",
-)
-QUALITY = ("run", "channel", "position_deg", "check", "verdict", "detail")
-VALIDATION = (
-    "order",
-    "measured_hz",
-    "model_hz",
-    "error_percent",
-    "measured_damping",
-    "model_damping",
-    "mac",
-)
-ORDERS = (
+#: Columns of ``modes.csv``.
+MODES = ("mode", *MODE_COLUMNS)
+_ORDERS = (
     "order",
     "verdict",
     "chance",
@@ -47,48 +22,45 @@ ORDERS = (
     "damping_ratio_std",
     "evidence",
 )
+_VALIDATION = (
+    "order",
+    "measured_hz",
+    "model_hz",
+    "error_percent",
+    "measured_damping",
+    "model_damping",
+    "mac",
+)
 
 
-def modes_rows(result: Result) -> list[Row]:
-    """Rows of ``modes.csv``."""
-    return [
-        (
-            number,
-            mode.order,
-            mode.member,
-            mode.frequency_hz,
-            mode.frequency_std_hz,
-            mode.damping_ratio,
-            mode.damping_std,
-            mode.mpc,
-            mode.mpd_deg,
-            mode.order_purity,
-            mode.status,
-            mode.frequency_band_shift_hz,
-            mode.damping_band_shift,
-        )
-        for number, mode in enumerate(result.modal_model.modes, start=1)
-    ]
+def csv_tables(result: Result) -> dict[str, pd.DataFrame]:
+    """Tables of a result folder that are CSV, by file name."""
+    return {
+        "modes.csv": result.modal_model.to_frame(),
+        "shapes.csv": shapes(result),
+        "orders.csv": orders(result.modal_model.orders),
+        "quality.csv": result.to_frame(),
+        "validation.csv": validation(result.validation),
+    }
 
 
-def shapes_columns(result: Result) -> tuple[str, ...]:
-    """Columns of ``shapes.csv``: positions on a circle, nodes elsewhere."""
-    return ("mode", "position_deg" if _on_circle(result.frf) else "node", "real", "imag")
+def shapes(result: Result) -> pd.DataFrame:
+    """``shapes.csv``: a row for each mode and position (on a circle) or node (elsewhere)."""
+    frf, modes = result.frf, result.modal_model.modes
+    place = "position_deg" if np.all(np.isfinite(frf.position_deg)) else "node"
+    shape = np.concatenate([np.zeros(0), *(mode.shape for mode in modes)])
+    columns = {
+        "mode": np.repeat(np.arange(1, len(modes) + 1), frf.n_positions),
+        place: np.tile(getattr(frf, place), len(modes)),
+        "real": shape.real,
+        "imag": shape.imag,
+    }
+    return pd.DataFrame(columns)
 
 
-def shapes_rows(result: Result) -> list[Row]:
-    """Rows of ``shapes.csv``."""
-    place = result.frf.position_deg if _on_circle(result.frf) else result.frf.node
-    return [
-        (number, where, value.real, value.imag)
-        for number, mode in enumerate(result.modal_model.modes, start=1)
-        for where, value in zip(place, mode.shape, strict=True)
-    ]
-
-
-def orders_rows(result: Result) -> list[Row]:
-    """Rows of ``orders.csv``: each order by itself, and the verdict on its pair."""
-    return [
+def orders(reports: tuple[OrderReport, ...]) -> pd.DataFrame:
+    """``orders.csv``: each order by itself, and the verdict on its pair."""
+    rows = [
         (
             report.order,
             report.pair.verdict,
@@ -99,63 +71,38 @@ def orders_rows(result: Result) -> list[Row]:
             report.damping_std,
             report.pair.evidence,
         )
-        for report in result.modal_model.orders
+        for report in reports
     ]
+    return pd.DataFrame(rows, columns=list(_ORDERS))
 
 
-def quality_rows(result: Result) -> list[Row]:
-    """Rows of ``quality.csv``."""
-    return [
-        (f.run, f.channel, f.position_deg, f.check, f.verdict, f.detail) for f in result.findings
-    ]
-
-
-def validation_rows(result: Result) -> list[Row]:
-    """Rows of ``validation.csv``; none where the ring steps were left out."""
-    found = result.validation
+def validation(found: Validation | None) -> pd.DataFrame:
+    """``validation.csv``: a row for each order; none where the ring steps were left out."""
     if found is None:
-        return []
-    return list(
-        zip(
-            found.order,
-            found.measured_hz,
-            found.model_hz,
-            found.error_percent,
-            found.measured_damping,
-            found.model_damping,
-            np.diag(found.mac),
-            strict=True,
-        )
-    )
+        return pd.DataFrame(columns=list(_VALIDATION))
+    columns = {name: getattr(found, name) for name in _VALIDATION}
+    return pd.DataFrame({**columns, "mac": np.diag(found.mac)})
 
 
-def frf_columns(frf: FRF) -> dict[str, NDArray[Any]]:
-    """Columns of ``frf.parquet``, position by position."""
-    n_lines = frf.frequency_hz.size
-    return {
-        "position_deg": np.repeat(frf.position_deg, n_lines),
-        "node": np.repeat(frf.node, n_lines),
-        "frequency_hz": np.tile(frf.frequency_hz, frf.n_positions),
-        "real": frf.values.real.ravel(),
-        "imag": frf.values.imag.ravel(),
-        "coherence": frf.coherence.ravel().astype(np.float32),
-        "std": frf.std.ravel().astype(np.float32),
-        "row": np.repeat(np.arange(frf.n_positions, dtype=np.int32), n_lines),
+def frfs(frf: FRF) -> pd.DataFrame:
+    """``frf.parquet`` and ``reference.parquet``, position by position."""
+    long = frf.to_frame()
+    inertance = long["inertance"].to_numpy()
+    columns = {
+        "position_deg": long["position_deg"],
+        "node": long["node"],
+        "frequency_hz": long["frequency_hz"],
+        "real": inertance.real,
+        "imag": inertance.imag,
+        "coherence": long["coherence"].astype(np.float32),
+        "std": long["std"].astype(np.float32),
+        "row": np.repeat(np.arange(frf.n_positions, dtype=np.int32), frf.frequency_hz.size),
+        "run": long["run"].astype("category"),
+        "channel": long["channel"].astype("category"),
     }
+    return pd.DataFrame(columns)
 
 
-def poles_columns(diagram: StabilityDiagram) -> dict[str, NDArray[Any]]:
-    """Columns of ``poles.parquet``."""
-    return {
-        "order": diagram.model_order,
-        "frequency_hz": diagram.frequency_hz,
-        "damping_ratio": diagram.damping_ratio,
-        "stable_frequency": diagram.stable_frequency,
-        "stable_damping": diagram.stable_damping,
-        "cluster": diagram.cluster,
-        "row": np.arange(diagram.cluster.size),
-    }
-
-
-def _on_circle(frf: FRF) -> bool:
-    return bool(np.all(np.isfinite(frf.position_deg)))
+def poles(diagram: StabilityDiagram) -> pd.DataFrame:
+    """``poles.parquet``: every pole of every model order, in the order it was found."""
+    return diagram.to_frame().assign(row=np.arange(diagram.cluster.size))

@@ -1,20 +1,20 @@
-"""Parquet tables from columns of numbers and words."""
+"""Tables as files: pandas tables written as CSV and Parquet, Parquet read with checks."""
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from ema.core.errors import InputError, inert
 from ema.core.files import require_regular
-
-if TYPE_CHECKING:
-    import pyarrow as pa
+from pipelines.storage.atomic import file_written_whole
 
 # Columns that repeat few values; to look for repetitions in the others takes most of the time.
 _REPEATING = ("position_deg", "frequency_hz", "node", "order", "row")
@@ -22,38 +22,90 @@ _REPEATING = ("position_deg", "frequency_hz", "node", "order", "row")
 LARGEST = 1e30
 
 
-def write_parquet(
-    path: Path,
-    columns: Mapping[str, NDArray[Any]],
-    words: Mapping[str, Sequence[str]] | None = None,
-    metadata: Mapping[str, str] | None = None,
-) -> None:
-    """Write a table.
+def table_of(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> pd.DataFrame:
+    """Table of rows whose cells stay as they are: whole numbers next to unknown ones too."""
+    return pd.DataFrame(list(rows), columns=list(columns), dtype=object)
+
+
+def plain_rows(table: pd.DataFrame) -> list[tuple[Any, ...]]:
+    """Rows of a table for JSON: Python's own types, None where a value is unknown."""
+    cells = table.astype(object)
+    return list(cells.where(cells.notna(), None).itertuples(index=False, name=None))
+
+
+def write_table(path: Path, table: pd.DataFrame, metadata: Mapping[str, str] | None = None) -> None:
+    """Write a table atomically as CSV or Parquet, by the ending of `path`.
 
     Parameters
     ----------
     path : Path
-    columns : mapping of str to ndarray
-        Columns of equal length.
-    words : mapping of str to sequence of str, optional
-        Further columns, one text for each of the equal pieces of the table.
+    table : pandas.DataFrame
+    metadata : mapping of str to str, optional
+        Kept in a Parquet file's schema; a CSV file has no place for it.
+    """
+    with file_written_whole(path) as partial:
+        if path.suffix.lower() == ".csv":
+            write_csv(partial, table)
+        else:
+            write_parquet(partial, table, metadata)
+
+
+def write_csv(path: Path, table: pd.DataFrame) -> None:
+    """Write a table as CSV; unknown values become empty cells, floats keep every digit.
+
+    Texts are inert: none is taken for a formula, and nothing in them acts on a terminal.
+    """
+    cells = [column if _is_numeric(column) else _inert(column) for _, column in table.items()]
+    shown = pd.concat(cells, axis=1).set_axis([inert(name) for name in table], axis=1)
+    shown.to_csv(path, index=False, lineterminator="\n", encoding="utf-8")
+
+
+def write_parquet(
+    path: Path, table: pd.DataFrame, metadata: Mapping[str, str] | None = None
+) -> None:
+    """Write a table as Parquet.
+
+    NaN stays NaN; a missing value of a nullable column (Int64, string …) becomes null.
+
+    Parameters
+    ----------
+    path : Path
+    table : pandas.DataFrame
     metadata : mapping of str to str, optional
         Kept in the file's schema.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+    columns = {str(name): _arrow(column) for name, column in table.items()}
+    content = pa.table(columns).replace_schema_metadata(dict(metadata or {}))
+    repeating = [
+        name
+        for name, column in columns.items()
+        if name in _REPEATING or not (_is_number(column.type) or pa.types.is_boolean(column.type))
+    ]
+    pq.write_table(content, path, use_dictionary=repeating)
 
-    arrays = {name: _numbers(values) for name, values in columns.items()}
-    n_rows = len(next(iter(columns.values())))
-    for name, texts in (words or {}).items():
-        # Arrow fills the room of a text that comes twice with whatever was in memory before.
-        number = {text: place for place, text in enumerate(dict.fromkeys(texts))}
-        index = np.array([number[text] for text in texts], dtype=np.int32)
-        rows = _numbers(np.repeat(index, n_rows // len(texts)))
-        arrays[name] = pa.DictionaryArray.from_arrays(rows, _texts(list(number)))
-    table = pa.table(arrays).replace_schema_metadata(dict(metadata or {}))
-    repeating = [name for name in arrays if name in _REPEATING or name in (words or {})]
-    pq.write_table(table, path, use_dictionary=repeating)
+
+def _is_numeric(column: pd.Series[Any]) -> bool:
+    return bool(pd.api.types.is_numeric_dtype(column.dtype))
+
+
+def _inert(column: pd.Series[Any]) -> pd.Series[Any]:
+    """Cells of a column that is not numbers only; numbers in it stay what they are."""
+    return pd.Series([inert(cell) for cell in column], index=column.index, dtype=object)
+
+
+def _arrow(column: pd.Series[Any]) -> pa.Array:
+    if isinstance(column.dtype, pd.CategoricalDtype):
+        texts = pa.array(column.cat.categories.tolist(), pa.string())
+        return pa.DictionaryArray.from_arrays(column.cat.codes.to_numpy(np.int32), texts)
+    if isinstance(column.dtype, np.dtype) and column.dtype != object:
+        return pa.array(column.to_numpy())
+    if _is_numeric(column):
+        return pa.array(column.array)
+    return pa.array(column.tolist(), pa.string(), from_pandas=True)
+
+
+def _is_number(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind))
 
 
 class Table:
@@ -70,11 +122,8 @@ class Table:
     """
 
     def __init__(self, path: Path) -> None:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
         self.path = path
-        try:  # `pyarrow.parquet.read_table` would load pandas to look for datasets
+        try:
             with pq.ParquetFile(require_regular(path)) as file:
                 self._table = file.read().combine_chunks()
         except (pa.ArrowException, OSError, ValueError) as error:
@@ -98,11 +147,9 @@ class Table:
         InputError
             If there is no such column, or it holds anything else or what no measurement gives.
         """
-        import pyarrow as pa
-
         column = self._column(name)
         kind = column.type
-        if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)) or column.null_count:
+        if not _is_number(kind) or column.null_count:
             raise self.unusable(f"column {name} of {kind}", "the column holds numbers, none empty")
         values = np.asarray(column.to_numpy())
         with np.errstate(invalid="ignore"):
@@ -120,8 +167,6 @@ class Table:
         InputError
             If there is no such column, or it holds anything else.
         """
-        import pyarrow as pa
-
         column = self._column(name)
         if not pa.types.is_boolean(column.type) or column.null_count:
             raise self.unusable(f"column {name} of {column.type}", "the column is true or false")
@@ -135,8 +180,6 @@ class Table:
         InputError
             If there is no such column, or it holds anything else.
         """
-        import pyarrow as pa
-
         column = self._column(name)
         if not pa.types.is_dictionary(column.type):
             column = column.dictionary_encode()
@@ -177,44 +220,3 @@ class Table:
             raise self.unusable(f"columns {', '.join(self.names)}", f"it has one column {name}")
         column = self._table[name]
         return column.chunk(0) if column.num_chunks else column.combine_chunks()
-
-
-def _numbers(values: NDArray[Any]) -> pa.Array:
-    """Arrow's view of an array; `pyarrow.array` would load pandas, half a second, to look at it."""
-    import pyarrow as pa
-
-    kind = pa.from_numpy_dtype(values.dtype)
-    bits = np.packbits(values, bitorder="little") if values.dtype == bool else values
-    return pa.Array.from_buffers(
-        kind, len(values), [None, pa.py_buffer(np.ascontiguousarray(bits))]
-    )
-
-
-def _texts(texts: Sequence[str]) -> pa.Array:
-    import pyarrow as pa
-
-    encoded = [text.encode() for text in texts]
-    ends = np.cumsum([0, *(len(text) for text in encoded)], dtype=np.int32)
-    return pa.StringArray.from_buffers(
-        len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded))
-    )
-
-
-def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
-    """Write a table; None and NaN become empty cells, floats keep every digit.
-
-    Texts are inert: none is taken for a formula, and nothing in them acts on a terminal.
-    """
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow([inert(column) for column in columns])
-        writer.writerows([_cell(value) for value in row] for row in rows)
-
-
-Row = tuple[Any, ...]
-
-
-def _cell(value: Any) -> Any:
-    if value is None or (isinstance(value, float) and np.isnan(value)):
-        return ""
-    return repr(float(value)) if isinstance(value, float) else inert(value)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from ema.core.errors import InputError
-from pipelines.cli import simulate_show
 from pipelines.cli.simulate_show import print_json, write_columns, write_figure
 from pipelines.plots.figures import styled_figure
 
@@ -22,7 +21,7 @@ def test_a_table_that_fails_leaves_the_old_one(tmp_path, monkeypatch):
         partial.write_text("half", encoding="utf-8")
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(simulate_show, "write_csv", full)
+    monkeypatch.setattr("pipelines.storage.tables.write_csv", full)
     with pytest.raises(InputError, match="No space left on device"):
         write_columns(path, COLUMNS)
     assert [entry.name for entry in tmp_path.iterdir()] == ["table.csv"]

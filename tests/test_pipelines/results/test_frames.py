@@ -1,0 +1,107 @@
+"""Tables of pandas: the numbers of the objects, and files with the same digits."""
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+from pipelines.storage.tables import plain_rows, table_of, write_csv, write_parquet, write_table
+
+
+def test_modes_are_a_table(short_result):
+    model = short_result.modal_model
+    table = model.to_frame()
+    assert table["mode"].tolist() == list(range(1, len(model.modes) + 1))
+    assert table["frequency_hz"].tolist() == model.frequencies_hz.tolist()
+    assert table["damping_ratio_std"].tolist() == [mode.damping_std for mode in model.modes]
+    orders = [None if pd.isna(order) else int(order) for order in table["order"]]
+    assert orders == [mode.order for mode in model.modes]
+    assert pd.api.types.is_integer_dtype(table["order"].dtype)
+
+
+def test_poles_are_a_table(short_result):
+    diagram = short_result.diagram
+    table = diagram.to_frame()
+    assert len(table) == diagram.poles.size
+    np.testing.assert_array_equal(table["frequency_hz"], np.abs(diagram.poles) / (2 * np.pi))
+    assert table["stable_damping"].dtype == bool
+
+
+def test_parameters_are_a_table(short_result):
+    tuning = short_result.tuning
+    table = tuning.to_frame().set_index("parameter")
+    row = table.loc["radial_stiffness_n_m3"]
+    assert row["value"] == tuning.ring.radial_stiffness_n_m3
+    assert row["how"] == tuning.how["radial_stiffness_n_m3"]
+    known = table["std"].dropna()
+    assert known.to_dict() == {name: tuning.std[name] for name in known.index}
+    assert table.loc["mean_radius_m", "how"] == "given"
+
+
+def test_checks_are_a_table(short_result):
+    table = short_result.to_frame()
+    assert table["check"].tolist() == [finding.check for finding in short_result.findings]
+
+
+def test_a_table_shares_no_memory_with_the_frfs(short_result):
+    frf = short_result.frf
+    table = frf.to_frame()
+    table.loc[0, "std"] = -1.0
+    assert frf.std[0, 0] != -1.0
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_no_modes_are_a_table_with_columns(short_result, tmp_path, ending):
+    table = short_result.modal_model.to_frame().iloc[:0]
+    write_table(tmp_path / f"modes.{ending}", table)
+    read = {"csv": pd.read_csv, "parquet": pd.read_parquet}[ending](tmp_path / f"modes.{ending}")
+    assert list(read) == list(table)
+    assert read.empty
+
+
+def test_csv_keeps_every_digit_and_whole_numbers(tmp_path):
+    bits = np.random.default_rng(5).integers(0, 2**63, 5000, dtype=np.int64)
+    values = bits.view(np.float64)
+    values = values[np.isfinite(values)]
+    write_csv(tmp_path / "a.csv", pd.DataFrame({"x": values}))
+    cells = (tmp_path / "a.csv").read_text(encoding="utf-8").split()[1:]
+    assert cells == [repr(value) for value in values.tolist()]
+    rows = [(1, None, 0.1 + 0.2), (None, float("nan"), 3)]
+    write_csv(tmp_path / "b.csv", table_of(("a", "b", "c"), rows))
+    content = (tmp_path / "b.csv").read_text(encoding="utf-8")
+    assert content == "a,b,c\n1,,0.30000000000000004\n,,3\n"
+
+
+def test_texts_in_csv_are_inert(tmp_path):
+    table = pd.DataFrame({"=head": ["=1+1", "plain, quoted"], "n": [1.0, float("nan")]})
+    write_csv(tmp_path / "a.csv", table)
+    content = (tmp_path / "a.csv").read_text(encoding="utf-8")
+    assert content == "'=head,n\n'=1+1,1.0\n\"plain, quoted\",\n"
+    assert table["=head"].tolist() == ["=1+1", "plain, quoted"]
+
+
+def test_parquet_tells_not_a_number_from_missing(tmp_path):
+    table = pd.DataFrame(
+        {
+            "x": [1.0, float("nan")],
+            "n": pd.array([1, None], dtype="Int32"),
+            "text": pd.array(["a", None], dtype="string"),
+            "run": pd.Series(["b", "a"]).astype("category"),
+        }
+    )
+    write_parquet(tmp_path / "a.parquet", table, {"note": "N"})
+    read = pq.read_table(tmp_path / "a.parquet")
+    assert read.column("x").null_count == 0
+    assert np.isnan(read.column("x")[1].as_py())
+    assert read.select(["n", "text", "run"]).to_pylist() == [
+        {"n": 1, "text": "a", "run": "b"},
+        {"n": None, "text": None, "run": "a"},
+    ]
+    assert [str(field.type) for field in read.schema][:3] == ["double", "int32", "string"]
+    assert read.schema.metadata == {b"note": b"N"}
+
+
+def test_plain_rows_hold_python_values():
+    table = pd.DataFrame({"n": pd.array([1, None], dtype="Int64"), "x": [float("nan"), 2.5]})
+    assert plain_rows(table) == [(1, None), (None, 2.5)]
+    assert {type(cell) for row in plain_rows(table) for cell in row} == {int, float, type(None)}
