@@ -262,10 +262,13 @@ def fit_poles(
         np.concatenate([_interleaved(start), shifts]),
         np.concatenate([low, -reach]),
         np.concatenate([high, reach]),
+        size=np.concatenate([np.repeat(-start.real, 2), np.full(shifts.size, 1e-3)]),
         # χ² is of the order of the number of values: what is left to gain is far below 1.
         gain=_NOTHING_LEFT / lines.values.size,
         tries=tries,
     )
+    if not np.all(np.isfinite(x)):
+        raise FitError("the curve fit diverged. Pin the frequencies or narrow the band.")
     near = 1e-3 * (high - low)
     return replace(found, at_bound=(x[:n] - low < near) | (high - x[:n] < near))
 

@@ -10,14 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-
-from ema.core.errors import FitError
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -171,8 +168,10 @@ def stacked(rows: Complex, weight: Real) -> Real:
     return np.asarray(np.concatenate([weighted.real, weighted.imag], axis=1).T)
 
 
-_SMALLEST_STEP = 1e-11  # of the parameters: rounding errors of the poles are larger
-_NO_CURVATURE = 1e-14  # of the largest eigenvalue: rounding errors of the normal matrix
+_FIRST_DAMPING, _NO_DAMPING = 1e-2, 1e-9
+_SMALLEST_STEP = 1e-11  # of the parameters' own size
+_HOLDS = 1e-3  # of the fall predicted: a step that gains less is not taken
+_MOST_DAMPING = 1e12
 
 
 class SumOfSquares(Protocol):
@@ -198,19 +197,22 @@ def descend(
     lower: Real,
     upper: Real,
     *,
+    size: Real,
     gain: float,
     tries: int,
 ) -> tuple[Real, Point]:
-    """Least squares within bounds, by `scipy.optimize.least_squares` (trust-region reflective).
+    """Levenberg–Marquardt steps on the normal equations, in a box.
 
-    The residuals are handed over compressed, see `_compressed`: nothing is ever formed that is
-    larger than the number of parameters squared.
+    A step that would leave the box puts those parameters on its face and goes on with the others.
+    Nothing is ever formed that is larger than the number of parameters squared.
 
     Parameters
     ----------
     at : callable
         Takes parameters, gives the sum of squares there.
     start, lower, upper : ndarray, shape (n_parameters,)
+    size : ndarray, shape (n_parameters,)
+        How far a parameter goes in a large step: it ends the search.
     gain : float
         Share of the cost that is not worth another step.
     tries : int
@@ -222,54 +224,64 @@ def descend(
     point : Point
         What `at` gave there.
 
-    Raises
-    ------
-    FitError
-        If there is no finite cost at the start.
-
     References
     ----------
-    Branch, Coleman & Li (1999).
+    Marquardt (1963); the damping follows Nielsen (1999).
     """
+    x = np.clip(start, lower, upper)
+    here = at(x)
+    gradient, normal = here.gradient(), here.normal_matrix()
+    damping, growth, too_bold = _FIRST_DAMPING, 2.0, 0.0
+    for _ in range(tries - 1):
+        step = _step(gradient, normal, damping, lower - x, upper - x)
+        fall = -float(step @ (2 * gradient + normal @ step))
+        while fall <= gain * here.cost and damping > max(100 * too_bold, _NO_DAMPING):
+            # Damping holds back what is least certain: there may be more to gain without it.
+            damping /= 100
+            step = _step(gradient, normal, damping, lower - x, upper - x)
+            fall = -float(step @ (2 * gradient + normal @ step))
+        if fall <= gain * here.cost or np.all(np.abs(step) <= _SMALLEST_STEP * size):
+            break
+        there = at(x + step)
+        ratio = (here.cost - there.cost) / fall
+        if ratio > _HOLDS:
+            x, here, too_bold = x + step, there, 0.0
+            gradient, normal = here.gradient(), here.normal_matrix()
+            damping *= max(1 / 3, 1 - (2 * ratio - 1) ** 3)
+            growth = 2.0
+        elif damping > _MOST_DAMPING:
+            break
+        else:
+            too_bold = damping
+            damping, growth = damping * growth, 2 * growth
+    return x, here
 
-    @lru_cache(maxsize=2)  # the best point and the one being tried
-    def seen(values: bytes) -> tuple[Point, Real, Real]:
-        point = at(np.frombuffer(values))
-        return point, *_compressed(point)
 
-    inside = np.clip(start, lower, upper)
-    if not np.all(np.isfinite(seen(inside.tobytes())[1])):
-        raise FitError("the curve fit diverged. Pin the frequencies or narrow the band.")
-    found = least_squares(
-        lambda x: seen(x.tobytes())[1],
-        inside,
-        lambda x: seen(x.tobytes())[2],
-        (lower, upper),
-        x_scale="jac",
-        ftol=gain,
-        xtol=_SMALLEST_STEP,
-        gtol=None,
-        max_nfev=tries,
-    )
-    return found.x, seen(found.x.tobytes())[0]
+def _step(gradient: Real, normal: Real, damping: float, lowest: Real, highest: Real) -> Real:
+    """Damped Gauss–Newton step between `lowest` and `highest`."""
+    curved = np.diag(normal)
+    # A parameter that nothing depends on stays where it is.
+    damped = normal + np.diag(damping * curved + np.where(curved > 0, 0.0, 1.0))
+    step = np.zeros(gradient.size)
+    # Parameters on a face they are pushed against.
+    held = ((lowest >= 0) & (gradient > 0)) | ((highest <= 0) & (gradient < 0))
+    while not np.all(held):
+        free = ~held
+        right = -gradient[free] - damped[np.ix_(free, held)] @ step[held]
+        step[free] = _solved(damped[np.ix_(free, free)], right)
+        outside = free & ((step < lowest) | (step > highest))
+        step = np.clip(step, lowest, highest)
+        if not np.any(outside):
+            break
+        held |= outside
+    return step
 
 
-def _compressed(point: SumOfSquares) -> tuple[Real, Real]:
-    """Residuals r̃ and Jacobian J̃ of the same rᵀr, Jᵀr and JᵀJ, in n_parameters + 1 rows.
-
-    JᵀJ = V W Vᵀ gives J̃ = W^½ Vᵀ and r̃ = W^-½ Vᵀ Jᵀr; the last row is what no parameter changes.
-    """
-    cost, gradient, normal = point.cost, point.gradient(), point.normal_matrix()
-    if not np.isfinite(cost):  # the search then takes a shorter step
-        return np.full(gradient.size + 1, np.nan), np.full(
-            (gradient.size + 1, gradient.size), np.nan
-        )
-    size = np.sqrt(np.diag(normal))
-    size = np.where(size > 0, size, 1.0)
-    power, axes = np.linalg.eigh(normal / np.outer(size, size))
-    curved = power > _NO_CURVATURE * power[-1]
-    root = np.sqrt(np.where(curved, power, 1.0))
-    residual = np.where(curved, axes.T @ (gradient / size) / root, 0.0)
-    slope = np.where(curved, root, 0.0)[:, None] * axes.T * size
-    rest = np.sqrt(max(cost - float(residual @ residual), 0.0))
-    return np.append(residual, rest), np.vstack([slope, np.zeros(size.size)])
+def _solved(matrix: Real, right: Real) -> Real:
+    """Solution of a symmetric positive system whose unknowns differ in size."""
+    size = np.sqrt(np.diag(matrix))
+    scaled = matrix / np.outer(size, size)
+    try:
+        return np.asarray(np.linalg.solve(scaled, right / size) / size)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(scaled, right / size, rcond=None)[0] / size)

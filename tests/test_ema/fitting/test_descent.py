@@ -1,4 +1,4 @@
-"""The search beneath the curve fit: compressed residuals lead where all of them do."""
+"""The search beneath the curve fit against scipy's."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from ema.core.errors import FitError
 from ema.fitting.variable_projection import descend
 
 TIMES = np.linspace(0.0, 3.0, 40)
@@ -52,13 +51,15 @@ LOWER, UPPER = np.array([0.1, 0.1, 5.5, -1.0]), np.array([9.0, 3.0, 8.5, 1.0])
 
 
 def search(measured: np.ndarray, start: np.ndarray, upper: np.ndarray = UPPER) -> np.ndarray:
-    found, point = descend(lambda x: Decay(x, measured), start, LOWER, upper, gain=1e-13, tries=100)
+    found, point = descend(
+        lambda x: Decay(x, measured), start, LOWER, upper, size=np.ones(4), gain=1e-13, tries=100
+    )
     np.testing.assert_array_equal(point.values, found)
     return found
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_it_ends_where_a_search_with_all_residuals_ends(seed: int) -> None:
+def test_it_ends_where_scipys_search_ends(seed: int) -> None:
     rng = np.random.default_rng(seed)
     measured = Decay(TRUE, np.zeros(TIMES.size)).residual + 0.05 * rng.normal(size=TIMES.size)
     start = np.clip(TRUE * rng.uniform(0.9, 1.1, 4), LOWER, UPPER)
@@ -74,12 +75,11 @@ def test_it_ends_where_a_search_with_all_residuals_ends(seed: int) -> None:
     np.testing.assert_allclose(search(measured, start), theirs, rtol=1e-5)
 
 
-def test_a_bound_in_the_way_is_met_and_the_others_are_best_there() -> None:
+def test_a_bound_in_the_way_is_met_exactly_and_the_others_are_best_there() -> None:
     measured = Decay(TRUE, np.zeros(TIMES.size)).residual
     upper = np.array([9.0, 0.5, 8.5, 1.0])
     found = search(measured, np.array([1.5, 0.4, 6.9, 0.0]), upper)
-    assert found[1] == pytest.approx(0.5, abs=1e-6)
-    assert found[1] <= 0.5
+    assert found[1] == 0.5
     free = Decay(found, measured).gradient()[[0, 2, 3]]
     np.testing.assert_allclose(free, 0, atol=1e-5)
 
@@ -100,12 +100,8 @@ def test_a_parameter_that_nothing_depends_on_stays_where_it_is() -> None:
         np.array([1.9, 0.8, 7.0, 0.25]),
         LOWER,
         UPPER,
+        size=np.ones(4),
         gain=1e-13,
         tries=100,
     )
-    assert found[3] == pytest.approx(0.25)
-
-
-def test_a_start_without_a_cost_is_refused() -> None:
-    with pytest.raises(FitError):
-        search(np.full(TIMES.size, np.nan), TRUE)
+    assert found[3] == 0.25
