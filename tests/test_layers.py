@@ -1,8 +1,13 @@
 """The structure: no import runs in a circle, whether inside a function or for typing only."""
 
+import re
+import tomllib
+
 import grimp
 import pytest
+from docs_pages import ROOT, blocks_of
 
+ARCHITECTURE = ROOT / "docs" / "dev" / "architecture.md"
 PACKAGES = ("ema", "model", "pipelines", "ringmodal")
 
 
@@ -61,3 +66,28 @@ def test_no_package_imports_itself_through_others(graph):
         others.discard(one)
         others -= set(PACKAGES)  # `import ema` for its names
     assert circles(lambda m: list(edges) if m is None else edges[m]) == []
+
+
+def layers_of_contract(package):
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = settings["tool"]["importlinter"]["contracts"]
+    return next(each["layers"] for each in contracts if each.get("containers") == [package])
+
+
+@pytest.mark.parametrize(("package", "columns"), [("pipelines", (0, 45)), ("ema", (45, None))])
+def test_the_picture_shows_the_layers(package, columns):
+    picture = [block.text for block in blocks_of(ARCHITECTURE) if block.language == "text"][1]
+    cells = [line[slice(*columns)] for line in picture.splitlines()[2:]]
+    shown = [re.match(r"\w+(?: \| \w+)*", cell) for cell in cells if cell.strip()]
+    assert [found[0] for found in shown] == layers_of_contract(package)
+
+
+def test_every_package_is_described():
+    page = ARCHITECTURE.read_text(encoding="utf-8")
+    there = {
+        path.parent.relative_to(ROOT).as_posix()
+        for package in ("ema", "pipelines")
+        for path in (ROOT / package).glob("*/__init__.py")
+    }
+    described = set(re.findall(r"^\| `((?:ema|pipelines)/\w+)` \|", page, re.MULTILINE))
+    assert described == there
