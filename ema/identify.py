@@ -41,6 +41,18 @@ class Identification:
         What another pole estimator says about the modes.
     findings : tuple of Finding
         Everything excluded, corrected or doubtful.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ringmodal as rm
+    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
+    >>> frf = frf.rows(np.arange(0, 72, 6))  # every 30°, to be quick
+    >>> found = rm.identify_modes(frf, band_hz=(60.0, 160.0))
+    >>> found
+    <Identification: 4 modes, 60 to 160 Hz, 0 warnings>
+    >>> [mode.order for mode in found.model.modes]
+    [1, 2, 3, 4]
     """
 
     frf: FRF
@@ -68,6 +80,15 @@ class SensorMass:
         Angles of all sensors of each run.
     excitation_deg : float
         Angle of the force.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> from ema.circumference.mass_loading import sensors_of_runs
+    >>> campaign = rm.read_campaign("sample_data/tyre_225_55R17")
+    >>> mass = rm.SensorMass(0.004, sensors_of_runs(campaign))
+    >>> mass.sensors_deg["config_1.uff"][:3]
+    array([ 0., 30., 60.])
     """
 
     mass_kg: float
@@ -120,6 +141,20 @@ def identify_modes(
         If no channel is usable.
     FitError
         If no mode can be identified.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ringmodal as rm
+    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
+    >>> frf = frf.rows(np.arange(0, 72, 6))  # every 30°, to be quick
+    >>> found = rm.identify_modes(frf, band_hz=(60.0, 160.0))
+    >>> for mode in found.model.modes:
+    ...     print(mode.order, f"{mode.frequency_hz:.1f} Hz, {100 * mode.damping_ratio:.1f} %")
+    1 78.7 Hz, 3.9 %
+    2 100.3 Hz, 3.3 %
+    3 121.4 Hz, 2.4 %
+    4 145.4 Hz, 2.2 %
     """
 
     def once(frf: FRF, *, roughly: bool = False) -> tuple[StabilityDiagram, ModalModel]:

@@ -166,6 +166,23 @@ def identify_damping(
     ------
     ParameterError
         For ratios that are not positive, or shapes that do not match.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> ring = rm.RingParameters(
+    ...     mean_radius_m=0.33,
+    ...     mass_per_area_kg_m2=19.69,
+    ...     radial_stiffness_n_m3=8.27e6,
+    ...     circumferential_stiffness_n_m3=6.56e5,
+    ...     axial_stiffness_n_m=2.52e7,
+    ...     bending_stiffness_n_m=7.45,
+    ...     inflation_pressure_pa=2.2e5,
+    ...     belt_width_m=0.19,
+    ... )
+    >>> found = rm.identify_damping(ring, [1, 2, 3, 4], [0.039, 0.033, 0.024, 0.022])
+    >>> found.damping.radial_n_s_m3 > 0
+    True
     """
     numbers, measured, relative_given = _checked(orders, damping_ratios, damping_std)
 

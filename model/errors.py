@@ -14,6 +14,15 @@ class ParameterError(ValueError):
         The rule it breaks.
     remedy : str
         What the user can do, as a sentence without its full stop.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> try:
+    ...     rm.RingDamping(-1.0, 0.0, 0.02)
+    ... except rm.ParameterError as error:
+    ...     print(error.where)
+    radial_n_s_m3
     """
 
     def __init__(self, where: str, found: str, rule: str, remedy: str) -> None:

@@ -58,6 +58,25 @@ def inertance(
     ------
     ParameterError
         For a ring without belt width, unless `per_width`; for unknown directions.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ringmodal as rm
+    >>> from model import ForcedRing
+    >>> ring = rm.RingParameters(
+    ...     mean_radius_m=0.33,
+    ...     mass_per_area_kg_m2=19.69,
+    ...     radial_stiffness_n_m3=8.27e6,
+    ...     circumferential_stiffness_n_m3=6.56e5,
+    ...     axial_stiffness_n_m=2.52e7,
+    ...     bending_stiffness_n_m=7.45,
+    ...     inflation_pressure_pa=2.2e5,
+    ...     belt_width_m=0.19,
+    ... )
+    >>> forced = ForcedRing(ring, rm.RingDamping(1900.0, 1500.0, 0.025))
+    >>> rm.inertance(forced, [80.0, 100.0, 120.0], np.radians([0.0, 100.0])).shape
+    (2, 3)
     """
     omega, angles = angular_frequency(frequency_hz), finite_array("response_rad", response_rad)
     around = np.atleast_1d(angles) - force_rad

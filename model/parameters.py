@@ -55,6 +55,22 @@ class RingParameters:
     ParameterError
         For a negative or non-finite value, a ring that is not thin (h/a above 0.2), or a pressure
         that no hoop strain up to 0.2 can carry.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> ring = rm.RingParameters(
+    ...     mean_radius_m=0.33,
+    ...     mass_per_area_kg_m2=19.69,
+    ...     radial_stiffness_n_m3=8.27e6,
+    ...     circumferential_stiffness_n_m3=6.56e5,
+    ...     axial_stiffness_n_m=2.52e7,
+    ...     bending_stiffness_n_m=7.45,
+    ...     inflation_pressure_pa=2.2e5,
+    ...     belt_width_m=0.19,
+    ... )
+    >>> f"{1e3 * ring.thickness_m:.2f} mm"
+    '1.88 mm'
     """
 
     mean_radius_m: float
@@ -130,6 +146,12 @@ class RingDamping:
     ------
     ParameterError
         For a negative or non-finite value.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> rm.RingDamping(radial_n_s_m3=1900.0, circumferential_n_s_m3=1500.0, loss_factor=0.025)
+    RingDamping(radial_n_s_m3=1900.0, circumferential_n_s_m3=1500.0, loss_factor=0.025, ...)
     """
 
     radial_n_s_m3: float

@@ -38,6 +38,22 @@ def natural_frequencies_hz(
     ------
     InstabilityError
         Where the static stiffness of an order is negative.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> ring = rm.RingParameters(
+    ...     mean_radius_m=0.33,
+    ...     mass_per_area_kg_m2=19.69,
+    ...     radial_stiffness_n_m3=8.27e6,
+    ...     circumferential_stiffness_n_m3=6.56e5,
+    ...     axial_stiffness_n_m=2.52e7,
+    ...     bending_stiffness_n_m=7.45,
+    ...     inflation_pressure_pa=2.2e5,
+    ...     belt_width_m=0.19,
+    ... )
+    >>> rm.natural_frequencies_hz(ring, [2, 3, 4]).round(1)
+    array([100.7, 122.4, 145.4])
     """
     terms = harmonics(ring, orders, pressure_load=pressure_load)
     smaller, _ = roots_at_rest(terms)

@@ -93,6 +93,20 @@ def tune_ring(
     References
     ----------
     Section 4 of the paper, eqs 16 (K from u_r°), 17 and 18 (objective).
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> tuned = rm.tune_ring(
+    ...     [1, 2, 3, 4, 5, 6, 7],
+    ...     [78.73, 100.31, 121.40, 145.45, 170.78, 196.52, 224.40],
+    ...     mean_radius_m=0.33,
+    ...     inflation_pressure_pa=2.2e5,
+    ... )
+    >>> bool(abs(tuned.model_hz / tuned.measured_hz - 1).max() < 0.01)
+    True
+    >>> tuned.how["radial_stiffness_n_m3"]
+    'identified'
     """
     numbers, measured, relative_given = _checked(orders, frequencies_hz, frequency_std_hz)
     problem = TuningProblem(

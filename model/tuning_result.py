@@ -44,6 +44,18 @@ class TuningResult:
         ``"frequency"`` or ``"paper"``.
     notes : tuple of str
         What a reader must know, in sentences.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> tuned = rm.tune_ring(
+    ...     [1, 2, 3, 4, 5],
+    ...     [78.73, 100.31, 121.40, 145.45, 170.78],
+    ...     mean_radius_m=0.33,
+    ...     inflation_pressure_pa=2.2e5,
+    ... )
+    >>> tuned.how["radial_stiffness_n_m3"], tuned.how["axial_stiffness_n_m"]
+    ('identified', 'not identified')
     """
 
     ring: RingParameters

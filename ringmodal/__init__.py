@@ -11,7 +11,7 @@
 ...     inflation_pressure_pa=2.2e5,
 ... )
 >>> [f"{f:.1f} Hz" for f in rm.natural_frequencies_hz(ring, [2, 3])]
-['97.5 Hz', '119.7 Hz']
+['100.7 Hz', '122.4 Hz']
 
 The names come from `ema` (measurement), `model` (ring) and `pipelines` (whole campaigns), and load
 where they are first used.

@@ -24,7 +24,15 @@ class Tyre:
 
 @dataclass(frozen=True)
 class Processing:
-    """How recordings become FRFs and in which band modes are sought; None means the default."""
+    """How recordings become FRFs and in which band modes are sought; None means the default.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> campaign = rm.read_campaign("sample_data/tyre_225_55R17")
+    >>> rm.estimate_frf(campaign, rm.Processing(block_seconds=2.0, window="hann", overlap=0.5))
+    <FRF: 72 positions, 0.5 to 999.5 Hz in steps of 0.5 Hz, 6 runs>
+    """
 
     averages: int | None = None
     block_seconds: float | None = None
@@ -101,6 +109,15 @@ class Campaign:
         Every file read, the manifest first.
     findings : tuple of Finding
         What was assumed, left out or looks odd.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> campaign = rm.read_campaign("sample_data/tyre_225_55R17")
+    >>> campaign
+    <Campaign tyre_225_55R17: 6 runs with 72 responses, tyre 225/55R17>
+    >>> campaign.runs[1].force.name, campaign.runs[1].recording.sampling_rate_hz
+    ('force', 2000.0)
     """
 
     name: str

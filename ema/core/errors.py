@@ -22,6 +22,15 @@ class InputError(ValueError):
         The rule it breaks, e.g. ``"the file is truncated"``.
     remedy : str
         What the user can do, as a sentence without its full stop, or as a question.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> try:
+    ...     rm.read_campaign("sample_data/tyre_225_55R71")
+    ... except rm.InputError as error:
+    ...     print(error.where)
+    sample_data/tyre_225_55R71
     """
 
     def __init__(self, where: str, found: str, rule: str, remedy: str) -> None:
@@ -46,7 +55,18 @@ class ManifestError(InputError):
 
 
 class FitError(RuntimeError):
-    """An identification step cannot be carried out on these data."""
+    """An identification step cannot be carried out on these data.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
+    >>> try:
+    ...     rm.build_stability(frf, band_hz=(20.0, 21.0))
+    ... except rm.FitError as error:
+    ...     print("no modes:", type(error).__name__)
+    no modes: FitError
+    """
 
 
 class DataQualityWarning(UserWarning):

@@ -100,6 +100,25 @@ class FRF:
         Share of their power by which runs differ that were averaged at one place.
     findings : tuple of Finding
         What is wrong with the recordings, and what was left out of them for that.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ringmodal as rm
+    >>> frequency_hz = np.linspace(0.0, 100.0, 201)
+    >>> omega = 2 * np.pi * frequency_hz
+    >>> values = -(omega**2) / (1e5 - omega**2 + 20j * omega)  # 1 kg, 50 Hz, 3 %
+    >>> frf = rm.FRF(
+    ...     frequency_hz=frequency_hz,
+    ...     values=values[None],
+    ...     coherence=np.ones((1, 201)),
+    ...     std=np.full((1, 201), 0.01),
+    ...     node=np.array([1]),
+    ...     position_deg=np.array([0.0]),
+    ...     run=("bench",),
+    ... )
+    >>> frf
+    <FRF: 1 position, 0 to 100 Hz in steps of 0.5 Hz, 1 run>
     """
 
     frequency_hz: NDArray[np.float64]

@@ -21,6 +21,15 @@ def mac(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
     -------
     ndarray, shape (n_first, n_second)
         Between 0 and 1; 0 where a shape is zero everywhere.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ringmodal as rm
+    >>> angle = np.radians(np.arange(0, 360, 30))
+    >>> cosine, sine = np.cos(2 * angle), np.sin(2 * angle)
+    >>> rm.mac([cosine], [cosine, sine]).round(3)
+    array([[1., 0.]])
     """
     a, b = np.atleast_2d(np.asarray(first)), np.atleast_2d(np.asarray(second))
     if a.shape[1] != b.shape[1]:
@@ -34,7 +43,16 @@ def mac(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
 
 
 def auto_mac(shapes: ArrayLike) -> NDArray[np.float64]:
-    """MAC of a set of shapes with itself, (n_shapes, n_shapes)."""
+    """MAC of a set of shapes with itself, (n_shapes, n_shapes).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ringmodal as rm
+    >>> rm.auto_mac([[1.0, 0.0], [1.0, 1.0]]).round(3)
+    array([[1. , 0.5],
+           [0.5, 1. ]])
+    """
     return mac(shapes, shapes)
 
 
@@ -49,6 +67,13 @@ def frac(measured: ArrayLike, fitted: ArrayLike) -> NDArray[np.float64]:
     -------
     ndarray, shape (n_positions,)
         Between 0 and 1; 0 where an FRF is zero everywhere.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> measured = [[1.0, 2.0 + 1.0j, 3.0], [1.0, 0.0, 0.0]]
+    >>> rm.frac(measured, [[2.0, 4.0 + 2.0j, 6.0], [0.0, 1.0, 0.0]]).round(3)
+    array([1., 0.])
     """
     a, b = np.atleast_2d(np.asarray(measured)), np.atleast_2d(np.asarray(fitted))
     product = np.abs(np.sum(a.conj() * b, axis=1)) ** 2
@@ -61,6 +86,12 @@ def mpc(shape: ArrayLike) -> float:
 
     ((λ1−λ2)/(λ1+λ2))² with the eigenvalues of the covariance of real and imaginary parts
     (Pappa, Elliott & Schenk 1993); parts are not centred, a shape has no meaningful mean.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> round(rm.mpc([1.0, -2.0, 1.0]), 3), round(rm.mpc([1.0, 1.0j, -1.0, -1.0j]), 3)
+    (1.0, 0.0)
     """
     phi = np.asarray(shape)
     xx, yy, xy = phi.real @ phi.real, phi.imag @ phi.imag, phi.real @ phi.imag
@@ -74,6 +105,15 @@ def mpd_deg(shape: ArrayLike) -> float:
 
     Amplitude-weighted angle to the first principal axis of (real, imaginary)
     (Reynders, Houbrechts & De Roeck 2012, eq. 8).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ringmodal as rm
+    >>> round(rm.mpd_deg([1.0j, -2.0j, 1.0j]), 3)  # all in one phase
+    0.0
+    >>> round(rm.mpd_deg(np.exp(1j * np.radians([10.0, -10.0]))), 3)
+    10.0
     """
     phi = np.asarray(shape)
     weight = np.abs(phi)

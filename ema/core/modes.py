@@ -58,6 +58,22 @@ class Mode:
     frequency_band_shift_hz, damping_band_shift : float
         Largest change when the band loses lines at either end; not part of the standard
         deviations. NaN next to the ends.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ringmodal as rm
+    >>> angle = np.radians(np.arange(0.0, 360.0, 30.0))
+    >>> mode = rm.Mode(
+    ...     pole=2 * np.pi * 100.0 * complex(-0.02, 0.9998),
+    ...     frequency_std_hz=0.01,
+    ...     damping_std=1e-4,
+    ...     residues=0.3j * np.cos(2 * angle),
+    ...     residues_std=np.full(12, 0.001),
+    ...     order=2,
+    ... )
+    >>> f"{mode.frequency_hz:.2f} Hz, {100 * mode.damping_ratio:.2f} %, MPC {mode.mpc:.1f}"
+    '100.00 Hz, 2.00 %, MPC 1.0'
     """
 
     pole: complex
@@ -198,6 +214,19 @@ class ModalModel:
         Verdict on the pair of each order of the ring, and what the order says by itself.
     notes : tuple of str
         What was assumed, dropped or reached a bound, in words.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ringmodal as rm
+    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
+    >>> frf = frf.rows(np.arange(0, 72, 6))  # every 30°, to be quick
+    >>> model = rm.fit_modes(frf, rm.select_poles(rm.build_stability(frf)))
+    >>> model
+    <ModalModel: 8 modes, 20 to 260 Hz>
+    >>> fitted = model.synthesise(frf.frequency_hz[80:1040])
+    >>> bool(rm.frac(frf.values[:, 80:1040], fitted).min() > 0.99)
+    True
     """
 
     modes: tuple[Mode, ...]

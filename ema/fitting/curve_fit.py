@@ -70,6 +70,16 @@ def fit_modes(
     ------
     FitError
         If no pole lies in the band or the fit diverges.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ringmodal as rm
+    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
+    >>> frf = frf.rows(np.arange(0, 72, 6))  # every 30°, to be quick
+    >>> model = rm.fit_modes(frf, rm.select_poles(rm.build_stability(frf)))
+    >>> f"{model.modes[1].frequency_hz:.1f} ± {model.modes[1].frequency_std_hz:.2f} Hz"
+    '100.3 ± 0.01 Hz'
     """
     selection = poles if isinstance(poles, PoleSelection) else PoleSelection.around(poles)
     band_hz = band_hz or selection.band_hz

@@ -94,6 +94,19 @@ def select_poles(
     FitError
         Where nothing was found, nothing within 5 % of a pinned frequency, one pole for two, or one
         that is excluded too.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ringmodal as rm
+    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
+    >>> frf = frf.rows(np.arange(0, 72, 6))  # every 30°, to be quick
+    >>> diagram = rm.build_stability(frf)
+    >>> rm.select_poles(diagram).pinned
+    False
+    >>> pinned = rm.select_poles(diagram, pinned_hz=[78.7, 100.3])
+    >>> bool(pinned.aside.size)  # what is not wanted is fitted, but not part of the result
+    True
     """
     excluded = {_excluded(diagram, wanted) for wanted in excluded_hz}
     kept = [cluster for cluster in diagram.clusters if cluster.kept]

@@ -83,6 +83,16 @@ class StabilityDiagram:
         All clusters, kept or not.
     indicator_hz, indicator : ndarray
         Mode indicator function drawn behind the poles: RMS inertance over all positions.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ringmodal as rm
+    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
+    >>> frf = frf.rows(np.arange(0, 72, 6))  # every 30°, to be quick
+    >>> diagram = rm.build_stability(frf, band_hz=(60.0, 160.0))
+    >>> [f"{c.frequency_hz:.0f} Hz" for c in diagram.clusters if c.kept and c.frequency_hz < 130]
+    ['79 Hz', '100 Hz', '121 Hz']
     """
 
     band_hz: tuple[float, float]
@@ -172,6 +182,15 @@ def build_stability(
         If there is no such method.
     FitError
         Where the band holds too few lines.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ringmodal as rm
+    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
+    >>> frf = frf.rows(np.arange(0, 72, 6))  # every 30°, to be quick
+    >>> rm.build_stability(frf, band_hz=(20.0, 260.0))
+    <StabilityDiagram: 20 to 260 Hz, ... poles up to model order 60, 8 modes seen>
     """
     if method not in METHODS:
         raise InputError(

@@ -53,6 +53,16 @@ def estimate_frf(
     ------
     InputError
         If the blocks asked for do not fit, the runs differ in rate or the force is silent.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> campaign = rm.read_campaign("sample_data/tyre_225_55R17")
+    >>> frf = rm.estimate_frf(campaign)
+    >>> frf
+    <FRF: 72 positions, 0.25 to 999.75 Hz in steps of 0.25 Hz, 6 runs>
+    >>> frf.values.shape == (frf.n_positions, frf.frequency_hz.size)
+    True
     """
     if estimator not in ESTIMATORS:
         raise InputError(

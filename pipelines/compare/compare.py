@@ -57,6 +57,13 @@ class Comparison:
         What makes the comparison doubtful, in sentences.
     agreement : Agreement or None
         All modes together; None where no standard deviation is known.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> found = rm.compare(rm.load("result"), rm.load("result"))
+    >>> len(found.modes), found.only_first, found.is_repeat
+    (8, (), False)
     """
 
     first: Result
@@ -100,6 +107,13 @@ def compare(first: Result, second: Result) -> Comparison:
     Returns
     -------
     Comparison
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> first, second = rm.load("result"), rm.load("result")
+    >>> rm.compare(first, second).mac.diagonal().round(3)
+    array([1., 1., 1., 1., 1., 1., 1., 1.])
     """
     shapes = common_shapes(first.modal_model, second.modal_model)
     one = seen_by(first.modal_model, second.modal_model)
@@ -141,6 +155,13 @@ def compare_folders(
     ------
     InputError
         If a folder is no result, is damaged, or was changed and that is not accepted.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> found = rm.compare_folders("result", "result")
+    >>> {each.name for each in found.parameters} >= {"radial_stiffness_n_m3"}
+    True
     """
     from pipelines.process.run import retune
 

@@ -75,6 +75,15 @@ def process(
         If the input cannot be used, or gives a warning in a strict run; nothing is written.
     FitError
         If no modes can be identified.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> result = rm.process("sample_data/tyre_225_55R17")
+    >>> result
+    <Result tyre_225_55R17: 8 modes, ring tuned, 0 warnings>
+    >>> bool(abs(result.validation.error_percent).max() < 1.0)
+    True
     """
     options = options or Options()
     watch = Stopwatch(progress or (lambda name: None))
@@ -339,6 +348,13 @@ def retune(
     ------
     InputError
         If the folder is no result, or was changed.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> result = rm.retune("result", objective="paper")
+    >>> result.tuning.objective
+    'paper'
     """
     result = load(folder, accept_changes=accept_changes)
     if strict:

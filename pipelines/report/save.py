@@ -47,6 +47,13 @@ def save(
     ------
     InputError
         If the folder exists and may not be replaced, or cannot be written.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> rm.save(rm.load("result"), "copy", report=False)
+    >>> rm.load("copy")
+    <Result tyre_225_55R17: 8 modes, no ring, 0 warnings>
     """
     folder = Path(folder)
     with written_whole(folder, force=force, accepted=_replaceable(result)) as partial:

@@ -77,7 +77,14 @@ def subject_of(result: Result) -> str:
 
 
 def write_report(result: Result, path: str | Path) -> Path:
-    """Write the report to `path` and return it."""
+    """Write the report to `path` and return it.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> rm.write_report(rm.retune("result"), "report.html").name
+    'report.html'
+    """
     target = Path(path)
     target.write_text(render_report(result), encoding="utf-8")
     return target

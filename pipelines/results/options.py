@@ -36,6 +36,13 @@ class Options:
         Ring parameters known from elsewhere, by name, in SI.
     strict : bool
         Whether warnings about the recordings are errors.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> options = rm.Options(processing=rm.Processing(band_hz=(60.0, 160.0)), tune=False)
+    >>> rm.process("sample_data/tyre_225_55R17", options)
+    <Result tyre_225_55R17: 4 modes, no ring, 0 warnings>
     """
 
     processing: Processing = field(default_factory=Processing)

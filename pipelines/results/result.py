@@ -80,6 +80,15 @@ class Result:
         What a reader of the report must know.
     provenance : dict
         Content of ``provenance.json``: versions, inputs with SHA-256, options, stage times.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> result = rm.load("result")
+    >>> result.modal_model.frequencies_hz[:3].round(1)
+    array([ 78.7, 100.3, 121.4])
+    >>> sorted({finding.verdict for finding in result.findings})
+    ['ok']
     """
 
     name: str

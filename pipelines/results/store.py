@@ -35,6 +35,12 @@ def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
     InputError
         If the folder is no result, is damaged, or a part of it was changed, is missing or was
         added and is not accepted.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> rm.load("result").modal_model
+    <ModalModel: 8 modes, 20 to 260 Hz>
     """
     folder = Path(folder)
     for attempts_left in reversed(range(_ATTEMPTS)):

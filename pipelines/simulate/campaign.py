@@ -164,6 +164,13 @@ def simulate_campaign(
     ------
     InputError
         If the folder holds anything or cannot be written, or an option is out of its range.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> folder = rm.simulate_campaign("virtual_tyre", duration_s=2.0, snr_db=40.0)
+    >>> rm.read_campaign(folder)
+    <Campaign virtual_tyre: 6 runs with 72 responses, tyre 225/55R17>
     """
     folder = Path(folder)
     setup = Setup(

@@ -56,6 +56,15 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
         If a file is missing, damaged, or holds nothing that can be used.
     ManifestError
         If the manifest is faulty or contradicts the recordings.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> campaign = rm.read_campaign("sample_data/tyre_225_55R17")
+    >>> campaign
+    <Campaign tyre_225_55R17: 6 runs with 72 responses, tyre 225/55R17>
+    >>> campaign.findings  # nothing is wrong with these recordings
+    ()
     """
     paths = [Path(source)] if isinstance(source, str | Path) else [Path(each) for each in source]
     if len(paths) == 1 and is_folder(paths[0]):

@@ -84,6 +84,15 @@ def read_shapes(path: Path | str) -> ShapeSet:
     ------
     RecordingFormatError
         If the file is missing or damaged, or holds no mode shapes.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> from pipelines.export.modal import export
+    >>> written = export("result", "modes.uff")
+    >>> shapes = rm.read_shapes("modes.uff")
+    >>> shapes.n_modes, shapes.values.shape[1] >= 72
+    (8, True)
     """
     path = Path(path)
     datasets = scan(path)
