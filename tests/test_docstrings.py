@@ -16,6 +16,15 @@ NAMES = sorted(name for name in ringmodal.__all__ if name != "__version__")
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
+METHODS = sorted(
+    f"{name}.{method}"
+    for name in NAMES
+    if inspect.isclass(getattr(ringmodal, name))
+    for method, found in vars(getattr(ringmodal, name)).items()
+    if not method.startswith("_") and ">>>" in (inspect.getdoc(found) or "")
+)
+
+
 def examples_of(found, name):
     return doctest.DocTestParser().get_doctest(inspect.getdoc(found) or "", {}, name, None, 0)
 
@@ -42,6 +51,13 @@ def test_the_example_of_a_public_name_runs(name, examples_folder, monkeypatch):
     test = examples_of(getattr(ringmodal, name), name)
     assert test.examples, f"{name} has no example"
     assert not failures(test)
+
+
+@pytest.mark.parametrize("path", METHODS)
+def test_the_example_of_a_method_runs(path, examples_folder, monkeypatch):
+    monkeypatch.chdir(examples_folder)
+    name, method = path.split(".")
+    assert not failures(examples_of(getattr(getattr(ringmodal, name), method), path))
 
 
 def test_the_example_of_the_package_runs():
