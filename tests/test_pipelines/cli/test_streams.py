@@ -98,7 +98,7 @@ def test_a_full_drive_beneath_the_output_costs_no_result(short_campaign, tmp_pat
 def test_no_message_ends_in_a_file_that_took_the_place_of_a_closed_stream(tmp_path):
     """A library writes to number 2 whatever file that is."""
     program = (
-        "import os; from pipelines import streams; streams.make_tolerant();"
+        "import os; from pipelines.cli import streams; streams.make_tolerant();"
         f"file = open({str(tmp_path / 'kept')!r}, 'wb', 0); os.write(2, b'a message'); print('x')"
     )
     command = f'{sys.executable} -c "{program}" <&- >&- 2>&-'
