@@ -1,4 +1,11 @@
-"""Write universal files: time series and FRFs as dataset 58 or 58b."""
+"""Write universal files: time series and FRFs as dataset 58 or 58b, modal models around them.
+
+pyuff writes everything but dataset 58. Its 58 (version 2.5.8, measured) states half the bytes of
+complex binary data, knows neither single precision nor big endian there, prints the step of the
+abscissa with six digits (44 100 Hz comes back as 44 100.07 Hz), and packs one value at a time:
+14 channels of 500 000 samples take 3.9 s (here 0.04 s), 72 FRFs of 1400 lines 0.28 s (here below
+0.01 s).
+"""
 
 from __future__ import annotations
 
@@ -6,9 +13,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import BinaryIO, Literal
+from tempfile import TemporaryDirectory
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
+import pyuff
 from numpy.typing import NDArray
 
 from ema.core.errors import InputError, visible_line
@@ -295,7 +304,6 @@ _LONGEST_LINE = 125  # nodes of a trace line that every program takes
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 _STRUCTURAL, _TRANSLATION, _DISPLACEMENT = 1, 2, 8
 _NORMAL_MODE, _COMPLEX_EIGENVALUE = 2, 3
-_REAL, _COMPLEX = 2, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,109 +338,109 @@ class ShapeDataset:
 
 def header_151(name: str, description: str, program: str, written: datetime) -> bytes:
     """Dataset 151: what the file is, and who wrote it when."""
-    moment = f"{written.day:02d}-{_MONTHS[written.month - 1]}-{written:%y} {written:%H:%M:%S}"
-    stamp = f"{moment[:9]:<10}{moment[10:]:<10}"
-    lines = [
-        _text(name),
-        _text(description),
-        _text(program),
-        f"{stamp}{0:10d}{0:10d}{0:10d}",
-        stamp,
-        _text(program),
-        stamp,
-    ]
-    return _dataset(151, lines)
+    day = f"{written.day:02d}-{_MONTHS[written.month - 1]}-{written:%y}"
+    events = "db_created", "db_saved", "file_written"
+    return _written(
+        {
+            "type": 151,
+            "model_name": _text(name),
+            "description": _text(description),
+            "db_app": _text(program),
+            "program": _text(program),
+            **{f"date_{event}": day for event in events},
+            **{f"time_{event}": f"{written:%H:%M:%S}" for event in events},
+        }
+    )
 
 
 def units_164() -> bytes:
     """Dataset 164: everything in SI."""
-    lines = [
-        f"{1:10d}{'SI: Meter (newton)':<20}{2:10d}",
-        _reals((1.0, 1.0, 1.0), 25, 16),
-        _reals((_KELVIN_AT_0_C,), 25, 16),
-    ]
-    return _dataset(164, lines)
+    units = {"units_code": 1, "units_description": "SI: Meter (newton)  ", "temp_mode": 2}
+    factors = {"length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": _KELVIN_AT_0_C}
+    return _written({"type": 164, **units, **factors})
 
 
 def coordinate_system_2420() -> bytes:
     """Dataset 2420: the structure's own Cartesian system, for programs that ask for one."""
     axes = np.vstack([np.eye(3), np.zeros(3)])
-    lines = [
-        f"{1:10d}",
-        _text("ringmodal"),
-        f"{CARTESIAN:10d}{0:10d}{_LINE_COLOUR:10d}",
-        _text("global"),
-        *(_reals(row, 25, 16) for row in axes),
-    ]
-    return _dataset(2420, lines)
+    system = {"CS_sys_labels": [CARTESIAN], "CS_types": [0], "CS_colors": [_LINE_COLOUR]}
+    named = {"CS_names": [_text("global")], "Part_UID": 1, "Part_Name": _text("ringmodal")}
+    return _written({"type": 2420, **named, **system, "CS_matrices": [axes]})
 
 
 def nodes_2411(node: NDArray[np.int_], xyz_m: NDArray[np.float64]) -> bytes:
     """Dataset 2411: nodes in Cartesian coordinates, m."""
-    lines = []
-    for label, point in zip(node.tolist(), xyz_m.tolist(), strict=True):
-        lines.append(f"{label:10d}{CARTESIAN:10d}{CARTESIAN:10d}{_NODE_COLOUR:10d}")
-        lines.append(_reals(point, 25, 16))
-    return _dataset(2411, lines)
+    system = np.full(len(node), CARTESIAN)
+    colour = np.full(len(node), _NODE_COLOUR)
+    points = dict(zip("xyz", xyz_m.T, strict=True))
+    labels = {"node_nums": node, "def_cs": system, "disp_cs": system, "color": colour}
+    return _written({"type": 2411, **labels, **points})
 
 
 def trace_lines_82(name: str, path: Sequence[int]) -> bytes:
     """Dataset 82: a line through the nodes, in as many pieces as programs can take."""
     step = _LONGEST_LINE - 1  # each piece begins where the one before it ended
     pieces = [path[start : start + step + 1] for start in range(0, max(len(path) - 1, 1), step)]
-    datasets = []
-    for number, piece in enumerate(pieces, start=1):
-        head = f"{number:10d}{len(piece):10d}{_LINE_COLOUR:10d}"
-        rows = (piece[start : start + 8] for start in range(0, len(piece), 8))
-        lines = ["".join(f"{label:10d}" for label in row) for row in rows]
-        datasets.append(_dataset(82, [head, _text(name), *lines]))
-    return b"".join(datasets)
+    shared = {"type": 82, "color": _LINE_COLOUR, "id": _text(name)}
+    return _written(
+        *(
+            {**shared, "trace_num": number, "nodes": np.array(piece)}
+            for number, piece in enumerate(pieces, start=1)
+        )
+    )
 
 
 def shape_55(mode: ShapeDataset) -> bytes:
     """Dataset 55: a mode shape, as a complex eigenvalue or, where it is real, a normal mode."""
     is_complex = np.iscomplexobj(mode.values)
-    analysis = _COMPLEX_EIGENVALUE if is_complex else _NORMAL_MODE
-    kind = _COMPLEX if is_complex else _REAL
-    numbers = (_STRUCTURAL, analysis, _TRANSLATION, _DISPLACEMENT, kind, 3)
-    reals = _of_complex(mode) if is_complex else _of_normal(mode)
-    lines = [
-        *map(_text, (*mode.id_lines, *("NONE",) * 5)[:5]),
-        "".join(f"{number:10d}" for number in numbers),
-        f"{2:10d}{len(reals):10d}{1:10d}{mode.number:10d}",
-        _reals(reals, 13, 5),
-    ]
-    values = np.ascontiguousarray(mode.values)
-    parts = values.view(np.float64) if is_complex else values
-    for label, row in zip(mode.node.tolist(), parts.tolist(), strict=True):
-        lines += [f"{label:10d}", _reals(row, 13, 5)]
-    return _dataset(55, lines)
-
-
-def _of_complex(mode: ShapeDataset) -> tuple[float, ...]:
-    """Eigenvalue, modal A and modal B = −s A."""
-    modal_b = -mode.pole * mode.modal_a
-    return tuple(
-        part for value in (mode.pole, mode.modal_a, modal_b) for part in (value.real, value.imag)
+    texts = map(_text, (*mode.id_lines, *("NONE",) * 5)[:5])
+    return _written(
+        {
+            "type": 55,
+            **{f"id{number}": text for number, text in enumerate(texts, start=1)},
+            "model_type": _STRUCTURAL,
+            "analysis_type": _COMPLEX_EIGENVALUE if is_complex else _NORMAL_MODE,
+            "data_ch": _TRANSLATION,
+            "spec_data_type": _DISPLACEMENT,
+            "load_case": 1,
+            "mode_n": mode.number,
+            **(_complex_mode(mode) if is_complex else _normal_mode(mode)),
+            "node_nums": mode.node,
+            **dict(zip(("r1", "r2", "r3"), mode.values.T, strict=True)),
+        }
     )
 
 
-def _of_normal(mode: ShapeDataset) -> tuple[float, ...]:
-    """Frequency, modal mass, viscous and hysteretic damping."""
+def _complex_mode(mode: ShapeDataset) -> dict[str, complex]:
+    """Eigenvalue, modal A and modal B = −s A."""
+    modal_a = complex(mode.modal_a)
+    return {"eig": mode.pole, "modal_a": modal_a, "modal_b": -mode.pole * modal_a}
+
+
+def _normal_mode(mode: ShapeDataset) -> dict[str, float]:
+    """Frequency, modal mass and viscous damping ratio."""
     size = abs(mode.pole)
-    return size / (2 * np.pi), mode.modal_mass_kg, -mode.pole.real / size, 0.0
+    return {
+        "freq": size / (2 * np.pi),
+        "modal_m": mode.modal_mass_kg,
+        "modal_damp_vis": -mode.pole.real / size,
+    }
 
 
-def _dataset(number: int, lines: Iterable[str]) -> bytes:
-    end = DELIMITER.decode()
-    return "\n".join([end, f"{number:6d}", *lines, end, ""]).encode("ascii")
+def _written(*datasets: dict[str, Any]) -> bytes:
+    """Datasets as pyuff writes them, which it does to files of its own only."""
+    with TemporaryDirectory(prefix="ringmodal-") as folder:
+        path = Path(folder) / "datasets.uff"
+        try:
+            pyuff.UFF(str(path)).write_sets(list(datasets), "overwrite")
+        except Exception as error:  # pyuff raises nothing else, and hides what a full drive says
+            if isinstance(error.__context__, OSError):
+                raise error.__context__ from None
+            raise
+        return path.read_text(encoding="ascii").encode("ascii")  # with line feeds everywhere
 
 
 def _text(line: str) -> str:
     """80 columns of plain ASCII; a line may not be blank."""
     plain = " ".join(visible_line(line).encode("ascii", "replace").decode().split())
     return f"{plain[:80] or 'NONE':<80}"
-
-
-def _reals(values: Iterable[float], width: int, digits: int) -> str:
-    return "".join(f"{value + 0.0:{width}.{digits}E}" for value in values)

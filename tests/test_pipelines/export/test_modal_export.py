@@ -1,5 +1,6 @@
 """What other modal programs are given: read back by us, by pyuff, by SDynPy, by MATLAB's format."""
 
+import errno
 import importlib.util
 import json
 import os
@@ -332,3 +333,15 @@ def test_the_command_says_what_it_wrote(ringmodal, folder, tmp_path, monkeypatch
     told = json.loads(said)
     assert (code, told["path"], told["modes"], told["frfs_measured"]) == (0, "tyre_7_csv", 7, 0)
     assert (tmp_path / "tyre_7_csv" / "modes.csv").is_file()
+
+
+def test_a_full_drive_is_no_fault_of_the_program(monkeypatch):
+    def full(*_, **__):
+        try:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        except OSError:
+            raise Exception("Error writing data-set #82")  # noqa: B904  # as pyuff does
+
+    monkeypatch.setattr(pyuff.UFF, "write_sets", full)
+    with pytest.raises(OSError, match="No space left"):
+        trace_lines_82("ring", [1, 2, 3])
