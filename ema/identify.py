@@ -1,4 +1,4 @@
-"""Identification as a whole: FRFs in, modes and everything found on the way out."""
+"""Identification: from FRFs to modes and findings."""
 
 from __future__ import annotations
 

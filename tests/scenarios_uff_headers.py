@@ -12,7 +12,7 @@ HEADERS = (
         RUN.replace(b"b     1     2", b"b     1     1", 1),
         bad_file("dataset 1, line 2", "floating-point format 1", "IEEE"),
     ),
-    uff("ordinate type 7", sensor(ordinate=7), bad_file("line 9", "type 7", "2, 4, 5 and 6")),
+    uff("ordinate type 7", sensor(ordinate=7), bad_file("line 9", "type 7", "2, 4, 5 or 6")),
     uff(
         "a time response of complex values",
         binary58(floats([*FORCE, *FORCE]), ordinate=5, n=N),
@@ -167,7 +167,7 @@ FRFS = (
     uff(
         "coherence alone",
         frf58(_LINES, function_type=6),
-        bad_file("a.uff", "function type 6", "nothing for this tool"),
+        bad_file("a.uff", "function type 6", "no usable datasets"),
     ),
     uff(
         "FRFs of two forces",

@@ -1,1 +1,1 @@
-"""Checks on channels, sensors and runs, and what they find."""
+"""Checks on channels, sensors and runs."""

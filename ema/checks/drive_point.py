@@ -1,4 +1,4 @@
-"""Whether the shapes agree with where the force is said to act, and with its sign."""
+"""Drive-point check: position and polarity of the force against the mode shapes."""
 
 from __future__ import annotations
 

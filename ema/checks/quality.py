@@ -1,4 +1,4 @@
-"""Checks on channels and runs, and what they found."""
+"""Checks on channels and runs: drift, coherence, block length."""
 
 from __future__ import annotations
 
@@ -104,8 +104,8 @@ def averages_finding(frf: FRF) -> list[Finding]:
     if not frf.n_effective <= 1:
         return []
     detail = (
-        "a single average: coherence is 1 whatever the noise, and says nothing; ± follows from "
-        "what the curve fit leaves over. Record the sweep, burst or impact several times"
+        "a single average: coherence is always 1 and carries no information; ± is estimated "
+        "from the fit residuals. Record the sweep, burst or impact several times"
     )
     return [Finding("", "", None, "averages", WARNING, detail)]
 
@@ -121,8 +121,8 @@ def period_finding(frf: FRF) -> list[Finding]:
         return [Finding("", "force", None, "period", OK, detail)]
     detail = (
         f"{found}, but blocks of {plan.block_s:g} s with a {plan.window} window are not one "
-        "period: damping ratios may be wrong by some percent. Leave averages, block length and "
-        "window to the program"
+        "period: damping ratios may be wrong by a few percent. Use the default averages, block "
+        "length and window"
     )
     return [Finding("", "force", None, "period", WARNING, detail)]
 
@@ -154,7 +154,8 @@ def drift_findings(drift: Drift) -> list[Finding]:
             position_deg=None,
             check="drift",
             verdict=verdict,
-            detail=f"natural frequencies {percent:+.4f} ± {std:.4f} % against {drift.run[0]}{says}",
+            detail=f"natural frequencies {percent:+.4f} ± {std:.4f} % relative to "
+            f"{drift.run[0]}{says}",
         )
         for run, percent, std in zip(
             drift.run[1:], drift.percent[1:], drift.std_percent[1:], strict=True

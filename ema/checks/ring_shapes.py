@@ -1,4 +1,4 @@
-"""What every sensor shows of the ring modes, and what all sensors together say it should show."""
+"""Ring-mode shapes from all sensors together, and the gain of each sensor against them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run that reads all others times a factor: a range, sensitivity or unit that was changed."""
+"""Run gain: a run whose FRFs differ from all others by a constant factor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Channels that cannot be used, found before anything is fitted to them."""
+"""Channel screening before the fit: dead, clipped, incoherent or incomplete channels, and hum."""
 
 from __future__ import annotations
 
@@ -72,8 +72,8 @@ def _disagreeing(frf: FRF) -> list[Finding]:
             int(row),
             "averaged runs",
             WARNING,
-            f"the runs averaged here differ by {100 * frf.disagreement[row]:.0f} % of their power: "
-            "sensors of different places under one node or position?",
+            f"the runs averaged here differ by {100 * frf.disagreement[row]:.0f} % of their "
+            "power: sensors from different places under one node or position?",
         )
         for row in np.flatnonzero(frf.disagreement > _DISAGREES)
     ]
@@ -143,10 +143,12 @@ def _hum_findings(frf: FRF) -> list[Finding]:
         level = _tone_db(frf, mains_hz)
         usual = float(np.median(level)) if level.size else 0.0
         if usual > _HUM_DB:
-            text = f"{mains_hz:g} Hz hum on most channels, {usual:.0f} dB above the noise around it"
-            findings.append(Finding("", "", None, "hum", OK, text + "; those lines count less"))
+            text = f"{mains_hz:g} Hz hum on most channels, {usual:.0f} dB above the noise nearby"
+            findings.append(
+                Finding("", "", None, "hum", OK, text + "; these lines are down-weighted")
+            )
         for row in np.flatnonzero(level > max(usual, 0) + _HUM_DB):
-            text = f"{mains_hz:g} Hz hum, {level[row]:.0f} dB above the noise around it"
+            text = f"{mains_hz:g} Hz hum, {level[row]:.0f} dB above the noise nearby"
             findings.append(position_finding(frf, int(row), "hum", WARNING, text))
     return findings
 
@@ -173,7 +175,7 @@ def _force_findings(frf: FRF) -> list[Finding]:
             check="clipped",
             verdict=WARNING,
             detail=f"{100 * share:.2g} % of the force's samples sit on the limits of the signal; "
-            "all FRFs of this run suffer",
+            "all FRFs of this run are affected",
         )
         for run, share in sorted(worst.items())
         if share > _FEW_CLIPPED

@@ -1,4 +1,4 @@
-"""Sensors that contradict the modes all others agree on: inverted, wrongly scaled, swapped.
+"""Sensor consistency: inverted, wrongly scaled or swapped sensors, found from the modes.
 
 A correction is a claim about the set-up. It is made only where all ring modes say the same, where
 it is significant, and for few sensors: what makes many of them look wrong is the tyre.
@@ -221,9 +221,13 @@ def _factor(gain: float) -> float:
 def _gain_finding(gain: float, *, whole_run: bool = False) -> tuple[str, str, str]:
     where = ", as do all sensors of this run: the force's sign or scale is wrong" * whole_run
     if _is_usual(-gain):
-        return FLIPPED, WARNING, f"fits the modes with a factor of {gain:.2f}{where}: inverted"
+        return (
+            FLIPPED,
+            WARNING,
+            f"fits the modes with a factor of {gain:.2f}{where}: polarity inverted",
+        )
     turned = " and with the wrong sign" * (gain < 0)
-    text = f"reads {abs(gain):.3g} times what the modes say{turned}{where}: "
+    text = f"reads {abs(gain):.3g} times the value expected from the modes{turned}{where}: "
     return SCALED, WARNING, text + "gain corrected by this factor"
 
 

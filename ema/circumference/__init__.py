@@ -1,1 +1,1 @@
-"""What is special about a ring of sensors: orders, ring modes, the sensors' mass."""
+"""Circumferential analysis: orders, ring modes and mass loading."""

@@ -1,4 +1,4 @@
-"""The accelerometers' own mass: taken off the FRFs, or at least told how much it may do."""
+"""Mass loading by the accelerometers: compensation, or an estimate of its effect."""
 
 from __future__ import annotations
 
@@ -205,7 +205,7 @@ def _of_run(pulls: dict[str, NDArray[np.complex128]], name: str) -> NDArray[np.c
             f"run {name!r}",
             "no sensors",
             "taking off the sensors' mass needs the angles of all sensors of each run",
-            "Give the positions of its sensors, or leave the mass out",
+            "Give the positions of its sensors, or remove the mass",
         )
     return np.asarray(np.mean(known, axis=0))
 

@@ -1,4 +1,4 @@
-"""What is special about a closed ring of sensors: circumferential orders and their purity."""
+"""Circumferential orders of mode shapes and their purity."""
 
 from __future__ import annotations
 

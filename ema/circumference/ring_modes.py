@@ -1,4 +1,4 @@
-"""Which modes are the ring's own: one frequency per order, rising along the dispersion curve."""
+"""Selection of the ring modes: one frequency per order, along the dispersion curve."""
 
 from __future__ import annotations
 
@@ -88,12 +88,13 @@ def why_foreign(mode: Mode, own: Sequence[Mode]) -> str:
     if mode.order_purity < PURE:
         return f"its shape is no single order (purity {mode.order_purity:.2f})"
     if mode.order == 0:
-        return "order 0 has no place on the ring's dispersion curve"
-    reasons = [f"the ring's order {mode.order} lies elsewhere on the dispersion curve"]
+        return "order 0 is not on the ring's dispersion curve"
+    reasons = [f"order {mode.order} of the ring is elsewhere on the dispersion curve"]
     near = min(own, key=lambda other: abs(other.frequency_hz - mode.frequency_hz), default=None)
     if near is not None and mode.damping_ratio * _ODD_DAMPING < near.damping_ratio:
         reasons.append(
-            f"damped {near.damping_ratio / mode.damping_ratio:.1f} times less than its neighbour"
+            f"damping {near.damping_ratio / mode.damping_ratio:.1f} times lower than that of "
+            "its neighbour"
         )
     return ", ".join(reasons)
 

@@ -1,1 +1,1 @@
-"""Types and small tools that everything in `ema` rests on."""
+"""Core types and small tools."""

@@ -1,4 +1,4 @@
-"""ema.core.bands."""
+"""Lines within a frequency band."""
 
 from __future__ import annotations
 

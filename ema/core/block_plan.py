@@ -1,4 +1,4 @@
-"""ema.core.block_plan."""
+"""Block plan of a recording: block length, window, overlap."""
 
 from __future__ import annotations
 
@@ -112,6 +112,6 @@ def _window(name: str, n_samples: int) -> NDArray[np.float64]:
         raise InputError(
             "window",
             repr(name),
-            "it must be a window of scipy that needs no parameter",
+            "it must be a scipy window without parameters",
             "Choose e.g. 'hann' or 'boxcar'",
         ) from error

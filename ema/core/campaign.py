@@ -1,4 +1,4 @@
-"""ema.core.campaign."""
+"""Campaign: runs, sensors, tyre and settings."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def band_text(band_hz: tuple[float, float]) -> str:
 
 
 def as_typed(value: float | None, unit: str) -> str:
-    """A value as a person would have typed it."""
+    """A value as a person would type it."""
     space = "" if unit == "°" else " "
     return "–" if value is None else f"{value:.10g}{space}{unit}"
 

@@ -1,4 +1,4 @@
-"""What callers may want to act on: bad input, a fit that cannot be done, doubtful data."""
+"""Exceptions and warnings, and making hidden characters visible."""
 
 from __future__ import annotations
 
@@ -123,7 +123,9 @@ def nearest(name: str, names: Iterable[str]) -> str:
     """Suggest the most similar name, or list the names where none is similar."""
     known = list(names)
     similar = difflib.get_close_matches(name, known, n=1)
-    return f"Did you mean {similar[0]!r}?" if similar else f"Known are {', '.join(known) or 'none'}"
+    return (
+        f"Did you mean {similar[0]!r}?" if similar else f"Choose from: {', '.join(known) or 'none'}"
+    )
 
 
 def unknown(where: str, found: str, rule: str, known: Iterable[str]) -> InputError:
@@ -145,8 +147,8 @@ def out_of_memory(error: MemoryError) -> str:
     """Message for recordings that are too large for the machine."""
     detail = f" ({error})" if str(error) else ""
     return (
-        f"Error: not enough memory{detail}. "
-        "Close other programs, take shorter blocks or a narrower band, or use a larger machine."
+        f"Error: not enough memory{detail}. Close other programs, use shorter blocks or a "
+        "narrower band, or a machine with more memory."
     )
 
 

@@ -74,7 +74,7 @@ def _is_whole(samples: np.memmap[Any, Any]) -> bool:
 
 def _gone(path: Path, found: str) -> RecordingFormatError:
     rule = "the file was longer when it was opened"
-    remedy = "Check the drive or the network, and process it again"
+    remedy = "Check the drive or the network and process it again"
     return RecordingFormatError(str(path), found, rule, remedy)
 
 
@@ -103,4 +103,4 @@ def require_regular(path: Path) -> Path:
     if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
         return path
     rule = "only regular files are read: nobody knows when a pipe or device ends"
-    raise InputError(str(path), "not a regular file", rule, "Name a file, or write it to one first")
+    raise InputError(str(path), "not a regular file", rule, "Write it to a file first")

@@ -1,4 +1,4 @@
-"""ema.core.finding."""
+"""Findings: the result of one check."""
 
 from __future__ import annotations
 

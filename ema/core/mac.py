@@ -1,4 +1,4 @@
-"""How alike two shapes or two FRFs are, and how real a shape is: arrays in, numbers out."""
+"""MAC, FRAC, MPC and MPD: similarity and complexity of shapes and FRFs."""
 
 from __future__ import annotations
 

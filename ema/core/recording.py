@@ -1,4 +1,4 @@
-"""Recordings as the lab made them: channels, runs and the campaign around them."""
+"""Recordings: channels sampled together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Unit texts as files state them: which quantity they measure, and their factor to SI."""
+"""Units: quantity and SI factor of unit texts."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The curve fit: poles and residues with error bars, pair by pair."""
+"""Curve fitting: poles and residues with uncertainties, and mode pairs."""

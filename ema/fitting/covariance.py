@@ -1,4 +1,4 @@
-"""How far to trust a curve fit: covariance of its parameters from what it left over."""
+"""Covariance of the fitted parameters from the residuals."""
 
 from __future__ import annotations
 

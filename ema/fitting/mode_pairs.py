@@ -1,4 +1,4 @@
-"""Every order n ≥ 1 of a ring is a pair of modes: whether one is seen, or both."""
+"""Mode pairs: whether one or both modes of an order n ≥ 1 are resolved."""
 
 from __future__ import annotations
 
@@ -114,15 +114,15 @@ def _doubt(two: PoleFit, correlation: float) -> str:
     damping = -two.poles.real
     strength = np.linalg.norm(two.residues, axis=0)
     if np.any(two.at_bound[1::2]):
-        return "its frequency is not determined"
+        return "its frequency cannot be determined"
     if gap < _SEPARATION * spread:
         return f"the two frequencies differ by only {gap / spread:.1f} standard deviations"
     unlike = damping.max() / damping.min()
     if unlike > _DAMPING_FACTOR:
-        return f"the two would be damped differently by a factor of {unlike:.1f}"
+        return f"the two dampings would differ by a factor of {unlike:.1f}"
     share = strength.min() / strength.max()
     if share < _SHARE:
-        return f"the weaker one has {100 * share:.1f} % of the stronger"
+        return f"the weaker one has only {100 * share:.1f} % of the stronger"
     return ""
 
 

@@ -1,4 +1,4 @@
-"""Poles within bounds that leave the smallest misfit, for one state of the tyre or one per run."""
+"""Bounded pole fit, with one state of the tyre or one per run."""
 
 from __future__ import annotations
 
@@ -389,6 +389,9 @@ def without_leakage(
         drift = cleared.drift if cleared.drift.size > 1 else None
         cleared = fit_bounded(lines, start, drift, around, plain.pairs)
     if cleared.misfit > _WORSE * plain.misfit:
-        note = "The bias of window and block length was left in: taking it out fits worse."
+        note = (
+            "The bias of window and block length was not compensated: compensation makes the "
+            "fit worse."
+        )
         return plain, [note]
-    return cleared, ["The bias of window and block length was taken out of the curve fit."]
+    return cleared, ["The bias of window and block length was compensated in the curve fit."]

@@ -1,4 +1,4 @@
-"""Order by order: one mode of a pair or both, and what the order says by itself."""
+"""Resolution of mode pairs, order by order."""
 
 from __future__ import annotations
 

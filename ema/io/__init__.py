@@ -1,1 +1,1 @@
-"""Files in and out: one file for each format, behind `ema.io.campaign.read.read_campaign`."""
+"""Reading and writing of files: one module per format, behind `read_campaign`."""

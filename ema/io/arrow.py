@@ -94,7 +94,7 @@ def _split(path: Path, schema: pa.Schema) -> tuple[list[int], list[str]]:
     for index in kept:
         name = schema.names[index]
         if schema.names.count(name) > 1:
-            rule = "columns are told apart by their names"
+            rule = "column names must be unique"
             raise RecordingFormatError(path.name, f"two columns {name!r}", rule, EXPORT_AGAIN)
     return kept, [name for index, name in enumerate(schema.names) if index not in kept]
 

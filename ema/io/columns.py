@@ -90,7 +90,7 @@ def content_of_columns(
 def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Column]) -> None:
     if not signals:
         found = f"columns {', '.join(column.name for column in columns) or 'none'}"
-        rule = "at least one column holds a channel"
+        rule = "at least one column must be a channel"
         raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
     first = columns[0]
     for column in columns:
@@ -103,7 +103,7 @@ def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Colu
             remedy = "Export them together, or in files of their own"
             raise RecordingFormatError(path.name, found, rule, remedy)
     if not len(first.samples):
-        rule = "a recording holds samples"
+        rule = "a recording must contain samples"
         raise RecordingFormatError(path.name, "no rows of numbers", rule, EXPORT_AGAIN)
 
 
@@ -221,7 +221,10 @@ def matrix_columns(
     n_channels = len(names) or min(rows, columns)
     if rows == columns or n_channels not in (rows, columns):
         found = f"a matrix of {rows} × {columns} and {len(names)} names"
-        rule = "one side counts samples, the other the channels, which have a name each"
+        rule = (
+            "one dimension must be the samples, the other the channels, with a name for each "
+            "channel"
+        )
         remedy = "Give as many names as there are channels"
         raise RecordingFormatError(where, found, rule, remedy)
     signals = matrix.T if columns == n_channels else matrix

@@ -1,4 +1,4 @@
-"""What one file holds, whatever its format."""
+"""Content of one file, independent of its format, and what the readers share."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ MOST_EXPANSION = (
     64  # of a compressed file: vibration compresses by 1.1 to 10, a silent channel more
 )
 _ALWAYS_BYTES = 1 << 24
-_COPY_AGAIN = "Copy the file again, or export it without compression"
+_COPY_AGAIN = "Copy the file again or export it without compression"
 
 
 def check_expansion(where: str, path: Path, n_bytes: int) -> None:
@@ -83,7 +83,7 @@ def check_expansion(where: str, path: Path, n_bytes: int) -> None:
     if n_bytes <= max(MOST_EXPANSION * size, _ALWAYS_BYTES):
         return
     found = f"{n_bytes} bytes of numbers claimed by a file of {size} bytes"
-    rule = f"no recording is compressed to less than 1/{MOST_EXPANSION}"
+    rule = f"the compression ratio must not exceed {MOST_EXPANSION}"
     raise RecordingFormatError(where, found, rule, _COPY_AGAIN)
 
 
@@ -117,7 +117,7 @@ _LONGEST_REASON = 200
 
 
 def require(module: str, extra: str, path: Path) -> ModuleType:
-    """Import a library that reads a format, or tell how it is installed.
+    """Import an optional library, or say how to install it.
 
     Parameters
     ----------
@@ -137,14 +137,14 @@ def require(module: str, extra: str, path: Path) -> ModuleType:
         return importlib.import_module(module)
     except ImportError as error:
         found = f"the ending {path.suffix!r}"
-        rule = f"this format is read by {module}, which is not installed"
-        remedy = f"Run pip install 'ringmodal[{extra}]', or export the file as UFF or CSV"
+        rule = f"reading this format requires {module}, which is not installed"
+        remedy = f"Run pip install 'ringmodal[{extra}]' or export the file as UFF or CSV"
         raise RecordingFormatError(str(path), found, rule, remedy) from error
 
 
 @contextmanager
 def reading(path: Path, kind: str) -> Iterator[None]:
-    """Turn whatever a format's library raises inside the block into a fault of the file.
+    """Turn any exception of a format's library inside the block into an `InputError`.
 
     Parameters
     ----------

@@ -81,7 +81,7 @@ def read_file(path: Path) -> FileContent:
     if reader is None or not path.is_file():
         found = f"ending {path.suffix!r}" if path.is_file() else "not a file"
         rule = f"recordings end in {', '.join(sorted({**READERS, **_NAMED_READERS}))}"
-        raise RecordingFormatError(str(path), found, rule, "Export it in one of these formats")
+        raise RecordingFormatError(str(path), found, rule, "Export to one of these formats")
     _check_begins(path)
     return reader(path)
 
@@ -106,9 +106,11 @@ def _check_begins(path: Path) -> None:
     except OSError as error:
         reason = error.strerror or str(error)
         rule = "it must be a file that can be read"
-        raise RecordingFormatError(str(path), reason, rule, "Check name and rights") from error
+        raise RecordingFormatError(
+            str(path), reason, rule, "Check the name and the access rights"
+        ) from error
     if is_empty:
-        rule = "a recording holds samples, whatever its format"
+        rule = "a recording must contain samples, whatever its format"
         raise RecordingFormatError(str(path), "the file is empty", rule, "Copy or export it again")
 
 

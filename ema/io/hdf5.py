@@ -51,11 +51,11 @@ def read(path: Path) -> FileContent:
         if array.samples.size > 1 and np.squeeze(array.samples).ndim <= 2:
             series.append(array)
         elif not states_rate(array.name):
-            left_out[array.path] = f"an array of shape {array.samples.shape}"
+            left_out[array.path] = f"array of shape {array.samples.shape}"
     if not series:
         held = "; ".join(f"{place}: {why}" for place, why in left_out.items()) or "nothing"
         rule = "a channel is a dataset of one dimension, or a row or column of a matrix"
-        raise RecordingFormatError(path.name, held, rule, "Export the samples as such datasets")
+        raise RecordingFormatError(path.name, held, rule, "Export the samples in this layout")
     repeated = Counter(array.name for array in series)
     columns = [column for array in series for column in _columns(path, array, repeated)]
     read_in = content_of_columns(path, columns, rate_hz=stated_rate(path, _rates(content, series)))
@@ -226,11 +226,11 @@ def address_of(item: h5py.HLObject) -> Any:
 def unreadable(dataset: h5py.Dataset) -> str:
     """Why a dataset holds no numbers that may be read; empty where it does."""
     if dataset.is_virtual:
-        return "a virtual dataset, whose numbers are elsewhere"
+        return "a virtual dataset, with its data elsewhere"
     if dataset.external:
-        return "numbers kept in another file"
+        return "data stored in another file"
     if dataset.dtype.kind not in "iuf":
-        return "something other than real numbers"
+        return "not real numbers"
     if dataset.shape is None:
         return "empty"
     return ""

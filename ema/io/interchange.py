@@ -59,7 +59,7 @@ def to_sep005(recording: Recording) -> list[dict[str, Any]]:
         If the recording does not state its sampling rate.
     """
     if not recording.sampling_rate_hz > 0:
-        rule, remedy = "SEP-005 needs a rate", "State it with dataclasses.replace"
+        rule, remedy = "SEP-005 needs a sampling rate", "Set it with dataclasses.replace"
         raise InputError(str(recording.path), "no sampling rate", rule, remedy)
     return [_series(recording, channel) for channel in recording.channels]
 
@@ -84,14 +84,16 @@ def from_sep005(series: Sequence[Mapping[str, Any]]) -> Recording:
         If something of this is missing or differs.
     """
     if not series:
-        raise InputError("SEP-005", "no channels", "a recording has channels", "Give at least one")
+        raise InputError(
+            "SEP-005", "no channels", "a recording must have channels", "Give at least one"
+        )
     channels = tuple(_channel(each, number) for number, each in enumerate(series, start=1))
     rates = [_rate_hz(each, channel) for each, channel in zip(series, channels, strict=True)]
     lengths = {channel.n_samples for channel in channels}
     if len(lengths) > 1 or not np.allclose(rates, rates[0], rtol=_EVEN, atol=0):
         found = f"rates {_few(rates)} Hz, lengths {_few(lengths)}"
-        rule = "the channels of a recording share rate and length"
-        raise InputError("SEP-005", found, rule, "Resample or cut them, or pass them apart")
+        rule = "all channels of a recording must have the same rate and length"
+        raise InputError("SEP-005", found, rule, "Resample or cut them, or pass them separately")
     return Recording(Path(str(series[0].get("group") or "sep005")), rates[0], channels)
 
 
@@ -209,8 +211,8 @@ def _channel(series: Mapping[str, Any], number: int) -> Channel:
     where = f"SEP-005, channel {number}"
     missing = [key for key in ("name", "data", "unit_str") if series.get(key) is None]
     if missing:
-        rule = "each channel has name, data and unit_str"
-        raise InputError(where, f"no {', no '.join(missing)}", rule, "Complete it")
+        rule = "each channel needs name, data and unit_str"
+        raise InputError(where, f"no {', no '.join(missing)}", rule, "Add what is missing")
     try:
         samples = np.asarray(series["data"], dtype=np.float64)  # None becomes NaN
     except (TypeError, ValueError) as error:
@@ -242,11 +244,11 @@ def _rate_hz(series: Mapping[str, Any], channel: Channel) -> float:
         step_s = float(steps_s.mean())
         if not np.allclose(steps_s, step_s, rtol=0, atol=max(_EVEN * step_s, 0.0)):
             found = f"steps of {steps_s.min():g} to {steps_s.max():g} s"
-            raise InputError(where, found, "samples are evenly spaced", "Resample the channel")
+            raise InputError(where, found, "samples must be evenly spaced", "Resample the channel")
         rate_hz = 1.0 / step_s if step_s > 0 else None
     if rate_hz is None or not 0 < float(rate_hz) < np.inf:
         found = f"fs {series.get('fs')}"
-        rule = "a channel has a positive rate fs in Hz, or a time vector as long as its data"
+        rule = "a channel needs a positive rate fs in Hz, or a time vector as long as its data"
         raise InputError(where, found, rule, "Add fs")
     return float(rate_hz)
 
@@ -259,6 +261,6 @@ def _package(name: str, extra: str) -> ModuleType:
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        rule = f"this needs the package {name}"
+        rule = f"the package {name} is required"
         remedy = f"Run pip install 'ringmodal[{extra}]'"
         raise InputError(name, "not installed", rule, remedy) from error

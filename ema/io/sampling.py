@@ -184,7 +184,7 @@ def _rate(where: str, place: str, value: object) -> float:
     if 0.0 < rate < math.inf:
         return rate
     shown = str(value)[:40]
-    rule = "a sampling rate in Hz or a time step in s is one positive number"
+    rule = "a sampling rate in Hz or a time step in s must be one positive number"
     raise RecordingFormatError(where, repr(shown), rule, EXPORT_AGAIN)
 
 

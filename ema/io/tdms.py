@@ -25,7 +25,7 @@ SUFFIXES = (".tdms",)
 _TAG = b"TDSm"
 _LEAD_IN_BYTES = 28
 _BIG_ENDIAN = 1 << 6  # of a segment's table of contents
-_COPY_AGAIN = "Copy the file again, or drop the run"
+_COPY_AGAIN = "Copy the file again or leave out the run"
 _UNITS = ("unit_string", "NI_UnitDescription", "unit")
 
 
@@ -58,7 +58,7 @@ def read(path: Path) -> FileContent:
     rate_hz = stated_rate(path, statements)
     content = content_of_columns(path, _columns(wanted, samples), rate_hz=rate_hz)
     notes = tuple(
-        remark(path, channel.name, "content", "no samples, or something other than numbers")
+        remark(path, channel.name, "content", "no samples, or not numeric")
         for channel in channels
         if channel not in wanted
     )

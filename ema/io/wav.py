@@ -18,7 +18,7 @@ from ema.io.content import EXPORT_AGAIN, FileContent, reading, remark
 
 SUFFIXES = (".wav",)
 _INTEGER, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
-_COPY_AGAIN = "Copy the file again, or drop the run"
+_COPY_AGAIN = "Copy the file again or leave out the run"
 _IN_DS64 = 0xFFFFFFFF  # sizes beyond 4 GB stand in a chunk of their own
 
 
@@ -55,7 +55,7 @@ def read(path: Path) -> FileContent:
         Column(f"channel {number}", "", track) for number, track in enumerate(samples.T, start=1)
     ]
     content = content_of_columns(path, columns, rate_hz=float(layout.rate_hz))
-    detail = "a WAV file states no unit; samples are fractions of full scale"
+    detail = "WAV files have no unit; samples are fractions of full scale"
     return replace(content, findings=(remark(path, "", "unit", detail), *content.findings))
 
 
@@ -76,7 +76,7 @@ def _layout(path: Path, data: mmap.mmap) -> tuple[_Format, int, int]:
                 raise RecordingFormatError(path.name, found, rule, _COPY_AGAIN)
             return layout, start, size
     found = "no chunk 'data'" if layout else "no chunk 'fmt ' before the samples"
-    rule = "a WAV file states the format of its samples and holds them"
+    rule = "a WAV file must have a 'fmt ' and a 'data' chunk"
     raise RecordingFormatError(path.name, found, rule, _COPY_AGAIN)
 
 
@@ -114,7 +114,7 @@ def _format(path: Path, chunk: bytes) -> _Format:
         raise RecordingFormatError(f"{path.name}, 'fmt '", found, rule, EXPORT_AGAIN)
     if not n_channels or not rate_hz or row != n_channels * sample_bytes:
         found = f"{n_channels} channels of {sample_bytes} bytes in rows of {row}, {rate_hz} Hz"
-        rule = "rows hold a sample of each channel, at a positive rate"
+        rule = "each row must have one sample per channel, and the rate must be positive"
         raise RecordingFormatError(f"{path.name}, 'fmt '", found, rule, _COPY_AGAIN)
     return _Format(code, n_channels, rate_hz, sample_bytes)
 

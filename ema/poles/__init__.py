@@ -1,1 +1,1 @@
-"""Poles: estimators, the stability diagram, and the choice among them."""
+"""Pole estimation, stability diagram and pole selection."""

@@ -1,4 +1,4 @@
-"""The same FRFs through another pole estimator: where do the two disagree."""
+"""Cross-check of the modes with a second pole estimator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One tyre, several runs: bring FRFs to a common state before poles are sought in all of them."""
+"""Alignment of the FRFs of several runs to a common state before pole estimation."""
 
 from __future__ import annotations
 

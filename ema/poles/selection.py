@@ -1,4 +1,4 @@
-"""Which poles of a stability diagram the curve fit starts from."""
+"""Automatic selection of physical poles."""
 
 from __future__ import annotations
 

@@ -194,7 +194,7 @@ def build_stability(
     """
     if method not in METHODS:
         raise InputError(
-            "poles", f"method {method!r}", f"known are {', '.join(METHODS)}", "Choose one"
+            "poles", f"method {method!r}", f"it must be one of {', '.join(METHODS)}", "Choose one"
         )
     lines = widened_band(frf, band_hz)
     frequency_hz, values = frf.frequency_hz[lines], align_runs(frf, lines)

@@ -1,4 +1,4 @@
-"""Poles over the model orders, each followed from one order to the next."""
+"""Pole tracking over model orders and clustering."""
 
 from __future__ import annotations
 
@@ -287,6 +287,6 @@ def _reasons(sizes: NDArray[np.int_], large: NDArray[np.bool_], max_order: int) 
     fewest = sizes[large].min() if np.any(large) else 0
     return [
         f"{'kept' if kept else 'dropped'}: in {size} of {max_order - 1} model orders"
-        + ("" if kept else f", the modes are in {fewest} or more")
+        + ("" if kept else f"; modes are in {fewest} or more")
         for size, kept in zip(sizes, large, strict=True)
     ]

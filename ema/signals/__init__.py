@@ -1,1 +1,1 @@
-"""From samples to frequency response functions, and what signals show of themselves."""
+"""Signal processing: FRF estimation and checks of the raw signals."""

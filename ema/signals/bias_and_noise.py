@@ -1,4 +1,4 @@
-"""What block lengths and windows do to the FRFs of a random excitation, pole by pole.
+"""Leakage bias of FRFs under random excitation, and their noise.
 
 Averaged over many blocks, the spectra of a stationary random test give not H but the transform of
 h(τ) r(τ), with r the autocorrelation of the window (Bendat & Piersol 2010, ch. 11): resonances

@@ -1,4 +1,4 @@
-"""How a recording is cut into blocks: lengths, windows, overlap, and what averaging is worth."""
+"""Block plans: block length, window, overlap and number of averages."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def plan_blocks(
         raise InputError(
             place,
             f"blocks of {block_s:g} s in a recording of {duration_s:g} s",
-            "a block needs at least 8 samples and must fit into the recording",
+            "a block needs at least 8 samples and must not be longer than the recording",
             "Choose other averages or block_seconds",
         )
     # Rounded down, so that the last of the averages asked for still fits.

@@ -1,4 +1,4 @@
-"""Runs of equal samples: the flat tops of a clipped signal, and stretches where nothing moves."""
+"""Detection of clipping, held values and mains hum in a signal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parts of recordings that cannot be what was measured: found, named and left out."""
+"""Detection of damaged parts of recordings, which are reported and left out."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def _stuck(run: Run) -> Iterator[_Damage]:
         by_channel.setdefault(channel.name, []).append(stretch)
     if len(by_channel) >= len(run.channels):  # the recorder stood still
         wrong = tuple(dict.fromkeys(by_channel[run.force.name]))
-        detail = f"all channels hold their values: {_where(wrong, rate_hz)}; {_LEFT_OUT}"
+        detail = f"all channels are stuck: {_where(wrong, rate_hz)}; {_LEFT_OUT}"
         yield _Damage(STUCK, None, wrong, detail)
         return
     for channel in run.channels:
@@ -151,7 +151,7 @@ def _repeated(run: Run, others: Sequence[int]) -> Iterator[_Damage]:
             f"{_where([copy], rate_hz)}"
         )
         if repeat.throughout:
-            detail += ", which is the recording appended to itself"
+            detail += "; the recording was appended to itself"
         first = Stretch(copy.start - lag, copy.stop - lag)
         # Which of two forces the sensors answered to is not known; of two recordings the first.
         wrong = (copy,) if repeat.of is None else (first, copy)
@@ -178,7 +178,7 @@ def _counted(jump: Jump) -> str:
     row = f"goes from {jump.before} to {jump.after} at row {jump.wrong.start + 1}"
     if jump.lost:
         return f"{row}, {jump.lost} samples lost"
-    return f"{row}, {len(jump.wrong)} samples a second time"
+    return f"{row}, {len(jump.wrong)} samples repeated"
 
 
 def _slipped(run: Run, slip: NDArray[np.float64], plan: BlockPlan) -> Iterator[_Damage]:
@@ -214,8 +214,8 @@ def _joined(run: Run, joints: Sequence[int]) -> Iterator[_Damage]:
     rate_hz = run.recording.sampling_rate_hz
     for sample in joints:
         detail = (
-            f"all channels go on at {sample / rate_hz:.5g} s (row {sample + 1}) as they do where "
-            f"samples were lost or written twice; {_LEFT_OUT}"
+            f"all channels jump at {sample / rate_hz:.5g} s (row {sample + 1}), as when samples "
+            f"are lost or written twice; {_LEFT_OUT}"
         )
         yield _Damage(LOST, None, (Stretch(sample, sample + 1),), detail)
 

@@ -1,4 +1,4 @@
-"""What kind of force excites the structure: steady (blocks are alike), periodic, or an event."""
+"""Type of excitation: steady, periodic or transient."""
 
 from __future__ import annotations
 

@@ -66,7 +66,10 @@ def estimate_frf(
     """
     if estimator not in ESTIMATORS:
         raise InputError(
-            "FRF", f"estimator {estimator!r}", f"known are {', '.join(ESTIMATORS)}", "Choose one"
+            "FRF",
+            f"estimator {estimator!r}",
+            f"it must be one of {', '.join(ESTIMATORS)}",
+            "Choose one",
         )
     if campaign.frf is not None:
         return campaign.frf.rows(_order_of(campaign.frf.position_deg, campaign.frf.node))
@@ -93,8 +96,8 @@ def _common_plan(runs: Sequence[Run], processing: Processing) -> BlockPlan:
             raise InputError(
                 run.name,
                 f"{run.recording.sampling_rate_hz:g} Hz sampling rate",
-                f"{shortest.name} has {rate:g} Hz and all runs must agree",
-                "Resample one of them or process them apart",
+                f"{shortest.name} has {rate:g} Hz; all runs must have the same rate",
+                "Resample one of them or process them separately",
             )
     return plan_blocks(
         shortest.recording.n_samples,
@@ -133,14 +136,14 @@ def _require_signal(
             f"{run.name}, channel {run.force.name!r}",
             f"{lost} in every block of {plan.block_s:g} s{said}",
             "spectra need blocks in which no sample is missing",
-            "Export the run again, or leave it out",
+            "Export the run again or leave it out",
         )
     if not np.any(spectra.force > 0):
         raise InputError(
             f"{run.name}, channel {run.force.name!r}",
             "a constant signal",
             "the force must excite the tyre",
-            "Check the load cell's cable, or name another excitation channel",
+            "Check the load cell cable, or choose another excitation channel",
         )
 
 

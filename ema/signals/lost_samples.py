@@ -1,4 +1,4 @@
-"""Places where a recording goes on later than it should: samples lost in all channels at once.
+"""Detection of samples lost in all channels at once.
 
 Nothing slips, and blocks before and after are whole. But for the time that the structure rings,
 the force before the joint acts too late: what the FRF predicts of one sensor and what it measured

@@ -1,4 +1,4 @@
-"""What one signal is like: its level, and whether it is clipped, dead, incomplete or hums."""
+"""Signal checks: level, clipping, dead channels, missing samples and hum."""
 
 from __future__ import annotations
 
@@ -225,9 +225,7 @@ def _missing(summary: SignalSummary) -> str:
     if count == summary.n_samples:
         return "there is no number in it"
     found = f"{count} samples are no numbers ({100 * count / summary.n_samples:.2g} %)"
-    return (
-        found if summary.n_impossible else f"{found}, the first is sample {summary.first_missing}"
-    )
+    return found if summary.n_impossible else f"{found}, first at sample {summary.first_missing}"
 
 
 def _impossible(summary: SignalSummary, channel: Channel) -> str:
@@ -238,8 +236,8 @@ def _impossible(summary: SignalSummary, channel: Channel) -> str:
     worst = _level(summary.worst_impossible, channel)
     detail = f"{samples} of up to {worst}, which no sensor gave: taken as missing"
     if not np.isnan(summary.peak):
-        detail += f"; everything else stays within {_level(summary.peak, channel)}"
-    return f"{detail}; the first is sample {summary.first_impossible}"
+        detail += f"; all others are within {_level(summary.peak, channel)}"
+    return f"{detail}; first at sample {summary.first_impossible}"
 
 
 def _silent(summary: SignalSummary, channel: Channel) -> str:

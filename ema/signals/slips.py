@@ -1,4 +1,4 @@
-"""Channels that slip against the force during a recording, by whole samples that they lost.
+"""Detection of channels that lose samples relative to the force during a recording.
 
 A lost sample advances all that follows: against the first part of the run, the phase of the FRF
 then rises in proportion to frequency. Generalised cross-correlation with phase weighting (Knapp &

@@ -1,4 +1,4 @@
-"""Samples that no sensor gave: single values far beyond all others, as flipped bits leave them."""
+"""Detection of impossible samples: single values far beyond all others, e.g. from flipped bits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Channels that hold one value while the structure moves on."""
+"""Detection of stuck channels and of repeated parts of a recording."""
 
 from __future__ import annotations
 

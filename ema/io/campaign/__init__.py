@@ -1,1 +1,1 @@
-"""A campaign: the manifest, the roles of its channels, and whether its files agree."""
+"""Reading of a campaign: manifest, channel roles, calibration and cross-run checks."""

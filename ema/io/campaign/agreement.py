@@ -1,4 +1,4 @@
-"""Whether the files of a campaign belong together, and cover the tyre as they should."""
+"""Cross-run checks: duplicate files, sampling rates, run lengths and grid coverage."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def check_rates(recordings: Sequence[Recording]) -> None:
     for recording in recordings:
         rate = recording.sampling_rate_hz
         if np.isnan(rate):
-            rule = "without a time column, the manifest has to say"
+            rule = "a file without a time column needs a sampling rate in the manifest"
             remedy = (
                 f"Set acquisition.sampling_rate_hz in {MANIFEST_NAME} "
                 "(`ringmodal init FOLDER` drafts one)"
@@ -159,7 +159,7 @@ def _repeated_positions(runs: Sequence[Run], positions: int | None) -> list[Find
     if len(set(times.values())) == 1:
         detail = f"each position measured in {times[repeated[0]]} runs and averaged"
         return [Finding("", "", None, "grid", OK, detail)]
-    detail = f"measured in several runs and averaged: {_degrees(repeated)}; meant so?"
+    detail = f"measured in several runs and averaged: {_degrees(repeated)}; intended?"
     return [Finding("", "", None, "grid", WARNING, detail)]
 
 
@@ -197,7 +197,7 @@ def merge(
         lines = frf.frequency_hz
         if len(lines) != len(first) or not np.allclose(lines, first, rtol=1e-6):
             found = f"{len(lines)} lines to {lines[-1]:g} Hz"
-            rule = f"{contents[0].path.name} has {len(first)} to {first[-1]:g} Hz"
+            rule = f"{contents[0].path.name} has {len(first)} lines to {first[-1]:g} Hz"
             remedy = "Process files of different resolution one by one"
             raise RecordingFormatError(content.path.name, found, rule, remedy)
     rows = [_rows_as_channels(content) for content in contents]

@@ -1,4 +1,4 @@
-"""Units and sensitivities that the manifest gives where files state none, wrong ones, or volts."""
+"""Calibration: units and sensitivities from the manifest, for files that lack them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SENSITIVITY = re.compile(r"^\s*([+-]?[0-9.,]+(?:[eE][+-]?[0-9]+)?)\s*(.+?)\s*$"
 _AMBIGUOUS = re.compile(
     r"^[+-]?[1-9][0-9]{0,2},[0-9]{3}$"
 )  # a thousand, or one with a decimal comma?
-_WRITE = "Write the number and its unit as on the calibration sheet, e.g. '10.2 mV/g'"
+_WRITE = "Give the number and its unit as on the calibration sheet, e.g. '10.2 mV/g'"
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ def _with_sensitivity(
     if channel.quantity != VOLTAGE and is_stated(channel.unit):
         found = f"a sensitivity for {channel.name!r}, which {recording.path.name} gives in "
         found += repr(channel.unit)
-        rule = "a sensitivity turns volts into physical units"
+        rule = "a sensitivity applies only to a channel in volts"
         remedy = 'Leave it out, or add unit = "V" if the file\'s unit is wrong'
         raise ManifestError(where, found, rule, remedy)
     if channel.quantity != VOLTAGE:

@@ -136,8 +136,8 @@ class ExcitationSection(_Section):
     def _evaluated(cls, direction: str | None) -> str | None:
         if direction not in (None, "radial"):
             raise ValueError(
-                "only a radial force is evaluated: drive point, sensor mass and ring model would "
-                "take any other for radial. Remove the line only if the force is radial"
+                "only radial excitation is supported: drive point, sensor mass and ring model "
+                "assume a radial force. Remove the line only if the force is radial"
             )
         return direction
 
@@ -202,7 +202,9 @@ def read_manifest(path: Path) -> Manifest:
     except OSError as error:
         reason = error.strerror or str(error)
         rule = "a campaign is described by a manifest that can be read"
-        raise ManifestError(str(path), reason, rule, "Check name and rights") from error
+        raise ManifestError(
+            str(path), reason, rule, "Check the name and the access rights"
+        ) from error
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         found = f"byte 0x{raw[error.start]:02x}"

@@ -1,4 +1,4 @@
-"""Read a campaign: a folder, a manifest, or recordings that say enough by themselves."""
+"""Read a campaign from a folder, a manifest or self-describing recordings."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
     if len(paths) == 1 and paths[0].suffix.lower() == ".toml":
         return _with_manifest(paths[0])
     if not paths:
-        rule = "a campaign has at least one recording"
+        rule = "a campaign needs at least one recording"
         raise RecordingFormatError("campaign", "no files", rule, "Name the recordings")
     name = paths[0].stem if len(paths) == 1 else paths[0].resolve().parent.name
     return _without_manifest(name, paths)
@@ -95,11 +95,13 @@ def recordings_in(folder: Path) -> list[Path]:
     except OSError as error:
         rule = "a campaign's folder must be one that can be read"
         reason = error.strerror or str(error)
-        raise RecordingFormatError(str(folder), reason, rule, "Check name and rights") from error
+        raise RecordingFormatError(
+            str(folder), reason, rule, "Check the name and the access rights"
+        ) from error
     found = [path for path in listed if is_recording(path) and not path.is_dir()]
     if not found:
         rule = f"a campaign holds recordings, and a {MANIFEST_NAME} where they do not say enough"
-        remedy = "Check the folder's name"
+        remedy = "Check the folder name"
         raise RecordingFormatError(str(folder), "no recordings", rule, remedy)
     return sorted(found, key=lambda path: [_number(part) for part in _parts(path.name)])
 
@@ -163,7 +165,7 @@ def _files_of(path: Path, manifest: Manifest) -> list[Path]:
 def _instead_of(file: str, folder: Path) -> str:
     """What to write for a file that is not there; a backslash starts a sign such as a tab."""
     if "\\" in file or not file.isprintable():
-        return f"Mind the backslash: {FORWARD_SLASHES}"
+        return f"Check the backslash: {FORWARD_SLASHES}"
     return nearest(file, sorted(each.name for each in folder.iterdir()))
 
 
@@ -172,8 +174,8 @@ def _read_all(paths: Sequence[Path]) -> list[FileContent]:
     check_duplicates(paths)
     if all(each.recording is None and each.frf is None for each in contents):
         notes = "; ".join(finding.detail for each in contents for finding in each.findings)
-        found = f"no time series and no FRFs ({notes or 'nothing at all'})"
-        rule = "the files hold nothing for this tool"
+        found = f"no time series and no FRFs ({notes or 'no datasets'})"
+        rule = "no usable datasets"
         remedy = "Export time series (function type 1) or FRFs (function type 4)"
         raise RecordingFormatError(", ".join(path.name for path in paths), found, rule, remedy)
     return contents
@@ -185,8 +187,8 @@ def _refuse_empty(contents: Sequence[FileContent], wanted: Sequence[Wanted]) -> 
         if content.recording is None and content.frf is None:
             notes = "; ".join(finding.detail for finding in content.findings)
             found = "neither time series nor FRFs" + (f" ({notes})" if notes else "")
-            rule = "a run is a recording"
-            raise ManifestError(each.where, found, rule, "Name another file, or take the run out")
+            rule = "each run must contain time series or FRFs"
+            raise ManifestError(each.where, found, rule, "Give another file or remove the run")
 
 
 def _calibrated(contents: list[FileContent], manifest: Manifest) -> list[FileContent]:
@@ -211,7 +213,7 @@ def _with_rate(recording: Recording | None, rate_hz: float | None) -> Recording 
     if abs(recording.sampling_rate_hz - rate_hz) > RATE_TOLERANCE * rate_hz:
         where = f"{MANIFEST_NAME}, acquisition.sampling_rate_hz"
         rule = f"{recording.path.name} was sampled at {recording.sampling_rate_hz:g} Hz"
-        remedy = "Correct the manifest, or leave the key out"
+        remedy = "Correct the manifest or remove the key"
         raise ManifestError(where, f"{rate_hz:g} Hz", rule, remedy)
     return recording
 

@@ -1,4 +1,4 @@
-"""Which channel of a recording is the force, which the reference, and where the others sit."""
+"""Channel roles: force, reference and responses, and the sensor positions."""
 
 from __future__ import annotations
 
@@ -83,8 +83,8 @@ def assign(
         place = grid.place(recording.path, channel, wanted.positions_deg, findings)
         responses.append(Response(channel, place.node, place.angle_deg))
     if not responses:
-        rule = "a run has at least one acceleration besides the force and the reference"
-        raise _fault(recording, wanted, _list(recording), rule, "Check units and types of data")
+        rule = "a run needs at least one acceleration besides the force and the reference"
+        raise _fault(recording, wanted, _list(recording), rule, "Check the units and data types")
     _check_places(recording, wanted, responses)
     return Run(name, recording, force, tuple(responses), reference), findings
 
@@ -163,7 +163,7 @@ def _force(recording: Recording, wanted: Wanted, findings: list[Finding]) -> Cha
         found = f"{len(forces)} forces: {', '.join(each.name for each in forces)}"
     else:
         found = f"no force among {_list(recording)}"
-    rule = "FRFs need exactly one excitation, known as a force in N"
+    rule = "FRFs need exactly one excitation, a force in N"
     remedy = "Set excitation.channel in the manifest" if wanted.manifest else _INIT
     raise _fault(recording, wanted, found, rule, remedy)
 
@@ -212,7 +212,7 @@ def _check_places(recording: Recording, wanted: Wanted, responses: Sequence[Resp
             place = f"node {key}" if angle is None else f"{key:g} degrees"
             found = f"{seen[key]!r} and {name!r} are both at {place}"
             rule = "each response of a run has a place of its own"
-            raise _fault(recording, wanted, found, rule, "Correct one of the two places")
+            raise _fault(recording, wanted, found, rule, "Correct one of the two positions")
         seen[key] = name
 
 
@@ -298,13 +298,13 @@ class Grid:
         place = self.known_place(channel, positions_deg)
         if self.positions is None:
             if not self.nodes_are_set:
-                detail = f"no node numbers in the files; taken as node {place.node}"
+                detail = f"no node numbers in the files; node {place.node} assumed"
                 findings.append(remark(path, channel.name, UNNUMBERED, detail))
             return place
         if place.angle_deg is None:
             node = "no node" if place.node is None else f"node {place.node}"
             found = f"no position of {channel.name!r} ({node}) in {path.name}"
-            rule = f"each response has a position or a node from 0 to {self.positions}"
+            rule = f"each response needs a position or a node from 0 to {self.positions}"
             remedy = "Add positions_deg = { CHANNEL = degrees, … } to its run"
             raise ManifestError(f"{MANIFEST_NAME}, runs", found, rule, remedy)
         if place.node is None:

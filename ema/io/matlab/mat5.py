@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ema.core.errors import RecordingFormatError
 from ema.io.content import check_expansion
 
-COPY_AGAIN = "Copy the file again, or save it again with -v7"
+COPY_AGAIN = "Copy the file again or save it again with -v7"
 HEADER_BYTES = 128
 _NUMBERS = {
     1: "i1",
@@ -228,7 +228,7 @@ class Mat5Reader:
 
     def _numbers(self, element: _Element) -> NDArray[Any]:
         if element.kind not in _NUMBERS:
-            raise self._damaged(f"an element of type {element.kind} where numbers stand")
+            raise self._damaged(f"an element of type {element.kind} where numbers are expected")
         dtype = np.dtype(self._order + _NUMBERS[element.kind])
         if len(element.data) % dtype.itemsize:
             raise self._damaged(f"{len(element.data)} bytes of numbers of {dtype.itemsize}")
@@ -237,13 +237,13 @@ class Mat5Reader:
     def _integers(self, element: _Element) -> list[int]:
         values = self._numbers(element)
         if values.dtype.kind not in "iu":
-            raise self._damaged("broken numbers where whole ones stand")
+            raise self._damaged("fractional numbers where integers are expected")
         return [int(value) for value in values]
 
     def _text(self, element: _Element) -> str:
         encoding = _TEXTS.get(element.kind)
         if encoding is None:
-            raise self._damaged(f"an element of type {element.kind} where text stands")
+            raise self._damaged(f"an element of type {element.kind} where text is expected")
         ends = {"<": "-le", ">": "-be"}[self._order]
         suffix = ends if encoding in ("utf-16", "utf-32") else ""
         return bytes(element.data).decode(encoding + suffix, "replace").rstrip("\0")

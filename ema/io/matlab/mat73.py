@@ -89,8 +89,8 @@ def _cells(item: h5py.Dataset, memory: Memory) -> Any:
     import h5py
 
     if h5py.check_ref_dtype(item.dtype) is not h5py.Reference or item.size > _MOST_CELLS:
-        return LeftOut("a cell array of something unknown")
+        return LeftOut("a cell array of unknown type")
     cells = [item.file[reference] for reference in np.ravel(item[()], order="F") if reference]
     if len(cells) < item.size or any(_class_of(cell) != "char" for cell in cells):
-        return LeftOut("a cell array of something other than texts")
+        return LeftOut("a cell array of non-text values")
     return [_value(cell, memory) for cell in cells]

@@ -21,8 +21,8 @@ _NAMES = {"names", "channels", "channelnames", "labels", "channellabels"}
 _UNITS = {"units", "unit", "channelunits"}
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _LAYOUTS = (
-    "a file holds a vector for each channel, or one matrix and the channels' names, "
-    "and fs, dt or t; or a struct of those"
+    "a file must contain a vector for each channel, or one matrix and the channel names, plus "
+    "fs, dt or t; or a struct of those"
 )
 _SAVE_AGAIN = "Save it in one of these layouts"
 
@@ -70,7 +70,7 @@ def _variables(path: Path) -> Mapping[str, Any]:
 
         return read_variables(path)
     if len(start) < HEADER_BYTES or start[126:128] not in (b"IM", b"MI"):
-        found = "the file is empty" if not start else f"a file that begins with {start[:16]!r}"
+        found = "the file is empty" if not start else f"the file begins with {start[:16]!r}"
         rule = "a MATLAB file of level 5 or 7.3 begins with a header of its own"
         raise RecordingFormatError(path.name, found, rule, COPY_AGAIN)
     return Mat5Reader(path).variables()
@@ -164,11 +164,11 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
         units = _units(found, found.names)
         return columns + matrix_columns(f"{path.name}, {name}", matrix, found.names, units)
     if found.names:
-        found.left_out["names"] = "names without a matrix"
+        found.left_out["names"] = "names but no matrix"
     if isinstance(found.units, list) and len(found.units) > 1:
         # The order of variables in a file is not always that in which they were saved.
         what = f"a list of {len(found.units)} units beside the vectors {', '.join(others)}"
-        rule = "a list of units belongs to a matrix"
+        rule = "a list of units is only allowed with a matrix"
         remedy = "Save a struct with the unit of each channel under its name"
         raise RecordingFormatError(path.name, what, rule, remedy)
     units = unit_of_each(path.name, len(others), _units(found, others))

@@ -1,1 +1,1 @@
-"""Tables of text in any dialect, and LabVIEW's."""
+"""Text tables in any dialect, and LabVIEW measurement files."""

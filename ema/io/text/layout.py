@@ -1,4 +1,4 @@
-"""Where the table of a text file begins, and how it is written."""
+"""Layout detection for text tables: dialect, header, units and first row of numbers."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def find_layout(source: TextSource) -> Layout:
         rule = "a table begins with a header row and holds at least one row of numbers"
         raise RecordingFormatError(where, "the file is empty", rule, EXPORT_AGAIN)
     if "\x00" in source.head:
-        rule = "a table is text in UTF-8, latin-1, or UTF-16 with a byte-order mark"
+        rule = "a table must be text in UTF-8, latin-1, or UTF-16 with a byte-order mark"
         raise RecordingFormatError(where, "binary data", rule, EXPORT_AGAIN)
     lines = list(islice(lines_of(source), _MOST_PREAMBLE + _SAMPLE_ROWS))
     tables = [_table(lines, dialect) for dialect in _dialects(lines, _SEPARATORS)]
@@ -280,13 +280,13 @@ def _no_header(where: str, lines: Sequence[Line], table: _Table) -> RecordingFor
     place = f"{where}, line {row.line.number}"
     if above is None or not any(character.isalpha() for character in above.text):
         found = f"no header: {row.line.text[:20]!r} …"
-        rule = "a row above the numbers names each column, its unit in square brackets"
+        rule = "the row above the numbers must name each column, with its unit in square brackets"
         return RecordingFormatError(place, found, rule, "Add a header line")
     count = len(heading_cells(above.text, table.dialect.separator, row.width))
-    found = f"{row.width} cells below {count} in line {above.number}, no header of as many"
+    found = f"{row.width} cells below {count} in line {above.number}; header and rows differ"
     if count == row.width:
         found = f"units in line {above.number}, no header of {row.width} names above them"
-    rule = "a row above the numbers names each column, its unit in square brackets"
+    rule = "the row above the numbers must name each column, with its unit in square brackets"
     return RecordingFormatError(place, found, rule, "Correct the header, or the row below it")
 
 

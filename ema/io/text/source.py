@@ -118,7 +118,9 @@ class TextSource:
         if self._packed and self._unpacked > _MOST_PACKED * self._size + _HEAD_BYTES:
             found = f"over {self._unpacked} bytes of text in {self._size}"
             rule = f"measured numbers do not pack more than {_MOST_PACKED} times"
-            raise RecordingFormatError(self.path.name, found, rule, "Unpack it, if you trust it")
+            raise RecordingFormatError(
+                self.path.name, found, rule, "Unpack it first if you trust it"
+            )
         return raw
 
     def _in_utf_8(self, raw: bytes) -> bytes:
@@ -150,7 +152,7 @@ def open_text(path: Path) -> Iterator[TextSource]:
 def _unreadable(path: Path, error: OSError) -> RecordingFormatError:
     rule = "it must be a file that can be read"
     reason = error.strerror or str(error)
-    return RecordingFormatError(str(path), reason, rule, "Check name and rights")
+    return RecordingFormatError(str(path), reason, rule, "Check the name and the access rights")
 
 
 def _decoded(raw: bytes) -> tuple[str, str]:

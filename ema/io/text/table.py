@@ -1,4 +1,4 @@
-"""Numbers of a text table, read section by section so that memory stays near what they need."""
+"""Numbers of a text table, read section by section to limit memory."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NARROW_BYTES = 4  # cells of fewer bytes are kept in single precision where tha
 _CUT_SHORT = "the file is cut short"
 _COPY_AGAIN = "Copy or export it again"
 _USUAL_MISSING = ["", "NaN", "nan", "-", "#N/A"]  # for each column Arrow builds a tree of these
-_STAMP_RULE = "a time stamp is hh:mm:ss.s, or date and time as in ISO 8601"
+_STAMP_RULE = "a time stamp must be hh:mm:ss.s, or date and time as in ISO 8601"
 _TAIL_ROWS = 8
 _DECIMAL = {".": "point", ",": "comma"}
 
@@ -170,7 +170,7 @@ class _Reader:
     def columns(self) -> dict[int, Cells]:
         """Columns read so far."""
         if not self._n_rows:
-            rule = "a table holds at least one row of numbers"
+            rule = "a table needs at least one row of numbers"
             raise RecordingFormatError(self._where, "blank rows only", rule, EXPORT_AGAIN)
         return {index: column.cells() for index, column in self._columns.items()}
 
@@ -204,7 +204,7 @@ class _Reader:
         try:
             return self._by_arrow(plain)
         except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
-            rule = f"each of the {self._layout.width} columns holds a number in every row"
+            rule = f"each of the {self._layout.width} columns must have a number in every row"
             raise self._fault(self._line, str(error), rule) from error
 
     def _by_arrow(self, section: bytes) -> pa.Table:
@@ -279,7 +279,7 @@ class _Reader:
         found = f"{len(cells)} cells, {width} columns: {line[:40]!r}"
         if not any(is_number(cell, self._layout.dialect.decimal) for cell in cells):
             found = f"text where numbers go on: {line[:40]!r}"
-            rule = "below the header, a table holds rows of numbers to the file's end"
+            rule = "below the header there must be only rows of numbers"
             return self._fault(number, found, rule)
         if is_cut and len(cells) < width:
             where = f"{self._where}, line {number}"

@@ -1,1 +1,1 @@
-"""Universal files: scan, datasets, and what is written for other programs."""
+"""Universal files: scanning, reading and writing datasets."""

@@ -138,7 +138,7 @@ def _irregular(text: bytes, widths: tuple[int, ...], where: str) -> NDArray[np.f
         line = raw.decode("latin-1")
         if len(line) > _LONGEST_LINE:
             found = f"a line of more than {_LONGEST_LINE} characters"
-            rule = "lines of a dataset 58 have 80 columns"
+            rule = "lines of a dataset 58 must have 80 columns"
             raise RecordingFormatError(where, found, rule, COPY_AGAIN)
         numbers.extend(line_numbers(line, widths, where))
     return np.frombuffer(numbers, dtype=np.float64)
@@ -171,8 +171,8 @@ def check_byte_order(where: str, values: NDArray[Any]) -> None:
         return
     first = int(np.flatnonzero(stated)[0])
     found = f"values such as {stated[first]:.3g}, which is {swapped[first]:.3g} in the other order"
-    rule = "the byte order is 1 where the lowest byte comes first, else 2; here it is wrong"
-    raise RecordingFormatError(where, found, rule, "Correct the header, or export the file again")
+    rule = "the byte order is wrong: it must be 1 for little endian, 2 for big endian"
+    raise RecordingFormatError(where, found, rule, "Correct the header or export the file again")
 
 
 def _share_sensible(values: NDArray[Any]) -> float:

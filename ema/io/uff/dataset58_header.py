@@ -177,7 +177,7 @@ def _columns(
         try:
             values[name] = convert(text)
         except ValueError:
-            rule = f"columns {first + 1} to {last} hold the {name.replace('_', ' ')}, a number"
+            rule = f"columns {first + 1} to {last} must be a number, the {name.replace('_', ' ')}"
             raise HeaderError(number, repr(text), rule) from None
     return values
 
@@ -203,17 +203,19 @@ def _form(line: str) -> dict[str, Any]:
     text = _columns(line, _ABSCISSA_COLUMNS, 9, lambda text: text.strip() or "0")
     numbers = _columns(line, _ABSCISSA_COLUMNS, 9, lambda text: parse_number(text.strip() or "0"))
     if form["ordinate"] not in ORDINATES:
-        rule = "2, 4, 5 and 6 are the kinds of values a dataset 58 can hold"
+        rule = "it must be 2, 4, 5 or 6"
         raise HeaderError(9, f"ordinate data type {form['ordinate']}", rule)
     if form["n_values"] < 1:
-        raise HeaderError(9, f"{form['n_values']} values", "a function holds at least one value")
+        raise HeaderError(
+            9, f"{form['n_values']} values", "a function must have at least one value"
+        )
     for name, value in numbers.items():
         if not isfinite(value):
             raise HeaderError(
                 9, repr(text[name]), f"the {name.replace('_', ' ')} is a finite number"
             )
     if form["spacing"] not in (0, 1):
-        rule = "abscissa spacing is 0 (uneven) or 1 (even)"
+        rule = "it must be 0 (uneven) or 1 (even)"
         raise HeaderError(9, f"abscissa spacing {form['spacing']}", rule)
     return {
         "ordinate": form["ordinate"],
@@ -230,7 +232,7 @@ def _binary(line: str) -> dict[str, Any]:
         return {}
     codes = _columns(line, _BINARY_COLUMNS, 2, _integer)
     if codes["byte_order"] not in (LITTLE_ENDIAN, BIG_ENDIAN):
-        rule = "1 (little endian) and 2 (big endian) are known"
+        rule = "it must be 1 (little endian) or 2 (big endian)"
         raise HeaderError(2, f"byte order {codes['byte_order']}", rule)
     if codes["float_format"] != IEEE_FLOATS:
         rule = "only IEEE 754 numbers (format 2) can be read"

@@ -1,4 +1,4 @@
-"""FRFs from datasets 58 of function type 4, as inertances on common lines."""
+"""FRFs from datasets 58 of function type 4, as inertance on common frequency lines."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def measured_only(path: Path, datasets: list[Dataset]) -> tuple[list[Dataset], t
     if not n_drawn:
         return datasets, ()
     if not others:
-        says = "all FRFs are synthesised from modes, none is measured"
+        says = "all FRFs are synthesised, none is measured"
         return datasets, (remark(path, "", "content", says),)
     says = f"{n_drawn} FRFs synthesised from modes, left out beside {len(others)} measured ones"
     return others, (remark(path, "", "content", says),)
@@ -70,7 +70,7 @@ def read_frf(
         findings += noticed
     nodes, roving = _nodes(path, datasets)
     if roving:
-        detail = "one response, roving force: by reciprocity the force's nodes are the positions"
+        detail = "one response, roving force: by reciprocity, the force nodes are used as positions"
         findings.append(remark(path, "", "reciprocity", detail))
     values.setflags(write=False)
     unknown = constant(np.nan, values.shape)
@@ -127,7 +127,7 @@ def _lines(
     last = start + steps[0] * (header.n_values - 1)
     if start < 0.0 or not math.isfinite(last):
         found = f"lines from {start:g} to {last:g} Hz"
-        rule = "frequencies are positive and finite"
+        rule = "frequencies must be positive and finite"
         raise RecordingFormatError(place(path, dataset.index, 9), found, rule, COPY_AGAIN)
     return start + steps[0] * np.arange(header.n_values, dtype=np.float64)
 
@@ -150,7 +150,7 @@ def _inertance(
     notes = [remark(path, name, "unit", each.remark) for each in (motion, force) if each.remark]
     if power:
         factor = "jω" if power == 1 else "−ω²"
-        detail = f"{motion.quantity} over force, multiplied by {factor} to inertance"
+        detail = f"{motion.quantity} over force, converted to inertance (factor {factor})"
         notes.append(remark(path, name, "quantity", detail))
     return row, notes
 
@@ -167,11 +167,11 @@ def _motion_and_force(path: Path, dataset: Dataset, units: UnitSystem) -> tuple[
         force = AxisUnit(FORCE, text, ratio[1].factor)
     denominator = header.denominator_axis
     if force.quantity == UNKNOWN and not denominator.data_type and not is_stated(denominator.unit):
-        force = AxisUnit(FORCE, "", 1.0 / units.force, "no denominator stated; taken as force")
+        force = AxisUnit(FORCE, "", 1.0 / units.force, "no denominator given; force assumed")
     if motion.quantity not in _TIMES_J_OMEGA or force.quantity != FORCE:
         found = f"{header.id_lines[0]!r} is {motion.quantity} over {force.quantity}"
         rule = "an FRF is acceleration, velocity or displacement over force"
-        remedy = "Leave this function out, or state types and units of data in the export"
+        remedy = "Leave this function out, or export it with data types and units"
         raise RecordingFormatError(place(path, dataset.index, 11), found, rule, remedy)
     return motion, force
 
@@ -187,7 +187,7 @@ def _nodes(path: Path, datasets: Sequence[Dataset]) -> tuple[list[int], bool]:
         return forces, True
     found = f"{len(set(forces))} force nodes and {len(set(responses))} response nodes"
     rule = "one force belongs to all FRFs (or one response, where the force roves)"
-    raise RecordingFormatError(path.name, found, rule, "Export one reference at a time")
+    raise RecordingFormatError(path.name, found, rule, "Export one reference per file")
 
 
 def _other_lines(
@@ -201,6 +201,6 @@ def _other_lines(
         return f"{len(values)} lines, {values[0]:g} to {values[-1]:g} Hz"
 
     found = f"{describe(lines)}; dataset {first.index} has {describe(expected)}"
-    rule = "all FRFs share their frequency lines"
+    rule = "all FRFs must have the same frequency lines"
     remedy = "Export them with one resolution, or in files of their own"
     return RecordingFormatError(place(path, dataset.index), found, rule, remedy)

@@ -104,7 +104,7 @@ def _systems_18(path: Path, dataset: Dataset) -> dict[int, _System]:
         points = np.reshape(first[:6] + lines.numbers((13,) * 3, 3)[:3], (3, 3))
         axes = _axes(points)
         if axes is None:
-            found, rule = f"coordinate system {number}", "its three points span a plane"
+            found, rule = f"coordinate system {number}", "its three points must span a plane"
             raise RecordingFormatError(lines.where, found, rule, COPY_AGAIN)
         systems[number] = _System(kind, reference, points[0], axes, lines.where)
     return systems
@@ -200,7 +200,7 @@ def read_surroundings(path: Path, datasets: Sequence[Dataset], in_use: set[int])
     carrying = {node: point for node, point in nodes.items() if node in in_use}
     angles = angles_on_circle(carrying)
     if carrying and not angles:
-        doubt = "the nodes of the file's geometry lie on no circle; it gives no angles"
+        doubt = "the nodes of the file's geometry are not on a circle; no angles available"
     return Surroundings(units, angles, (remark(path, "", "geometry", doubt),) if doubt else ())
 
 
@@ -218,6 +218,6 @@ def read_units(path: Path, dataset: Dataset) -> UnitSystem:
     units = UnitSystem(length, force)
     if not units.is_valid:
         found = f"units {length:g} (length) and {force:g} (force)"
-        rule = "factors of dataset 164 are positive numbers"
+        rule = "factors of dataset 164 must be positive"
         raise RecordingFormatError(lines.where, found, rule, COPY_AGAIN)
     return units

@@ -110,7 +110,7 @@ def _read_recording(
         abscissa, values = read_samples(path, dataset)
         if header.is_complex:
             found = f"{header.id_lines[0]!r} holds complex values"
-            rule = "a time response is real"
+            rule = "a time response must be real"
             raise RecordingFormatError(place(path, dataset.index), found, rule, COPY_AGAIN)
         rates.append(_sampling_rate(path, dataset, abscissa))
         unit = ordinate_unit(header.ordinate_axis, around.units)
@@ -156,7 +156,7 @@ def _sampling_rate(path: Path, dataset: Dataset, abscissa: NDArray[np.float64] |
         return step_and_inverse(header.abscissa_step)[1]
     except ValueError:
         found = f"time step {header.abscissa_step!r}"
-        rule = "the step of an evenly sampled time response is positive"
+        rule = "the time step must be positive"
         raise RecordingFormatError(place(path, dataset.index, 9), found, rule, COPY_AGAIN) from None
 
 

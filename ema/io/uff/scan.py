@@ -24,7 +24,7 @@ _LONGEST_LINE = 256  # header lines have 80 columns; nothing longer is looked at
 _WORTH_A_JUMP = 1 << 20  # bytes of text that are searched faster than a jump is worth
 _CHUNK_BYTES = 1 << 12
 _IGNORED_BETWEEN = b" \t\r\n\x00\x1a"  # blank lines, padding, the end mark of old systems
-COPY_AGAIN = "Copy or export the file again, or drop the run"
+COPY_AGAIN = "Copy or export the file again, or leave out the run"
 
 
 @dataclass(frozen=True)
@@ -76,14 +76,16 @@ def scan(path: Path) -> tuple[Dataset, ...]:
     try:
         with require_regular(path).open("rb") as file:
             if not path.stat().st_size:
-                rule = "a recording holds at least one dataset"
+                rule = "a recording needs at least one dataset"
                 raise RecordingFormatError(str(path), "the file is empty", rule, COPY_AGAIN)
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 return tuple(_datasets(path, data))
     except OSError as error:
         reason = error.strerror or str(error)
         rule = "it must be a file that can be read"
-        raise RecordingFormatError(str(path), reason, rule, "Check name and rights") from error
+        raise RecordingFormatError(
+            str(path), reason, rule, "Check the name and the access rights"
+        ) from error
 
 
 def place(path: Path, index: int, line: int | None = None) -> str:
@@ -106,7 +108,7 @@ def _datasets(path: Path, data: mmap.mmap) -> list[Dataset]:
         found.append(dataset)
         position = _next_content(data, dataset.stop)
     if not found:
-        rule = "a recording holds at least one dataset"
+        rule = "a recording needs at least one dataset"
         raise RecordingFormatError(str(path), "nothing but blanks or zeros", rule, COPY_AGAIN)
     return found
 
@@ -166,8 +168,9 @@ def _binary_function(path: Path, data: mmap.mmap, draft: Dataset, begin: int) ->
         remark = ""
         if size != header.n_bytes or fitting[0] != layouts[0]:
             remark = (
-                f"header: {header.n_bytes} bytes of kind {header.ordinate}; found: {size} bytes, "
-                f"{fitting[0].itemsize} for each of {header.n_values} values, and read as such"
+                f"header: {header.n_bytes} bytes of kind {header.ordinate}; found: {size} "
+                f"bytes, {fitting[0].itemsize} for each of {header.n_values} values; read as "
+                "such"
             )
         payload = (begin, begin + size)
         return Dataset(draft.index, 58, draft.start, stop, header, payload, fitting[0], remark)
@@ -205,7 +208,7 @@ def _wrong_size(
         found = f"{max(held, 0)} of {header.n_values} values"
         return RecordingFormatError(where, found, "the file is truncated", COPY_AGAIN)
     found = f"no closing delimiter behind {header.n_values} values ({header.n_bytes} bytes stated)"
-    rule = 'the payload ends where the byte count says, with a line "    -1"'
+    rule = 'the payload must end with a line "    -1" at the stated byte count'
     return RecordingFormatError(where, found, rule, COPY_AGAIN)
 
 

@@ -1,4 +1,4 @@
-"""Mode shapes that other programs made, to compare with."""
+"""Mode shapes from other programs, for comparison."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def read_shapes(path: Path | str) -> ShapeSet:
     if not any(len(mode.node) for mode in modes):
         held = "; ".join(left_out[:3]) or f"{len(datasets)} datasets, none of them 55 or 2414"
         rule = "mode shapes are normal or complex modes in datasets 55 or 2414"
-        raise RecordingFormatError(path.name, held, rule, "Export the modes of the analysis")
+        raise RecordingFormatError(path.name, held, rule, "Export the modes of the modal analysis")
     findings = tuple(remark(path, "", "content", f"{each}, left out") for each in left_out)
     node, direction, values = _table(path, modes)
     around = read_surroundings(path, datasets, set(node.tolist()))
@@ -132,7 +132,7 @@ def _table(
     directions = sorted({each for mode in modes for each in mode.directions})
     n_cells = len(modes) * len(nodes) * len(directions)
     if n_cells > _MOST_GAPS * sum(mode.values.size for mode in modes):
-        found = f"{len(modes)} modes over {len(nodes)} nodes, most of which lack most of them"
+        found = f"{len(modes)} modes over {len(nodes)} nodes, most of them missing"
         rule = "modes of one structure share their nodes"
         raise RecordingFormatError(path.name, found, rule, COPY_AGAIN)
     table = np.empty((len(modes), len(nodes), len(directions)), dtype=np.complex128)
@@ -296,7 +296,7 @@ def _along(
         return components[:, :, moving[0]], f"motion along {AXES[moving[0]]}, the only one"
     held = ", ".join(AXES[axis] for axis in moving)
     rule = "without nodes around an axle there is no radial direction"
-    remedy = "Write the nodes (dataset 2411 or 15) to the file too, or choose x, y or z"
+    remedy = "Add the nodes (dataset 2411 or 15) to the file, or choose x, y or z"
     raise InputError(path.name, f"shapes along {held}", rule, remedy)
 
 

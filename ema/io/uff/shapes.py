@@ -94,7 +94,7 @@ def read_mode(path: Path, dataset: Dataset) -> ModeRecord | str:
     else:
         frequency_hz, damping_ratio = _of_eigenvalue(form.eigenvalue)
     if not 0.0 <= frequency_hz < math.inf:
-        found, rule = f"a mode at {frequency_hz:g} Hz", "frequencies are positive and finite"
+        found, rule = f"a mode at {frequency_hz:g} Hz", "frequencies must be positive and finite"
         raise RecordingFormatError(lines.where, found, rule, COPY_AGAIN)
     node, values = _read_values(lines, form)
     return ModeRecord(
@@ -181,7 +181,7 @@ def _read_values(lines: Lines, form: _Form) -> tuple[NDArray[np.int_], NDArray[n
     while lines.more():
         node = lines.integers(1)[0]
         if node in rows:
-            found, rule = f"node {node} twice", "a mode has one value for each direction of a node"
+            found, rule = f"node {node} twice", "each node direction must have one value per mode"
             raise RecordingFormatError(lines.where, found, rule, COPY_AGAIN)
         row = rows[node] = []
         while len(row) < n_numbers:

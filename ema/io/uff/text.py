@@ -118,11 +118,11 @@ def _by_columns(text: str, widths: Sequence[int], where: str) -> list[float]:
         try:
             numbers.append(parse_number(field))
         except ValueError:
-            rule = f"columns {begin + 1} to {begin + width} hold a number"
+            rule = f"columns {begin + 1} to {begin + width} must be a number"
             raise RecordingFormatError(where, repr(field), rule, COPY_AGAIN) from None
         begin += width
     if text[begin:].strip():
         found = repr(text[begin:].strip()[:20])
-        rule = f"nothing follows behind column {begin} of a line"
+        rule = f"nothing may follow column {begin}"
         raise RecordingFormatError(where, found, rule, COPY_AGAIN)
     return numbers

@@ -65,7 +65,9 @@ def ordinate_unit(axis: Axis, system: UnitSystem) -> AxisUnit:
     if label is not None:
         contradiction = ""
         if typed not in (None, label.quantity):
-            contradiction = f"type {axis.data_type} means {typed}, the unit {text!r} decides"
+            contradiction = (
+                f"type {axis.data_type} means {typed}, but the unit is {text!r}; the unit is used"
+            )
         return AxisUnit(label.quantity, text, label.factor, contradiction)
     if typed is not None:
         factor = 1.0 / (system.force if typed == FORCE else system.length)

@@ -230,14 +230,16 @@ def check_time_series(
     lengths = sorted({channel.n_samples for channel in channels})
     if len(lengths) != 1 or lengths[0] == 0:
         found = f"channel lengths {lengths}"
-        rule = "all channels of a recording have the same length, at least one sample"
-        raise InputError(str(path), found, rule, "Cut them to a common length")
+        rule = "all channels must have the same length, at least one sample"
+        raise InputError(str(path), found, rule, "Cut them to the same length")
     if not 0 < sampling_rate_hz < np.inf:
         found = f"sampling rate {sampling_rate_hz} Hz"
         raise InputError(str(path), found, "it must be positive", "Give the rate in Hz")
     if directions is not None and len(directions) != len(channels):
         found = f"{len(directions)} directions for {len(channels)} channels"
-        raise InputError(str(path), found, "each channel has one", "Give one code per channel")
+        raise InputError(
+            str(path), found, "one per channel is required", "Give one code per channel"
+        )
 
 
 def in_own_unit(channel: Channel) -> tuple[NDArray[np.floating], str, int]:

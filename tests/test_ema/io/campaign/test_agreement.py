@@ -75,7 +75,7 @@ def test_positions_missing_and_repeated_are_named(campaign):
     found = campaign([(0, 90), (90, 180)], [recording(1), recording(2)])
     assert grid_findings(found) == [
         ("grid", "warning", "1 of 4 grid positions not measured: 270 degrees"),
-        ("grid", "warning", "measured in several runs and averaged: 90 degrees; meant so?"),
+        ("grid", "warning", "measured in several runs and averaged: 90 degrees; intended?"),
     ]
 
 

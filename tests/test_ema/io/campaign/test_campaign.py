@@ -289,7 +289,7 @@ def test_channels_without_nodes_are_numbered_by_name(tmp_path):
         (force58() + force58(name="F2") + response58(), "2 forces: force, F2"),
         (force58(), "at least one acceleration"),
         (force58() + response58(name="a") + response58(name="b"), "'a' and 'b' are both at node 1"),
-        (frf58(np.ones(4), function_type=9), "hold nothing for this tool"),
+        (frf58(np.ones(4), function_type=9), "no usable datasets"),
     ],
 )
 def test_what_is_missing_without_a_manifest(tmp_path, content, message):

@@ -47,7 +47,7 @@ def refusal(tmp_path, text, name="a.csv"):
         ("a;b;c\ns;g;N\n1;2\r3\n3;4;5\n", "a.csv, line 4", "no header"),
         ("time;a\ns;g;N\n3;4;5\n", "a.csv, line 3", "units in line 2, no header of 3"),
         ("time;a;b\nsg;N\n3;4;5\n", "a.csv, line 3", "3 cells below 2 in line 2"),
-        ("note\n1;2;3\n4;5;6\n", "a.csv, line 2", "no header of as many"),
+        ("note\n1;2;3\n4;5;6\n", "a.csv, line 2", "3 cells below 1 in line 1"),
         ("1;2\n3;4\n", "a.csv, line 1", "no header: '1;2'"),
         ("0,5;2\n1,5;4\n", "a.csv, line 1", "no header"),
         ("t;a\n0;1\n0,5;2\n1;3\n5;4\n", "a.csv, column 't'", "not at equal steps"),
