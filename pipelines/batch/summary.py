@@ -87,8 +87,8 @@ def _failures(records: Sequence[Record]) -> Section:
     if faults:
         blocks.append(
             Paragraph(
-                "Faults of the program are to be reported; column traceback of campaigns.parquet "
-                "says where they happened."
+                "Please report internal errors; column traceback of campaigns.parquet says "
+                "where they happened."
             )
         )
     return Section("failures", "Failures", tuple(blocks))

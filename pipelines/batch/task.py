@@ -160,5 +160,5 @@ def _explained(error: Exception) -> tuple[str, str]:
         return file_trouble(error).removeprefix("Error: "), ""
     if isinstance(error, MemoryError):
         return out_of_memory(error).removeprefix("Error: "), ""
-    fault = f"Fault of the program: {type(error).__name__}: {error}. Please report it."
+    fault = f"Internal error: {type(error).__name__}: {error}. Please report it."
     return fault, "".join(traceback.format_exception(error))

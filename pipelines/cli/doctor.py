@@ -36,7 +36,7 @@ def examine() -> list[Check]:
     installed = [check_python(), *check_libraries(), *check_import_names()]
     checks = [*installed, *check_parts()]
     if any(check.verdict == PROBLEM for check in installed):
-        remedy = "Mend what is above, then run `ringmodal doctor` again"
+        remedy = "Fix the problems above, then run `ringmodal doctor` again"
         return [*checks, Check("campaign", PROBLEM, "not tried", remedy)]
     try:
         return [*checks, *_machine()]

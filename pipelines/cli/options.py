@@ -44,7 +44,7 @@ Out = Annotated[
         "--out",
         metavar="DIR",
         rich_help_panel=FILES,
-        help="Folder for the result; appears whole or not at all.",
+        help="Folder for the result; written atomically.",
     ),
 ]
 Force = Annotated[bool, replacing("an earlier result")]
@@ -176,7 +176,7 @@ def processing_options(
     method: Annotated[
         str,
         one_of(
-            value.METHODS, POLES, "Pole estimator, lsce or plscf; the other is the second opinion."
+            value.METHODS, POLES, "Pole estimator, lsce or plscf; the other is the cross-check."
         ),
     ] = "lsce",
     pin: Annotated[

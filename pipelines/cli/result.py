@@ -173,7 +173,7 @@ def require_pictures(figures: Path | None, result_folder: Path, *, force: bool) 
         raise InputError(
             f"--figures {figures}",
             "earlier pictures",
-            "they are not overwritten unasked",
+            "already exist",
             "Choose another folder, or replace them with --force",
         )
 

@@ -60,9 +60,7 @@ def inspect(
             metavar="FILE…", help="Recordings, folders of recordings, or a campaign.toml."
         ),
     ],
-    headers: Annotated[
-        bool, typer.Option("--headers", help="Only what headers say: signals are not looked at.")
-    ] = False,
+    headers: Annotated[bool, typer.Option("--headers", help="Read headers only.")] = False,
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit code 2 if anything looks wrong.")
     ] = False,

@@ -193,7 +193,7 @@ def _require_consent(target: Path, *, asks: bool) -> None:
     if not target.exists():
         return
     if not (asks and sys.stdin.isatty()):
-        rule = "replacing a file takes a yes, and there is nobody to ask"
+        rule = "confirmation required"
         raise InputError(str(target), "no --yes", rule, "Give --yes, or --dry-run to only look")
     if not typer.confirm(f"Write {target}?"):
         terminal.say("Nothing was written.")

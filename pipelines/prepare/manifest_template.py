@@ -167,7 +167,7 @@ def write_draft(folder: Path, draft: Draft, *, force: bool = False) -> Path:
     path = folder / MANIFEST_NAME
     if path.exists() and not force:
         remedy = "Move it away, or use --force"
-        raise InputError(str(path), "a manifest", "it is not overwritten unasked", remedy)
+        raise InputError(str(path), "a manifest", "it already exists", remedy)
     with file_written_whole(path) as partial:
         partial.write_text(draft.text, encoding="utf-8", newline="\n")
     return path

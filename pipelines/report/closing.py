@@ -18,7 +18,7 @@ DEFINITIONS = (
     (
         "Coherence γ²",
         "Share of the response's power that the force explains linearly, 0 to 1; with one "
-        "average it is 1 and says nothing.",
+        "average it is always 1 and carries no information.",
     ),
     (
         "Pole, frequency, damping ratio",

@@ -209,7 +209,7 @@ def test_a_fault_of_the_program_is_a_row_that_says_where(again, monkeypatch):
     edit(again.root / GOOD[0], "position_deg = 0.0", "position_deg = 5.0")
     record = again().records[0]
     assert record.campaign == GOOD[0]
-    assert record.message.startswith("Fault of the program: RuntimeError: a fault")
+    assert record.message.startswith("Internal error: RuntimeError: a fault")
     assert "in _fail" in record.traceback
     assert "report" in (again.out / "summary.html").read_text()
 

@@ -143,7 +143,10 @@ def test_a_missing_library_ends_the_examination_before_anything_is_loaded(instal
     installed()
     checks = doctor.examine()
     assert checks[-1] == Check(
-        "campaign", PROBLEM, "not tried", "Mend what is above, then run `ringmodal doctor` again"
+        "campaign",
+        PROBLEM,
+        "not tried",
+        "Fix the problems above, then run `ringmodal doctor` again",
     )
 
 
