@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
 
 from model.arrays import finite_array, readonly, whole_orders
 from model.coefficients import characteristic_roots, harmonics
@@ -154,8 +155,6 @@ def critical_speeds_rad_s(
     ParameterError
         For an order below one or a limit that is not above zero.
     """
-    from scipy.optimize import brentq  # loaded here: `import model` stays light
-
     if not highest_rad_s > 0:
         raise ParameterError(
             "highest_rad_s", f"{highest_rad_s:g}", "a speed above zero", "Raise it"

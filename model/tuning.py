@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
 
 from model.arrays import finite_array, require_one_each, require_positive, whole_orders
 from model.identifiability import (
@@ -122,7 +123,6 @@ def tune_ring(
         radial_growth_m,
         pressure_load,
     )
-    from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1, user_api="blas"):  # small matrices: threads only wait for each other
         search = plan_search(problem)

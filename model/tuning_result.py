@@ -102,6 +102,7 @@ class TuningResult:
         >>> table.loc["mean_radius_m", ["unit", "how"]].to_list()
         ['m', 'given']
         """
+        # Half a second to load, for tables alone.
         import pandas as pd  # takes 0.3 s, longer than a tuning: only those who want tables wait
 
         parameters = _parameters(self.ring)

@@ -56,6 +56,7 @@ def frame_of(columns: Mapping[Any, Any], whole: Sequence[str] = ()) -> pd.DataFr
     whole : sequence of str
         Columns of whole numbers of which some may be unknown (None).
     """
+    # Half a second to load, for tables alone.
     import pandas as pd  # takes 0.3 s, more than `import ema`: only those who want tables wait
 
     return pd.DataFrame(

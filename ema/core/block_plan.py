@@ -104,6 +104,7 @@ def _window(name: str, n_samples: int) -> NDArray[np.float64]:
         return np.ones(n_samples)
     if name == "hann":
         return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi / n_samples * np.arange(n_samples)))
+    # Half a second to load: not for FRFs that are read from a file.
     from scipy.signal import get_window
 
     try:

@@ -8,6 +8,9 @@ from functools import wraps
 from threading import Lock
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
+import threadpoolctl
+from threadpoolctl import threadpool_limits
+
 if TYPE_CHECKING:
     from threadpoolctl import threadpool_limits
 
@@ -57,7 +60,6 @@ class _SharedLimit:
         self._limits: threadpool_limits | None = None
 
     def __enter__(self) -> None:
-        from threadpoolctl import threadpool_limits
 
         with self._lock:
             if self._limits is None:
@@ -77,8 +79,6 @@ class _SharedLimit:
 
 def _take_control() -> None:
     """Let any thread set the limit; threadpoolctl 3.8 leaves that to the first one that did."""
-    import threadpoolctl
-
     openblas = getattr(threadpoolctl, "OpenBLASController", None)
     clear = getattr(openblas, "clear_controlling_thread", None)
     if clear is not None:

@@ -9,6 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+import pyarrow.types as types
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
@@ -60,8 +64,6 @@ def read(path: Path) -> FileContent:
 
 def _parquet(path: Path) -> tuple[pa.Schema, ReadColumn]:
     """Columns and how one of them is read: one at a time, so that memory holds few copies."""
-    import pyarrow.parquet as pq
-
     file = pq.ParquetFile(path)
     schema = file.schema_arrow
     kept, _ = _split(path, schema)
@@ -72,8 +74,6 @@ def _parquet(path: Path) -> tuple[pa.Schema, ReadColumn]:
 
 def _ipc(path: Path) -> tuple[pa.Schema, ReadColumn]:
     """The same for the two kinds of Arrow files: with a table of contents, or a mere stream."""
-    import pyarrow as pa
-
     source = pa.memory_map(str(path))
     magic = source.read(_STREAM_IN_FILE)
     if magic.startswith(_FEATHER_1):
@@ -100,14 +100,12 @@ def _split(path: Path, schema: pa.Schema) -> tuple[list[int], list[str]]:
 
 
 def _is_channel(field: pa.Field) -> bool:
-    import pyarrow.types as types
 
     index = field.name.startswith("__index_level_")  # added by pandas
     return not index and bool(types.is_integer(field.type) or types.is_floating(field.type))
 
 
 def _is_stamp(field: pa.Field) -> bool:
-    import pyarrow.types as types
 
     return bool(types.is_timestamp(field.type) or types.is_duration(field.type))
 
@@ -125,9 +123,6 @@ def _column(field: pa.Field, values: pa.ChunkedArray) -> Column:
 
 def _seconds(values: pa.ChunkedArray, unit: str) -> NDArray[np.float64]:
     """Time since the first stamp, exact for any date."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
     stamps = values.cast(pa.int64())
     first = stamps[0].as_py() if len(stamps) else None
     if first is None:

@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pyarrow as pa
 
 from ema.core.errors import InputError, RecordingFormatError
 from ema.core.finding import WARNING, Finding
@@ -185,8 +186,6 @@ def arrow_reader(content: bytes) -> pa.BufferReader:
     -------
     pyarrow.BufferReader
     """
-    import pyarrow as pa
-
     # The default pool holds megabytes in reserve.
     memory = pa.allocate_buffer(len(content), memory_pool=pa.system_memory_pool())
     np.frombuffer(memory, np.uint8)[:] = np.frombuffer(content, np.uint8)

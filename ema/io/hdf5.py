@@ -196,6 +196,7 @@ def _items(
     group: h5py.Group, prefix: str, seen: set[Any], left_out: dict[str, str]
 ) -> Iterator[tuple[str, Any]]:
     """Groups and datasets below a group, each of them once."""
+    # Optional: installed with an extra.
     import h5py
 
     for name in group:
@@ -218,6 +219,7 @@ def _items(
 
 def address_of(item: h5py.HLObject) -> Any:
     """What tells objects apart that have several names."""
+    # Optional: installed with an extra.
     import h5py
 
     return h5py.h5o.get_info(item.id).addr
@@ -283,6 +285,7 @@ class Memory:
 
 def _is_plain(dataset: h5py.Dataset) -> bool:
     """Whether the bytes in the file are those of a numpy array."""
+    # Optional: installed with an extra.
     import h5py
 
     same_type = h5py.h5t.py_create(dataset.dtype).equal(dataset.id.get_type())

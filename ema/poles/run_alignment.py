@@ -79,6 +79,7 @@ def stretched(
     frequency_hz: NDArray[np.float64], values: NDArray[np.complex128], factor: float
 ) -> NDArray[np.complex128]:
     """FRFs whose natural frequencies are `factor` too high, on the lines of the right ones."""
+    # Slow to load, and needed only where a tyre drifts.
     from scipy.interpolate import CubicSpline
 
     within = np.clip(frequency_hz * factor, frequency_hz[0], frequency_hz[-1])

@@ -279,7 +279,6 @@ def _hum(summary: SignalSummary) -> str:
 
 
 def _level(value: float, channel: Channel) -> str:
-    from ema.core.units import SI_UNIT
 
     return f"{value:.4g} {SI_UNIT.get(channel.quantity, '')}".rstrip()
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from ema.core.errors import InputError
 from ema.core.numerics import available_cores
 from pipelines.batch.campaigns import CampaignFolder, find_campaigns
+from pipelines.batch.cluster import on_cluster
 from pipelines.batch.state import (
     BatchFolder,
     Record,
@@ -18,6 +19,7 @@ from pipelines.batch.state import (
     take_fingerprint,
     write_record,
 )
+from pipelines.batch.summary import write_summary
 from pipelines.batch.tables import tables_are_current, write_campaigns, write_modes_and_parameters
 from pipelines.batch.task import Task, carry_out, sweep
 from pipelines.batch.workers import in_this_process, on_this_machine
@@ -123,8 +125,6 @@ def run_batch(
     if jobs is not None and scheduler is not None:
         raise _two_kinds_of_workers(jobs, scheduler)
     if scheduler is not None and tasks:
-        from pipelines.batch.cluster import on_cluster
-
         records = on_cluster(tasks, carry_out, scheduler, say, allow_unencrypted=allow_unencrypted)
     else:
         records = _done_here(tasks, jobs or available_cores())
@@ -199,7 +199,6 @@ def _write_overview(batch: Batch, campaigns: Sequence[CampaignFolder]) -> None:
     """Write tables and summary, unless they already say the same; the campaigns' table last."""
     if tables_are_current(batch.records, batch.folder):
         return
-    from pipelines.batch.summary import write_summary
 
     write_modes_and_parameters(batch.records, batch.folder)
     write_summary(batch.records, campaigns, batch.folder)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pipelines.batch.run import run_batch
+from pipelines.batch.tables import campaign_rows
 from pipelines.cli import terminal
 from pipelines.cli.interrupt import Interrupted
 from pipelines.cli.options import FILES, Json, Quiet, with_processing_options
@@ -91,8 +93,6 @@ def batch(
       ringmodal batch measurements --out results --jobs 4 --reports
       ringmodal batch measurements --out results --scheduler tls://node1:8786
     """  # noqa: D406, D407 - a heading of the help
-    from pipelines.batch.run import run_batch
-
     finished = 0
     with shown(quiet=quiet) as progress:
 
@@ -141,8 +141,6 @@ def _show(found: Batch, *, as_json: bool) -> None:
         "failed_before": found.count(done=False, fresh=False),
     }
     if as_json:
-        from pipelines.batch.tables import campaign_rows
-
         rows = campaign_rows(found.records)
         terminal.print_json({"out": str(found.folder.path), **counts, "campaigns": rows})
         return

@@ -10,7 +10,12 @@ import typer
 from pipelines.cli import terminal
 from pipelines.cli.interrupt import stating_what_stands
 from pipelines.cli.options import FILES, AcceptChanges, Json, replacing
+from pipelines.cli.terminal import columns_of, print_table
 from pipelines.cli.values import choice
+from pipelines.compare.compare import compare_folders
+from pipelines.compare.summary_text import findings
+from pipelines.compare.table import COMPARISON_HEAD, comparison_record, comparison_rows
+from pipelines.report.comparison import write_comparison
 
 if TYPE_CHECKING:
     from pipelines.compare.compare import Comparison
@@ -42,10 +47,6 @@ def compare(
       ringmodal compare results/220_kPa results/250_kPa
       ringmodal compare results/monday results/tuesday --out repeatability.html --force
     """  # noqa: D406, D407 - a heading of the help
-    from pipelines.compare.compare import compare_folders
-    from pipelines.compare.table import comparison_record
-    from pipelines.report.comparison import write_comparison
-
     choice("--out", out.suffix or "(no ending)", (".html",))
     with stating_what_stands(out):
         found = compare_folders(first, second, accept_changes=accept_changes)
@@ -58,9 +59,6 @@ def compare(
 
 
 def _show(found: Comparison) -> None:
-    from pipelines.cli.terminal import columns_of, print_table
-    from pipelines.compare.summary_text import findings
-    from pipelines.compare.table import COMPARISON_HEAD, comparison_rows
 
     columns = columns_of(COMPARISON_HEAD, comparison_rows(found), _TEXTS, _TEXTS[1:])
     output = terminal.screen()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import platform
 import shutil
+import struct
 import sys
 import tempfile
 import tomllib
@@ -14,10 +16,18 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+from threadpoolctl import threadpool_info
+
 from ema.core.errors import FitError, InputError
+from ema.core.numerics import available_cores, available_threads
 from pipelines.cli.streams import lacking
 from pipelines.cli.terminal import Column, print_json, print_table, say, screen
+from pipelines.process.run import process
+from pipelines.results.options import Options
 from pipelines.results.provenance import DISTRIBUTION, UNKNOWN, installed_version
+from pipelines.simulate.campaign import simulate_campaign
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
@@ -90,8 +100,6 @@ IMPORT_NAMES = ("ema", "model", "pipelines")
 
 def check_python() -> Check:
     """Python itself against what the package asks for."""
-    from packaging.specifiers import SpecifierSet
-
     version = platform.python_version()
     try:
         wanted = metadata(DISTRIBUTION)["Requires-Python"]
@@ -126,8 +134,6 @@ def check_parts() -> list[Check]:
 
 def _requirements(extra: str) -> list[Requirement]:
     """Requirements of the package, or of one of its optional parts alone."""
-    from packaging.requirements import Requirement
-
     try:
         everything = [Requirement(text) for text in requires(DISTRIBUTION) or ()]
     except PackageNotFoundError:
@@ -210,11 +216,6 @@ _PROOF_LIMIT = 0.005  # of a frequency; runs of 4 s come within a tenth of it
 
 def check_linear_algebra() -> Check:
     """The library beneath numpy, and how many threads it may use."""
-    import numpy as np  # noqa: F401 - loads the library that is asked about
-    from threadpoolctl import threadpool_info
-
-    from ema.core.numerics import available_cores, available_threads
-
     found = [each for each in threadpool_info() if each["user_api"] == "blas"]
     threads = f"{available_threads()} of {available_cores()} cores"
     if not found:
@@ -243,9 +244,6 @@ def _free_memory_bytes() -> float | None:
             if line.startswith("MemAvailable:"):
                 return 1024.0 * int(line.split()[1])
     if sys.platform == "win32":
-        import ctypes
-        import struct
-
         status = ctypes.create_string_buffer(64)  # MEMORYSTATUSEX: its size first, then numbers
         struct.pack_into("<I", status, 0, 64)
         if ctypes.windll.kernel32.GlobalMemoryStatusEx(status):
@@ -289,10 +287,6 @@ def check_terminal() -> Check:
 
 def check_campaign() -> Check:
     """Whether a simulated campaign comes back as the modes it was made with."""
-    from pipelines.process.run import process
-    from pipelines.results.options import Options
-    from pipelines.simulate.campaign import simulate_campaign
-
     remedy = "Please report it with this line"
     try:
         with tempfile.TemporaryDirectory() as scratch:

@@ -10,7 +10,13 @@ import typer
 from pipelines.cli import terminal
 from pipelines.cli.interrupt import stating_what_stands
 from pipelines.cli.options import FILES, AcceptChanges, Json, one_of, replacing
+from pipelines.cli.terminal import columns_of, print_table
 from pipelines.cli.values import choice
+from pipelines.compare.shape_comparison import MATCH_HEAD, TEXTS, match_rows, write_table
+from pipelines.export.modal import export as write
+from pipelines.export.modal import require_free_file
+from pipelines.report.shape_comparison import write_page
+from pipelines.storage.atomic import file_written_whole
 
 if TYPE_CHECKING:
     from pipelines.compare.shape_comparison import ShapeComparison
@@ -78,8 +84,6 @@ def export(
       ringmodal export results/tyre_7 --format uff --out tyre_7.unv --real
       ringmodal export results/tyre_7 --format mat --out tyre_7.mat --frfs none
     """  # noqa: D406, D407 - a heading of the help
-    from pipelines.export.modal import export as write
-
     with stating_what_stands(out or result):
         written = write(
             result,
@@ -196,10 +200,6 @@ def compare_shapes(
 
 
 def _write_comparison(found: ShapeComparison, out: Path, force: bool) -> None:
-    from pipelines.compare.shape_comparison import write_table
-    from pipelines.export.modal import require_free_file
-    from pipelines.report.shape_comparison import write_page
-    from pipelines.storage.atomic import file_written_whole
 
     writers = {".csv": write_table, ".html": write_page}
     ending = choice("--out", out.suffix or "(no ending)", tuple(writers))
@@ -209,8 +209,6 @@ def _write_comparison(found: ShapeComparison, out: Path, force: bool) -> None:
 
 
 def _show(found: ShapeComparison) -> None:
-    from pipelines.cli.terminal import columns_of, print_table
-    from pipelines.compare.shape_comparison import MATCH_HEAD, TEXTS, match_rows
 
     output = terminal.screen()
     columns = columns_of(MATCH_HEAD, match_rows(found), TEXTS)

@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
+from ema.core.campaign import Processing
+from ema.core.errors import InputError
 from pipelines.cli import values as value
+from pipelines.results.options import Options
 
 if TYPE_CHECKING:
     from pipelines.results.options import Options
@@ -206,9 +209,6 @@ def processing_options(
     strict: Strict = False,
 ) -> Options:
     """What the command line chose for the processing of a campaign."""
-    from ema.core.campaign import Processing
-    from pipelines.results.options import Options
-
     return Options(
         processing=Processing(averages, block_seconds, window, overlap, band_hz),
         estimator=value.choice("--estimator", estimator, value.ESTIMATORS),
@@ -304,8 +304,6 @@ def library_folder(given: Path | None) -> Path:
     InputError
         If none was.
     """
-    from ema.core.errors import InputError
-
     if given is None:
         rule = "the folder of the library must be known"
         remedy = f"Give --library DIR, or set {_VARIABLE} once and for all"

@@ -6,6 +6,7 @@ from pipelines.cli import terminal
 from pipelines.cli.interrupt import stating_what_stands
 from pipelines.cli.options import Force, Json, Out, Quiet
 from pipelines.cli.progress import shown
+from pipelines.paper.reproduce import PAGE, reproduce_paper
 
 
 def paper(out: Out, force: Force = False, as_json: Json = False, quiet: Quiet = False) -> None:
@@ -14,8 +15,6 @@ def paper(out: Out, force: Force = False, as_json: Json = False, quiet: Quiet = 
     Example:
       ringmodal paper --out paper
     """
-    from pipelines.paper.reproduce import PAGE, reproduce_paper
-
     with stating_what_stands(out), shown(quiet=quiet) as progress:
         chapters = reproduce_paper(out, force=force, progress=progress.stage)
     statements = [one for chapter in chapters for one in chapter.statements]

@@ -91,6 +91,7 @@ class Bars:
 
     def line(self, text: str) -> None:
         """Print a text above the bars."""
+        # Not for the help, which has to be there at once.
         from rich.text import Text
 
         self._display.console.print(Text(printable(text)))
@@ -114,6 +115,7 @@ def shown(*, quiet: bool) -> Iterator[Progress]:
     if quiet:
         yield Silent()
     elif sys.stderr.isatty():
+        # Not for the help, which has to be there at once.
         from rich.console import Console
 
         with bars_on(Console(stderr=True)) as bars:
@@ -125,6 +127,7 @@ def shown(*, quiet: bool) -> Iterator[Progress]:
 @contextmanager
 def bars_on(console: Any) -> Iterator[Bars]:
     """Bars on a terminal; the last one is full only if the block ends well."""
+    # Not for the help, which has to be there at once.
     from rich import progress
 
     columns = (

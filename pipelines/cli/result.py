@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ema.core.errors import InputError
-from pipelines.cli import values
+from pipelines.cli import show_result, terminal, values
 from pipelines.cli.interrupt import stating_what_stands
 from pipelines.cli.options import (
     AcceptChanges,
@@ -27,6 +27,12 @@ from pipelines.cli.options import (
     with_processing_options,
 )
 from pipelines.cli.progress import shown
+from pipelines.process.run import process as run
+from pipelines.process.run import retune
+from pipelines.report.figure_files import write_figures
+from pipelines.report.paper import printing_library
+from pipelines.report.save import PDF, has_pdf, save
+from pipelines.storage.result_folder import require_free
 
 if TYPE_CHECKING:
     from pipelines.results.options import Options
@@ -60,11 +66,6 @@ def process(
       ringmodal process tyre_7 --out result --given mass_per_area_kg_m2=19.7
       ringmodal process tyre_7 --out result --pdf --figures pictures
     """  # noqa: D406, D407 - a heading of the help
-    from pipelines.cli import show_result
-    from pipelines.process.run import process as run
-    from pipelines.report.save import save
-    from pipelines.storage.result_folder import require_free
-
     source = campaign[0] if len(campaign) == 1 else campaign
     with stating_what_stands(out):
         require_free(out, force=force)
@@ -95,14 +96,9 @@ def tune(
       ringmodal tune result --objective paper
       ringmodal tune result --given mass_per_area_kg_m2=19.7
     """  # noqa: D406, D407 - a heading of the help
-    from pipelines.cli import show_result
-    from pipelines.report.save import has_pdf, save
-
     objective = values.choice("--objective", objective, values.OBJECTIVES)
     known = values.ring_parameters("--given", given)
     with stating_what_stands(result_folder):
-        from pipelines.process.run import retune
-
         result = retune(
             result_folder, objective, known, strict=strict, accept_changes=accept_changes
         )
@@ -125,14 +121,10 @@ def report(
       ringmodal report result
       ringmodal report result --pdf --figures pictures
     """  # noqa: D406, D407 - a heading of the help
-    from pipelines.cli import show_result, terminal
-    from pipelines.report.save import PDF, has_pdf, save
-
     pdf = pdf or has_pdf(result_folder)
     with stating_what_stands(result_folder):
         require_pictures(figures, result_folder, force=force)
         require_pdf(pdf=pdf)
-        from pipelines.process.run import retune
 
         result = retune(result_folder, accept_changes=accept_changes)
         save(result, result_folder, pdf=pdf, force=True)
@@ -147,7 +139,6 @@ def report(
 
 
 def _draw(result: Result, folder: Path, *, force: bool) -> None:
-    from pipelines.report.figure_files import write_figures  # loads what draws
 
     write_figures(result, folder, force=force)
 
@@ -188,6 +179,5 @@ def require_pdf(*, pdf: bool) -> None:
     """
     if not pdf:
         return
-    from pipelines.report.paper import printing_library
 
     printing_library("--pdf")

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from pipelines.cli.terminal import Column, print_json, print_table, printable, say, screen
 from pipelines.report.save import PDF
 from pipelines.storage.plain_values import plain
+from pipelines.storage.rounding import value_with_std
+from pipelines.storage.tables import plain_rows
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -23,6 +25,7 @@ def show(result: Result, folder: Path, *, as_json: bool, report: bool) -> None:
     if as_json:
         print_json(summary(result, folder, report=report))
         return
+    # Not for the help, which has to be there at once.
     from rich.text import Text
 
     output, errors = screen(), screen(errors=True)
@@ -58,8 +61,6 @@ def warnings(result: Result) -> list[str]:
 
 def summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
     """Content of ``--json``: modes, ring, warnings, and where the report is, if there is one."""
-    from pipelines.storage.tables import plain_rows  # loads pandas
-
     table = result.modal_model.to_frame()
     modes = [dict(zip(table.columns, row, strict=True)) for row in plain_rows(table)]
     ring: dict[str, Any] = {}
@@ -82,7 +83,6 @@ def summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
 
 
 def _show_modes(output: Console, result: Result) -> None:
-    from pipelines.storage.rounding import value_with_std
 
     modes = result.modal_model.modes
     columns = [
@@ -102,7 +102,6 @@ def _show_modes(output: Console, result: Result) -> None:
 
 
 def _show_ring(output: Console, result: Result) -> None:
-    from pipelines.storage.rounding import value_with_std
 
     assert result.tuning is not None
     tuning = result.tuning

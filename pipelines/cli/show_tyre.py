@@ -18,6 +18,8 @@ from pipelines.cli.terminal import (
 )
 from pipelines.export.tir_ring import RingFromTir
 from pipelines.export.tir_update import TirChange, TirUpdate
+from pipelines.library.diff import values_of
+from pipelines.report.pressure_series import headings, trend_row
 from pipelines.storage.rounding import DASH, chance_text, number, signed, value_with_std
 
 if TYPE_CHECKING:
@@ -43,8 +45,6 @@ def show_version(version: Version, standing: str, *, as_json: bool) -> None:
 
 def show_parameters(parameters: ParameterSet) -> None:
     """Print conditions and parameters, each with its ± and how it was obtained."""
-    from pipelines.library.diff import values_of
-
     for name, value in parameters.conditions.items():
         say(f"Condition: {name} = {_stated(value)}")
     found = values_of(parameters)
@@ -138,8 +138,6 @@ def show_difference(found: SetDifference, *, as_json: bool) -> None:
 
 def show_series(series: Series, unit: str, *, as_json: bool) -> None:
     """Print the straight line of each parameter over pressure."""
-    from pipelines.report.pressure_series import headings, trend_row
-
     if as_json:
         print_json({"tyre": series.tyre, "trends": [_trend(each) for each in series.trends]})
     else:

@@ -9,8 +9,10 @@ from typing import Annotated
 
 import typer
 
-from pipelines.cli import simulate_options, terminal
+from model import Cleat, CleatTest, ForcedRing, hub_response
+from pipelines.cli import simulate_options, simulate_show, terminal
 from pipelines.cli.help import Command, Group
+from pipelines.cli.interrupt import stating_what_stands
 from pipelines.cli.options import AcceptChanges
 from pipelines.cli.simulate_options import (
     Directions,
@@ -20,6 +22,17 @@ from pipelines.cli.simulate_options import (
     Quantities,
     WaveFrames,
 )
+from pipelines.cli.simulate_ranges import orders_of, values_of
+from pipelines.simulate.campaign import simulate_campaign
+from pipelines.simulate.frequencies import simulate_frequencies, wheel_of
+from pipelines.simulate.responses import (
+    MOST_LOADS,
+    Observer,
+    simulate_cleat,
+    simulate_inertance,
+    simulate_loaded,
+)
+from pipelines.simulate.tyre import damping_of
 
 simulate = typer.Typer(
     cls=Group,
@@ -63,9 +76,6 @@ def campaign(
     Example:
       ringmodal simulate campaign virtual --duration-s 60 --snr-db 20
     """
-    from pipelines.cli.interrupt import stating_what_stands
-    from pipelines.simulate.campaign import simulate_campaign
-
     with stating_what_stands(folder):
         written = simulate_campaign(
             folder,
@@ -106,10 +116,6 @@ def frequencies(
     Example:
       ringmodal simulate frequencies --speed-rad-s 0:100:1 --orders 1:4 --out waves.csv
     """
-    from pipelines.cli import simulate_show
-    from pipelines.cli.simulate_ranges import orders_of, values_of
-    from pipelines.simulate.frequencies import simulate_frequencies
-
     found = simulate_frequencies(
         simulate_show.announced(tyre, accept_changes=accept_changes).ring,
         orders_of("--orders", orders),
@@ -145,12 +151,6 @@ def inertance(
     Example:
       ringmodal simulate inertance --at-deg 100 --speed-rad-s 67.3 --out inertance.csv
     """
-    from model import ForcedRing
-    from pipelines.cli import simulate_show
-    from pipelines.cli.simulate_ranges import values_of
-    from pipelines.simulate.responses import simulate_inertance
-    from pipelines.simulate.tyre import damping_of
-
     chosen = simulate_show.announced(tyre, accept_changes=accept_changes)
     forced = ForcedRing(
         chosen.ring,
@@ -205,12 +205,6 @@ def cleat(
     Example:
       ringmodal simulate cleat --at-deg 90 --frame absolute --figure cleat.png
     """
-    from model import Cleat, CleatTest, ForcedRing
-    from pipelines.cli import simulate_show
-    from pipelines.cli.simulate_ranges import values_of
-    from pipelines.simulate.responses import Observer, simulate_cleat
-    from pipelines.simulate.tyre import damping_of
-
     chosen = simulate_show.announced(tyre, accept_changes=accept_changes)
     forced = ForcedRing(
         chosen.ring,
@@ -256,10 +250,6 @@ def loaded(
     Example:
       ringmodal simulate loaded --load-n 0:4000:500 --figure loaded.svg
     """
-    from pipelines.cli import simulate_show
-    from pipelines.cli.simulate_ranges import values_of
-    from pipelines.simulate.responses import MOST_LOADS, simulate_loaded
-
     found = simulate_loaded(
         simulate_show.announced(tyre, accept_changes=accept_changes).ring,
         values_of("--load-n", load_n, MOST_LOADS),
@@ -303,12 +293,6 @@ def hub(
     Example:
       ringmodal simulate hub --hub free --wheel-mass-kg 12 --wheel-inertia-kg-m2 0.6
     """
-    from model import ForcedRing, hub_response
-    from pipelines.cli import simulate_show
-    from pipelines.cli.simulate_ranges import values_of
-    from pipelines.simulate.frequencies import wheel_of
-    from pipelines.simulate.tyre import damping_of
-
     chosen = simulate_show.announced(tyre, accept_changes=accept_changes)
     wheel = None
     if hub is Hubs.free:

@@ -14,6 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from model import Bifurcation, ForcedRing, HubResponse
 from pipelines.cli import terminal
 from pipelines.cli.terminal import Column, print_table
+from pipelines.plots import forced as figures_forced
+from pipelines.plots import waves as figures_waves
+from pipelines.plots.style import Margins, figure_bytes, styled_figure
 from pipelines.simulate.frequencies import (
     free_frequencies,
     frequency_columns,
@@ -30,6 +33,7 @@ from pipelines.simulate.responses import (
 )
 from pipelines.simulate.tyre import SimulatedTyre, tyre_to_simulate
 from pipelines.storage.atomic import file_written_whole
+from pipelines.storage.tables import write_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,9 +73,6 @@ def announced(path: Path | None, *, accept_changes: bool = False) -> SimulatedTy
 
 def frequencies(found: Bifurcation, frame: str, targets: Targets) -> None:
     """Show natural frequencies over speed."""
-    from pipelines.plots import waves as figures_waves
-    from pipelines.plots.style import Margins, styled_figure
-
     for sentence in instabilities(found):
         _say(sentence)
     columns = frequency_columns(found)
@@ -92,9 +93,6 @@ def frequencies(found: Bifurcation, frame: str, targets: Targets) -> None:
 
 def inertance(found: SimulatedInertance, tyre: SimulatedTyre, targets: Targets) -> None:
     """Show an inertance; its peaks where nothing else was asked for."""
-    from pipelines.plots import forced as figures_forced
-    from pipelines.plots.style import styled_figure
-
     note = f"Inertance in {found.unit}"
     if found.unit == PER_LINE_FORCE:
         note += f", per unit of belt width: {tyre.name} has no belt width"
@@ -119,9 +117,6 @@ def inertance(found: SimulatedInertance, tyre: SimulatedTyre, targets: Targets) 
 
 def cleat(found: CleatResponse, targets: Targets, spectrum: Path | None) -> None:
     """Show the response to a blow; its extremes where nothing else was asked for."""
-    from pipelines.plots import forced as figures_forced
-    from pipelines.plots.style import Margins, styled_figure
-
     _write_table(targets, found.columns, f"{found.observer.quantity} in {found.observer.unit}")
     if spectrum is not None:
         write_columns(spectrum, found.spectrum_columns, f"spectrum in {found.observer.unit}·s")
@@ -149,9 +144,6 @@ def cleat(found: CleatResponse, targets: Targets, spectrum: Path | None) -> None
 
 def loaded(found: LoadedSweep, targets: Targets) -> None:
     """Show frequencies over load."""
-    from pipelines.plots import forced as figures_forced
-    from pipelines.plots.style import Margins, styled_figure
-
     largest = found.load_n.max()
     _write_table(targets, found.columns)
     if targets.as_json:
@@ -178,9 +170,6 @@ def loaded(found: LoadedSweep, targets: Targets) -> None:
 
 def hub(found: HubResponse, forced: ForcedRing, targets: Targets) -> None:
     """Show what reaches the hub; frequencies of the free wheel where nothing else was asked for."""
-    from pipelines.plots import forced as figures_forced
-    from pipelines.plots.style import styled_figure
-
     wheel = forced.wheel
     columns = hub_columns(found, free=wheel is not None)
     _write_table(targets, columns)
@@ -236,16 +225,12 @@ def write_columns(path: Path, columns: Columns, note: str = "") -> None:
     """
     import pandas as pd  # half a second that only a file costs
 
-    from pipelines.storage.tables import write_table
-
     table = pd.DataFrame({name: np.asarray(values) for name, values in columns.items()})
     write_table(path, table, {"note": note} if note else None)
 
 
 def write_figure(path: Path, figure: Figure) -> None:
     """Write a figure as PNG or SVG, by the ending of `path`; whole or not at all."""
-    from pipelines.plots.style import figure_bytes  # drawing takes a second to load
-
     content = figure_bytes(figure, path.suffix.lower().lstrip("."))
     with file_written_whole(path) as partial:
         partial.write_bytes(content)

@@ -8,9 +8,16 @@ from typing import Annotated
 import typer
 
 from pipelines.cli import terminal
+from pipelines.cli.doctor import PROBLEM, examine, show_checks
 from pipelines.cli.interrupt import stating_what_stands
 from pipelines.cli.options import Json, replacing
 from pipelines.cli.progress import shown
+from pipelines.cli.show_channels import show_inspection
+from pipelines.cli.show_result import show
+from pipelines.prepare.guesses import Layout
+from pipelines.prepare.inspection import inspect_files
+from pipelines.prepare.manifest_template import draft_manifest, write_draft
+from pipelines.report.save import run_demo
 
 PLACES = "Places of the sensors"
 
@@ -26,9 +33,6 @@ def demo(
     Example:
       ringmodal demo --out demo
     """
-    from pipelines.cli.show_result import show
-    from pipelines.report.save import run_demo
-
     with stating_what_stands(out / "result"):
         result, folder = run_demo(out)
     show(result, folder, as_json=as_json, report=True)
@@ -43,7 +47,6 @@ def doctor(as_json: Json = False) -> None:
       ringmodal doctor
     """
     pass
-    from pipelines.cli.doctor import PROBLEM, examine, show_checks
 
     with shown(quiet=as_json) as progress:
         progress.stage("Checking the installation …")
@@ -72,9 +75,6 @@ def inspect(
       ringmodal inspect measurements/tyre_7
       ringmodal inspect config_1.uff config_2.uff --headers
     """  # noqa: D406, D407 - a heading of the help
-    from pipelines.cli.show_channels import show_inspection
-    from pipelines.prepare.inspection import inspect_files
-
     inspection = inspect_files(files, levels=not headers)
     if inspection.files:
         show_inspection(inspection, as_json=as_json)
@@ -122,9 +122,6 @@ def init(
       ringmodal init measurements/tyre_7
       ringmodal init measurements/tyre_7 --spacing-deg 30 --step-deg 5 --reference A13
     """  # noqa: D406, D407 - a heading of the help
-    from pipelines.prepare.guesses import Layout
-    from pipelines.prepare.manifest_template import draft_manifest, write_draft
-
     if step_deg and spacing_deg is None:
         raise typer.BadParameter("--step-deg goes with --spacing-deg. Give both.")
     layout = None if spacing_deg is None else Layout(spacing_deg, step_deg)

@@ -25,6 +25,7 @@ def screen(*, errors: bool = False) -> Console:
 
     ``NO_COLOR``, ``FORCE_COLOR`` and ``COLUMNS`` are respected.
     """
+    # Not for the help, which has to be there at once.
     from rich.console import Console
 
     stream = sys.stderr if errors else sys.stdout
@@ -137,6 +138,7 @@ def print_table(
     least_width : int
         What a column that folds needs before others are left out for it.
     """
+    # Not for the help, which has to be there at once.
     from rich.text import Text
 
     columns = [column for column in columns if any(column.cells)]
@@ -165,6 +167,7 @@ def _width_needed(screen: Console, columns: Sequence[Column], least_width: int) 
 
 
 def _table(columns: Sequence[Column]) -> Any:
+    # Not for the help, which has to be there at once.
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipelines.cli import terminal
+from ema.core.errors import InputError
+from pipelines.cli import show_tyre, terminal
 from pipelines.cli.help import Command, Group
 from pipelines.cli.options import (
     FILES,
@@ -24,6 +25,15 @@ from pipelines.cli.options import (
     library_folder,
 )
 from pipelines.cli.tyre_tir import from_tir, modal_targets, update_tir
+from pipelines.cli.values import TABLE_ENDINGS, require_target
+from pipelines.library.diff import difference
+from pipelines.library.export import export as write
+from pipelines.library.history import all_damage, history_of, version_rows, write_table
+from pipelines.library.library import TyreLibrary, conditions_of, resolve
+from pipelines.library.numbering import require_version, split_reference
+from pipelines.library.series import pressure_series
+from pipelines.library.version import login_name
+from pipelines.report.pressure_series import ENDINGS, write_series
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,8 +104,6 @@ def add(
     Example:
       ringmodal tyre add results/tyre_7 --library parameters --note "new contour"
     """
-    from pipelines.library.library import conditions_of
-
     added = _library(library).add(
         result,
         tyre_id=tyre_id,
@@ -114,9 +122,6 @@ def list_tyres(library: Library = None, as_json: Json = False) -> None:
     Example:
       ringmodal tyre list --library parameters
     """
-    from pipelines.cli import show_tyre
-    from pipelines.library.history import all_damage, history_of
-
     histories = [history_of(each) for each in _library(library).tyres()]
     show_tyre.show_tyres(histories, as_json=as_json)
     _complain_of(all_damage(histories))
@@ -132,8 +137,6 @@ def show(name: Reference, library: Library = None, as_json: Json = False) -> Non
       ringmodal tyre show 225-55R17 --library parameters
       ringmodal tyre show 225-55R17@2 --library parameters
     """
-    from pipelines.cli import show_tyre
-
     of = _library(library)
     version = of.version(name)
     show_tyre.show_version(version, of.tyre(version.tyre).standing(version), as_json=as_json)
@@ -146,9 +149,6 @@ def history(name: Name, library: Library = None, as_json: Json = False) -> None:
     Example:
       ringmodal tyre history 225-55R17 --library parameters
     """
-    from pipelines.cli import show_tyre
-    from pipelines.library.history import history_of
-
     found = history_of(_library(library).tyre(name))
     show_tyre.show_history(found, as_json=as_json)
     _complain_of(found.damage)
@@ -171,10 +171,6 @@ def diff(
       ringmodal tyre diff 225-55R17@1 225-55R17@2 --library parameters
       ringmodal tyre diff 225-55R17 results/tyre_7 --library parameters
     """
-    from pipelines.cli import show_tyre
-    from pipelines.library.diff import difference
-    from pipelines.library.library import resolve
-
     one, two = (resolve(each, library, accept_changes=accept_changes) for each in (first, second))
     found = difference(one, two)
     show_tyre.show_difference(found, as_json=as_json)
@@ -198,9 +194,6 @@ def approve(
     Example:
       ringmodal tyre approve 225-55R17@3 --library parameters --note "checked on the road"
     """
-    from pipelines.library.numbering import require_version
-    from pipelines.library.version import login_name
-
     of = _library(library)
     wanted = of.tyre(require_version(name, "approve"))
     version = wanted.approve(of.version(name).number, author or login_name(), note)
@@ -230,9 +223,6 @@ def rollback(
     Example:
       ringmodal tyre rollback 225-55R17 --library parameters --note "contour was not released"
     """
-    from pipelines.library.numbering import split_reference
-    from pipelines.library.version import login_name
-
     of = _library(library)
     plain_name, wanted = split_reference(name)
     number = of.version(name).number if wanted else None
@@ -265,9 +255,6 @@ def export(
       ringmodal tyre export 225-55R17 --library parameters --out tyre.toml
       ringmodal tyre export 225-55R17@2 --library parameters --out tyre.json
     """
-    from pipelines.library.export import export as write
-    from pipelines.library.library import resolve
-
     found = resolve(name, library, accept_changes=accept_changes)
     written = write(found.parameters, out, file_format)
     _say_file(out, as_json=as_json, told={"set": found.name, "format": written})
@@ -303,10 +290,6 @@ def table(
     Example:
       ringmodal tyre table --library parameters --out parameters.parquet --wide
     """
-    from pipelines.cli import show_tyre
-    from pipelines.cli.values import TABLE_ENDINGS, require_target
-    from pipelines.library.history import version_rows, write_table
-
     of = _library(library)
     if out is not None:
         require_target(out, TABLE_ENDINGS)
@@ -347,14 +330,7 @@ def series(
     Example:
       ringmodal tyre series 225-55R17 --library parameters --out series.png
     """
-    from ema.core.errors import InputError
-    from pipelines.cli import show_tyre
-    from pipelines.library.series import pressure_series
-
     if out is not None:
-        from pipelines.cli.values import require_target
-        from pipelines.report.pressure_series import ENDINGS
-
         require_target(out, ENDINGS)
     meant = _library(library).tyre(name)
     versions, damage = meant.versions()
@@ -364,8 +340,6 @@ def series(
         raise (damage[0] if damage else error) from error
     show_tyre.show_series(found, pressure_unit.value, as_json=as_json)
     if out is not None:
-        from pipelines.report.pressure_series import write_series
-
         write_series(out, found, pressure_unit.value)
         if not as_json:
             terminal.say(f"Plot: {out}")
@@ -377,7 +351,6 @@ for command in (update_tir, from_tir, modal_targets):
 
 
 def _library(given: Path | None) -> TyreLibrary:
-    from pipelines.library.library import TyreLibrary
 
     return TyreLibrary(library_folder(given))
 

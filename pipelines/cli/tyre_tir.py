@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ema.core.errors import InputError
+from pipelines.cli import show_tyre, terminal
 from pipelines.cli.options import FILES, AcceptChanges, AnySet, Json, Library
+from pipelines.export.modal_targets import measured_modes, write_modal_targets
+from pipelines.export.tir_file import read_tir, save_tir
+from pipelines.export.tir_ring import ring_from_tir
+from pipelines.export.tir_update import plan_update
+from pipelines.library.export import export
+from pipelines.library.library import resolve
+from pipelines.storage.atomic import file_written_whole
 
 if TYPE_CHECKING:
     from pipelines.export.tir_update import TirUpdate
@@ -67,11 +77,6 @@ def update_tir(
       ringmodal tyre update-tir tyre.tir --from 225-55R17@3 --library parameters --yes
       ringmodal tyre update-tir tyre.tir --from tyre.toml --belt-width-m 0.19 --out new.tir --yes
     """  # noqa: D406, D407 - a heading of the help
-    from pipelines.cli import show_tyre, terminal
-    from pipelines.export.tir_file import read_tir
-    from pipelines.export.tir_update import plan_update
-    from pipelines.library.library import resolve
-
     target = out or file
     tir = read_tir(file)
     found = resolve(source, library, accept_changes=accept_changes)
@@ -126,12 +131,6 @@ def from_tir(
       ringmodal tyre from-tir tyre.tir --belt-width-m 0.19
       ringmodal tyre from-tir tyre.tir --like result --out from_tir.toml
     """  # noqa: D406, D407 - a heading of the help
-    from pipelines.cli import show_tyre
-    from pipelines.export.tir_file import read_tir
-    from pipelines.export.tir_ring import ring_from_tir
-    from pipelines.library.export import export
-    from pipelines.library.library import resolve
-
     known = None
     if like:
         known = resolve(like, library, accept_changes=accept_changes).parameters
@@ -160,11 +159,6 @@ def modal_targets(
       ringmodal tyre modal-targets result --out targets.txt
       ringmodal tyre modal-targets 225-55R17@3 --library parameters --out targets.txt
     """  # noqa: D406, D407 - a heading of the help
-    from pipelines.cli import terminal
-    from pipelines.export.modal_targets import measured_modes, write_modal_targets
-    from pipelines.library.library import resolve
-    from pipelines.storage.atomic import file_written_whole
-
     found = resolve(source, library, accept_changes=accept_changes)
     measured = measured_modes(Path(source))
     with file_written_whole(out) as partial:
@@ -185,11 +179,6 @@ def _require_consent(target: Path, *, asks: bool) -> None:
     Exit
         On a no, with nothing written.
     """
-    import sys
-
-    from ema.core.errors import InputError
-    from pipelines.cli import terminal
-
     if not target.exists():
         return
     if not (asks and sys.stdin.isatty()):
@@ -201,6 +190,5 @@ def _require_consent(target: Path, *, asks: bool) -> None:
 
 
 def _save(update: TirUpdate, target: Path) -> Path | None:
-    from pipelines.export.tir_file import save_tir
 
     return save_tir(update.after, target)

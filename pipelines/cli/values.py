@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ema.core.errors import InputError
+from model.tuning_problem import PARAMETERS
 
 ESTIMATORS = ("H1", "H2", "Hv")
 METHODS = ("lsce", "plscf")
@@ -18,8 +20,6 @@ WINDOWS = (  # those that are common for shaker tests; any other of scipy is tak
 
 def ring_parameter_names(incomplete: str) -> list[str]:
     """What the shell offers for NAME=VALUE."""
-    from model.tuning_problem import PARAMETERS
-
     return [f"{name}=" for name in PARAMETERS if name.startswith(incomplete)]
 
 
@@ -43,7 +43,6 @@ def choice(option: str, value: str, known: Sequence[str]) -> str:
     for each in known:
         if each.casefold() == value.casefold():
             return each
-    import difflib
 
     similar = difflib.get_close_matches(value, known, n=1)
     remedy = f"Did you mean {similar[0]!r}?" if similar else "Choose one of them"
@@ -78,8 +77,6 @@ def ring_parameters(option: str, texts: Sequence[str] | None) -> dict[str, float
     InputError
         If a text is none, or there is no such parameter.
     """
-    from model.tuning_problem import PARAMETERS
-
     values = {}
     for text in texts or ():
         name, _, value = text.partition("=")

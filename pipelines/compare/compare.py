@@ -26,6 +26,7 @@ from pipelines.compare.modes import (
 from pipelines.compare.parameters import ParameterChange, parameter_changes
 from pipelines.compare.shapes import common_shapes
 from pipelines.compare.significance import Agreement, agreement
+from pipelines.process.run import retune
 from pipelines.results.labels import short
 from pipelines.results.result import Result
 
@@ -163,8 +164,6 @@ def compare_folders(
     >>> {each.name for each in found.parameters} >= {"radial_stiffness_n_m3"}
     True
     """
-    from pipelines.process.run import retune
-
     one, two = (retune(Path(each), accept_changes=accept_changes) for each in (first, second))
     return compare(one, two)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.arrays import readonly
-from ema.core.errors import InputError
+from ema.core.errors import InputError, nearest
 from ema.core.mac import mac
 from ema.io.uff.shape_sets import DIRECTIONS
 from pipelines.compare.shape_source import (
@@ -22,6 +22,7 @@ from pipelines.compare.shape_source import (
     of_result,
     read_source,
 )
+from pipelines.results.store import load
 from pipelines.storage.rounding import DASH, number, signed, value_with_std
 from pipelines.storage.tables import table_of, write_csv
 
@@ -143,8 +144,6 @@ def compare_shapes(
         If one cannot be read, was changed and is not accepted, or they have fewer than three
         places in common.
     """
-    from pipelines.results.store import load
-
     chosen = alignment or Alignment()
     _check(chosen)
     loaded = load(result, accept_changes=accept_changes)
@@ -238,7 +237,6 @@ def _match(
 
 
 def _check(chosen: Alignment) -> None:
-    from ema.core.errors import nearest
 
     for option, value, known in (
         ("--by", chosen.by, WAYS),

@@ -18,6 +18,7 @@ from ema.io.uff.shape_sets import read_radial_shapes
 from pipelines.export.data import node_numbers
 from pipelines.results.check import accepted_notes
 from pipelines.results.result import Result
+from pipelines.results.store import load
 from pipelines.storage.result_folder import MARKER
 
 SHAPES_TABLE = "shapes.csv"
@@ -125,8 +126,6 @@ def read_source(
     """
     path = Path(path)
     if path.is_dir() and (path / MARKER).is_file():
-        from pipelines.results.store import load
-
         return of_result(load(path, accept_changes=accept_changes), path.resolve().name)
     if path.is_dir():
         path = path / SHAPES_TABLE

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.compare.compare import Comparison
 from pipelines.compare.modes import UnmatchedMode
 from pipelines.compare.significance import LEVEL, UNKNOWN, Agreement, Difference, Scatter
@@ -149,7 +150,6 @@ def _only_in(name: str, modes: Sequence[UnmatchedMode]) -> tuple[str, ...]:
 
 
 def _parameters(comparison: Comparison) -> tuple[str, ...]:
-    from model.parameters import DAMPING_NAMES, RING_NAMES
 
     tested = [change for change in comparison.parameters if change.is_tested]
     moved = [

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.io import savemat
 
 from ema.core.arrays import readonly
 from ema.core.errors import escaped
@@ -47,8 +48,6 @@ def write_mat(found: ModalExport, path: Path) -> None:
 
     Groups become structures; texts become cells.
     """
-    from scipy.io import savemat
-
     with path.open("wb") as file:  # savemat adds an ending to names
         savemat(file, _matlab(content(found)), do_compression=True)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ema.core.arrays import readonly
-from ema.core.errors import InputError
+from ema.core.errors import InputError, nearest
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode
 from ema.io.uff.frf import SYNTHESISED
@@ -21,9 +21,15 @@ from pipelines.export.data import (
     Geometry,
     ModalExport,
     geometry_of,
+    write_json,
+    write_mat,
 )
+from pipelines.export.formats import write_tables, write_uff
 from pipelines.results.check import accepted_notes
 from pipelines.results.result import Result
+from pipelines.results.store import load
+from pipelines.storage.atomic import file_written_whole
+from pipelines.storage.result_folder import written_whole
 
 FRF_CHOICES = (BOTH, MEASURED, SYNTHESISED, NONE)
 
@@ -104,8 +110,6 @@ def export(
         If the folder is no result, or was changed and that is not accepted, a choice is not
         known, or the place is taken.
     """
-    from pipelines.results.store import load
-
     if frfs not in FRF_CHOICES:
         raise _unknown("--frfs", frfs, FRF_CHOICES)
     chosen = _format_of(out, file_format)
@@ -130,7 +134,6 @@ def _format_of(out: Path | str | None, file_format: str) -> str:
 
 
 def _unknown(where: str, found: str, known: tuple[str, ...]) -> InputError:
-    from ema.core.errors import nearest
 
     rule = f"it must be one of {', '.join(known)}"
     return InputError(where, repr(found), rule, nearest(found.casefold(), known))
@@ -188,8 +191,6 @@ def require_free_file(target: Path, *, force: bool) -> None:
 
 
 def _uff(found: ModalExport, target: Path, text: bool, force: bool) -> None:
-    from pipelines.export.formats import write_uff
-    from pipelines.storage.atomic import file_written_whole
 
     require_free_file(target, force=force)
     with file_written_whole(target) as partial:
@@ -197,8 +198,6 @@ def _uff(found: ModalExport, target: Path, text: bool, force: bool) -> None:
 
 
 def _json(found: ModalExport, target: Path, _: bool, force: bool) -> None:
-    from pipelines.export.data import write_json
-    from pipelines.storage.atomic import file_written_whole
 
     require_free_file(target, force=force)
     with file_written_whole(target) as partial:
@@ -206,8 +205,6 @@ def _json(found: ModalExport, target: Path, _: bool, force: bool) -> None:
 
 
 def _mat(found: ModalExport, target: Path, _: bool, force: bool) -> None:
-    from pipelines.export.data import write_mat
-    from pipelines.storage.atomic import file_written_whole
 
     require_free_file(target, force=force)
     with file_written_whole(target) as partial:
@@ -215,8 +212,6 @@ def _mat(found: ModalExport, target: Path, _: bool, force: bool) -> None:
 
 
 def _csv(found: ModalExport, target: Path, _: bool, force: bool) -> None:
-    from pipelines.export.formats import write_tables
-    from pipelines.storage.result_folder import written_whole
 
     with written_whole(target, force=force, marker=FOLDER_MARKER) as partial:
         write_tables(found, partial)

@@ -9,9 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from ema.core.errors import InputError, escaped, unknown
+from pipelines.export.modal_targets import write_modal_targets
 from pipelines.results.parameter_set import SCHEMA, Parameter, ParameterSet, write_parameter_set
 from pipelines.storage.atomic import file_written_whole
 from pipelines.storage.plain_values import plain
+from pipelines.storage.tables import table_of
+from pipelines.storage.tables import write_csv as write
 
 COLUMNS = ("section", "name", "value", "std", "how")
 
@@ -29,9 +32,6 @@ def write_json(parameters: ParameterSet, path: Path) -> None:
 
 def write_csv(parameters: ParameterSet, path: Path) -> None:
     """Write a parameter set as a table of section, name, value, standard deviation and origin."""
-    from pipelines.storage.tables import table_of  # loads pandas, which a TOML file does not need
-    from pipelines.storage.tables import write_csv as write
-
     write(path, table_of(COLUMNS, _rows(parameters)))
 
 
@@ -40,7 +40,6 @@ def _toml(parameters: ParameterSet, path: Path) -> None:
 
 
 def _modal_targets(parameters: ParameterSet, path: Path) -> None:
-    from pipelines.export.modal_targets import write_modal_targets  # needs the model
 
     write_modal_targets(parameters, path)
 

@@ -20,7 +20,7 @@ from pipelines.results.parameter_set import (
     accepted,
     read_parameter_set,
 )
-from pipelines.storage.checksums import DamagedFile
+from pipelines.storage.checksums import DamagedFile, sha256
 
 VARIABLE = "RINGMODAL_LIBRARY"
 _RESULT, _SET = "provenance.json", "tyre.toml"
@@ -127,8 +127,6 @@ class TyreLibrary:
             If it is no parameter set of a possible ring, was edited and is not accepted, or the
             name belongs to another tyre.
         """
-        from pipelines.storage.checksums import sha256
-
         path = parameter_file(Path(source))
         found = read_source(Path(source), accept_changes=accept_changes)
         parameters = _with_conditions(found, conditions or {})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import getpass
 import secrets
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -9,9 +10,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeGuard
 
+import tomlkit
+
 from ema.core.errors import InputError
 from pipelines.library.numbering import numbered_files, write_next
 from pipelines.results.parameter_set import ParameterSet, parameter_document, parameter_set_of
+from pipelines.results.provenance import software_version
 from pipelines.storage.checksums import checksum, damaged, sealed, texts_of, unsealed
 
 SECTION = "version"
@@ -90,8 +94,6 @@ class Version:
 
 def signed_now(author: str) -> dict[str, str]:
     """Author, moment, software and a unique id, as versions and approvals carry them."""
-    from pipelines.results.provenance import software_version
-
     return {
         "author": author,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -108,8 +110,6 @@ def login_name() -> str:
     InputError
         If the system tells none.
     """
-    import getpass
-
     try:
         return getpass.getuser()
     except (OSError, KeyError, ImportError) as error:
@@ -119,8 +119,6 @@ def login_name() -> str:
 
 def version_text(parameters: ParameterSet, entry: Entry, number: int) -> str:
     """Text of a version's file."""
-    import tomlkit
-
     document = parameter_document(parameters)
     table = tomlkit.table()
     table["number"] = number
@@ -219,7 +217,6 @@ def standing(approvals: Sequence[Approval]) -> list[Approval]:
 
 
 def _text(told: dict[str, object]) -> str:
-    import tomlkit
 
     document = tomlkit.document()
     document["schema"] = SCHEMA

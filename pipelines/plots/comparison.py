@@ -15,7 +15,7 @@ from pipelines.compare.significance import SIGNIFICANT, Difference
 from pipelines.plots.chart import FAINT, RING, SERIES, Chart, as_text, axis, packed, printed
 from pipelines.plots.charts_data import drive_point_row, frf_axes, magnitude_and_phase
 from pipelines.plots.charts_matrix import mac_chart
-from pipelines.results.labels import in_band, short
+from pipelines.results.labels import in_band, literal, short, wrapped_phase_deg
 from pipelines.results.result import Result
 
 if TYPE_CHECKING:
@@ -210,6 +210,7 @@ def plot_changes(
     -------
     Axes
     """
+    # Loads matplotlib, which the page on a screen does without.
     from pipelines.plots import style  # loads matplotlib, which the page does without
 
     places = np.arange(len(names))
@@ -256,8 +257,8 @@ def plot_frf_pair(names: Sequence[str], curves: Sequence[tuple[Any, Any]], axes:
     -------
     ndarray of Axes
     """
+    # Loads matplotlib, which the page on a screen does without.
     from pipelines.plots import style
-    from pipelines.results.labels import literal, wrapped_phase_deg
 
     magnitude, phase = axes
     styles = ({"color": style.SERIES[0]}, {"color": style.SERIES[5], "linestyle": "--"})

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 
 from ema.checks.quality import ReferenceCheck
@@ -191,6 +192,5 @@ def _force_arrow(ax: Axes, angle_deg: float) -> None:
 
 
 def _with_grey(name: str) -> Any:
-    from matplotlib import colormaps
 
     return colormaps[name].with_extremes(bad="#C8C8C8")

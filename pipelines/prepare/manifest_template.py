@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import tomlkit
 
 from ema.core.errors import InputError
 from ema.core.finding import Finding
@@ -352,6 +353,4 @@ def _key(name: str) -> str:
 
 def _text(value: str) -> str:
     """A string of TOML, whatever signs a name has."""
-    import tomlkit
-
     return tomlkit.item(value).as_string()

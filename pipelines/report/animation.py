@@ -113,6 +113,7 @@ def _row_names(result: Result) -> list[str]:
 
 
 def _draw(result: Result) -> Figure:
+    # Loads matplotlib, which the page on a screen does without.
     from pipelines.plots import figures
 
     model = result.modal_model

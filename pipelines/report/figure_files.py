@@ -56,6 +56,7 @@ def write_figures(
 
 
 def _write(drawing: Drawing, folder: Path, formats: Sequence[str]) -> list[Path]:
+    # Loads matplotlib, which the page on a screen does without.
     from pipelines.plots.style import figure_bytes  # loads what draws: the checks come first
 
     figure = drawing.draw()

@@ -8,6 +8,8 @@ from pathlib import Path
 from pipelines.library.series import UNITS_PA, Series, Trend
 from pipelines.plots.pressure import draw_series
 from pipelines.plots.style import figure_bytes, png_uri
+from pipelines.report.blocks import Block, Listing, Paragraph, Picture, Section, Table
+from pipelines.report.write import render_page
 from pipelines.storage.atomic import file_written_whole
 from pipelines.storage.rounding import DASH, number, value_with_std
 
@@ -61,8 +63,6 @@ def headings(unit: str) -> tuple[str, ...]:
 
 
 def _page(series: Series, unit: str, picture: str) -> str:
-    from pipelines.report.blocks import Block, Listing, Paragraph, Picture, Section, Table
-    from pipelines.report.write import render_page
 
     rows = tuple(trend_row(trend, unit) for trend in series.trends)
     about = f"Ring parameters of {series.tyre} over inflation pressure"

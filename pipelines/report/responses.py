@@ -318,6 +318,7 @@ def _drawing(result: Result, row: int) -> Drawing:
 
 
 def _draw_response(result: Result, row: int) -> Figure:
+    # Loads matplotlib, which the page on a screen does without.
     from pipelines.plots import figures
 
     frf, model = result.frf, result.modal_model

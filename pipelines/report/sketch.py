@@ -138,6 +138,7 @@ def _arrow(angle_deg: float) -> str:
 
 
 def _draw(result: Result) -> Figure:
+    # Loads matplotlib, which the page on a screen does without.
     from pipelines.plots import figures
 
     margins = figures.Margins(0.1, 0.1, 0.1, 0.1)

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.frf import FRF
+from ema.io.uff.write import write_frfs as write_universal
 from pipelines.results import tables
 from pipelines.storage.tables import Table, write_parquet
 
 
 def write_frfs(frf: FRF, folder: Path) -> None:
     """Write the FRFs of all positions, and those of the reference sensor where there are any."""
-    from ema.io.uff.write import write_frfs as write_universal
-
     write_universal(folder / "frf.uff", frf)
     for name, rows in (("frf", frf), ("reference", frf.reference)):
         if rows is None:

@@ -19,6 +19,7 @@ from ema.core.modes import Drift, ModalModel, Mode, ResidualTerms
 from ema.poles.stability import Cluster, StabilityDiagram
 from pipelines.results.frf_file import read_frf
 from pipelines.results.result import Result
+from pipelines.results.schema import read_stored
 from pipelines.storage.tables import Table, write_parquet
 
 if TYPE_CHECKING:
@@ -75,8 +76,6 @@ def read_identification(folder: Path, record: dict[str, Any]) -> Result:
     InputError
         If a file is missing, or holds what no identification gives; names it.
     """
-    from pipelines.results.schema import read_stored  # loads what checks types
-
     stored = read_stored(folder / JSON_NAME)
     frf = replace(
         read_frf(folder / "frf.parquet"), blocks=stored.blocks, n_effective=stored.n_effective

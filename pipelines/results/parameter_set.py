@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -9,7 +10,9 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
-from ema.core.errors import InputError
+import tomlkit
+
+from ema.core.errors import InputError, nearest
 from ema.core.files import require_regular
 from model.damping import DampingResult
 from model.identifiability import AT_BOUND, GIVEN, IDENTIFIED, NOT_IDENTIFIED
@@ -153,10 +156,6 @@ def from_tuning(
 
 def write_parameter_set(path: Path, parameters: ParameterSet) -> None:
     """Write a parameter set as TOML; where it tells its provenance, with a checksum in it."""
-    import tomllib
-
-    import tomlkit
-
     document = parameter_document(parameters)
     if parameters.provenance:
         document["provenance"][OWN] = _checksum(tomllib.loads(tomlkit.dumps(document)))
@@ -165,8 +164,6 @@ def write_parameter_set(path: Path, parameters: ParameterSet) -> None:
 
 def parameter_document(parameters: ParameterSet) -> TOMLDocument:
     """A parameter set as a TOML document, to which other sections may be added."""
-    import tomlkit
-
     document = tomlkit.document()
     document["schema"] = SCHEMA
     document["designation"] = parameters.designation
@@ -204,8 +201,6 @@ def read_parameter_set(
         If the file is missing, no TOML, lacks or misspells a parameter, holds a value that cannot
         be, is an edited version of a library, or was edited and is not accepted.
     """
-    import tomllib
-
     path = Path(path)
     try:
         content = tomllib.loads(require_regular(path).read_text(encoding="utf-8"))
@@ -378,8 +373,6 @@ def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
         raise InputError(where, f"std = {std:g}", rule, "Leave std out where it is not known")
     how = fields.get("how", GIVEN)
     if how not in HOWS:
-        from ema.core.errors import nearest  # loads the manifest's checks, needed for this alone
-
         rule = f"how must be one of {', '.join(HOWS)}"
         raise InputError(where, f"how = {how!r}", rule, nearest(str(how), HOWS))
     return Parameter(float(value), how, None if std is None else float(std))
@@ -442,7 +435,6 @@ def _finite(value: float | None) -> float | None:
 
 
 def _inline(parameter: Parameter) -> Any:
-    import tomlkit
 
     entry = tomlkit.inline_table()
     entry["value"] = parameter.value

@@ -12,6 +12,7 @@ from ema.core.finding import WARNING, Finding
 from pipelines.results.check import CheckedResult, checked_result
 from pipelines.results.identification_file import read_identification
 from pipelines.results.result import Result
+from pipelines.results.schema import require_provenance
 from pipelines.storage.checksums import ACCEPTED
 from pipelines.storage.result_folder import MARKER, recover
 
@@ -59,7 +60,6 @@ def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
 
 def _loaded(folder: Path, *, accept_changes: bool) -> Result:
     checked = checked_result(folder, accept_changes=accept_changes)
-    from pipelines.results.schema import require_provenance  # loads what checks types
 
     record = checked.marker.content
     require_provenance(folder / MARKER, record)  # a checksum that fits vouches for no types

@@ -371,7 +371,5 @@ def sample_campaign(folder: Path) -> Path:
         if (root / SAMPLE / "campaign.toml").is_file():
             return root / SAMPLE
     if not (folder / "campaign.toml").is_file():
-        from pipelines.simulate.campaign import simulate_campaign
-
         simulate_campaign(folder)
     return folder

@@ -31,6 +31,7 @@ def read_variables(path: Path) -> dict[str, Any]:
 
 def _fields(group: h5py.Group, memory: Memory, seen: set[Any]) -> dict[str, Any]:
     """Fields of a struct; a group that contains itself is not read again."""
+    # Optional: installed with an extra.
     import h5py
 
     found: dict[str, Any] = {}
@@ -49,12 +50,14 @@ def _fields(group: h5py.Group, memory: Memory, seen: set[Any]) -> dict[str, Any]
 
 
 def _is_here(group: h5py.Group, name: str) -> bool:
+    # Optional: installed with an extra.
     import h5py
 
     return isinstance(group.get(name, getlink=True), h5py.HardLink)
 
 
 def _value(item: Any, memory: Memory) -> Any:
+    # Optional: installed with an extra.
     import h5py
 
     if not isinstance(item, h5py.Dataset):
@@ -86,6 +89,7 @@ def _text(item: h5py.Dataset, memory: Memory) -> Any:
 
 def _cells(item: h5py.Dataset, memory: Memory) -> Any:
     """Texts of a cell array; references to regions are no cells."""
+    # Optional: installed with an extra.
     import h5py
 
     if h5py.check_ref_dtype(item.dtype) is not h5py.Reference or item.size > _MOST_CELLS:

@@ -14,6 +14,7 @@ from ema.core.errors import RecordingFormatError
 from ema.io.columns import Column, content_of_columns, is_time, matrix_columns, unit_of_each
 from ema.io.content import FileContent, reading, remark
 from ema.io.matlab.mat5 import COPY_AGAIN, HEADER_BYTES, LeftOut, Mat5Reader
+from ema.io.matlab.mat73 import read_variables
 from ema.io.sampling import stated_rate, states_rate
 
 SUFFIXES = (".mat",)
@@ -66,8 +67,6 @@ def _variables(path: Path) -> Mapping[str, Any]:
     with reading(path, "a MATLAB file"), path.open("rb") as file:
         start = file.read(4 * HEADER_BYTES + len(_HDF5))
     if start.startswith(_HDF5) or start.endswith(_HDF5):
-        from ema.io.matlab.mat73 import read_variables
-
         return read_variables(path)
     if len(start) < HEADER_BYTES or start[126:128] not in (b"IM", b"MI"):
         found = "the file is empty" if not start else f"the file begins with {start[:16]!r}"

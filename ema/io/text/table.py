@@ -10,7 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.csv
 from numpy.typing import NDArray
+from pyarrow import compute
 
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Finding
@@ -193,7 +196,6 @@ class _Reader:
         self._layout = replace(self._layout, dialect=Dialect(separator, decimal))
 
     def _parsed(self, section: bytes) -> pa.Table:
-        import pyarrow as pa
 
         if self._layout.dialect.separator == BLANKS:
             section = _single_blanks(section)
@@ -208,8 +210,6 @@ class _Reader:
             raise self._fault(self._line, str(error), rule) from error
 
     def _by_arrow(self, section: bytes) -> pa.Table:
-        import pyarrow as pa
-        import pyarrow.csv
 
         layout = self._layout
         labels = [str(index) for index in range(layout.width)]
@@ -311,9 +311,6 @@ class _Reader:
 
     def _nanoseconds(self, section: bytes, index: int, stamps: pa.ChunkedArray) -> pa.ChunkedArray:
         """Time stamps as whole nanoseconds since some moment."""
-        import pyarrow as pa
-        from pyarrow import compute
-
         text = compute.utf8_trim_whitespace(compute.replace_substring(stamps, ",", "."))
         text = compute.replace_substring(compute.replace_substring(text, "/", "-"), "Z", "")
         if "-" not in (text[0].as_py() or ""):

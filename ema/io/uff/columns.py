@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.csv
 from numpy.typing import NDArray
 
 from ema.io.content import arrow_reader
@@ -170,8 +172,6 @@ def _by_arrow(fields: NDArray[np.uint8]) -> NDArray[np.float64] | None:
         return None
     column = np.full((n_fields, width + 1), ord("\n"), np.uint8)
     column[:, :width] = fields
-    import pyarrow as pa
-    import pyarrow.csv
 
     options = pa.csv.ConvertOptions(column_types={"value": pa.float64()}, null_values=[])
     try:
