@@ -129,7 +129,7 @@ def test_figures_stand_beside_the_result(ringmodal, processed, tmp_path, monkeyp
         folder.mkdir()
         (folder / "stability.png").write_text(f"{result.name}, force {force}")
 
-    monkeypatch.setattr("pipelines.report.figure_files.write_figures", draw)
+    monkeypatch.setattr("pipelines.cli.result.write_figures", draw)
     assert ringmodal("report", processed, "--figures", pictures)[0] == 0
     assert (pictures / "stability.png").read_text() == "campaign, force False"
     code, _, errors = ringmodal("report", processed, "--figures", pictures)
@@ -268,7 +268,7 @@ def test_a_truncated_recording(ringmodal, campaign_copy, out):
         ("mean_radius_m = 0.33\n", "", ("[tyre]", "no mean_radius_m")),
         ("schema = 1", "schema = ", ("campaign.toml", "TOML")),
         ("positions = 72", "positions = 72\nspacing = 5", ("'spacing'", "not known")),
-        ("A04 = ", "A13 = ", ("'A13'", "Known are A04.")),  # all others have their places
+        ("A04 = ", "A13 = ", ("'A13'", "A04.")),  # all others have their places
         ('"config_2.uff"', '"runs\\config_2.uff"', ("written with /",)),
         ('"config_2.uff"', '"runs\\new.uff"', ("runs.2.file", "backslash", "written with /")),
         ("positions_deg = {", "positions_deg = <deg> {", ("angle brackets",)),
@@ -329,7 +329,7 @@ def test_a_fault_of_the_program_is_not_dressed_as_bad_input(monkeypatch, short_c
     def fail(*_, **__):
         raise RuntimeError("a fault")
 
-    monkeypatch.setattr("pipelines.process.run.process", fail)
+    monkeypatch.setattr("pipelines.cli.result.run", fail)
     monkeypatch.setattr(
         sys, "argv", ["ringmodal", "process", str(short_campaign), "--out", str(out)]
     )

@@ -39,7 +39,7 @@ def healthy(monkeypatch):
     """An examination that takes no time and finds what it is told."""
 
     def finds(*checks):
-        monkeypatch.setattr(doctor, "examine", lambda: list(checks))
+        monkeypatch.setattr("pipelines.cli.start.examine", lambda: list(checks))
 
     return finds
 
