@@ -168,5 +168,5 @@ def test_weights_follow_the_noise_and_need_to_know_it():
 
 
 def test_an_unknown_method_is_refused_by_name():
-    with pytest.raises(InputError, match="lscf.*lsce, plscf"):
+    with pytest.raises(InputError, match=r"lscf.*lsce, plscf"):
         build_stability(systems.tyre_frf(), BAND_HZ, method="lscf")

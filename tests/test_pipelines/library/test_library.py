@@ -192,7 +192,7 @@ def test_a_file_is_no_library(tmp_path):
 
 def test_a_name_without_letters_is_no_tyre(add, library):
     add()
-    with pytest.raises(InputError, match=r"'/'; there is no such tyre.*Known are 225-55R17"):
+    with pytest.raises(InputError, match=r"'/'; .*225-55R17"):
         library.tyre("/")
 
 

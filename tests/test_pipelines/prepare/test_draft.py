@@ -58,7 +58,7 @@ def test_a_filled_in_draft_gives_the_modes_of_the_manifest(bare, short_result):
 def test_an_existing_manifest_is_kept(bare):
     draft = draft_manifest(bare)
     write_draft(bare, draft)
-    with pytest.raises(InputError, match="not overwritten"):
+    with pytest.raises(InputError, match="--force"):
         write_draft(bare, draft)
     assert write_draft(bare, draft, force=True).is_file()
 
