@@ -154,7 +154,7 @@ def test_a_measured_impact():
 @pytest.mark.skipif(not MEASURED.exists(), reason="the measured impact is not at hand")
 def test_modes_of_a_measured_impact():
     campaign = ema.read_campaign(MEASURED)
-    frf = ema.estimate_frf(campaign, ema.recording.Processing(averages=1, window="boxcar"))
+    frf = ema.estimate_frf(campaign, ema.Processing(averages=1, window="boxcar"))
     modes = ema.identify_modes(frf, band_hz=(300.0, 10_000.0), max_order=24).model.modes
     found_hz = np.array([mode.frequency_hz for mode in modes])
     for known_hz in (695.8, 1898.0, 3671.3, 5975.1, 8746.3):
