@@ -10,22 +10,21 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from batch_work import DEADLY, DEADLY_ONCE, Unloadable, perilous, working
 from fleets import QUICK, edit, write_campaign
 
 from ema.core.errors import InputError
 from pipelines.batch import run as batch
 from pipelines.batch.campaigns import CampaignFolder
 from pipelines.batch.run import run_batch
-from pipelines.batch.state import DONE, BatchFolder, Fingerprint, Record, read_record
+from pipelines.batch.state import BatchFolder, read_record
 from pipelines.batch.task import Task
-from pipelines.batch.workers import ONE_THREAD, in_this_process, on_this_machine
+from pipelines.batch.workers import in_this_process, on_this_machine
 from pipelines.results.options import Options
-from pipelines.storage.atomic import partial_folder
 
 needs_signals = pytest.mark.skipif(
     not Path("/proc/self/status").exists(), reason="looks at processes as Linux shows them"
 )
-DEADLY, DEADLY_ONCE = "tyre_3", "tyre_5"
 
 
 @pytest.fixture
@@ -35,40 +34,6 @@ def tasks(tmp_path):
         Task(CampaignFolder(name, name, tmp_path / name), folder, Options())
         for name in (f"tyre_{k}" for k in range(8))
     ]
-
-
-def working(task):
-    """Work that tells with which limits it was done, and whether with Dask."""
-    threads = " ".join(os.environ.get(name, "") for name in ONE_THREAD)
-    if "distributed" in sys.modules:
-        threads += ", Dask"
-    return Record(task.campaign.name, DONE, Fingerprint("", ()), message=threads)
-
-
-def perilous(task):
-    """Work of which one campaign kills the first worker that takes it, and one every worker."""
-    trace = Path(f"{task.folder.path}.killed")
-    if task.campaign.name == DEADLY or (task.campaign.name == DEADLY_ONCE and not trace.exists()):
-        if task.campaign.name == DEADLY_ONCE:
-            trace.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return working(task)
-
-
-class Unloadable:
-    """Work at which a worker ends before it is ready, as one does that cannot import it."""
-
-    def __reduce__(self):
-        return os._exit, (3,)
-
-
-def patient(task):
-    """Work that begins a result, says so, and does not end."""
-    place = task.folder.result(task.campaign.place)
-    place.parent.mkdir(parents=True, exist_ok=True)
-    with partial_folder(place) as partial:
-        (partial / str(os.getpid())).touch()
-        time.sleep(600)
 
 
 def begun(folder):
@@ -91,11 +56,10 @@ def endless(short_campaign, tmp_path):
         write_campaign(short_campaign, tmp_path / "root" / name)
     program = (
         "import sys; from pipelines.batch import run; from pipelines.cli.main import main; "
-        "import test_workers as t; run.carry_out = t.patient; main()"
+        "import batch_work; run.carry_out = batch_work.patient; main()"
     )
     tests = Path(__file__).parents[2]
-    here = str(Path(__file__).parent)
-    paths = os.pathsep.join([here, str(tests), str(tests.parent), *sys.path])
+    paths = os.pathsep.join([str(tests), str(tests.parent), *sys.path])
     arguments = ("batch", tmp_path / "root", "--out", tmp_path / "out", "--jobs", "2", "--quiet")
     with subprocess.Popen(
         [sys.executable, "-c", program, *arguments],
