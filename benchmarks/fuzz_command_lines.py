@@ -143,10 +143,11 @@ def commands() -> dict[str, list[Any]]:
     found: dict[str, list[Any]] = {}
 
     def walk(command: Any, path: tuple[str, ...]) -> None:
-        for name, inner in getattr(command, "commands", {}).items():
+        for name in command.list_commands(None):
             if name in _NEVER:
                 continue
-            if hasattr(inner, "commands"):
+            inner = command.get_command(None, name)
+            if hasattr(inner, "list_commands"):
                 walk(inner, (*path, name))
             else:
                 found[" ".join((*path, name))] = inner.params

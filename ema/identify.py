@@ -34,7 +34,7 @@ class Identification:
     Parameters
     ----------
     frf : FRF
-        The FRFs that were used: faulty channels left out or put right, sensor mass taken off.
+        The FRFs that were used: faulty channels left out or corrected, sensor mass compensated.
     diagram : StabilityDiagram
     model : ModalModel
     opinions : tuple of Opinion

@@ -73,7 +73,7 @@ def judge_pair(
     except FitError as error:
         return PairVerdict(number, NOT_RESOLVABLE, float("nan"), str(error)), poles
     if not chance < _CHANCE:
-        text = f"one pole explains the order; a second may fit better by chance (p = {chance:.2g})"
+        text = f"one pole explains the order; a second one is not significant (p = {chance:.2g})"
         return PairVerdict(number, NOT_RESOLVABLE, chance, text), one.poles
     if doubt:
         text = f"a second pole fits better (p = {chance:.2g}), but {doubt}"

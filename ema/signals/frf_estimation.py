@@ -43,7 +43,7 @@ def estimate_frf(
         H1 suits noise on the accelerations (the usual case), H2 noise on the force, Hv both
         (Bendat & Piersol 2010, ch. 6; Rocklin, Crowley & Vold 1985).
     progress : callable, optional
-        Told how many runs are done and how many there are, as each one ends.
+        Called with (runs done, runs in all) as each run ends.
 
     Returns
     -------

@@ -36,7 +36,7 @@ __all__ = ["ADVICE", "OK", "PROBLEM", "Check", "examine"]
 
 
 def examine() -> list[Check]:
-    """Look at everything, in the order in which one would mend it.
+    """Look at everything, in the order in which one would fix it.
 
     Returns
     -------

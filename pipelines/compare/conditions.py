@@ -158,7 +158,7 @@ def _text(value: Any) -> str:
 
 def _sensor_mass(result: Result) -> str:
     bare = any(note.startswith(BARE) for note in result.notes)
-    return "taken off" if bare else "left on"
+    return "compensated" if bare else "not compensated"
 
 
 def _drift(result: Result) -> str:

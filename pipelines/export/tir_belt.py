@@ -51,7 +51,7 @@ class Belt:
 
     @property
     def known_damping(self) -> RingDamping:
-        """The damping of a ring that has one; asking another one is a fault of the program."""
+        """The damping of a ring that has one; asking another one is an internal error."""
         if self.damping is None:
             raise ValueError("this ring has no damping")
         return self.damping

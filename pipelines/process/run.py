@@ -63,7 +63,7 @@ def process(
     progress : callable, optional
         Told the name of each stage as it starts.
     run_progress : callable, optional
-        Told how many runs have their FRFs and how many there are, as each one ends.
+        Called with (runs done, runs in all) as each run has its FRFs.
 
     Returns
     -------
@@ -308,7 +308,7 @@ def refuse_warnings(findings: Sequence[Finding]) -> None:
         "--strict",
         "; ".join(texts) + (f"; and {more} more" if more > 0 else ""),
         "a strict run accepts no warnings",
-        "Mend the recordings or leave them out, or run without --strict: quality.csv lists all",
+        "Fix the recordings or leave them out, or run without --strict: quality.csv lists all",
     )
 
 

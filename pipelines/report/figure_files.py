@@ -92,9 +92,9 @@ def _require_free(folder: Path, figures: Sequence[Drawing], formats: Sequence[st
             if path.exists():
                 raise InputError(
                     str(path),
-                    "it exists",
-                    "figures replace no file unasked",
-                    "Choose another folder, or replace what is there with --force",
+                    "the file already exists",
+                    "figures are replaced with --force only",
+                    "Choose another folder, or use --force",
                 )
 
 

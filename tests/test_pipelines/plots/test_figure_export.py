@@ -72,7 +72,7 @@ def test_existing_files_are_replaced_only_when_asked(structure, tmp_path, monkey
     only(monkeypatch, figure_export, structure, "stability")
     (tmp_path / "stability.svg").write_text("mine")
     (tmp_path / "notes.txt").write_text("mine too")
-    with pytest.raises(InputError, match=r"stability\.svg: it exists.*--force"):
+    with pytest.raises(InputError, match=r"stability\.svg: .*--force"):
         write_figures(structure, tmp_path, ["svg"])
     assert {path.name for path in tmp_path.iterdir()} == {"stability.svg", "notes.txt"}
     write_figures(structure, tmp_path, ["svg"], force=True)
