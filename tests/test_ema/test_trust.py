@@ -131,6 +131,33 @@ def test_a_drift_makes_no_sensor_look_faulty(percent, in_state):
         assert sorted({mode.order for mode in found.model.modes}) == [*ORDERS, 8]
 
 
+def test_faulty_sensors_are_found_beside_a_drift():
+    drift, noise = np.linspace(0, 0.6, 6), np.random.default_rng(9)
+    frf = systems.campaign_frf(
+        truth_modes(split_percent=0.1), 40, seed=4, drift_percent=drift, in_state=warmer
+    )
+    faint = 1e-6 * noise.standard_normal(frf.frequency_hz.size)
+    for row, change in (
+        (25, {"values": -frf.values[25]}),
+        (33, {"values": 0.1 * frf.values[33], "std": 0.1 * frf.std[33]}),
+        ([12, 30], {"values": frf.values[[30, 12]], "std": frf.std[[30, 12]]}),
+        (10, {"values": faint, "coherence": 0.01}),
+        (50, {"clipped": 0.02, "values": 0.7 * frf.values[50]}),
+    ):
+        frf = systems.edited(frf, row, **change)
+    found = identified(frf)
+    named = {
+        (finding.check, round(finding.position_deg / 5))
+        for finding in found.findings
+        if finding.position_deg is not None and finding.verdict != "ok"
+    }
+    assert named == {
+        *(("flipped", 25), ("scaled", 33), ("swapped", 12), ("swapped", 30)),
+        *(("dead", 10), ("clipped", 50)),
+    }
+    assert sorted({mode.order for mode in found.model.modes}) == [*ORDERS, 8]
+
+
 def test_no_drift_is_said_where_there_is_none(quiet):
     drift = identified(quiet).model.drift
     assert not drift.applied
