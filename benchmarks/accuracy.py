@@ -19,9 +19,9 @@ from scoring import FoundMode, Match, Score, score, true_frequencies_hz
 from tyres import BAND_HZ, RandomTyre, measured_frf, random_tyre
 
 import ema
-from ema.circumference.ring_modes import FOREIGN
 from ema.core.errors import FitError, InputError
 from ema.core.frf import FRF
+from ema.core.modes import Flag
 
 OURS = "ringmodal"
 # Errors beyond these are listed one by one.
@@ -37,7 +37,7 @@ def identify(frf: FRF) -> list[FoundMode]:
             mode.damping_ratio,
             mode.frequency_std_hz,
             mode.damping_std,
-            foreign=mode.status.startswith(FOREIGN),
+            foreign=Flag.NOT_RING_MODE in mode.flags,
         )
         for mode in modes
     ]

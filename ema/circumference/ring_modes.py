@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ema.circumference.orders import PAIR_REACH
-from ema.core.modes import NOT_RESOLVABLE, RESOLVED, Mode
+from ema.core.modes import Flag, Mode, Pair
 
 if TYPE_CHECKING:
     from ema.core.modes import OrderReport
-
-FOREIGN = "outside the ring's family"
 
 # A shape with less of its power in one order is not one of the ring's.
 PURE = 0.5
@@ -52,7 +50,7 @@ def family(modes: Sequence[Mode]) -> dict[int, list[int]]:
 
 
 def judged(modes: Sequence[Mode], reports: Sequence[OrderReport]) -> tuple[Mode, ...]:
-    """Give modes on a circle their status and the members of resolved pairs their letter."""
+    """Flag modes that are not of the ring and give members of resolved pairs their letter."""
     if not reports:
         return tuple(modes)
     verdicts = {report.order: report.pair.verdict for report in reports}
@@ -60,27 +58,22 @@ def judged(modes: Sequence[Mode], reports: Sequence[OrderReport]) -> tuple[Mode,
     own = [k for chosen in members.values() for k in chosen]
     named = list(modes)
     for order, chosen in members.items():
-        status = verdicts.get(order, NOT_RESOLVABLE)
-        letters = "ab" if status == RESOLVED else ("", "")
+        pair = verdicts.get(order, Pair.NOT_SEPARABLE)
+        letters = "ab" if pair is Pair.RESOLVED else ("", "")
         for k, letter in zip(sorted(chosen), letters, strict=False):
-            named[k] = replace(modes[k], member=letter, status=_joined(status, modes[k].status))
+            named[k] = replace(modes[k], member=letter, pair=pair)
     for k in set(range(len(modes))) - set(own):
-        reason = why_not_named(modes[k], [modes[o] for o in own])
-        named[k] = replace(modes[k], status=_joined(reason, modes[k].status))
+        flag, remark = why_not_ring_mode(modes[k], [modes[o] for o in own])
+        named[k] = replace(modes[k], flags=(flag, *modes[k].flags), remark=remark)
     return tuple(named)
 
 
-def _joined(verdict: str, status: str) -> str:
-    return verdict if status == "ok" else f"{verdict}; {status}"
-
-
-def why_not_named(mode: Mode, own: Sequence[Mode]) -> str:
-    """Status of a mode that is none of the ring's `own`."""
+def why_not_ring_mode(mode: Mode, own: Sequence[Mode]) -> tuple[Flag, str]:
+    """Flag of a mode that is none of the ring's `own`, and the reason."""
     if mode.order is None:
-        n_positions = mode.residues.size
-        where = f"{n_positions} positions, placed as they are,"
-        return f"order unknown: higher than {where} can tell from lower ones"
-    return f"{FOREIGN}: {why_foreign(mode, own)}"
+        remark = f"{mode.residues.size} positions cannot separate it from lower orders"
+        return Flag.ORDER_UNKNOWN, remark
+    return Flag.NOT_RING_MODE, why_foreign(mode, own)
 
 
 def why_foreign(mode: Mode, own: Sequence[Mode]) -> str:

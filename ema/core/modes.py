@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,9 +29,28 @@ MODE_COLUMNS = {
     "mpd_deg": "mpd_deg",
     "order_purity": "order_purity",
     "status": "status",
+    "pair": "pair",
     "frequency_band_shift_hz": "frequency_band_shift_hz",
     "damping_ratio_band_shift": "damping_band_shift",
 }
+
+
+class Pair(StrEnum):
+    """What is known of the second mode of an order n ≥ 1."""
+
+    RESOLVED = "resolved"
+    ONE_SEEN = "one member seen"
+    NOT_SEPARABLE = "not separable"
+    SINGLE = "single"
+    UNKNOWN = ""
+
+
+class Flag(StrEnum):
+    """What the reader of a mode must know; a mode without flags is ``"ok"``."""
+
+    NOT_RING_MODE = "not a ring mode"
+    ORDER_UNKNOWN = "order unknown"
+    AT_BOUND = "at bound"
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +73,12 @@ class Mode:
         ``"a"`` or ``"b"`` for the two modes of a resolved pair, otherwise empty.
     order_purity : float
         Share of the shape's power in its circumferential order; NaN without a circle.
-    status : str
-        ``"ok"``, or what the reader of the number must know, e.g. ``"at bound"``.
+    pair : Pair
+        Which members of its order's pair are seen.
+    flags : tuple of Flag
+        What the reader of the numbers must know; empty where nothing is wrong.
+    remark : str
+        Why the flags were set, in words.
     frequency_band_shift_hz, damping_band_shift : float
         Largest change when the band loses lines at either end; not part of the standard
         deviations. NaN next to the ends.
@@ -84,7 +108,9 @@ class Mode:
     order: int | None = None
     member: str = ""
     order_purity: float = float("nan")
-    status: str = "ok"
+    pair: Pair = Pair.UNKNOWN
+    flags: tuple[Flag, ...] = ()
+    remark: str = ""
     frequency_band_shift_hz: float = float("nan")
     damping_band_shift: float = float("nan")
 
@@ -103,9 +129,19 @@ class Mode:
         return float(-self.pole.real / abs(self.pole))
 
     @property
+    def status(self) -> str:
+        """``"ok"``, or the flags separated by semicolons."""
+        return "; ".join(self.flags) or "ok"
+
+    @property
+    def is_ring_mode(self) -> bool:
+        """Whether the order is that of the ring's dispersion curve."""
+        return self.order is not None and Flag.NOT_RING_MODE not in self.flags
+
+    @property
     def doubtful(self) -> bool:
-        """Whether the status says more than which member of a pair is seen."""
-        return "at bound" in self.status or "outside" in self.status
+        """Whether frequency or damping are at a bound, or the mode is not one of the ring."""
+        return Flag.AT_BOUND in self.flags or Flag.NOT_RING_MODE in self.flags
 
     @property
     def shape(self) -> NDArray[np.complex128]:
@@ -293,7 +329,7 @@ class ModalModel:
         pandas.DataFrame
             ``mode`` (from 1), ``order`` (missing without a circle), ``member``, ``frequency_hz``,
             ``frequency_std_hz``, ``damping_ratio``, ``damping_ratio_std``, ``mpc``, ``mpd_deg``
-            (degrees), ``order_purity``, ``status``, ``frequency_band_shift_hz`` and
+            (degrees), ``order_purity``, ``status``, ``pair``, ``frequency_band_shift_hz`` and
             ``damping_ratio_band_shift``, as in `Mode`; NaN where unknown.
 
         Examples
@@ -372,7 +408,7 @@ def model_html(model: ModalModel) -> str:
 
 def modes_html(modes: Sequence[Mode], caption: str) -> str:
     """Frequency and damping with one standard deviation, mode by mode."""
-    head = ("mode", "order", "frequency / Hz", "damping / %", "MPC", "purity", "status")
+    head = ("mode", "order", "frequency / Hz", "damping / %", "MPC", "purity", "pair", "status")
     rows = [
         (
             str(number_of_mode),
@@ -381,11 +417,12 @@ def modes_html(modes: Sequence[Mode], caption: str) -> str:
             _damping(mode),
             f"{mode.mpc:.3f}",
             number(mode.order_purity),
+            mode.pair,
             mode.status,
         )
         for number_of_mode, mode in enumerate(modes, start=1)
     ]
-    return table(caption, head, rows, words=(6,))
+    return table(caption, head, rows, words=(6, 7))
 
 
 def _damping(mode: Mode) -> str:
@@ -399,8 +436,7 @@ class PairVerdict:
     Parameters
     ----------
     order : int
-    verdict : str
-        ``"resolved pair"``, ``"pair not resolvable"`` or ``"single"`` (order 0).
+    verdict : Pair
     chance : float
         Probability that noise alone makes a second pole fit that much better (likelihood ratio);
         NaN where it was not tested.
@@ -409,15 +445,9 @@ class PairVerdict:
     """
 
     order: int
-    verdict: str
+    verdict: Pair
     chance: float
     evidence: str
-
-
-RESOLVED = "resolved pair"
-
-
-NOT_RESOLVABLE = "pair not resolvable"
 
 
 @dataclass(frozen=True)

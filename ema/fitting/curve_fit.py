@@ -15,7 +15,7 @@ from ema.core.bands import widened_band
 from ema.core.errors import FitError
 from ema.core.frf import FRF
 from ema.core.mac import frac
-from ema.core.modes import NO_DRIFT, Drift, ModalModel, Mode, OrderReport, ResidualTerms
+from ema.core.modes import NO_DRIFT, Drift, Flag, ModalModel, Mode, OrderReport, ResidualTerms
 from ema.core.numerics import one_blas_thread
 from ema.fitting.covariance import (
     band_shift,
@@ -336,7 +336,7 @@ def modes_of(
             damping_std=float(std[r, 1]),
             residues=residues[:, r],
             residues_std=residues_std[:, r],
-            status="at bound" if np.any(bound[r]) else "ok",
+            flags=(Flag.AT_BOUND,) if np.any(bound[r]) else (),
         )
         for r, pole in enumerate(fit.poles)
     ]

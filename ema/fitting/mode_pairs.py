@@ -11,12 +11,10 @@ from scipy.special import chdtrc
 from ema.circumference.orders import circle_basis, highest_order
 from ema.core.errors import FitError
 from ema.core.frf import FRF
-from ema.core.modes import NOT_RESOLVABLE, RESOLVED, PairVerdict
+from ema.core.modes import Pair, PairVerdict
 from ema.fitting.covariance import parameter_covariance
 from ema.fitting.pole_fit import Lines, PoleFit, fit_poles
 from ema.fitting.variable_projection import Complex, Real
-
-SINGLE = "single"
 
 # A second pole is looked into when chance would ask for it once in 10 000 orders.
 _CHANCE = 1e-4
@@ -57,7 +55,7 @@ def judge_pair(
     number = order.order
     if not np.all(np.isfinite(order.std)):
         text = "the noise is unknown: one pole against two cannot be tested"
-        verdict = RESOLVED if poles.size > 1 else NOT_RESOLVABLE
+        verdict = Pair.RESOLVED if poles.size > 1 else Pair.NOT_SEPARABLE
         return PairVerdict(number, verdict, float("nan"), text), poles
     try:
         one = fit_order(order, np.array([np.mean(poles)]))
@@ -71,15 +69,17 @@ def judge_pair(
             two = better
             chance, doubt = _chance(one, two, correlation), _doubt(two, correlation)
     except FitError as error:
-        return PairVerdict(number, NOT_RESOLVABLE, float("nan"), str(error)), poles
+        return PairVerdict(number, Pair.NOT_SEPARABLE, float("nan"), str(error)), poles
     if not chance < _CHANCE:
         text = f"one pole explains the order; a second one is not significant (p = {chance:.2g})"
-        return PairVerdict(number, NOT_RESOLVABLE, chance, text), one.poles
+        return PairVerdict(number, Pair.ONE_SEEN, chance, text), one.poles
     if doubt:
         text = f"a second pole fits better (p = {chance:.2g}), but {doubt}"
-        return PairVerdict(number, NOT_RESOLVABLE, chance, text), poles
+        return PairVerdict(number, Pair.NOT_SEPARABLE, chance, text), poles
     text = f"two poles fit better than one (p = {chance:.2g})"
-    return PairVerdict(number, RESOLVED, chance, text), two.poles[np.argsort(np.abs(two.poles))]
+    return PairVerdict(number, Pair.RESOLVED, chance, text), two.poles[
+        np.argsort(np.abs(two.poles))
+    ]
 
 
 def _searched(order: OrderFrf, pole: complex, found: PoleFit) -> PoleFit:

@@ -96,6 +96,7 @@ def _show_modes(output: Console, result: Result) -> None:
             [value_with_std(100 * m.damping_ratio, 100 * m.damping_std) for m in modes],
         ),
         Column("purity", ["" if m.order is None else f"{m.order_purity:.3f}" for m in modes]),
+        Column("pair", [m.pair.value for m in modes], is_text=True, folds=True),
         Column("status", [m.status for m in modes], is_text=True, folds=True),
     ]
     print_table(output, f"Modes of {result.name}", columns, _FIRST_TO_GO)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference.ring_modes import FOREIGN, family
+from ema.circumference.ring_modes import family
 from ema.core.modes import ModalModel, Mode
 from pipelines.compare.significance import Difference, judged
 
@@ -81,8 +81,7 @@ class UnmatchedMode:
 
 def mode_name(number: int, mode: Mode) -> str:
     """Order and member of a mode, ``"n = 4a"``, or else its number, ``"mode 3"``."""
-    is_named = mode.order is not None and FOREIGN not in mode.status
-    return f"n = {mode.order}{mode.member}" if is_named else f"mode {number}"
+    return f"n = {mode.order}{mode.member}" if mode.is_ring_mode else f"mode {number}"
 
 
 def matched_modes(

@@ -104,6 +104,7 @@ def mode_columns(found: ModalExport) -> dict[str, Any]:
         "modal_mass_kg": found.modal_mass_kg,
         "mpc": np.array([mode.mpc for mode in modes]),
         "status": [mode.status for mode in modes],
+        "pair": [mode.pair.value for mode in modes],
     }
 
 

@@ -47,7 +47,9 @@ def modes(result: Result) -> Section:
         title: cells for title, cells in _mode_columns(model).items() if set(cells) != {DASH}
     }
     rows = tuple(zip(*columns.values(), strict=True))
-    table = Table("Identified modes", tuple(columns), rows, words=(len(columns) - 1,))
+    table = Table(
+        "Identified modes", tuple(columns), rows, words=(len(columns) - 2, len(columns) - 1)
+    )
     blocks: tuple[Block, ...] = (table, Paragraph(_fit_text(model)), *listed(model.notes))
     return Section("modes", "Modes", (*blocks, *_orders(model), *_opinions(result)))
 
@@ -75,7 +77,8 @@ def _mode_columns(model: ModalModel) -> dict[str, list[str]]:
         "MPC": [f"{m.mpc:.3f}" if shape_known else DASH for m in modes],
         "MPD / °": [f"{m.mpd_deg:.1f}" if shape_known else DASH for m in modes],
         "purity": [f"{m.order_purity:.3f}" if np.isfinite(m.order_purity) else DASH for m in modes],
-        "status": [m.status for m in modes],
+        "pair": [m.pair.value or DASH for m in modes],
+        "status": [f"{m.status}: {m.remark}" if m.remark else m.status for m in modes],
     }
 
 

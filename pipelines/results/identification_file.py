@@ -123,7 +123,9 @@ def _mode_record(mode: Mode) -> dict[str, Any]:
         "order": mode.order,
         "member": mode.member,
         "order_purity": mode.order_purity,
-        "status": mode.status,
+        "pair": mode.pair,
+        "flags": mode.flags,
+        "remark": mode.remark,
         "frequency_band_shift_hz": mode.frequency_band_shift_hz,
         "damping_band_shift": mode.damping_band_shift,
     }

@@ -15,11 +15,11 @@ from ema.core.campaign import Tyre
 from ema.core.errors import InputError
 from ema.core.files import require_regular
 from ema.core.finding import EXCLUDED, OK, WARNING, Finding
-from ema.core.modes import OrderReport
+from ema.core.modes import Flag, OrderReport, Pair
 from ema.poles.cross_check import Opinion
 from pipelines.storage.tables import LARGEST
 
-Pair = tuple[float, float]
+Two = tuple[float, float]
 
 _MAY_BE_INFINITE = ("std_percent", "n_effective")  # where nothing is known
 _HIGHEST_ORDER = 10_000  # far above what sensors around a tyre can tell
@@ -30,13 +30,15 @@ _SLOWEST_RAD_S = 1e-6  # a pole has a frequency
 class StoredMode:
     """A `Mode` without its residues."""
 
-    pole: Pair
+    pole: Two
     frequency_std_hz: float
     damping_std: float
     order: int | None
     member: Literal["", "a", "b"]
     order_purity: float
-    status: str
+    pair: Pair
+    flags: tuple[Flag, ...]
+    remark: str
     frequency_band_shift_hz: float
     damping_band_shift: float
 
@@ -46,7 +48,7 @@ class StoredCluster:
     """A `Cluster`."""
 
     label: int
-    pole: Pair
+    pole: Two
     size: int
     kept: bool
     reason: str
@@ -75,8 +77,8 @@ class StoredIdentification:
     opinions: tuple[Opinion, ...]
     blocks: BlockPlan | None
     n_effective: float
-    band_hz: Pair
-    fit_band_hz: Pair
+    band_hz: Two
+    fit_band_hz: Two
     misfit: float
     covariance: tuple[tuple[float, ...], ...]
     frac: tuple[float, ...]
@@ -153,7 +155,7 @@ def _faults(found: StoredIdentification) -> Iterator[tuple[str, str]]:
     yield from _faults_of_campaign(found)
 
 
-def _faults_of_pole(pole: Pair) -> Iterator[tuple[str, str]]:
+def _faults_of_pole(pole: Two) -> Iterator[tuple[str, str]]:
     if not (pole[1] > _SLOWEST_RAD_S and abs(pole[0]) < LARGEST):
         yield f"pole {pole[0]:g} + {pole[1]:g}j", "a pole lies in the upper half plane"
 

@@ -5,7 +5,7 @@ import pytest
 import systems
 
 from ema.core.errors import InputError
-from ema.core.modes import NOT_RESOLVABLE
+from ema.core.modes import Pair
 from ema.identify import identify_modes
 from pipelines.simulate.truth import truth_modes
 
@@ -46,7 +46,7 @@ def test_a_healthy_campaign_has_nothing_to_find(healthy):
     assert healthy.frf.n_positions == 72
     assert not healthy.model.drift.applied
     assert all(opinion.agrees for opinion in healthy.opinions)
-    assert {mode.status for mode in healthy.model.modes} == {NOT_RESOLVABLE}
+    assert {mode.pair for mode in healthy.model.modes} == {Pair.ONE_SEEN}
 
 
 def test_each_mode_has_error_bars_that_hold_it(healthy):

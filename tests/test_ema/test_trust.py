@@ -7,9 +7,9 @@ import pytest
 import systems
 
 import ema
-from ema.circumference.ring_modes import FOREIGN, family
+from ema.circumference.ring_modes import family
 from ema.core.frf import FRF
-from ema.core.modes import NOT_RESOLVABLE, RESOLVED
+from ema.core.modes import Flag, Pair
 from ema.identify import SensorMass
 from pipelines.simulate.truth import TruthMode, truth_modes
 
@@ -65,7 +65,7 @@ def test_both_members_of_a_split_pair():
     found = identified(systems.campaign_frf(truth, 34, seed=1))
     modes = of_orders(found)
     assert [(mode.order, mode.member) for mode in modes] == [(n, m) for n in ORDERS for m in "ab"]
-    assert {mode.status for mode in modes} == {RESOLVED}
+    assert {mode.pair for mode in modes} == {Pair.RESOLVED}
     error = errors_percent(modes, truth)
     assert error[0] < 0.05
     assert error[1] < 2.0
@@ -76,10 +76,10 @@ def test_a_pair_with_one_member_driven_is_said_to_be_unresolved():
     found = identified(systems.campaign_frf(truth, 34, seed=1))
     modes = of_orders(found)
     assert [mode.order for mode in modes] == ORDERS
-    assert {mode.status for mode in modes} == {NOT_RESOLVABLE}
+    assert {mode.pair for mode in modes} == {Pair.ONE_SEEN}
     assert {mode.member for mode in modes} == {""}
     assert errors_percent(modes, truth)[1] < 2.0
-    assert {report.pair.verdict for report in found.model.orders} == {NOT_RESOLVABLE}
+    assert {report.pair.verdict for report in found.model.orders} == {Pair.ONE_SEEN}
 
 
 def test_each_order_by_itself_agrees_with_the_global_fit(quiet):
@@ -260,7 +260,7 @@ def test_a_cavity_mode_is_foreign_and_leaves_order_6_alone():
     alone = identified(systems.campaign_frf(truth_modes(), 30, seed=4))
     found = identified(systems.campaign_frf((*truth_modes(), cavity), 30, seed=4))
     beside = next(mode for mode in found.model.modes if abs(mode.frequency_hz - 207) < 1)
-    assert beside.status.startswith(FOREIGN)
+    assert Flag.NOT_RING_MODE in beside.flags
     assert beside.frequency_hz == pytest.approx(207.0, rel=1e-4)
     sixth, before = (next(m for m in f.model.modes if m.order == 6) for f in (found, alone))
     assert sixth.frequency_hz == pytest.approx(before.frequency_hz, rel=5e-4)

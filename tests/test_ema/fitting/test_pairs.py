@@ -8,7 +8,7 @@ import systems
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ema.core.modes import NOT_RESOLVABLE, RESOLVED
+from ema.core.modes import Pair
 from ema.fitting.mode_pairs import OrderFrf, judge_pair
 
 LINES_HZ = np.arange(200, 400) / 2
@@ -42,7 +42,7 @@ def one_pole():
 @pytest.mark.parametrize("split_percent", [1.5, 2.5, 4.0])
 def test_a_driven_pair_is_resolved_from_a_single_pole(split_percent, place_deg):
     verdict, poles = judge_pair(order_frf(split_percent, place_deg), one_pole(), 1.0)
-    assert verdict.verdict == RESOLVED
+    assert verdict.verdict == Pair.RESOLVED
     assert verdict.chance < 1e-4
     true = true_poles(split_percent)
     np.testing.assert_allclose(
@@ -53,7 +53,7 @@ def test_a_driven_pair_is_resolved_from_a_single_pole(split_percent, place_deg):
 
 def test_two_poles_found_before_are_kept_apart():
     verdict, poles = judge_pair(order_frf(2.5), true_poles(2.4)[::-1], 1.0)
-    assert verdict.verdict == RESOLVED
+    assert verdict.verdict == Pair.RESOLVED
     assert np.all(np.diff(np.abs(poles)) > 0)
 
 
@@ -61,27 +61,27 @@ def test_two_poles_found_before_are_kept_apart():
 @given(st.integers(0, 10_000))
 def test_noise_is_not_taken_for_a_second_mode(seed):
     verdict, poles = judge_pair(order_frf(0.0, 0.0, snr=100, seed=seed), one_pole(), 1.0)
-    assert verdict.verdict == NOT_RESOLVABLE
+    assert verdict.verdict == Pair.ONE_SEEN
     assert poles.size == 1
     np.testing.assert_allclose(poles, one_pole(), rtol=2e-3)
 
 
 def test_a_pair_that_is_not_driven_is_not_resolvable():
     verdict, poles = judge_pair(order_frf(2.5, 0.0), one_pole(), 1.0)
-    assert (verdict.verdict, poles.size) == (NOT_RESOLVABLE, 1)
+    assert (verdict.verdict, poles.size) == (Pair.ONE_SEEN, 1)
     np.testing.assert_allclose(systems.frequency_hz_of(poles), HZ * (1 - 0.0125), rtol=1e-4)
 
 
 def test_two_poles_where_one_explains_everything_become_one():
     verdict, poles = judge_pair(order_frf(0.0, snr=100), true_poles(1.0), 1.0)
-    assert (verdict.verdict, poles.size) == (NOT_RESOLVABLE, 1)
+    assert (verdict.verdict, poles.size) == (Pair.ONE_SEEN, 1)
     assert "one pole explains the order" in verdict.evidence
     assert systems.damping_of(poles)[0] == pytest.approx(ZETA, rel=0.02)
 
 
 def test_a_split_far_below_the_noise_does_not_inflate_damping():
     verdict, poles = judge_pair(order_frf(0.1, snr=50), one_pole(), 1.0)
-    assert verdict.verdict == NOT_RESOLVABLE
+    assert verdict.verdict == Pair.ONE_SEEN
     assert systems.damping_of(poles)[0] == pytest.approx(ZETA, rel=0.02)
 
 
@@ -97,7 +97,7 @@ def test_the_clearer_the_split_the_smaller_the_chance():
     assert np.all(np.diff(chances) < 0)
 
 
-@pytest.mark.parametrize(("poles", "verdict"), [(1, NOT_RESOLVABLE), (2, RESOLVED)])
+@pytest.mark.parametrize(("poles", "verdict"), [(1, Pair.NOT_SEPARABLE), (2, Pair.RESOLVED)])
 def test_with_unknown_noise_nothing_is_tested(poles, verdict):
     frf = order_frf(2.5)
     frf = replace(frf, std=np.full(frf.std.shape, np.nan))
@@ -112,6 +112,6 @@ def test_too_few_lines_leave_the_verdict_open():
     frf = order_frf(2.5)
     few = OrderFrf(4, frf.frequency_hz[:10], frf.values[:, :10], frf.std[:, :10])
     verdict, poles = judge_pair(few, one_pole(), 1.0)
-    assert verdict.verdict == NOT_RESOLVABLE
+    assert verdict.verdict == Pair.NOT_SEPARABLE
     assert "lines around order 4" in verdict.evidence
     np.testing.assert_array_equal(poles, one_pole())

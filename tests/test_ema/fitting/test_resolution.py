@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import systems
 
-from ema.core.modes import NOT_RESOLVABLE, RESOLVED
+from ema.core.modes import Pair
 from ema.identify import identify_modes
 from pipelines.simulate.truth import truth_modes
 
@@ -27,8 +27,8 @@ def test_both_members_of_every_driven_pair_hold_their_bounds(split):
 def test_members_have_their_letters_and_the_verdict(split):
     modes = own(split)
     assert [mode.member for mode in modes] == ["a", "b"] * 7
-    assert {mode.status for mode in modes} == {RESOLVED}
-    assert [report.pair.verdict for report in split.orders] == [RESOLVED] * len(split.orders)
+    assert {mode.pair for mode in modes} == {Pair.RESOLVED}
+    assert [report.pair.verdict for report in split.orders] == [Pair.RESOLVED] * len(split.orders)
     assert all(report.pair.chance < 1e-4 for report in split.orders)
 
 
@@ -58,7 +58,7 @@ def test_a_pair_with_the_shaker_on_an_antinode_is_not_resolvable(place, member):
     truth = truth_modes(split_percent=2.5, shaker_between=place)
     model = identify_modes(systems.campaign_frf(truth, 34)).model
     systems.assert_modes(model, systems.of_orders(truth, member=member), frequency=5e-4)
-    assert {mode.status for mode in own(model)} == {NOT_RESOLVABLE}
+    assert {mode.pair for mode in own(model)} == {Pair.ONE_SEEN}
     assert {mode.member for mode in own(model)} == {""}
 
 
@@ -66,7 +66,7 @@ def test_a_pair_that_is_not_split_is_one_mode():
     truth = truth_modes(split_percent=1e-6)
     model = identify_modes(systems.campaign_frf(truth, 34)).model
     systems.assert_modes(model, systems.of_orders(truth, member="a"), frequency=5e-4)
-    assert {(mode.member, mode.status) for mode in own(model)} == {("", NOT_RESOLVABLE)}
+    assert {(mode.member, mode.pair) for mode in own(model)} == {("", Pair.ONE_SEEN)}
 
 
 @pytest.mark.parametrize(("split_percent", "snr_db"), [(0.1, 34), (0.1, 20), (0.2, 34)])
@@ -79,7 +79,7 @@ def test_a_small_split_is_never_one_mode_whose_damping_looks_certain(split_perce
     orders = [mode.order for mode in modes]
     assert set(orders) == set(range(1, 8))
     for mode in modes:
-        assert (mode.member != "") == (mode.status == RESOLVED)
+        assert (mode.member != "") == (mode.pair == Pair.RESOLVED)
         if orders.count(mode.order) == 1:
             assert abs(mode.damping_ratio - ratios[mode.order]) < 4 * mode.damping_std
 

@@ -45,6 +45,7 @@ def test_pandas_reads_modes(folder, short_result):
         "mpd_deg": "mpd_deg",
         "order_purity": "order_purity",
         "status": "status",
+        "pair": "pair",
         "frequency_band_shift_hz": "frequency_band_shift_hz",
         "damping_ratio_band_shift": "damping_band_shift",
     }
