@@ -18,6 +18,7 @@ from ema.core.finding import _OK, Finding, findings_html
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, model_html
 from ema.core.numerics import one_blas_thread
+from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import fit_modes
 from ema.poles.cross_check import OTHER, Opinion, second_opinion
 from ema.poles.selection import select_poles
@@ -106,6 +107,8 @@ def identify_modes(
     sensor_mass: SensorMass | None = None,
     max_order: int = 60,
     method: str = "lsce",
+    settings: IdentificationSettings = IDENTIFICATION,
+    checks: CheckSettings = CHECKS,
 ) -> Identification:
     """Identify the modes of a band, after a look at every channel.
 
@@ -129,7 +132,11 @@ def identify_modes(
     max_order : int
         Highest model order.
     method : {"lsce", "plscf"}
-        Pole estimator; the other one gives the second opinion.
+        Pole estimator; the other one gives the cross-check.
+    settings : IdentificationSettings
+        Thresholds of poles, curve fit and pairs.
+    checks : CheckSettings
+        Thresholds of the checks on channels and sensors.
 
     Returns
     -------
@@ -158,21 +165,25 @@ def identify_modes(
     """
 
     def once(frf: FRF, *, roughly: bool = False) -> tuple[StabilityDiagram, ModalModel]:
-        diagram = build_stability(frf, band_hz, max_order=max_order, method=method)
-        selection = select_poles(diagram, pinned_hz, excluded_hz)
-        return diagram, fit_modes(frf, replace(selection, pinned=selection.pinned or roughly))
+        diagram = build_stability(
+            frf, band_hz, max_order=max_order, method=method, settings=settings
+        )
+        selection = select_poles(diagram, pinned_hz, excluded_hz, settings)
+        selection = replace(selection, pinned=selection.pinned or roughly)
+        return diagram, fit_modes(frf, selection, settings=settings)
 
     widened_band(frf, band_hz)  # refuses a band without lines, of which nothing can be judged
-    usable, findings = screen(frf, band_hz)
+    usable, findings = screen(frf, band_hz, checks)
     circle = on_circle(usable.position_deg)
     if sensor_mass is not None and circle:
         # Poles as found will do: what the mass does to pairs is not worth sorting out.
-        rough = check_consistency(usable, once(usable, roughly=True)[1], exclude=False)
+        fitted = once(usable, roughly=True)[1]
+        rough = check_consistency(usable, fitted, exclude=False, settings=checks)
         usable, findings = rough.frf, [*findings, *(rough.findings if rough.changed else ())]
     bare = _bare(usable, sensor_mass)
     diagram, model = once(bare)
     for _ in range(_CONSISTENCY_PASSES if circle else 0):
-        check = check_consistency(usable, model)
+        check = check_consistency(usable, model, settings=checks)
         if check.changed:
             corrected = _bare(check.frf, sensor_mass)
             tried = once(corrected)
@@ -183,7 +194,8 @@ def identify_modes(
         findings = [*findings, *check.findings]
         if not check.changed:
             break
-    opinions = second_opinion(bare, model.modes, band_hz, OTHER[method], max_order)
+    other = OTHER[method]
+    opinions = second_opinion(bare, model.modes, band_hz, other, max_order, settings)
     return Identification(bare, diagram, model, opinions, tuple(findings))
 
 

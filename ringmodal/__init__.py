@@ -28,6 +28,7 @@ _HOME = {
         *("Processing", "SensorMass", "StabilityDiagram", "build_stability", "estimate_frf"),
         *("fit_modes", "identify_modes", "read_campaign", "read_shapes", "select_poles"),
     ),
+    "ema.core.settings": ("CheckSettings", "IdentificationSettings"),
     "ema.core.mac": ("auto_mac", "frac", "mac", "mpc", "mpd_deg"),
     "model": (
         *("ParameterError", "RingDamping", "RingParameters", "TuningResult", "identify_damping"),

@@ -64,6 +64,12 @@ from ema.core.mac import (
 from ema.core.mac import (
     mpd_deg as mpd_deg,
 )
+from ema.core.settings import (
+    CheckSettings as CheckSettings,
+)
+from ema.core.settings import (
+    IdentificationSettings as IdentificationSettings,
+)
 from model import (
     ParameterError as ParameterError,
 )

@@ -8,14 +8,15 @@ from numpy.typing import NDArray
 from ema.circumference.orders import on_circle, order_content
 from ema.core.finding import OK, WARNING, Finding
 from ema.core.modes import ModalModel
+from ema.core.settings import CHECKS, CheckSettings
 
-# Share of the largest possible response: a force at its stated place gives 1, elsewhere about 0.
-_AGREES, _CLEAR = 0.5, 0.85
 _FEWEST_ORDERS = 3
 _STEP_DEG = 0.5
 
 
-def drive_point_finding(model: ModalModel, excitation_deg: float | None) -> list[Finding]:
+def drive_point_finding(
+    model: ModalModel, excitation_deg: float | None, settings: CheckSettings = CHECKS
+) -> list[Finding]:
     """Compare where the shapes are driven from with where the force is said to be.
 
     Where a structure is driven every mode answers in phase with the force: −Im of the residue is
@@ -27,6 +28,7 @@ def drive_point_finding(model: ModalModel, excitation_deg: float | None) -> list
     model : ModalModel
     excitation_deg : float or None
         Where the manifest says that the force acts.
+    settings : CheckSettings
 
     Returns
     -------
@@ -38,8 +40,9 @@ def drive_point_finding(model: ModalModel, excitation_deg: float | None) -> list
     waves = _waves(model)
     if len(waves) < _FEWEST_ORDERS:
         return []
+    clear = settings.drive_point_clear
     here = float(_agreement(waves, np.array([excitation_deg]))[0])
-    if here < -_CLEAR:
+    if here < -clear:
         says = (
             "all shapes move against the force where it acts: force or accelerations have the "
             "wrong sign in all runs. Frequencies and damping are right, FRFs and residues turned"
@@ -48,8 +51,8 @@ def drive_point_finding(model: ModalModel, excitation_deg: float | None) -> list
     angles = np.arange(0.0, 360.0, _STEP_DEG)
     score = _agreement(waves, angles)
     best = int(np.argmax(np.abs(score)))
-    elsewhere = abs(score[best]) > _CLEAR
-    if here > _CLEAR or (here > _AGREES and not elsewhere):
+    elsewhere = abs(score[best]) > clear
+    if here > clear or (here > settings.drive_point_agrees and not elsewhere):
         return [_finding(excitation_deg, OK, "the shapes are driven from where the force acts")]
     says = "the shapes are not driven from there"
     if elsewhere:

@@ -12,15 +12,12 @@ from scipy.ndimage import correlate1d
 from ema.core.arrays import readonly
 from ema.core.finding import OK, WARNING, Finding
 from ema.core.frf import position_finding
+from ema.core.settings import CHECKS, CheckSettings
 
 if TYPE_CHECKING:
     from ema.core.frf import FRF
     from ema.core.modes import Drift
 
-# A reference sensor whose runs differ by more than this many σ did not see one and the same tyre.
-_CONSISTENT_RATIO = 1.5
-_POOR_COHERENCE = 0.5
-_GOOD_COHERENCE = 0.7
 _COHERENCE_LINES = 31  # dips at antiresonances do not end a band
 
 
@@ -57,7 +54,9 @@ class ReferenceCheck:
             object.__setattr__(self, name, readonly(getattr(self, name), dtype))
 
 
-def check_reference(reference: FRF, band_hz: tuple[float, float]) -> ReferenceCheck:
+def check_reference(
+    reference: FRF, band_hz: tuple[float, float], settings: CheckSettings = CHECKS
+) -> ReferenceCheck:
     """Compare the runs of the fixed reference sensor against their own noise.
 
     Parameters
@@ -66,6 +65,7 @@ def check_reference(reference: FRF, band_hz: tuple[float, float]) -> ReferenceCh
         `FRF.reference`, one row per run.
     band_hz : tuple of float
         Band to compare.
+    settings : CheckSettings
     """
     lines = (reference.frequency_hz >= band_hz[0]) & (reference.frequency_hz <= band_hz[1])
     values, std = reference.values[:, lines], reference.std[:, lines]
@@ -79,11 +79,13 @@ def check_reference(reference: FRF, band_hz: tuple[float, float]) -> ReferenceCh
         values=values,
         std=std,
         ratio=ratio,
-        consistent=not ratio > _CONSISTENT_RATIO,
+        consistent=not ratio > settings.consistent_ratio,
     )
 
 
-def coherence_findings(frf: FRF, band_hz: tuple[float, float]) -> list[Finding]:
+def coherence_findings(
+    frf: FRF, band_hz: tuple[float, float], settings: CheckSettings = CHECKS
+) -> list[Finding]:
     """Median coherence of each position in the band; none where unknown, or 1 by definition."""
     if frf.n_effective <= 1:
         return []
@@ -92,9 +94,9 @@ def coherence_findings(frf: FRF, band_hz: tuple[float, float]) -> list[Finding]:
     for row, median in enumerate(np.median(frf.coherence[:, lines], axis=1)):
         if np.isnan(median):
             continue
-        poor = median < _POOR_COHERENCE
+        poor = median < settings.poor_coherence
         detail = f"median coherence {median:.3f} between {band_hz[0]:g} and {band_hz[1]:g} Hz"
-        detail += f", below {_POOR_COHERENCE:g}" if poor else ""
+        detail += f", below {settings.poor_coherence:g}" if poor else ""
         findings.append(position_finding(frf, row, "coherence", WARNING if poor else OK, detail))
     return findings
 
@@ -127,12 +129,12 @@ def period_finding(frf: FRF) -> list[Finding]:
     return [Finding("", "force", None, "period", WARNING, detail)]
 
 
-def coherent_band(frf: FRF) -> tuple[float, float]:
+def coherent_band(frf: FRF, settings: CheckSettings = CHECKS) -> tuple[float, float]:
     """Widest band in which the median coherence stays good; all lines where it is unknown."""
     median = np.nan_to_num(np.median(frf.coherence, axis=0), nan=1.0)
     mean = np.full(_COHERENCE_LINES, 1 / _COHERENCE_LINES)
     smooth = correlate1d(median, mean, mode="nearest")
-    good = np.append((smooth >= _GOOD_COHERENCE) & (frf.frequency_hz > 0), False)
+    good = np.append((smooth >= settings.good_coherence) & (frf.frequency_hz > 0), False)
     starts = np.flatnonzero(good & ~np.append(False, good[:-1]))
     if starts.size == 0:
         return float(frf.frequency_hz[0]), float(frf.frequency_hz[-1])
@@ -163,7 +165,7 @@ def drift_findings(drift: Drift) -> list[Finding]:
     ]
 
 
-def reference_finding(check: ReferenceCheck) -> Finding:
+def reference_finding(check: ReferenceCheck, settings: CheckSettings = CHECKS) -> Finding:
     """Verdict on the reference sensor as a line of ``quality.csv``."""
     deviation = f"deviation over the runs is {check.ratio:.2f} times its noise "
     if np.isnan(check.ratio):
@@ -179,5 +181,5 @@ def reference_finding(check: ReferenceCheck) -> Finding:
         position_deg=None,
         check="reference",
         verdict=verdict,
-        detail=f"{deviation}(limit {_CONSISTENT_RATIO:g}): {says}",
+        detail=f"{deviation}(limit {settings.consistent_ratio:g}): {says}",
     )

@@ -8,22 +8,14 @@ from numpy.typing import NDArray
 from ema.core.errors import InputError
 from ema.core.finding import EXCLUDED, OK, WARNING, Finding
 from ema.core.frf import FRF, position_finding
+from ema.core.settings import CHECKS, CheckSettings
 
-# A channel this far below the median power of the others is dead (a cable, a switched-off input).
-_DEAD_DB = -50.0
-# A clipped sensor is useless when more samples than this sit on its limits, doubtful when a few do.
-_CLIPPED, _FEW_CLIPPED = 1e-3, 1e-4
-# A channel whose coherence is this much lower than that of the others sees something else.
-_INCOHERENT_SHARE, _INCOHERENT = 0.4, 0.3
-# More averages than this lost to missing samples: the channel is worth less than a guess.
-_MISSING = 0.5
-# Runs of one tyre differ at one place by a few percent of their power, where it warms up.
-_DISAGREES = 0.1
 _HUM_HZ = (50.0, 60.0)
-_HUM_DB = 20.0
 
 
-def screen(frf: FRF, band_hz: tuple[float, float]) -> tuple[FRF, list[Finding]]:
+def screen(
+    frf: FRF, band_hz: tuple[float, float], settings: CheckSettings = CHECKS
+) -> tuple[FRF, list[Finding]]:
     """Leave out channels that are dead, clipped, incoherent or full of gaps; remark on hum.
 
     Parameters
@@ -31,6 +23,7 @@ def screen(frf: FRF, band_hz: tuple[float, float]) -> tuple[FRF, list[Finding]]:
     frf : FRF
     band_hz : tuple of float
         Band in which the channels are judged.
+    settings : CheckSettings
 
     Returns
     -------
@@ -45,10 +38,10 @@ def screen(frf: FRF, band_hz: tuple[float, float]) -> tuple[FRF, list[Finding]]:
         If no channel is usable.
     """
     faults = {
-        **_incoherent(frf, band_hz),
-        **_clipped(frf),
-        **_dead(frf, band_hz),
-        **_missing(frf),
+        **_incoherent(frf, band_hz, settings),
+        **_clipped(frf, settings),
+        **_dead(frf, band_hz, settings.dead_db),
+        **_missing(frf, settings.missing_share),
     }
     findings = [position_finding(frf, row, *found) for row, found in sorted(faults.items())]
     excluded = np.array([f in faults and faults[f][1] == EXCLUDED for f in range(frf.n_positions)])
@@ -60,11 +53,12 @@ def screen(frf: FRF, band_hz: tuple[float, float]) -> tuple[FRF, list[Finding]]:
             "Check cables, ranges and the excitation",
         )
     usable = frf.rows(~excluded)
-    findings += _disagreeing(usable)
-    return usable, findings + _force_findings(frf) + _hum_findings(usable)
+    findings += _disagreeing(usable, settings.disagreement_share)
+    findings += _force_findings(frf, settings.few_clipped_share)
+    return usable, findings + _hum_findings(usable, settings.hum_db)
 
 
-def _disagreeing(frf: FRF) -> list[Finding]:
+def _disagreeing(frf: FRF, share: float) -> list[Finding]:
     """Places where runs were averaged that did not see the same."""
     return [
         position_finding(
@@ -75,20 +69,20 @@ def _disagreeing(frf: FRF) -> list[Finding]:
             f"the runs averaged here differ by {100 * frf.disagreement[row]:.0f} % of their "
             "power: sensors from different places under one node or position?",
         )
-        for row in np.flatnonzero(frf.disagreement > _DISAGREES)
+        for row in np.flatnonzero(frf.disagreement > share)
     ]
 
 
 _Fault = tuple[str, str, str]  # check, verdict, detail
 
 
-def _dead(frf: FRF, band_hz: tuple[float, float]) -> dict[int, _Fault]:
+def _dead(frf: FRF, band_hz: tuple[float, float], limit_db: float) -> dict[int, _Fault]:
     lines = _lines(frf, band_hz)
     power = np.mean(np.abs(frf.values[:, lines]) ** 2, axis=1)
     level = _db(power, float(np.median(power)))
     return {
         int(row): ("dead", EXCLUDED, _dead_text(level[row]))
-        for row in np.flatnonzero(level < _DEAD_DB)
+        for row in np.flatnonzero(level < limit_db)
     }
 
 
@@ -98,34 +92,36 @@ def _dead_text(level_db: float) -> str:
     return f"the signal is {-level_db:.0f} dB below the median of the channels"
 
 
-def _clipped(frf: FRF) -> dict[int, _Fault]:
+def _clipped(frf: FRF, settings: CheckSettings) -> dict[int, _Fault]:
     return {
         int(row): (
             "clipped",
-            EXCLUDED if frf.clipped[row] > _CLIPPED else WARNING,
+            EXCLUDED if frf.clipped[row] > settings.clipped_share else WARNING,
             f"{100 * frf.clipped[row]:.2g} % of the samples sit on the limits of the signal",
         )
-        for row in np.flatnonzero(frf.clipped > _FEW_CLIPPED)
+        for row in np.flatnonzero(frf.clipped > settings.few_clipped_share)
     }
 
 
-def _missing(frf: FRF) -> dict[int, _Fault]:
+def _missing(frf: FRF, share: float) -> dict[int, _Fault]:
     return {
         int(row): (
             "missing samples",
-            EXCLUDED if frf.missing[row] > _MISSING else WARNING,
+            EXCLUDED if frf.missing[row] > share else WARNING,
             f"{100 * frf.missing[row]:.2g} % of the averages left out, as samples are missing",
         )
         for row in np.flatnonzero(frf.missing > 0)
     }
 
 
-def _incoherent(frf: FRF, band_hz: tuple[float, float]) -> dict[int, _Fault]:
+def _incoherent(
+    frf: FRF, band_hz: tuple[float, float], settings: CheckSettings
+) -> dict[int, _Fault]:
     if frf.n_positions < 4 or not np.all(np.isfinite(frf.coherence)):
         return {}
     median = np.median(frf.coherence[:, _lines(frf, band_hz)], axis=1)
     usual = float(np.median(median))
-    poor = (median < _INCOHERENT_SHARE * usual) & (median < _INCOHERENT)
+    poor = (median < settings.incoherent_share * usual) & (median < settings.incoherent)
     return {
         int(row): (
             "incoherent",
@@ -136,18 +132,18 @@ def _incoherent(frf: FRF, band_hz: tuple[float, float]) -> dict[int, _Fault]:
     }
 
 
-def _hum_findings(frf: FRF) -> list[Finding]:
+def _hum_findings(frf: FRF, limit_db: float) -> list[Finding]:
     """Mains hum on all channels as one remark, and one for each channel that hums far louder."""
     findings = []
     for mains_hz in _HUM_HZ:
         level = _tone_db(frf, mains_hz)
         usual = float(np.median(level)) if level.size else 0.0
-        if usual > _HUM_DB:
+        if usual > limit_db:
             text = f"{mains_hz:g} Hz hum on most channels, {usual:.0f} dB above the noise nearby"
             findings.append(
                 Finding("", "", None, "hum", OK, text + "; these lines are down-weighted")
             )
-        for row in np.flatnonzero(level > max(usual, 0) + _HUM_DB):
+        for row in np.flatnonzero(level > max(usual, 0) + limit_db):
             text = f"{mains_hz:g} Hz hum, {level[row]:.0f} dB above the noise nearby"
             findings.append(position_finding(frf, int(row), "hum", WARNING, text))
     return findings
@@ -163,7 +159,7 @@ def _tone_db(frf: FRF, tone_hz: float) -> NDArray[np.float64]:
     return _db(np.max(power[:, at], axis=1), np.median(power[:, near], axis=1))
 
 
-def _force_findings(frf: FRF) -> list[Finding]:
+def _force_findings(frf: FRF, few: float) -> list[Finding]:
     worst = {
         run: float(np.max(frf.force_clipped[np.array(frf.run) == run])) for run in set(frf.run)
     }
@@ -178,7 +174,7 @@ def _force_findings(frf: FRF) -> list[Finding]:
             "all FRFs of this run are affected",
         )
         for run, share in sorted(worst.items())
-        if share > _FEW_CLIPPED
+        if share > few
     ]
 
 

@@ -16,22 +16,14 @@ from ema.checks.ring_shapes import MAJORITY, RingShapes, ring_shapes
 from ema.core.finding import EXCLUDED, WARNING, Finding
 from ema.core.frf import FRF, position_finding
 from ema.core.modes import ModalModel
+from ema.core.settings import CHECKS, CheckSettings
 
 FLIPPED, SCALED, SWAPPED, INCONSISTENT = "flipped", "scaled", "swapped", "inconsistent"
 WITHHELD = "corrections withheld"
 
 # Fewer modes could hardly agree on a gain.
 _FEWEST_WAVES = 2
-# A gain between these is how sensors are; farther off it is a wrong sensitivity …
-_GAIN = (0.8, 1.25)
-# … if it is this many of its standard deviations away from 1.
-_SIGNIFICANT = 5.0
-# RMS over the modes, in standard deviations, from which on a sensor contradicts them. Healthy ones
-# show 1.4, and 2 on tyres whose shapes are not pure.
-_CONTRADICTS = 3.5
-# Corrections beyond three rows in a run or a tenth of all are none: sensors do not fail by the
-# dozen. A sensor that shows the same gain in all its runs counts once.
-_MOST_IN_A_RUN, _MOST = 3, 0.1
+# Gains of one fault agree within this share.
 _SAME_GAIN = 0.15
 # A run of which more than this share of the sensors contradicts the others is odd as a whole.
 _ODD_RUN = 0.5
@@ -80,7 +72,9 @@ class ConsistencyCheck:
     changed: bool
 
 
-def check_consistency(frf: FRF, model: ModalModel, *, exclude: bool = True) -> ConsistencyCheck:
+def check_consistency(
+    frf: FRF, model: ModalModel, *, exclude: bool = True, settings: CheckSettings = CHECKS
+) -> ConsistencyCheck:
     """Compare every sensor with the shapes that all sensors together show.
 
     Each ring mode is cos n(θ − θ_n) all around; fitted robustly, the few sensors that disagree
@@ -95,18 +89,19 @@ def check_consistency(frf: FRF, model: ModalModel, *, exclude: bool = True) -> C
         Modes fitted to these FRFs.
     exclude : bool
         Whether to leave out what cannot be corrected.
+    settings : CheckSettings
 
     Returns
     -------
     ConsistencyCheck
     """
-    changes = _force_changes(frf, ring_shapes(frf, model, followed_by=MAJORITY))
+    changes = _force_changes(frf, ring_shapes(frf, model, followed_by=MAJORITY), settings)
     if changes:  # of whole runs: single sensors are judged once those are right
         return _applied(frf, changes, [])
     shapes = ring_shapes(frf, model)
     if shapes.n_waves < _FEWEST_WAVES:
         return ConsistencyCheck(frf, (), changed=False)
-    changes = _sensor_changes(frf, shapes, exclude=exclude)
+    changes = _sensor_changes(frf, shapes, settings, exclude=exclude)
     odd_runs = _odd_runs(frf, changes)
     changes = {
         row: change
@@ -114,8 +109,8 @@ def check_consistency(frf: FRF, model: ModalModel, *, exclude: bool = True) -> C
         if change.factor or frf.run[row] not in odd_runs
     }
     odd = [_odd_run_finding(frf, run, count) for run, count in odd_runs.items()]
-    if _too_many(frf, changes):
-        return ConsistencyCheck(frf, (*odd, _withheld_finding(changes)), changed=False)
+    if _too_many(frf, changes, settings):
+        return ConsistencyCheck(frf, (*odd, _withheld_finding(changes, settings)), changed=False)
     return _applied(frf, changes, odd)
 
 
@@ -142,7 +137,7 @@ def withheld(check: ConsistencyCheck) -> Finding:
     return Finding("", "", None, WITHHELD, WARNING, detail)
 
 
-def _force_changes(frf: FRF, shapes: RingShapes) -> dict[int, _Change]:
+def _force_changes(frf: FRF, shapes: RingShapes, settings: CheckSettings) -> dict[int, _Change]:
     """Changes for runs whose force has another sign or scale than that of the others."""
     changes: dict[int, _Change] = {}
     for run in frf.run_names if shapes.n_waves >= _FEWEST_WAVES else ():
@@ -155,15 +150,15 @@ def _force_changes(frf: FRF, shapes: RingShapes) -> dict[int, _Change]:
             row
             for row, (gain, std) in gains.items()
             if abs(gain - common) < max(_SAME_GAIN * abs(common), 3 * std)
-            and shapes.mismatch(row, gain) <= _CONTRADICTS
+            and shapes.mismatch(row, gain) <= settings.contradiction_std
         ]
-        if _is_usual(common) or len(agreeing) < _WHOLE_RUN * len(gains):
+        if _is_usual(common, settings) or len(agreeing) < _WHOLE_RUN * len(gains):
             continue
         if not _reference_agrees(frf, run, common):
             continue
-        factor = _factor(common)
+        factor = _factor(common, settings)
         for row in rows:
-            finding = position_finding(frf, row, *_gain_finding(common, whole_run=True))
+            finding = position_finding(frf, row, *_gain_finding(common, settings, whole_run=True))
             changes[row] = _Change(factor, row, common, finding)
     return changes if len(changes) < frf.n_positions / 2 else {}
 
@@ -181,17 +176,19 @@ def _reference_agrees(frf: FRF, run: str, gain: float) -> bool:
     return abs(seen - gain) < _SAME_GAIN * abs(gain)
 
 
-def _sensor_changes(frf: FRF, shapes: RingShapes, *, exclude: bool) -> dict[int, _Change]:
+def _sensor_changes(
+    frf: FRF, shapes: RingShapes, settings: CheckSettings, *, exclude: bool
+) -> dict[int, _Change]:
     changes: dict[int, _Change] = {}
     suspects = []
     for row in range(frf.n_positions):
         gain, std = shapes.gain(row)
-        if shapes.mismatch(row, gain) > _CONTRADICTS:
+        if shapes.mismatch(row, gain) > settings.contradiction_std:
             suspects.append(row)
-        elif _is_wrong(gain, std) and shapes.n_telling(row) >= _FEWEST_WAVES:
-            finding = position_finding(frf, row, *_gain_finding(gain))
-            changes[row] = _Change(_factor(gain), row, gain, finding)
-    for first, second in _swapped(frf, shapes, suspects):
+        elif _is_wrong(gain, std, settings) and shapes.n_telling(row) >= _FEWEST_WAVES:
+            finding = position_finding(frf, row, *_gain_finding(gain, settings))
+            changes[row] = _Change(_factor(gain, settings), row, gain, finding)
+    for first, second in _swapped(frf, shapes, suspects, settings):
         for row, other in ((first, second), (second, first)):
             text = f"swapped with {frf.channel[other]}; both corrected"
             finding = position_finding(frf, row, SWAPPED, WARNING, text)
@@ -205,22 +202,25 @@ def _sensor_changes(frf: FRF, shapes: RingShapes, *, exclude: bool) -> dict[int,
     return changes
 
 
-def _is_usual(gain: float) -> bool:
-    return _GAIN[0] <= gain <= _GAIN[1]
+def _is_usual(gain: float, settings: CheckSettings) -> bool:
+    return settings.usual_gain_min <= gain <= settings.usual_gain_max
 
 
-def _is_wrong(gain: float, std: float) -> bool:
-    return not _is_usual(gain) and abs(gain - 1) > _SIGNIFICANT * std
+def _is_wrong(gain: float, std: float, settings: CheckSettings) -> bool:
+    significant = abs(gain - 1) > settings.gain_significance_std * std
+    return significant and not _is_usual(gain, settings)
 
 
-def _factor(gain: float) -> float:
+def _factor(gain: float, settings: CheckSettings) -> float:
     """What to multiply with: an inverted sensor of right sensitivity keeps its own calibration."""
-    return -1.0 if _is_usual(-gain) else 1 / gain
+    return -1.0 if _is_usual(-gain, settings) else 1 / gain
 
 
-def _gain_finding(gain: float, *, whole_run: bool = False) -> tuple[str, str, str]:
+def _gain_finding(
+    gain: float, settings: CheckSettings, *, whole_run: bool = False
+) -> tuple[str, str, str]:
     where = ", as do all sensors of this run: the force's sign or scale is wrong" * whole_run
-    if _is_usual(-gain):
+    if _is_usual(-gain, settings):
         return (
             FLIPPED,
             WARNING,
@@ -239,7 +239,9 @@ def _contradiction(shapes: RingShapes, row: int) -> str:
     return f"contradicts the modes of all other sensors: {share:.0f} % of it is not theirs"
 
 
-def _swapped(frf: FRF, shapes: RingShapes, suspects: Sequence[int]) -> list[tuple[int, int]]:
+def _swapped(
+    frf: FRF, shapes: RingShapes, suspects: Sequence[int], settings: CheckSettings
+) -> list[tuple[int, int]]:
     """Pairs of one run's suspects of which each fits the other's place."""
     pairs: list[tuple[int, int]] = []
     taken: set[int] = set()
@@ -247,15 +249,16 @@ def _swapped(frf: FRF, shapes: RingShapes, suspects: Sequence[int]) -> list[tupl
         for second in suspects[number + 1 :]:
             if frf.run[first] != frf.run[second] or {first, second} & taken:
                 continue
-            if _fits(shapes, first, second) and _fits(shapes, second, first):
+            if _fits(shapes, first, second, settings) and _fits(shapes, second, first, settings):
                 pairs.append((first, second))
                 taken |= {first, second}
     return pairs
 
 
-def _fits(shapes: RingShapes, row: int, as_if: int) -> bool:
+def _fits(shapes: RingShapes, row: int, as_if: int, settings: CheckSettings) -> bool:
     gain, _ = shapes.gain(row, as_if)
-    return _is_usual(gain) and shapes.mismatch(row, gain, as_if) <= _CONTRADICTS
+    mismatch = shapes.mismatch(row, gain, as_if)
+    return _is_usual(gain, settings) and mismatch <= settings.contradiction_std
 
 
 def _odd_runs(frf: FRF, changes: dict[int, _Change]) -> dict[str, int]:
@@ -277,10 +280,10 @@ def _odd_run_finding(frf: FRF, run: str, count: int) -> Finding:
     return Finding(run, "", None, INCONSISTENT, WARNING, detail)
 
 
-def _too_many(frf: FRF, changes: dict[int, _Change]) -> bool:
+def _too_many(frf: FRF, changes: dict[int, _Change], settings: CheckSettings) -> bool:
     """Whether more rows would be changed than sensors fail."""
     in_run = [frf.run[row] for row in changes]
-    if any(in_run.count(run) > _MOST_IN_A_RUN for run in set(in_run)):
+    if any(in_run.count(run) > settings.most_corrections_per_run for run in set(in_run)):
         return True
     of_sensor: dict[str, list[float]] = {}
     for row, change in changes.items():
@@ -289,7 +292,7 @@ def _too_many(frf: FRF, changes: dict[int, _Change]) -> bool:
         1 if _one_fault(gains, frf.channel.count(name)) else len(gains)
         for name, gains in of_sensor.items()
     )
-    return counted > max(1.0, _MOST * frf.n_positions)
+    return counted > max(1.0, settings.most_corrections_share * frf.n_positions)
 
 
 def _one_fault(gains: Sequence[float], n_runs: int) -> bool:
@@ -299,14 +302,15 @@ def _one_fault(gains: Sequence[float], n_runs: int) -> bool:
     return len(gains) == n_runs and same
 
 
-def _withheld_finding(changes: dict[int, _Change]) -> Finding:
+def _withheld_finding(changes: dict[int, _Change], settings: CheckSettings) -> Finding:
+    most, share = settings.most_corrections_per_run, settings.most_corrections_share
     first = "; ".join(
         f"{change.finding.run} {change.finding.channel} {change.finding.check}"
-        for change in list(changes.values())[:_MOST_IN_A_RUN]
+        for change in list(changes.values())[:most]
     )
     detail = (
         f"{len(changes)} sensors seem to contradict the modes ({first} …), more than fail at a "
-        f"time (at most {_MOST_IN_A_RUN} in a run and {100 * _MOST:.0f} % of all): the tyre "
+        f"time (at most {most} in a run and {100 * share:.0f} % of all): the tyre "
         "changed between the runs, or positions are wrong. Nothing was changed"
     )
     return Finding("", "", None, WITHHELD, WARNING, detail)

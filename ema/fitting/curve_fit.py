@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from ema.core.frf import FRF
 from ema.core.mac import frac
 from ema.core.modes import NO_DRIFT, Drift, Flag, ModalModel, Mode, OrderReport, ResidualTerms
 from ema.core.numerics import one_blas_thread
+from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.fitting.covariance import (
     band_shift,
     frequency_damping_covariance,
@@ -24,6 +25,7 @@ from ema.fitting.covariance import (
     parameter_covariance,
     residue_std,
 )
+from ema.fitting.mode_pairs import resolve_orders
 from ema.fitting.pole_fit import (
     N_STAND_INS,
     Lines,
@@ -35,22 +37,24 @@ from ema.fitting.pole_fit import (
     with_stand_ins,
     without_leakage,
 )
-from ema.fitting.resolution import resolve_orders
 from ema.poles.selection import PoleSelection
 
-# A drift is taken for real when chance would show it once in 10 000 campaigns.
-_DRIFT_CHANCE = 1e-4
+# Rounds after which the poles of the orders have settled; more than two were never needed.
+_ROUNDS = 4
 
 
 @one_blas_thread
 def fit_modes(
-    frf: FRF, poles: PoleSelection | ArrayLike, band_hz: tuple[float, float] | None = None
+    frf: FRF,
+    poles: PoleSelection | ArrayLike,
+    band_hz: tuple[float, float] | None = None,
+    settings: IdentificationSettings = IDENTIFICATION,
 ) -> ModalModel:
     """Fit poles, residues and residual terms to all FRFs at once.
 
     Weighted least squares with 1/σ, the noise level of the FRFs over frequency and position;
     poles move within bounds around their start values. Where the FRFs come from blocks of a
-    random excitation, the bias of the window is taken out. Where the natural frequencies differ
+    random excitation, the bias of the window is compensated. Where the natural frequencies differ
     from run to run by more than chance, each run gets its own state: shapes stay common, all
     frequencies of a run move together, and the result is that of the first run.
 
@@ -61,6 +65,7 @@ def fit_modes(
         From `select_poles`, or poles in rad/s.
     band_hz : tuple of float, optional
         Band of the result; the selection's own by default.
+    settings : IdentificationSettings
 
     Returns
     -------
@@ -82,26 +87,229 @@ def fit_modes(
     '100.3 ± 0.01 Hz'
     """
     selection = poles if isinstance(poles, PoleSelection) else PoleSelection.around(poles)
-    band_hz = band_hz or selection.band_hz
-    lines = lines_to_fit(frf, band_hz)
-    start = starting_poles(selection.fitted, lines, band_hz)
-    pairs = pairs_of(evaluate(lines, start, np.zeros(1)), frf)
-    plain = fit_bounded(lines, start, pairs=pairs)
-    seen = _drift_seen(frf, plain)
-    drift = seen.percent / 100 if seen.applied else None
-    if seen.applied:
-        plain = fit_bounded(lines, plain.poles, drift, start, pairs)
-    fit, notes = without_leakage(frf, plain, start)
-    refit = Refit(frf, lines, drift)
+    fit = CurveFit(frf, selection, band_hz or selection.band_hz, settings)
+    fit.start()
+    fit.follow_drift()
+    fit.compensate_leakage()
     if not selection.pinned:
-        fit, notes = significant(refit, fit, notes, band_hz)
-    reports: tuple[OrderReport, ...] = ()
+        fit.drop_insignificant()
     if on_circle(frf.position_deg):
-        fit, notes, reports = settled(refit, fit, notes, band_hz, pinned=selection.pinned)
-    return _model(frf, fit, selection, band_hz, notes, reports, seen)
+        fit.settle_orders()
+    return fit.modal_model()
 
 
-def drift_in_one_step(fit: PoleFit, run: tuple[str, ...], correlation: float) -> Drift:
+class CurveFit:
+    """State of one curve fit; each step replaces `fit`, the poles and residues so far.
+
+    Parameters
+    ----------
+    frf : FRF
+    selection : PoleSelection
+        Where the poles start.
+    band_hz : tuple of float
+        Band of the result.
+    settings : IdentificationSettings
+
+    Attributes
+    ----------
+    lines : Lines
+        What is fitted, with weights.
+    fit : PoleFit
+    drift : Drift
+        Drift of the runs, and whether it is significant.
+    leakage_notes, notes : list of str
+    orders : tuple of OrderReport
+    """
+
+    def __init__(
+        self,
+        frf: FRF,
+        selection: PoleSelection,
+        band_hz: tuple[float, float],
+        settings: IdentificationSettings,
+    ) -> None:
+        self.frf, self.selection, self.band_hz, self.settings = frf, selection, band_hz, settings
+        self.lines = lines_to_fit(frf, band_hz)
+        self.start_poles = starting_poles(selection.fitted, self.lines, band_hz)
+        self.correlation = line_correlation(frf.blocks)
+        self.drift: Drift = NO_DRIFT
+        self.leakage_notes: list[str] = []
+        self.notes: list[str] = []
+        self.orders: tuple[OrderReport, ...] = ()
+
+    def start(self) -> None:
+        """Fit all runs in one state."""
+        pairs = self._pairs(evaluate(self.lines, self.start_poles, np.zeros(1)))
+        self.fit = fit_bounded(self.lines, self.start_poles, self.settings, pairs=pairs)
+
+    def follow_drift(self) -> None:
+        """Give each run its own state where the frequencies differ by more than chance."""
+        if self.lines.n_runs < 2 or not np.all(np.isfinite(self.frf.std)):
+            return
+        limit = self.settings.drift_p_value
+        self.drift = drift_in_one_step(self.fit, self.frf.run_names, self.correlation, limit)
+        if self.drift.applied:
+            self.fit = fit_bounded(
+                self.lines,
+                self.fit.poles,
+                self.settings,
+                self._shifts,
+                self.start_poles,
+                self.fit.pairs,
+            )
+
+    def compensate_leakage(self) -> None:
+        """Fit again without the bias of window and block length."""
+        self.fit, self.leakage_notes = without_leakage(
+            self.frf, self.fit, self.start_poles, self.settings
+        )
+
+    def drop_insignificant(self) -> None:
+        """Drop poles of the band whose residues are no larger than their uncertainty.
+
+        A pole may be stable from model order to model order and yet be only a wiggle of the noise.
+        Of two that share a resonance, neither may be determined: only the lesser one goes.
+        """
+        fit = self.fit
+        size = _residue_size(fit, self.correlation)
+        frequency_hz = np.abs(fit.poles) / (2 * np.pi)
+        inside = (frequency_hz >= self.band_hz[0]) & (frequency_hz <= self.band_hz[1])
+        inside[-N_STAND_INS:] = False
+        p_value = chdtrc(2 * fit.lines.scale.size, size)
+        noise = inside & ~(p_value < self.settings.residue_p_value)
+        lesser = size[:, None] > size
+        noise &= ~np.any(noise & _share_resonance(fit.poles) & lesser, axis=1)
+        if not np.any(noise) or np.all(noise | ~inside):
+            return
+        self._refit(fit.poles[~noise])
+        self.notes += [
+            f"The pole at {hz:.2f} Hz was dropped: its residues are no larger than their "
+            "uncertainty."
+            for hz in frequency_hz[noise]
+        ]
+
+    def settle_orders(self) -> None:
+        """Fit a closed circle with the poles that its orders need, until nothing changes.
+
+        Members of pairs are added or merged, diverged poles dropped, and the members of pairs share
+        what is known of their damping. Pinned poles stay as they are.
+        """
+        pinned = self.selection.pinned
+        lines = widened_band(self.frf, self.band_hz)
+        for _ in range(_ROUNDS):
+            labelled = self._labelled(self.fit)
+            diverged = _diverged(labelled, self.fit)
+            if np.any(diverged) and not pinned:
+                self._refit(self.fit.poles[~diverged])
+                continue
+            poles, self.orders, changed = resolve_orders(
+                self.frf,
+                lines,
+                self.fit,
+                labelled,
+                self.band_hz,
+                self.correlation,
+                self.settings,
+            )
+            if changed and not pinned:
+                self._refit(_stand_ins_last(poles, self.fit))
+                continue
+            if self._pairs(self.fit) == self.fit.pairs:
+                break
+            self._refit(self.fit.poles)
+
+    def modal_model(self) -> ModalModel:
+        """Modes of the band with their uncertainty."""
+        fit, frf = self.fit, self.frf
+        covariance = parameter_covariance(fit, self.correlation)
+        both = frequency_damping_covariance(fit.poles, covariance)
+        modes = modes_of(fit, both, residue_std(fit, covariance, self.correlation))
+        modes = self._with_band_shift(modes)
+        inside = self._wanted(modes)
+        ascending = np.argsort(np.abs(fit.poles))
+        rows = np.ravel([[2 * r, 2 * r + 1] for r in inside])
+        named = label_modes([modes[r] for r in inside], frf.position_deg)
+        model = ModalModel(
+            modes=judged(named, self.orders),
+            guard_modes=tuple(modes[r] for r in ascending if r not in inside),
+            residual_terms=ResidualTerms(fit.lower, fit.upper),
+            band_hz=self.band_hz,
+            fit_band_hz=(float(fit.lines.frequency_hz[0]), float(fit.lines.frequency_hz[-1])),
+            covariance=both[np.ix_(rows, rows)],
+            frac=np.zeros(frf.n_positions),
+            misfit=fit.misfit if np.all(np.isfinite(frf.std)) else float("nan"),
+            node=frf.node,
+            position_deg=frf.position_deg,
+            drift=self._final_drift(covariance),
+            orders=self.orders,
+            notes=(*self.leakage_notes, *self.notes),
+        )
+        fitted = model.synthesise(fit.lines.frequency_hz, run=frf.run)
+        return replace(model, frac=frac(fit.lines.values, fitted))
+
+    @property
+    def _shifts(self) -> NDArray[np.float64] | None:
+        return self.drift.percent / 100 if self.drift.applied else None
+
+    def _refit(self, poles: NDArray[np.complex128]) -> None:
+        """Fit from other poles."""
+        shifts = np.zeros(1) if self._shifts is None else self._shifts
+        pairs = self._pairs(evaluate(self.lines, poles, shifts))
+        fit = fit_bounded(self.lines, poles, self.settings, self._shifts, pairs=pairs)
+        self.fit, self.leakage_notes = without_leakage(self.frf, fit, poles, self.settings)
+
+    def _pairs(self, fit: PoleFit) -> tuple[tuple[int, int], ...]:
+        """Poles that are the two members of one order; none without a circle or known noise."""
+        if not on_circle(self.frf.position_deg) or not np.all(np.isfinite(self.frf.std)):
+            return ()
+        members = family(self._labelled(fit)).values()
+        pairs = [sorted(chosen) for chosen in members if len(chosen) == 2]
+        return tuple((first, second) for first, second in sorted(pairs))
+
+    def _labelled(self, fit: PoleFit) -> tuple[Mode, ...]:
+        return label_modes(modes_of(fit), self.frf.position_deg)[:-N_STAND_INS]
+
+    def _wanted(self, modes: Sequence[Mode]) -> list[int]:
+        """Poles of the result: inside the band and not set aside, ascending in frequency."""
+        low, high = self.band_hz
+        aside = self.selection.is_aside(self.fit.poles)
+        in_band = [
+            r for r in np.argsort(np.abs(self.fit.poles)) if low <= modes[r].frequency_hz <= high
+        ]
+        without = ", ".join(f"{modes[r].frequency_hz:.1f}" for r in in_band if aside[r])
+        if without:
+            self.notes.append(
+                f"Left out by pinning or excluding, but fitted with the rest: {without} Hz."
+            )
+        inside = [r for r in in_band if not aside[r]]
+        if not inside:
+            raise FitError("all poles left the band during the curve fit. Pin frequencies.")
+        return inside
+
+    def _with_band_shift(self, modes: Sequence[Mode]) -> list[Mode]:
+        drift = self.fit.drift if self.fit.drift.size > 1 else None
+
+        def refit(lines: Lines, poles: NDArray[np.complex128]) -> PoleFit:
+            return fit_bounded(lines, with_stand_ins(poles, lines), self.settings, drift)
+
+        shifts = band_shift(self.fit, refit)
+        return [
+            replace(mode, frequency_band_shift_hz=float(hz), damping_band_shift=float(ratio))
+            for mode, (hz, ratio) in zip(modes, shifts, strict=True)
+        ]
+
+    def _final_drift(self, covariance: NDArray[np.float64]) -> Drift:
+        fit = self.fit
+        if not self.drift.applied or fit.drift.size == 1:
+            return self.drift
+        std = np.sqrt(np.diag(covariance))[2 * fit.poles.size :]
+        percent, std_percent = 100 * fit.drift, 100 * np.append(0.0, std)
+        return replace(self.drift, percent=percent, std_percent=std_percent)
+
+
+def drift_in_one_step(
+    fit: PoleFit, run: tuple[str, ...], correlation: float, p_value: float
+) -> Drift:
     """Drift of the runs, one Gauss–Newton step away from a common state, tested against chance."""
     apart = evaluate(fit.lines, fit.poles, np.zeros(fit.lines.n_runs))
     own = slice(2 * fit.poles.size, None)
@@ -111,189 +319,24 @@ def drift_in_one_step(fit: PoleFit, run: tuple[str, ...], correlation: float) ->
     chance = float(chdtrc(step.size, size))
     std = np.sqrt(np.diag(covariance))
     percent = 100 * np.append(0.0, step), 100 * np.append(0.0, std)
-    return Drift(run, *percent, applied=chance < _DRIFT_CHANCE, chance=chance)
+    return Drift(run, *percent, applied=chance < p_value, chance=chance)
 
 
-def _drift_seen(frf: FRF, fit: PoleFit) -> Drift:
-    if fit.lines.n_runs < 2 or not np.all(np.isfinite(frf.std)):
-        return NO_DRIFT
-    return drift_in_one_step(fit, frf.run_names, line_correlation(frf.blocks))
-
-
-def _model(
-    frf: FRF,
-    fit: PoleFit,
-    selection: PoleSelection,
-    band_hz: tuple[float, float],
-    notes: list[str],
-    reports: tuple[OrderReport, ...],
-    seen: Drift,
-) -> ModalModel:
-    correlation = line_correlation(frf.blocks)
-    covariance = parameter_covariance(fit, correlation)
-    both = frequency_damping_covariance(fit.poles, covariance)
-    modes = _with_band_shift(modes_of(fit, both, residue_std(fit, covariance, correlation)), fit)
-    ascending = np.argsort(np.abs(fit.poles))
-    aside = selection.is_aside(np.array([mode.pole for mode in modes]))
-    in_band = [r for r in ascending if band_hz[0] <= modes[r].frequency_hz <= band_hz[1]]
-    inside = [r for r in in_band if not aside[r]]
-    without = [f"{modes[r].frequency_hz:.1f}" for r in in_band if aside[r]]
-    if without:
-        listed = ", ".join(without)
-        notes = [
-            *notes,
-            f"Left out by pinning or excluding, but fitted with the rest: {listed} Hz.",
-        ]
-    if not inside:
-        raise FitError("all poles left the band during the curve fit. Pin frequencies.")
-    rows = np.ravel([[2 * r, 2 * r + 1] for r in inside])
-    model = ModalModel(
-        modes=judged(label_modes([modes[r] for r in inside], frf.position_deg), reports),
-        guard_modes=tuple(modes[r] for r in ascending if r not in inside),
-        residual_terms=ResidualTerms(fit.lower, fit.upper),
-        band_hz=band_hz,
-        fit_band_hz=(float(fit.lines.frequency_hz[0]), float(fit.lines.frequency_hz[-1])),
-        covariance=both[np.ix_(rows, rows)],
-        frac=np.zeros(frf.n_positions),
-        misfit=fit.misfit if np.all(np.isfinite(frf.std)) else float("nan"),
-        node=frf.node,
-        position_deg=frf.position_deg,
-        drift=_drift(seen, fit, covariance),
-        orders=reports,
-        notes=tuple(notes),
-    )
-    measured = model.synthesise(fit.lines.frequency_hz, run=frf.run)
-    return replace(model, frac=frac(fit.lines.values, measured))
-
-
-def _with_band_shift(modes: list[Mode], fit: PoleFit) -> list[Mode]:
-    drift = fit.drift if fit.drift.size > 1 else None
-
-    def refit(lines: Lines, poles: NDArray[np.complex128]) -> PoleFit:
-        return fit_bounded(lines, with_stand_ins(poles, lines), drift)
-
-    shifts = band_shift(fit, refit)
-    return [
-        replace(mode, frequency_band_shift_hz=float(hz), damping_band_shift=float(ratio))
-        for mode, (hz, ratio) in zip(modes, shifts, strict=True)
-    ]
-
-
-def _drift(seen: Drift, fit: PoleFit, covariance: NDArray[np.float64]) -> Drift:
-    if not seen.applied or fit.drift.size == 1:
-        return seen
-    std = np.sqrt(np.diag(covariance))[2 * fit.poles.size :]
-    return replace(seen, percent=100 * fit.drift, std_percent=100 * np.append(0.0, std))
-
-
-# A mode is taken for real when chance would show residues as large once in 10 000 campaigns.
-_RESIDUE_CHANCE = 1e-4
-_ROUNDS = 4
-
-
-@dataclass(frozen=True, eq=False)
-class Refit:
-    """The same fit from other poles."""
-
-    frf: FRF
-    lines: Lines
-    drift: NDArray[np.float64] | None
-
-    def __call__(self, poles: NDArray[np.complex128]) -> tuple[PoleFit, list[str]]:
-        """Fit from other poles, and what is to be said about it."""
-        shift = np.zeros(1) if self.drift is None else self.drift
-        pairs = pairs_of(evaluate(self.lines, poles, shift), self.frf)
-        fit = fit_bounded(self.lines, poles, self.drift, pairs=pairs)
-        return without_leakage(self.frf, fit, poles)
-
-
-def settled(
-    refit: Refit, fit: PoleFit, notes: list[str], band_hz: tuple[float, float], *, pinned: bool
-) -> tuple[PoleFit, list[str], tuple[OrderReport, ...]]:
-    """Fit of a closed circle with the poles that its orders ask for.
-
-    Until nothing changes: members of pairs are added or merged, poles that ran astray dropped, and
-    the members of pairs share what is known of their damping. Pinned poles stay as they are.
-
-    Returns
-    -------
-    fit : PoleFit
-    notes : list of str
-    reports : tuple of OrderReport
-    """
-    frf = refit.frf
-    chosen, correlation = widened_band(frf, band_hz), line_correlation(frf.blocks)
-    reports: tuple[OrderReport, ...] = ()
-    for _ in range(_ROUNDS):
-        labelled = _labelled(fit, frf)
-        astray = _astray(labelled, fit)
-        if np.any(astray) and not pinned:
-            fit, notes = refit(fit.poles[~astray])
-            continue
-        poles, reports, changed = resolve_orders(frf, chosen, fit, labelled, band_hz, correlation)
-        if changed and not pinned:
-            fit, notes = refit(_last(poles, fit))
-            continue
-        if pairs_of(fit, frf) == fit.pairs:
-            break
-        fit, notes = refit(fit.poles)
-    return fit, notes, reports
-
-
-def _labelled(fit: PoleFit, frf: FRF) -> tuple[Mode, ...]:
-    return label_modes(modes_of(fit), frf.position_deg)[:-N_STAND_INS]
-
-
-def _astray(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
+def _diverged(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
     """Poles that ran to a bound of their damping and took on a shape of no single order.
 
     A surplus pole ends like this: it explains a little of everything.
     """
-    astray = np.zeros(fit.poles.size, dtype=bool)
+    diverged = np.zeros(fit.poles.size, dtype=bool)
     impure = np.array([mode.order_purity < PURE for mode in labelled], dtype=bool)
-    astray[: impure.size] = impure & fit.at_bound[0 : 2 * impure.size : 2]
-    return astray
+    diverged[: impure.size] = impure & fit.at_bound[0 : 2 * impure.size : 2]
+    return diverged
 
 
-def pairs_of(fit: PoleFit, frf: FRF) -> tuple[tuple[int, int], ...]:
-    """Poles that are the two members of one order; none without a circle or with unknown noise."""
-    if not on_circle(frf.position_deg) or not np.all(np.isfinite(frf.std)):
-        return ()
-    members = family(_labelled(fit, frf)).values()
-    pairs = [sorted(chosen) for chosen in members if len(chosen) == 2]
-    return tuple((first, second) for first, second in sorted(pairs))
-
-
-def _last(poles: NDArray[np.complex128], fit: PoleFit) -> NDArray[np.complex128]:
-    """Poles with the stand-ins of a fit at the end, where they belong."""
+def _stand_ins_last(poles: NDArray[np.complex128], fit: PoleFit) -> NDArray[np.complex128]:
     stand_ins = fit.poles[-N_STAND_INS:]
     others = poles[~np.isin(poles, stand_ins)]
     return np.append(others[np.argsort(np.abs(others))], stand_ins)
-
-
-def significant(
-    refit: Refit, fit: PoleFit, notes: list[str], band_hz: tuple[float, float]
-) -> tuple[PoleFit, list[str]]:
-    """Fit without the poles of the band whose residues are no larger than their uncertainty.
-
-    A pole may be stable from model order to model order and yet be only a wiggle of the noise. Of
-    two that share a resonance, neither may be determined: only the lesser one goes.
-    """
-    size = _residue_size(fit, line_correlation(refit.frf.blocks))
-    frequency_hz = np.abs(fit.poles) / (2 * np.pi)
-    inside = (frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1])
-    inside[-N_STAND_INS:] = False
-    noise = inside & ~(chdtrc(2 * fit.lines.scale.size, size) < _RESIDUE_CHANCE)
-    lesser = size[:, None] > size
-    noise &= ~np.any(noise & _share_resonance(fit.poles) & lesser, axis=1)
-    if not np.any(noise) or np.all(noise | ~inside):
-        return fit, notes
-    again, notes = refit(fit.poles[~noise])
-    dropped = [
-        f"The pole at {hz:.2f} Hz was dropped: its residues are no larger than their uncertainty."
-        for hz in frequency_hz[noise]
-    ]
-    return again, notes + dropped
 
 
 def _residue_size(fit: PoleFit, correlation: float) -> NDArray[np.float64]:

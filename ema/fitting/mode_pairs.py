@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from ema.circumference.orders import circle_basis, highest_order
+from ema.circumference.ring_modes import family
 from ema.core.errors import FitError
 from ema.core.frf import FRF
-from ema.core.modes import Pair, PairVerdict
-from ema.fitting.covariance import parameter_covariance
+from ema.core.modes import Mode, OrderReport, Pair, PairVerdict, synthesise
+from ema.core.settings import IDENTIFICATION, IdentificationSettings
+from ema.fitting.covariance import frequency_damping_covariance, parameter_covariance
 from ema.fitting.pole_fit import Lines, PoleFit, fit_poles
 from ema.fitting.variable_projection import Complex, Real
+from ema.poles.run_alignment import stretched
 
-# A second pole is looked into when chance would ask for it once in 10 000 orders.
-_CHANCE = 1e-4
-# The two frequencies of a pair must differ by this many standard deviations …
-_SEPARATION = 3.0
-# … their damping by no more than this factor, and neither may be weaker than this share.
-_DAMPING_FACTOR = 1.6
-_SHARE = 0.03
 # Damping of pairs that are searched for stays within this factor of the one pole's …
 _ALIKE = 1.3
 # … and the misfit that this costs at most.
@@ -32,7 +29,10 @@ _FIRST_TRIES = 12
 
 
 def judge_pair(
-    order: OrderFrf, poles: NDArray[np.complex128], correlation: float
+    order: OrderFrf,
+    poles: NDArray[np.complex128],
+    correlation: float,
+    settings: IdentificationSettings = IDENTIFICATION,
 ) -> tuple[PairVerdict, NDArray[np.complex128]]:
     """Test one pole against two on the FRFs of one order.
 
@@ -44,6 +44,7 @@ def judge_pair(
         The one pole found so far, or two.
     correlation : float
         Lines that share the information of one, from `line_correlation`.
+    settings : IdentificationSettings
 
     Returns
     -------
@@ -61,16 +62,16 @@ def judge_pair(
         one = fit_order(order, np.array([np.mean(poles)]))
         start = poles if poles.size > 1 else _beside(one.poles[0])[0]
         two = fit_order(order, start, tries=_FIRST_TRIES)
-        chance, doubt = _chance(one, two, correlation), _doubt(two, correlation)
-        if chance < _CHANCE:
+        chance, doubt = _chance(one, two, correlation), _doubt(two, correlation, settings)
+        if chance < settings.pair_p_value:
             better = fit_order(order, two.poles)
-            if doubt or _doubt(better, correlation):
+            if doubt or _doubt(better, correlation, settings):
                 better = _searched(order, one.poles[0], two)
             two = better
-            chance, doubt = _chance(one, two, correlation), _doubt(two, correlation)
+            chance, doubt = _chance(one, two, correlation), _doubt(two, correlation, settings)
     except FitError as error:
         return PairVerdict(number, Pair.NOT_SEPARABLE, float("nan"), str(error)), poles
-    if not chance < _CHANCE:
+    if not chance < settings.pair_p_value:
         text = f"one pole explains the order; a second one is not significant (p = {chance:.2g})"
         return PairVerdict(number, Pair.ONE_SEEN, chance, text), one.poles
     if doubt:
@@ -106,7 +107,7 @@ def _chance(one: PoleFit, two: PoleFit, correlation: float) -> float:
     return float(chdtrc(freedom, max(one.chi_square - two.chi_square, 0.0) / scale))
 
 
-def _doubt(two: PoleFit, correlation: float) -> str:
+def _doubt(two: PoleFit, correlation: float, settings: IdentificationSettings) -> str:
     """Why two fitted poles cannot be taken for a pair; empty where they can."""
     covariance = parameter_covariance(two, correlation)
     gap = abs(two.poles[1].imag - two.poles[0].imag)
@@ -115,13 +116,13 @@ def _doubt(two: PoleFit, correlation: float) -> str:
     strength = np.linalg.norm(two.residues, axis=0)
     if np.any(two.at_bound[1::2]):
         return "its frequency cannot be determined"
-    if gap < _SEPARATION * spread:
+    if gap < settings.pair_separation_std * spread:
         return f"the two frequencies differ by only {gap / spread:.1f} standard deviations"
     unlike = damping.max() / damping.min()
-    if unlike > _DAMPING_FACTOR:
+    if unlike > settings.pair_damping_factor:
         return f"the two dampings would differ by a factor of {unlike:.1f}"
     share = strength.min() / strength.max()
-    if share < _SHARE:
+    if share < settings.pair_weakest_share:
         return f"the weaker one has only {100 * share:.1f} % of the stronger"
     return ""
 
@@ -218,3 +219,97 @@ def fit_order(
     lower = np.column_stack([decay / damping_reach, frequency - 2 * decay]).ravel()
     upper = np.column_stack([decay * damping_reach, frequency + 2 * decay]).ravel()
     return fit_poles(lines, start, lower, upper, tries=tries)
+
+
+def resolve_orders(
+    frf: FRF,
+    lines: slice,
+    fit: PoleFit,
+    modes: Sequence[Mode],
+    band_hz: tuple[float, float],
+    correlation: float,
+    settings: IdentificationSettings = IDENTIFICATION,
+) -> tuple[NDArray[np.complex128], tuple[OrderReport, ...], bool]:
+    """Decide for every order of the ring whether its pair is resolved.
+
+    Parameters
+    ----------
+    frf : FRF
+        Of a closed circle of positions, with known noise.
+    lines : slice
+        Lines of the fit.
+    fit : PoleFit
+    modes : sequence of Mode
+        One for each pole of the fit, with orders.
+    band_hz : tuple of float
+        Band of the result; orders outside are left as they are.
+    correlation : float
+        From `ema.fitting.covariance.line_correlation`.
+
+    Returns
+    -------
+    poles : ndarray of complex
+        Poles to fit with: those of the fit, with single poles replaced by pairs or the reverse.
+    reports : tuple of OrderReport
+    changed : bool
+        Whether a pole was added or taken away.
+    """
+    values = _in_one_state(fit)
+    left = values - _synthesis(fit, range(fit.poles.size))
+    decomposition = OrderDecomposition(frf)
+    # Orders too high for these positions would pass for lower ones.
+    untold = [k for k, mode in enumerate(modes) if mode.order is None]
+    told = values - _synthesis(fit, untold, residual_terms=False)
+    poles: list[complex] = [complex(pole) for pole in fit.poles]
+    dropped: set[int] = set()
+    reports = []
+    for order, members in family(modes).items():
+        if not band_hz[0] <= modes[members[0]].frequency_hz <= band_hz[1]:
+            continue
+        own = left + _synthesis(fit, members, residual_terms=False)
+        alone = decomposition.order(order, lines, own)
+        verdict, found = judge_pair(alone, fit.poles[members], correlation, settings)
+        if found.size != len(members):
+            dropped |= set(members)
+            poles += [complex(pole) for pole in found]
+        everything = decomposition.order(order, lines, told)
+        reports.append(_by_itself(OrderReport(verdict), everything, found, correlation))
+    kept = [pole for k, pole in enumerate(poles) if k not in dropped]
+    return np.array(kept), tuple(reports), bool(dropped)
+
+
+def _in_one_state(fit: PoleFit) -> NDArray[np.complex128]:
+    """FRFs of all runs in the state of the first."""
+    values = np.array(fit.lines.values)
+    for rows, shift in zip(fit.groups, fit.drift, strict=True):
+        if shift:
+            values[rows] = stretched(fit.lines.frequency_hz, values[rows], 1 + shift)
+    return values
+
+
+def _synthesis(
+    fit: PoleFit, members: Sequence[int], *, residual_terms: bool = True
+) -> NDArray[np.complex128]:
+    rows = list(members)
+    terms = (fit.lower, fit.upper) if residual_terms else (0 * fit.lower, 0 * fit.upper)
+    return synthesise(fit.lines.frequency_hz, fit.poles[rows], fit.residues[:, rows], *terms)
+
+
+def _by_itself(
+    report: OrderReport, order: OrderFrf, poles: NDArray[np.complex128], correlation: float
+) -> OrderReport:
+    try:
+        fit = fit_order(order, poles)
+    except FitError:
+        return report
+    covariance = parameter_covariance(fit, correlation)
+    std = np.sqrt(np.diag(frequency_damping_covariance(fit.poles, covariance)))
+    main = int(np.argmax(np.linalg.norm(fit.residues, axis=0)))
+    pole = fit.poles[main]
+    return replace(
+        report,
+        frequency_hz=float(abs(pole) / (2 * np.pi)),
+        frequency_std_hz=float(std[2 * main]),
+        damping_ratio=float(-pole.real / abs(pole)),
+        damping_std=float(std[2 * main + 1]),
+    )

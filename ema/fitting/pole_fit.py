@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ema.core.bands import widened_band
 from ema.core.errors import FitError
 from ema.core.frf import FRF
+from ema.core.settings import IdentificationSettings
 from ema.fitting.variable_projection import Complex, Projection, Real, descend, project, stacked
 from ema.signals.bias_and_noise import leakage_bias, noise_level
 
@@ -277,9 +278,6 @@ def _interleaved(poles: Complex) -> Real:
     return np.ravel(np.column_stack([poles.real, poles.imag]))
 
 
-# Bounds around the poles of LSCE: the fit refines them, it does not look for others.
-_FREQUENCY_REACH = 0.01  # share of the frequency, or the damping ratio where that is larger
-_DAMPING_REACH = 4.0  # factor
 # Free poles just above the lines stand for all modes farther up: two residual terms alone cost
 # 0.6 % of damping in the lowest mode of a tyre. There are two, as modes of a tyre come in pairs.
 _STAND_INS, _STAND_IN_REACH = (1.03, 1.09), (1.002, 1.3)
@@ -342,6 +340,7 @@ def with_stand_ins(poles: NDArray[np.complex128], lines: Lines) -> NDArray[np.co
 def fit_bounded(
     lines: Lines,
     start: NDArray[np.complex128],
+    settings: IdentificationSettings,
     drift: NDArray[np.float64] | None = None,
     around: NDArray[np.complex128] | None = None,
     pairs: tuple[tuple[int, int], ...] = (),
@@ -350,17 +349,18 @@ def fit_bounded(
 
     A fit that goes on from an earlier one keeps its bounds `around` the diagram's poles.
     """
-    lower, upper = _bounds(start if around is None else around, lines.frequency_hz[-1])
+    centre = start if around is None else around
+    lower, upper = _bounds(centre, lines.frequency_hz[-1], settings)
     return fit_poles(lines, start, lower, upper, drift, pairs=pairs)
 
 
 def _bounds(
-    start: NDArray[np.complex128], highest_hz: float
+    start: NDArray[np.complex128], highest_hz: float, settings: IdentificationSettings
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     decay, frequency = -start.real, start.imag
-    reach = np.maximum(_FREQUENCY_REACH, decay / frequency) * frequency
-    lower = np.column_stack([decay / _DAMPING_REACH, frequency - reach])
-    upper = np.column_stack([decay * _DAMPING_REACH, frequency + reach])
+    reach = np.maximum(settings.frequency_reach, decay / frequency) * frequency
+    lower = np.column_stack([decay / settings.damping_reach, frequency - reach])
+    upper = np.column_stack([decay * settings.damping_reach, frequency + reach])
     stand_ins = slice(-len(_STAND_INS), None)
     lower[stand_ins, 1], upper[stand_ins, 1] = (
         2 * np.pi * highest_hz * np.array([_STAND_IN_REACH]).T
@@ -369,9 +369,9 @@ def _bounds(
 
 
 def without_leakage(
-    frf: FRF, plain: PoleFit, around: NDArray[np.complex128]
+    frf: FRF, plain: PoleFit, around: NDArray[np.complex128], settings: IdentificationSettings
 ) -> tuple[PoleFit, list[str]]:
-    """Fit again, for averaged blocks, with the bias of the window taken out of the FRFs."""
+    """Fit again, for averaged blocks, with the bias of the window compensated."""
     if frf.blocks is None or frf.blocks.n_blocks < 2:
         return plain, []
     if frf.blocks.is_one_period:
@@ -387,7 +387,7 @@ def without_leakage(
         lines = replace(plain.lines, values=plain.lines.values - bias)
         start = np.append(cleared.poles[:-N_STAND_INS], plain.poles[-N_STAND_INS:])
         drift = cleared.drift if cleared.drift.size > 1 else None
-        cleared = fit_bounded(lines, start, drift, around, plain.pairs)
+        cleared = fit_bounded(lines, start, settings, drift, around, plain.pairs)
     if cleared.misfit > _WORSE * plain.misfit:
         note = (
             "The bias of window and block length was not compensated: compensation makes the "

@@ -10,14 +10,12 @@ import numpy as np
 from ema.core.errors import FitError
 from ema.core.frf import FRF
 from ema.core.modes import Mode
+from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.selection import select_poles
 from ema.poles.stability import build_stability
 
 OTHER = {"lsce": "plscf", "plscf": "lsce"}
 
-# Two estimators agree on a mode within these, before the curve fit.
-_FREQUENCY = 0.005
-_DAMPING = 0.10
 # Model orders that show every mode of a tyre; a second look need not go further.
 _ENOUGH = 40
 
@@ -46,7 +44,12 @@ class Opinion:
 
 
 def second_opinion(
-    frf: FRF, modes: Sequence[Mode], band_hz: tuple[float, float], method: str, max_order: int
+    frf: FRF,
+    modes: Sequence[Mode],
+    band_hz: tuple[float, float],
+    method: str,
+    max_order: int,
+    settings: IdentificationSettings = IDENTIFICATION,
 ) -> tuple[Opinion, ...]:
     """Find the poles again with another method and compare them with the modes.
 
@@ -58,10 +61,12 @@ def second_opinion(
     method : str
         The other method, see `build_stability`.
     max_order : int
+    settings : IdentificationSettings
     """
+    highest = min(max_order, _ENOUGH)
     try:
         selection = select_poles(
-            build_stability(frf, band_hz, max_order=min(max_order, _ENOUGH), method=method)
+            build_stability(frf, band_hz, max_order=highest, method=method, settings=settings)
         ).poles
     except FitError:
         selection = np.zeros(0, dtype=complex)
@@ -70,15 +75,16 @@ def second_opinion(
     opinions = []
     for mode in modes:
         near = min(free, key=lambda k: abs(frequency_hz[k] - mode.frequency_hz), default=None)
-        if near is None or abs(frequency_hz[near] / mode.frequency_hz - 1) > 4 * _FREQUENCY:
+        apart = np.inf if near is None else abs(frequency_hz[near] / mode.frequency_hz - 1)
+        if near is None or apart > 4 * settings.cross_check_frequency:
             nothing = float("nan")
             opinions.append(Opinion(method, mode.frequency_hz, nothing, nothing, False))
             continue
         free.remove(near)
         ratio = float(-selection[near].real / np.abs(selection[near]))
         agrees = (
-            abs(frequency_hz[near] / mode.frequency_hz - 1) < _FREQUENCY
-            and abs(ratio / mode.damping_ratio - 1) < _DAMPING
+            apart < settings.cross_check_frequency
+            and abs(ratio / mode.damping_ratio - 1) < settings.cross_check_damping
         )
         seen = float(frequency_hz[near])
         opinions.append(Opinion(method, mode.frequency_hz, seen, ratio, bool(agrees)))

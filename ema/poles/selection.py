@@ -10,10 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ema.core.arrays import readonly
 from ema.core.errors import FitError
+from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.stability import StabilityDiagram
-
-_PIN_REACH = 0.05
-_EXCLUDE_REACH = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +68,7 @@ def select_poles(
     diagram: StabilityDiagram,
     pinned_hz: Sequence[float] | None = None,
     excluded_hz: Sequence[float] = (),
+    settings: IdentificationSettings = IDENTIFICATION,
 ) -> PoleSelection:
     """Choose the poles that start the curve fit, those just outside the band included.
 
@@ -79,7 +78,8 @@ def select_poles(
     pinned_hz : sequence of float, optional
         Take one pole next to each of these frequencies instead of the automatic selection.
     excluded_hz : sequence of float
-        Leave out the pole nearest to each of these frequencies (within 1 %).
+        Leave out the mode nearest to each of these frequencies (within `exclude_reach`).
+    settings : IdentificationSettings
 
     What the diagram shows beside the pinned ones, and what is excluded, is set aside: fitted, but
     no part of the result.
@@ -108,13 +108,13 @@ def select_poles(
     >>> bool(pinned.aside.size)  # what is not wanted is fitted, but not part of the result
     True
     """
-    excluded = {_excluded(diagram, wanted) for wanted in excluded_hz}
+    excluded = {_excluded(diagram, wanted, settings.exclude_reach) for wanted in excluded_hz}
     kept = [cluster for cluster in diagram.clusters if cluster.kept]
     wanted = [cluster.pole for cluster in kept if cluster.label not in excluded]
     aside = [cluster.pole for cluster in kept if cluster.label in excluded]
     if pinned_hz is not None:
-        pins = _pinned_poles(diagram, pinned_hz, aside)
-        others = [pole for pole in wanted if not _near_any(pole, pins)]
+        pins = _pinned_poles(diagram, pinned_hz, aside, settings.pin_reach)
+        others = [pole for pole in wanted if not _near_any(pole, pins, settings)]
         guards = [pole for pole in others if not _inside(pole, diagram.band_hz)]
         wanted = pins + guards
         aside += [pole for pole in others if pole not in guards]
@@ -133,17 +133,17 @@ def _inside(pole: complex, band_hz: tuple[float, float]) -> bool:
     return band_hz[0] <= abs(pole) / (2 * np.pi) <= band_hz[1]
 
 
-def _near_any(pole: complex, others: Sequence[complex]) -> bool:
-    return any(abs(abs(pole) / abs(other) - 1) < _EXCLUDE_REACH for other in others)
+def _near_any(pole: complex, others: Sequence[complex], settings: IdentificationSettings) -> bool:
+    return any(abs(abs(pole) / abs(other) - 1) < settings.exclude_reach for other in others)
 
 
 def _pinned_poles(
-    diagram: StabilityDiagram, pinned_hz: Sequence[float], excluded: Sequence[complex]
+    diagram: StabilityDiagram, pinned_hz: Sequence[float], excluded: Sequence[complex], reach: float
 ) -> list[complex]:
     """One pole for each frequency; the same pole twice would leave the curve fit without answer."""
     wanted_at: dict[complex, float] = {}
     for wanted in pinned_hz:
-        pole = _pinned_pole(diagram, wanted)
+        pole = _pinned_pole(diagram, wanted, reach)
         if pole in excluded:
             raise FitError(f"the pinned {wanted:g} Hz is excluded too. Leave out one of the two.")
         if pole in wanted_at:
@@ -155,29 +155,30 @@ def _pinned_poles(
     return list(wanted_at)
 
 
-def _excluded(diagram: StabilityDiagram, wanted_hz: float) -> int:
+def _excluded(diagram: StabilityDiagram, wanted_hz: float, reach: float) -> int:
     """Label of the kept cluster nearest to a frequency that the user wants left out."""
     kept = [cluster for cluster in diagram.clusters if cluster.kept]
     near = min(kept, key=lambda c: abs(c.frequency_hz - wanted_hz), default=None)
-    if near is None or abs(near.frequency_hz / wanted_hz - 1) > _EXCLUDE_REACH:
+    if near is None or abs(near.frequency_hz / wanted_hz - 1) > reach:
         raise FitError(
-            f"no mode within {100 * _EXCLUDE_REACH:g} % of the excluded {wanted_hz:g} Hz. "
+            f"no mode within {100 * reach:g} % of the excluded {wanted_hz:g} Hz. "
             "Leave it out or correct the frequency."
         )
     return near.label
 
 
-def _pinned_pole(diagram: StabilityDiagram, wanted_hz: float) -> complex:
-    """Pole of the largest cluster within 5 % of a frequency, or of the nearest single pole."""
+def _pinned_pole(diagram: StabilityDiagram, wanted_hz: float, reach: float) -> complex:
+    """Pole of the nearest cluster within reach of a frequency, or else the nearest single pole."""
     if not wanted_hz > 0:
-        raise FitError(f"the pinned {wanted_hz:g} Hz is no frequency. Correct it or leave it out.")
-    near = [c for c in diagram.clusters if abs(c.frequency_hz / wanted_hz - 1) < _PIN_REACH / 5]
-    if near:
-        return max(near, key=lambda cluster: cluster.size).pole
+        raise FitError(f"the pinned {wanted_hz:g} Hz must be > 0. Correct it or leave it out.")
+    for within in (reach / 5, reach):
+        near = [c for c in diagram.clusters if abs(c.frequency_hz / wanted_hz - 1) < within]
+        if near:  # modes of the automatic selection before others
+            return min(near, key=lambda c: (not c.kept, abs(c.frequency_hz - wanted_hz))).pole
     distance = np.abs(diagram.frequency_hz / wanted_hz - 1)
-    if distance.size == 0 or distance.min() > _PIN_REACH:
+    if distance.size == 0 or distance.min() > reach:
         raise FitError(
-            f"no pole within {100 * _PIN_REACH:g} % of the pinned {wanted_hz:g} Hz at any model "
+            f"no pole within {100 * reach:g} % of the pinned {wanted_hz:g} Hz at any model "
             "order. Leave it out or widen the band."
         )
     return complex(diagram.poles[np.argmin(distance)])

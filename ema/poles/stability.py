@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ from ema.core.display import band_text, counted, table
 from ema.core.errors import InputError
 from ema.core.frf import FRF
 from ema.core.numerics import one_blas_thread
+from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.lsce import impulse_responses, normal_matrix, useful_length
 from ema.poles.plscf import line_weight, reduced_normal_matrix
 from ema.poles.run_alignment import align_runs
@@ -24,8 +24,8 @@ from ema.signals.bias_and_noise import without_spikes
 if TYPE_CHECKING:
     import pandas as pd
 
-STABLE_FREQUENCY = 0.01
-STABLE_DAMPING = 0.05
+#: Pole estimators.
+METHODS = ("lsce", "plscf")
 
 
 @dataclass(frozen=True)
@@ -153,8 +153,8 @@ def build_stability(
     band_hz: tuple[float, float] = (20.0, 260.0),
     *,
     max_order: int = 60,
-    max_damping: float = 0.2,
     method: str = "lsce",
+    settings: IdentificationSettings = IDENTIFICATION,
 ) -> StabilityDiagram:
     """Poles of all model orders, matched from order to order, clustered and judged.
 
@@ -166,11 +166,10 @@ def build_stability(
         that modes just outside are seen as such.
     max_order : int
         Highest model order: the number of poles in the band.
-    max_damping : float
-        Poles with a larger damping ratio are not taken for modes.
     method : {"lsce", "plscf"}
         Least-squares complex exponentials from impulse responses, or polyreference least-squares
         complex frequency from the FRFs, weighted with their noise.
+    settings : IdentificationSettings
 
     Returns
     -------
@@ -204,15 +203,18 @@ def build_stability(
     length = useful_length(responses, shortest=3 * max_order)
     # The first sample holds the direct part of an inertance and the residual terms.
     piece = responses[:, 1:length]
-    matrix = METHODS[method](piece, values, frf.std[:, lines], max_order)
-    found = pole_history(matrix, piece, step_s, frequency_hz[0], max_damping)
-    label, verdicts = interpret(found, max_order)
+    if method == "lsce":
+        matrix = normal_matrix(piece, max_order)
+    else:
+        matrix = reduced_normal_matrix(values, max_order, line_weight(frf.std[:, lines]))
+    found = pole_history(matrix, piece, step_s, frequency_hz[0], settings.max_damping)
+    label, verdicts = interpret(found, max_order, settings)
     return StabilityDiagram(
         band_hz=band_hz,
         model_order=found.model_order,
         poles=found.poles,
-        stable_frequency=found.step_frequency < STABLE_FREQUENCY,
-        stable_damping=found.step_damping < STABLE_DAMPING,
+        stable_frequency=found.step_frequency < settings.stable_frequency,
+        stable_damping=found.step_damping < settings.stable_damping,
         cluster=label,
         clusters=tuple(
             Cluster(number, verdict.pole, verdict.size, verdict.kept, verdict.reason)
@@ -221,29 +223,6 @@ def build_stability(
         indicator_hz=frequency_hz,
         indicator=np.sqrt(np.mean(np.abs(values) ** 2, axis=0)),
     )
-
-
-def _lsce(
-    piece: NDArray[np.complex128],
-    values: NDArray[np.complex128],
-    std: NDArray[np.float64],
-    max_order: int,
-) -> NDArray[np.complex128]:
-    return normal_matrix(piece, max_order)
-
-
-def _plscf(
-    piece: NDArray[np.complex128],
-    values: NDArray[np.complex128],
-    std: NDArray[np.float64],
-    max_order: int,
-) -> NDArray[np.complex128]:
-    return reduced_normal_matrix(values, max_order, line_weight(std))
-
-
-#: Normal matrix whose leading blocks give the poles of every order, from (impulse responses,
-#: FRFs, their σ, highest order).
-METHODS: dict[str, Callable[..., NDArray[np.complex128]]] = {"lsce": _lsce, "plscf": _plscf}
 
 
 def diagram_line(diagram: StabilityDiagram) -> str:

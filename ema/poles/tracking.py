@@ -10,6 +10,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 
 from ema.core.mac import auto_mac, mac
+from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.lsce import poles_of_order, shapes_of_poles
 
 
@@ -116,10 +117,6 @@ def _changes(
     return frequency, damping
 
 
-# The cut of the tree follows the diagram, within what can still mean "the same mode".
-_CUT_RANGE = (0.01, 0.1)
-
-
 @dataclass(frozen=True)
 class Verdict:
     """A cluster of poles and whether it is taken for a mode."""
@@ -130,7 +127,9 @@ class Verdict:
     reason: str
 
 
-def interpret(history: PoleHistory, max_order: int) -> tuple[NDArray[np.int_], list[Verdict]]:
+def interpret(
+    history: PoleHistory, max_order: int, settings: IdentificationSettings = IDENTIFICATION
+) -> tuple[NDArray[np.int_], list[Verdict]]:
     """Group the poles of all orders and decide which groups are modes.
 
     Parameters
@@ -151,10 +150,10 @@ def interpret(history: PoleHistory, max_order: int) -> tuple[NDArray[np.int_], l
     matched = np.isfinite(step)
     if np.count_nonzero(matched) < 2:
         return label, []
-    tracks = _tracks(history, _cut(step[matched]))
+    tracks = _tracks(history, _cut(step[matched], settings))
     if not tracks:
         return label, []
-    members = _joined(tracks, history)
+    members = _joined(tracks, history, settings.cluster_step_max)
     members.sort(key=lambda rows: float(np.median(np.abs(poles[rows]))))
     sizes = np.array([np.unique(order[rows]).size for rows in members])
     large = _large(sizes)
@@ -185,13 +184,15 @@ def _tracks(history: PoleHistory, cut: float) -> list[NDArray[np.int_]]:
     return [np.flatnonzero(track == number) for number in range(count)]
 
 
-def _joined(tracks: list[NDArray[np.int_]], history: PoleHistory) -> list[NDArray[np.int_]]:
+def _joined(
+    tracks: list[NDArray[np.int_]], history: PoleHistory, cut: float
+) -> list[NDArray[np.int_]]:
     """Tracks of one and the same pole, interrupted in between, as one.
 
     Average linkage of the tracks' last poles; tracks that run side by side are different poles.
     """
     last = np.array([rows[-1] for rows in tracks])
-    groups = _groups(history.poles[last], history.shapes[last], _CUT_RANGE[1])
+    groups = _groups(history.poles[last], history.shapes[last], cut)
     joined: list[NDArray[np.int_]] = []
     for number in dict.fromkeys(groups.tolist()):
         parts = [tracks[k] for k in np.flatnonzero(groups == number)]
@@ -209,11 +210,12 @@ def _joined(tracks: list[NDArray[np.int_]], history: PoleHistory) -> list[NDArra
     return joined
 
 
-def _cut(step: NDArray[np.float64]) -> float:
+def _cut(step: NDArray[np.float64], settings: IdentificationSettings) -> float:
     """Distance that still joins poles: the boundary of two groups of steps, on a log scale."""
     logs = np.sort(np.log10(np.clip(step, 1e-12, 1.0)))
     boundary = _two_means(logs, logs[0], logs[-1])
-    return float(np.clip(10**boundary, *_CUT_RANGE))
+    # … within what can still mean "the same mode".
+    return float(np.clip(10**boundary, settings.cluster_step_min, settings.cluster_step_max))
 
 
 def _groups(

@@ -109,6 +109,8 @@ def process(
                 sensor_mass=_sensor_mass(campaign),
                 max_order=options.max_order,
                 method=options.method,
+                settings=options.identification,
+                checks=options.checks,
             )
         measured = _measured(campaign, estimated, found, band_hz)
         if options.strict:

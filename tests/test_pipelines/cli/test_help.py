@@ -172,7 +172,7 @@ def test_known_values_are_taken_in_any_case():
 
 
 def test_known_values_are_those_of_the_methods():
-    assert tuple(METHODS) == cli_values.METHODS
+    assert METHODS == cli_values.METHODS
     assert tuple(OBJECTIVES) == cli_values.OBJECTIVES
 
 

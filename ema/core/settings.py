@@ -1,0 +1,182 @@
+"""Settings of the identification and of the checks: every threshold with unit, effect and source.
+
+The manifest's tables ``[identification]`` and ``[checks]`` change them; ``provenance.json`` records
+them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar
+
+from ema.core.errors import InputError
+
+
+def _setting(default: float, unit: str, effect: str, source: str) -> Any:
+    return field(default=default, metadata={"unit": unit, "effect": effect, "source": source})
+
+
+_LIKELIHOOD = "Wilks (1938): likelihood-ratio test; chosen with benchmarks/accuracy.py"
+_ACCURACY = "benchmarks/accuracy.py"
+
+
+@dataclass(frozen=True)
+class IdentificationSettings:
+    """Thresholds of pole selection, curve fit and pairs; each field carries its source.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> rm.IdentificationSettings(pair_p_value=1e-6).pair_p_value
+    1e-06
+    """
+
+    stable_frequency: float = _setting(
+        0.01, "–", "poles of consecutive model orders this close are stable", "Allemang (1999)"
+    )
+    stable_damping: float = _setting(0.05, "–", "the same for the damping ratio", "Allemang (1999)")
+    max_damping: float = _setting(
+        0.2, "–", "poles with a larger damping ratio are not modes", "Reynders et al. (2012)"
+    )
+    cluster_step_min: float = _setting(
+        0.01, "–", "smallest cut of the cluster tree, |Δλ|/|λ| + 1 − MAC", "Reynders et al. (2012)"
+    )
+    cluster_step_max: float = _setting(
+        0.1, "–", "largest cut of the cluster tree", "Reynders et al. (2012)"
+    )
+    pin_reach: float = _setting(
+        0.05, "–", "a pinned frequency takes the nearest pole within this share", "convention"
+    )
+    exclude_reach: float = _setting(
+        0.01, "–", "an excluded frequency removes the nearest mode within this share", "convention"
+    )
+    cross_check_frequency: float = _setting(
+        0.005, "–", "both estimators agree within this share of the frequency", _ACCURACY
+    )
+    cross_check_damping: float = _setting(
+        0.10, "–", "both estimators agree within this share of the damping", _ACCURACY
+    )
+    frequency_reach: float = _setting(
+        0.01, "–", "how far a fitted frequency may move from its start", _ACCURACY
+    )
+    damping_reach: float = _setting(
+        4.0, "factor", "how far a fitted damping ratio may move from its start", _ACCURACY
+    )
+    drift_p_value: float = _setting(
+        1e-4, "–", "a drift of the runs is taken for real below this chance", _LIKELIHOOD
+    )
+    residue_p_value: float = _setting(
+        1e-4, "–", "a pole whose residues are as likely noise is dropped", _LIKELIHOOD
+    )
+    pair_p_value: float = _setting(
+        1e-4, "–", "a second pole of an order is accepted below this chance", _LIKELIHOOD
+    )
+    pair_separation_std: float = _setting(
+        3.0, "σ", "least difference of the two frequencies of a pair", _ACCURACY
+    )
+    pair_damping_factor: float = _setting(
+        1.6, "factor", "largest ratio of the two damping ratios of a pair", _ACCURACY
+    )
+    pair_weakest_share: float = _setting(
+        0.03, "–", "the weaker member has at least this share of the residues", _ACCURACY
+    )
+
+
+@dataclass(frozen=True)
+class CheckSettings:
+    """Thresholds of the checks on channels, sensors and runs; each field carries its source."""
+
+    dead_db: float = _setting(
+        -50.0, "dB", "a channel this far below the median power is excluded", "cables switched off"
+    )
+    clipped_share: float = _setting(
+        1e-3, "–", "share of samples on the limits from which a sensor is excluded", _ACCURACY
+    )
+    few_clipped_share: float = _setting(
+        1e-4, "–", "share of samples on the limits that is reported", _ACCURACY
+    )
+    incoherent_share: float = _setting(
+        0.4, "–", "coherence below this share of the other channels' excludes", _ACCURACY
+    )
+    incoherent: float = _setting(0.3, "–", "… if it is also below this value", _ACCURACY)
+    missing_share: float = _setting(
+        0.5, "–", "share of lost averages from which a channel is excluded", "convention"
+    )
+    disagreement_share: float = _setting(
+        0.1, "–", "averaged runs differ by more than this share of their power", _ACCURACY
+    )
+    hum_db: float = _setting(
+        20.0, "dB", "mains hum this far above the noise nearby is reported", "convention"
+    )
+    usual_gain_min: float = _setting(
+        0.8, "factor", "smallest gain of a healthy sensor against the ring modes", "ISO 16063-21"
+    )
+    usual_gain_max: float = _setting(
+        1.25, "factor", "largest gain of a healthy sensor against the ring modes", "ISO 16063-21"
+    )
+    gain_significance_std: float = _setting(
+        5.0, "σ", "a gain is corrected only if it is this far from 1", _ACCURACY
+    )
+    contradiction_std: float = _setting(
+        3.5, "σ", "RMS misfit over the ring modes from which a sensor contradicts them", _ACCURACY
+    )
+    most_corrections_per_run: int = _setting(
+        3, "sensors", "more corrections in a run are withheld", "sensors do not fail by the dozen"
+    )
+    most_corrections_share: float = _setting(
+        0.1, "–", "more corrections of all rows are withheld", "sensors do not fail by the dozen"
+    )
+    consistent_ratio: float = _setting(
+        1.5, "σ", "the fixed sensor's runs differ by more than this: the tyre changed", _ACCURACY
+    )
+    poor_coherence: float = _setting(
+        0.5, "–", "median coherence below this is reported", "Bendat & Piersol (2010)"
+    )
+    good_coherence: float = _setting(
+        0.7, "–", "median coherence that a default band needs", "Bendat & Piersol (2010)"
+    )
+    drive_point_agrees: float = _setting(
+        0.5,
+        "–",
+        "response at the force over the crest from which the place is confirmed",
+        _ACCURACY,
+    )
+    drive_point_clear: float = _setting(
+        0.85, "–", "the same, from which another place is named", _ACCURACY
+    )
+
+
+#: Defaults.
+IDENTIFICATION, CHECKS = IdentificationSettings(), CheckSettings()
+
+Settings = TypeVar("Settings", IdentificationSettings, CheckSettings)
+
+
+def settings_from(kind: type[Settings], table: Mapping[str, Any], place: str) -> Settings:
+    """Settings with the values of a manifest's table in place of the defaults.
+
+    Parameters
+    ----------
+    kind : type
+        `IdentificationSettings` or `CheckSettings`.
+    table : mapping
+    place : str
+        File and table, for messages.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or a value is not a number.
+    """
+    known = {each.name: each for each in fields(kind)}
+    for name, value in table.items():
+        if name not in known:
+            rule = f"known settings: {', '.join(known)}"
+            raise InputError(place, repr(name), rule, "Correct or remove it")
+        whole = isinstance(known[name].default, int)
+        allowed = int if whole else (int, float)
+        if isinstance(value, bool) or not isinstance(value, allowed):
+            rule = "it must be a whole number" if whole else "it must be a number"
+            raise InputError(f"{place} {name}", repr(value), rule, "Correct or remove it")
+    return kind(**table)
