@@ -24,6 +24,7 @@ extensions = [
     "command_pages",
     "mathml",
     "offline",
+    "settings_pages",
 ]
 exclude_patterns = ["_build", "**.ipynb_checkpoints"]
 templates_path = ["_templates"]

@@ -12,10 +12,9 @@ from ema.checks.screening import screen
 from ema.checks.sensor_consistency import check_consistency, is_better, withheld
 from ema.circumference.mass_loading import unloaded
 from ema.circumference.orders import on_circle
-from ema.core.bands import widened_band
 from ema.core.display import band_text, counted
 from ema.core.finding import _OK, Finding, findings_html
-from ema.core.frf import FRF
+from ema.core.frf import FRF, widened_band
 from ema.core.modes import ModalModel, model_html
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings

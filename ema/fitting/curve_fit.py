@@ -11,9 +11,8 @@ from scipy.special import chdtrc
 
 from ema.circumference.orders import label_modes, on_circle
 from ema.circumference.ring_modes import PURE, family, judged
-from ema.core.bands import widened_band
 from ema.core.errors import FitError
-from ema.core.frf import FRF
+from ema.core.frf import FRF, widened_band
 from ema.core.mac import frac
 from ema.core.modes import NO_DRIFT, Drift, Flag, ModalModel, Mode, OrderReport, ResidualTerms
 from ema.core.numerics import one_blas_thread

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.arrays import frame_of, readonly
-from ema.core.bands import widened_band
 from ema.core.display import band_text, counted, table
 from ema.core.errors import InputError
-from ema.core.frf import FRF
+from ema.core.frf import FRF, widened_band
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.lsce import impulse_responses, normal_matrix, useful_length

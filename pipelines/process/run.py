@@ -17,10 +17,10 @@ from ema.checks.quality import (
     coherence_findings,
     coherent_band,
     drift_findings,
+    gain_findings,
     period_finding,
     reference_finding,
 )
-from ema.checks.run_gain import gain_findings
 from ema.circumference.mass_loading import loading_note, sensors_of_runs
 from ema.core.campaign import Campaign, Tyre
 from ema.core.errors import InputError

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import systems
 
-from ema.checks.quality import check_reference
-from ema.checks.run_gain import gain_findings, odd_gains
+from ema.checks.quality import check_reference, gain_findings, odd_gains
 from ema.core.finding import WARNING
 from pipelines.simulate.truth import truth_modes
 
