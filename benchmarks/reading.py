@@ -21,7 +21,7 @@ import pyuff
 
 from ema.core.recording import ACCELERATION, Channel
 from ema.io.formats import read_file
-from ema.io.text.write import write_csv
+from ema.io.text.csv import write_csv
 from ema.io.uff.dataset58_header import (
     DELIMITER,
     LITTLE_ENDIAN,

@@ -227,7 +227,7 @@ ROLES = (
         "a reference that moves",
         "A01 = 90.0, REF = 2.5",
         "A01 = 90.0, REF = 7.5",
-        bad_manifest("reference", "7.5", "2.5", "stays in place"),
+        bad_manifest("reference", "7.5", "2.5", "stay in place"),
     ),
     _changed(
         "a force there is not",
@@ -309,9 +309,9 @@ _PLAIN = {"a.uff": force() + sensor()}
 _ONE = Read(first={"force": tuple(FORCE[:4])})
 FOLDERS = (
     Scenario("folder empty", {"sub": Folder}, bad_file("no recordings")),
-    Scenario("folder that is not there", {}, bad_file("does not exist"), "nowhere"),
-    Scenario("file name too long", {}, bad_file("does not exist"), "a" * 300 + ".uff"),
-    Scenario("folder name too long", {}, bad_file("does not exist"), "a" * 300),
+    Scenario("folder that is not there", {}, bad_file("file not found"), "nowhere"),
+    Scenario("file name too long", {}, bad_file("file not found"), "a" * 300 + ".uff"),
+    Scenario("folder name too long", {}, bad_file("file not found"), "a" * 300),
     Scenario("manifest name too long", {}, bad_manifest("too long"), "a" * 300 + ".toml"),
     Scenario("folder called a.uff alone", {"a.uff": Folder}, bad_file("no recordings")),
     Scenario("folder called b.uff beside", {**_PLAIN, "b.uff": Folder}, _ONE),
@@ -345,7 +345,7 @@ FOLDERS = (
     Scenario(
         "folder with a dead link",
         {**_PLAIN, "b.uff": Link("nowhere.uff")},
-        bad_file("b.uff", "exist|link"),
+        bad_file("b.uff", "not found"),
     ),
     Scenario(
         "folder with a name of no UTF-8",

@@ -128,7 +128,7 @@ DAMAGED = (
     _csv(
         "a name twice",
         table("A01 [N],A01 [m/s^2]"),
-        bad_file("a.csv", "both called 'A01'", "occur once"),
+        bad_file("a.csv", "both called 'A01'", "unique"),
     ),
     _csv("an unclosed quotation mark", _line(30, _cell(30), ',"5.0'), Read()),
 )

@@ -47,7 +47,7 @@ ASCII_FORCE = ascii_sensor(FORCE, name="force", node=0, axis=_FORCE_AXIS)
 
 TRUNCATED = (
     uff("empty", b"", bad_file("a.uff", "empty")),
-    uff("blank lines", b"\n  \r\n\n", bad_file("a.uff", "nothing|no time series|no dataset")),
+    uff("blank lines", b"\n  \r\n\n", bad_file("a.uff", "blanks|no time series|no dataset")),
     uff("one delimiter", b"    -1\n", bad_file("a.uff, dataset 1", "end of the file", "number")),
     uff(
         "cut after the dataset number",

@@ -94,7 +94,7 @@ ROLES = (
     uff(
         "a name twice",
         force() + sensor() + sensor(node=2),
-        bad_file("a.uff", "channels 2 and 3 are both called 'A01'", "occur once"),
+        bad_file("a.uff", "channels 2 and 3 are both called 'A01'", "unique"),
     ),
     uff(
         "a node twice",
@@ -157,7 +157,7 @@ FRFS = (
     uff(
         "FRFs of different lines",
         frf58(_LINES) + frf58(_LINES[:3], node=2),
-        bad_file("a.uff, dataset 2", "3 lines", "dataset 1 has 4 lines"),
+        bad_file("a.uff, dataset 2", "3 lines", "dataset 1: 4 lines"),
     ),
     uff(
         "FRFs of pressure",

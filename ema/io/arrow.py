@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
@@ -16,28 +14,22 @@ import pyarrow.types as types
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.io.columns import Column, content_of_columns, name_and_unit
-from ema.io.content import EXPORT_AGAIN, FileContent, check_expansion, reading, remark
-from ema.io.sampling import stated_rate
+from ema.io.columns import Column, content_of_columns, name_and_unit, stated_rate
+from ema.io.content import EXPORT_AGAIN, FileContent, check_expansion, left_out, reading
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-    ReadColumn = Callable[[int], pa.ChunkedArray]
+ReadColumn = Callable[[int], pa.ChunkedArray]
 
 SUFFIXES = (".parquet", ".feather", ".arrow")
 _FEATHER_1 = b"FEA1"
 _ARROW_FILE = b"ARROW1"
-_STREAM_IN_FILE = 8  # what follows the padded magic is a stream
-_FILE_MARK = b"ARROW1"
-_BEFORE_STREAM = 8  # the mark, padded
+_BEFORE_STREAM = 8  # bytes of the padded magic; what follows in a file is a stream
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
 def read(path: Path) -> FileContent:
     """Read the time series of a Parquet, Feather or Arrow file.
 
-    A column's unit stands in its name (``A01 [m/s^2]``) or in the metadata of its field under
+    The unit of a column is in its name (``A01 [m/s^2]``) or in the metadata of its field under
     ``unit``. The rate follows from a column ``time`` or ``t``, from a column of time stamps, or
     from the metadata of the table (``sampling_rate_hz``, ``fs``, ``dt``). Missing values become
     NaN. A Feather file without compression and in one piece stays on disk as a memory map.
@@ -45,29 +37,26 @@ def read(path: Path) -> FileContent:
     Raises
     ------
     RecordingFormatError
-        If the file is missing or damaged, claims to be far larger than it is, holds no column of
+        If the file is missing or damaged, claims to be far larger than it is, has no column of
         numbers, or time is uneven.
     """
     parquet = path.suffix.lower() == ".parquet"
     with reading(path, "a Parquet file" if parquet else "a Feather or Arrow file"):
         schema, read_column = _parquet(path) if parquet else _ipc(path)
-        kept, left = _split(path, schema)
+        kept = _kept(path, schema)
         columns = [_column(schema.field(index), read_column(index)) for index in kept]
         metadata = {key.decode("latin-1"): value for key, value in (schema.metadata or {}).items()}
-    content = content_of_columns(path, columns, rate_hz=stated_rate(path, metadata))
-    notes = tuple(
-        remark(path, name, "content", "a column of something other than numbers, left out")
-        for name in left
-    )
-    return replace(content, findings=notes + content.findings)
+    others = [name for index, name in enumerate(schema.names) if index not in kept]
+    findings = left_out(path, dict.fromkeys(others, "a column of something other than numbers"))
+    rate_hz = stated_rate(path, metadata)
+    return content_of_columns(path, columns, rate_hz=rate_hz, findings=findings)
 
 
 def _parquet(path: Path) -> tuple[pa.Schema, ReadColumn]:
-    """Columns and how one of them is read: one at a time, so that memory holds few copies."""
+    """Columns, and a function that reads one of them: one at a time, to save memory."""
     file = pq.ParquetFile(path)
     schema = file.schema_arrow
-    kept, _ = _split(path, schema)
-    width = sum(schema.field(index).type.bit_width // 8 for index in kept)
+    width = sum(schema.field(index).type.bit_width // 8 for index in _kept(path, schema))
     check_expansion(path.name, path, width * file.metadata.num_rows)
     return schema, lambda index: file.read([schema.names[index]]).column(0)
 
@@ -75,38 +64,36 @@ def _parquet(path: Path) -> tuple[pa.Schema, ReadColumn]:
 def _ipc(path: Path) -> tuple[pa.Schema, ReadColumn]:
     """The same for the two kinds of Arrow files: with a table of contents, or a mere stream."""
     source = pa.memory_map(str(path))
-    magic = source.read(_STREAM_IN_FILE)
+    magic = source.read(_BEFORE_STREAM)
     if magic.startswith(_FEATHER_1):
         rule = "Feather of version 1 is no longer written by any program"
         raise RecordingFormatError(path.name, "Feather version 1", rule, EXPORT_AGAIN)
     is_file = magic.startswith(_ARROW_FILE)
-    source.seek(_STREAM_IN_FILE if is_file else 0)
+    source.seek(_BEFORE_STREAM if is_file else 0)
     messages = pa.ipc.MessageReader.open_stream(source)
-    check_expansion(path.name, path, sum(unpacked_bytes(each) for each in messages))
+    check_expansion(path.name, path, sum(_unpacked_bytes(each) for each in messages))
     source.seek(0)
     table = (pa.ipc.open_file if is_file else pa.ipc.open_stream)(source).read_all()
     return table.schema, table.column
 
 
-def _split(path: Path, schema: pa.Schema) -> tuple[list[int], list[str]]:
-    """Columns of numbers or time, and the names of those that hold neither."""
+def _kept(path: Path, schema: pa.Schema) -> list[int]:
+    """Columns of numbers or time."""
     kept = [index for index, each in enumerate(schema) if _is_channel(each) or _is_stamp(each)]
     for index in kept:
         name = schema.names[index]
         if schema.names.count(name) > 1:
             rule = "column names must be unique"
             raise RecordingFormatError(path.name, f"two columns {name!r}", rule, EXPORT_AGAIN)
-    return kept, [name for index, name in enumerate(schema.names) if index not in kept]
+    return kept
 
 
 def _is_channel(field: pa.Field) -> bool:
-
     index = field.name.startswith("__index_level_")  # added by pandas
     return not index and bool(types.is_integer(field.type) or types.is_floating(field.type))
 
 
 def _is_stamp(field: pa.Field) -> bool:
-
     return bool(types.is_timestamp(field.type) or types.is_duration(field.type))
 
 
@@ -131,82 +118,48 @@ def _seconds(values: pa.ChunkedArray, unit: str) -> NDArray[np.float64]:
     return np.asarray(since.to_numpy(), dtype=np.float64) / _PER_SECOND[unit]
 
 
-_HEADER_OF_MESSAGE = 2
-_BATCH_OF_DICTIONARY = 1
-_BUFFERS, _COMPRESSION = 2, 3
+# pyarrow unpacks a compressed batch in full before it can be asked how large it is. The sizes are
+# in front of the packed buffers, whose places are in a FlatBuffers table of the message.
+_HEADER_OF_MESSAGE, _BATCH_OF_DICTIONARY, _BUFFERS, _COMPRESSION = 2, 1, 2, 3  # numbers of fields
 _NOT_COMPRESSED = -1
 
 
-@dataclass(frozen=True)
-class _Table:
-    """A FlatBuffers table: its bytes, and where it begins in them."""
-
-    data: memoryview
-    place: int
-
-    def field(self, number: int) -> int | None:
-        """Place of a field; None where the table leaves it out."""
-        (back,) = struct.unpack_from("<i", self.data, self.place)
-        layout = self.place - back
-        (size,) = struct.unpack_from("<H", self.data, layout)
-        entry = 4 + 2 * number
-        if entry + 2 > size:
-            return None
-        (offset,) = struct.unpack_from("<H", self.data, layout + entry)
-        return self.place + offset if offset else None
-
-    def target(self, number: int) -> int | None:
-        """Place that a field refers to."""
-        place = self.field(number)
-        return None if place is None else place + self._offset(place)
-
-    def table(self, number: int) -> _Table | None:
-        """Table that a field refers to."""
-        place = self.target(number)
-        return None if place is None else _Table(self.data, place)
-
-    def _offset(self, place: int) -> int:
-        (offset,) = struct.unpack_from("<I", self.data, place)
-        return int(offset)
-
-
-def unpacked_bytes(message: pa.Message) -> int:
-    """Bytes that the buffers of a message take when unpacked.
-
-    Parameters
-    ----------
-    message : pyarrow.Message
-
-    Raises
-    ------
-    struct.error
-        If the message is damaged.
-    """
+def _unpacked_bytes(message: pa.Message) -> int:
+    """Bytes that the buffers of a message take when unpacked; 0 where nothing is packed."""
+    if message.type not in ("record batch", "dictionary"):
+        return 0
     data = memoryview(message.metadata)
     (root,) = struct.unpack_from("<I", data, 0)
-    batch = _Table(data, root).table(_HEADER_OF_MESSAGE)
-    if batch is not None and message.type == "dictionary":
-        batch = batch.table(_BATCH_OF_DICTIONARY)
-    if batch is None or message.type not in ("record batch", "dictionary"):
+    batch = _target(data, root, _HEADER_OF_MESSAGE)
+    if message.type == "dictionary":
+        batch = _target(data, batch, _BATCH_OF_DICTIONARY)
+    if not batch or not _field(data, batch, _COMPRESSION):
         return 0
-    if batch.field(_COMPRESSION) is None:
+    buffers = _target(data, batch, _BUFFERS)
+    if not buffers:
         return 0
     body = memoryview(message.body or b"")
-    return sum(_unpacked(body, *each) for each in _buffers(batch))
-
-
-def _buffers(batch: _Table) -> Iterator[tuple[int, int]]:
-    """Offset and length of each buffer in the message's body."""
-    place = batch.target(_BUFFERS)
-    if place is None:
-        return
-    (count,) = struct.unpack_from("<I", batch.data, place)
+    (count,) = struct.unpack_from("<I", data, buffers)
+    total = 0
     for number in range(count):
-        yield struct.unpack_from("<qq", batch.data, place + 4 + 16 * number)
+        offset, length = struct.unpack_from("<qq", data, buffers + 4 + 16 * number)
+        if length >= 8:
+            (claimed,) = struct.unpack_from("<q", body, offset)
+            total += length if claimed == _NOT_COMPRESSED else max(claimed, 0)
+    return total
 
 
-def _unpacked(body: memoryview, offset: int, length: int) -> int:
-    if length < 8:
+def _field(data: memoryview, table: int, number: int) -> int:
+    """Place of a field of the table at `table`; 0 where the table leaves it out."""
+    layout = table - struct.unpack_from("<i", data, table)[0]
+    entry = 4 + 2 * number
+    if entry + 2 > struct.unpack_from("<H", data, layout)[0]:
         return 0
-    (claimed,) = struct.unpack_from("<q", body, offset)
-    return length if claimed == _NOT_COMPRESSED else max(int(claimed), 0)
+    (offset,) = struct.unpack_from("<H", data, layout + entry)
+    return table + int(offset) if offset else 0
+
+
+def _target(data: memoryview, table: int, number: int) -> int:
+    """Place that a field refers to; 0 where the table leaves it out."""
+    place = table and _field(data, table, number)
+    return place and place + int(struct.unpack_from("<I", data, place)[0])

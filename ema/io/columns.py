@@ -1,7 +1,8 @@
-"""Columns of a table, whatever the format it was stored in, as channels of a recording."""
+"""Columns of a table as channels of a recording, and sampling rates from printed time steps."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +17,6 @@ from ema.core.finding import Finding
 from ema.core.recording import UNKNOWN, Channel, Recording
 from ema.core.units import is_stated, parse_unit
 from ema.io.content import EXPORT_AGAIN, FileContent, remark
-from ema.io.sampling import even_step, jump
 
 _TIME_NAMES = {
     *("t", "time", "zeit", "timestamp", "time stamp", "x_value", "x value"),
@@ -24,6 +24,20 @@ _TIME_NAMES = {
 }
 _SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6}
 _LABEL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
+_RATES = {
+    *("fs", "fsamp", "fsample", "rate", "samplefrequency", "samplerate"),
+    *("samplingfrequency", "samplingrate"),
+}
+_STEPS = {"dt", "deltat", "sampleinterval", "samplinginterval", "timestep", "wfincrement"}
+
+_MOST_DIGITS = 7  # a plain number has no more
+_SENSELESS = 1e100  # beyond any time or frequency; NaN and infinity are too
+_PIECE = 1 << 16  # values of a long column that are looked at together
+_UNEVEN = 0.2  # of a step: a single dropped sample deviates by at least half a step
+SAME_RATE = 1e-4  # relative, of a stated rate and that of a rounded time column
+_SAME_STATEMENT = 1e-6  # relative, of two stated rates
+_EXACT = 1e-9  # relative, of the step of a long column in double precision
+_ROUNDING = 1e-12  # relative, of a step kept in double precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,17 +66,20 @@ def name_and_unit(label: str) -> tuple[str, str]:
 
 
 def is_time(name: str, unit: str) -> bool:
-    """Whether a column of this name and unit holds time stamps."""
+    """Whether a column of this name and unit contains time stamps."""
     return name.lower() in _TIME_NAMES and unit in _SECONDS
 
 
 def content_of_columns(
-    path: Path, columns: Sequence[Column], *, rate_hz: float = float("nan")
+    path: Path,
+    columns: Sequence[Column],
+    *,
+    rate_hz: float = math.nan,
+    findings: Sequence[Finding] = (),
 ) -> FileContent:
     """Channels and sampling rate of a table.
 
-    A column called ``time`` or ``t`` gives the rate; it has to agree with `rate_hz` where the file
-    states that too.
+    A column ``time`` or ``t`` gives the rate; it has to agree with `rate_hz`.
 
     Parameters
     ----------
@@ -71,20 +88,22 @@ def content_of_columns(
         In the order of the file.
     rate_hz : float
         Sampling rate that the file states apart from any column; NaN where it states none.
+    findings : sequence of Finding
+        What the reader noticed; those about units are added.
 
     Raises
     ------
     RecordingFormatError
-        If no column holds a channel, columns differ in length, or time is uneven.
+        If no column is a channel, columns differ in length, or time is uneven.
     """
-    times = [column for column in columns if is_time(column.name, column.unit)]
-    signals = [column for column in columns if column not in times[:1]]
+    times = [column for column in columns if is_time(column.name, column.unit)][:1]
+    signals = [column for column in columns if column not in times]
     _check_columns(path, columns, signals)
     if times:
-        rate_hz = _agreed_rate(path, _rate(path, times[0]), rate_hz)
-    findings: list[Finding] = []
-    channels = tuple(_channel(path, column, findings) for column in signals)
-    return FileContent(path, Recording(path, rate_hz, channels), findings=tuple(findings))
+        rate_hz = _agreed_rate(path, _rate_of_column(path, times[0]), rate_hz)
+    noticed = list(findings)
+    channels = tuple(_channel(path, column, noticed) for column in signals)
+    return FileContent(path, Recording(path, rate_hz, channels), findings=tuple(noticed))
 
 
 def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Column]) -> None:
@@ -93,16 +112,14 @@ def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Colu
         rule = "at least one column must be a channel"
         raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
     first = columns[0]
+    n_samples = len(first.samples)
     for column in columns:
-        if len(column.samples) != len(first.samples):
-            found = (
-                f"{len(first.samples)} samples of {first.name!r}, "
-                f"{len(column.samples)} of {column.name!r}"
-            )
-            rule = "channels of one run are sampled together and equally long"
-            remedy = "Export them together, or in files of their own"
+        if (n := len(column.samples)) != n_samples:
+            found = f"{n_samples} samples of {first.name!r}, {n} of {column.name!r}"
+            rule = "channels of one run must be sampled together and equally long"
+            remedy = "Export them together, or in separate files"
             raise RecordingFormatError(path.name, found, rule, remedy)
-    if not len(first.samples):
+    if not n_samples:
         rule = "a recording must contain samples"
         raise RecordingFormatError(path.name, "no rows of numbers", rule, EXPORT_AGAIN)
 
@@ -112,119 +129,45 @@ def _channel(path: Path, column: Column, findings: list[Finding]) -> Channel:
     if unit is None and is_stated(column.unit):
         findings.append(remark(path, column.name, "unit", f"unit {column.unit!r} is not known"))
     column.samples.setflags(write=False)
-    return Channel(
-        name=column.name,
-        quantity=UNKNOWN if unit is None else unit.quantity,
-        unit=column.unit,
-        samples=column.samples,
-        scale_to_si=1.0 if unit is None else unit.factor,
-    )
+    quantity, factor = (UNKNOWN, 1.0) if unit is None else (unit.quantity, unit.factor)
+    return Channel(column.name, quantity, column.unit, column.samples, scale_to_si=factor)
 
 
-def _rate(path: Path, time: Column) -> float:
+def _rate_of_column(path: Path, time: Column) -> float:
     stamps = np.asarray(time.samples, dtype=np.float64) * _SECONDS[time.unit]
     steps = even_step(stamps)
     if steps is not None:
         return steps[1]
-    where = f"{path.name}, column {time.name!r}"
     rule = "time is not at equal steps, and spectra need a constant sampling rate"
-    remedy = "Look for dropped samples, or resample"
-    raise RecordingFormatError(where, jump(stamps), rule, remedy)
+    raise RecordingFormatError(
+        f"{path.name}, column {time.name!r}",
+        uneven(stamps),
+        rule,
+        "Look for dropped samples, or resample",
+    )
 
 
 def _agreed_rate(path: Path, of_time: float, stated: float) -> float:
-    if np.isnan(stated) or abs(of_time - stated) <= 1e-4 * stated:
+    if np.isnan(stated) or abs(of_time - stated) <= SAME_RATE * stated:
         return of_time
     found = f"{stated:g} Hz stated, {of_time:g} Hz by the time column"
     rule = "a recording has one sampling rate"
     raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
 
 
-_ROUND = 0.05  # radii may differ by this part of the radius
-_SENSELESS = 1e100  # larger than any structure in any unit
-PLANES = {0: (1, 2), 1: (0, 2), 2: (0, 1)}  # normal axis: the axes angles are counted between
-
-
-def angles_on_circle(nodes: Mapping[int, NDArray[np.float64]]) -> dict[int, float]:
-    """Angle of each node in the plane where the circle lies; empty where they lie on none.
-
-    Parameters
-    ----------
-    nodes : mapping of int to ndarray, shape (3,)
-        Coordinates of the nodes that carry sensors.
-
-    Returns
-    -------
-    dict of int to float
-        Degrees in 0…360, counter-clockwise from the plane's first axis (x, or y in the y-z plane)
-        to its second, about the origin, or about the circle's own centre where it lies elsewhere.
-    """
-    if not nodes:
-        return {}
-    points = np.array(list(nodes.values()), dtype=np.float64)
-    if not (np.abs(points) < _SENSELESS).all():  # NaN is not smaller than anything
-        return {}
-    first, second = PLANES[int(np.argmin(np.ptp(points, axis=0)))]
-    if len(points) == 1 and not points[0, [first, second]].any():
-        return {}
-    plane = points[:, [first, second]]
-    if not is_round(plane):
-        if len(points) < 4:  # three points lie on a circle whatever they are
-            return {}
-        plane = plane - centre_of_circle(plane)
-        if not is_round(plane):
-            return {}
-    angles = np.degrees(np.arctan2(plane[:, 1], plane[:, 0])) % 360.0
-    return dict(zip(nodes, angles.tolist(), strict=True))
-
-
-def is_round(plane: NDArray[np.float64]) -> bool:
-    """Whether points (n, 2) lie about equally far from the origin."""
-    radii = np.hypot(plane[:, 0], plane[:, 1])
-    mean = float(radii.mean())
-    return mean > 0.0 and float(np.ptp(radii)) <= _ROUND * mean
-
-
-def centre_of_circle(plane: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Centre of the least-squares circle of points (n, 2).
-
-    x² + y² = 2 x₀ x + 2 y₀ y + c (Kåsa 1976).
-    """
-    system = np.column_stack([2.0 * plane, np.ones(len(plane))])
-    solution: NDArray[np.float64] = np.linalg.lstsq(system, (plane**2).sum(axis=1), rcond=None)[0]
-    return solution[:2]
-
-
 def matrix_columns(
     where: str, matrix: NDArray[Any], names: Sequence[str], units: Sequence[str]
 ) -> list[Column]:
-    """Split a matrix into its channels.
+    """Split a matrix, (n_samples, n_channels) or the other way round, into its channels.
 
-    The names tell which of its sides counts the channels; without them, it is the shorter one.
-
-    Parameters
-    ----------
-    where : str
-        File and place in it, for messages.
-    matrix : ndarray, shape (n_samples, n_channels) or (n_channels, n_samples)
-    names : sequence of str
-        Names of the channels, perhaps with the unit in square brackets; empty where unknown.
-    units : sequence of str
-        One for each channel, one for all, or none.
-
-    Raises
-    ------
-    RecordingFormatError
-        If names or units do not fit, or a square matrix leaves open what its rows are.
+    Names may have the unit in square brackets. Their number shows which side counts the channels;
+    without names, the shorter one does. `units` are one for each channel, one for all, or none.
     """
     rows, columns = matrix.shape
     n_channels = len(names) or min(rows, columns)
     if rows == columns or n_channels not in (rows, columns):
         found = f"a matrix of {rows} × {columns} and {len(names)} names"
-        rule = (
-            "one dimension must be the samples, the other the channels, with a name for each "
-            "channel"
-        )
+        rule = "one side must be the samples, the other the channels, with a name for each channel"
         remedy = "Give as many names as there are channels"
         raise RecordingFormatError(where, found, rule, remedy)
     signals = matrix.T if columns == n_channels else matrix
@@ -238,16 +181,151 @@ def matrix_columns(
 
 
 def unit_of_each(where: str, n_channels: int, units: Sequence[str]) -> list[str]:
-    """Unit of each channel, from a list of as many, of one for all, or of none.
-
-    Raises
-    ------
-    RecordingFormatError
-        If the list has another length.
-    """
+    """Unit of each channel, from a list of as many, of one for all, or of none."""
     if len(units) not in (0, 1, n_channels):
         found = f"{len(units)} units for {n_channels} channels"
-        rule = "there is one unit for each channel, or one for all"
+        rule = "there must be one unit for each channel, or one for all"
         raise RecordingFormatError(where, found, rule, "Correct the list of units")
     stated = units if len(units) == n_channels else list(units or ("",)) * n_channels
     return [unit.strip() for unit in stated]
+
+
+def parse_number(text: str) -> float:
+    """Read a Fortran real, such as ``1.5D-03`` or ``1.5-103``; ValueError for other texts."""
+    plain = text.strip().upper().replace("D", "E")
+    if "_" in plain or not plain.isascii():
+        raise ValueError(f"{text!r} is not a number")
+    sign = max(plain.rfind("+"), plain.rfind("-"))
+    if sign > 0 and plain[sign - 1] != "E" and "." in plain[:sign]:
+        plain = f"{plain[:sign]}E{plain[sign:]}"
+    return float(plain)
+
+
+def plainest(value: float, tolerance: float) -> tuple[float, int]:
+    """Number with the fewest significant digits within `tolerance` of `value`, and their number."""
+    for digits in range(1, _MOST_DIGITS + 1):
+        candidate = float(f"{value:.{digits - 1}e}")
+        if abs(candidate - value) <= tolerance:
+            return candidate, digits
+    return value, _MOST_DIGITS + 1
+
+
+def step_and_inverse(printed: str) -> tuple[float, float]:
+    """Step and its inverse, from a step printed with few digits, e.g. ``"1.52588E-05"``.
+
+    Six digits of 1/65536 s give 65535.95 Hz. Usually either the step or its inverse is a plain
+    number; the one with fewer digits within the last printed place is taken as exact. ValueError
+    for other texts than positive numbers.
+    """
+    step = parse_number(printed)
+    if not 0.0 < step < math.inf or not 0.0 < 1.0 / step < math.inf:
+        raise ValueError(f"{printed!r} is not a positive step")
+    mantissa = printed.strip().upper().replace("D", "E").partition("E")[0]
+    decimals = len(mantissa.partition(".")[2])
+    digits = len(mantissa.replace(".", "").strip("+-0")) or 1
+    last_place = 10.0**-decimals / max(abs(parse_number(mantissa)), 10.0**-decimals)
+    inverse, inverse_digits = plainest(1.0 / step, last_place / step)
+    return (1.0 / inverse, inverse) if inverse_digits <= digits else (step, 1.0 / step)
+
+
+def even_step(abscissa: NDArray[np.float64]) -> tuple[float, float] | None:
+    """Step and its inverse of rounded times or frequencies; None where they are not equidistant."""
+    if len(abscissa) < 2:
+        return None
+    largest = max(abs(float(np.min(abscissa))), abs(float(np.max(abscissa))))
+    if not largest < _SENSELESS:
+        return None
+    span = float(abscissa[-1] - abscissa[0])
+    if not span > 0.0:
+        return None
+    step = span / (len(abscissa) - 1)
+    deviation = 0.0
+    for begin in range(0, len(abscissa), _PIECE):  # long columns are not doubled in memory
+        piece = abscissa[begin : begin + _PIECE]
+        ideal = abscissa[0] + step * np.arange(begin, begin + len(piece))
+        deviation = max(deviation, float(np.max(np.abs(piece - ideal))))
+    if not deviation <= _UNEVEN * step or not 1.0 / step < math.inf:
+        return None
+    tolerance = max(2.0 * deviation / span, _EXACT)
+    plain_step, step_digits = plainest(step, tolerance * step)
+    inverse, inverse_digits = plainest(1.0 / step, tolerance / step)
+    if inverse_digits <= step_digits:
+        return 1.0 / inverse, inverse
+    return plain_step, 1.0 / plain_step
+
+
+def uneven(stamps: NDArray[np.float64]) -> str:
+    """Where time stamps that `even_step` refused leave their even steps."""
+    if len(stamps) < 2:
+        return f"{len(stamps)} time stamp"
+    missing = np.flatnonzero(~np.isfinite(stamps))
+    if missing.size:
+        return f"no time in row {missing[0] + 1} of {len(stamps)}"
+    steps = np.diff(stamps)
+    usual = float(np.median(steps))
+    row = int(np.argmax(np.abs(steps - usual)))
+    return (
+        f"time goes from {stamps[row]:g} s to {stamps[row + 1]:g} s at row {row + 2} "
+        f"of {len(stamps)}, elsewhere in steps of {usual:g} s"
+    )
+
+
+def states_rate(name: str) -> bool:
+    """Whether a variable or attribute of this name states a sampling rate or a time step."""
+    return _plain(name) in _RATES | _STEPS
+
+
+def stated_rate(path: Path, statements: Mapping[str, object]) -> float:
+    """Sampling rate in Hz that all statements agree on; NaN where there is none.
+
+    `statements` are numbers, texts or arrays of one number by name, perhaps with their place
+    before a last slash. Names that do not state a rate are skipped.
+    """
+    rates = {
+        place: _stated(f"{path.name}, {place}", name, value)
+        for place, value in statements.items()
+        if states_rate(name := place.rpartition("/")[2])
+    }
+    if not rates:
+        return math.nan
+    first, rate = next(iter(rates.items()))
+    for place, other in rates.items():
+        if abs(other - rate) > _SAME_STATEMENT * rate:
+            found = f"{rate:g} Hz by {first!r}, {other:g} Hz by {place!r}"
+            rule = "channels of one run must be sampled together, at one rate"
+            remedy = "Export them together, or in separate files"
+            raise RecordingFormatError(path.name, found, rule, remedy)
+    return rate
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[_\s-]", "", name.lower()).removesuffix("hz")
+
+
+def _stated(where: str, name: str, value: object) -> float:
+    number = _number(value)
+    rate = number if _plain(name) in _RATES else _inverse(number)
+    if 0.0 < rate < math.inf:
+        return rate
+    rule = "a sampling rate in Hz or a time step in s must be one positive number"
+    raise RecordingFormatError(where, repr(str(value)[:40]), rule, EXPORT_AGAIN)
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bytes):
+        value = value.decode("latin-1")
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.reshape(-1)[0]
+    try:
+        if isinstance(value, str):
+            return float(value.strip().removesuffix("Hz"))
+        is_real = isinstance(value, int | float | np.integer | np.floating)
+        return float(value) if is_real else math.nan  # type: ignore[arg-type]
+    except (ValueError, OverflowError, TypeError):
+        return math.nan
+
+
+def _inverse(step: float) -> float:
+    if not 0.0 < step < math.inf or math.isinf(1.0 / step):
+        return math.nan
+    return plainest(1.0 / step, _ROUNDING / step)[0]

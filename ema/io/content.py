@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import importlib
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
@@ -19,8 +18,20 @@ from ema.core.finding import WARNING, Finding
 from ema.core.frf import FRF
 from ema.core.recording import Recording
 
-if TYPE_CHECKING:
-    import pyarrow as pa
+EXPORT_AGAIN = "Correct the file or export it again"
+COPY_AGAIN = "Copy or export it again"
+LEAVE_OUT = "Copy or export the file again, or leave out the run"
+
+# Largest accepted size in memory over size of a compressed file. Vibration compresses by 1.1 to
+# 10, a silent channel more.
+MOST_EXPANSION = 64
+_ALWAYS_BYTES = 1 << 24  # up to 16 MiB are accepted from any file
+_LONGEST_REASON = 200  # characters of a library's message
+# What well-kept readers raise on bytes that are not what they expect.
+_ON_DAMAGE = (
+    *(ArithmeticError, EOFError, LookupError, MemoryError, OSError, RuntimeError),
+    *(TypeError, ValueError, struct.error),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,84 +67,38 @@ def remark(path: Path, channel: str, check: str, detail: str) -> Finding:
     return Finding(path.name, channel, None, check, WARNING, detail)
 
 
-MOST_EXPANSION = (
-    64  # of a compressed file: vibration compresses by 1.1 to 10, a silent channel more
-)
-_ALWAYS_BYTES = 1 << 24
-_COPY_AGAIN = "Copy the file again or export it without compression"
+def left_out(path: Path, why: Mapping[str, str]) -> tuple[Finding, ...]:
+    """Warnings about parts of a file that are not read: the reason by the name of the part."""
+    return tuple(
+        remark(path, name, "content", f"{reason}, left out") for name, reason in why.items()
+    )
 
 
 def check_expansion(where: str, path: Path, n_bytes: int) -> None:
-    """Refuse data that would be far larger in memory than in a compressed file.
-
-    Parameters
-    ----------
-    where : str
-        File and place in it.
-    path : Path
-        The file, whose size counts.
-    n_bytes : int
-        Size of the data in memory; up to 16 MiB are never refused.
-
-    Raises
-    ------
-    RecordingFormatError
-        If it is more than `MOST_EXPANSION` times the size of the file.
-    """
+    """Refuse data whose `n_bytes` in memory are far more than the compressed file at `path`."""
     size = path.stat().st_size
-    if n_bytes <= max(MOST_EXPANSION * size, _ALWAYS_BYTES):
-        return
-    found = f"{n_bytes} bytes of numbers claimed by a file of {size} bytes"
-    rule = f"the compression ratio must not exceed {MOST_EXPANSION}"
-    raise RecordingFormatError(where, found, rule, _COPY_AGAIN)
+    if n_bytes > max(MOST_EXPANSION * size, _ALWAYS_BYTES):
+        found = f"{n_bytes} bytes of numbers claimed by a file of {size} bytes"
+        rule = f"the compression ratio must not exceed {MOST_EXPANSION}"
+        remedy = "Copy the file again or export it without compression"
+        raise RecordingFormatError(where, found, rule, remedy)
 
 
 def check_stored(where: str, n_claimed: int, n_stored: int) -> None:
-    """Refuse uncompressed data that claim more bytes than are there.
-
-    Raises
-    ------
-    RecordingFormatError
-        If `n_claimed` exceeds `n_stored`.
-    """
-    if n_claimed <= n_stored:
-        return
-    found = f"{n_claimed} bytes of numbers claimed, {n_stored} stored"
-    raise RecordingFormatError(where, found, "the file is truncated or damaged", _COPY_AGAIN)
+    """Refuse uncompressed data that claim more bytes than the file has."""
+    if n_claimed > n_stored:
+        found = f"{n_claimed} bytes of numbers claimed, {n_stored} stored"
+        raise RecordingFormatError(where, found, "the file is truncated or damaged", COPY_AGAIN)
 
 
-# What well-kept readers raise on bytes that are not what they expect.
-_ON_DAMAGE = (
-    ArithmeticError,
-    EOFError,
-    LookupError,
-    MemoryError,
-    OSError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-    struct.error,
-)
-_LONGEST_REASON = 200
+def unreadable(path: Path, error: OSError, rule: str = "the file must be readable") -> InputError:
+    """Build the error about a file or folder that the system does not open."""
+    reason = error.strerror or str(error)
+    return RecordingFormatError(str(path), reason, rule, "Check the name and the access rights")
 
 
 def require(module: str, extra: str, path: Path) -> ModuleType:
-    """Import an optional library, or say how to install it.
-
-    Parameters
-    ----------
-    module : str
-        What is imported, e.g. ``"nptdms"``.
-    extra : str
-        The extra of ringmodal that installs it, e.g. ``"tdms"``.
-    path : Path
-        The file that needs it.
-
-    Raises
-    ------
-    RecordingFormatError
-        If it is not installed.
-    """
+    """Import the optional library that reads `path`, or name the extra that installs it."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
@@ -145,19 +110,9 @@ def require(module: str, extra: str, path: Path) -> ModuleType:
 
 @contextmanager
 def reading(path: Path, kind: str) -> Iterator[None]:
-    """Turn any exception of a format's library inside the block into an `InputError`.
+    """Turn any exception of a format's library inside the block into a `RecordingFormatError`.
 
-    Parameters
-    ----------
-    path : Path
-        The file being read.
-    kind : str
-        What the file should be, e.g. ``"a Parquet file"``.
-
-    Raises
-    ------
-    RecordingFormatError
-        In place of the library's exception.
+    `kind` is what the file should be, e.g. ``"a Parquet file"``.
     """
     try:
         yield
@@ -167,29 +122,18 @@ def reading(path: Path, kind: str) -> Iterator[None]:
         reason = " ".join(str(error).split()) or type(error).__name__
         if len(reason) > _LONGEST_REASON:
             reason = f"{reason[:_LONGEST_REASON]} …"
-        rule = f"{kind} that is whole can be read; this one is damaged, cut short or something else"
-        raise RecordingFormatError(path.name, reason, rule, "Copy or export it again") from error
+        rule = f"the file is damaged, cut short or something else than {kind}"
+        raise RecordingFormatError(path.name, reason, rule, COPY_AGAIN) from error
 
 
 def arrow_reader(content: bytes) -> pa.BufferReader:
     """Copy bytes to memory of Arrow's own, for it to read.
 
-    When parsing fails, a thread of Arrow's may be the last to let go of what it read. Were that
-    Python's, the thread would have to ask the interpreter; asking while Python ends, it would be
-    stopped by force, and with it the process: exit code 134 instead of the error's.
-
-    Parameters
-    ----------
-    content : bytes
-
-    Returns
-    -------
-    pyarrow.BufferReader
+    When parsing fails, a thread of Arrow may be the last to release what it read. If that were
+    memory of Python, the thread would need the interpreter; while Python ends it would be stopped
+    by force, and the process with it: exit code 134 instead of the error's.
     """
-    # The default pool holds megabytes in reserve.
+    # The default pool keeps megabytes in reserve.
     memory = pa.allocate_buffer(len(content), memory_pool=pa.system_memory_pool())
     np.frombuffer(memory, np.uint8)[:] = np.frombuffer(content, np.uint8)
     return pa.BufferReader(memory)
-
-
-EXPORT_AGAIN = "Correct the file or export it again"

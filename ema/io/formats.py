@@ -2,8 +2,8 @@
 
 A module has ``SUFFIXES``, the endings that mark a file as a recording, ``read(path)``, which
 returns a `FileContent`, and perhaps ``read_headers(path)`` and ``NAMED_SUFFIXES``: endings that are
-too common (``.txt``) to take every such file of a folder for a recording, read where the user names
-the file. Libraries that are optional are imported inside the functions.
+too common (``.txt``) to take every such file of a folder for a recording; these are read only where
+the user names the file. Libraries that are optional are imported inside the functions.
 """
 
 from __future__ import annotations
@@ -13,16 +13,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ema.core.errors import RecordingFormatError
-from ema.io import arrow, hdf5, tdms, wav
-from ema.io.content import FileContent
-from ema.io.matlab import reader as matlab
-from ema.io.text import lvm
-from ema.io.text import reader as text
+from ema.io import arrow, hdf5, matlab, tdms, wav
+from ema.io.content import COPY_AGAIN, FileContent, unreadable
+from ema.io.text import csv, lvm
 from ema.io.uff import reader as uff
 
 Reader = Callable[[Path], FileContent]
 
-FORMATS = (arrow, hdf5, lvm, matlab, tdms, text, uff, wav)
+FORMATS = (arrow, csv, hdf5, lvm, matlab, tdms, uff, wav)
 
 
 def _found(endings: str, verb: str = "read") -> dict[str, Reader]:
@@ -39,12 +37,12 @@ _HEADER_READERS: dict[str, Reader] = _found("SUFFIXES", "read_headers")
 
 
 def is_recording(path: Path) -> bool:
-    """Whether the name's ending is one of a known format."""
+    """Whether the ending of the name is one of a known format."""
     return _reader(path, READERS) is not None
 
 
 def exists(path: Path) -> bool:
-    """Whether there is such a file or folder, with a name that may be looked up."""
+    """Whether there is such a file or folder; False also for a name that cannot be looked up."""
     try:
         return path.exists()
     except OSError:
@@ -52,22 +50,22 @@ def exists(path: Path) -> bool:
 
 
 def is_folder(path: Path) -> bool:
-    """Whether there is such a folder, asked as `exists` asks."""
+    """Whether there is such a folder; see `exists`."""
     return exists(path) and path.is_dir()
 
 
-def _instead_of(path: Path) -> str:
-    """What may be meant by a path that leads nowhere."""
+def _suggestion(path: Path) -> str:
+    """Remedy for a path that does not exist: the nearest name."""
     try:
-        there = [each.name for each in path.parent.iterdir()]
+        names = sorted({each.name for each in path.parent.iterdir()} - {path.name})  # a dead link
     except OSError:
         return "Check the name"
-    similar = difflib.get_close_matches(path.name, there, 1)
+    similar = difflib.get_close_matches(path.name, names, 1)
     return f"Did you mean {path.with_name(similar[0])}?" if similar else "Check the name"
 
 
 def read_file(path: Path) -> FileContent:
-    """Read one file by the reader that its name's ending calls for.
+    """Read one file by the reader of its ending.
 
     Raises
     ------
@@ -75,19 +73,26 @@ def read_file(path: Path) -> FileContent:
         If the file is missing, damaged, or of a format that is not known.
     """
     if not exists(path):
-        rule = "the file does not exist"
-        raise RecordingFormatError(str(path), "nothing there", rule, _instead_of(path))
+        rule = "the path must lead to a recording"
+        raise RecordingFormatError(str(path), "file not found", rule, _suggestion(path))
     reader = _reader(path, READERS) or _reader(path, _NAMED_READERS)
     if reader is None or not path.is_file():
         found = f"ending {path.suffix!r}" if path.is_file() else "not a file"
         rule = f"recordings end in {', '.join(sorted({**READERS, **_NAMED_READERS}))}"
         raise RecordingFormatError(str(path), found, rule, "Export to one of these formats")
-    _check_begins(path)
+    try:
+        with path.open("rb") as file:
+            is_empty = not file.read(1)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if is_empty:
+        rule = "a recording must contain samples"
+        raise RecordingFormatError(str(path), "the file is empty", rule, COPY_AGAIN)
     return reader(path)
 
 
 def read_headers(path: Path) -> FileContent:
-    """Read what headers say; samples of formats that must be parsed for them may be NaN.
+    """Read headers only; samples of formats that must be parsed for them may be NaN.
 
     Raises
     ------
@@ -96,22 +101,6 @@ def read_headers(path: Path) -> FileContent:
     """
     reader = _reader(path, _HEADER_READERS) if exists(path) and path.is_file() else None
     return read_file(path) if reader is None else reader(path)
-
-
-def _check_begins(path: Path) -> None:
-    """Refuse a file that may not be read, or holds nothing, before a library does in its words."""
-    try:
-        with path.open("rb") as file:
-            is_empty = not file.read(1)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        rule = "it must be a file that can be read"
-        raise RecordingFormatError(
-            str(path), reason, rule, "Check the name and the access rights"
-        ) from error
-    if is_empty:
-        rule = "a recording must contain samples, whatever its format"
-        raise RecordingFormatError(str(path), "the file is empty", rule, "Copy or export it again")
 
 
 def _reader(path: Path, table: dict[str, Reader]) -> Reader | None:

@@ -1,7 +1,4 @@
-"""Recordings, FRFs and modes for other Python packages; none of them is needed before it is used.
-
-Time series as SEP-005 objects, FRFs as tables of pandas or xarray, poles for sdypy-EMA.
-"""
+"""Time series as SEP-005 objects, FRFs as tables of pandas or xarray, poles for sdypy-EMA."""
 
 from __future__ import annotations
 
@@ -9,8 +6,7 @@ import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +25,7 @@ from ema.core.recording import (
     Recording,
 )
 from ema.core.units import SI_UNIT, parse_unit
+from ema.io.columns import even_step, uneven
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,7 +33,7 @@ if TYPE_CHECKING:
 
 _QUANTITY = {"f": FORCE, "a": ACCELERATION, "v": VELOCITY, "d": DISPLACEMENT}
 _LETTER = {quantity: letter for letter, quantity in _QUANTITY.items()}
-_EVEN = 1e-6  # steps of a time vector may differ by this part
+_SAME_RATE = 1e-6  # relative
 
 
 def to_sep005(recording: Recording) -> list[dict[str, Any]]:
@@ -45,7 +42,7 @@ def to_sep005(recording: Recording) -> list[dict[str, Any]]:
     Parameters
     ----------
     recording : Recording
-        Read whole into memory.
+        All samples are read into memory.
 
     Returns
     -------
@@ -65,32 +62,27 @@ def to_sep005(recording: Recording) -> list[dict[str, Any]]:
 
 
 def from_sep005(series: Sequence[Mapping[str, Any]]) -> Recording:
-    """Recording from SEP-005 objects, such as those that ``sep005-io-…`` packages read.
+    """Recording from SEP-005 objects, such as those of ``sep005-io-…`` packages.
 
     Parameters
     ----------
     series : sequence of mapping
         Each with ``name``, ``data``, ``unit_str`` and ``fs`` in Hz or ``time`` in s; all of the
-        same rate and length. None in the data counts as missing.
-
-    Returns
-    -------
-    Recording
-        A unit that is not known leaves the quantity unknown and the values as they are.
+        same rate and length. None in the data counts as missing. Where the unit is not known, the
+        quantity is not known either and values stay as they are.
 
     Raises
     ------
     InputError
-        If something of this is missing or differs.
+        If something is missing or differs.
     """
     if not series:
-        raise InputError(
-            "SEP-005", "no channels", "a recording must have channels", "Give at least one"
-        )
+        rule = "a recording must have channels"
+        raise InputError("SEP-005", "no channels", rule, "Give at least one")
     channels = tuple(_channel(each, number) for number, each in enumerate(series, start=1))
     rates = [_rate_hz(each, channel) for each, channel in zip(series, channels, strict=True)]
     lengths = {channel.n_samples for channel in channels}
-    if len(lengths) > 1 or not np.allclose(rates, rates[0], rtol=_EVEN, atol=0):
+    if len(lengths) > 1 or not np.allclose(rates, rates[0], rtol=_SAME_RATE, atol=0):
         found = f"rates {_few(rates)} Hz, lengths {_few(lengths)}"
         rule = "all channels of a recording must have the same rate and length"
         raise InputError("SEP-005", found, rule, "Resample or cut them, or pass them separately")
@@ -116,24 +108,26 @@ def frf_to_xarray(frf: FRF) -> xr.Dataset:
     InputError
         If xarray is not installed.
     """
-    xarray = _package("xarray", "xarray")
+    try:
+        xarray = importlib.import_module("xarray")
+    except ImportError as error:
+        rule, remedy = "the package xarray is required", "Run pip install 'ringmodal[xarray]'"
+        raise InputError("xarray", "not installed", rule, remedy) from error
     grid = ("position", "frequency_hz")
     inertance = {"units": "(m/s^2)/N", "long_name": "inertance"}
-    found: xr.Dataset = xarray.Dataset(
-        {
-            "inertance": (grid, np.array(frf.values), inertance),
-            "std": (grid, np.array(frf.std), {"units": "(m/s^2)/N"}),
-            "coherence": (grid, np.array(frf.coherence), {"units": "1"}),
-        },
-        coords={
-            "frequency_hz": ("frequency_hz", np.array(frf.frequency_hz), {"units": "Hz"}),
-            "position_deg": ("position", np.array(frf.position_deg), {"units": "degree"}),
-            "node": ("position", np.array(frf.node)),
-            "run": ("position", list(frf.run)),
-            "channel": ("position", list(frf.channel)),
-        },
-    )
-    return found
+    values = {
+        "inertance": (grid, np.array(frf.values), inertance),
+        "std": (grid, np.array(frf.std), {"units": "(m/s^2)/N"}),
+        "coherence": (grid, np.array(frf.coherence), {"units": "1"}),
+    }
+    along = {
+        "frequency_hz": ("frequency_hz", np.array(frf.frequency_hz), {"units": "Hz"}),
+        "position_deg": ("position", np.array(frf.position_deg), {"units": "degree"}),
+        "node": ("position", np.array(frf.node)),
+        "run": ("position", list(frf.run)),
+        "channel": ("position", list(frf.channel)),
+    }
+    return cast("xr.Dataset", xarray.Dataset(values, coords=along))
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,27 +155,17 @@ class SdypyModes:
     A: NDArray[np.complex128]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "nat_freq", readonly(self.nat_freq, float))
-        object.__setattr__(self, "nat_xi", readonly(self.nat_xi, float))
-        object.__setattr__(self, "A", readonly(self.A, complex))
+        for name, dtype in (("nat_freq", float), ("nat_xi", float), ("A", complex)):
+            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
 
     def put_into(self, target: Any) -> None:
-        """Give a ``sdypy.EMA.Model`` these poles and constants, as if it had found them."""
+        """Set these poles and constants in a ``sdypy.EMA.Model``, as if it had found them."""
         for name in ("nat_freq", "nat_xi", "all_poles", "pole_ind", "A"):
             setattr(target, name, getattr(self, name))
 
 
 def poles_and_shapes_for_sdypy(model: ModalModel) -> SdypyModes:
-    """Modes as ``sdypy.EMA.Model`` holds them: same pole sign, same modal constants.
-
-    Parameters
-    ----------
-    model : ModalModel
-
-    Returns
-    -------
-    SdypyModes
-    """
+    """Modes as in ``sdypy.EMA.Model``: same pole sign, same modal constants."""
     poles = np.array([mode.pole for mode in model.modes])
     return SdypyModes(
         nat_freq=model.frequencies_hz,
@@ -216,10 +200,11 @@ def _channel(series: Mapping[str, Any], number: int) -> Channel:
     try:
         samples = np.asarray(series["data"], dtype=np.float64)  # None becomes NaN
     except (TypeError, ValueError) as error:
-        raise InputError(where, str(error), "data are numbers", "Pass a list of floats") from error
+        rule = "data must be numbers"
+        raise InputError(where, str(error), rule, "Pass a list of floats") from error
     if samples.ndim != 1 or not samples.size:
-        found = f"data of shape {samples.shape}"
-        raise InputError(where, found, "a channel is one row of samples", "Split it into channels")
+        found, rule = f"data of shape {samples.shape}", "a channel must be one row of samples"
+        raise InputError(where, found, rule, "Split it into channels")
     unit = parse_unit(str(series["unit_str"]))
     stated = _QUANTITY.get(str(series.get("quantity", "")).lower())
     if unit is not None and stated not in (None, unit.quantity):
@@ -240,12 +225,12 @@ def _rate_hz(series: Mapping[str, Any], channel: Channel) -> float:
     where = f"SEP-005, channel {channel.name}"
     rate_hz, time_s = series.get("fs"), series.get("time")
     if rate_hz is None and time_s is not None and len(time_s) == channel.n_samples > 1:
-        steps_s = np.diff(np.asarray(time_s, dtype=np.float64))
-        step_s = float(steps_s.mean())
-        if not np.allclose(steps_s, step_s, rtol=0, atol=max(_EVEN * step_s, 0.0)):
-            found = f"steps of {steps_s.min():g} to {steps_s.max():g} s"
-            raise InputError(where, found, "samples must be evenly spaced", "Resample the channel")
-        rate_hz = 1.0 / step_s if step_s > 0 else None
+        stamps = np.asarray(time_s, dtype=np.float64)
+        steps = even_step(stamps)
+        if steps is None:
+            rule = "samples must be evenly spaced"
+            raise InputError(where, uneven(stamps), rule, "Resample the channel")
+        rate_hz = steps[1]
     if rate_hz is None or not 0 < float(rate_hz) < np.inf:
         found = f"fs {series.get('fs')}"
         rule = "a channel needs a positive rate fs in Hz, or a time vector as long as its data"
@@ -255,12 +240,3 @@ def _rate_hz(series: Mapping[str, Any], channel: Channel) -> float:
 
 def _few(values: Any) -> str:
     return ", ".join(f"{value:g}" for value in sorted(set(values))[:4])
-
-
-def _package(name: str, extra: str) -> ModuleType:
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        rule = f"the package {name} is required"
-        remedy = f"Run pip install 'ringmodal[{extra}]'"
-        raise InputError(name, "not installed", rule, remedy) from error

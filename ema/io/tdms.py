@@ -6,7 +6,6 @@ import io
 import struct
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.io.columns import Column, content_of_columns, is_time, name_and_unit
-from ema.io.content import FileContent, check_stored, reading, remark, require
-from ema.io.sampling import stated_rate
+from ema.io.columns import Column, content_of_columns, is_time, name_and_unit, stated_rate
+from ema.io.content import LEAVE_OUT, FileContent, check_stored, reading, remark, require
 
 if TYPE_CHECKING:
     from nptdms import TdmsChannel, TdmsFile
@@ -25,15 +23,14 @@ SUFFIXES = (".tdms",)
 _TAG = b"TDSm"
 _LEAD_IN_BYTES = 28
 _BIG_ENDIAN = 1 << 6  # of a segment's table of contents
-_COPY_AGAIN = "Copy the file again or leave out the run"
 _UNITS = ("unit_string", "NI_UnitDescription", "unit")
 
 
 def read(path: Path) -> FileContent:
     """Read the time series of a TDMS file, with LabVIEW's scaling applied.
 
-    A channel keeps its name, with its group before it where names repeat. The unit is the
-    property ``unit_string``, the rate follows from ``wf_increment`` or a channel ``time``.
+    A channel keeps its name, with its group in front where names repeat. The unit is the property
+    ``unit_string``; the rate follows from ``wf_increment`` or a channel ``time``.
 
     Raises
     ------
@@ -48,25 +45,24 @@ def read(path: Path) -> FileContent:
         channels = [channel for group in tdms.groups() for channel in group.channels()]
         for item in (tdms, *tdms.groups(), *channels):
             _check_scales(path, item.properties)
-        wanted = [channel for channel in channels if _is_wanted(channel)]
+        wanted = [each for each in channels if len(each) > 0 and each.dtype.kind in "iuf"]
         samples = _samples(path, tdms, wanted)
         statements = {
             f"{channel.group_name}/{channel.name}/wf_increment": channel.properties["wf_increment"]
             for channel in wanted
             if channel.properties.get("wf_increment")  # LabVIEW writes 0 where it knows none
         }
-    rate_hz = stated_rate(path, statements)
-    content = content_of_columns(path, _columns(wanted, samples), rate_hz=rate_hz)
-    notes = tuple(
+    findings = [
         remark(path, channel.name, "content", "no samples, or not numeric")
         for channel in channels
         if channel not in wanted
-    )
-    return replace(content, findings=notes + content.findings)
+    ]
+    rate_hz = stated_rate(path, statements)
+    return content_of_columns(path, _columns(wanted, samples), rate_hz=rate_hz, findings=findings)
 
 
 class _BoundedFile(io.BufferedReader):
-    """A file that reserves no more memory than it has bytes, whatever length is asked for."""
+    """A file that never reserves more memory than it has bytes, whatever length is read."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(io.FileIO(path))
@@ -78,16 +74,15 @@ class _BoundedFile(io.BufferedReader):
 
 
 def _check_segments(path: Path, file: _BoundedFile) -> None:
-    """Segments follow each other up to the end: a cut file would be read silently short."""
+    """Follow the segments up to the end: npTDMS reads a cut file without an error."""
     start = 0
     while start < file.size or start == 0:
         file.seek(start)
         lead_in = file.read(_LEAD_IN_BYTES)
         where = f"{path.name}, byte {start}"
         if not lead_in or lead_in[:4] != _TAG[: len(lead_in)]:
-            found = repr(lead_in[:4]) if lead_in else "the file is empty"
             rule = f"each segment of a TDMS file begins with {_TAG!r}"
-            raise RecordingFormatError(where, found, rule, _COPY_AGAIN)
+            raise RecordingFormatError(where, repr(lead_in[:4]), rule, LEAVE_OUT)
         end = start + _LEAD_IN_BYTES
         if len(lead_in) == _LEAD_IN_BYTES:
             order = ">" if struct.unpack("<I", lead_in[4:8])[0] & _BIG_ENDIAN else "<"
@@ -95,23 +90,19 @@ def _check_segments(path: Path, file: _BoundedFile) -> None:
         if end > file.size:
             found = f"the file ends {end - file.size} bytes before its last segment does"
             rule = "the file is truncated, or was never closed"
-            raise RecordingFormatError(where, found, rule, _COPY_AGAIN)
+            raise RecordingFormatError(where, found, rule, LEAVE_OUT)
         start = end
     file.seek(0)
 
 
 def _check_scales(path: Path, properties: Mapping[str, Any]) -> None:
-    """Counts of scalings and of their coefficients, each of which is a property of its own."""
+    """Refuse counts of scalings or coefficients, each one a property, beyond the properties."""
     for name, value in properties.items():
         counts = name == "NI_Number_Of_Scales" or (name.startswith("NI_Scale") and "_Size" in name)
         if counts and not 0 <= value <= len(properties):
             found = f"{name} is {value}, among {len(properties)} properties"
             rule = "each scaling and each coefficient is a property"
-            raise RecordingFormatError(path.name, found, rule, _COPY_AGAIN)
-
-
-def _is_wanted(channel: TdmsChannel) -> bool:
-    return len(channel) > 0 and channel.dtype.kind in "iuf"
+            raise RecordingFormatError(path.name, found, rule, LEAVE_OUT)
 
 
 def _samples(path: Path, tdms: TdmsFile, channels: list[TdmsChannel]) -> list[NDArray[Any]]:
@@ -128,9 +119,8 @@ def _samples(path: Path, tdms: TdmsFile, channels: list[TdmsChannel]) -> list[ND
                 filled[index] += len(piece)
     for channel, array, count in zip(channels, arrays, filled, strict=True):
         if count != array.size:
-            where = f"{path.name}, {channel.path}"
-            found = f"{count} of {array.size} samples"
-            raise RecordingFormatError(where, found, "the file is truncated", _COPY_AGAIN)
+            where, found = f"{path.name}, {channel.path}", f"{count} of {array.size} samples"
+            raise RecordingFormatError(where, found, "the file is truncated", LEAVE_OUT)
     return arrays
 
 
@@ -139,7 +129,7 @@ def _stored_bytes(channel: TdmsChannel) -> int:
 
 
 def _precision(channel: TdmsChannel) -> np.dtype[Any]:
-    """Type that holds scaled samples: single precision has room for converters of 16 bit."""
+    """Type of scaled samples: single precision is exact for converters of 16 bit."""
     single = channel.dtype.kind == "f" and _stored_bytes(channel) <= 2
     return np.dtype(np.float32) if single else channel.dtype
 

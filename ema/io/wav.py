@@ -1,11 +1,15 @@
-"""Read WAV files: one channel for each track, in fractions of full scale."""
+"""Read WAV files: one channel for each track, in fractions of full scale.
+
+The chunks are walked through here because `scipy.io.wavfile` only warns of a cut file, and warns of
+chunks that other programs add too.
+"""
 
 from __future__ import annotations
 
 import mmap
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +18,12 @@ from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.io.columns import Column, content_of_columns
-from ema.io.content import EXPORT_AGAIN, FileContent, reading, remark
+from ema.io.content import EXPORT_AGAIN, LEAVE_OUT, FileContent, reading, remark
 
 SUFFIXES = (".wav",)
 _INTEGER, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
-_COPY_AGAIN = "Copy the file again or leave out the run"
-_IN_DS64 = 0xFFFFFFFF  # sizes beyond 4 GB stand in a chunk of their own
+_SAMPLE_BYTES = {_INTEGER: (1, 2, 3, 4), _FLOAT: (4, 8)}
+_IN_DS64 = 0xFFFFFFFF  # the size is in the chunk 'ds64': files beyond 4 GB
 
 
 @dataclass(frozen=True)
@@ -35,28 +39,22 @@ class _Format:
 def read(path: Path) -> FileContent:
     """Read a WAV file of integers (8, 16, 24 or 32 bit) or floats (32 or 64 bit).
 
-    Integers become fractions of full scale, −1 to 1. No unit is known: a finding says so. Floats
-    stay on disk as a memory map.
+    Integers become fractions of full scale, −1 to 1. A finding notes that the unit is unknown.
+    Floats stay on disk as a memory map.
 
     Raises
     ------
     RecordingFormatError
         If the file is missing, damaged, truncated, or compressed.
     """
-    # The walk through the chunks is done here because a cut file has to be noticed, and because
-    # chunks that other programs add (dates, notes) are no reason for a warning.
     with reading(path, "a WAV file"), path.open("rb") as file:
-        if not path.stat().st_size:
-            raise EOFError("the file is empty")
         data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     layout, start, size = _layout(path, data)
-    samples = _samples(data, layout, start, size)
-    columns = [
-        Column(f"channel {number}", "", track) for number, track in enumerate(samples.T, start=1)
-    ]
-    content = content_of_columns(path, columns, rate_hz=float(layout.rate_hz))
+    tracks = enumerate(_samples(data, layout, start, size).T, start=1)
+    columns = [Column(f"channel {number}", "", track) for number, track in tracks]
     detail = "WAV files have no unit; samples are fractions of full scale"
-    return replace(content, findings=(remark(path, "", "unit", detail), *content.findings))
+    findings = [remark(path, "", "unit", detail)]
+    return content_of_columns(path, columns, rate_hz=float(layout.rate_hz), findings=findings)
 
 
 def _layout(path: Path, data: mmap.mmap) -> tuple[_Format, int, int]:
@@ -64,20 +62,19 @@ def _layout(path: Path, data: mmap.mmap) -> tuple[_Format, int, int]:
     layout = None
     for name, start, size in _chunks(path, data):
         if name == b"fmt ":
-            layout = _format(path, data[start : start + size])
+            layout = _format(f"{path.name}, 'fmt '", data[start : start + size])
         if name == b"data" and layout is not None:
             row = layout.n_channels * layout.sample_bytes
             if start + size > len(data):
                 found = f"{len(data) - start} of {size} bytes of samples"
-                raise RecordingFormatError(path.name, found, "the file is truncated", _COPY_AGAIN)
+                raise RecordingFormatError(path.name, found, "the file is truncated", LEAVE_OUT)
             if size % row:
-                found = f"{size} bytes of samples"
-                rule = f"each instant takes {row} bytes"
-                raise RecordingFormatError(path.name, found, rule, _COPY_AGAIN)
+                found, rule = f"{size} bytes of samples", f"each instant takes {row} bytes"
+                raise RecordingFormatError(path.name, found, rule, LEAVE_OUT)
             return layout, start, size
     found = "no chunk 'data'" if layout else "no chunk 'fmt ' before the samples"
     rule = "a WAV file must have a 'fmt ' and a 'data' chunk"
-    raise RecordingFormatError(path.name, found, rule, _COPY_AGAIN)
+    raise RecordingFormatError(path.name, found, rule, LEAVE_OUT)
 
 
 def _chunks(path: Path, data: mmap.mmap) -> Iterator[tuple[bytes, int, int]]:
@@ -97,50 +94,37 @@ def _chunks(path: Path, data: mmap.mmap) -> Iterator[tuple[bytes, int, int]]:
         start += size + size % 2
 
 
-def _format(path: Path, chunk: bytes) -> _Format:
+def _format(where: str, chunk: bytes) -> _Format:
     if len(chunk) < 16:
-        found = f"{len(chunk)} bytes"
-        raise RecordingFormatError(
-            f"{path.name}, 'fmt '", found, "it takes at least 16", _COPY_AGAIN
-        )
+        raise RecordingFormatError(where, f"{len(chunk)} bytes", "it takes at least 16", LEAVE_OUT)
     code, n_channels, rate_hz, _, row, n_bits = struct.unpack("<HHIIHH", chunk[:16])
     if code == _EXTENSIBLE and len(chunk) >= 26:
         code = struct.unpack("<H", chunk[24:26])[0]
     sample_bytes = -(-n_bits // 8)
-    known = {_INTEGER: (1, 2, 3, 4), _FLOAT: (4, 8)}
-    if sample_bytes not in known.get(code, ()) or n_bits % 8:
-        found = f"format {code} of {n_bits} bit"
+    if sample_bytes not in _SAMPLE_BYTES.get(code, ()) or n_bits % 8:
         rule = "integers of 8, 16, 24 or 32 bit and floats of 32 or 64 bit can be read"
-        raise RecordingFormatError(f"{path.name}, 'fmt '", found, rule, EXPORT_AGAIN)
+        raise RecordingFormatError(where, f"format {code} of {n_bits} bit", rule, EXPORT_AGAIN)
     if not n_channels or not rate_hz or row != n_channels * sample_bytes:
         found = f"{n_channels} channels of {sample_bytes} bytes in rows of {row}, {rate_hz} Hz"
         rule = "each row must have one sample per channel, and the rate must be positive"
-        raise RecordingFormatError(f"{path.name}, 'fmt '", found, rule, _COPY_AGAIN)
+        raise RecordingFormatError(where, found, rule, LEAVE_OUT)
     return _Format(code, n_channels, rate_hz, sample_bytes)
 
 
 def _samples(data: mmap.mmap, layout: _Format, start: int, size: int) -> NDArray[Any]:
     """Samples as fractions of full scale, (n_samples, n_channels)."""
-    width = layout.sample_bytes
-    shape = (-1, layout.n_channels)
-    count = size // width
+    width, shape = layout.sample_bytes, (-1, layout.n_channels)
     if layout.code == _FLOAT:
-        return np.frombuffer(data, f"<f{width}", count, start).reshape(shape)
-    if width == 3:
-        stored: NDArray[Any] = _three_bytes(np.frombuffer(data, np.uint8, size, start))
+        return np.frombuffer(data, f"<f{width}", size // width, start).reshape(shape)
+    if width == 3:  # as integers of 32 bit with an empty lowest byte, which the shift removes
+        wide = np.zeros((size // 3, 4), dtype=np.uint8)
+        wide[:, 1:] = np.frombuffer(data, np.uint8, size, start).reshape(-1, 3)
+        stored: NDArray[Any] = wide.view("<i4")[:, 0] >> 8
     else:
-        stored = np.frombuffer(data, "u1" if width == 1 else f"<i{width}", count, start)
-    values: NDArray[Any] = stored.astype(np.float64 if width == 4 else np.float32)  # of 24 bit
+        kind = "u1" if width == 1 else f"<i{width}"
+        stored = np.frombuffer(data, kind, size // width, start)
+    values: NDArray[Any] = stored.astype(np.float64 if width == 4 else np.float32)
     if width == 1:  # the only unsigned ones, with zero in the middle
         values -= 128
     values /= 1 << (8 * width - 1)
     return values.reshape(shape)
-
-
-def _three_bytes(stored: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """Integers of 24 bit: below them a byte of zeros, which the shift takes out again."""
-    wide = np.zeros((len(stored) // 3, 4), dtype=np.uint8)
-    wide[:, 1:] = stored.reshape(-1, 3)
-    values = wide.view("<i4")[:, 0]
-    values >>= 8
-    return values

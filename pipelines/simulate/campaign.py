@@ -15,7 +15,7 @@ from scipy.fft import irfft, next_fast_len
 
 from ema.core.errors import InputError
 from ema.core.recording import ACCELERATION, FORCE, Channel
-from ema.io.text.write import write_csv
+from ema.io.text.csv import write_csv
 from ema.io.uff.write import write_time_series
 from model.reference import DESIGNATION, TABLE_4_RING
 from pipelines.simulate.truth import HIGHEST_ORDER, TruthMode, modal_sum, truth_modes

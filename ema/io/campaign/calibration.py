@@ -16,30 +16,20 @@ from ema.io.campaign.manifest import MANIFEST_NAME, CalibrationSection
 from ema.io.content import remark
 
 _SENSITIVITY = re.compile(r"^\s*([+-]?[0-9.,]+(?:[eE][+-]?[0-9]+)?)\s*(.+?)\s*$")
-_AMBIGUOUS = re.compile(
-    r"^[+-]?[1-9][0-9]{0,2},[0-9]{3}$"
-)  # a thousand, or one with a decimal comma?
+_AMBIGUOUS = re.compile(r"^[+-]?[1-9][0-9]{0,2},[0-9]{3}$")  # decimal comma or thousands?
 _WRITE = "Give the number and its unit as on the calibration sheet, e.g. '10.2 mV/g'"
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What a sensor gives for what it measures.
-
-    Parameters
-    ----------
-    quantity : str
-        What it measures.
-    volts_per_si : float
-        Volts per m/s², N, m/s or m.
-    """
+    """Quantity that a sensor measures, and its output."""
 
     quantity: str
-    volts_per_si: float
+    volts_per_si: float  # volts per m/s², N, m/s or m
 
 
 def parse_sensitivity(text: str) -> Sensitivity | None:
-    """Understand e.g. ``"10.2 mV/g"``, ``"2.25 mV/N"``, ``"98 (m/s^2)/V"``; else None."""
+    """Parse e.g. ``"10.2 mV/g"``, ``"2.25 mV/N"``, ``"98 (m/s^2)/V"``; None for other texts."""
     match = _SENSITIVITY.match(text)
     if match is None or _AMBIGUOUS.match(match[1]):
         return None
@@ -58,17 +48,12 @@ def parse_sensitivity(text: str) -> Sensitivity | None:
 
 
 def _parts(text: str) -> tuple[Unit | None, Unit | None]:
-    """Units above and below the slash that stands outside of all brackets."""
-    depth = 0
-    slashes = []
+    """Units above and below a slash outside of all brackets; mV/m/s^2 means mV/(m/s^2)."""
     for place, sign in enumerate(text):
-        depth += {"(": 1, ")": -1}.get(sign, 0)
-        if sign == "/" and depth == 0:
-            slashes.append(place)
-    for place in slashes:  # mV/m/s^2 is meant as mV/(m/s^2)
-        above, below = parse_unit(text[:place]), parse_unit(text[place + 1 :])
-        if above is not None and below is not None:
-            return above, below
+        if sign == "/" and text.count("(", 0, place) == text.count(")", 0, place):
+            above, below = parse_unit(text[:place]), parse_unit(text[place + 1 :])
+            if above is not None and below is not None:
+                return above, below
     return None, None
 
 
@@ -79,23 +64,9 @@ def _mechanical(unit: Unit) -> bool:
 def calibrated(
     recordings: Sequence[Recording], sections: Mapping[str, CalibrationSection]
 ) -> tuple[list[Recording], list[Finding]]:
-    """Apply the manifest's ``[calibration]`` to all channels that its keys name.
+    """Apply ``[calibration]`` of the manifest to all channels that its keys name.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-    sections : mapping
-        Unit or sensitivity by channel name or pattern such as ``"A*"``; a name goes before a
-        pattern.
-
-    Returns
-    -------
-    list of Recording, list of Finding
-
-    Raises
-    ------
-    ManifestError
-        If a key fits no channel, a text is not understood, or it contradicts the file.
+    Keys are names of channels, or patterns such as ``"A*"``; a name has priority.
     """
     names = {name for recording in recordings for name in recording.names}
     for key in sections:
@@ -108,18 +79,13 @@ def calibrated(
     for recording in recordings:
         channels = []
         for channel in recording.channels:
-            entry = _key(channel.name, sections)
+            fitting = (key for key in sections if fnmatch.fnmatchcase(channel.name, key))
+            entry = channel.name if channel.name in sections else next(fitting, None)
             if entry is not None:
                 channel = _calibrate(recording, channel, entry, sections[entry], findings)
             channels.append(channel)
         result.append(replace(recording, channels=tuple(channels)))
     return result, findings
-
-
-def _key(name: str, sections: Mapping[str, CalibrationSection]) -> str | None:
-    if name in sections:
-        return name
-    return next((key for key in sections if fnmatch.fnmatchcase(name, key)), None)
 
 
 def _calibrate(
@@ -145,12 +111,8 @@ def _calibrate(
         )
     if section.sensitivity is not None:
         channel = _with_sensitivity(recording, channel, where, section.sensitivity, findings)
-    given = section.sensitivity or section.unit
-    findings.append(
-        Finding(
-            recording.path.name, channel.name, None, "calibration", OK, f"{given} by the manifest"
-        )
-    )
+    detail = f"{section.sensitivity or section.unit} by the manifest"
+    findings.append(Finding(recording.path.name, channel.name, None, "calibration", OK, detail))
     return channel
 
 
@@ -159,19 +121,16 @@ def _with_sensitivity(
 ) -> Channel:
     sensitivity = parse_sensitivity(text)
     if sensitivity is None:
-        rule = "a sensitivity is volts over m/s^2, g, N or the like"
+        rule = "a sensitivity must be volts over m/s^2, g, N or the like"
         raise ManifestError(f"{where}.sensitivity", repr(text), rule, _WRITE)
     if channel.quantity != VOLTAGE and is_stated(channel.unit):
-        found = f"a sensitivity for {channel.name!r}, which {recording.path.name} gives in "
-        found += repr(channel.unit)
+        unit = f"in {channel.unit!r} in {recording.path.name}"
+        found = f"a sensitivity for {channel.name!r}, which is {unit}"
         rule = "a sensitivity applies only to a channel in volts"
         remedy = 'Leave it out, or add unit = "V" if the file\'s unit is wrong'
         raise ManifestError(where, found, rule, remedy)
     if channel.quantity != VOLTAGE:
         detail = "no unit stated; taken as V, as a sensitivity is given"
         findings.append(remark(recording.path, channel.name, "unit", detail))
-    return replace(
-        channel,
-        quantity=sensitivity.quantity,
-        scale_to_si=channel.scale_to_si / sensitivity.volts_per_si,
-    )
+    scale_to_si = channel.scale_to_si / sensitivity.volts_per_si
+    return replace(channel, quantity=sensitivity.quantity, scale_to_si=scale_to_si)

@@ -25,11 +25,12 @@ from ema.core.errors import ManifestError, nearest
 from ema.core.files import require_regular
 
 MANIFEST_NAME = "campaign.toml"
-_DECIMAL_COMMA = re.compile(rb"= *[0-9]+,[0-9]")
-
 FORWARD_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
 
-_SIMILAR = 0.8  # a free key that resembles a known one this much is a slip
+_DECIMAL_COMMA = re.compile(rb"= *[0-9]+,[0-9]")
+_SIMILAR = 0.8  # a free key that resembles a known one this much is a typing error
+_TOML = "a manifest must be TOML in UTF-8"
+_LONGEST_VALUE = 60  # characters of a value in a message
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
@@ -37,7 +38,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
 
 def _between(lowest: float, highest: float, rule: str) -> Callable[[float], float]:
-    """Check the size of a number: a wrong unit is off by more than tyres differ."""
+    """Check the size of a number, to find wrong units."""
 
     def check(value: float) -> float:
         if not lowest <= value <= highest:
@@ -84,13 +85,8 @@ class TyreSection(_Section):
     def tyre(self) -> Tyre:
         """Return the tyre, with free keys as texts."""
         details = {key: str(value) for key, value in (self.model_extra or {}).items()}
-        return Tyre(
-            self.designation,
-            self.inflation_pressure_pa,
-            self.mean_radius_m,
-            self.belt_width_m,
-            details,
-        )
+        sizes = (self.inflation_pressure_pa, self.mean_radius_m, self.belt_width_m)
+        return Tyre(self.designation, *sizes, details)
 
 
 class AcquisitionSection(_Section):
@@ -106,7 +102,7 @@ class SensorsSection(_Section):
 
 
 class CalibrationSection(_Section):
-    """An entry of ``[calibration]``: what the samples of some channels mean."""
+    """An entry of ``[calibration]``: unit or sensitivity of some channels."""
 
     unit: str | None = None
     sensitivity: str | None = None
@@ -114,7 +110,7 @@ class CalibrationSection(_Section):
     @model_validator(mode="after")
     def _says_something(self) -> CalibrationSection:
         if self.unit is None and self.sensitivity is None:
-            raise ValueError("an entry has a unit or a sensitivity")
+            raise ValueError("an entry must have a unit or a sensitivity")
         return self
 
 
@@ -156,7 +152,7 @@ class ProcessingSection(_Section):
         if self.averages is not None and self.block_seconds is not None:
             raise ValueError("averages and block_seconds exclude each other")
         if self.band_hz is not None and self.band_hz[0] >= self.band_hz[1]:
-            raise ValueError("band_hz is [lower, upper]")
+            raise ValueError("band_hz must be [lower, upper]")
         return self
 
     def processing(self) -> Processing:
@@ -165,7 +161,7 @@ class ProcessingSection(_Section):
 
 
 class RunSection(_Section):
-    """One ``[[runs]]``: a file, its reference sensor, and where its sensors sit."""
+    """One ``[[runs]]``: a file, its reference sensor, and the positions of its sensors."""
 
     file: Annotated[str, Field(min_length=1)]
     reference: str | None = None
@@ -173,7 +169,7 @@ class RunSection(_Section):
 
 
 class Manifest(_Section):
-    """The whole manifest."""
+    """The manifest with all sections."""
 
     schema_version: Annotated[int, Field(alias="schema", ge=1, le=1, strict=True)]
     tyre: TyreSection | None = None
@@ -187,41 +183,28 @@ class Manifest(_Section):
 
 
 def read_manifest(path: Path) -> Manifest:
-    """Read and check a manifest.
-
-    Raises
-    ------
-    ManifestError
-        If it is missing, no TOML, or a key is unknown, missing or out of its limits. The first
-        fault is named with its place and the nearest valid key.
-    """
+    """Read and check a manifest; the first fault is named with its place and the nearest key."""
     require_regular(path)
     try:
         raw = path.read_bytes()
         content = tomllib.loads(raw.decode("utf-8-sig"))
     except OSError as error:
         reason = error.strerror or str(error)
-        rule = "a campaign is described by a manifest that can be read"
-        raise ManifestError(
-            str(path), reason, rule, "Check the name and the access rights"
-        ) from error
+        rule, remedy = "a manifest must be readable", "Check the name and the access rights"
+        raise ManifestError(str(path), reason, rule, remedy) from error
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        found = f"byte 0x{raw[error.start]:02x}"
-        rule = "a manifest is TOML in UTF-8"
-        raise ManifestError(
-            f"{path.name}, line {line}", found, rule, "Save it in UTF-8 from the editor"
-        ) from error
+        where, found = f"{path.name}, line {line}", f"byte 0x{raw[error.start]:02x}"
+        raise ManifestError(where, found, _TOML, "Save it in UTF-8 from the editor") from error
     except (ValueError, RecursionError) as error:  # TOML, an endless number, nesting
-        rule = "a manifest is TOML in UTF-8"
         remedy = "Correct the place named"
         if _DECIMAL_COMMA.search(raw):
             remedy += "; numbers have a decimal point, not a comma"
         if b"<" in raw:
-            remedy += "; in a draft, values take the place of what stands in angle brackets"
+            remedy += "; in a template, replace everything in angle brackets by values"
         if b"\\" in raw:
             remedy += f"; {FORWARD_SLASHES}"
-        raise ManifestError(path.name, str(error), rule, remedy) from error
+        raise ManifestError(path.name, str(error), _TOML, remedy) from error
     try:
         return Manifest.model_validate(content)
     except ValidationError as error:
@@ -229,13 +212,7 @@ def read_manifest(path: Path) -> Manifest:
 
 
 def resolve(manifest: Path, file: str) -> Path:
-    """Path of a file that a manifest names; it may not leave the manifest's folder.
-
-    Raises
-    ------
-    ManifestError
-        If the path is absolute, or leads out of the folder, be it by a symbolic link.
-    """
+    """Path of a file that a manifest names; it may not leave the folder, not even by a link."""
     folder = manifest.parent.resolve()
     try:
         target = _as_stored(folder / file).resolve()
@@ -245,14 +222,14 @@ def resolve(manifest: Path, file: str) -> Path:
     except (OSError, ValueError, RuntimeError):  # a NUL in the name, a loop of links
         inside = False
     if not inside:
-        rule = "paths are relative to the manifest and stay within its folder"
+        rule = "paths are relative to the manifest and must stay within its folder"
         remedy = "Put the recordings beside the manifest"
         raise ManifestError(f"{manifest.name}, runs", f"file {file!r}", rule, remedy)
     return target
 
 
 def _as_stored(path: Path) -> Path:
-    """The file whose name looks the same: systems store an umlaut as one character or as two."""
+    """The file whose name looks the same: an umlaut is stored as one character or as two."""
     wanted = unicodedata.normalize("NFC", path.name)
     if wanted.isascii() or path.exists() or not path.parent.is_dir():
         return path
@@ -261,12 +238,12 @@ def _as_stored(path: Path) -> Path:
 
 
 def _starts_elsewhere(file: str) -> bool:
-    """Whether a path is absolute or names a drive or a share; the same answer on every system."""
+    """Whether a path is absolute or has a drive or a share, on any system."""
     return bool(PureWindowsPath(file).anchor) or PurePosixPath(file).is_absolute()
 
 
 def _explain(path: Path, error: ValidationError) -> ManifestError:
-    # A misspelt key also leaves its place empty: the key is what the author has to see.
+    # A misspelt key is also missing under its right name: name the misspelt one.
     first = min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
     place = tuple(first["loc"])
     where = f"{path.name}, {_dotted(place)}" if place else path.name
@@ -275,14 +252,14 @@ def _explain(path: Path, error: ValidationError) -> ManifestError:
         return ManifestError(where, f"key {place[-1]!r}", "it is not known here", remedy)
     if first["type"] == "missing":
         return ManifestError(where, "nothing", "this key is required", "Add it")
-    found = repr(first["input"])
     message = str(first["msg"]).removeprefix("Value error, ")
-    found = found if len(found) <= 60 else f"{found[:60]}…"
+    found = repr(first["input"])
+    found = found if len(found) <= _LONGEST_VALUE else f"{found[:_LONGEST_VALUE]}…"
     return ManifestError(where, found, message[:1].lower() + message[1:], "Correct the value")
 
 
 def _dotted(place: tuple[Any, ...]) -> str:
-    """Name a place as the manifest's author counts: runs from 1."""
+    """Name a place, with runs counted from 1."""
     return ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in place)
 
 

@@ -14,13 +14,6 @@ from ema.core.errors import ManifestError, RecordingFormatError, nearest
 from ema.core.finding import EXCLUDED, Finding
 from ema.core.recording import Recording
 from ema.io.campaign import agreement
-from ema.io.campaign.agreement import (
-    RATE_TOLERANCE,
-    check_duplicates,
-    check_rates,
-    coverage_findings,
-    run_names,
-)
 from ema.io.campaign.calibration import calibrated
 from ema.io.campaign.manifest import (
     FORWARD_SLASHES,
@@ -29,15 +22,18 @@ from ema.io.campaign.manifest import (
     read_manifest,
     resolve,
 )
-from ema.io.campaign.roles import Grid, Wanted, assign, reference_place
-from ema.io.content import FileContent
+from ema.io.campaign.roles import Grid, Wanted, assign
+from ema.io.columns import SAME_RATE
+from ema.io.content import FileContent, unreadable
 from ema.io.formats import exists, is_folder, is_recording, read_file
 from ema.signals.signal_checks import level_findings
 from ema.signals.spikes import spike_findings, with_limits
 
+_SAME_ANGLE_DEG = 1e-6
+
 
 def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
-    """Read everything the lab handed over, check it and give each channel its role.
+    """Read recordings and manifest, check them and give each channel its role.
 
     Parameters
     ----------
@@ -53,7 +49,7 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
     Raises
     ------
     RecordingFormatError
-        If a file is missing, damaged, or holds nothing that can be used.
+        If a file is missing, damaged, or has no usable data.
     ManifestError
         If the manifest is faulty or contradicts the recordings.
 
@@ -70,64 +66,51 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
     if len(paths) == 1 and is_folder(paths[0]):
         if exists(paths[0] / MANIFEST_NAME):
             return _with_manifest(paths[0] / MANIFEST_NAME)
-        return _without_manifest(paths[0].resolve().name, recordings_in(paths[0]))
-    if len(paths) == 1 and paths[0].suffix.lower() == ".toml":
+        name, paths = paths[0].resolve().name, recordings_in(paths[0])
+    elif len(paths) == 1 and paths[0].suffix.lower() == ".toml":
         return _with_manifest(paths[0])
-    if not paths:
+    elif not paths:
         rule = "a campaign needs at least one recording"
         raise RecordingFormatError("campaign", "no files", rule, "Name the recordings")
-    name = paths[0].stem if len(paths) == 1 else paths[0].resolve().parent.name
-    return _without_manifest(name, paths)
+    else:
+        name = paths[0].stem if len(paths) == 1 else paths[0].resolve().parent.name
+    contents = _read_all(paths)
+    campaign = Campaign(name=name, sources=tuple(path.resolve() for path in paths))
+    return _fill(campaign, contents, [Wanted()] * len(contents))
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """Recordings of a folder, config_2 before config_10; hidden files are none.
+    """Recordings of a folder without hidden files, config_2 before config_10.
 
-    A link whose target is gone stays in the list: whoever reads it names it.
+    Dead links stay in the list, for the error about them when they are read.
 
     Raises
     ------
     RecordingFormatError
-        If there are none, or the folder cannot be looked into.
+        If there are none, or the folder cannot be read.
     """
     try:
         listed = [path for path in folder.iterdir() if not path.name.startswith(".")]
     except OSError as error:
-        rule = "a campaign's folder must be one that can be read"
-        reason = error.strerror or str(error)
-        raise RecordingFormatError(
-            str(folder), reason, rule, "Check the name and the access rights"
-        ) from error
+        raise unreadable(folder, error, "the folder of a campaign must be readable") from error
     found = [path for path in listed if is_recording(path) and not path.is_dir()]
     if not found:
-        rule = f"a campaign holds recordings, and a {MANIFEST_NAME} where they do not say enough"
+        rule = f"a campaign needs recordings, and a {MANIFEST_NAME} where they are incomplete"
         remedy = "Check the folder name"
         raise RecordingFormatError(str(folder), "no recordings", rule, remedy)
-    return sorted(found, key=lambda path: [_number(part) for part in _parts(path.name)])
-
-
-def _parts(name: str) -> list[str]:
-    return re.split(r"([0-9]+)", name)
+    return sorted(found, key=lambda path: [*map(_number, re.split(r"([0-9]+)", path.name))])
 
 
 def _number(part: str) -> tuple[int, str]:
     return (int(part), "") if part.isdecimal() and len(part) < 100 else (-1, part)
 
 
-def _without_manifest(name: str, paths: Sequence[Path]) -> Campaign:
-    contents = _read_all(paths)
-    campaign = Campaign(name=name, sources=tuple(path.resolve() for path in paths))
-    return _fill(campaign, contents, [Wanted()] * len(contents))
-
-
 def _with_manifest(path: Path) -> Campaign:
     manifest = read_manifest(path)
     files = _files_of(path, manifest)
     force = manifest.excitation.channel
-    wanted = [
-        Wanted.from_section(section, number, force)
-        for number, section in enumerate(manifest.runs, 1)
-    ]
+    runs = enumerate(manifest.runs, 1)
+    wanted = [Wanted.from_section(section, number, force) for number, section in runs]
     contents = _read_all(files)
     _refuse_empty(contents, wanted)
     rate = manifest.acquisition.sampling_rate_hz
@@ -147,7 +130,7 @@ def _with_manifest(path: Path) -> Campaign:
 
 
 def _files_of(path: Path, manifest: Manifest) -> list[Path]:
-    """Paths of the runs' files, each of them there and named once."""
+    """Paths of the files of the runs, which must exist and be named once."""
     files: list[Path] = []
     for number, section in enumerate(manifest.runs, 1):
         where = f"{path.name}, runs.{number}.file"
@@ -163,7 +146,7 @@ def _files_of(path: Path, manifest: Manifest) -> list[Path]:
 
 
 def _instead_of(file: str, folder: Path) -> str:
-    """What to write for a file that is not there; a backslash starts a sign such as a tab."""
+    """What to write for a file that does not exist; a backslash may have made a tab."""
     if "\\" in file or not file.isprintable():
         return f"Check the backslash: {FORWARD_SLASHES}"
     return nearest(file, sorted(each.name for each in folder.iterdir()))
@@ -171,7 +154,7 @@ def _instead_of(file: str, folder: Path) -> str:
 
 def _read_all(paths: Sequence[Path]) -> list[FileContent]:
     contents = [read_file(path) for path in paths]
-    check_duplicates(paths)
+    agreement.check_duplicates(paths)
     if all(each.recording is None and each.frf is None for each in contents):
         notes = "; ".join(finding.detail for each in contents for finding in each.findings)
         found = f"no time series and no FRFs ({notes or 'no datasets'})"
@@ -182,7 +165,7 @@ def _read_all(paths: Sequence[Path]) -> list[FileContent]:
 
 
 def _refuse_empty(contents: Sequence[FileContent], wanted: Sequence[Wanted]) -> None:
-    """A run of the manifest that holds nothing would be missing without a word."""
+    """Refuse runs of the manifest without usable data, which would be missing unnoticed."""
     for content, each in zip(contents, wanted, strict=True):
         if content.recording is None and content.frf is None:
             notes = "; ".join(finding.detail for finding in content.findings)
@@ -205,12 +188,12 @@ def _calibrated(contents: list[FileContent], manifest: Manifest) -> list[FileCon
 
 
 def _with_rate(recording: Recording | None, rate_hz: float | None) -> Recording | None:
-    """Check the file's rate against the manifest's, or take that where the file has none."""
+    """Check the rate of the file against the manifest, or take that of the manifest."""
     if recording is None or rate_hz is None:
         return recording
     if np.isnan(recording.sampling_rate_hz):
         return replace(recording, sampling_rate_hz=rate_hz)
-    if abs(recording.sampling_rate_hz - rate_hz) > RATE_TOLERANCE * rate_hz:
+    if abs(recording.sampling_rate_hz - rate_hz) > SAME_RATE * rate_hz:
         where = f"{MANIFEST_NAME}, acquisition.sampling_rate_hz"
         rule = f"{recording.path.name} was sampled at {recording.sampling_rate_hz:g} Hz"
         remedy = "Correct the manifest or remove the key"
@@ -221,15 +204,17 @@ def _with_rate(recording: Recording | None, rate_hz: float | None) -> Recording 
 def _fill(
     campaign: Campaign, contents: Sequence[FileContent], wanted: Sequence[Wanted]
 ) -> Campaign:
-    """Add FRFs where the files hold some, and else the runs."""
+    """Add FRFs where the files have some, and else the runs."""
     findings = [finding for content in contents for finding in content.findings]
     if any(content.frf is not None for content in contents):
-        chosen = [
-            (content, each.positions_deg)
-            for content, each in zip(contents, wanted, strict=True)
-            if content.frf is not None
+        pairs = zip(contents, wanted, strict=True)
+        chosen = [(content, each.positions_deg) for content, each in pairs if content.frf]
+        detail = "time series beside FRFs: the FRFs are used, the time series are left out"
+        findings += [
+            Finding(each.path.name, "", None, "content", EXCLUDED, detail)
+            for each in contents
+            if each.recording is not None
         ]
-        findings += [_left_out(each) for each in contents if each.recording is not None]
         files, positions_deg = zip(*chosen, strict=True)
         frf, noticed = agreement.merge(files, positions_deg, campaign.positions)
         findings += noticed
@@ -243,21 +228,17 @@ def _fill_runs(
     wanted: Sequence[Wanted],
     findings: list[Finding],
 ) -> Campaign:
-    recordings = [
-        (content.recording, each)
-        for content, each in zip(contents, wanted, strict=True)
-        if content.recording is not None
-    ]
-    check_rates([recording for recording, _ in recordings])
+    pairs = zip(contents, wanted, strict=True)
+    recordings = [(content.recording, each) for content, each in pairs if content.recording]
+    agreement.check_rates([recording for recording, _ in recordings])
     candidates = [
         channel
         for recording, each in recordings
-        for channel in recording.channels
-        if each.may_be_response(channel)
+        for channel in filter(each.may_be_response, recording.channels)
     ]
     grid = Grid.over(campaign.positions, candidates)
     runs, reference_deg, excitation_deg = [], None, campaign.excitation_deg
-    names = run_names([recording.path for recording, _ in recordings])
+    names = agreement.run_names([recording.path for recording, _ in recordings])
     for name, (recording, each) in zip(names, recordings, strict=True):
         run, noticed = assign(with_limits(recording), each, grid, name)
         runs.append(run)
@@ -268,7 +249,7 @@ def _fill_runs(
             excitation_deg = grid.known_place(run.force, each.positions_deg).angle_deg
         findings += spike_findings(name, run.channels)
         findings += level_findings(replace(recording, channels=run.channels))
-    findings += coverage_findings(runs, campaign.positions)
+    findings += agreement.coverage_findings(runs, campaign.positions)
     return replace(
         campaign,
         runs=tuple(runs),
@@ -279,15 +260,11 @@ def _fill_runs(
 
 
 def _same_place(run: Run, wanted: Wanted, grid: Grid, others: float | None) -> float | None:
-    """Angle of the reference, which stays where it is over all runs."""
-    angle = reference_place(run, wanted, grid).angle_deg
-    if angle is not None and others is not None and abs(angle - others) > 1e-6:
+    """Angle of the reference, which must be the same in all runs."""
+    assert run.reference is not None
+    angle = grid.known_place(run.reference, wanted.positions_deg).angle_deg
+    if angle is not None and others is not None and abs(angle - others) > _SAME_ANGLE_DEG:
         found = f"reference at {angle:g} degrees"
-        rule = f"in earlier runs it is at {others:g}, and a reference stays in place"
+        rule = f"in earlier runs it is at {others:g}, and it must stay in place"
         raise ManifestError(f"{wanted.where}, reference", found, rule, "Correct its position")
     return others if angle is None else angle
-
-
-def _left_out(content: FileContent) -> Finding:
-    detail = "time series beside FRFs: the FRFs enter, the time series are left out"
-    return Finding(content.path.name, "", None, "content", EXCLUDED, detail)

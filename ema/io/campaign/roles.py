@@ -14,35 +14,25 @@ from ema.core.units import SI_UNIT, is_stated
 from ema.io.campaign.manifest import MANIFEST_NAME, RunSection
 from ema.io.content import remark
 
-_INIT = "Write a manifest that names it; `ringmodal init FOLDER` drafts one"
+#: Check of the finding that neither file nor manifest has a node number of a sensor.
+UNNUMBERED = "node"
+
+_INIT = "Write a manifest that names it; `ringmodal init FOLDER` writes a template"
+_ON_GRID = 1e-3  # of a grid step
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the manifest says about a run; all empty where there is none.
-
-    Parameters
-    ----------
-    manifest : bool
-        Whether there is a manifest.
-    force : str or None
-        Name of the excitation's channel.
-    reference : str or None
-        Name of the reference sensor's channel.
-    positions_deg : dict or None
-        Angles by channel name.
-    where : str
-        Place of the run in the manifest.
-    """
+    """What the manifest states about a run; all empty without a manifest."""
 
     manifest: bool = False
-    force: str | None = None
-    reference: str | None = None
-    positions_deg: dict[str, float] | None = None
-    where: str = ""
+    force: str | None = None  # name of the channel of the excitation
+    reference: str | None = None  # name of the channel of the reference sensor
+    positions_deg: dict[str, float] | None = None  # angles by name of the channel
+    where: str = ""  # place of the run in the manifest
 
     def may_be_response(self, channel: Channel) -> bool:
-        """Whether a channel looks like a response: one with a position, or else an acceleration."""
+        """Whether a channel may be a response: it has a position, or else is an acceleration."""
         if channel.name in (self.force, self.reference):
             return False
         if self.positions_deg is not None:
@@ -51,7 +41,7 @@ class Wanted:
 
     @classmethod
     def from_section(cls, section: RunSection, number: int, force: str | None) -> Wanted:
-        """Take what `section`, the `number`-th run of a manifest, asks for."""
+        """Take what `section`, the `number`-th run of a manifest, states."""
         where = f"{MANIFEST_NAME}, runs.{number} ({section.file})"
         return cls(True, force, section.reference, section.positions_deg, where)
 
@@ -59,168 +49,132 @@ class Wanted:
 def assign(
     recording: Recording, wanted: Wanted, grid: Grid, name: str
 ) -> tuple[Run, list[Finding]]:
-    """Give each channel of a recording its role and place; `name` is that of the run.
-
-    Raises
-    ------
-    ManifestError
-        If the manifest names a channel that is not there or measures something else, or puts
-        two responses at one place.
-    RecordingFormatError
-        If names occur twice, or without a manifest it is not clear which channel is the force.
-    """
-    _check_names(recording)
-    findings: list[Finding] = []
-    force = _force(recording, wanted, findings)
-    reference = _reference(recording, wanted, force, findings)
+    """Give each channel of a recording its role and place; `name` is that of the run."""
+    roles = _Roles(recording, wanted)
+    roles.check_names()
+    force = roles.force()
+    reference = roles.reference(force)
     if wanted.positions_deg is not None and grid.positions is None:
-        detail = "positions_deg without [grid]: there is no circle, angles are not used"
-        findings.append(remark(recording.path, "", "grid", detail))
+        roles.note("", "grid", "positions_deg without [grid]: there is no circle, angles not used")
     taken = {force.name} | ({reference.name} if reference is not None else set())
-    chosen = _responses(recording, wanted, taken, findings)
     responses = []
-    for channel in chosen:
-        place = grid.place(recording.path, channel, wanted.positions_deg, findings)
+    for channel in roles.responses(taken):
+        place = grid.place(recording.path, channel, wanted.positions_deg, roles.findings)
         responses.append(Response(channel, place.node, place.angle_deg))
-    if not responses:
-        rule = "a run needs at least one acceleration besides the force and the reference"
-        raise _fault(recording, wanted, _list(recording), rule, "Check the units and data types")
-    _check_places(recording, wanted, responses)
-    return Run(name, recording, force, tuple(responses), reference), findings
+    roles.check_places(responses)
+    return Run(name, recording, force, tuple(responses), reference), roles.findings
 
 
-def reference_place(run: Run, wanted: Wanted, grid: Grid) -> Place:
-    """Place of the reference sensor, as far as manifest or file tell."""
-    assert run.reference is not None
-    return grid.known_place(run.reference, wanted.positions_deg)
+@dataclass(frozen=True)
+class _Roles:
+    """The channels of a recording, and what was assumed to give them their roles."""
 
+    recording: Recording
+    wanted: Wanted
+    findings: list[Finding] = field(default_factory=list)
 
-def _fault(recording: Recording, wanted: Wanted, found: str, rule: str, remedy: str) -> InputError:
-    if wanted.manifest:
-        return ManifestError(wanted.where, found, rule, remedy)
-    return RecordingFormatError(recording.path.name, found, rule, remedy)
+    def note(self, channel: str, check: str, detail: str) -> None:
+        self.findings.append(remark(self.recording.path, channel, check, detail))
 
+    def fault(self, found: str, rule: str, remedy: str) -> InputError:
+        if self.wanted.manifest:
+            return ManifestError(self.wanted.where, found, rule, remedy)
+        return RecordingFormatError(self.recording.path.name, found, rule, remedy)
 
-def _list(recording: Recording) -> str:
-    return "channels " + ", ".join(f"{each.name} ({each.quantity})" for each in recording.channels)
+    @property
+    def _listed(self) -> str:
+        names = (f"{each.name} ({each.quantity})" for each in self.recording.channels)
+        return f"channels {', '.join(names)}"
 
+    def check_names(self) -> None:
+        seen: dict[str, int] = {}
+        for number, name in enumerate(self.recording.names, 1):
+            if (first := seen.setdefault(name, number)) < number:
+                found = f"channels {first} and {number} are both called {name!r}"
+                rule = "a channel is found by its name, which must be unique in a run"
+                remedy = "Rename one of them in the export (UFF: first ID line)"
+                raise RecordingFormatError(self.recording.path.name, found, rule, remedy)
 
-def _check_names(recording: Recording) -> None:
-    seen: dict[str, int] = {}
-    for number, name in enumerate(recording.names, 1):
-        if name in seen:
-            found = f"channels {seen[name]} and {number} are both called {name!r}"
-            rule = "a channel is found by its name, so names occur once in a run"
-            remedy = "Rename one of them in the export (UFF: first ID line)"
-            raise RecordingFormatError(recording.path.name, found, rule, remedy)
-        seen[name] = number
+    def _named(self, name: str, key: str) -> Channel:
+        for channel in self.recording.channels:
+            if channel.name == name:
+                return channel
+        names, wanted = self.recording.names, self.wanted
+        rule = f"{self.recording.path.name} has no such channel, but {', '.join(names)}"
+        taken = {wanted.force, wanted.reference, *(wanted.positions_deg or ())}
+        free = [each for each in names if each not in taken] or names
+        raise ManifestError(f"{wanted.where}, {key}", repr(name), rule, nearest(name, free))
 
-
-def _named(recording: Recording, name: str, wanted: Wanted, key: str) -> Channel:
-    for channel in recording.channels:
-        if channel.name == name:
+    def _as(self, channel: Channel, quantity: str) -> Channel:
+        """A channel in its role; one without a unit is taken as SI with a finding."""
+        if channel.quantity == quantity:
             return channel
-    names = ", ".join(recording.names)
-    rule = f"{recording.path.name} holds no channel of that name, but {names}"
-    taken = {wanted.force, wanted.reference, *(wanted.positions_deg or ())}
-    free = [each for each in recording.names if each not in taken] or recording.names
-    raise ManifestError(f"{wanted.where}, {key}", repr(name), rule, nearest(name, free))
+        if channel.quantity != UNKNOWN or is_stated(channel.unit):
+            unit = f" in {channel.unit!r}" if is_stated(channel.unit) else ""
+            remedy = f"Convert it to {SI_UNIT[quantity]}, or choose another channel"
+            if channel.quantity == VOLTAGE:
+                entry = f'{channel.name} = {{ sensitivity = "…" }}'
+                remedy = f"Add [calibration] to {MANIFEST_NAME}: {entry}"
+            found = f"{channel.name!r} measures {channel.quantity}{unit}"
+            raise self.fault(found, f"its role needs {quantity} in a known unit", remedy)
+        detail = f"no unit stated; taken as {quantity} in {SI_UNIT[quantity]}"
+        self.note(channel.name, "unit", detail)
+        return replace(channel, quantity=quantity)
 
+    def force(self) -> Channel:
+        if self.wanted.force is not None:
+            return self._as(self._named(self.wanted.force, "excitation.channel"), FORCE)
+        forces = [channel for channel in self.recording.channels if channel.quantity == FORCE]
+        if len(forces) == 1:
+            return forces[0]
+        found = f"no force among {self._listed}"
+        if forces:
+            found = f"{len(forces)} forces: {', '.join(each.name for each in forces)}"
+        remedy = "Set excitation.channel in the manifest" if self.wanted.manifest else _INIT
+        raise self.fault(found, "FRFs need exactly one excitation, a force in N", remedy)
 
-def _as(
-    channel: Channel,
-    quantity: str,
-    recording: Recording,
-    wanted: Wanted,
-    findings: list[Finding],
-) -> Channel:
-    """Take a channel in its role; one without a unit is taken as SI, and that is recorded."""
-    if channel.quantity == quantity:
-        return channel
-    if channel.quantity != UNKNOWN or is_stated(channel.unit):
-        unit = f" in {channel.unit!r}" if is_stated(channel.unit) else ""
-        found = f"{channel.name!r} measures {channel.quantity}{unit}"
-        rule = f"its role needs {quantity} in a known unit"
-        remedy = f"Convert it to {SI_UNIT[quantity]}, or choose another channel"
-        if channel.quantity == VOLTAGE:
-            remedy = (
-                f'Add [calibration] to {MANIFEST_NAME}: {channel.name} = {{ sensitivity = "…" }}'
-            )
-        raise _fault(recording, wanted, found, rule, remedy)
-    detail = f"no unit stated; taken as {quantity} in {SI_UNIT[quantity]}"
-    findings.append(remark(recording.path, channel.name, "unit", detail))
-    return replace(channel, quantity=quantity)
+    def reference(self, force: Channel) -> Channel | None:
+        if self.wanted.reference is None:
+            return None
+        named = self._named(self.wanted.reference, "reference")
+        if named.name == force.name:
+            where, rule = self.wanted.where, "one channel cannot be the reference and the force"
+            remedy = f"Name the reference sensor, one of {', '.join(self.recording.names)}"
+            raise ManifestError(f"{where}, reference", repr(force.name), rule, remedy)
+        return self._as(named, ACCELERATION)
 
+    def responses(self, taken: set[str]) -> list[Channel]:
+        """Channels that are responses: those with a position, or else all accelerations."""
+        positions = self.wanted.positions_deg
+        for name in positions or ():
+            self._named(name, "positions_deg")
+        chosen = []
+        for channel in self.recording.channels:
+            if channel.name in taken:
+                continue
+            if self.wanted.may_be_response(channel):
+                chosen.append(self._as(channel, ACCELERATION))
+            else:
+                reason = "not an acceleration" if positions is None else "not in positions_deg"
+                self.note(channel.name, "ignored", reason)
+        if not chosen:
+            rule = "a run needs at least one acceleration besides the force and the reference"
+            raise self.fault(self._listed, rule, "Check the units and data types")
+        return chosen
 
-def _force(recording: Recording, wanted: Wanted, findings: list[Finding]) -> Channel:
-    if wanted.force is not None:
-        named = _named(recording, wanted.force, wanted, "excitation.channel")
-        return _as(named, FORCE, recording, wanted, findings)
-    forces = [channel for channel in recording.channels if channel.quantity == FORCE]
-    if len(forces) == 1:
-        return forces[0]
-    if forces:
-        found = f"{len(forces)} forces: {', '.join(each.name for each in forces)}"
-    else:
-        found = f"no force among {_list(recording)}"
-    rule = "FRFs need exactly one excitation, a force in N"
-    remedy = "Set excitation.channel in the manifest" if wanted.manifest else _INIT
-    raise _fault(recording, wanted, found, rule, remedy)
-
-
-def _reference(
-    recording: Recording, wanted: Wanted, force: Channel, findings: list[Finding]
-) -> Channel | None:
-    if wanted.reference is None:
-        return None
-    named = _named(recording, wanted.reference, wanted, "reference")
-    if named.name == force.name:
-        rule = "one channel cannot be the reference and the force"
-        remedy = f"Name the reference sensor, one of {', '.join(recording.names)}"
-        raise ManifestError(f"{wanted.where}, reference", repr(force.name), rule, remedy)
-    return _as(named, ACCELERATION, recording, wanted, findings)
-
-
-def _responses(
-    recording: Recording, wanted: Wanted, taken: set[str], findings: list[Finding]
-) -> list[Channel]:
-    """Channels that are responses: those with a position, or else all accelerations."""
-    positions = wanted.positions_deg
-    if positions is not None:
-        for name in positions:
-            _named(recording, name, wanted, "positions_deg")
-    chosen = []
-    for channel in recording.channels:
-        if channel.name in taken:
-            continue
-        if wanted.may_be_response(channel):
-            chosen.append(_as(channel, ACCELERATION, recording, wanted, findings))
-        else:
-            reason = "no acceleration" if positions is None else "not listed in positions_deg"
-            findings.append(remark(recording.path, channel.name, "ignored", reason))
-    return chosen
-
-
-def _check_places(recording: Recording, wanted: Wanted, responses: Sequence[Response]) -> None:
-    """Refuse two responses at one place of a run: one of them is mislabelled."""
-    seen: dict[float | int | None, str] = {}
-    for response in responses:
-        angle = response.position_deg
-        key = response.node if angle is None else round(angle, 6) % 360.0
-        name = response.channel.name
-        if key in seen:
-            place = f"node {key}" if angle is None else f"{key:g} degrees"
-            found = f"{seen[key]!r} and {name!r} are both at {place}"
-            rule = "each response of a run has a place of its own"
-            raise _fault(recording, wanted, found, rule, "Correct one of the two positions")
-        seen[key] = name
-
-
-_ON_GRID = 1e-3  # of a grid step
-
-
-#: Check under which it is remarked that neither file nor manifest says where a sensor sat.
-UNNUMBERED = "node"
+    def check_places(self, responses: Sequence[Response]) -> None:
+        """Refuse two responses at one place of a run: one of them is mislabelled."""
+        seen: dict[float | int | None, str] = {}
+        for response in responses:
+            angle = response.position_deg
+            key = response.node if angle is None else round(angle, 6) % 360.0
+            name = response.channel.name
+            if key in seen:
+                place = f"node {key}" if angle is None else f"{key:g} degrees"
+                found = f"{seen[key]!r} and {name!r} are both at {place}"
+                rule = "each response of a run must have a different place"
+                raise self.fault(found, rule, "Correct one of the two positions")
+            seen[key] = name
 
 
 @dataclass(frozen=True)
@@ -233,30 +187,19 @@ class Place:
 
 @dataclass(frozen=True)
 class Grid:
-    """Where nodes lie.
+    """Positions of the nodes."""
 
-    Parameters
-    ----------
-    positions : int or None
-        Number of positions on the circle; None for any structure.
-    nodes_are_set : bool
-        Whether the files number their nodes; node 0 everywhere means that they do not.
-    numbers : dict
-        Node numbers given by name in order of appearance, where files have none.
-    """
-
-    positions: int | None
-    nodes_are_set: bool
-    numbers: dict[str, int] = field(default_factory=dict)
+    positions: int | None  # on the circle; None for any structure
+    nodes_are_set: bool  # whether files number their nodes; node 0 everywhere means no
+    numbers: dict[str, int] = field(default_factory=dict)  # given by name where files have none
 
     @classmethod
     def over(cls, positions: int | None, channels: Sequence[Channel]) -> Grid:
-        """Look at the nodes of all responses, and number their names where there are none."""
+        """Grid for all responses, whose names are numbered in order where files have no nodes."""
         if any(channel.node for channel in channels):
             return cls(positions, True)
         names = dict.fromkeys(channel.name for channel in channels)
-        numbers = {name: number for number, name in enumerate(names, 1)}
-        return cls(positions, False, numbers)
+        return cls(positions, False, {name: number for number, name in enumerate(names, 1)})
 
     def angle_of(self, node: int | None) -> float | None:
         """Angle of node k, k·360/positions, in degrees; None for a node that is not on the grid.
@@ -268,7 +211,7 @@ class Grid:
         return (node % self.positions) * 360.0 / self.positions
 
     def known_place(self, channel: Channel, positions_deg: dict[str, float] | None) -> Place:
-        """Place of a channel: the manifest's angle, the file's geometry, its node on the grid."""
+        """Place of a channel by the manifest, the geometry in the file, or its node on the grid."""
         node = channel.node if self.nodes_are_set else None
         if self.positions is None:
             return Place(self.numbers.get(channel.name) if node is None else node)
@@ -288,13 +231,7 @@ class Grid:
         positions_deg: dict[str, float] | None,
         findings: list[Finding],
     ) -> Place:
-        """Place of a response, which has to be known; what was assumed goes to `findings`.
-
-        Raises
-        ------
-        ManifestError
-            If there is a grid and neither manifest nor file say where on it.
-        """
+        """Place of a response, which must be known; assumptions are added to `findings`."""
         place = self.known_place(channel, positions_deg)
         if self.positions is None:
             if not self.nodes_are_set:

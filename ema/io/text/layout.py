@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 
 from ema.core.errors import RecordingFormatError
 from ema.core.units import is_stated
+from ema.io.columns import SAME_RATE, step_and_inverse
 from ema.io.content import EXPORT_AGAIN
-from ema.io.sampling import step_and_inverse
 from ema.io.text.source import (
     BLANKS,
     Line,
@@ -40,53 +40,25 @@ _SEPARATORS = ("\t", ";", ",", "|")
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a table is written.
-
-    Parameters
-    ----------
-    separator : str
-        Between cells; a blank stands for any run of blanks and tabs.
-    decimal : str
-        Point or comma.
-    """
+    """How a table is written: a blank as separator means any run of blanks and tabs."""
 
     separator: str
-    decimal: str
+    decimal: str  # point or comma
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the numbers of a file are, and what they are called.
-
-    Parameters
-    ----------
-    dialect : Dialect
-        How they are written.
-    names, units : tuple of str
-        For each column; empty where there is none.
-    first_line : int
-        Line of the first numbers in the file, counted from 1.
-    start : int
-        Their first character in the beginning of the text.
-    clocks : frozenset of int
-        Columns that hold times of day or dates.
-    filled : int
-        Columns before the empty ones that separators at the rows' ends make.
-    either_decimal : bool
-        Whether the first rows, integers, leave the decimal sign open.
-    rate_hz : float
-        Sampling rate stated above the table; NaN where none is.
-    """
+    """Where the numbers of a file are, how they are written, and what they are called."""
 
     dialect: Dialect
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the columns; empty where a column has none
     units: tuple[str, ...]
-    first_line: int
-    start: int
-    clocks: frozenset[int] = frozenset()
-    filled: int = 0
-    either_decimal: bool = False
-    rate_hz: float = float("nan")
+    first_line: int  # of the numbers in the file, counted from 1
+    start: int  # first character of the numbers in the beginning of the text
+    clocks: frozenset[int] = frozenset()  # columns of times of day or dates
+    filled: int = 0  # columns without the empty ones of separators at the ends of rows
+    either_decimal: bool = False  # whether the first rows, integers, leave the decimal sign open
+    rate_hz: float = math.nan  # stated above the table; NaN where none is
 
     @property
     def width(self) -> int:
@@ -96,7 +68,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class _Row:
-    """What the cells of a line are, all in all."""
+    """A line, and how many of its cells are numbers and texts."""
 
     line: Line
     separator: str
@@ -122,7 +94,7 @@ class _Row:
 
 @dataclass(frozen=True)
 class _Table:
-    """A table as one dialect sees it: its rows of numbers, and the two lines that name them."""
+    """A table in one dialect: its rows of numbers, and the lines of names and units."""
 
     dialect: Dialect
     rows: tuple[_Row, ...]
@@ -142,17 +114,12 @@ class _Table:
 def find_layout(source: TextSource) -> Layout:
     """Find the table in a text file: lines of text, then names, perhaps units, then numbers.
 
-    Separator and decimal sign are those with which the first rows are numbers throughout and as
-    many as the names above them.
-
-    Raises
-    ------
-    RecordingFormatError
-        If there is no table, or its columns have no names.
+    Separator and decimal sign are those with which the first rows contain only numbers, as many
+    as there are names above them.
     """
     where = source.path.name
     if not source.head:
-        rule = "a table begins with a header row and holds at least one row of numbers"
+        rule = "a table must have a header row and at least one row of numbers"
         raise RecordingFormatError(where, "the file is empty", rule, EXPORT_AGAIN)
     if "\x00" in source.head:
         rule = "a table must be text in UTF-8, latin-1, or UTF-16 with a byte-order mark"
@@ -191,7 +158,7 @@ def _row(line: Line, dialect: Dialect) -> _Row:
 
 
 def _table(lines: Sequence[Line], dialect: Dialect) -> _Table | None:
-    """The longest run of numbers near the beginning, with names above where there are any."""
+    """The longest run of numbers near the beginning, if possible one with names above."""
     rows: list[_Row] = []
     for line in lines:
         rows.append(_row(line, dialect))
@@ -203,24 +170,21 @@ def _table(lines: Sequence[Line], dialect: Dialect) -> _Table | None:
 
 
 def _starts(rows: Sequence[_Row], dialect: Dialect) -> list[int]:
-    """Where rows of numbers begin; a row with a word in it counts where none is clean."""
-    numeric = [
-        row.is_data
-        or (row.is_damaged_data and stated_rate_hz(row.line.text, dialect.decimal) is None)
-        for row in rows
-    ]
-    starts = [
-        index
-        for index, is_numeric in enumerate(numeric)
-        if is_numeric
-        and (index == 0 or not numeric[index - 1] or rows[index - 1].width != rows[index].width)
-    ]
+    """Where rows of numbers begin; rows with a text in them count where there are no others."""
+
+    def is_numeric(row: _Row) -> bool:
+        if row.is_damaged_data:
+            return stated_rate_hz(row.line.text, dialect.decimal) is None
+        return row.is_data
+
+    widths = [row.width if is_numeric(row) else 0 for row in rows]
+    starts = [index for index, width in enumerate(widths) if width not in (0, [0, *widths][index])]
     clean = [index for index in starts if any(row.is_data for row in _run(rows, index))]
     return [index for index in clean or starts if index <= _MOST_PREAMBLE]
 
 
 def _run(rows: Sequence[_Row], first: int) -> tuple[_Row, ...]:
-    """Rows of the same width from `first` on that hold numbers."""
+    """Rows of numbers of the same width from `first` on."""
     run = []
     for row in rows[first : first + _SAMPLE_ROWS]:
         if not row.numbers or row.width != rows[first].width:
@@ -232,7 +196,7 @@ def _run(rows: Sequence[_Row], first: int) -> tuple[_Row, ...]:
 def _table_at(rows: Sequence[_Row], first: int, dialect: Dialect) -> _Table:
     """The table whose numbers begin at a row, with the rows above it that name the columns.
 
-    Units may stand between names and numbers, and a row of other text below the units.
+    There may be units between names and numbers, and a row of other text below the units.
     """
     run = _run(rows, first)
     width, filled = run[0].width, max(row.filled for row in run)
@@ -252,11 +216,11 @@ def _table_at(rows: Sequence[_Row], first: int, dialect: Dialect) -> _Table:
             return _Table(dialect, run, rows[units - 1].line, rows[units].line)
         if rows[above].is_heading:
             break
-    # Units alone are no names, where those stand in a line above that has lost a cell.
-    is_unnamed = (
-        above > 0 and rows[above - 1].width > 1 and _holds_units(rows[above], dialect, width)
+    # Units are not names: those are in a line further up that has lost a cell.
+    has_names = not (
+        above and rows[above - 1].width > 1 and _holds_units(rows[above], dialect, width)
     )
-    return _Table(dialect, run, None if is_unnamed else rows[above].line, None)
+    return _Table(dialect, run, rows[above].line if has_names else None, None)
 
 
 def _holds_units(row: _Row, dialect: Dialect, width: int) -> bool:
@@ -266,11 +230,10 @@ def _holds_units(row: _Row, dialect: Dialect, width: int) -> bool:
 
 
 def _no_numbers(where: str, lines: Sequence[Line]) -> RecordingFormatError:
+    found = "only blank rows, or rows of over a megabyte"
     if lines:
         found = f"no rows of numbers below the header, down to line {lines[-1].number}"
-    else:
-        found = "no rows of numbers, nor of anything else, or rows of over a megabyte"
-    rule = f"a table begins with a header row after at most {_MOST_PREAMBLE} others, then numbers"
+    rule = f"numbers must follow a header row, which follows at most {_MOST_PREAMBLE} other rows"
     return RecordingFormatError(where, found, rule, EXPORT_AGAIN)
 
 
@@ -278,15 +241,14 @@ def _no_header(where: str, lines: Sequence[Line], table: _Table) -> RecordingFor
     row = table.rows[0]
     above = next((line for line in reversed(lines) if line.number < row.line.number), None)
     place = f"{where}, line {row.line.number}"
+    rule = "the row above the numbers must name each column, with its unit in square brackets"
     if above is None or not any(character.isalpha() for character in above.text):
         found = f"no header: {row.line.text[:20]!r} …"
-        rule = "the row above the numbers must name each column, with its unit in square brackets"
         return RecordingFormatError(place, found, rule, "Add a header line")
     count = len(heading_cells(above.text, table.dialect.separator, row.width))
     found = f"{row.width} cells below {count} in line {above.number}; header and rows differ"
     if count == row.width:
         found = f"units in line {above.number}, no header of {row.width} names above them"
-    rule = "the row above the numbers must name each column, with its unit in square brackets"
     return RecordingFormatError(place, found, rule, "Correct the header, or the row below it")
 
 
@@ -322,7 +284,7 @@ def _check_commas(where: str, table: _Table) -> None:
     cells = [cell for row in table.rows for cell in cells_of(row.line.text, ",") if "," in cell]
     if cells and all(map(may_hold_thousands, cells)):
         place = f"{where}, line {table.rows[0].line.number}"
-        rule = "it may be a decimal comma or separate thousands"
+        rule = "the comma may be a decimal comma or separate thousands"
         raise RecordingFormatError(place, repr(cells[0]), rule, "Export plain numbers")
 
 
@@ -334,31 +296,26 @@ def _heading(table: _Table, line: Line) -> list[str]:
 
 
 def _either_decimal(table: _Table, tables: Sequence[_Table | None]) -> bool:
-    return any(
-        each is not None
-        and each.dialect.separator == table.dialect.separator
-        and each.dialect.decimal != table.dialect.decimal
-        and each.rank == table.rank
-        for each in tables
-    )
+    decimal = "," if table.dialect.decimal == "." else "."
+    other = replace(table.dialect, decimal=decimal)
+    return any(each and each.dialect == other and each.rank == table.rank for each in tables)
 
 
 def _rate_above(where: str, lines: Sequence[Line], table: _Table) -> float:
     """The sampling rate that lines above the table state; NaN where none does."""
     assert table.names is not None
-    stated = [
-        (line.number, rate)
-        for line in lines
-        if line.number < table.names.number
-        and (rate := stated_rate_hz(line.text, table.dialect.decimal)) is not None
-    ]
-    for number, rate in stated[1:]:
+    stated: list[tuple[int, float]] = []
+    for line in lines:
+        rate_hz = stated_rate_hz(line.text, table.dialect.decimal)
+        if line.number >= table.names.number or rate_hz is None:
+            continue
+        stated.append((line.number, rate_hz))
         first, other = stated[0]
-        if abs(rate - other) > 1e-4 * other:
-            found = f"{rate:g} Hz, and {other:g} Hz in line {first}"
+        if abs(rate_hz - other) > SAME_RATE * other:
+            found = f"{rate_hz:g} Hz, and {other:g} Hz in line {first}"
             rule = "a recording has one sampling rate"
-            raise RecordingFormatError(f"{where}, line {number}", found, rule, EXPORT_AGAIN)
-    return stated[0][1] if stated else float("nan")
+            raise RecordingFormatError(f"{where}, line {line.number}", found, rule, EXPORT_AGAIN)
+    return stated[0][1] if stated else math.nan
 
 
 _RATE = (
@@ -383,18 +340,8 @@ _LONGEST = 200
 def stated_rate_hz(line: str, decimal: str) -> float | None:
     """Sampling rate that a line such as ``Sampling rate [Hz]; 2000`` or ``dt = 0.0005`` states.
 
-    Parameters
-    ----------
-    line : str
-        A line above the table.
-    decimal : str
-        The table's decimal sign. Another one is understood too, unless it could as well separate
-        thousands: then nothing counts as stated.
-
-    Returns
-    -------
-    float or None
-        None where the line states no rate, or not clearly.
+    `decimal` is the decimal sign of the table. The other one is understood too, unless it may as
+    well separate thousands. None where the line states no rate, or not clearly.
     """
     match = _STATEMENT.fullmatch(line) if len(line) <= _LONGEST else None
     if match is None:
@@ -414,9 +361,8 @@ def stated_rate_hz(line: str, decimal: str) -> float | None:
 
 
 def _plain(value: str, decimal: str) -> str | None:
-    """Write a number with a decimal point; None where that is not clear."""
+    """Number with a decimal point; None where that is not clear."""
     other = "," if decimal == "." else "."
-    if other in value and may_hold_thousands(value):
-        return None
     plain = value.replace(",", ".")
-    return plain if plain.count(".") <= 1 else None
+    unclear = (other in value and may_hold_thousands(value)) or plain.count(".") > 1
+    return None if unclear else plain

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Finding
-from ema.io.columns import Column, content_of_columns
-from ema.io.content import EXPORT_AGAIN, FileContent, remark
-from ema.io.sampling import step_and_inverse
+from ema.io.columns import Column, content_of_columns, step_and_inverse
+from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, remark
 from ema.io.text.layout import Dialect, Layout
 from ema.io.text.source import open_text
 from ema.io.text.table import Cells, missing_samples, read_cells
@@ -29,41 +27,38 @@ def read(path: Path) -> FileContent:
     """Read the first segment of a LabVIEW measurement file.
 
     The rate follows from ``Delta_X``, and where the file has a column of time, from that too.
-    Comments beside the numbers are left out. A file may hold several segments, one for each time
-    LabVIEW was started or triggered: they are events of their own, not one longer recording, so
-    those after the first are left out, and a finding says so.
+    Comments beside the numbers are left out. A file may have several segments, one for each time
+    LabVIEW was started or triggered. They are separate events, not one longer recording: those
+    after the first are left out with a finding.
 
     Raises
     ------
     RecordingFormatError
-        If headers are missing or faulty, there are fewer or more rows than they say, a cell is no
-        number, or time is uneven.
+        If headers are missing or faulty, there are fewer or more rows than they state, a cell is
+        not a number, or time is uneven.
     """
     with open_text(path) as source:
-        header = read_lvm_header(path.name, source.head)
-        dialect = Dialect(header.separator, header.decimal)
-        columns = header.columns
-        layout = Layout(dialect, columns, ("",) * len(columns), header.first_line, header.start)
+        header = _read_header(path.name, source.head)
+        names = header.columns
+        units = ("",) * len(names)
+        layout = Layout(header.dialect, names, units, header.first_line, header.start)
         has_time = header.x_columns != "no"
-        wanted = range(0 if has_time else 1, len(columns))
+        wanted = range(0 if has_time else 1, len(names))
         segment = _Segment(source.sections(header.start))
         sections = (_without_comments(part, layout) for part in segment)
         cells = read_cells(source, layout, wanted, sections)
-        findings = [] if segment.is_last else [_left_out(path)]
+        detail = "the first segment is read; later ones are separate events and left out"
+        findings = [] if segment.is_last else [remark(path, "", "segments", detail)]
     _check_rows(path, header, cells)
-    time = [_time(path, header, cells)] if has_time else []
-    channels = [
-        Column(name, unit, cells[place].samples)
-        for place, name, unit in zip(_places(header), header.names, header.units, strict=True)
-    ]
-    for place, name in zip(_places(header), header.names, strict=True):
+    read_in = [_time(path, header, cells)] if has_time else []
+    for place, name, unit in zip(header.places, header.names, header.units, strict=True):
+        read_in.append(Column(name, unit, cells[place].samples))
         findings += missing_samples(path, name, cells[place])
-    content = content_of_columns(path, [*time, *channels], rate_hz=header.rate_hz)
-    return replace(content, findings=(*findings, *content.findings))
+    return content_of_columns(path, read_in, rate_hz=header.rate_hz, findings=findings)
 
 
 class _Segment:
-    """Text up to where the header of another segment begins, which `is_last` tells."""
+    """Text up to the header of another segment; `is_last` where there is none."""
 
     def __init__(self, sections: Iterator[bytes]) -> None:
         self._sections = sections
@@ -80,18 +75,13 @@ class _Segment:
 
 
 def _without_blank_end(section: bytes) -> bytes:
-    """Drop the lines at the end that hold separators alone."""
-    end = len(section)
-    while end:
-        start = section.rfind(b"\n", 0, end - 1) + 1
-        if section[start:end].strip(b"\t,; \r\n"):
-            break
-        end = start
-    return section[:end]
+    """Drop the lines at the end that contain only separators."""
+    filled = len(section.rstrip(b"\t,; \r\n"))
+    return section[: section.find(b"\n", filled) + 1 or None] if filled else b""
 
 
 def _without_comments(section: bytes, layout: Layout) -> bytes:
-    """Cut the last column, comments, which stand in few rows only and break off in others."""
+    """Cut the last column, comments, which only some rows have."""
     separator = layout.dialect.separator.encode()
     n_lines = section.count(b"\n")
     if section.count(separator) <= n_lines * (layout.width - 1):
@@ -102,34 +92,23 @@ def _without_comments(section: bytes, layout: Layout) -> bytes:
     return bytes(cut) if section.endswith(b"\n") else bytes(cut[:-1])
 
 
-def _places(header: LvmHeader) -> list[int]:
-    """Columns of the channels."""
-    stride = 2 if header.x_columns == "multi" else 1
-    return [1 + stride * number for number in range(len(header.names))]
-
-
-def _left_out(path: Path) -> Finding:
-    detail = "the first segment is read; later ones are events of their own and left out"
-    return remark(path, "", "segments", detail)
-
-
-def _check_rows(path: Path, header: LvmHeader, cells: dict[int, Cells]) -> None:
-    n_rows = len(cells[_places(header)[0]].samples)
+def _check_rows(path: Path, header: _Header, cells: dict[int, Cells]) -> None:
+    n_rows = len(cells[header.places[0]].samples)
     stated = max(header.n_samples, default=n_rows)
     if n_rows != stated:
         found = f"{n_rows} rows of numbers, {stated} samples by the header"
-        rule = "the file is cut short" if n_rows < stated else "the header counts all of them"
-        raise RecordingFormatError(path.name, found, rule, "Copy or export it again")
+        rule = "the file is cut short" if n_rows < stated else "the numbers must be the same"
+        raise RecordingFormatError(path.name, found, rule, COPY_AGAIN)
 
 
-def _time(path: Path, header: LvmHeader, cells: dict[int, Cells]) -> Column:
+def _time(path: Path, header: _Header, cells: dict[int, Cells]) -> Column:
     """The column of time, which all channels share."""
     stamps: NDArray[np.float64] = cells[0].samples
-    for place, name in zip(_places(header), header.names, strict=True):
+    for place, name in zip(header.places, header.names, strict=True):
         own = cells[place - 1].samples if header.x_columns == "multi" else stamps
         if not np.array_equal(own, stamps, equal_nan=True):
-            found = f"{name!r} and {header.names[0]!r} have times of their own"
-            rule = "channels of one run are sampled together"
+            found = f"{name!r} and {header.names[0]!r} have different times"
+            rule = "channels of one run must be sampled together"
             raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
     return Column("X_Value", "s", stamps)
 
@@ -143,36 +122,23 @@ _X_COLUMNS = ("no", "one", "multi")
 
 
 @dataclass(frozen=True)
-class LvmHeader:
-    """What the headers say about the first segment.
+class _Header:
+    """What the headers state about the first segment."""
 
-    Parameters
-    ----------
-    separator, decimal : str
-        Of the cells and in numbers.
-    x_columns : str
-        ``"no"`` column of time, ``"one"``, or one for each channel: ``"multi"``.
-    names, units : tuple of str
-        Of the channels.
-    n_samples : tuple of int
-        Of the channels; empty where the file does not say.
-    rate_hz : float
-        Sampling rate by ``Delta_X``; NaN where the file does not say.
-    first_line : int
-        Line of the first numbers in the file, counted from 1.
-    start : int
-        Their first character.
-    """
-
-    separator: str
-    decimal: str
-    x_columns: str
-    names: tuple[str, ...]
+    dialect: Dialect
+    x_columns: str  # "no" column of time, "one", or one for each channel: "multi"
+    names: tuple[str, ...]  # of the channels
     units: tuple[str, ...]
-    n_samples: tuple[int, ...]
-    rate_hz: float
-    first_line: int
-    start: int
+    n_samples: tuple[int, ...]  # of the channels; empty where not stated
+    rate_hz: float  # by Delta_X; NaN where not stated
+    first_line: int  # of the numbers in the file, counted from 1
+    start: int  # first character of the numbers
+
+    @property
+    def places(self) -> list[int]:
+        """Columns of the channels."""
+        stride = 2 if self.x_columns == "multi" else 1
+        return [1 + stride * number for number in range(len(self.names))]
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -182,21 +148,8 @@ class LvmHeader:
         return "X_Value", *self.names
 
 
-def read_lvm_header(where: str, text: str) -> LvmHeader:
-    """Read the headers at the beginning of a file.
-
-    Parameters
-    ----------
-    where : str
-        Name of the file, for messages.
-    text : str
-        Its beginning, with both headers.
-
-    Raises
-    ------
-    RecordingFormatError
-        If they are missing, incomplete, or tell of something else than time series.
-    """
+def _read_header(where: str, text: str) -> _Header:
+    """Read both headers at the beginning of a file."""
     lines = text.split("\n", _MOST_LINES)
     if not lines[0].startswith(_FIRST_WORDS):
         rule = f"a file ending in .lvm begins with {_FIRST_WORDS!r}"
@@ -204,7 +157,7 @@ def read_lvm_header(where: str, text: str) -> LvmHeader:
     ends = [number for number, line in enumerate(lines) if line.startswith(_END)][:2]
     if len(ends) < 2 or ends[1] + 2 >= len(lines):
         found = f"{len(ends)} lines {_END}"
-        rule = "headers of the file and of a segment end so, and names and numbers follow"
+        rule = "the headers of file and segment must end so, and names and numbers must follow"
         raise RecordingFormatError(where, found, rule, EXPORT_AGAIN)
     general = _Entries(where, lines[: ends[0]], _separator(where, lines[: ends[0]]))
     segment = _Entries(where, lines[ends[0] + 1 : ends[1]], general.separator)
@@ -231,7 +184,7 @@ class _Entries:
                 self._values.setdefault(key, values)
 
     def of_channels(self, key: str, n: int) -> list[str]:
-        """Values for each channel; none where the file does not say."""
+        """Values for each channel; none where they are not stated."""
         values = self._values.get(key, [])[:n]
         return values if len(values) == n and all(values) else []
 
@@ -250,30 +203,29 @@ def _separator(where: str, lines: list[str]) -> str:
             name = line[len("Separator") :].strip(" \t,;\r").lower()
             if name in _SEPARATORS:
                 return _SEPARATORS[name]
-            rule = f"it is one of {', '.join(_SEPARATORS)}"
+            rule = f"it must be one of {', '.join(_SEPARATORS)}"
             raise RecordingFormatError(f"{where}, Separator", repr(name), rule, EXPORT_AGAIN)
     return "\t"
 
 
 def _header(
     general: _Entries, segment: _Entries, heading: list[str], first_line: int, start: int
-) -> LvmHeader:
+) -> _Header:
     decimal = general.one("Decimal_Separator", ".")
     x_columns = general.one("X_Columns", "one")
     if decimal not in (".", ",") or x_columns not in _X_COLUMNS:
-        rule = "they are a point or comma, and no, one or multi"
+        rule = "they must be a point or comma, and no, one or multi"
         found = f"{decimal!r} and {x_columns!r}"
         raise general.fault("Decimal_Separator and X_Columns", found, rule)
     count = segment.one("Channels", "")
     stride = 2 if x_columns == "multi" else 1
-    most = (len(heading) + stride - 2) // stride  # one X_Value stands before them, or before each
+    most = (len(heading) + stride - 2) // stride  # one X_Value precedes them, or each of them
     if not count.isdecimal() or len(count) > 9 or not 0 < int(count) <= most:
-        rule = f"it counts the channels, whose names are among the {len(heading)} below the header"
+        rule = f"it must be the number of channels, and {len(heading)} names are below the header"
         raise segment.fault("Channels", repr(count), rule)
     n = int(count)
-    return LvmHeader(
-        separator=general.separator,
-        decimal=decimal,
+    return _Header(
+        dialect=Dialect(general.separator, decimal),
         x_columns=x_columns,
         names=tuple(cell.strip() for cell in heading[1 : 1 + stride * n : stride]),
         units=tuple(segment.of_channels("Y_Unit_Label", n) or [""] * n),
@@ -287,7 +239,8 @@ def _header(
 def _n_samples(segment: _Entries, n: int) -> tuple[int, ...]:
     values = segment.of_channels("Samples", n)
     if not all(value.isdecimal() and len(value) < 16 for value in values):
-        raise segment.fault("Samples", repr(values[:3]), "it counts the samples of each channel")
+        rule = "it must be the number of samples of each channel"
+        raise segment.fault("Samples", repr(values[:3]), rule)
     return tuple(map(int, values))
 
 
@@ -302,10 +255,9 @@ def _rate_hz(segment: _Entries, n: int, decimal: str) -> float:
     try:
         rates = {step_and_inverse(step.replace(decimal, "."))[1] for step in steps}
     except ValueError as error:
-        raise segment.fault(
-            "Delta_X", str(error), "it is the time from sample to sample"
-        ) from error
+        rule = "it must be the time from sample to sample"
+        raise segment.fault("Delta_X", str(error), rule) from error
     if len(rates) > 1:
-        rule = "channels of one run share one sampling rate"
+        rule = "channels of one run must have the same sampling rate"
         raise segment.fault("Delta_X", ", ".join(steps), rule)
     return rates.pop()

@@ -17,32 +17,22 @@ from typing import BinaryIO, cast
 from ema.core.errors import RecordingFormatError, original
 from ema.core.units import parse_unit
 from ema.io.columns import is_time, name_and_unit
+from ema.io.content import COPY_AGAIN, unreadable
 
 _HEAD_BYTES = 1 << 20
 _SMALLEST_SECTION = 1 << 18
 _LARGEST_SECTION = 1 << 23
 _LONGEST_LINE = 1 << 26
-_MOST_PACKED = 50  # digits pack 3 to 10 times; what packs far better is a bomb or no measurement
+_MOST_PACKED = 50  # digits pack 3 to 10 times; far more is not a measurement
 _UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
-_COPY_AGAIN = "Copy or export it again"
 
 
 class TextSource:
     """A text file that is open for reading, once from its beginning to its end.
 
-    The bytes it hands out are text in `encoding`, a superset of ASCII, with lines that end in LF
-    or CR LF; UTF-16 arrives as UTF-8, and a byte-order mark is left out.
-
-    Attributes
-    ----------
-    path : Path
-        The file, for messages.
-    head : str
-        Its beginning, up to a megabyte.
-    is_whole : bool
-        Whether `head` is all of it.
-    encoding : str
-        How the bytes of `sections` encode text.
+    `sections` are text in `encoding`, a superset of ASCII, with lines that end in LF or CR LF;
+    UTF-16 becomes UTF-8, and a byte-order mark is left out. `head` is the beginning of the text,
+    up to a megabyte, and all of it if `is_whole`.
     """
 
     def __init__(self, path: Path, file: BinaryIO) -> None:
@@ -61,7 +51,7 @@ class TextSource:
     def sections(self, start: int) -> Iterator[bytes]:
         """Whole lines from character `start` of `head` on, some of them at a time.
 
-        A last line that does not end comes by itself. `head` is given up, for memory.
+        A last line without a line end comes separately. `head` is released, to save memory.
         """
         rest = self._bytes[len(self.head[:start].encode(self.encoding)) :]
         self._bytes, self.head = b"", ""
@@ -74,9 +64,9 @@ class TextSource:
                 carried = b""
             carried += piece[end:]
             if len(carried) > _LONGEST_LINE:
-                rule = "a row of a table is no longer than that"
                 found = f"a line of over {_LONGEST_LINE >> 20} MB"
-                raise RecordingFormatError(self.path.name, found, rule, _COPY_AGAIN)
+                rule = "rows of a table must not be longer"
+                raise RecordingFormatError(self.path.name, found, rule, COPY_AGAIN)
         if carried:
             yield carried
 
@@ -110,17 +100,16 @@ class TextSource:
         try:
             raw = self._stream.read(size)
         except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-            rule = "a file ending in .gz is packed by gzip, as a whole"
-            raise RecordingFormatError(self.path.name, str(error), rule, _COPY_AGAIN) from error
+            rule = "a file ending in .gz must be packed by gzip and complete"
+            raise RecordingFormatError(self.path.name, str(error), rule, COPY_AGAIN) from error
         except OSError as error:
-            raise _unreadable(self.path, error) from error
+            raise unreadable(self.path, error) from error
         self._unpacked += len(raw)
         if self._packed and self._unpacked > _MOST_PACKED * self._size + _HEAD_BYTES:
             found = f"over {self._unpacked} bytes of text in {self._size}"
             rule = f"measured numbers do not pack more than {_MOST_PACKED} times"
-            raise RecordingFormatError(
-                self.path.name, found, rule, "Unpack it first if you trust it"
-            )
+            remedy = "Unpack it first if you trust it"
+            raise RecordingFormatError(self.path.name, found, rule, remedy)
         return raw
 
     def _in_utf_8(self, raw: bytes) -> bytes:
@@ -128,72 +117,48 @@ class TextSource:
         try:
             return self._decoder.decode(raw, final=not raw).encode()
         except UnicodeDecodeError as error:
-            rule = "the file begins as UTF-16 and does not go on so"
-            raise RecordingFormatError(self.path.name, str(error), rule, _COPY_AGAIN) from error
+            rule = "the file begins as UTF-16 and must be UTF-16 to its end"
+            raise RecordingFormatError(self.path.name, str(error), rule, COPY_AGAIN) from error
 
 
 @contextmanager
 def open_text(path: Path) -> Iterator[TextSource]:
-    """Open a text file, packed by gzip where its name ends in ``.gz``.
-
-    Raises
-    ------
-    RecordingFormatError
-        If it cannot be read, is damaged, or unpacks to far more than any measurement.
-    """
+    """Open a text file, packed by gzip where its name ends in ``.gz``."""
     try:
         file = path.open("rb")
     except OSError as error:
-        raise _unreadable(path, error) from error
+        raise unreadable(path, error) from error
     with file:
         yield TextSource(path, file)
 
 
-def _unreadable(path: Path, error: OSError) -> RecordingFormatError:
-    rule = "it must be a file that can be read"
-    reason = error.strerror or str(error)
-    return RecordingFormatError(str(path), reason, rule, "Check the name and the access rights")
-
-
 def _decoded(raw: bytes) -> tuple[str, str]:
     """Text and encoding of a file's beginning, which may end within a character."""
-    try:
-        return codecs.getincrementaldecoder("utf-8")().decode(raw), "utf-8"
-    except UnicodeDecodeError:
-        pass
-    try:
-        return raw.decode("cp1252"), "cp1252"
-    except UnicodeDecodeError:
-        return raw.decode("latin-1"), "latin-1"
+    for encoding in ("utf-8", "cp1252"):
+        try:
+            return codecs.getincrementaldecoder(encoding)().decode(raw), encoding
+        except UnicodeDecodeError:
+            continue
+    return raw.decode("latin-1"), "latin-1"
 
 
 _MOST_LINES = 2000  # blank ones too
 _MOST_JOINED = 10  # lines of one row, in whose quoted names lines break
 _OPEN_QUOTE = re.compile(r"(?:^|[\t;,|])[ ]*\"[^\"]*$")
-_RULE = " \t\r\x1a,;|+-=_*#"  # what rules between header and numbers are made of
+_RULE = " \t\r\x1a,;|+-=_*#"  # characters of a rule between header and numbers
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line, or several that a quoted cell joins.
+    """A line, or several that a quoted cell joins."""
 
-    Parameters
-    ----------
-    text : str
-        Without its end.
-    number : int
-        In the file, counted from 1.
-    start : int
-        Its first character in the beginning of the file.
-    """
-
-    text: str
-    number: int
-    start: int
+    text: str  # without its end
+    number: int  # in the file, counted from 1
+    start: int  # its first character in the beginning of the file
 
 
 def lines_of(source: TextSource) -> Iterator[Line]:
-    """Lines that hold something; one whose quoted cell goes on in the next is one with that."""
+    """Lines that are not blank; lines joined by a quoted cell count as one."""
     text, start, number = source.head, 0, 1
     while start < len(text) and number <= _MOST_LINES:
         end = _line_end(text, start)
@@ -219,7 +184,7 @@ def _line_end(text: str, start: int) -> int:
 
 
 def _last_line(text: str, start: int, end: int) -> str:
-    """The line in which a quotation mark may stand open, or nothing where none does."""
+    """The line in which a quotation mark may be open; empty where none is."""
     line = text[start:end].rstrip("\r\n")
     return line if line.count('"') % 2 else ""
 
@@ -230,11 +195,11 @@ _NUMBER = {
     decimal: re.compile(rf"[+-]?(?:[0-9]+(?:{sign}[0-9]*)?|{sign}[0-9]+)(?:[eEdD][+-]?[0-9]+)?")
     for decimal, sign in ((".", r"\."), (",", ","))
 }
-_SPREADSHEET_FAULTS = ("#n/a", "#nv", "#num!", "#wert!", "#value!", "#div/0!", "#ref!")
 _NO_NUMBERS = ("nan", "-nan", "+nan", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind")
-_INFINITIES = ("inf", "-inf", "+inf", "infinity", "-infinity", "1.#inf", "-1.#inf")
-_NOTHING = ("", "-", "--", "null", "none", "n/a", "na")
-_MISSING = frozenset((*_NOTHING, *_NO_NUMBERS, *_INFINITIES, *_SPREADSHEET_FAULTS))
+_MISSING = frozenset(_NO_NUMBERS)
+_MISSING |= {"", "-", "--", "null", "none", "n/a", "na"}
+_MISSING |= {"inf", "-inf", "+inf", "infinity", "-infinity", "1.#inf", "-1.#inf"}
+_MISSING |= {"#n/a", "#nv", "#num!", "#wert!", "#value!", "#div/0!", "#ref!"}  # of spreadsheets
 _CLOCK = re.compile(
     r"(?:[0-9]{4}([-/])[0-9]{2}\1[0-9]{2}[T ])?[0-9]{2}:[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,9})?Z?"
 )
@@ -260,7 +225,7 @@ def may_hold_thousands(cell: str) -> bool:
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell stands for a sample that was not taken, such as ``NaN`` or ``-``."""
+    """Whether a cell marks a missing sample, such as ``NaN`` or ``-``."""
     return cell.lower() in _MISSING
 
 
@@ -270,12 +235,12 @@ def is_clock(cell: str) -> bool:
 
 
 def is_not_a_number(cell: str) -> bool:
-    """Whether a cell is a missing sample where a number stood, so that no name reads like it."""
+    """Whether a cell is a missing sample that cannot be mistaken for a name."""
     return cell.lower() in _NO_NUMBERS
 
 
 def holds_numbers_alone(line: str) -> bool:
-    """Whether a line holds nothing but numbers, whatever separates them."""
+    """Whether a line contains only numbers, whatever separates them."""
     texts = re.split(r"[;,\t |\"]+", line.strip())
     return all(not text or is_number(text, ".") for text in texts)
 
@@ -296,7 +261,7 @@ def cells_of(line: str, separator: str) -> list[str]:
 def heading_cells(line: str, separator: str, width: int) -> list[str]:
     """Cells of a line of names or units, without a comment mark in front.
 
-    Where blanks separate, names may hold blanks too: `width` tells how many cells to look for.
+    Where blanks separate, names may contain blanks too: `width` is the number of cells expected.
     """
     line = _COMMENT_MARK.sub("", line)
     cells = cells_of(line, separator)

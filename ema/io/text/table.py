@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -18,62 +18,35 @@ from pyarrow import compute
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Finding
 from ema.io.columns import is_time
-from ema.io.content import EXPORT_AGAIN, arrow_reader, remark
+from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, arrow_reader, remark
 from ema.io.text.layout import Dialect, Layout
 from ema.io.text.source import BLANKS, TextSource, cells_of, is_clock, is_missing, is_number
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 _BLOCK_BYTES = 1 << 20
 _NARROW_BYTES = 4  # cells of fewer bytes are kept in single precision where that is exact
 _CUT_SHORT = "the file is cut short"
-_COPY_AGAIN = "Copy or export it again"
 _USUAL_MISSING = ["", "NaN", "nan", "-", "#N/A"]  # for each column Arrow builds a tree of these
 _STAMP_RULE = "a time stamp must be hh:mm:ss.s, or date and time as in ISO 8601"
-_TAIL_ROWS = 8
+_TAIL_ROWS = 8  # with which the last one is compared
 _DECIMAL = {".": "point", ",": "comma"}
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Samples of one column of text.
+    """Samples of one column of text."""
 
-    Parameters
-    ----------
-    samples : ndarray, shape (n_rows,)
-        NaN where missing; time stamps in s since the first.
-    n_missing : int
-        How many are.
-    first_missing : int
-        Row of the first of them, counted from 1; 0 where none is.
-    """
-
-    samples: NDArray[Any]
+    samples: NDArray[Any]  # NaN where missing; time stamps in s since the first
     n_missing: int = 0
-    first_missing: int = 0
+    first_missing: int = 0  # row of the first missing sample, counted from 1
 
 
 def read_cells(
     source: TextSource, layout: Layout, wanted: Sequence[int], sections: Iterable[bytes]
 ) -> dict[int, Cells]:
-    """Read columns of a table.
+    """Read columns of a table by number; cells of other columns may be anything.
 
-    Parameters
-    ----------
-    source : TextSource
-        The file, for messages and to foresee how many rows come.
-    layout : Layout
-        Of the table.
-    wanted : sequence of int
-        Columns to read, counted from 0; cells of the others may be anything.
-    sections : iterable of bytes
-        Whole lines from the first row on; one without a line end is the last.
-
-    Raises
-    ------
-    RecordingFormatError
-        If a cell is no number, rows differ in length, or the last one is cut short.
+    `sections` are complete lines from the first row of numbers on; one without a line end is the
+    last.
     """
     reader = _Reader(source.path.name, layout, wanted)
     for section in sections:
@@ -83,17 +56,13 @@ def read_cells(
 
 def missing_samples(path: Path, name: str, cells: Cells) -> list[Finding]:
     """Note how many samples of a channel are missing, where any are."""
-    if not cells.n_missing:
-        return []
-    detail = (
-        f"{cells.n_missing} of {len(cells.samples)} samples are missing, "
-        f"the first in row {cells.first_missing}"
-    )
-    return [remark(path, name, "missing samples", detail)]
+    counts = f"{cells.n_missing} of {len(cells.samples)} samples are missing"
+    detail = f"{counts}, the first in row {cells.first_missing}"
+    return [remark(path, name, "missing samples", detail)] if cells.n_missing else []
 
 
 class _Column:
-    """Samples of one column as they come in."""
+    """Samples of one column, section by section."""
 
     def __init__(self, dtype: type[np.generic]) -> None:
         self._array: NDArray[Any] = np.empty(0, dtype)
@@ -102,8 +71,8 @@ class _Column:
         self._first_missing = 0
 
     def append(self, values: NDArray[Any], n_expected: int, *, narrow: bool) -> None:
-        """Add samples, of which some `n_expected` will come; overflow is to be ignored."""
-        if not math.isfinite(values.sum()):  # far faster than to look at each sample
+        """Add samples of about `n_expected` in all; the caller ignores overflow."""
+        if not math.isfinite(values.sum()):  # far faster than a look at each sample
             absent = ~np.isfinite(values)
             values = np.where(absent, np.nan, values)
             if not self._n_missing and absent.any():
@@ -128,7 +97,7 @@ class _Column:
 
 
 class _Reader:
-    """Where reading stands: lines and rows behind, decimal sign, columns so far."""
+    """State of reading: lines and rows read, decimal sign, columns so far."""
 
     def __init__(self, where: str, layout: Layout, wanted: Sequence[int]) -> None:
         self._where = where
@@ -178,7 +147,7 @@ class _Reader:
         return {index: column.cells() for index, column in self._columns.items()}
 
     def _without_blank_end(self, section: bytes) -> bytes:
-        """Hold blank lines back until more numbers come: at the file's end they are no samples."""
+        """Keep blank lines until more numbers follow: at the end of a file they are not samples."""
         section = self._held + section
         end = section.find(b"\n", len(section.rstrip())) + 1 or len(section)
         self._held = section[end:]
@@ -196,7 +165,6 @@ class _Reader:
         self._layout = replace(self._layout, dialect=Dialect(separator, decimal))
 
     def _parsed(self, section: bytes) -> pa.Table:
-
         if self._layout.dialect.separator == BLANKS:
             section = _single_blanks(section)
         try:
@@ -210,36 +178,31 @@ class _Reader:
             raise self._fault(self._line, str(error), rule) from error
 
     def _by_arrow(self, section: bytes) -> pa.Table:
-
         layout = self._layout
         labels = [str(index) for index in range(layout.width)]
-        chosen = [str(index) for index in self._columns]
         types = {
             str(index): pa.string() if index in layout.clocks else pa.float64()
             for index in self._columns
         }
         block = max(_BLOCK_BYTES, 2 * section.find(b"\n"))
+        is_table = layout.width > 1  # in a single column, an empty line is a missing sample
         return pa.csv.read_csv(
             arrow_reader(section),
-            read_options=pa.csv.ReadOptions(column_names=labels, block_size=block),
-            parse_options=pa.csv.ParseOptions(
-                delimiter=layout.dialect.separator,
-                # In a table of one column an empty line is a sample that is missing.
-                ignore_empty_lines=layout.width > 1,
-            ),
-            memory_pool=pa.system_memory_pool(),  # the default one holds megabytes in reserve
-            convert_options=pa.csv.ConvertOptions(
+            pa.csv.ReadOptions(column_names=labels, block_size=block),
+            pa.csv.ParseOptions(delimiter=layout.dialect.separator, ignore_empty_lines=is_table),
+            pa.csv.ConvertOptions(
                 column_types=types,
-                include_columns=chosen,
+                include_columns=list(types),
                 null_values=_USUAL_MISSING,
                 strings_can_be_null=True,
                 decimal_point=layout.dialect.decimal,
                 check_utf8=False,
             ),
+            memory_pool=pa.system_memory_pool(),  # the default one keeps megabytes in reserve
         )
 
     def _checked(self, section: bytes) -> bytes:
-        """Write a section anew in plain cells, or tell which of its cells is at fault."""
+        """Rewrite a section in plain cells, or raise the error about the faulty cell."""
         separator = self._layout.dialect.separator
         plain = bytearray()
         for number, raw in enumerate(io.BytesIO(section), self._line):
@@ -266,7 +229,7 @@ class _Reader:
                 number_text = cell.upper().replace("D", "E")
                 checked[index] = f'"{number_text}"' if decimal in number_text else number_text
             elif not is_missing(cell):
-                rule = f"a cell holds a number with a decimal {_DECIMAL[decimal]}, or is empty"
+                rule = f"a cell must be empty or a number with a decimal {_DECIMAL[decimal]}"
                 if is_time(self._layout.names[index], ""):
                     rule += f"; {_STAMP_RULE}"
                 raise self._fault(number, repr(cell[:40]), rule, index)
@@ -283,8 +246,8 @@ class _Reader:
             return self._fault(number, found, rule)
         if is_cut and len(cells) < width:
             where = f"{self._where}, line {number}"
-            return RecordingFormatError(where, found, _CUT_SHORT, _COPY_AGAIN)
-        return self._fault(number, found, f"each row has a cell for each of the {width} columns")
+            return RecordingFormatError(where, found, _CUT_SHORT, COPY_AGAIN)
+        return self._fault(number, found, f"each row must have {width} cells")
 
     def _fault(
         self, line: int, found: str, rule: str, index: int | None = None
@@ -294,10 +257,10 @@ class _Reader:
         return RecordingFormatError(where, found, rule, EXPORT_AGAIN)
 
     def _check_end(self, section: bytes) -> None:
-        """Refuse a last line that stops within its last number.
+        """Refuse a last line, without a line end, that stops within its last number.
 
-        Without a line end it may. It does where all rows before print the same number of
-        decimals in that column, and this one prints fewer, or nothing at all.
+        It does if the rows before have the same number of decimals in that column, and this one
+        has fewer, or an empty cell.
         """
         decimal, separator = self._layout.dialect.decimal, self._layout.dialect.separator
         rows = (self._tail + section).decode("utf-8", errors="replace").splitlines()
@@ -307,10 +270,10 @@ class _Reader:
         if is_empty or (len(last) > _TAIL_ROWS // 2 and min(others) == max(others) > end):
             where = f"{self._where}, line {self._line}"
             found = f"the last row ends in {last[-1]!r}, those before in {last[-2]!r} and the like"
-            raise RecordingFormatError(where, found, _CUT_SHORT, _COPY_AGAIN)
+            raise RecordingFormatError(where, found, _CUT_SHORT, COPY_AGAIN)
 
     def _nanoseconds(self, section: bytes, index: int, stamps: pa.ChunkedArray) -> pa.ChunkedArray:
-        """Time stamps as whole nanoseconds since some moment."""
+        """Time stamps as integer nanoseconds since some moment."""
         text = compute.utf8_trim_whitespace(compute.replace_substring(stamps, ",", "."))
         text = compute.replace_substring(compute.replace_substring(text, "/", "-"), "Z", "")
         if "-" not in (text[0].as_py() or ""):
@@ -321,7 +284,7 @@ class _Reader:
             found = "a row without a time"
         except pa.ArrowInvalid as error:
             found = str(error)
-        self._checked(section)  # knows the line, unless a stamp merely looks like one
+        self._checked(section)  # names the line, unless a stamp only looks like one
         raise self._fault(self._line, found, _STAMP_RULE, index)
 
 
@@ -338,5 +301,5 @@ def _single_blanks(section: bytes) -> bytes:
 
 
 def _is_single(values: NDArray[np.float64]) -> bool:
-    """Whether single precision holds all values exactly."""
+    """Whether all values are exact in single precision."""
     return np.array_equal(values, values.astype(np.float32), equal_nan=True)

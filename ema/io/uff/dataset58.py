@@ -5,66 +5,53 @@ from __future__ import annotations
 import io
 from array import array
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.csv
 from numpy.typing import NDArray
 
 from ema.core.arrays import constant
 from ema.core.errors import RecordingFormatError
-from ema.io.uff.columns import convert_lines
+from ema.io.content import arrow_reader
 from ema.io.uff.dataset58_header import Header58
-from ema.io.uff.scan import COPY_AGAIN, Dataset, place
-from ema.io.uff.text import line_numbers
+from ema.io.uff.scan import Dataset, damaged, line_numbers, place
 
 _CHUNK_BYTES = 1 << 20
 _LONGEST_LINE = 4096
+# Check of the byte order.
+_PROBED = 1024  # values at the beginning
+_FEWEST = 16  # values other than zero; fewer may be anything
+_SENSIBLE = (1e-15, 1e15)  # of motion or force, in whatever unit
+_FORTRAN_TO_C = bytes.maketrans(b"Dde", b"EEE")
 
 
 def read_values(path: Path, dataset: Dataset) -> tuple[NDArray[np.float64] | None, NDArray[Any]]:
-    """Read abscissa and values of a dataset 58.
+    """Read abscissa (None where the header gives minimum and step) and values of a dataset 58.
 
-    Returns
-    -------
-    abscissa : ndarray or None
-        None where the header gives minimum and step.
-    values : ndarray, shape (n_values,)
-        Real or complex; a read-only memory map of the file where the payload is binary.
-
-    Raises
-    ------
-    RecordingFormatError
-        If an ASCII payload holds more or fewer values than the header states, or no numbers, or
-        a binary one makes sense in the other byte order alone.
+    Values are real or complex, and a read-only memory map of the file where the payload is binary.
     """
-    header = dataset.header
-    assert header is not None
+    header = dataset.header58
     if dataset.layout is None:
         return _split(header, _read_text(path, dataset, header))
     begin, _ = dataset.payload
     records: NDArray[Any] = np.memmap(
         path, dtype=dataset.layout, mode="r", offset=begin, shape=(header.n_values,)
     )
-    check_byte_order(place(path, dataset.index, 2), records if header.even else records["value"])
+    _check_byte_order(place(path, dataset.index, 2), records if header.even else records["value"])
     if header.even:
         return None, records
-    with np.errstate(invalid="ignore"):  # signalling NaNs; whoever uses the abscissa checks it
+    with np.errstate(invalid="ignore"):  # signalling NaNs; the abscissa is checked where used
         return records["abscissa"].astype(np.float64), records["value"]
 
 
 def read_form(path: Path, dataset: Dataset) -> tuple[NDArray[np.float64] | None, NDArray[Any]]:
-    """Read a dataset as `read_values` does, but leave out long text: NaN for every sample.
+    """Read a dataset as `read_values` does, but with NaN for every sample of long text.
 
-    Where its length does not fit the number of values, or the abscissa is among the numbers, it
-    is read all the same.
-
-    Raises
-    ------
-    RecordingFormatError
-        As `read_values`.
+    Text is read where its length does not fit the number of values, or with an uneven abscissa.
     """
-    header = dataset.header
-    assert header is not None
+    header = dataset.header58
     if dataset.layout is not None or not header.even or not dataset.is_equal_lines:
         return read_values(path, dataset)
     return None, constant(np.nan, (header.n_values,))
@@ -93,15 +80,15 @@ def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.flo
     with path.open("rb") as file:
         file.seek(begin)
         while file.tell() < end:
-            text = _some_lines(file, end)
+            text = file.read(min(_CHUNK_BYTES, end - file.tell()))
+            text += file.readline(min(_LONGEST_LINE, end - file.tell()))
             block = _convert(text, widths, where)
             room = numbers[count : count + len(block)]
             room[:] = block[: len(room)]
             count += len(block)
     if count != expected:
-        found = f"{count // per_value} of {header.n_values} values"
         rule = "the file is truncated" if count < expected else "there are more than stated"
-        raise RecordingFormatError(where, found, rule, COPY_AGAIN)
+        raise damaged(where, f"{count // per_value} of {header.n_values} values", rule)
     return numbers
 
 
@@ -114,14 +101,8 @@ def _widths(header: Header58) -> tuple[int, ...]:
     return (13, 20, 20) if header.is_complex else (13, 20, 13, 20)
 
 
-def _some_lines(file: BinaryIO, end: int) -> bytes:
-    """Next part of a payload, up to the end of a line."""
-    text = file.read(min(_CHUNK_BYTES, end - file.tell()))
-    return text + file.readline(min(_LONGEST_LINE, end - file.tell()))
-
-
 def _convert(text: bytes, widths: tuple[int, ...], where: str) -> NDArray[np.float64]:
-    """Convert whole lines: equal ones at once, the last one apart because it may be shorter."""
+    """Convert complete lines: equal ones at once, and the last one, which may be shorter."""
     length = (text.find(b"\n") + 1) or len(text)
     end = len(text) - len(text) % length
     numbers = convert_lines(text[:end], length, widths)
@@ -138,33 +119,14 @@ def _irregular(text: bytes, widths: tuple[int, ...], where: str) -> NDArray[np.f
         line = raw.decode("latin-1")
         if len(line) > _LONGEST_LINE:
             found = f"a line of more than {_LONGEST_LINE} characters"
-            rule = "lines of a dataset 58 must have 80 columns"
-            raise RecordingFormatError(where, found, rule, COPY_AGAIN)
+            raise damaged(where, found, "lines of a dataset 58 must have 80 columns")
         numbers.extend(line_numbers(line, widths, where))
     return np.frombuffer(numbers, dtype=np.float64)
 
 
-_LOOKED_AT = 1024
-_FEWEST = 16  # values other than zero; fewer may be anything
-_SENSIBLE = (1e-15, 1e15)  # of motion or force, in whatever unit
-
-
-def check_byte_order(where: str, values: NDArray[Any]) -> None:
-    """Refuse values that make sense in the other byte order alone.
-
-    Parameters
-    ----------
-    where : str
-        File and place of the byte order in it.
-    values : ndarray, shape (n_values,)
-        Real or complex, in the byte order stated; the beginning is looked at.
-
-    Raises
-    ------
-    RecordingFormatError
-        If most of them are too large or too small to be measured, and none is when swapped.
-    """
-    beginning = np.array(values[:_LOOKED_AT])
+def _check_byte_order(where: str, values: NDArray[Any]) -> None:
+    """Refuse values of which most are too large or small to be measured, and none if swapped."""
+    beginning = np.array(values[:_PROBED])
     stated = beginning.view(beginning.real.dtype)
     swapped = stated.byteswap()
     if _share_sensible(swapped) < 1.0 or _share_sensible(stated) > 0.5:
@@ -176,10 +138,48 @@ def check_byte_order(where: str, values: NDArray[Any]) -> None:
 
 
 def _share_sensible(values: NDArray[Any]) -> float:
-    """Share of the values other than zero that a sensor could have measured; 0 of too few."""
+    """Share of the values other than zero that can be measured; 0 of too few values."""
     with np.errstate(invalid="ignore"):  # signalling NaNs
         size = np.abs(values[values != 0].astype(np.float64))
     if size.size < _FEWEST:
         return 0.0
     low, high = _SENSIBLE
     return float(np.mean((size > low) & (size < high)))
+
+
+def convert_lines(text: bytes, length: int, widths: tuple[int, ...]) -> NDArray[np.float64] | None:
+    """Convert lines of `length` bytes, ends included, with fields of the given `widths`.
+
+    None where the lines do not have this form, with one number in each field.
+    """
+    line_width = sum(widths)
+    if not text or len(text) % length or length <= line_width:
+        return None
+    table = np.frombuffer(text, np.uint8).reshape(-1, length)
+    tail = table[0, line_width:]
+    if tail.tobytes().strip(b" \r\n") or not (table[:, line_width:] == tail).all():
+        return None
+    cells = np.full((len(table), line_width + len(widths)), ord(","), np.uint8)
+    begin = 0
+    for number, width in enumerate(widths):
+        field = table[:, begin : begin + width]
+        has_point = np.count_nonzero(field == ord("."), axis=1) == 1
+        if (field[:, -1] == ord(" ")).any() or not has_point.all():
+            return None
+        cells[:, begin + number : begin + number + width] = field
+        begin += width
+    cells[:, -1] = ord("\n")
+    names = [str(number) for number in range(len(widths))]
+    types = dict.fromkeys(names, pa.float64())
+    plain = cells.tobytes().translate(_FORTRAN_TO_C).replace(b"E ", b"E+")
+    try:
+        parsed = pa.csv.read_csv(
+            arrow_reader(plain),
+            pa.csv.ReadOptions(column_names=names),
+            pa.csv.ParseOptions(quote_char=False),
+            pa.csv.ConvertOptions(column_types=types, null_values=[]),
+        )
+    except pa.ArrowInvalid:
+        return None  # reading number by number finds the faulty one
+    columns = [column.to_numpy() for column in parsed.columns]
+    return np.column_stack(columns).ravel() if parsed.num_rows == len(table) else None

@@ -1,4 +1,4 @@
-"""Dataset 58: the thirteen header lines, their columns, read and written by one table.
+"""Header lines of dataset 58, read and written by one table of columns, and units of its axes.
 
 Columns follow the Universal File Format definition of the Structural Dynamics Research
 Laboratory, University of Cincinnati: dataset 58, function at nodal degree of freedom.
@@ -6,35 +6,31 @@ Laboratory, University of Cincinnati: dataset 58, function at nodal degree of fr
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import isfinite
 from typing import Any
 
 from ema.core.errors import visible_line
+from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOCITY
+from ema.core.units import is_stated, parse_unit
+from ema.io.columns import parse_number
 
 DELIMITER = b"    -1"
 HEADER_LINES = 11  # after the dataset number
-TIME_RESPONSE = 1
-FREQUENCY_RESPONSE = 4
-
-GENERAL_TYPES = (0, 1)  # the only ones whose unit exponents mean something
-DATA_DISPLACEMENT = 8
-DATA_VELOCITY = 11
-DATA_ACCELERATION = 12
-DATA_FORCE = 13
-DATA_TIME = 17
-DATA_FREQUENCY = 18
-
-REAL_SINGLE = 2
-REAL_DOUBLE = 4
-COMPLEX_SINGLE = 5
-COMPLEX_DOUBLE = 6
-ORDINATES = (REAL_SINGLE, REAL_DOUBLE, COMPLEX_SINGLE, COMPLEX_DOUBLE)
-
+TIME_RESPONSE, FREQUENCY_RESPONSE = 1, 4
+DATA_DISPLACEMENT, DATA_VELOCITY, DATA_ACCELERATION, DATA_FORCE = 8, 11, 12, 13
+DATA_TIME, DATA_FREQUENCY = 17, 18
+QUANTITY = {
+    DATA_DISPLACEMENT: DISPLACEMENT,
+    DATA_VELOCITY: VELOCITY,
+    DATA_ACCELERATION: ACCELERATION,
+    DATA_FORCE: FORCE,
+}
+_GENERAL_TYPES = (0, 1)  # the only ones whose unit exponents have a meaning
+REAL_SINGLE, REAL_DOUBLE, COMPLEX_SINGLE, COMPLEX_DOUBLE = 2, 4, 5, 6
+LITTLE_ENDIAN, BIG_ENDIAN = 1, 2
 IEEE_FLOATS = 2
-LITTLE_ENDIAN = 1
-BIG_ENDIAN = 2
 
 # name: (first column, last column), counted from 0, last exclusive
 _BINARY_COLUMNS = {"byte_order": (7, 13), "float_format": (13, 19), "n_bytes": (31, 43)}
@@ -47,14 +43,11 @@ _IDENTITY_COLUMNS = {
 }
 _FORM_COLUMNS = {"ordinate": (0, 10), "n_values": (10, 20), "spacing": (20, 30)}
 _ABSCISSA_COLUMNS = {"abscissa_min": (30, 43), "abscissa_step": (43, 56)}
-_AXIS_COLUMNS = {"data_type": (0, 10), "length": (10, 15), "force": (15, 20)}
+_AXIS_COLUMNS = {"data_type": (0, 10), "length_exponent": (10, 15), "force_exponent": (15, 20)}
 
 
 class HeaderError(Exception):
-    """A header line that cannot be read: what was found and which rule it breaks.
-
-    Carries no file name: whoever reads the file adds the place.
-    """
+    """A header line that cannot be read; the name of the file is added by its reader."""
 
     def __init__(self, line: int, found: str, rule: str) -> None:
         super().__init__(f"line {line}: {found}; {rule}")
@@ -76,51 +69,21 @@ class Axis:
 
 @dataclass(frozen=True)
 class Header58:
-    """The header of one dataset 58.
+    """The header of one dataset 58."""
 
-    Parameters
-    ----------
-    binary : bool
-        58b, with a byte count.
-    byte_order : int
-        1 little, 2 big endian (58b only).
-    n_bytes : int
-        Length of the binary payload, as stated.
-    id_lines : tuple of str
-        The five ID lines; the first one is the channel's name.
-    function_type : int
-        1 time response, 4 frequency response function.
-    response_node, response_direction, reference_node, reference_direction : int
-        Degrees of freedom; a negative direction means the opposite sense.
-    ordinate : int
-        2 real single, 4 real double, 5 complex single, 6 complex double.
-    n_values : int
-        Number of (real or complex) values.
-    even : bool
-        Whether the abscissa is given by minimum and step.
-    abscissa_min : float
-        First abscissa value.
-    abscissa_step : str
-        Increment as printed: the number of its digits tells how far to trust it.
-    abscissa, ordinate_axis, denominator_axis : Axis
-        What is measured, and in which unit.
-    response_name : str
-        Entity name of the response.
-    """
-
-    id_lines: tuple[str, ...]
-    function_type: int
-    ordinate: int
-    n_values: int
-    abscissa_step: str
-    even: bool = True
+    id_lines: tuple[str, ...]  # five; the first one is the name of the channel
+    function_type: int  # 1 time response, 4 frequency response function
+    ordinate: int  # 2 real single, 4 real double, 5 complex single, 6 complex double
+    n_values: int  # real or complex
+    abscissa_step: str  # as printed: the number of its digits shows how exact it is
+    even: bool = True  # whether the abscissa is given by minimum and step
     abscissa_min: float = 0.0
-    binary: bool = False
-    byte_order: int = LITTLE_ENDIAN
-    n_bytes: int = 0
+    binary: bool = False  # 58b, with a byte count
+    byte_order: int = LITTLE_ENDIAN  # of 58b
+    n_bytes: int = 0  # of the binary payload, as stated
     response_name: str = "NONE"
     response_node: int = 0
-    response_direction: int = 0
+    response_direction: int = 0  # negative: the opposite sense
     reference_node: int = 0
     reference_direction: int = 0
     abscissa: Axis = field(default_factory=Axis)
@@ -141,23 +104,6 @@ class Header58:
     def numbers_per_value(self) -> int:
         """Numbers that make a value: one or two parts, and its abscissa where spacing is uneven."""
         return (2 if self.is_complex else 1) + (0 if self.even else 1)
-
-
-def parse_number(text: str) -> float:
-    """Read a Fortran real: ``1.5D-03`` and ``1.5-103`` are numbers there too.
-
-    Raises
-    ------
-    ValueError
-        If the text is no number.
-    """
-    plain = text.strip().upper().replace("D", "E")
-    if "_" in plain or not plain.isascii():
-        raise ValueError(f"{text!r} is not a number")
-    sign = max(plain.rfind("+"), plain.rfind("-"))
-    if sign > 0 and plain[sign - 1] != "E" and "." in plain[:sign]:
-        plain = f"{plain[:sign]}E{plain[sign:]}"
-    return float(plain)
 
 
 def _integer(text: str) -> int:
@@ -184,17 +130,11 @@ def _columns(
 
 def _axis(line: str, number: int) -> Axis:
     codes = _columns(line, _AXIS_COLUMNS, number, _integer)
-    return Axis(
-        data_type=codes["data_type"],
-        length_exponent=codes["length"],
-        force_exponent=codes["force"],
-        label=line[26:46].strip(),
-        unit=line[47:67].strip(),
-    )
+    return Axis(**codes, label=line[26:46].strip(), unit=line[47:67].strip())
 
 
 def _form(line: str) -> dict[str, Any]:
-    """Line 9: kind and number of values, abscissa; separate words are fine too."""
+    """Line 9: kind and number of values, abscissa; in columns or as separate words."""
     words = line.split()
     if len(words) == 6:
         line = "".join(f"{word:>10}" for word in words[:3])
@@ -202,28 +142,19 @@ def _form(line: str) -> dict[str, Any]:
     form = _columns(line, _FORM_COLUMNS, 9, _integer)
     text = _columns(line, _ABSCISSA_COLUMNS, 9, lambda text: text.strip() or "0")
     numbers = _columns(line, _ABSCISSA_COLUMNS, 9, lambda text: parse_number(text.strip() or "0"))
-    if form["ordinate"] not in ORDINATES:
-        rule = "it must be 2, 4, 5 or 6"
-        raise HeaderError(9, f"ordinate data type {form['ordinate']}", rule)
+    if form["ordinate"] not in (REAL_SINGLE, REAL_DOUBLE, COMPLEX_SINGLE, COMPLEX_DOUBLE):
+        found, rule = f"ordinate data type {form['ordinate']}", "it must be 2, 4, 5 or 6"
+        raise HeaderError(9, found, rule)
     if form["n_values"] < 1:
-        raise HeaderError(
-            9, f"{form['n_values']} values", "a function must have at least one value"
-        )
+        rule = "a function must have at least one value"
+        raise HeaderError(9, f"{form['n_values']} values", rule)
     for name, value in numbers.items():
-        if not isfinite(value):
-            raise HeaderError(
-                9, repr(text[name]), f"the {name.replace('_', ' ')} is a finite number"
-            )
-    if form["spacing"] not in (0, 1):
-        rule = "it must be 0 (uneven) or 1 (even)"
-        raise HeaderError(9, f"abscissa spacing {form['spacing']}", rule)
-    return {
-        "ordinate": form["ordinate"],
-        "n_values": form["n_values"],
-        "even": form["spacing"] == 1,
-        "abscissa_min": numbers["abscissa_min"],
-        "abscissa_step": text["abscissa_step"],
-    }
+        if not math.isfinite(value):
+            raise HeaderError(9, repr(text[name]), f"the {name.replace('_', ' ')} must be finite")
+    even = form.pop("spacing")
+    if even not in (0, 1):
+        raise HeaderError(9, f"abscissa spacing {even}", "it must be 0 (uneven) or 1 (even)")
+    return form | numbers | {"even": even == 1, "abscissa_step": text["abscissa_step"]}
 
 
 def _binary(line: str) -> dict[str, Any]:
@@ -241,15 +172,12 @@ def _binary(line: str) -> dict[str, Any]:
 
 
 def parse_header(lines: list[str]) -> Header58:
-    """Read the twelve header lines that follow the delimiter, the dataset number's first.
+    """Read the twelve header lines that follow the delimiter, that of the dataset number first.
 
-    Raises
-    ------
-    HeaderError
-        If a line is missing or a column holds no number; lines are counted from the delimiter.
+    A `HeaderError` counts lines from the delimiter.
     """
     if len(lines) <= HEADER_LINES:
-        rule = f"a dataset 58 has {HEADER_LINES} header lines: the file is truncated"
+        rule = f"dataset 58 must have {HEADER_LINES} header lines: the file is truncated"
         raise HeaderError(len(lines) + 1, f"{max(len(lines) - 1, 0)} header lines", rule)
     codes = _columns(lines[6], _IDENTITY_COLUMNS, 8, _integer)
     return Header58(
@@ -290,3 +218,62 @@ def format_header(header: Header58) -> bytes:
         _format_axis(Axis()),
     ]
     return DELIMITER + b"\n" + "\n".join(lines).encode("latin-1", "replace") + b"\n"
+
+
+@dataclass(frozen=True)
+class UnitSystem:
+    """Factors of dataset 164: values in units of the file divided by them are SI."""
+
+    length: float = 1.0
+    force: float = 1.0
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether both factors are positive numbers."""
+        return 0.0 < self.length < math.inf and 0.0 < self.force < math.inf
+
+
+@dataclass(frozen=True)
+class AxisUnit:
+    """Quantity of an axis, unit as stated, factor to SI, and what was assumed."""
+
+    quantity: str
+    text: str
+    factor: float
+    remark: str = ""
+
+
+def ordinate_unit(axis: Axis, system: UnitSystem) -> AxisUnit:
+    """Find quantity and SI factor of an axis.
+
+    A known unit label decides; without one, the type of data in the units of dataset 164. Unit
+    exponents count for general types only.
+    """
+    typed = QUANTITY.get(axis.data_type)
+    text = axis.unit if is_stated(axis.unit) else ""
+    label = parse_unit(text)
+    if label is not None and label.quantity == UNKNOWN:
+        return AxisUnit(UNKNOWN, text, 1.0)
+    if label is not None:
+        doubt = f"type {axis.data_type} means {typed}, but the unit is {text!r}; the unit is used"
+        agrees = typed in (None, label.quantity)
+        return AxisUnit(label.quantity, text, label.factor, "" if agrees else doubt)
+    if typed is not None:
+        factor = 1.0 / (system.force if typed == FORCE else system.length)
+        doubt = f"unit {text!r} is not known; taken as SI (dataset 164)" if text else ""
+        return AxisUnit(typed, text, factor, doubt)
+    if axis.data_type in _GENERAL_TYPES:
+        return _general_unit(axis, text, system)
+    return AxisUnit(UNKNOWN, text, 1.0)
+
+
+def _general_unit(axis: Axis, text: str, system: UnitSystem) -> AxisUnit:
+    exponents = (axis.length_exponent, axis.force_exponent)
+    quantity = FORCE if exponents == (0, 1) else UNKNOWN
+    try:
+        factor = system.length ** -exponents[0] * system.force ** -exponents[1]
+    except OverflowError:
+        factor = math.inf
+    if not 0.0 < factor < math.inf:
+        return AxisUnit(quantity, text, 1.0, f"unit exponents {exponents} make no sense, not used")
+    return AxisUnit(quantity, text, factor)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,29 +17,30 @@ from ema.core.finding import Finding
 from ema.core.frf import FRF
 from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOCITY
 from ema.core.units import is_stated, parse_ratio
+from ema.io.columns import even_step, step_and_inverse
 from ema.io.content import remark
-from ema.io.sampling import even_step, step_and_inverse
 from ema.io.uff.dataset58 import read_values
-from ema.io.uff.dataset58_header import Header58
-from ema.io.uff.scan import COPY_AGAIN, Dataset, place
-from ema.io.uff.units import AxisUnit, UnitSystem, ordinate_unit
+from ema.io.uff.dataset58_header import AxisUnit, UnitSystem, ordinate_unit
+from ema.io.uff.scan import Dataset, damaged, place
 
-_TIMES_J_OMEGA = {ACCELERATION: 0, VELOCITY: 1, DISPLACEMENT: 2}  # powers that make it inertance
+_POWERS = {ACCELERATION: 0, VELOCITY: 1, DISPLACEMENT: 2}  # of jω, which make it inertance
+_SAME_FREQUENCY = 1e-6  # relative
+_SAME_LINE = 1e-3  # of the step between lines
 
-SYNTHESISED = "synthesised"  # begins the third ID line of FRFs that our export drew from modes
+#: Begins the third ID line of FRFs that ringmodal exported from modes.
+SYNTHESISED = "synthesised"
 
 
 def measured_only(path: Path, datasets: list[Dataset]) -> tuple[list[Dataset], tuple[Finding, ...]]:
-    """FRFs without those marked as synthesised, where others stand beside them; and what to say."""
-    others = [each for each in datasets if not _header(each).id_lines[2].startswith(SYNTHESISED)]
+    """FRFs without those marked as synthesised, where there are others, and a finding about it."""
+    others = [each for each in datasets if not each.header58.id_lines[2].startswith(SYNTHESISED)]
     n_drawn = len(datasets) - len(others)
     if not n_drawn:
         return datasets, ()
+    detail = f"{n_drawn} FRFs synthesised from modes, left out beside {len(others)} measured ones"
     if not others:
-        says = "all FRFs are synthesised, none is measured"
-        return datasets, (remark(path, "", "content", says),)
-    says = f"{n_drawn} FRFs synthesised from modes, left out beside {len(others)} measured ones"
-    return others, (remark(path, "", "content", says),)
+        detail = "all FRFs are synthesised, none is measured"
+    return others or datasets, (remark(path, "", "content", detail),)
 
 
 def read_frf(
@@ -47,13 +49,7 @@ def read_frf(
     """Read the FRFs of a file as inertance in (m/s²)/N; coherence and deviation are unknown.
 
     Mobility is multiplied by jω, receptance by −ω². Where the response stays and the force
-    roves, reciprocity makes the nodes of the force the positions.
-
-    Raises
-    ------
-    RecordingFormatError
-        If a function is no motion over force, the rows differ in their lines, or several
-        forces and several responses are mixed.
+    roves, by reciprocity the nodes of the force are the positions.
     """
     frequency_hz = np.empty(0)
     values = np.empty((0, 0), dtype=np.complex128)
@@ -65,7 +61,10 @@ def read_frf(
             frequency_hz = lines
             values = np.empty((len(datasets), len(lines)), dtype=np.complex128)
         elif not _same_lines(lines, frequency_hz):
-            raise _other_lines(path, dataset, lines, datasets[0], frequency_hz)
+            found = f"{_described(lines)}; dataset {datasets[0].index}: {_described(frequency_hz)}"
+            rule = "all FRFs must have the same frequency lines"
+            remedy = "Export them with one resolution, or in separate files"
+            raise RecordingFormatError(place(path, dataset.index), found, rule, remedy)
         values[row], noticed = _inertance(path, dataset, ordinate, units, frequency_hz)
         findings += noticed
     nodes, roving = _nodes(path, datasets)
@@ -88,47 +87,43 @@ def read_frf(
 
 def driven_node(datasets: Sequence[Dataset]) -> int | None:
     """Node of the end that all FRFs share: the force, or by reciprocity the response; or None."""
-    headers = [_header(each) for each in datasets]
+    headers = [each.header58 for each in datasets]
     for ends in ({h.reference_node for h in headers}, {h.response_node for h in headers}):
         if len(ends) == 1:
             return ends.pop() or None
     return None
 
 
-def _header(dataset: Dataset) -> Header58:
-    assert dataset.header is not None
-    return dataset.header
-
-
 def _same_lines(lines: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
     if len(lines) != len(others):
         return False
-    return np.allclose(lines, others, rtol=1e-6, atol=1e-3 * (others[1] - others[0]))
+    atol = _SAME_LINE * (others[1] - others[0])
+    return np.allclose(lines, others, rtol=_SAME_FREQUENCY, atol=atol)
+
+
+def _described(lines: NDArray[np.float64]) -> str:
+    return f"{len(lines)} lines, {lines[0]:g} to {lines[-1]:g} Hz"
 
 
 def _lines(
     path: Path, dataset: Dataset, abscissa: NDArray[np.float64] | None
 ) -> NDArray[np.float64]:
-    """Frequency lines of a function; they have to be equidistant."""
-    header = _header(dataset)
+    """Frequency lines of a function, which must be equidistant."""
+    header = dataset.header58
+    where = place(path, dataset.index, 9)
+    start, steps = header.abscissa_min, None
     if abscissa is not None:
-        steps = even_step(abscissa)
-        start = float(abscissa[0])
+        start, steps = float(abscissa[0]), even_step(abscissa)
     else:
-        start = header.abscissa_min
-        try:
+        with contextlib.suppress(ValueError):
             steps = step_and_inverse(header.abscissa_step)
-        except ValueError:
-            steps = None
     if steps is None or header.n_values < 2:
         found = f"{header.n_values} lines from {start:g} Hz, step {header.abscissa_step}"
-        rule = "the lines of an FRF are at least two and equidistant"
-        raise RecordingFormatError(place(path, dataset.index, 9), found, rule, COPY_AGAIN)
+        raise damaged(where, found, "an FRF must have at least two lines, equidistant")
     last = start + steps[0] * (header.n_values - 1)
     if start < 0.0 or not math.isfinite(last):
         found = f"lines from {start:g} to {last:g} Hz"
-        rule = "frequencies must be positive and finite"
-        raise RecordingFormatError(place(path, dataset.index, 9), found, rule, COPY_AGAIN)
+        raise damaged(where, found, "frequencies must be positive and finite")
     return start + steps[0] * np.arange(header.n_values, dtype=np.float64)
 
 
@@ -139,11 +134,11 @@ def _inertance(
     units: UnitSystem,
     frequency_hz: NDArray[np.float64],
 ) -> tuple[NDArray[np.complex128], list[Finding]]:
-    header = _header(dataset)
+    header = dataset.header58
     motion, force = _motion_and_force(path, dataset, units)
     sign = -1.0 if (header.response_direction < 0) != (header.reference_direction < 0) else 1.0
-    power = _TIMES_J_OMEGA[motion.quantity]
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite shows as such
+    power = _POWERS[motion.quantity]
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite stays so
         scaled = values.astype(np.complex128) * (sign * motion.factor / force.factor)
         row = scaled if power == 0 else scaled * (2j * np.pi * frequency_hz) ** power
     name = header.id_lines[0]
@@ -157,7 +152,7 @@ def _inertance(
 
 def _motion_and_force(path: Path, dataset: Dataset, units: UnitSystem) -> tuple[AxisUnit, AxisUnit]:
     """Units of numerator and denominator, which may share one label."""
-    header = _header(dataset)
+    header = dataset.header58
     motion = ordinate_unit(header.ordinate_axis, units)
     force = ordinate_unit(header.denominator_axis, units)
     ratio = parse_ratio(header.ordinate_axis.unit)
@@ -168,9 +163,9 @@ def _motion_and_force(path: Path, dataset: Dataset, units: UnitSystem) -> tuple[
     denominator = header.denominator_axis
     if force.quantity == UNKNOWN and not denominator.data_type and not is_stated(denominator.unit):
         force = AxisUnit(FORCE, "", 1.0 / units.force, "no denominator given; force assumed")
-    if motion.quantity not in _TIMES_J_OMEGA or force.quantity != FORCE:
+    if motion.quantity not in _POWERS or force.quantity != FORCE:
         found = f"{header.id_lines[0]!r} is {motion.quantity} over {force.quantity}"
-        rule = "an FRF is acceleration, velocity or displacement over force"
+        rule = "an FRF must be acceleration, velocity or displacement over force"
         remedy = "Leave this function out, or export it with data types and units"
         raise RecordingFormatError(place(path, dataset.index, 11), found, rule, remedy)
     return motion, force
@@ -178,7 +173,7 @@ def _motion_and_force(path: Path, dataset: Dataset, units: UnitSystem) -> tuple[
 
 def _nodes(path: Path, datasets: Sequence[Dataset]) -> tuple[list[int], bool]:
     """Nodes of the rows, and whether it was the force that roved."""
-    headers = [_header(each) for each in datasets]
+    headers = [each.header58 for each in datasets]
     responses = [each.response_node for each in headers]
     forces = [each.reference_node for each in headers]
     if len(set(forces)) == 1:
@@ -186,21 +181,5 @@ def _nodes(path: Path, datasets: Sequence[Dataset]) -> tuple[list[int], bool]:
     if len(set(responses)) == 1:
         return forces, True
     found = f"{len(set(forces))} force nodes and {len(set(responses))} response nodes"
-    rule = "one force belongs to all FRFs (or one response, where the force roves)"
+    rule = "all FRFs must have one force (or one response, where the force roves)"
     raise RecordingFormatError(path.name, found, rule, "Export one reference per file")
-
-
-def _other_lines(
-    path: Path,
-    dataset: Dataset,
-    lines: NDArray[np.float64],
-    first: Dataset,
-    expected: NDArray[np.float64],
-) -> RecordingFormatError:
-    def describe(values: NDArray[np.float64]) -> str:
-        return f"{len(values)} lines, {values[0]:g} to {values[-1]:g} Hz"
-
-    found = f"{describe(lines)}; dataset {first.index} has {describe(expected)}"
-    rule = "all FRFs must have the same frequency lines"
-    remedy = "Export them with one resolution, or in files of their own"
-    return RecordingFormatError(place(path, dataset.index), found, rule, remedy)

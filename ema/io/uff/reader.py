@@ -12,25 +12,39 @@ from numpy.typing import NDArray
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Finding
 from ema.core.recording import Channel, Recording
+from ema.io.columns import even_step, step_and_inverse
 from ema.io.content import FileContent, remark
-from ema.io.sampling import even_step, step_and_inverse
 from ema.io.uff.dataset58 import read_form, read_values
-from ema.io.uff.dataset58_header import FREQUENCY_RESPONSE, TIME_RESPONSE, Header58
+from ema.io.uff.dataset58_header import FREQUENCY_RESPONSE, TIME_RESPONSE, Header58, ordinate_unit
 from ema.io.uff.frf import driven_node, measured_only, read_frf
 from ema.io.uff.geometry import Surroundings, read_surroundings
-from ema.io.uff.scan import COPY_AGAIN, Dataset, place, scan
-from ema.io.uff.units import describe_left_out, ordinate_unit
+from ema.io.uff.scan import Dataset, damaged, place, scan
 
 SUFFIXES = (".uff", ".unv", ".uf", ".bunv", ".58", ".ufb")
 SampleReader = Callable[[Path, Dataset], tuple[NDArray[np.float64] | None, NDArray[Any]]]
+_SAME_RATE = 1e-6  # relative
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
+_SHAPES = (55, 2414)
+_AROUND = (15, 18, 82, 151, 164, 1858, 2400, 2411, 2412, 2420)  # of no use alone
+_DATASETS = {15: "nodes", 18: "coordinate systems", 55: "data at nodes", 56: "data at elements"}
+_DATASETS |= {57: "data at nodes of elements", 82: "trace lines", 151: "file header", 164: "units"}
+_DATASETS |= {1858: "qualifiers of functions", 2400: "model header", 2411: "nodes"}
+_DATASETS |= {2412: "elements", 2414: "analysis data", 2420: "coordinate systems"}
+_DATASETS |= {2429: "groups", 2467: "groups"}
+_FUNCTIONS = {0: "general or unknown", 1: "time response", 2: "auto spectrum", 3: "cross spectrum"}
+_FUNCTIONS |= {4: "frequency response", 5: "transmissibility", 6: "coherence"}
+_FUNCTIONS |= {7: "auto correlation", 8: "cross correlation", 9: "power spectral density"}
+_FUNCTIONS |= {10: "energy spectral density", 11: "probability density", 12: "spectrum"}
+_FUNCTIONS |= {13: "cumulative frequency distribution", 17: "orbit", 18: "mode indicator function"}
+_FUNCTIONS |= {19: "force pattern", 20: "partial power", 21: "partial coherence"}
+_FUNCTIONS |= {24: "shock response spectrum", 26: "multiple coherence", 27: "order function"}
 
 
 def read(path: Path) -> FileContent:
     """Read the time series and FRFs of a universal file.
 
-    Payloads of 58b stay on disk as memory maps. Other function types and datasets that say
-    nothing about time series or FRFs are counted in a finding.
+    Payloads of 58b stay on disk as memory maps. Other function types and datasets are named in a
+    finding.
 
     Raises
     ------
@@ -41,26 +55,26 @@ def read(path: Path) -> FileContent:
 
 
 def read_headers(path: Path) -> FileContent:
-    """Read a universal file without the numbers of long text: those samples are NaN.
-
-    Raises
-    ------
-    RecordingFormatError
-        As `read`, as far as headers and the places of the datasets show it.
-    """
+    """Read a universal file without the numbers of long text: those samples are NaN."""
     return _read(path, read_form)
 
 
 def _read(path: Path, read_samples: SampleReader) -> FileContent:
     datasets = scan(path)
-    functions = [each for each in datasets if each.header is not None]
-    times = [each for each in functions if _function_type(each) == TIME_RESPONSE]
-    responses = [each for each in functions if _function_type(each) == FREQUENCY_RESPONSE]
+    times = [each for each in datasets if _function(each) == TIME_RESPONSE]
+    responses = [each for each in datasets if _function(each) == FREQUENCY_RESPONSE]
     responses, drawn = measured_only(path, responses)
-    findings = _remarks(path, datasets, times, responses) + drawn
+    findings = [
+        remark(path, each.header58.id_lines[0], "byte count", each.remark)
+        for each in (*times, *responses)
+        if each.remark
+    ]
+    if others := _describe_left_out(datasets):
+        findings.append(remark(path, "", "content", others))
+    findings += drawn
     if not times and not responses:
-        return FileContent(path, findings=findings)
-    in_use = {_header(each).response_node for each in (*times, *responses)}
+        return FileContent(path, findings=tuple(findings))
+    in_use = {each.header58.response_node for each in (*times, *responses)}
     around = read_surroundings(path, datasets, in_use)
     findings += around.findings
     recording, noticed = _read_recording(path, times, around, read_samples) if times else (None, ())
@@ -69,34 +83,35 @@ def _read(path: Path, read_samples: SampleReader) -> FileContent:
     if responses:
         frf, noticed = read_frf(path, responses, around.units, around.angle_deg)
         findings += noticed
-    names = tuple(_channel_name(_header(each), row) for row, each in enumerate(responses, 1))
-    return FileContent(path, recording, frf, names, driven_node(responses), findings)
+    names = tuple(_channel_name(each.header58, row) for row, each in enumerate(responses, 1))
+    return FileContent(path, recording, frf, names, driven_node(responses), tuple(findings))
 
 
-def _header(dataset: Dataset) -> Header58:
-    assert dataset.header is not None
-    return dataset.header
+def _describe_left_out(datasets: Sequence[Dataset]) -> str:
+    """What a file contains besides time series and FRFs; empty where nothing is lost without it.
+
+    Geometry, units and headers are named only in a file without time series and FRFs.
+    """
+    left = [each for each in datasets if _function(each) not in (TIME_RESPONSE, FREQUENCY_RESPONSE)]
+    if len(left) < len(datasets):
+        left = [each for each in left if each.number not in _AROUND]
+    shapes = dict.fromkeys(_name(each) for each in left if each.number in _SHAPES)
+    others = dict.fromkeys(_name(each) for each in left if each.number not in _SHAPES)
+    parts = [f"{', '.join(others)}: not used by this program, left out"] if others else []
+    if shapes:
+        parts.append(f"{', '.join(shapes)}: left out; mode shapes are read by ema.read_shapes")
+    return "; ".join(parts)
 
 
-def _function_type(dataset: Dataset) -> int:
-    return _header(dataset).function_type
+def _function(dataset: Dataset) -> int | None:
+    return None if dataset.header is None else dataset.header.function_type
 
 
-def _remarks(
-    path: Path,
-    datasets: Sequence[Dataset],
-    times: Sequence[Dataset],
-    responses: Sequence[Dataset],
-) -> tuple[Finding, ...]:
-    findings = []
-    for dataset in (*times, *responses):
-        if dataset.remark:
-            name = _header(dataset).id_lines[0]
-            findings.append(remark(path, name, "byte count", dataset.remark))
-    left_out = describe_left_out(datasets)
-    if left_out:
-        findings.append(remark(path, "", "content", left_out))
-    return tuple(findings)
+def _name(dataset: Dataset) -> str:
+    function = _function(dataset)
+    if function is not None:
+        return f"function type {function} ({_FUNCTIONS.get(function, 'unknown')})"
+    return f"dataset {dataset.number} ({_DATASETS.get(dataset.number, 'unknown')})"
 
 
 def _read_recording(
@@ -106,34 +121,26 @@ def _read_recording(
     rates: list[float] = []
     findings: list[Finding] = []
     for dataset in datasets:
-        header = _header(dataset)
+        header = dataset.header58
         abscissa, values = read_samples(path, dataset)
         if header.is_complex:
-            found = f"{header.id_lines[0]!r} holds complex values"
-            rule = "a time response must be real"
-            raise RecordingFormatError(place(path, dataset.index), found, rule, COPY_AGAIN)
+            found = f"{header.id_lines[0]!r} has complex values"
+            raise damaged(place(path, dataset.index), found, "a time response must be real")
         rates.append(_sampling_rate(path, dataset, abscissa))
         unit = ordinate_unit(header.ordinate_axis, around.units)
         name = _channel_name(header, len(channels) + 1)
         if unit.remark:
             findings.append(remark(path, name, "unit", unit.remark))
-        channels.append(
-            Channel(
-                name=name,
-                quantity=unit.quantity,
-                unit=unit.text,
-                samples=values,
-                scale_to_si=unit.factor * (-1.0 if header.response_direction < 0 else 1.0),
-                node=header.response_node,
-                angle_deg=around.angle_deg.get(header.response_node),
-            )
-        )
+        node = header.response_node
+        factor = -unit.factor if header.response_direction < 0 else unit.factor
+        angle_deg = around.angle_deg.get(node)
+        channels.append(Channel(name, unit.quantity, unit.text, values, factor, node, angle_deg))
     _check_together(path, channels, rates)
     return Recording(path, rates[0], tuple(channels)), tuple(findings)
 
 
 def _channel_name(header: Header58, number: int) -> str:
-    """First ID line; where it says nothing, the degree of freedom or the number in the file."""
+    """First ID line; where it is empty, the degree of freedom or the number in the file."""
     name = header.id_lines[0]
     if name and name.upper() != "NONE":
         return name
@@ -143,7 +150,7 @@ def _channel_name(header: Header58, number: int) -> str:
 
 
 def _sampling_rate(path: Path, dataset: Dataset, abscissa: NDArray[np.float64] | None) -> float:
-    header = _header(dataset)
+    header = dataset.header58
     if abscissa is not None:
         steps = even_step(abscissa)
         if steps is None:
@@ -155,9 +162,8 @@ def _sampling_rate(path: Path, dataset: Dataset, abscissa: NDArray[np.float64] |
     try:
         return step_and_inverse(header.abscissa_step)[1]
     except ValueError:
-        found = f"time step {header.abscissa_step!r}"
-        rule = "the time step must be positive"
-        raise RecordingFormatError(place(path, dataset.index, 9), found, rule, COPY_AGAIN) from None
+        found, rule = f"time step {header.abscissa_step!r}", "the time step must be positive"
+        raise damaged(place(path, dataset.index, 9), found, rule) from None
 
 
 def _check_together(path: Path, channels: Sequence[Channel], rates: Sequence[float]) -> None:
@@ -166,10 +172,10 @@ def _check_together(path: Path, channels: Sequence[Channel], rates: Sequence[flo
     for channel, rate in zip(channels, rates, strict=True):
         if channel.n_samples != first.n_samples:
             what = f"{first.n_samples} samples of {first.name!r}, {channel.n_samples}"
-        elif abs(rate - rates[0]) > 1e-6 * rates[0]:
+        elif abs(rate - rates[0]) > _SAME_RATE * rates[0]:
             what = f"{rates[0]:g} Hz of {first.name!r}, {rate:g} Hz"
         else:
             continue
-        rule = "channels of one run are sampled together, at one rate and equally long"
-        remedy = "Export them together, or in files of their own"
+        rule = "channels of one run must be sampled together, at one rate and equally long"
+        remedy = "Export them together, or in separate files"
         raise RecordingFormatError(path.name, f"{what} of {channel.name!r}", rule, remedy)

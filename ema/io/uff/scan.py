@@ -1,16 +1,19 @@
-"""Find the datasets of a universal file without reading what they hold."""
+"""Find the datasets of a universal file, seeking over payloads; read lines of text datasets."""
 
 from __future__ import annotations
 
 import mmap
 from codecs import BOM_UTF8
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ema.core.errors import RecordingFormatError
 from ema.core.files import require_regular
+from ema.io.columns import parse_number
+from ema.io.content import LEAVE_OUT, unreadable
 from ema.io.uff.dataset58_header import (
     DELIMITER,
     HEADER_LINES,
@@ -20,77 +23,62 @@ from ema.io.uff.dataset58_header import (
     parse_header,
 )
 
-_LONGEST_LINE = 256  # header lines have 80 columns; nothing longer is looked at
-_WORTH_A_JUMP = 1 << 20  # bytes of text that are searched faster than a jump is worth
+_LONGEST_LINE = 256  # header lines have 80 columns; the rest of longer ones is ignored
+_WORTH_A_JUMP = 1 << 20  # bytes of text; shorter payloads are searched as fast
 _CHUNK_BYTES = 1 << 12
 _IGNORED_BETWEEN = b" \t\r\n\x00\x1a"  # blank lines, padding, the end mark of old systems
-COPY_AGAIN = "Copy or export the file again, or leave out the run"
+_LARGEST_INTEGER = 2**53  # beyond, not every integer is a float
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """One dataset of a universal file and where it lies.
+    """One dataset of a universal file and where it is."""
 
-    Parameters
-    ----------
-    index : int
-        Place in the file, from 1.
-    number : int
-        Kind of dataset, e.g. 58 or 2411.
-    start, stop : int
-        Bytes from the opening delimiter to behind the closing one.
-    header : Header58 or None
-        Of a dataset 58.
-    payload : tuple of int
-        First and last byte (exclusive) of a dataset 58's values.
-    layout : numpy dtype or None
-        One record of a binary payload: a value, or abscissa and value where spacing is uneven.
-    remark : str
-        What does not fit the definition but could be read all the same.
-    is_equal_lines : bool
-        Whether the payload is long text that ends where lines like its first one have to end.
-    """
+    index: int  # in the file, from 1
+    number: int  # kind of dataset, e.g. 58 or 2411
+    start: int  # first byte of the opening delimiter
+    stop: int  # first byte behind the closing delimiter
+    header: Header58 | None = None  # of a dataset 58
+    payload: tuple[int, int] = (0, 0)  # first and last byte (exclusive) of its values
+    layout: np.dtype[np.void] | np.dtype[np.inexact] | None = None  # of a binary record
+    remark: str = ""  # what does not fit the definition but could be read
+    is_equal_lines: bool = False  # whether the payload is long text of equally long lines
 
-    index: int
-    number: int
-    start: int
-    stop: int
-    header: Header58 | None = None
-    payload: tuple[int, int] = (0, 0)
-    layout: np.dtype[np.void] | np.dtype[np.inexact] | None = None
-    remark: str = ""
-    is_equal_lines: bool = False
+    @property
+    def header58(self) -> Header58:
+        """Header of a dataset 58."""
+        assert self.header is not None
+        return self.header
 
 
 def scan(path: Path) -> tuple[Dataset, ...]:
     """List the datasets of a universal file, seeking over the values of functions.
 
-    Binary payloads end where their byte count says; text of equally long lines ends where their
-    number says. The delimiter has to stand there; else it is searched for.
-
-    Raises
-    ------
-    RecordingFormatError
-        If the file is missing, empty, no universal file, truncated or damaged.
+    Binary payloads end at their byte count; text of equally long lines ends after the number of
+    its values. If the closing delimiter is not there, it is searched for.
     """
+    rule = "a recording needs at least one dataset"
     try:
         with require_regular(path).open("rb") as file:
             if not path.stat().st_size:
-                rule = "a recording needs at least one dataset"
-                raise RecordingFormatError(str(path), "the file is empty", rule, COPY_AGAIN)
+                raise damaged(str(path), "the file is empty", rule)
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                return tuple(_datasets(path, data))
+                datasets = tuple(_datasets(path, data))
     except OSError as error:
-        reason = error.strerror or str(error)
-        rule = "it must be a file that can be read"
-        raise RecordingFormatError(
-            str(path), reason, rule, "Check the name and the access rights"
-        ) from error
+        raise unreadable(path, error) from error
+    if not datasets:
+        raise damaged(str(path), "only blanks or zeros", rule)
+    return datasets
 
 
 def place(path: Path, index: int, line: int | None = None) -> str:
-    """Say where in a universal file something was found."""
+    """Place in a universal file, as messages name it."""
     return f"{path.name}, dataset {index}" + ("" if line is None else f", line {line}")
+
+
+def damaged(where: str, found: str, rule: str) -> RecordingFormatError:
+    """Build the error about a damaged file."""
+    return RecordingFormatError(where, found, rule, LEAVE_OUT)
 
 
 def _datasets(path: Path, data: mmap.mmap) -> list[Dataset]:
@@ -101,26 +89,22 @@ def _datasets(path: Path, data: mmap.mmap) -> list[Dataset]:
         index = len(found) + 1
         opening, after = _line(data, position)
         if opening.rstrip() != DELIMITER and opening.strip() != b"-1":
-            what = repr(opening[:20].decode("latin-1"))
             rule = 'a dataset of a universal file begins with a line "    -1"'
-            raise RecordingFormatError(place(path, index), what, rule, COPY_AGAIN)
+            raise damaged(place(path, index), repr(opening[:20].decode("latin-1")), rule)
         dataset = _dataset(path, data, index, position, after)
         found.append(dataset)
         position = _next_content(data, dataset.stop)
-    if not found:
-        rule = "a recording needs at least one dataset"
-        raise RecordingFormatError(str(path), "nothing but blanks or zeros", rule, COPY_AGAIN)
     return found
 
 
 def _dataset(path: Path, data: mmap.mmap, index: int, start: int, after: int) -> Dataset:
-    """Read the dataset that opens at `start`; its number stands at `after`."""
+    """Read the dataset that opens at `start`; its number is at `after`."""
     line, body = _line(data, after)
     text = line[:6].decode("latin-1").strip()
     if not (text.isascii() and text.isdigit()):
         found = repr(line[:20].decode("latin-1")) if line else "the end of the file"
-        rule = "the number of the dataset follows its opening delimiter"
-        raise RecordingFormatError(place(path, index), found, rule, COPY_AGAIN)
+        rule = "the number of the dataset must follow its opening delimiter"
+        raise damaged(place(path, index), found, rule)
     number = int(text)
     if number == 58:
         return _function(path, data, index, start, after)
@@ -139,8 +123,7 @@ def _function(path: Path, data: mmap.mmap, index: int, start: int, after: int) -
     try:
         header = parse_header(lines)
     except HeaderError as fault:
-        where = place(path, index, fault.line)
-        raise RecordingFormatError(where, fault.found, fault.rule, COPY_AGAIN) from None
+        raise damaged(place(path, index, fault.line), fault.found, fault.rule) from None
     if header.binary:
         return _binary_function(path, data, Dataset(index, 58, start, start, header), position)
     predicted = _predicted_delimiter(data, position, header)
@@ -152,29 +135,36 @@ def _function(path: Path, data: mmap.mmap, index: int, start: int, after: int) -
     return Dataset(index, 58, start, stop, header, (position, closing), is_equal_lines=equal)
 
 
-def _binary_function(path: Path, data: mmap.mmap, draft: Dataset, begin: int) -> Dataset:
-    """Trust the byte count, verify it by the delimiter, and else try what the values need."""
-    header = draft.header
-    assert header is not None
+def _binary_function(path: Path, data: mmap.mmap, dataset: Dataset, begin: int) -> Dataset:
+    """End at the byte count if the delimiter is there, otherwise where the values must end."""
+    header = dataset.header58
     layouts = _layouts(header)
     sizes = [header.n_bytes, *(layout.itemsize * header.n_values for layout in layouts)]
     for size in sizes:
         stop = _closed_at(data, begin + size)
         if stop is None:
             continue
-        fitting = [each for each in layouts if each.itemsize * header.n_values == size]
+        fitting = [one for one in layouts if one.itemsize * header.n_values == size]
         if not fitting:
             break
         remark = ""
         if size != header.n_bytes or fitting[0] != layouts[0]:
-            remark = (
-                f"header: {header.n_bytes} bytes of kind {header.ordinate}; found: {size} "
-                f"bytes, {fitting[0].itemsize} for each of {header.n_values} values; read as "
-                "such"
-            )
+            each = f"{fitting[0].itemsize} for each of {header.n_values} values"
+            stated = f"{header.n_bytes} bytes of kind {header.ordinate}"
+            remark = f"header: {stated}; found: {size} bytes, {each}; read as such"
         payload = (begin, begin + size)
-        return Dataset(draft.index, 58, draft.start, stop, header, payload, fitting[0], remark)
-    raise _wrong_size(path, data, draft, begin, layouts[0].itemsize)
+        return replace(dataset, stop=stop, payload=payload, layout=fitting[0], remark=remark)
+    item = layouts[0].itemsize
+    end = begin + item * header.n_values
+    closing = _find_delimiter(data, begin, min(end + item, len(data)), at_line_start=False)
+    held = ((len(data) if closing is None else closing) - begin) // item
+    where = place(path, dataset.index)
+    if held < header.n_values:
+        found = f"{max(held, 0)} of {header.n_values} values"
+        raise damaged(where, found, "the file is truncated")
+    found = f"no closing delimiter behind {header.n_values} values ({header.n_bytes} bytes stated)"
+    rule = 'the payload must end with a line "    -1" at the stated byte count'
+    raise damaged(where, found, rule)
 
 
 def _layouts(header: Header58) -> list[np.dtype[np.void] | np.dtype[np.inexact]]:
@@ -195,40 +185,22 @@ def _layouts(header: Header58) -> list[np.dtype[np.void] | np.dtype[np.inexact]]
     ]
 
 
-def _wrong_size(
-    path: Path, data: mmap.mmap, draft: Dataset, begin: int, item: int
-) -> RecordingFormatError:
-    header = draft.header
-    assert header is not None
-    end = begin + item * header.n_values
-    closing = _find_delimiter(data, begin, min(end + item, len(data)), at_line_start=False)
-    held = ((len(data) if closing is None else closing) - begin) // item
-    where = place(path, draft.index)
-    if held < header.n_values:
-        found = f"{max(held, 0)} of {header.n_values} values"
-        return RecordingFormatError(where, found, "the file is truncated", COPY_AGAIN)
-    found = f"no closing delimiter behind {header.n_values} values ({header.n_bytes} bytes stated)"
-    rule = 'the payload must end with a line "    -1" at the stated byte count'
-    return RecordingFormatError(where, found, rule, COPY_AGAIN)
-
-
 def _unclosed(path: Path, index: int, number: int) -> RecordingFormatError:
     found = f"no closing delimiter of dataset type {number}"
     rule = 'each dataset ends with a line "    -1": the file is truncated'
-    return RecordingFormatError(place(path, index), found, rule, COPY_AGAIN)
+    return damaged(place(path, index), found, rule)
 
 
 def _line(data: mmap.mmap, position: int) -> tuple[bytes, int]:
-    """Line at `position` without its end (cut to what a header line may hold), and the next."""
+    """Line at `position` without its end (cut to a header line), and the place of the next."""
     end = data.find(b"\n", position)
     end = len(data) if end < 0 else end
-    return data[position : min(end, position + _LONGEST_LINE)].rstrip(b"\r"), min(
-        end + 1, len(data)
-    )
+    line = data[position : min(end, position + _LONGEST_LINE)].rstrip(b"\r")
+    return line, min(end + 1, len(data))
 
 
 def _next_content(data: mmap.mmap, position: int) -> int:
-    """Skip blank lines; back to the start of the line that holds something."""
+    """Start of the next line that is not blank."""
     begin = position
     while part := data[begin : begin + _CHUNK_BYTES]:
         content = part.lstrip(_IGNORED_BETWEEN)
@@ -244,7 +216,7 @@ def _is_delimiter(data: mmap.mmap, position: int) -> bool:
 
 
 def _predicted_delimiter(data: mmap.mmap, begin: int, header: Header58) -> int | None:
-    """Closing delimiter where long text of equal lines has to end; None if it is not there."""
+    """Closing delimiter where long text of equal lines must end; None if it is not there."""
     line = data[begin : begin + _LONGEST_LINE].partition(b"\n")[0]
     per_line, length = line.count(b"."), len(line) + 1
     full, rest = divmod(header.n_values * header.numbers_per_value, max(per_line, 1))
@@ -272,9 +244,81 @@ def _find_delimiter(
 
 
 def _closed_at(data: mmap.mmap, position: int) -> int | None:
-    """Byte behind the closing delimiter, if one stands at `position` or after a line end."""
+    """Byte behind the closing delimiter, if one is at `position` or after a line end."""
     if position > len(data):
         return None
     behind = data[position : position + _LONGEST_LINE]
     position += len(behind) - len(behind.lstrip(b"\r\n"))
     return _line(data, position)[1] if _is_delimiter(data, position) else None
+
+
+class Lines:
+    """The lines of a dataset of text, read one after the other."""
+
+    def __init__(self, path: Path, dataset: Dataset) -> None:
+        self._path, self._index = path, dataset.index
+        with path.open("rb") as file:
+            file.seek(dataset.start)
+            text = file.read(dataset.stop - dataset.start).decode("latin-1")
+        self._lines = [line.rstrip("\r") for line in text.rstrip().split("\n")[2:-1]]
+        self._next = 0
+
+    @property
+    def where(self) -> str:
+        """The line read last, as messages name it."""
+        return place(self._path, self._index, self._next + 2)
+
+    def more(self) -> bool:
+        """Whether there are more lines that are not blank."""
+        while self._next < len(self._lines) and not self._lines[self._next].strip():
+            self._next += 1
+        return self._next < len(self._lines)
+
+    def text(self, n: int = 1) -> str:
+        """Read `n` lines and return the last one."""
+        self._next += n
+        if self._next > len(self._lines):
+            self._next = len(self._lines) + 1
+            raise damaged(self.where, "the end of the dataset", "one more line is required")
+        return self._lines[self._next - 1]
+
+    def numbers(self, widths: Sequence[int], least: int) -> list[float]:
+        """Numbers on the next line, of which there must be at least `least`; see `line_numbers`."""
+        numbers = line_numbers(self.text(), widths, self.where)
+        if len(numbers) < least:
+            rule = f"the line must have {least} numbers"
+            raise damaged(self.where, f"{len(numbers)} numbers", rule)
+        return numbers
+
+    def integers(self, least: int) -> list[int]:
+        """Integers on the next line, in columns of ten; see `numbers`."""
+        return self.as_integers(self.numbers((10,) * 8, least))
+
+    def as_integers(self, numbers: Sequence[float]) -> list[int]:
+        """Numbers of the line read last that must be integers, e.g. labels of nodes."""
+        for number in numbers:
+            if not number.is_integer() or abs(number) > _LARGEST_INTEGER:
+                raise damaged(self.where, f"{number:g}", "labels and codes must be whole numbers")
+        return [int(number) for number in numbers]
+
+
+def line_numbers(line: str, widths: Sequence[int], where: str) -> list[float]:
+    """Numbers of a line: separated ones, or touching ones cut by the widths of their columns."""
+    try:
+        return [parse_number(word) for word in line.split()]
+    except ValueError:
+        text = line.rstrip()
+    numbers, begin = [], 0
+    for width in widths:
+        if begin >= len(text):
+            break
+        field = text[begin : begin + width]
+        try:
+            numbers.append(parse_number(field))
+        except ValueError:
+            rule = f"columns {begin + 1} to {begin + width} must be a number"
+            raise damaged(where, repr(field), rule) from None
+        begin += width
+    if rest := text[begin:].strip():
+        raise damaged(where, repr(rest[:20]), f"nothing may follow column {begin}")
+    return numbers

@@ -1,10 +1,12 @@
-"""Mode shapes from other programs, for comparison."""
+"""Mode shapes of datasets 55 and 2414 from other programs, for comparison."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,19 +14,37 @@ from numpy.typing import NDArray
 from ema.core.arrays import readonly
 from ema.core.errors import InputError, RecordingFormatError
 from ema.core.finding import Finding
-from ema.io.columns import PLANES, centre_of_circle, is_round
 from ema.io.content import remark
-from ema.io.uff.geometry import read_nodes, read_surroundings
-from ema.io.uff.scan import COPY_AGAIN, scan
-from ema.io.uff.shapes import ModeRecord, read_mode
-from ema.io.uff.units import SHAPES
+from ema.io.uff import geometry
+from ema.io.uff.scan import Dataset, Lines, damaged, scan
 
-_MOST_GAPS = 8  # cells of the whole table for each value given: files of one structure have about 1
+RADIAL = "radial"
+AXES = ("x", "y", "z")
+DIRECTIONS = (RADIAL, *AXES)
+
+_MOST_GAPS = 8  # cells of the table per value given: files of one structure have about 1
+_FEWEST_NODES = 3
+_AT_ORIGIN = 0.02  # an axle this near to the origin, over the radius, goes through it
+_ON_A_LINE = 0.01  # extent of nodes across, over that along
+
+_DATA_AT_NODES, _ANALYSIS_DATA = 55, 2414  # kinds of datasets
+_ANALYSES = (
+    *("unknown", "static", "normal mode", "complex eigenvalue", "transient", "frequency response"),
+    *("buckling", "complex eigenvalue", "8", "static, non-linear"),
+)
+_NORMAL_MODE, _COMPLEX_MODE = 2, (3, 7)
+_AT_NODES = 1
+_TENSOR = 4  # data characteristics from here on are not vectors
+_MOTIONS = (0, 1, 8, 11, 12, 93, 94, 95, 96)  # displacement, velocity, acceleration, or unstated
+_REAL, _COMPLEX = (2, 4), (5, 6)
+_TRANSLATIONS = (1, 2, 3)
+_DIRECTIONS = {1: (0,), 3: _TRANSLATIONS, 6: (*_TRANSLATIONS, 4, 5, 6)}  # by values per node
+_VALUE_WIDTHS = (13,) * 6
 
 
 @dataclass(frozen=True, eq=False)
 class ShapeSet:
-    """Mode shapes of a universal file, as stored: each has a scale of its own.
+    """Mode shapes of a universal file, as stored, without a common scale.
 
     Parameters
     ----------
@@ -37,9 +57,9 @@ class ShapeSet:
     direction : ndarray of int, shape (n_rows,)
         1 to 3 translation along X, Y, Z, 4 to 6 rotation about them, 0 where there is none.
     angle_deg : ndarray, shape (n_rows,)
-        Angle of the row's node; NaN where the file has no geometry, or it is no circle.
+        Angle of the node; NaN where the file has no geometry, or nodes are not on a circle.
     values : ndarray of complex, shape (n_modes, n_rows)
-        NaN where a mode says nothing about a row.
+        NaN where a mode has no value for a row.
     findings : tuple of Finding
         What was left out or assumed.
     """
@@ -53,15 +73,11 @@ class ShapeSet:
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, dtype in (
-            ("frequency_hz", float),
-            ("damping_ratio", float),
-            ("node", int),
-            ("direction", int),
-            ("angle_deg", float),
-            ("values", complex),
-        ):
-            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
+        for name in ("frequency_hz", "damping_ratio", "angle_deg"):
+            object.__setattr__(self, name, readonly(getattr(self, name), float))
+        for name in ("node", "direction"):
+            object.__setattr__(self, name, readonly(getattr(self, name), int))
+        object.__setattr__(self, "values", readonly(self.values, complex))
 
     @property
     def n_modes(self) -> int:
@@ -73,7 +89,7 @@ def read_shapes(path: Path | str) -> ShapeSet:
     """Read the mode shapes of a universal file from its datasets 55 and 2414.
 
     Normal modes and complex eigenvalues, real or complex, are modes; results of other analyses
-    are named in a finding and left out.
+    are left out with a finding.
 
     Parameters
     ----------
@@ -83,7 +99,7 @@ def read_shapes(path: Path | str) -> ShapeSet:
     Raises
     ------
     RecordingFormatError
-        If the file is missing or damaged, or holds no mode shapes.
+        If the file is missing or damaged, or has no mode shapes.
 
     Examples
     --------
@@ -96,36 +112,31 @@ def read_shapes(path: Path | str) -> ShapeSet:
     """
     path = Path(path)
     datasets = scan(path)
-    modes: list[ModeRecord] = []
+    modes: list[_Mode] = []
     left_out: list[str] = []
     for dataset in datasets:
-        if dataset.number not in SHAPES:
-            continue
-        found = read_mode(path, dataset)
-        if isinstance(found, ModeRecord):
-            modes.append(found)
-        else:
-            left_out.append(f"dataset {dataset.index} ({dataset.number}): {found}")
+        if dataset.number in (_DATA_AT_NODES, _ANALYSIS_DATA):
+            found = _read_mode(path, dataset)
+            if isinstance(found, _Mode):
+                modes.append(found)
+            else:
+                left_out.append(f"dataset {dataset.index} ({dataset.number}): {found}")
     if not any(len(mode.node) for mode in modes):
         held = "; ".join(left_out[:3]) or f"{len(datasets)} datasets, none of them 55 or 2414"
         rule = "mode shapes are normal or complex modes in datasets 55 or 2414"
         raise RecordingFormatError(path.name, held, rule, "Export the modes of the modal analysis")
     findings = tuple(remark(path, "", "content", f"{each}, left out") for each in left_out)
     node, direction, values = _table(path, modes)
-    around = read_surroundings(path, datasets, set(node.tolist()))
-    return ShapeSet(
-        frequency_hz=np.array([mode.frequency_hz for mode in modes]),
-        damping_ratio=np.array([mode.damping_ratio for mode in modes]),
-        node=node,
-        direction=direction,
-        angle_deg=np.array([around.angle_deg.get(each, np.nan) for each in node.tolist()]),
-        values=values,
-        findings=findings + around.findings,
-    )
+    around = geometry.read_surroundings(path, datasets, set(node.tolist()))
+    frequency_hz = np.array([mode.frequency_hz for mode in modes])
+    damping_ratio = np.array([mode.damping_ratio for mode in modes])
+    angle_deg = np.array([around.angle_deg.get(each, np.nan) for each in node.tolist()])
+    findings += around.findings
+    return ShapeSet(frequency_hz, damping_ratio, node, direction, angle_deg, values, findings)
 
 
 def _table(
-    path: Path, modes: Sequence[ModeRecord]
+    path: Path, modes: Sequence[_Mode]
 ) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.complex128]]:
     """Nodes and directions of all modes, in order of appearance, and (n_modes, n_rows) values."""
     nodes = list(dict.fromkeys(int(node) for mode in modes for node in mode.node))
@@ -133,8 +144,7 @@ def _table(
     n_cells = len(modes) * len(nodes) * len(directions)
     if n_cells > _MOST_GAPS * sum(mode.values.size for mode in modes):
         found = f"{len(modes)} modes over {len(nodes)} nodes, most of them missing"
-        rule = "modes of one structure share their nodes"
-        raise RecordingFormatError(path.name, found, rule, COPY_AGAIN)
+        raise damaged(path.name, found, "modes of one structure must share their nodes")
     table = np.empty((len(modes), len(nodes), len(directions)), dtype=np.complex128)
     row_of = {node: row for row, node in enumerate(nodes)}
     for number, mode in enumerate(modes):
@@ -143,50 +153,132 @@ def _table(
         table[number] = np.nan
         table[number][:, columns] = mode.absent
         table[number][np.ix_(rows, columns)] = mode.values
-    return (
-        np.repeat(np.array(nodes), len(directions)),
-        np.tile(np.array(directions), len(nodes)),
-        table.reshape(len(modes), -1),
-    )
+    node = np.repeat(np.array(nodes), len(directions))
+    direction = np.tile(np.array(directions), len(nodes))
+    return node, direction, table.reshape(len(modes), -1)
 
 
-RADIAL = "radial"
-AXES = ("x", "y", "z")
-DIRECTIONS = (RADIAL, *AXES)
+@dataclass(frozen=True, eq=False)
+class _Mode:
+    """One mode of a dataset."""
 
-_TRANSLATIONS = (1, 2, 3)
-_FEWEST_NODES = 3
-_AT_ORIGIN = 0.02  # an axle this near to the origin, over the radius, goes through it
-_ON_A_LINE = 0.01  # extent of nodes across, over that along
+    frequency_hz: float
+    damping_ratio: float  # NaN where the dataset states none
+    node: NDArray[np.int_]
+    directions: tuple[int, ...]
+    values: NDArray[np.complex128]  # (n_nodes, n_directions), as stored
+    absent: float  # of a node that is not listed: 0 in dataset 55, NaN (unknown) in 2414
+
+
+@dataclass(frozen=True)
+class _Form:
+    """Head of a dataset: what its values are, and parameters of the mode."""
+
+    normal: tuple[float, ...]  # frequency, modal mass, viscous ζ, hysteretic η
+    eigenvalue: complex
+    location: int
+    analysis: int
+    characteristic: int
+    result: int
+    kind: int
+    n_values: int
+
+
+def _read_mode(path: Path, dataset: Dataset) -> _Mode | str:
+    """Read a dataset 55 or 2414, or return what it is instead of a mode shape."""
+    is_55 = dataset.number == _DATA_AT_NODES
+    lines = Lines(path, dataset)
+    form = _head_55(lines) if is_55 else _head_2414(lines)
+    if other := _what_else(form):
+        return other
+    size = math.hypot(form.eigenvalue.real, form.eigenvalue.imag)
+    frequency_hz = size / (2.0 * math.pi)
+    damping_ratio = -form.eigenvalue.real / size if size else math.nan
+    if form.analysis == _NORMAL_MODE:
+        frequency_hz, _, viscous, hysteretic = form.normal
+        # Zero means unknown. The viscous ratio is half the loss factor.
+        damping_ratio = viscous or hysteretic / 2.0 or math.nan
+    if not 0.0 <= frequency_hz < math.inf:
+        found, rule = f"a mode at {frequency_hz:g} Hz", "frequencies must be positive and finite"
+        raise damaged(lines.where, found, rule)
+    node, values = _read_values(lines, form)
+    absent = 0.0 if is_55 else math.nan
+    return _Mode(frequency_hz, damping_ratio, node, _DIRECTIONS[form.n_values], values, absent)
+
+
+def _head_55(lines: Lines) -> _Form:
+    """Records 1 to 8; the real parameters depend on the type of analysis."""
+    lines.text(5)
+    form = lines.integers(6)[1:6]
+    n_integers, n_reals, *_ = lines.integers(2)
+    if n_integers > 6:  # eight on a line, the two counts among them
+        lines.text()
+    reals = lines.numbers(_VALUE_WIDTHS, min(max(n_reals, 1), 6))
+    if n_reals > 6:
+        lines.text()
+    reals += [0.0] * 6
+    return _Form(tuple(reals[:4]), complex(*reals[:2]), _AT_NODES, *form)
+
+
+def _head_2414(lines: Lines) -> _Form:
+    """Records 1 to 13, with twelve real parameters."""
+    lines.text(2)
+    location = lines.integers(1)[0]
+    lines.text(5)
+    form = lines.integers(6)[1:6]
+    lines.text(2)
+    reals = lines.numbers(_VALUE_WIDTHS, 6)[:6] + lines.numbers(_VALUE_WIDTHS, 6)[:6]
+    normal = (reals[1], reals[3], reals[4], reals[5])
+    return _Form(normal, complex(*reals[6:8]), location, *form)
+
+
+def _what_else(form: _Form) -> str:
+    """What a dataset contains instead of a mode shape; empty for a mode shape."""
+    if form.analysis not in (_NORMAL_MODE, *_COMPLEX_MODE):
+        known = 0 <= form.analysis < len(_ANALYSES)
+        return f"results of a {_ANALYSES[form.analysis] if known else form.analysis} analysis"
+    if form.location != _AT_NODES:
+        return "values of elements"
+    if form.characteristic >= _TENSOR or form.n_values not in _DIRECTIONS:
+        return f"{form.n_values} values per node, no motion"
+    if form.result not in _MOTIONS:
+        return f"results of type {form.result}, no motion"
+    if form.kind not in (*_REAL, *_COMPLEX):
+        return f"values of kind {form.kind}"
+    return ""
+
+
+def _read_values(lines: Lines, form: _Form) -> tuple[NDArray[np.int_], NDArray[np.complex128]]:
+    """Nodes, each with its number on a line and its values on as many lines as they need."""
+    n_numbers = form.n_values * (2 if form.kind in _COMPLEX else 1)
+    rows: dict[int, list[float]] = {}
+    while lines.more():
+        node = lines.integers(1)[0]
+        if node in rows:
+            rule = "each node direction must have one value per mode"
+            raise damaged(lines.where, f"node {node} twice", rule)
+        row = rows[node] = []
+        while len(row) < n_numbers:
+            row += lines.numbers(_VALUE_WIDTHS, 1)
+        if len(row) > n_numbers:
+            raise damaged(lines.where, f"{len(row)} numbers", f"node {node} has {n_numbers}")
+    table = np.array(list(rows.values()), dtype=np.float64).reshape(-1, n_numbers)
+    values = table.view(np.complex128) if form.kind in _COMPLEX else table.astype(np.complex128)
+    return np.array(list(rows), dtype=np.int_), values
 
 
 @dataclass(frozen=True, eq=False)
 class RadialShapes:
-    """Shapes as one value per node.
-
-    Parameters
-    ----------
-    frequency_hz, damping_ratio : ndarray, shape (n_modes,)
-        Undamped frequency; damping ratio, NaN where not stated.
-    node : ndarray of int, shape (n_nodes,)
-    angle_deg : ndarray, shape (n_nodes,)
-        Around the axle, 0…360; NaN where there is no wheel.
-    radius_m, across_m : ndarray, shape (n_nodes,)
-        Distance from the axle, and along it from the wheel's middle; NaN where there is no wheel.
-    values : ndarray of complex, shape (n_modes, n_nodes)
-        NaN where a mode says nothing of a node.
-    notes : tuple of str
-        What was assumed, in words.
-    """
+    """Shapes as one value per node; NaN means not stated, or no wheel."""
 
     frequency_hz: NDArray[np.float64]
     damping_ratio: NDArray[np.float64]
     node: NDArray[np.int_]
-    angle_deg: NDArray[np.float64]
-    radius_m: NDArray[np.float64]
-    across_m: NDArray[np.float64]
-    values: NDArray[np.complex128]
-    notes: tuple[str, ...] = ()
+    angle_deg: NDArray[np.float64]  # around the axle, 0…360
+    radius_m: NDArray[np.float64]  # from the axle
+    across_m: NDArray[np.float64]  # along the axle, from the middle of the wheel
+    values: NDArray[np.complex128]  # (n_modes, n_nodes)
+    notes: tuple[str, ...] = ()  # what was assumed
 
     def __post_init__(self) -> None:
         for name in ("frequency_hz", "damping_ratio", "angle_deg", "radius_m", "across_m"):
@@ -195,15 +287,12 @@ class RadialShapes:
         object.__setattr__(self, "values", readonly(self.values, complex))
 
 
-@dataclass(frozen=True, eq=False)
-class _Wheel:
-    """Cylindrical coordinates of nodes, and what they are counted from."""
+class _Wheel(NamedTuple):
+    """Cylindrical coordinates of nodes, (3, n_nodes): angle, radius, place along the axle."""
 
-    angle_deg: NDArray[np.float64]
-    radius_m: NDArray[np.float64]
-    across_m: NDArray[np.float64]
+    coordinates: NDArray[np.float64]
+    axes: tuple[int, int]  # of the plane in which angles count
     note: str
-    axes: tuple[int, int]
 
 
 def read_radial_shapes(
@@ -212,7 +301,7 @@ def read_radial_shapes(
     """Read the shapes of a universal file and reduce them to one direction.
 
     The axle of a wheel is the axis along which its nodes extend least; angles count from the
-    plane's first axis (x, or y in the y-z plane) to its second.
+    first axis of the plane (x, or y in the y-z plane) to the second.
 
     Parameters
     ----------
@@ -226,7 +315,7 @@ def read_radial_shapes(
     Raises
     ------
     RecordingFormatError
-        If the file is damaged or holds no shapes.
+        If the file is damaged or has no shapes.
     InputError
         If the direction does not follow from the file.
     """
@@ -235,23 +324,17 @@ def read_radial_shapes(
     node = np.unique(found.node)
     wheel = _wheel(path, node) if on_wheel else None
     values, note = _along(path, found, node, wheel, direction)
-    unknown = np.full(node.size, np.nan)
-    return RadialShapes(
-        frequency_hz=found.frequency_hz,
-        damping_ratio=found.damping_ratio,
-        node=node,
-        angle_deg=unknown if wheel is None else wheel.angle_deg,
-        radius_m=unknown if wheel is None else wheel.radius_m,
-        across_m=unknown if wheel is None else wheel.across_m,
-        values=values,
-        notes=(note,) if wheel is None else (wheel.note, note),
-    )
+    coordinates = np.full((3, node.size), np.nan) if wheel is None else wheel.coordinates
+    notes = (note,) if wheel is None else (wheel.note, note)
+    angle_deg, radius_m, across_m = coordinates
+    modes = (found.frequency_hz, found.damping_ratio)
+    return RadialShapes(*modes, node, angle_deg, radius_m, across_m, values, notes)
 
 
 def _wheel(path: Path, node: NDArray[np.int_]) -> _Wheel | None:
     datasets = scan(path)
-    place, _ = read_nodes(path, datasets)
-    to_m = 1.0 / read_surroundings(path, datasets, set()).units.length
+    place, _ = geometry.read_nodes(path, datasets)
+    to_m = 1.0 / geometry.read_surroundings(path, datasets, set()).units.length
     blank = np.full(3, np.nan)
     points = to_m * np.array([place.get(each, blank) for each in node.tolist()])
     known = points[np.isfinite(points).all(axis=1)]
@@ -261,34 +344,32 @@ def _wheel(path: Path, node: NDArray[np.int_]) -> _Wheel | None:
     if np.sort(extent)[1] <= _ON_A_LINE * extent.max():
         return None
     axle = int(np.argmin(extent))
-    first, second = PLANES[axle]
+    first, second = geometry.PLANES[axle]
     plane = known[:, [first, second]]
-    centre = np.zeros(2) if is_round(plane) else centre_of_circle(plane)
+    centre = np.zeros(2) if geometry.is_round(plane) else geometry.centre_of_circle(plane)
     if np.hypot(*centre) <= _AT_ORIGIN * extent.max() / 2:
         centre = np.zeros(2)
     along = points[:, [first, second]] - centre
     middle = (known[:, axle].max() + known[:, axle].min()) / 2
-    return _Wheel(
-        angle_deg=np.degrees(np.arctan2(along[:, 1], along[:, 0])) % 360.0,
-        radius_m=np.hypot(along[:, 0], along[:, 1]),
-        across_m=points[:, axle] - middle,
-        note=f"axle along {AXES[axle]}, angles from {AXES[first]} towards {AXES[second]}",
-        axes=(first, second),
-    )
+    angle_deg = np.degrees(np.arctan2(along[:, 1], along[:, 0])) % 360.0
+    coordinates = np.stack([angle_deg, np.hypot(*along.T), points[:, axle] - middle])
+    note = f"axle along {AXES[axle]}, angles from {AXES[first]} towards {AXES[second]}"
+    return _Wheel(coordinates, (first, second), note)
 
 
 def _along(
     path: Path, found: ShapeSet, node: NDArray[np.int_], wheel: _Wheel | None, direction: str
 ) -> tuple[NDArray[np.complex128], str]:
     """Values (n_modes, n_nodes) along the direction, and what it is."""
-    components = _components(found, node)
+    # Along x, y and z; 0 along axes that the file leaves out.
+    components = np.stack([_shapes_table(found, node, axis) for axis in _TRANSLATIONS], axis=2)
     if direction in AXES:
         return components[:, :, AXES.index(direction)], f"motion along {direction}"
     if not np.isin(found.direction, _TRANSLATIONS).any():
-        scalars = _shapes_table(found, node, 0)
-        return scalars, "one value per node without direction, taken as it is"
+        note = "one value per node without direction, taken as it is"
+        return _shapes_table(found, node, 0), note
     if wheel is not None:
-        turn = np.deg2rad(wheel.angle_deg)
+        turn = np.deg2rad(wheel.coordinates[0])
         first, second = (components[:, :, axis] for axis in wheel.axes)
         return first * np.cos(turn) + second * np.sin(turn), "radial motion, outward"
     moving = [axis for axis in range(3) if np.nan_to_num(components[:, :, axis]).any()]
@@ -298,11 +379,6 @@ def _along(
     rule = "without nodes around an axle there is no radial direction"
     remedy = "Add the nodes (dataset 2411 or 15) to the file, or choose x, y or z"
     raise InputError(path.name, f"shapes along {held}", rule, remedy)
-
-
-def _components(found: ShapeSet, node: NDArray[np.int_]) -> NDArray[np.complex128]:
-    """Motion along x, y and z, (n_modes, n_nodes, 3); 0 along axes that the file leaves out."""
-    return np.stack([_shapes_table(found, node, axis) for axis in _TRANSLATIONS], axis=2)
 
 
 def _shapes_table(

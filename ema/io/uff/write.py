@@ -1,10 +1,6 @@
 """Write universal files: time series and FRFs as dataset 58 or 58b, modal models around them.
 
-pyuff writes everything but dataset 58. Its 58 (version 2.5.8, measured) states half the bytes of
-complex binary data, knows neither single precision nor big endian there, prints the step of the
-abscissa with six digits (44 100 Hz comes back as 44 100.07 Hz), and packs one value at a time:
-14 channels of 500 000 samples take 3.9 s (here 0.04 s), 72 FRFs of 1400 lines 0.28 s (here below
-0.01 s).
+pyuff writes everything but dataset 58; the architecture page has the measurements.
 """
 
 from __future__ import annotations
@@ -22,39 +18,16 @@ from numpy.typing import NDArray
 
 from ema.core.errors import InputError, visible_line
 from ema.core.frf import FRF
-from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY, Channel
+from ema.core.recording import Channel
 from ema.core.units import SI_UNIT, parse_unit
-from ema.io.uff.dataset58_header import (
-    BIG_ENDIAN,
-    COMPLEX_DOUBLE,
-    COMPLEX_SINGLE,
-    DATA_ACCELERATION,
-    DATA_DISPLACEMENT,
-    DATA_FORCE,
-    DATA_FREQUENCY,
-    DATA_TIME,
-    DATA_VELOCITY,
-    DELIMITER,
-    FREQUENCY_RESPONSE,
-    LITTLE_ENDIAN,
-    REAL_DOUBLE,
-    REAL_SINGLE,
-    TIME_RESPONSE,
-    Axis,
-    Header58,
-    format_header,
-)
+from ema.io.uff import dataset58_header as codes
+from ema.io.uff.dataset58_header import DELIMITER, QUANTITY, Axis, Header58, format_header
 
 Precision = Literal["single", "double"]
 ByteOrder = Literal["little", "big"]
 
 RADIAL = 1  # first axis of a cylindrical system, as modal programs expect it
-_DATA_TYPE = {
-    ACCELERATION: DATA_ACCELERATION,
-    FORCE: DATA_FORCE,
-    VELOCITY: DATA_VELOCITY,
-    DISPLACEMENT: DATA_DISPLACEMENT,
-}
+_DATA_TYPE = {quantity: code for code, quantity in QUANTITY.items()}
 _ASCII_FIELD = {False: ("%13.5E", 6), True: ("%20.12E", 4)}  # double precision: width, per line
 _LINES_PER_WRITE = 10_000
 
@@ -102,20 +75,17 @@ def write_time_series(
         for index, channel in enumerate(channels):
             samples, unit, sense = in_own_unit(channel)
             single = samples.dtype == np.float32 if precision is None else precision == "single"
+            data_type, label = _DATA_TYPE.get(channel.quantity, 0), channel.quantity.capitalize()
             header = Header58(
                 id_lines=(_one_line(channel.name), "NONE", "NONE", "NONE", "NONE"),
-                function_type=TIME_RESPONSE,
-                ordinate=REAL_SINGLE if single else REAL_DOUBLE,
+                function_type=codes.TIME_RESPONSE,
+                ordinate=codes.REAL_SINGLE if single else codes.REAL_DOUBLE,
                 n_values=len(samples),
                 abscissa_step=f"{1.0 / sampling_rate_hz:.6E}",
                 response_node=channel.node or 0,
                 response_direction=sense * (directions[index] if directions else RADIAL),
-                abscissa=Axis(DATA_TIME, label="Time", unit="s"),
-                ordinate_axis=Axis(
-                    _DATA_TYPE.get(channel.quantity, 0),
-                    label=channel.quantity.capitalize(),
-                    unit=_one_line(unit),
-                ),
+                abscissa=Axis(codes.DATA_TIME, label="Time", unit="s"),
+                ordinate_axis=Axis(data_type, label=label, unit=_one_line(unit)),
             )
             _write_dataset(file, header, samples, byte_order if binary else None)
 
@@ -136,7 +106,7 @@ def write_frfs(
     path : Path or str
         File to write; an existing one is replaced.
     frf : FRF
-        Inertance in (m/s²)/N on equidistant lines; coherence and deviation have no place here.
+        Inertance in (m/s²)/N on equidistant lines; coherence and deviation are not written.
     reference_node : int
         Node of the force.
     precision, byte_order, binary
@@ -147,14 +117,9 @@ def write_frfs(
     InputError
         If the FRF has no rows or fewer than two lines.
     """
+    order = byte_order if binary else None
     with Path(path).open("wb") as file:
-        append_frfs(
-            file,
-            frf,
-            reference_node=reference_node,
-            precision=precision,
-            byte_order=byte_order if binary else None,
-        )
+        append_frfs(file, frf, reference_node=reference_node, precision=precision, byte_order=order)
 
 
 def append_frfs(
@@ -169,43 +134,28 @@ def append_frfs(
 ) -> None:
     """Write inertances to an open file, as `write_frfs` does.
 
-    Parameters
-    ----------
-    file : binary file
-    frf : FRF
-    reference_node, precision
-        As in `write_frfs`.
-    direction : int
-        Direction code of force and response, 1 to 3.
-    note : str
-        Third ID line of each dataset.
-    byte_order : {"little", "big"} or None
-        Byte order of binary datasets; None writes ASCII.
-
-    Raises
-    ------
-    InputError
-        As `write_frfs`.
+    `direction` is the code of force and response (1 to 3), `note` the third ID line of each
+    dataset. Without a byte order, text is written.
     """
     lines = frf.frequency_hz
     if len(lines) < 2 or not len(frf.values):
         shape = f"{len(frf.values)} FRFs of {len(lines)} lines"
-        rule = "at least one of two lines is needed"
+        rule = "at least one FRF of two lines is required"
         raise InputError(str(file.name), shape, rule, "Check the band")
     step = (lines[-1] - lines[0]) / (len(lines) - 1)
     template = Header58(
         id_lines=(),
-        function_type=FREQUENCY_RESPONSE,
-        ordinate=COMPLEX_DOUBLE if precision == "double" else COMPLEX_SINGLE,
+        function_type=codes.FREQUENCY_RESPONSE,
+        ordinate=codes.COMPLEX_DOUBLE if precision == "double" else codes.COMPLEX_SINGLE,
         n_values=len(lines),
         abscissa_min=float(lines[0]),
         abscissa_step=f"{step:.6E}",
         response_direction=direction,
         reference_node=reference_node,
         reference_direction=direction,
-        abscissa=Axis(DATA_FREQUENCY, label="Frequency", unit="Hz"),
-        ordinate_axis=Axis(DATA_ACCELERATION, label="Acceleration", unit="m/s^2"),
-        denominator_axis=Axis(DATA_FORCE, label="Excitation force", unit="N"),
+        abscissa=Axis(codes.DATA_FREQUENCY, label="Frequency", unit="Hz"),
+        ordinate_axis=Axis(codes.DATA_ACCELERATION, label="Acceleration", unit="m/s^2"),
+        denominator_axis=Axis(codes.DATA_FORCE, label="Excitation force", unit="N"),
     )
     for row, values in enumerate(frf.values):
         named = _row_name(frf, row), _one_line(frf.run[row]), _one_line(note), "NONE", "NONE"
@@ -219,14 +169,7 @@ def check_time_series(
     sampling_rate_hz: float,
     directions: Sequence[int] | None = None,
 ) -> None:
-    """Refuse channels that cannot be written as one recording.
-
-    Raises
-    ------
-    InputError
-        If there are no channels or samples, lengths differ, the rate is not positive, or
-        directions are given for some channels only.
-    """
+    """Refuse channels that cannot be written as one recording."""
     lengths = sorted({channel.n_samples for channel in channels})
     if len(lengths) != 1 or lengths[0] == 0:
         found = f"channel lengths {lengths}"
@@ -237,9 +180,8 @@ def check_time_series(
         raise InputError(str(path), found, "it must be positive", "Give the rate in Hz")
     if directions is not None and len(directions) != len(channels):
         found = f"{len(directions)} directions for {len(channels)} channels"
-        raise InputError(
-            str(path), found, "one per channel is required", "Give one code per channel"
-        )
+        rule = "there must be one per channel"
+        raise InputError(str(path), found, rule, "Give one code per channel")
 
 
 def in_own_unit(channel: Channel) -> tuple[NDArray[np.floating], str, int]:
@@ -278,7 +220,7 @@ def _write_dataset(
         kind = "c" if header.is_complex else "f"
         size = (8 if header.is_double else 4) * (2 if header.is_complex else 1)
         payload = np.ascontiguousarray(values, dtype=f"{order}{kind}{size}")
-        code = LITTLE_ENDIAN if byte_order == "little" else BIG_ENDIAN
+        code = codes.LITTLE_ENDIAN if byte_order == "little" else codes.BIG_ENDIAN
         header = replace(header, binary=True, byte_order=code, n_bytes=payload.nbytes)
         file.write(format_header(header))
         file.write(payload.data)
@@ -286,7 +228,7 @@ def _write_dataset(
 
 
 def _ascii_lines(values: NDArray[np.inexact], double: bool) -> Iterable[bytes]:
-    """Fixed-width lines of numbers; the parts of complex values alternate."""
+    """Lines of numbers in fixed columns; real and imaginary parts alternate."""
     pattern, per_line = _ASCII_FIELD[double]
     if np.iscomplexobj(values):
         values = np.ascontiguousarray(values, dtype=np.complex128).view(np.float64)
@@ -298,11 +240,11 @@ def _ascii_lines(values: NDArray[np.inexact], double: bool) -> Iterable[bytes]:
         yield (text % tuple(block)).encode("ascii")
 
 
-CARTESIAN = 1  # number of the only coordinate system: the structure's own
+CARTESIAN = 1  # number of the only coordinate system, the global one
 
 _KELVIN_AT_0_C = 273.15
 _NODE_COLOUR, _LINE_COLOUR = 11, 8
-_LONGEST_LINE = 125  # nodes of a trace line that every program takes
+_LONGEST_LINE = 125  # nodes of a trace line that every program accepts
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 _STRUCTURAL, _TRANSLATION, _DISPLACEMENT = 1, 2, 8
 _NORMAL_MODE, _COMPLEX_EIGENVALUE = 2, 3
@@ -310,49 +252,26 @@ _NORMAL_MODE, _COMPLEX_EIGENVALUE = 2, 3
 
 @dataclass(frozen=True, eq=False)
 class ShapeDataset:
-    """One mode as dataset 55 holds it.
+    """One mode of a dataset 55."""
 
-    Parameters
-    ----------
-    number : int
-        Number of the mode, from 1.
-    id_lines : tuple of str
-        Up to five lines of text.
-    pole : complex
-        rad/s, upper half plane.
-    node : ndarray of int, shape (n_nodes,)
-    values : ndarray, shape (n_nodes, 3)
-        Motion along x, y and z; real for a normal mode, complex for a complex one.
-    modal_a : complex
-        Modal A of a complex mode in N s/m, 0 where unknown.
-    modal_mass_kg : float
-        Modal mass of a normal mode, 0 where unknown.
-    """
-
-    number: int
-    id_lines: tuple[str, ...]
-    pole: complex
+    number: int  # of the mode, from 1
+    id_lines: tuple[str, ...]  # up to five
+    pole: complex  # rad/s, upper half plane
     node: NDArray[np.int_]
-    values: NDArray[np.inexact]
-    modal_a: complex = 0.0
-    modal_mass_kg: float = 0.0
+    values: NDArray[np.inexact]  # (n_nodes, 3) along x, y, z; complex for a complex mode
+    modal_a: complex = 0.0  # of a complex mode in N s/m, 0 where unknown
+    modal_mass_kg: float = 0.0  # of a normal mode, 0 where unknown
 
 
 def header_151(name: str, description: str, program: str, written: datetime) -> bytes:
-    """Dataset 151: what the file is, and who wrote it when."""
+    """Dataset 151: description of the file, program, and date."""
     day = f"{written.day:02d}-{_MONTHS[written.month - 1]}-{written:%y}"
+    texts = {"model_name": name, "description": description, "db_app": program, "program": program}
     events = "db_created", "db_saved", "file_written"
-    return _written(
-        {
-            "type": 151,
-            "model_name": _text(name),
-            "description": _text(description),
-            "db_app": _text(program),
-            "program": _text(program),
-            **{f"date_{event}": day for event in events},
-            **{f"time_{event}": f"{written:%H:%M:%S}" for event in events},
-        }
-    )
+    dates = {f"date_{event}": day for event in events}
+    times = {f"time_{event}": f"{written:%H:%M:%S}" for event in events}
+    texts = {key: _text(text) for key, text in texts.items()}
+    return _written({"type": 151, **texts, **dates, **times})
 
 
 def units_164() -> bytes:
@@ -363,7 +282,7 @@ def units_164() -> bytes:
 
 
 def coordinate_system_2420() -> bytes:
-    """Dataset 2420: the structure's own Cartesian system, for programs that ask for one."""
+    """Dataset 2420: the global Cartesian system, for programs that require one."""
     axes = np.vstack([np.eye(3), np.zeros(3)])
     system = {"CS_sys_labels": [CARTESIAN], "CS_types": [0], "CS_colors": [_LINE_COLOUR]}
     named = {"CS_names": [_text("global")], "Part_UID": 1, "Part_Name": _text("ringmodal")}
@@ -380,21 +299,28 @@ def nodes_2411(node: NDArray[np.int_], xyz_m: NDArray[np.float64]) -> bytes:
 
 
 def trace_lines_82(name: str, path: Sequence[int]) -> bytes:
-    """Dataset 82: a line through the nodes, in as many pieces as programs can take."""
+    """Dataset 82: a line through the nodes, in pieces that every program accepts."""
     step = _LONGEST_LINE - 1  # each piece begins where the one before it ended
-    pieces = [path[start : start + step + 1] for start in range(0, max(len(path) - 1, 1), step)]
+    starts = range(0, max(len(path) - 1, 1), step)
     shared = {"type": 82, "color": _LINE_COLOUR, "id": _text(name)}
-    return _written(
-        *(
-            {**shared, "trace_num": number, "nodes": np.array(piece)}
-            for number, piece in enumerate(pieces, start=1)
-        )
-    )
+    pieces = [
+        {**shared, "trace_num": number, "nodes": np.array(path[start : start + step + 1])}
+        for number, start in enumerate(starts, start=1)
+    ]
+    return _written(*pieces)
 
 
 def shape_55(mode: ShapeDataset) -> bytes:
     """Dataset 55: a mode shape, as a complex eigenvalue or, where it is real, a normal mode."""
     is_complex = np.iscomplexobj(mode.values)
+    parameters: dict[str, complex]
+    if is_complex:
+        modal_a = complex(mode.modal_a)
+        parameters = {"eig": mode.pole, "modal_a": modal_a, "modal_b": -mode.pole * modal_a}
+    else:
+        size = abs(mode.pole)
+        parameters = {"freq": size / (2 * np.pi), "modal_damp_vis": -mode.pole.real / size}
+        parameters["modal_m"] = mode.modal_mass_kg
     texts = map(_text, (*mode.id_lines, *("NONE",) * 5)[:5])
     return _written(
         {
@@ -406,36 +332,20 @@ def shape_55(mode: ShapeDataset) -> bytes:
             "spec_data_type": _DISPLACEMENT,
             "load_case": 1,
             "mode_n": mode.number,
-            **(_complex_mode(mode) if is_complex else _normal_mode(mode)),
+            **parameters,
             "node_nums": mode.node,
             **dict(zip(("r1", "r2", "r3"), mode.values.T, strict=True)),
         }
     )
 
 
-def _complex_mode(mode: ShapeDataset) -> dict[str, complex]:
-    """Eigenvalue, modal A and modal B = −s A."""
-    modal_a = complex(mode.modal_a)
-    return {"eig": mode.pole, "modal_a": modal_a, "modal_b": -mode.pole * modal_a}
-
-
-def _normal_mode(mode: ShapeDataset) -> dict[str, float]:
-    """Frequency, modal mass and viscous damping ratio."""
-    size = abs(mode.pole)
-    return {
-        "freq": size / (2 * np.pi),
-        "modal_m": mode.modal_mass_kg,
-        "modal_damp_vis": -mode.pole.real / size,
-    }
-
-
 def _written(*datasets: dict[str, Any]) -> bytes:
-    """Datasets as pyuff writes them, which it does to files of its own only."""
+    """Datasets as written by pyuff, which writes to files only."""
     with TemporaryDirectory(prefix="ringmodal-") as folder:
         path = Path(folder) / "datasets.uff"
         try:
             pyuff.UFF(str(path)).write_sets(list(datasets), "overwrite")
-        except Exception as error:  # pyuff raises nothing else, and hides what a full drive says
+        except Exception as error:  # pyuff raises nothing else, and hides the error of a full drive
             if isinstance(error.__context__, OSError):
                 raise error.__context__ from None
             raise
@@ -443,6 +353,6 @@ def _written(*datasets: dict[str, Any]) -> bytes:
 
 
 def _text(line: str) -> str:
-    """80 columns of plain ASCII; a line may not be blank."""
+    """80 columns of ASCII, never blank."""
     plain = " ".join(visible_line(line).encode("ascii", "replace").decode().split())
     return f"{plain[:80] or 'NONE':<80}"

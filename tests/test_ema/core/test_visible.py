@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from ema.core.errors import escaped, inert, original, visible, visible_line
 from ema.core.recording import ACCELERATION, Channel
 from ema.io.campaign.read import read_file
-from ema.io.text.write import write_csv
+from ema.io.text.csv import write_csv
 from ema.io.uff.write import write_time_series
 
 FORMULAS = [

@@ -143,7 +143,7 @@ def test_a_wrong_path_is_one_message(ringmodal, tmp_path, more):
     code, output, errors = ringmodal("inspect", tmp_path / "nowhere", *more)
     assert (code, output) == (2, "")
     assert len(errors.splitlines()) == 1
-    assert "nothing there" in errors
+    assert "not found" in errors
 
 
 def test_an_empty_folder_is_one_message(ringmodal, tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 from ema.core.errors import RecordingFormatError
 from ema.io.formats import READERS, is_recording, read_file
-from ema.io.text.reader import read as read_csv
+from ema.io.text.csv import read as read_csv
 
 
 def read(tmp_path, text, encoding="utf-8"):
@@ -92,7 +92,7 @@ def test_faults_are_named(tmp_path, text, message):
 def test_formats_are_known_by_their_ending(tmp_path):
     assert {".uff", ".csv"} <= set(READERS)
     assert is_recording(tmp_path / "A.UFF")
-    with pytest.raises(RecordingFormatError, match="does not exist"):
+    with pytest.raises(RecordingFormatError, match="not found"):
         read_file(tmp_path / "a.csv")
     with pytest.raises(RecordingFormatError, match="not a file"):
         read_file(tmp_path)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ema.core.errors import RecordingFormatError
-from ema.io.text.reader import read as read_text
+from ema.io.text.csv import read as read_text
 
 NUMBERS = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False),

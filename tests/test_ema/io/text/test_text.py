@@ -8,7 +8,7 @@ import pytest
 import ema
 from ema.core.errors import RecordingFormatError
 from ema.io.formats import is_recording
-from ema.io.text.reader import read as read_text
+from ema.io.text.csv import read as read_text
 
 POINT = "0;1.5;2\n0.0005;-1e-3;3\n0.001;0.25;-4.5\n"
 COMMA = POINT.replace(".", ",")

@@ -19,13 +19,13 @@ RECORDINGS = {
     "Sample_UFF58b_bin.uff": (1, 79_292, 65_536.0, "unknown"),
 }
 NOTHING = {
-    "1858.uff": "dataset 1858 (qualifiers of functions): nothing in it",
+    "1858.uff": "dataset 1858 (qualifiers of functions): ",
     "2411 and 2414.uff": "mode shapes are read by ema.read_shapes",
     "Artemis export - Geometry RPBC_setup_05_14102016_105117.uff": "15 (nodes), dataset 82 (trace",
     "NX simulation output.uff": "dataset 2420 (coordinate systems), dataset 2411 (nodes)",
-    "heat_engine_housing.uff": "dataset 2412 (elements): nothing in it",
+    "heat_engine_housing.uff": "dataset 2412 (elements): ",
     "mesh_Oros-modal_uff15_uff2412.uff": "dataset 18 (coordinate systems), dataset 15 (nodes)",
-    "sample_dataset58_psd.uff": "function type 9 (power spectral density): nothing in it",
+    "sample_dataset58_psd.uff": "function type 9 (power spectral density): ",
     "uff55_translation.uff": "dataset 55 (data at nodes): left out; mode shapes are read by",
     "uff55_translation_rotation.uff": "dataset 55 (data at nodes): left out; mode shapes",
 }

@@ -19,7 +19,7 @@ from systems import (
 
 import ema
 from ema.core.recording import ACCELERATION, FORCE, Channel
-from ema.io.text.write import write_csv
+from ema.io.text.csv import write_csv
 from ema.io.uff.write import write_time_series
 
 RATE_HZ = 1000.0

@@ -81,7 +81,7 @@ def test_undefined_systems_are_doubted_unless_they_are_the_whole(tmp_path):
         (nodes_in(1, {1: (1, 0, 0)}) + system18(1, x=(np.inf, 0, 2)), "span a plane"),
         (
             nodes_in(1, {1: (1, 0, 0)}) + system18(1, reference=2) + system18(2, reference=1),
-            "refers to itself",
+            "coordinate system 2",
         ),
         (
             nodes_in(1, {1: (1, 0, 0)}) + dataset(18, "         1         0         0", "x"),

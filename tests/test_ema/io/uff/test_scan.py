@@ -152,5 +152,5 @@ def test_headers_alone_do_not_hide_missing_samples(tmp_path, n, there):
 def test_headers_of_other_formats_are_read_with_their_samples(tmp_path):
     (path := tmp_path / "a.csv").write_text("time [s],A01 [m/s^2]\n0.0,1.0\n0.5,2.0\n")
     assert read_headers(path).recording.channels[0].samples.tolist() == [1.0, 2.0]
-    with pytest.raises(RecordingFormatError, match="does not exist"):
+    with pytest.raises(RecordingFormatError, match="not found"):
         read_headers(tmp_path / "none.uff")

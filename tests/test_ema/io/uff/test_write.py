@@ -11,8 +11,8 @@ from hypothesis.extra import numpy as hnp
 from ema.core.errors import InputError
 from ema.core.frf import FRF
 from ema.core.recording import Channel
-from ema.io.text.reader import read as read_csv
-from ema.io.text.write import write_csv
+from ema.io.text.csv import read as read_csv
+from ema.io.text.csv import write_csv
 from ema.io.uff.reader import read as read_uff
 from ema.io.uff.write import write_frfs, write_time_series
 

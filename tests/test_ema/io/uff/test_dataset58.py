@@ -4,23 +4,13 @@ import re
 
 import numpy as np
 import pytest
-from builders import (
-    ascii58,
-    binary58,
-    dataset,
-    fixed,
-    floats,
-    header58,
-    nodes15,
-    units164,
-)
+from builders import ascii58, binary58, dataset, fixed, floats, header58, nodes15, units164
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ema.core.errors import RecordingFormatError
-from ema.io.sampling import even_step, plainest, step_and_inverse
+from ema.io.columns import even_step, parse_number, plainest, step_and_inverse
 from ema.io.uff import dataset58 as uff58
-from ema.io.uff.dataset58_header import parse_number
 from ema.io.uff.reader import read as read_uff
 
 VALUES = [0.0, -1.5, 2.25, 1e-3, -3e5, 7.0, 0.125, -0.0]
@@ -184,7 +174,7 @@ def test_uneven_ascii_double(tmp_path):
         (ascii58(fixed(range(8)), n=0), "0 values"),
         (ascii58(fixed(range(8)), n=-4), "-4 values"),
         (ascii58(fixed(range(8)), even=2), "abscissa spacing 2"),
-        (ascii58(fixed(range(8)), step="          nan"), "finite number"),
+        (ascii58(fixed(range(8)), step="          nan"), "must be finite"),
         (ascii58(fixed(range(8)), step="  0.00000E+00"), "time step"),
         (ascii58(fixed(range(8)), step="-5.00000E-04"), "time step"),
         (ascii58(fixed(range(8)), function_type=1, ordinate=5, n=4), "complex values"),

@@ -128,7 +128,7 @@ def test_what_is_no_mode_is_named_and_left_out(tmp_path, other, named):
         (shape55(reals=(np.nan, 1.0, 0.0, 0.0)), "positive and finite"),
         (shape55(analysis=COMPLEX, reals=(np.inf, np.nan, 0, 0, 0, 0)), "positive and finite"),
         (dataset(55, *["NONE"] * 5), "end of the dataset"),
-        (dataset(55, *["NONE"] * 5, "1 2 2 8"), "4 numbers; the line holds 6"),
+        (dataset(55, *["NONE"] * 5, "1 2 2 8"), "4 numbers; .* 6"),
         (dataset(2414, "what", "x", "y"), "columns 1 to 10"),
         (b"".join(shape2414({k: [1.0] * 3}) for k in range(1, 30)), "share their nodes"),
         (shape55()[:-7], "truncated"),

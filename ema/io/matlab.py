@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.io.columns import Column, content_of_columns, is_time, matrix_columns, unit_of_each
-from ema.io.content import FileContent, reading, remark
-from ema.io.matlab.mat5 import COPY_AGAIN, HEADER_BYTES, LeftOut, Mat5Reader
-from ema.io.matlab.mat73 import read_variables
-from ema.io.sampling import stated_rate, states_rate
+from ema.io import content
+from ema.io.columns import (
+    Column,
+    content_of_columns,
+    is_time,
+    matrix_columns,
+    stated_rate,
+    states_rate,
+    unit_of_each,
+)
+from ema.io.content import FileContent, reading
+from ema.io.hdf5 import Hdf5File, opened
+from ema.io.mat5 import COPY_AGAIN, HEADER_BYTES, LeftOut, Mat5Reader
 
 SUFFIXES = (".mat",)
 _NAMES = {"names", "channels", "channelnames", "labels", "channellabels"}
@@ -26,6 +34,9 @@ _LAYOUTS = (
     "fs, dt or t; or a struct of those"
 )
 _SAVE_AGAIN = "Save it in one of these layouts"
+# Larger texts and cell arrays in files of level 7.3 are left out.
+_LONGEST_TEXT = 4096
+_MOST_CELLS = 10_000
 
 
 @dataclass
@@ -45,8 +56,8 @@ def read(path: Path) -> FileContent:
 
     Understood are a vector for each channel, named like it, or one matrix (samples × channels or
     the other way round) with its names in a cell array ``names``, ``channels`` or ``labels``;
-    ``units`` beside them; the rate from ``fs``, ``dt`` or a time vector ``t``. All of it may sit
-    in a struct. Variables of other kinds are left out, and a finding says so.
+    ``units`` beside them; the rate from ``fs``, ``dt`` or a time vector ``t``. All of it may be
+    in a struct. Variables of other kinds are left out with a finding.
 
     Raises
     ------
@@ -56,41 +67,84 @@ def read(path: Path) -> FileContent:
     """
     found = _sorted(path, _unwrapped(_variables(path)))
     columns = _columns(path, found)
-    content = content_of_columns(path, columns, rate_hz=stated_rate(path, found.rates))
-    notes = tuple(
-        remark(path, name, "content", f"{why}, left out") for name, why in found.left_out.items()
-    )
-    return replace(content, findings=notes + content.findings)
+    rate_hz = stated_rate(path, found.rates)
+    findings = content.left_out(path, found.left_out)
+    return content_of_columns(path, columns, rate_hz=rate_hz, findings=findings)
 
 
 def _variables(path: Path) -> Mapping[str, Any]:
     with reading(path, "a MATLAB file"), path.open("rb") as file:
         start = file.read(4 * HEADER_BYTES + len(_HDF5))
     if start.startswith(_HDF5) or start.endswith(_HDF5):
-        return read_variables(path)
+        with opened(path, "a MATLAB file of level 7.3") as hdf5:
+            return _fields(hdf5, hdf5.root)
     if len(start) < HEADER_BYTES or start[126:128] not in (b"IM", b"MI"):
-        found = "the file is empty" if not start else f"the file begins with {start[:16]!r}"
-        rule = "a MATLAB file of level 5 or 7.3 begins with a header of its own"
+        found = f"the file begins with {start[:16]!r}"
+        rule = "it must be a MATLAB file of level 5 or 7.3"
         raise RecordingFormatError(path.name, found, rule, COPY_AGAIN)
     return Mat5Reader(path).variables()
 
 
+def _fields(file: Hdf5File, group: Any, prefix: str = "") -> dict[str, Any]:
+    """Fields of a struct in a file of level 7.3, of the same kinds as `Mat5Reader` returns."""
+    found: dict[str, Any] = {}
+    for place, item in file.members(group, prefix):
+        name = place.rpartition("/")[2]
+        if not name.startswith("#"):  # MATLAB's own: what cells refer to
+            is_group = file.is_group(item)
+            found[name] = _fields(file, item, place) if is_group else _value(file, item)
+    return found
+
+
+def _value(file: Hdf5File, item: Any) -> Any:
+    kind = "" if item is None else _class_of(item)
+    if kind == "cell" and file.h5py.check_ref_dtype(item.dtype) is file.h5py.Reference:
+        return _cells(file, item)
+    if item is not None and "MATLAB_empty" in item.attrs:
+        return LeftOut("empty")
+    if why := file.unreadable(item):
+        return LeftOut(why)
+    if kind in ("logical", "function_handle") or "MATLAB_object_decode" in item.attrs:
+        return LeftOut(f"of class {kind}")
+    return _text(file, item) if kind == "char" else file.samples(item).T  # columns come first
+
+
+def _class_of(item: Any) -> str:
+    name = item.attrs.get("MATLAB_class", b"")
+    return name.decode("latin-1") if isinstance(name, bytes) else str(name)
+
+
+def _text(file: Hdf5File, item: Any) -> Any:
+    """One text, or one for each row of a character matrix."""
+    if item.size > _LONGEST_TEXT:
+        return LeftOut("a long text")
+    codes = np.atleast_2d(file.samples(item).astype("<u2").T)
+    rows = [row.tobytes().decode("utf-16-le", "replace") for row in codes]
+    return rows[0] if len(rows) == 1 else [row.rstrip() for row in rows]
+
+
+def _cells(file: Hdf5File, item: Any) -> Any:
+    """Texts of a cell array."""
+    if item.size > _MOST_CELLS:
+        return LeftOut("a large cell array")
+    cells = [file.root[reference] for reference in np.ravel(item[()], order="F") if reference]
+    if len(cells) < item.size or any(_class_of(cell) != "char" for cell in cells):
+        return LeftOut("a cell array of non-text values")
+    return [_value(file, cell) for cell in cells]
+
+
 def _unwrapped(variables: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Fields of the only struct, where the file holds no samples beside it."""
+    """Fields of the only struct, where the file has no samples beside it."""
     structs = [
         name
         for name, value in variables.items()
         if isinstance(value, dict) and _plain(name) not in _UNITS
     ]
-    samples = [value for value in variables.values() if _is_series(value)]
-    if len(structs) != 1 or samples:
+    has_series = any(isinstance(v, np.ndarray) and v.size > 1 for v in variables.values())
+    if len(structs) != 1 or has_series:
         return variables
     beside = {name: value for name, value in variables.items() if name != structs[0]}
     return _unwrapped({**beside, **variables[structs[0]]})
-
-
-def _is_series(value: Any) -> bool:
-    return isinstance(value, np.ndarray) and value.size > 1
 
 
 def _plain(name: str) -> str:
@@ -110,11 +164,11 @@ def _sorted(path: Path, variables: Mapping[str, Any]) -> _Variables:
             _sort_array(name, value, found)
         else:
             found.left_out[name] = _what(value)
-    structs = [name for name in variables if found.left_out.get(name) == "a struct"]
+    structs = [name for name, value in variables.items() if isinstance(value, dict)]
+    structs = [name for name in structs if name in found.left_out]
     if len(structs) > 1 and not found.vectors and not found.matrices:
-        raise RecordingFormatError(
-            path.name, f"structs {', '.join(structs)}", _LAYOUTS, _SAVE_AGAIN
-        )
+        held = f"structs {', '.join(structs)}"
+        raise RecordingFormatError(path.name, held, _LAYOUTS, _SAVE_AGAIN)
     return found
 
 
@@ -131,11 +185,8 @@ def _sort_array(name: str, value: NDArray[Any], found: _Variables) -> None:
 def _what(value: Any) -> str:
     if isinstance(value, LeftOut):
         return value.why
-    if isinstance(value, np.ndarray):
-        return "a single number"
-    if isinstance(value, str):
-        return "text"
-    return "a cell array" if isinstance(value, list) else "a struct"
+    names = {np.ndarray: "a single number", str: "text", list: "a cell array", dict: "a struct"}
+    return names[type(value)]
 
 
 def _texts(value: Any) -> list[str]:
@@ -179,9 +230,6 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
 def _units(found: _Variables, channels: list[str]) -> list[str]:
     """Units as a list, also where the file gives them in a struct by channel."""
     if isinstance(found.units, dict):
-        return [_unit(found.units.get(name)) for name in channels]
+        stated = [found.units.get(name) for name in channels]
+        return [unit.strip() if isinstance(unit, str) else "" for unit in stated]
     return found.units
-
-
-def _unit(value: Any) -> str:
-    return value.strip() if isinstance(value, str) else ""

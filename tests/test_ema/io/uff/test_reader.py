@@ -5,22 +5,13 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from builders import (
-    binary58,
-    floats,
-    force58,
-    frf58,
-    nodes15,
-    nodes2411,
-    response58,
-    units164,
-)
+from builders import binary58, floats, force58, frf58, nodes15, nodes2411, response58, units164
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ema.core.errors import RecordingFormatError
 from ema.core.units import parse_ratio, parse_unit
-from ema.io.columns import angles_on_circle
+from ema.io.uff.geometry import angles_on_circle
 from ema.io.uff.reader import read as read_uff
 
 G = 9.80665
@@ -159,8 +150,7 @@ def test_frf_rows_are_inertances(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("axis", "power"),
-    [((8, 0, 0, "Displacement", "mm"), 2), ((11, 0, 0, "Velocity", "mm/s"), 1)],
+    ("axis", "power"), [((8, 0, 0, "Displacement", "mm"), 2), ((11, 0, 0, "Velocity", "mm/s"), 1)]
 )
 def test_receptance_and_mobility_become_inertance(tmp_path, axis, power):
     found = read(tmp_path, frf58(H, axis=axis))
@@ -203,7 +193,7 @@ def test_roving_force_by_reciprocity(tmp_path):
     [
         (frf58(H, axis=(13, 0, 0, "Force", "N")), "force over force"),
         (frf58(H, denominator=(12, 0, 0, "Acceleration", "g")), "over acceleration"),
-        (frf58(H) + frf58(H[:3], node=2), "3 lines, 0 to 2 Hz; dataset 1 has 4 lines"),
+        (frf58(H) + frf58(H[:3], node=2), "3 lines, 0 to 2 Hz; dataset 1: 4 lines"),
         (frf58(H) + frf58(H, node=2, step="  2.00000E+00"), "0 to 6 Hz"),
         (frf58(H) + frf58(H, node=2, reference_node=2), "2 force nodes and 2 response nodes"),
         (frf58(H, step="  0.00000E+00"), "equidistant"),

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ema.io.uff.columns import convert_lines
-from ema.io.uff.dataset58_header import parse_number
+from ema.io.columns import parse_number
+from ema.io.uff.dataset58 import convert_lines
 
 SINGLE, DOUBLE = (13,) * 6, (20,) * 4
 FINITE = st.floats(allow_nan=False, allow_infinity=False)

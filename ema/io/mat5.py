@@ -1,7 +1,8 @@
-"""The variables of a MATLAB file of level 5 (saved with -v6 or -v7), as plain Python values.
+"""Variables of a MATLAB file of level 5 (saved with -v6 or -v7), as plain Python values.
 
 After "MAT-File Format" (The MathWorks). Numbers stay views of the file, or of what was unpacked
-from it; nothing that MATLAB would execute (objects, function handles) is looked into.
+from it; nothing that MATLAB would execute (objects, function handles) is read. `scipy.io.loadmat`
+trusts the sizes in a damaged file (see the architecture page).
 """
 
 from __future__ import annotations
@@ -22,44 +23,23 @@ from ema.io.content import check_expansion
 
 COPY_AGAIN = "Copy the file again or save it again with -v7"
 HEADER_BYTES = 128
-_NUMBERS = {
-    1: "i1",
-    2: "u1",
-    3: "i2",
-    4: "u2",
-    5: "i4",
-    6: "u4",
-    7: "f4",
-    9: "f8",
-    12: "i8",
-    13: "u8",
-}
+# Types of data in elements.
+_INTEGERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 12: "i8", 13: "u8"}
+_NUMBERS = _INTEGERS | {7: "f4", 9: "f8"}
+_TEXTS = dict.fromkeys((1, 2), "latin-1") | dict.fromkeys((3, 4, 17), "utf-16")
+_TEXTS |= {16: "utf-8", 18: "utf-32"}
 _MATRIX, _COMPRESSED = 14, 15
-_TEXTS = {
-    1: "latin-1",
-    2: "latin-1",
-    3: "utf-16",
-    4: "utf-16",
-    16: "utf-8",
-    17: "utf-16",
-    18: "utf-32",
-}
+# Classes of arrays, and marks of numeric ones.
 _CELL, _STRUCT, _CHAR = 1, 2, 4
 _NUMERIC = range(6, 16)
-_KINDS = {3: "an object", 5: "a sparse matrix", 16: "a function", 17: "an object, table or string"}
+_OTHERS = {3: "an object", 5: "a sparse matrix", 16: "a function", 17: "an object, table or string"}
 _COMPLEX, _LOGICAL = 0x0800, 0x0200
-_DEEPEST = 16
+_DEEPEST = 16  # cells and structs in each other
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A variable that holds nothing for this tool.
-
-    Parameters
-    ----------
-    why : str
-        What it is, e.g. ``"a function"``.
-    """
+    """A variable that cannot be used, and what it is, e.g. ``"a function"``."""
 
     why: str
 
@@ -73,13 +53,7 @@ class _Element:
 
 
 class Mat5Reader:
-    """Walks through the tagged elements of one file.
-
-    Parameters
-    ----------
-    path : Path
-        File of level 5.
-    """
+    """Walks through the tagged elements of the file at `path`."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -165,8 +139,9 @@ class Mat5Reader:
         if not words:
             raise self._damaged("an array without flags")
         kind, marks = words[0] & 0xFF, words[0]
-        if kind in _KINDS:
-            return self._name_of_left_out(rest), LeftOut(_KINDS[kind])
+        if kind in _OTHERS:
+            texts = (each for each in self._elements(rest) if each.kind == 1)
+            return next(map(self._text, texts), ""), LeftOut(_OTHERS[kind])
         shape, rest = self._first(rest)
         name, rest = self._first(rest)
         dimensions = tuple(self._integers(shape))
@@ -194,15 +169,12 @@ class Mat5Reader:
             raise self._damaged(f"{values.size} numbers in an array of {shape}")
         return values.reshape(shape, order="F")
 
-    def _name_of_left_out(self, rest: memoryview) -> str:
-        """Name of an array that is not read further: the first text in it."""
-        for element in self._elements(rest):
-            if element.kind == 1:
-                return self._text(element)
-        return ""
-
     def _cells(self, count: int, rest: memoryview, depth: int) -> list[Any]:
-        values = [self._inner(element, depth) for element in self._elements(rest)]
+        values = []
+        for element in self._elements(rest):
+            if element.kind != _MATRIX:
+                raise self._damaged(f"an element of type {element.kind} in a cell or struct")
+            values.append(self._matrix(element.data, depth + 1)[1])
         if len(values) != count:
             raise self._damaged(f"{len(values)} of {count} cells")
         return values
@@ -221,11 +193,6 @@ class Mat5Reader:
             return LeftOut(f"an array of {count} structs")
         return dict(zip(fields, self._cells(len(fields), rest, depth), strict=True))
 
-    def _inner(self, element: _Element, depth: int) -> Any:
-        if element.kind != _MATRIX:
-            raise self._damaged(f"an element of type {element.kind} in a cell or struct")
-        return self._matrix(element.data, depth + 1)[1]
-
     def _numbers(self, element: _Element) -> NDArray[Any]:
         if element.kind not in _NUMBERS:
             raise self._damaged(f"an element of type {element.kind} where numbers are expected")
@@ -235,10 +202,9 @@ class Mat5Reader:
         return np.frombuffer(element.data, dtype)
 
     def _integers(self, element: _Element) -> list[int]:
-        values = self._numbers(element)
-        if values.dtype.kind not in "iu":
-            raise self._damaged("fractional numbers where integers are expected")
-        return [int(value) for value in values]
+        if element.kind not in _INTEGERS:
+            raise self._damaged(f"an element of type {element.kind} where integers are expected")
+        return [int(value) for value in self._numbers(element)]
 
     def _text(self, element: _Element) -> str:
         encoding = _TEXTS.get(element.kind)

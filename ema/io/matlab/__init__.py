@@ -1,1 +1,0 @@
-"""MATLAB files, versions 5 and 7.3."""

@@ -1,0 +1,135 @@
+"""Read and write tables of text: one channel for each column, its unit beside or below its name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+
+from ema.core.errors import RecordingFormatError, inert
+from ema.core.finding import Finding
+from ema.core.recording import Channel
+from ema.core.units import is_stated
+from ema.io.columns import Column, content_of_columns, is_time
+from ema.io.content import EXPORT_AGAIN, FileContent, remark
+from ema.io.text.layout import Layout, find_layout
+from ema.io.text.source import open_text, time_unit
+from ema.io.text.table import Cells, missing_samples, read_cells
+from ema.io.uff.write import check_time_series, in_own_unit
+
+SUFFIXES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
+NAMED_SUFFIXES = (".txt", ".asc", ".dat", ".txt.gz")
+
+
+def read(path: Path) -> FileContent:
+    """Read the time series of a table with a header row such as ``time [s],A01 [m/s^2]``.
+
+    Columns are separated by comma, semicolon, tab, bar or blanks, with a decimal point or comma;
+    the text is UTF-8, UTF-16 with a byte-order mark, or latin-1, and may be packed by gzip. There
+    may be up to 200 lines of other text above the names, and units in a row below them. The rate
+    follows from a column of time in s or of time stamps, from a line above the names such as
+    ``Sampling rate: 2 kHz``, or from both, which must agree; it is NaN without either.
+    Empty cells and ``NaN`` are missing samples.
+
+    Raises
+    ------
+    RecordingFormatError
+        If the file is missing or empty, has no header, a cell is not a number, rows differ in
+        length, the last one is cut short, or time is uneven.
+    """
+    with open_text(path) as source:
+        layout = find_layout(source)
+        wanted, findings = _wanted(path, layout)
+        cells = read_cells(source, layout, wanted, source.sections(layout.start))
+    read_in = [_column(layout, index, cells.pop(index), path, findings) for index in wanted]
+    columns = [column for column in read_in if column is not None]
+    return content_of_columns(path, columns, rate_hz=layout.rate_hz, findings=findings)
+
+
+def _wanted(path: Path, layout: Layout) -> tuple[list[int], list[Finding]]:
+    """Columns that are time or channels, and findings about the others."""
+    wanted: list[int] = []
+    findings: list[Finding] = []
+    headings = list(zip(layout.names, map(time_unit, layout.names, layout.units), strict=True))
+    times = [index for index, heading in enumerate(headings) if is_time(*heading)]
+    has_time = not layout.clocks.issuperset(times)
+    for index, name in enumerate(layout.names):
+        if not name and index >= layout.filled:
+            continue
+        if not name:
+            detail = f"column {index + 1} has no name and is left out"
+        elif index in layout.clocks and has_time:
+            detail = "time stamps beside the time are left out"
+        else:
+            wanted.append(index)
+            has_time = has_time or index in layout.clocks
+            continue
+        findings.append(remark(path, name, "ignored", detail))
+    if not wanted:
+        found = f"columns {', '.join(layout.names)}"
+        rule = "at least one column with a name must have numbers"
+        raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
+    return wanted, findings
+
+
+def _column(
+    layout: Layout, index: int, cells: Cells, path: Path, findings: list[Finding]
+) -> Column | None:
+    """A column with its name and unit; None where all its cells are empty."""
+    name, unit = layout.names[index], layout.units[index]
+    if index in layout.clocks:
+        return Column("time", "s", cells.samples)
+    if cells.n_missing == len(cells.samples):
+        detail = "no number in any row; the column is left out"
+        findings.append(remark(path, name, "ignored", detail))
+        return None
+    findings += missing_samples(path, name, cells)
+    return Column(name, time_unit(name, unit), cells.samples)
+
+
+def write_csv(
+    path: Path | str,
+    channels: Sequence[Channel],
+    sampling_rate_hz: float,
+    *,
+    time_column: bool = True,
+) -> None:
+    """Write channels that share one clock as columns under ``name [unit]``.
+
+    Numbers have as many digits as they need to be read back unchanged. A name that a spreadsheet
+    would take for a formula gets an apostrophe in front, which is removed on reading.
+
+    Parameters
+    ----------
+    path : Path or str
+        File to write; an existing one is replaced.
+    channels : sequence of Channel
+        All of the same length. A negative direction is written as negative samples, because a
+        table has no other place for it.
+    sampling_rate_hz : float
+        Common sampling rate, Hz.
+    time_column : bool
+        Whether the first column is ``time [s]``.
+
+    Raises
+    ------
+    InputError
+        If there are no channels, their lengths differ, or the rate is not positive.
+    """
+    check_time_series(path, channels, sampling_rate_hz)
+    names, columns = [], []
+    if time_column:
+        names.append("time [s]")
+        columns.append(pa.array(np.arange(channels[0].n_samples) / sampling_rate_hz))
+    for channel in channels:
+        samples, unit, sense = in_own_unit(channel)
+        name = " ".join(channel.name.split())
+        names.append(inert(f"{name} [{unit}]" if is_stated(unit) else name))
+        native = samples.astype(samples.dtype.newbyteorder("="), copy=False)
+        columns.append(pa.array(native if sense > 0 else -native))
+    table = pa.table(columns, names=names)
+    options = pa.csv.WriteOptions(include_header=True, quoting_style="needed")
+    pa.csv.write_csv(table, Path(path), options)
