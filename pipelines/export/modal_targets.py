@@ -99,9 +99,7 @@ def modal_targets(
 
 
 def write_modal_targets(
-    parameters: ParameterSet,
-    path: Path,
-    measured: Mapping[int, tuple[float, float]] | None = None,
+    parameters: ParameterSet, path: Path, measured: Mapping[int, tuple[float, float]] | None = None
 ) -> tuple[ModalTarget, ...]:
     """Write modal targets as text: comment lines with #, then columns separated by blanks.
 

@@ -43,10 +43,7 @@ UNITS: dict[str, dict[tuple[str, ...], float]] = {
         ("min", "minute", "minutes"): 60.0,
         ("h", "hour", "hours"): 3600.0,
     },
-    "ANGLE": {
-        ("rad", "radians", "radian"): 1.0,
-        ("deg", "degrees", "degree"): math.pi / 180.0,
-    },
+    "ANGLE": {("rad", "radians", "radian"): 1.0, ("deg", "degrees", "degree"): math.pi / 180.0},
     "PRESSURE": {
         ("Pa", "pascal"): 1.0,
         ("kPa", "kilopascal"): 1e3,

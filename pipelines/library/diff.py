@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import isnan, nan
+from dataclasses import dataclass
+from math import isnan
 from typing import Any
 
-from pipelines.compare.parameters import ParameterChange, given_alike
-from pipelines.compare.significance import Difference, judged
+from pipelines.compare.significance import ParameterChange, parameter_changes
 from pipelines.library.library import NamedSet
 from pipelines.results.parameter_set import Parameter, ParameterSet
 
@@ -46,15 +45,10 @@ def difference(first: NamedSet, second: NamedSet) -> SetDifference:
     """
     one, two = first.parameters, second.parameters
     independent = not recordings(one) & recordings(two)
-    changes = _changes(one, two, independent=independent)
-    tested = iter(judged([change.difference for change in changes if change.is_tested]))
     return SetDifference(
         first,
         second,
-        tuple(
-            replace(change, difference=next(tested)) if change.is_tested else change
-            for change in changes
-        ),
+        parameter_changes(values_of(one), values_of(two), independent=independent),
         tuple(_differing_conditions(one, two)),
         tuple(_notes(one, two, independent=independent)),
         independent,
@@ -85,21 +79,6 @@ def largest_change(found: SetDifference) -> ParameterChange | None:
     if sure:
         return max(sure, key=lambda change: abs(change.difference.z))
     return max(changed, key=lambda change: abs(change.difference.percent), default=None)
-
-
-def _changes(one: ParameterSet, two: ParameterSet, *, independent: bool) -> list[ParameterChange]:
-    first, second = values_of(one), values_of(two)
-    alike = given_alike(*({k: each.how for k, each in of.items()} for of in (first, second)))
-    changes = []
-    for name, a in first.items():
-        if name not in second:
-            continue
-        b = second[name]
-        std_a, std_b = (nan if each.std is None else each.std for each in (a, b))
-        std = (std_a**2 + std_b**2) ** 0.5 if independent else nan
-        change = Difference(a.value, b.value, std)
-        changes.append(ParameterChange(name, std_a, std_b, a.how, b.how, change, alike))
-    return changes
 
 
 def _differing_conditions(one: ParameterSet, two: ParameterSet) -> list[tuple[str, Any, Any]]:

@@ -118,10 +118,7 @@ OF_VERSION = (
 )
 LONG = (*OF_VERSION, "parameter", "value", "std", "how")
 _PARAMETERS = (*RING_NAMES, *DAMPING_NAMES, *(f"wheel_{name}" for name in WHEEL_NAMES))
-WIDE = (
-    *OF_VERSION,
-    *(name + end for name in _PARAMETERS for end in ("", "_std", "_how")),
-)
+WIDE = (*OF_VERSION, *(name + end for name in _PARAMETERS for end in ("", "_std", "_how")))
 
 
 def version_rows(

@@ -85,7 +85,7 @@ def test_nothing_significant_is_said_so():
 
 def test_scatter_is_judged_by_its_chance():
     assert "noise alone explains" in scatter_text(Scatter(8, 7.0, 0.1))
-    assert "on the safe side" in scatter_text(Scatter(8, 1.0, 0.1))
+    assert "conservative" in scatter_text(Scatter(8, 1.0, 0.1))
     assert "besides noise" in scatter_text(Scatter(8, 80.0, 0.1))
 
 
@@ -167,13 +167,7 @@ def test_charts_show_the_numbers_and_are_drawn_for_paper(rising):
         for block in section.blocks
         if isinstance(block, Chart)
     }
-    assert charts.keys() == {
-        "frequency-change",
-        "damping-change",
-        "mac-between",
-        "frf-0",
-        "frf-20",
-    }
+    assert charts.keys() == {"frequency-change", "damping-change", "mac-between", "frf-0", "frf-20"}
     (trace,) = charts["frequency-change"].data
     assert trace["error_y"]["array"] == pytest.approx([2 * 0.0283] * 7, abs=2e-3)
     for chart in charts.values():

@@ -12,13 +12,12 @@ from results import FREQUENCIES_HZ, structure_result, tyre_result
 from ema.core.errors import InputError
 from ema.io.uff.write import ShapeDataset, nodes_2411, shape_55
 from pipelines.compare.shape_comparison import (
-    Alignment,
     compare_shapes,
     compare_sources,
     explained_share,
     match_rows,
 )
-from pipelines.compare.shape_source import of_result, read_source
+from pipelines.compare.shape_source import Alignment, of_result, read_source
 from pipelines.export.modal import export
 from pipelines.report.save import save
 from pipelines.report.shape_comparison import sections

@@ -49,11 +49,7 @@ def test_there_and_back(tyre, tir, sample_folder, tmp_path):
     assert code == 0
     assert "K and D are not in such a file" in errors
     measured, back = read_parameter_set(sample_folder / "tyre.toml"), read_parameter_set(out)
-    for name in (
-        "mass_per_area_kg_m2",
-        "radial_stiffness_n_m3",
-        "circumferential_stiffness_n_m3",
-    ):
+    for name in ("mass_per_area_kg_m2", "radial_stiffness_n_m3", "circumferential_stiffness_n_m3"):
         assert back.ring[name].value == pytest.approx(measured.ring[name].value, rel=1e-9)
 
 

@@ -124,8 +124,7 @@ def test_the_plot_shows_each_parameter_in_the_chosen_unit(series_of, unit, middl
 
 
 @pytest.mark.parametrize(
-    ("name", "begins"),
-    [("s.png", b"\x89PNG"), ("s.svg", b"<?xml"), ("s.html", b"<!doctype html>")],
+    ("name", "begins"), [("s.png", b"\x89PNG"), ("s.svg", b"<?xml"), ("s.html", b"<!doctype html>")]
 )
 def test_files_are_what_their_ending_says(series_of, tmp_path, name, begins):
     found = pressure_series(series_of(*at_pressures(*PRESSURES_PA)), ["radial_stiffness_n_m3"])
