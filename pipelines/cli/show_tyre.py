@@ -16,15 +16,13 @@ from pipelines.cli.terminal import (
     say,
     screen,
 )
-from pipelines.export.tir_ring import RingFromTir
-from pipelines.export.tir_update import TirChange, TirUpdate
-from pipelines.library.diff import values_of
+from pipelines.export.tir_update import RingFromTir, TirChange, TirUpdate
+from pipelines.library.version import values_of
 from pipelines.report.pressure_series import headings, trend_row
 from pipelines.storage.rounding import DASH, chance_text, number, signed, value_with_std
 
 if TYPE_CHECKING:
-    from pipelines.library.diff import SetDifference
-    from pipelines.library.history import TyreHistory
+    from pipelines.library.history import SetDifference, TyreHistory
     from pipelines.library.series import Series
     from pipelines.library.version import Version
     from pipelines.results.parameter_set import ParameterSet

@@ -42,12 +42,12 @@ def test_there_and_back(tyre, tir, sample_folder, tmp_path):
     assert code == 0
     assert "BELT_IYY       25  720000" in output
     assert "kg mm²" in output
-    assert "Left alone: BELT_IXX, FREQ_YAW, DAMP_YAW: out of the wheel's plane" in output
+    assert "Left alone: BELT_IXX, FREQ_YAW, DAMP_YAW: " in output
     assert f"Written: {tir}" in output
     out = tmp_path / "back.toml"
     code, output, errors = tyre("from-tir", tir, "--belt-width-m", "0.19", "--out", out)
     assert code == 0
-    assert "K and D are not in such a file" in errors
+    assert "--like SET" in errors
     measured, back = read_parameter_set(sample_folder / "tyre.toml"), read_parameter_set(out)
     for name in ("mass_per_area_kg_m2", "radial_stiffness_n_m3", "circumferential_stiffness_n_m3"):
         assert back.ring[name].value == pytest.approx(measured.ring[name].value, rel=1e-9)
@@ -81,7 +81,7 @@ def test_another_file(tyre, tir, toml):
     changes = {change["key"]: change for change in told["changes"]}
     assert changes["INFLPRES"]["new"] == pytest.approx(0.22)
     assert changes["INFLPRES"]["unit"] == "N/mm²"
-    assert told["left_alone"]["MASS"].startswith("of the whole tyre")
+    assert "MASS" in told["left_alone"]
     assert tir.read_bytes() == content(in_mm=True)
     assert out.read_bytes() != tir.read_bytes()
 
@@ -124,7 +124,7 @@ def test_bad_input_is_refused(tyre, tir, toml):
     assert_refused(tyre("from-tir", tir), "no belt width", "--belt-width-m")
     for width in ("-1", "0", "nan", "190"):  # the last one is in mm
         width_m = ("--belt-width-m", width)
-        says = (f"--belt-width-m: {width} m", "up to 2 m", "e.g. 0.19")
+        says = (f"--belt-width-m: {width} m", "at most 2 m", "e.g. 0.19")
         assert_refused(tyre("update-tir", tir, "--from", toml, *width_m, "--yes"), *says)
         assert_refused(tyre("from-tir", tir, *width_m), *says)
     assert_refused(tyre("update-tir", tir, "--form", toml), "Did you mean --from?")

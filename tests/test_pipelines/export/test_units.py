@@ -56,7 +56,7 @@ def test_a_unit_of_pressure_of_its_own():
     ("line", "says"),
     [
         ("LENGTH = 'milimeter'", "tyre.tir, line 2, LENGTH: 'milimeter'; .*'millimeter'"),
-        ("FORCE = 'mN'", "no such unit of force"),
+        ("FORCE = 'mN'", "unknown unit of force"),
         ("ANGLE = 'gon'", "radians"),
         ("MASS = 'kg'\nMASS = 'g'", "lines 2 and 3"),
     ],

@@ -15,12 +15,11 @@ from hypothesis import strategies as st
 from library import DESIGNATION, SET, varied, written
 
 from ema.core.errors import InputError
-from pipelines.library.diff import difference, largest_change
-from pipelines.library.export import FORMATS, export
-from pipelines.library.history import LONG, WIDE, history_of, version_rows, write_table
+from pipelines.library.export import FORMATS, LONG, WIDE, export, version_rows, write_table
+from pipelines.library.history import difference, history_of
 from pipelines.library.library import NamedSet, TyreLibrary, conditions_of, resolve
 from pipelines.library.numbering import folder_name, split_reference
-from pipelines.library.version import ROLLBACK, record_approval
+from pipelines.library.version import Event, record_approval
 from pipelines.results.parameter_set import Parameter, from_tuning, read_parameter_set
 
 
@@ -301,7 +300,7 @@ def test_the_same_rollback_by_two_people_is_one_step(three):
     for number in (1, 2, 3):
         three.approve(number, "Grace")
     for author in ("Ada", "Grace"):
-        record_approval(three.path, ROLLBACK, three.version(2), author, "")
+        record_approval(three.path, Event.ROLLBACK, three.version(2), author, "")
     assert three.chosen().number == 2
     assert three.rollback("Ada").number == 1
 
@@ -328,7 +327,7 @@ def test_a_difference_is_held_against_the_error_bars():
     assert changes["mean_radius_m"].status == "not tested"
     assert changes["axial_stiffness_n_m"].status == "not tested"
     assert changes["bending_stiffness_n_m"].status == "σ unknown"
-    assert largest_change(found) == radial
+    assert found.largest_change == radial
 
 
 def test_sets_from_the_same_recordings_are_not_tested():
