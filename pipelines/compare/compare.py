@@ -194,15 +194,9 @@ def _parameters(result: Result) -> dict[str, Parameter]:
 
 @dataclass(frozen=True, eq=False)
 class CommonShapes:
-    """Shapes of two results at common places or as common orders.
+    """Shapes of two results at common places or as common orders, and how, as a sentence.
 
-    Parameters
-    ----------
-    first : ndarray of complex, shape (n_first, n_common)
-    second : ndarray of complex, shape (n_second, n_common)
-        One row per mode; no columns where they have nothing in common.
-    how : str
-        How they are compared, as a sentence.
+    One row per mode; no columns where they have nothing in common.
     """
 
     first: Shapes
@@ -238,13 +232,7 @@ def common_shapes(first: ModalModel, second: ModalModel) -> CommonShapes:
 def common_positions(
     first_deg: NDArray[np.float64], second_deg: NDArray[np.float64]
 ) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
-    """Rows of the positions, shapes (n_first,) and (n_second,), that are in both.
-
-    Returns
-    -------
-    first_rows, second_rows : ndarray of int, shape (n_common,)
-        Those of the first ascending; each row at most once.
-    """
+    """Rows of the common positions in both, ascending in the first; each row at most once."""
     if not (first_deg.size and second_deg.size):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
     apart = np.abs((first_deg[:, None] - second_deg + 180) % 360 - 180)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ema.circumference.ring_modes import family
 from ema.core.modes import ModalModel, Mode
-from pipelines.compare.significance import Difference, judged
+from pipelines.compare.significance import Difference, jointly_tested
 
 #: MAC below which the shapes of matched modes are reported as different.
 LOWEST_MAC = 0.9
@@ -33,18 +33,15 @@ class MatchedMode:
     ----------
     first_number, second_number : int
         Numbers in ``modes.csv``, from 1.
-    first, second : Mode
     mac : float
         MAC of the shapes; NaN where they cannot be compared.
-    frequency : Difference
-        In Hz.
-    damping : Difference
-        Of the damping ratio, a fraction.
+    frequency, damping : Difference
+        In Hz, and of the damping ratio (a fraction).
     averaged : (bool, bool)
         Whether the mode of the first, of the second is the mean of a pair of which the other
         result has one mode.
     remark : str
-        What to know about the differences; empty where there is nothing.
+        A caveat; may be empty.
     """
 
     first_number: int
@@ -89,7 +86,7 @@ def matched_modes(
     """Matched modes with their differences; frequencies and damping are tested together."""
     same_band = first.model.band_hz == second.model.band_hz
     rows = [_matched(first, second, i, j, float(mac[i, j]), same_band) for i, j in matches]
-    tested = judged([row.frequency for row in rows] + [row.damping for row in rows])
+    tested = jointly_tested([row.frequency for row in rows] + [row.damping for row in rows])
     half = len(rows)
     return tuple(
         replace(row, frequency=frequency, damping=damping)
@@ -114,15 +111,10 @@ def std_of_difference(
     Parameters
     ----------
     stds : (float, float)
-        Standard deviations of both; NaN where unknown.
+        Of both; NaN where unknown, as is the result then.
     band_shifts : (float, float)
-        Band shifts of both; NaN counts as none.
+        Of both; NaN counts as none.
     same_band : bool
-
-    Returns
-    -------
-    float
-        NaN where one of the standard deviations is unknown.
     """
     first, second = (0.0 if math.isnan(shift) else shift for shift in band_shifts)
     systematic = abs(first - second) if same_band else math.hypot(first, second)
@@ -206,16 +198,8 @@ def match_modes(first: Sequence[Mode], second: Sequence[Mode], mac: NDArray[np.f
     or a load has moved them. All others (cavity, wheel, rig, structures without a circle) are
     paired by shape and frequency, the most similar first.
 
-    Parameters
-    ----------
-    first, second : sequence of Mode
-    mac : ndarray, shape (n_first, n_second)
-        NaN where shapes cannot be compared; then frequencies decide.
-
-    Returns
-    -------
-    list of (int, int)
-        Indices into `first` and `second`, ascending in the first; each index at most once.
+    Where the MAC, shape (n_first, n_second), is NaN, frequencies decide. Indices are ascending in
+    the first; each occurs at most once.
     """
     apart = np.abs(
         [[math.log(b.frequency_hz / a.frequency_hz) for b in second] for a in first]

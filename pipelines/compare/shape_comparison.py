@@ -47,13 +47,10 @@ class Likeness(StrEnum):
 
 @dataclass(frozen=True)
 class Match:
-    """The other shape most similar to a mode of the result.
+    """The other shape most similar to a mode of the result; modes count from 0.
 
     Parameters
     ----------
-    mode, other : int
-        Indices from 0.
-    mac : float
     mac_pair : float
         Share of the shape explained by the best linear combination of the other's modes near this
         frequency: a symmetric ring has pairs of modes of arbitrary orientation. Equals `mac` where
@@ -80,17 +77,9 @@ class Match:
 
 @dataclass(frozen=True, eq=False)
 class ShapeComparison:
-    """All shapes of a result compared with all other shapes.
+    """All shapes of a result compared with all other shapes; one match for each of its modes.
 
-    Parameters
-    ----------
-    result, other : ShapeSource
-    places : Places
-    mac : ndarray, shape (n_modes, n_other)
-    matches : tuple of Match
-        One for each mode of the result.
-    notes : tuple of str
-        Assumptions, and what is missing.
+    `mac` has shape (n_modes, n_other); the notes are assumptions, and what is missing.
     """
 
     result: ShapeSource
@@ -151,7 +140,7 @@ def compare_sources(
     if places.row.size < _FEWEST_PLACES:
         raise InputError(
             f"{result.name} and {other.name}",
-            f"{places.row.size} places in common, {places.says}",
+            f"{places.row.size} places in common, {places.how}",
             f"at least {_FEWEST_PLACES} common places needed",
             "Use --by, --tolerance-deg or --rotate-deg, or add the nodes (dataset 2411)",
         )
@@ -180,12 +169,8 @@ def compare_sources(
 def explained_share(shape: NDArray[np.complex128], basis: NDArray[np.complex128]) -> float:
     """Share of a shape explained by the best linear combination of other shapes.
 
-    MAC of the shape with its projection on their span: 1 − ‖φ − Pφ‖²/‖φ‖².
-
-    Parameters
-    ----------
-    shape : ndarray, shape (n_places,)
-    basis : ndarray, shape (n_shapes, n_places)
+    MAC of the shape, (n_places,), with its projection on the span of the others, (n_shapes,
+    n_places): 1 − ‖φ − Pφ‖²/‖φ‖².
     """
     left, sizes, _ = np.linalg.svd(basis.T, full_matrices=False)
     span = left[:, sizes > _RANK * sizes[0]] if sizes[0] > 0 else left[:, :0]

@@ -252,22 +252,15 @@ class Alignment:
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Rows of two sets of shapes that belong to the same places.
+    """Rows of two sets of shapes at the same places, matched by angle or node.
 
-    Parameters
-    ----------
-    by : {"angle", "node"}
-    row, other_row : ndarray of int, shape (n_places,)
-    says : str
-        How they were matched.
-    notes : tuple of str
-        How they were matched, and which are missing.
+    `how` is the way and its accuracy, for messages; the notes also name missing places.
     """
 
     by: str
     row: NDArray[np.int_]
     other_row: NDArray[np.int_]
-    says: str
+    how: str
     notes: tuple[str, ...]
 
     def __post_init__(self) -> None:
@@ -294,13 +287,13 @@ def common_places(result: ShapeSource, other: ShapeSource, alignment: Alignment)
             raise InputError(each.name, f"no {what}", f"places are matched by {way}", remedy)
     usable: NDArray[np.bool_] = np.asarray(np.isfinite(other.values).all(axis=0))
     if way == ANGLE:
-        pairs, says = _by_angle(result, other, usable, alignment)
+        pairs, how = _by_angle(result, other, usable, alignment)
         names = [f"{angle:g}°" for angle in result.angle_deg]
     else:
         row_of = {n: row for row, n in enumerate(other.node.tolist()) if n > 0 and usable[row]}
         pairs = [(row, row_of[n]) for row, n in enumerate(result.node.tolist()) if n in row_of]
-        says, names = "matched by node number", [f"{node}" for node in result.node]
-    notes = [f"{len(pairs)} of {result.node.size} places of {result.name} {says}"]
+        how, names = "matched by node number", [f"{node}" for node in result.node]
+    notes = [f"{len(pairs)} of {result.node.size} places of {result.name} {how}"]
     found = {row for row, _ in pairs}
     missing = [name for row, name in enumerate(names) if row not in found]
     if missing:
@@ -311,7 +304,7 @@ def common_places(result: ShapeSource, other: ShapeSource, alignment: Alignment)
             f"{', '.join(missing[:_MOST_NAMED])}{more}"
         )
     rows = np.array(pairs, dtype=int).reshape(-1, 2)
-    return Places(way, rows[:, 0], rows[:, 1], says, tuple(notes))
+    return Places(way, rows[:, 0], rows[:, 1], how, tuple(notes))
 
 
 def _by_angle(
@@ -332,10 +325,10 @@ def _by_angle(
         if near.size:
             distance = np.hypot(away[row, near] * arc_m_per_deg, aside_m[near])
             pairs.append((row, int(near[np.argmin(distance)])))
-    says = f"matched by angle within {alignment.tolerance_deg:g}°"
+    how = f"matched by angle within {alignment.tolerance_deg:g}°"
     if pairs:
-        says += f", at most {round(max(float(away[pair]) for pair in pairs), 3):g}° apart"
+        how += f", at most {round(max(float(away[pair]) for pair in pairs), 3):g}° apart"
         off_m = aside_m[[row for _, row in pairs]].max()
         if off_m > _OFF_CIRCLE_M:
-            says += f" and {1e3 * off_m:.3g} mm off the measured circle"
-    return pairs, says
+            how += f" and {1e3 * off_m:.3g} mm off the measured circle"
+    return pairs, how

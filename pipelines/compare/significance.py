@@ -30,17 +30,9 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Difference:
-    """One quantity in two results; the difference is second minus first.
+    """A quantity in two results, with the standard deviation of its difference, in one unit.
 
-    Parameters
-    ----------
-    first, second : float
-        The quantity in its unit.
-    std : float
-        Standard deviation of the difference in the same unit; NaN where unknown.
-    adjusted_p_value : float
-        `p_value` adjusted for the number of differences tested together, see `judged`; NaN where
-        nothing was tested.
+    `std` is NaN where unknown, `adjusted_p_value` (from `jointly_tested`) where not tested.
     """
 
     first: float
@@ -86,7 +78,7 @@ class Difference:
         return self.status is Verdict.SIGNIFICANT
 
 
-def judged(differences: Iterable[Difference]) -> tuple[Difference, ...]:
+def jointly_tested(differences: Iterable[Difference]) -> tuple[Difference, ...]:
     """Differences that are tested together with their adjusted p-values, in the same order."""
     given = tuple(differences)
     adjusted = holm([difference.p_value for difference in given]).tolist()
@@ -96,23 +88,14 @@ def judged(differences: Iterable[Difference]) -> tuple[Difference, ...]:
     )
 
 
-def holm(chances: ArrayLike) -> NDArray[np.float64]:
-    """Adjust the p-values of several tests so that together they keep one level.
+def holm(p_values: ArrayLike) -> NDArray[np.float64]:
+    """Adjust the p-values, shape (n_tests,), of several tests so that together they keep one level.
 
     Step-down procedure of Holm (1979): the k-th smallest of m is multiplied by m − k + 1. It also
-    holds for dependent tests, such as those of modes fitted together.
-
-    Parameters
-    ----------
-    chances : array_like, shape (n_tests,)
-        NaN where nothing could be tested; these tests do not count.
-
-    Returns
-    -------
-    ndarray, shape (n_tests,)
-        At most 1; NaN stays.
+    holds for dependent tests, such as those of modes fitted together. NaN (not tested) stays NaN
+    and does not count.
     """
-    given = np.asarray(chances, dtype=float)
+    given = np.asarray(p_values, dtype=float)
     adjusted = np.full(given.shape, np.nan)
     ranked = np.argsort(given)[: np.count_nonzero(np.isfinite(given))]
     raised = given[ranked] * np.arange(ranked.size, 0, -1)
@@ -122,18 +105,14 @@ def holm(chances: ArrayLike) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class ParameterChange:
-    """A ring or damping parameter in two results or parameter sets.
+    """A ring or damping parameter in two results or parameter sets, named as in ``tyre.toml``.
 
     Parameters
     ----------
-    name : str
-        As in ``tyre.toml``.
     first_std, second_std : float
-        Standard deviations; NaN where unknown.
+        NaN where unknown.
     first_how, second_how : str
         How each was obtained: given, identified, not identified or at bound.
-    difference : Difference
-        In the parameter's unit.
     alike : bool
         Whether the same parameters were given to both tunings. If not, the identified ones follow
         from different assumptions, and their difference does not come from the tyres alone.
@@ -174,15 +153,9 @@ def parameter_changes(
 ) -> tuple[ParameterChange, ...]:
     """Parameters that both have; the identified ones are tested together.
 
-    Standard deviations are added as independent. Where they come from the residuals of the ring
-    model, which are similar for two similar tyres, this is conservative: a change that is not
-    significant may still be real.
-
-    Parameters
-    ----------
-    first, second : mapping of str to Parameter
-    independent : bool
-        Whether the errors are independent; if not, σ of the differences is unknown.
+    Independent standard deviations are added; otherwise σ of the differences is unknown. Where they
+    come from the residuals of the ring model, which are similar for two similar tyres, this is
+    conservative: a change that is not significant may still be real.
     """
     alike = all(_is_given(first.get(name)) == _is_given(second.get(name)) for name in PARAMETERS)
     changes = []
@@ -192,7 +165,7 @@ def parameter_changes(
         std = math.hypot(std_a, std_b) if independent else math.nan
         change = Difference(a.value, b.value, std)
         changes.append(ParameterChange(name, std_a, std_b, a.how, b.how, change, alike))
-    tested = iter(judged(change.difference for change in changes if change.is_tested))
+    tested = iter(jointly_tested(change.difference for change in changes if change.is_tested))
     return tuple(
         replace(change, difference=next(tested)) if change.is_tested else change
         for change in changes
@@ -205,16 +178,9 @@ def _is_given(parameter: Parameter | None) -> bool:
 
 @dataclass(frozen=True)
 class Scatter:
-    """Differences of many modes against their standard deviations.
+    """Differences of many modes against their standard deviations, with χ² = Σ (difference/σ)².
 
-    Parameters
-    ----------
-    freedom : int
-        Degrees of freedom: number of differences less fitted parameters.
-    chi_square : float
-        Σ (difference/σ)².
-    rms_percent : float
-        Root mean square of the differences, percent.
+    `freedom` is the number of differences less fitted parameters.
     """
 
     freedom: int
@@ -248,7 +214,6 @@ class Agreement:
 
     Parameters
     ----------
-    frequency, damping : Scatter
     shift_percent, shift_std_percent : float
         Common shift of all frequencies, weighted by their error bars: the effect of a common cause
         such as pressure, temperature or the analyser's clock.

@@ -58,15 +58,7 @@ def findings(comparison: Comparison) -> tuple[str, ...]:
 
 
 def movement(one: str, many: str, differences: Sequence[Named]) -> tuple[str, ...]:
-    """How frequencies or damping ratios change, as sentences.
-
-    Parameters
-    ----------
-    one, many : str
-        Name of the quantity, singular and plural.
-    differences : sequence of (str, Difference)
-        With the name of each mode.
-    """
+    """How a quantity changes, as sentences: its name in singular and plural, values by mode."""
     tested = [each for each in differences if each[1].status is not Verdict.UNKNOWN]
     if not tested:
         return (f"No {one} could be tested.",) if differences else ()

@@ -29,11 +29,8 @@ class BeltValue:
 
     Parameters
     ----------
-    value : float
-        SI.
-    std : float or None
-        Standard deviation; None where unknown. A parameter set has no correlations, so it is known
-        only where one parameter dominates.
+    value, std : float
+        SI. A parameter set has no correlations: std is known only where one parameter dominates.
     basis : str
         Formula or mode.
     doubts : tuple of str
@@ -114,26 +111,9 @@ _NEEDS_DAMPING = ("DAMP_LONG", "DAMP_WINDUP")
 def belt_values(
     parameters: ParameterSet, width_m: float | None = None
 ) -> tuple[dict[str, BeltValue], dict[str, str]]:
-    """Values of the rigid belt, by the keys of `VALUES`.
+    """Values of the rigid belt by the keys of `VALUES`; keys not determined, with the reason.
 
-    Parameters
-    ----------
-    parameters : ParameterSet
-    width_m : float, optional
-        Belt width b. Default: that of the set.
-
-    Returns
-    -------
-    values : dict of str to BeltValue
-    open_ones : dict of str to str
-        Keys that this set does not determine, and why.
-
-    Raises
-    ------
-    InputError
-        If `width_m` is not a possible belt width.
-    ParameterError
-        If the values do not describe a ring.
+    The default belt width is that of the set.
     """
     ring = parameters.ring_parameters
     if width_m is not None:

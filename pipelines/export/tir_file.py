@@ -29,18 +29,9 @@ _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 @dataclass(frozen=True)
 class TirEntry:
-    """A line ``KEY = value $comment``.
+    """A line ``KEY = value $comment``: section and key in upper case, the value without quotes.
 
-    Parameters
-    ----------
-    section : str
-        Upper case; empty above the first section.
-    key : str
-        Upper case; files ignore case.
-    text : str
-        The value without quotes.
-    line : int
-        From 1.
+    The section is empty above the first one; lines count from 1.
     """
 
     section: str
@@ -86,16 +77,8 @@ class TirFile:
     def find(self, key: str, section: str | None = None) -> TirEntry | None:
         """The entry of a key, in upper or lower case; None where there is none.
 
-        Parameters
-        ----------
-        key : str
-        section : str, optional
-            Default: any but [UNITS], where MASS is the name of a unit.
-
-        Raises
-        ------
-        InputError
-            If the key is given more than once.
+        The default is any section but [UNITS], where MASS is the name of a unit. A key that is
+        given more than once is refused.
         """
         found = [each for each in self.entries if each.key == key.upper() and each.is_in(section)]
         if len(found) > 1:
@@ -105,13 +88,7 @@ class TirFile:
         return found[0] if found else None
 
     def number(self, key: str, section: str | None = None) -> float | None:
-        """A value in the file's unit; None where the key is missing or empty.
-
-        Raises
-        ------
-        InputError
-            If it is not a finite number, or the key is given more than once.
-        """
+        """A value in the file's unit; None where the key is missing or empty."""
         entry = self.find(key, section)
         if entry is None or not entry.text:
             return None
@@ -207,12 +184,7 @@ def _quote(value: str) -> str:
 
 
 def save_tir(tir: TirFile, path: Path) -> Path | None:
-    """Write a tyre property file; an existing file is copied first.
-
-    Returns
-    -------
-    Path or None
-        The copy; None where there was no file.
+    """Write a tyre property file and return the copy of an existing one.
 
     Raises
     ------

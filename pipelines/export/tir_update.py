@@ -48,22 +48,9 @@ LEFT_ALONE = {
 
 @dataclass(frozen=True)
 class TirChange:
-    """A line that changes, in the file's unit.
+    """A line that changes, in the file's unit; `BeltValue` explains basis and doubts.
 
-    Parameters
-    ----------
-    key, section : str
-    line : int or None
-        None for a new line.
-    old : float or None
-        None where there was no value.
-    new : float
-    std : float or None
-    unit : str
-    basis : str
-        Formula or mode of the new value.
-    doubts : tuple of str
-        Symbols of parameters that matter and were not identified.
+    A new line has no number; `old` is None where there was no value.
     """
 
     key: str
@@ -88,8 +75,6 @@ class TirUpdate:
 
     Parameters
     ----------
-    before, after : TirFile
-    changes : tuple of TirChange
     unchanged : tuple of str
         Keys that have the ring's value already.
     missing : tuple of str
@@ -98,7 +83,6 @@ class TirUpdate:
         Keys that this set does not determine, and why.
     left_alone : dict of str to tuple of str
         Keys of the file that no ring determines, by reason.
-    notes : tuple of str
     """
 
     before: TirFile

@@ -69,24 +69,9 @@ FORMATS: dict[str, Callable[[ParameterSet, Path], Any]] = {
 
 
 def export(parameters: ParameterSet, path: Path, file_format: str = "") -> str:
-    """Write a parameter set in a format, atomically.
+    """Write a parameter set atomically in a format of `FORMATS`, by default that of the ending.
 
-    Parameters
-    ----------
-    parameters : ParameterSet
-    path : Path
-    file_format : str
-        A key of `FORMATS`; default: the ending of `path`.
-
-    Returns
-    -------
-    str
-        The format.
-
-    Raises
-    ------
-    InputError
-        If the format is unknown, or the file cannot be written.
+    Returns the format; `InputError` if it is unknown, or the file cannot be written.
     """
     wanted = file_format.casefold() or path.suffix.lower().lstrip(".")
     if wanted not in FORMATS:
@@ -116,13 +101,9 @@ WIDE = (*OF_VERSION, *(name + end for name in _PARAMETERS for end in ("", "_std"
 def version_rows(
     tyres: Iterable[LibraryTyre], *, wide: bool = False
 ) -> tuple[list[Row], list[DamagedFile]]:
-    """Table of all versions of some tyres, and the damage found.
+    """Rows of all versions of some tyres, and the damage found.
 
-    Parameters
-    ----------
-    tyres : iterable of LibraryTyre
-    wide : bool
-        One row per version with the columns `WIDE`, else one per version and parameter with `LONG`.
+    Wide: one row per version with the columns `WIDE`, else one per version and parameter, `LONG`.
     """
     rows: list[Row] = []
     damage: list[DamagedFile] = []

@@ -13,7 +13,6 @@ from pipelines.library.library import NamedSet
 from pipelines.library.series import PRESSURE, UNITS_PA
 from pipelines.library.tyre import LibraryTyre
 from pipelines.library.version import ApprovalState, Version, read_approvals, recordings, values_of
-from pipelines.results.parameter_set import ParameterSet
 from pipelines.storage.checksums import DamagedFile
 from pipelines.storage.rounding import signed
 
@@ -24,7 +23,6 @@ class SetDifference:
 
     Parameters
     ----------
-    first, second : NamedSet
     changes : tuple of ParameterChange
         Every parameter that both have.
     conditions : tuple of tuple
@@ -138,8 +136,7 @@ def history_of(tyre: LibraryTyre) -> TyreHistory:
 
 
 def _change(before: Version, after: Version) -> str:
-    sets: tuple[ParameterSet, ParameterSet] = before.parameters, after.parameters
-    found = difference(*(NamedSet("", each) for each in sets))
+    found = difference(NamedSet("", before.parameters), NamedSet("", after.parameters))
     parts = [f"{name} {_stated(one)} → {_stated(two)}" for name, one, two in found.conditions]
     change = found.largest_change
     if change is not None:

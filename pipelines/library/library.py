@@ -51,32 +51,20 @@ class TyreLibrary:
         return tuple(sorted(found, key=lambda tyre: tyre.name.casefold()))
 
     def tyre(self, name: str) -> LibraryTyre:
-        """The tyre of a name in the library, a designation, or an id.
-
-        Raises
-        ------
-        InputError
-            If there is none, or several.
-        """
+        """The only tyre with this name in the library, this designation, or this id."""
         tyres = self.tyres()
         exact = [tyre for tyre in tyres if tyre.name.casefold() == _as_folder(name)]
-        meant = exact or [tyre for tyre in tyres if _as_folder(name) in _names(tyre)]
-        if len(meant) == 1:
-            return meant[0]
-        names = [tyre.name for tyre in meant or tyres]
-        if not meant:
+        matching = exact or [tyre for tyre in tyres if _as_folder(name) in _names(tyre)]
+        if len(matching) == 1:
+            return matching[0]
+        names = [tyre.name for tyre in matching or tyres]
+        if not matching:
             raise unknown("tyre", name, f"not found in {self.folder}", names)
         rule = f"several tyres match: {', '.join(names)}"
         raise InputError("tyre", repr(name), rule, f"Write e.g. {names[0]}")
 
     def version(self, reference: str) -> Version:
-        """The version ``NAME``, ``NAME@3``, ``NAME@approved`` or ``NAME@newest``.
-
-        Raises
-        ------
-        InputError
-            If there is none, or its file is damaged.
-        """
+        """The version ``NAME``, ``NAME@3``, ``NAME@approved`` or ``NAME@newest``."""
         name, version = split_reference(reference)
         return self.tyre(name).chosen(version)
 
@@ -90,12 +78,10 @@ class TyreLibrary:
         conditions: Mapping[str, float] | None = None,
         accept_changes: bool = False,
     ) -> Version:
-        """Add a parameter set as a new version of its tyre.
+        """Add the parameter set of a result folder or a TOML file as a new version of its tyre.
 
         Parameters
         ----------
-        source : path
-            A result folder or a parameter set in TOML.
         tyre_id : str
             Distinguishes tyres of one designation.
         note, author : str
@@ -146,20 +132,8 @@ def resolve(
 ) -> NamedSet:
     """Parameter set of a reference on the command line.
 
-    Parameters
-    ----------
-    reference : str
-        A result folder, a parameter set in TOML, or a version of a tyre in the library: ``NAME``,
-        ``NAME@3``.
-    library : Path, optional
-        Needed for the latter.
-    accept_changes : bool
-        Accept an edited result or set.
-
-    Raises
-    ------
-    InputError
-        If there is none, or the file is damaged, or edited and not accepted.
+    It names a result folder, a parameter set in TOML, or a version of a tyre in the library,
+    ``NAME`` or ``NAME@3``. Edited results and sets are refused unless accepted.
     """
     path = Path(reference)
     if path.is_file() or any((path / name).is_file() for name in (_RESULT, _SET)):
@@ -182,11 +156,6 @@ def read_source(source: Path, *, accept_changes: bool = False, lone: bool = True
         Accept it although it was edited; this is recorded in its provenance.
     lone : bool
         Whether a single file is checked too, and not only a result folder.
-
-    Raises
-    ------
-    InputError
-        If there is none, or it was edited and is not accepted.
     """
     changes: Iterable[str] = ()
     if (source / _RESULT).is_file():

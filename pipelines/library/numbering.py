@@ -49,7 +49,7 @@ def numbered(folder: Path, number: int) -> Path:
 
 
 def write_next(folder: Path, text_of: Callable[[int], str]) -> int:
-    """Write a file under the next free number.
+    """Write a file under the next free number; numbers are consecutive.
 
     Parameters
     ----------
@@ -57,11 +57,6 @@ def write_next(folder: Path, text_of: Callable[[int], str]) -> int:
         Created if missing.
     text_of : callable
         Text for a number; different for every call on any machine.
-
-    Returns
-    -------
-    int
-        The number; numbers are consecutive.
 
     Raises
     ------
@@ -199,20 +194,7 @@ def _flush_folder(folder: Path) -> None:
 
 
 def folder_name(designation: str, tyre_id: str = "") -> str:
-    """Name of a tyre's folder, allowed on Windows too: ``225-55R17`` or ``225-55R17_winter-A``.
-
-    Parameters
-    ----------
-    designation : str
-        As on the sidewall, ``225/55R17``.
-    tyre_id : str
-        Distinguishes tyres of one designation.
-
-    Raises
-    ------
-    InputError
-        If there is no letter or digit in it.
-    """
+    """Name of a tyre's folder, allowed on Windows too: ``225-55R17`` or ``225-55R17_winter-A``."""
 
     def safe(text: str) -> str:
         words = re.sub(r"[^\w.]+", "-", unicodedata.normalize("NFC", text))
@@ -226,13 +208,7 @@ def folder_name(designation: str, tyre_id: str = "") -> str:
 
 
 def split_reference(text: str) -> tuple[str, int | str]:
-    """Tyre and version of ``NAME`` (version ``""``), ``NAME@3``, ``NAME@approved``, ``@newest``.
-
-    Raises
-    ------
-    InputError
-        If the version is none of these.
-    """
+    """Tyre and version of ``NAME`` (version ``""``), ``NAME@3``, ``NAME@approved``, ``@newest``."""
     name, at, version = text.rpartition("@")
     if not at:
         return text, ""

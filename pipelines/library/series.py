@@ -52,17 +52,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Trend:
-    """One parameter over pressure.
-
-    Parameters
-    ----------
-    name : str
-    pressure_pa, value, std : ndarray, shape (n_points,)
-        The std is NaN where unknown.
-    version : tuple of int
-        Of each point.
-    line : Line
-    """
+    """One parameter over pressure: arrays of shape (n_points,), the std NaN where unknown."""
 
     name: str
     pressure_pa: NDArray[np.float64]
@@ -74,15 +64,7 @@ class Trend:
 
 @dataclass(frozen=True)
 class Series:
-    """Identified parameters of one tyre over pressure.
-
-    Parameters
-    ----------
-    tyre : str
-    trends : tuple of Trend
-    notes : tuple of str
-        What was left out, and what changed besides the pressure.
-    """
+    """Identified parameters of one tyre over pressure; notes say what was left out or changed."""
 
     tyre: str
     trends: tuple[Trend, ...]
@@ -122,33 +104,22 @@ def pressure_series(versions: Sequence[Version], names: Sequence[str] = ()) -> S
 def fit_line(x: ArrayLike, y: ArrayLike, std: ArrayLike) -> Line:
     """Straight line by least squares, weighted with 1/σ² where σ is known of all points.
 
-    Parameters
-    ----------
-    x, y, std : array_like, shape (n_points,)
-        Two different x at least.
-
-    Returns
-    -------
-    Line
-        Standard deviations from σ, raised where the points scatter more; without σ from the
-        scatter about the line, NaN where there is none.
+    Standard deviations follow from σ, raised where the points scatter more; without σ they follow
+    from the scatter about the line, and are NaN where there is none. Two different x are needed.
     """
     x, y, std = (np.asarray(each, dtype=float) for each in (x, y, std))
     weighted = bool(np.all(np.isfinite(std) & (std > 0)))
     weight = std**-2 if weighted else np.ones_like(x)
-    total = weight.sum()
-    centre = float(weight @ x / total)
-    spread = float(weight @ (x - centre) ** 2)
+    centre = float(weight @ x / weight.sum())
     first = float(y[0])  # then equal values give a χ² of exactly 0
-    y = y - first
-    mean, slope = float(weight @ y / total), float(weight @ ((x - centre) * y) / spread)
-    freedom = x.size - 2
-    chi_square = float(weight @ (y - mean - slope * (x - centre)) ** 2)
+    fitted, covariance = np.polyfit(x - centre, y - first, 1, w=np.sqrt(weight), cov="unscaled")
+    residuals = y - first - np.polyval(fitted, x - centre)
+    freedom, chi_square = x.size - 2, float(weight @ residuals**2)
     scatter = sqrt(chi_square / freedom) if freedom > 0 and (weighted or chi_square > 0) else nan
     factor = max(1.0, scatter if isfinite(scatter) else 0.0) if weighted else scatter
-    std_of = factor / np.sqrt([total, spread])
-    shown = scatter if weighted else nan
-    return Line(centre, first + mean, float(std_of[0]), slope, float(std_of[1]), shown)
+    slope_std, value_std = (factor * np.sqrt(np.diag(covariance))).tolist()
+    slope, value = fitted.tolist()
+    return Line(centre, first + value, value_std, slope, slope_std, scatter if weighted else nan)
 
 
 def _independent(versions: Sequence[Version]) -> list[Version]:

@@ -39,15 +39,7 @@ class LibraryTyre:
         return max(numbered_files(self.path), default=0)
 
     def add(self, parameters: ParameterSet, entry: Entry) -> Version:
-        """Write a new version under the next number.
-
-        Raises
-        ------
-        InputError
-            If the folder belongs to another tyre.
-        OSError
-            If the drive cannot be written; nothing is written then.
-        """
+        """Write a new version under the next number; the folder must be that of the same tyre."""
 
         def text_of(number: int) -> str:
             if number > 1:  # checked for every number: another tyre may be added at the same time
@@ -106,11 +98,6 @@ class LibraryTyre:
         """The version with a number, or ``"approved"``, or ``"newest"``.
 
         The empty text means the approved version, or the newest where none is approved.
-
-        Raises
-        ------
-        InputError
-            If there is none.
         """
         if isinstance(version, int):
             return self.version(version)
@@ -128,13 +115,7 @@ class LibraryTyre:
         return version
 
     def rollback(self, author: str, number: int | None = None, note: str = "") -> Version:
-        """Return to an approval before the present one, by default to the last.
-
-        Raises
-        ------
-        InputError
-            If the version was not approved before.
-        """
+        """Return to an approval before the present one, by default to the last."""
         stack = approvals_in_force(read_approvals(self.path))[:-1]
         earlier = {each.version: each for each in stack}
         rule = "a rollback returns to an earlier approval"

@@ -34,16 +34,12 @@ class Entry:
 
     Parameters
     ----------
-    author : str
     created : str
         Time of adding, ISO 8601 in UTC.
-    software, note : str
     tyre_id : str
         Distinguishes tyres of one designation; may be empty.
-    source : str
-        Name of the result folder or parameter set that was added, without its path.
-    source_sha256 : str
-        Checksum of its ``tyre.toml``.
+    source, source_sha256 : str
+        Name, without path, of the result folder or parameter set; checksum of its ``tyre.toml``.
     id : str
         Unique among all entries.
     """
@@ -60,18 +56,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Version:
-    """A numbered, immutable version of a tyre's parameter set.
-
-    Parameters
-    ----------
-    tyre : str
-        Name of the tyre in the library.
-    number : int
-    parameters : ParameterSet
-    entry : Entry
-    sha256 : str
-        Checksum of the content of its file.
-    """
+    """A numbered, immutable version of a tyre's parameter set, with the checksum of its file."""
 
     tyre: str
     number: int
@@ -118,13 +103,7 @@ def signed_now(author: str) -> dict[str, str]:
 
 
 def login_name() -> str:
-    """Login name of the user.
-
-    Raises
-    ------
-    InputError
-        If the system has none.
-    """
+    """Login name of the user; `InputError` if the system has none."""
     try:
         return getpass.getuser()
     except (OSError, KeyError, ImportError) as error:
@@ -143,13 +122,7 @@ def version_text(parameters: ParameterSet, entry: Entry, number: int) -> str:
 
 
 def read_version(path: Path, tyre: str, number: int) -> Version:
-    """Read a version.
-
-    Raises
-    ------
-    DamagedFile
-        If its file was changed.
-    """
+    """Read a version; `DamagedFile` if its file was changed."""
     content = unsealed(path)
     section = content.get(SECTION)
     if not isinstance(section, dict) or section.get("number") != number:
@@ -185,16 +158,7 @@ class ApprovalState(StrEnum):
 
 @dataclass(frozen=True)
 class Approval:
-    """Approval of a version, in force from then on.
-
-    Parameters
-    ----------
-    event : Event
-    version : int
-    version_sha256 : str
-        Checksum of the version that was approved.
-    author, created, note : str
-    """
+    """Approval of a version with this checksum, in force from then on."""
 
     event: Event
     version: int
@@ -222,13 +186,7 @@ def record_approval(
 
 
 def read_approvals(folder: Path) -> tuple[Approval, ...]:
-    """All approvals of a tyre's folder, in their order.
-
-    Raises
-    ------
-    DamagedFile
-        If one was changed or is missing.
-    """
+    """All approvals of a tyre in order; `DamagedFile` if one was changed or is missing."""
     files = numbered_files(folder / FOLDER)
     return tuple(_read(folder / FOLDER, number) for number in range(1, max(files, default=0) + 1))
 

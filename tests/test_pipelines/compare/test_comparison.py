@@ -23,7 +23,7 @@ from pipelines.compare.compare import (
     compare_folders,
 )
 from pipelines.compare.modes import match_modes, std_of_difference
-from pipelines.compare.significance import Difference, agreement, holm, judged
+from pipelines.compare.significance import Difference, agreement, holm, jointly_tested
 from pipelines.compare.summary_text import findings
 from pipelines.process.run import process, tune
 from pipelines.report.save import save
@@ -299,7 +299,7 @@ def test_holm_as_printed():
 def test_false_alarms_stay_below_the_level():
     random = np.random.default_rng(5)
     alarms = [
-        any(each.is_significant for each in judged([Difference(0.0, z, 1.0) for z in row]))
+        any(each.is_significant for each in jointly_tested([Difference(0.0, z, 1.0) for z in row]))
         for row in random.normal(size=(2000, 16))
     ]
     assert np.mean(alarms) == pytest.approx(0.05, abs=0.015)

@@ -12,7 +12,7 @@ from results import structure_result, tyre_result
 from ema.core.campaign import Tyre
 from ema.core.errors import InputError
 from pipelines.compare.compare import compare
-from pipelines.compare.significance import Difference, Scatter, judged
+from pipelines.compare.significance import Difference, Scatter, jointly_tested
 from pipelines.compare.summary_text import findings, movement, scatter_text
 from pipelines.compare.table import (
     COMPARISON_HEAD,
@@ -58,7 +58,7 @@ def page(rising):
 
 def told(*changes, std=0.1):
     named = [(f"n = {n}", Difference(100.0, 100.0 + each, std)) for n, each in enumerate(changes)]
-    verdicts = judged([difference for _, difference in named])
+    verdicts = jointly_tested([difference for _, difference in named])
     pairs = [(name, verdict) for (name, _), verdict in zip(named, verdicts, strict=True)]
     return movement("frequency", "frequencies", pairs)[0]
 
