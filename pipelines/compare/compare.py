@@ -26,12 +26,7 @@ from pipelines.compare.modes import (
     seen_by,
     unmatched_modes,
 )
-from pipelines.compare.significance import (
-    Agreement,
-    ParameterChange,
-    agreement,
-    parameter_changes,
-)
+from pipelines.compare.significance import Agreement, ParameterChange, agreement, parameter_changes
 from pipelines.process.run import retune
 from pipelines.results.labels import short
 from pipelines.results.parameter_set import Parameter, from_tuning

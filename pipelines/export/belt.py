@@ -227,9 +227,7 @@ _MODES = {
 
 
 def write_modal_targets(
-    parameters: ParameterSet,
-    path: Path,
-    measured: Mapping[int, tuple[float, float]] | None = None,
+    parameters: ParameterSet, path: Path, measured: Mapping[int, tuple[float, float]] | None = None
 ) -> tuple[ModalTarget, ...]:
     """Write modal targets as text: comment lines with #, then columns separated by blanks.
 
