@@ -129,7 +129,7 @@ def test_an_added_line_is_aligned():
     assert added.endswith("X = 1\r\n[NEW]\r\nY = 2\r\n")
 
 
-def test_a_key_that_stands_twice_is_refused():
+def test_a_key_given_twice_is_refused():
     with pytest.raises(InputError, match=r"tyre.tir, MASS: given in lines 1 and 3; .*Keep one"):
         tir("MASS = 1\n[A]\nmass = 2\n").find("MASS")
 

@@ -78,7 +78,7 @@ def test_values_are_those_of_the_ring(si):
     assert new["INFLPRES"] == 220000.0
 
 
-def test_values_stand_in_the_units_of_the_file():
+def test_values_are_in_the_units_of_the_file():
     one, other = (
         {change.key: change for change in plan_update(file, SET).changes} for file in FILES.values()
     )
@@ -122,7 +122,7 @@ def test_any_ring_is_found_again_with_its_membrane_stiffness(tir, stiffness_n_m)
         assert found.ring[name].value == parameters.ring[name].value
 
 
-def test_what_is_assumed_is_said(si):
+def test_assumptions_are_noted(si):
     made = ring_from_tir(si, 0.19)
     assert "--like SET" in made.notes[0]
     hows = {name: entry.how for name, entry in made.parameters.ring.items()}
@@ -143,7 +143,7 @@ def changed(tir, key, text, section=None):
     return tir.with_value(tir.find(key, section), text)
 
 
-def test_missing_keys_are_said_and_added_on_request(si):
+def test_missing_keys_are_listed_and_added_on_request(si):
     small = without(si, "BELT_MASS", "FREQ_WINDUP")
     assert plan_update(small, SET).missing == ("BELT_MASS", "FREQ_WINDUP")
     update = plan_update(small, SET, add=True)
@@ -189,7 +189,7 @@ def test_contradictions_are_noted(si):
     assert any("UNLOADED_RADIUS" in note for note in ring_from_tir(light, 0.19).notes)
 
 
-def test_what_stands_twice_is_refused_where_it_matters(si):
+def test_keys_given_twice_are_refused_where_it_matters(si):
     def twice(key):
         return replace(si, lines=(*si.lines, "[MORE]\r\n", f"{key} = 9.0\r\n"))
 

@@ -59,7 +59,7 @@ def ended(process):
 
 
 def assert_all_there(folder, count):
-    """Numbers without gap, each version whole, nothing hidden left behind."""
+    """Consecutive numbers, each version complete, no hidden files left."""
     (tyre,) = TyreLibrary(folder).tyres()
     versions = tyre.intact_versions()
     assert [version.number for version in versions] == list(range(1, count + 1))
@@ -92,7 +92,7 @@ def test_a_kill_before_any_file_operation_loses_at_most_the_version_being_writte
 
 
 @forked
-def test_a_kill_during_the_first_addition_leaves_no_tyre_or_a_whole_one(adding):
+def test_a_kill_during_the_first_addition_leaves_no_tyre_or_a_complete_one(adding):
     assert int(ended(adding("begin", "links"))) > 8
 
 
