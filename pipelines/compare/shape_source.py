@@ -197,7 +197,7 @@ def _read_table(path: Path) -> pd.DataFrame:
         found = f"columns {', '.join(sorted(held))}"
         raise InputError(str(path), found, "columns for mode, place and value needed", _REMEDY)
     if cells.empty:
-        raise InputError(str(path), "no lines", "a table of shapes has values", _REMEDY)
+        raise InputError(str(path), "no lines", "values needed", _REMEDY)
     rows = pd.DataFrame(index=cells.index)
     for name in ("mode", "real", *_DEFAULTS):
         text = cells[name].str.strip() if name in cells else pd.Series("", cells.index)
@@ -208,7 +208,7 @@ def _read_table(path: Path) -> pd.DataFrame:
             rows.loc[is_empty, name] = _DEFAULTS[name]
         elif is_empty.any():
             where = f"{path}, line {is_empty.argmax() + 2}"
-            rule = "each line has a mode and a value"
+            rule = "each line needs a mode and a value"
             raise InputError(where, f"no {name}", rule, "Complete the line")
         if name in ("mode", "node"):
             _require(path, (rows[name] >= 0) & (rows[name] % 1 == 0), name, text, "a whole number")
@@ -221,7 +221,7 @@ def _require(
     """Refuse the first bad cell of a column."""
     if not good.all():
         row = int(np.argmin(good))
-        where, rule = f"{path}, line {row + 2}", f"a {name} is {what}"
+        where, rule = f"{path}, line {row + 2}", f"{name} must be {what}"
         raise InputError(where, f"{name} {text.iloc[row]}", rule, "Write e.g. 1, or 1.5e-3")
 
 

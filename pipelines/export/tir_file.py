@@ -172,7 +172,7 @@ def read_tir(path: Path) -> TirFile:
         raise InputError(str(path), found, rule, "Save it as UTF-8, or choose a .tir file")
     tir = tir_of(content, path.name)
     if not tir.sections():
-        rule = "a tyre property file has sections, e.g. [UNITS]"
+        rule = "a tyre property file must have sections, e.g. [UNITS]"
         raise InputError(str(path), "no section", rule, "Choose a .tir file")
     return tir
 

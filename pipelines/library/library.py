@@ -45,7 +45,7 @@ class TyreLibrary:
         if not self.folder.is_dir():
             place = "a file" if self.folder.exists() else "no such folder"
             remedy = "Check the path; `ringmodal tyre add` creates a library"
-            raise InputError(str(self.folder), place, "a library is a folder", remedy)
+            raise InputError(str(self.folder), place, "a library must be a folder", remedy)
         folders = (path for path in self.folder.iterdir() if path.is_dir())
         found = [LibraryTyre(path) for path in folders if numbered_files(path)]
         return tuple(sorted(found, key=lambda tyre: tyre.name.casefold()))
@@ -121,10 +121,10 @@ class TyreLibrary:
     def _require_place(self) -> None:
         """Refuse a folder whose parent does not exist, as after a typing error."""
         if not self.folder.absolute().parent.is_dir():
-            rule = "a new library needs an existing folder around it"
+            rule = "the parent folder of a library must exist"
             raise InputError(str(self.folder), "no such folder", rule, "Check the path")
         if self.folder.exists() and not self.folder.is_dir():
-            raise InputError(str(self.folder), "a file", "a library is a folder", "Name a folder")
+            raise InputError(str(self.folder), "a file", "a library must be a folder", "Name a folder")
 
 
 def resolve(

@@ -215,7 +215,7 @@ def split_reference(text: str) -> tuple[str, int | str]:
     if version in (APPROVED, NEWEST):
         return name, version
     if not re.fullmatch(r"[0-9]{1,9}", version) or int(version) == 0:
-        rule = f"a version is a number from 1 on, {APPROVED} or {NEWEST}"
+        rule = f"a version must be a number from 1, {APPROVED} or {NEWEST}"
         raise InputError(text, f"version {version!r}", rule, f"Write e.g. {name}@1")
     return name, int(version)
 

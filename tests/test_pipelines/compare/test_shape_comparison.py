@@ -280,7 +280,7 @@ def test_the_span_of_a_pair_explains_any_turn_of_it():
         ("mode,node,real\n", "no lines"),
         ("mode,node,real\n1,1,zero\n", "line 2"),
         ("mode,node,real\n1,1,\n", "no real"),
-        ("mode,node,real\n1,1,1\n1,nan,1\n", "line 3: node nan; a node is a whole number"),
+        ("mode,node,real\n1,1,1\n1,nan,1\n", "line 3: node nan; node must be a whole number"),
         ("mode,node,real\n1,1.5,1\n", "node 1.5"),
         ("mode,node,real\ninf,1,1\n", "mode inf"),
         ("mode,node,real\n1,4,1\n2,4,1\n1,4,3\n", "two values of mode 1 at node 4; "),

@@ -118,7 +118,7 @@ def test_a_set_that_makes_no_ring_is_refused(add, library):
 
 def test_a_mistyped_library_makes_no_folders(tmp_path):
     library = TyreLibrary(tmp_path / "nowhere" / "library")
-    with pytest.raises(InputError, match="existing folder around it"):
+    with pytest.raises(InputError, match="parent folder"):
         library.add(written(tmp_path / "set.toml"), author="Ada")
     assert not library.folder.parent.exists()
 
@@ -185,7 +185,7 @@ def test_long_names_in_any_script_make_folders(add, library, sign):
 def test_a_file_is_no_library(tmp_path):
     library = TyreLibrary(written(tmp_path / "set.toml"))
     for attempt in (library.tyres, lambda: library.add(library.folder, author="Ada")):
-        with pytest.raises(InputError, match=r"set\.toml: a file; a library is a folder"):
+        with pytest.raises(InputError, match=r"set\.toml: a file; "):
             attempt()
 
 
