@@ -13,11 +13,11 @@ from ema.circumference.ring_modes import family
 from ema.core.modes import ModalModel, Mode
 from pipelines.compare.significance import Difference, jointly_tested
 
-#: MAC below which the shapes of matched modes are reported as different.
+#: MAC below which the shapes of matched modes are reported as different (customary limit).
 LOWEST_MAC = 0.9
 #: Lowest MAC of two modes, not both ring modes, that may be the same mode.
 LEAST_MAC = 0.6
-#: Largest |ln(f2/f1)| of such modes.
+#: Largest |ln(f2/f1)| of such modes, a change by 22 %.
 LARGEST_LOG_RATIO = 0.2
 #: Difference of MAC from which shapes decide which member of a pair is which.
 CLEAR_MAC_STEP = 0.3

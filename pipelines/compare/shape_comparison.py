@@ -28,7 +28,7 @@ from pipelines.results.store import load
 from pipelines.storage.rounding import DASH, number, signed, value_with_std
 from pipelines.storage.tables import table_of, write_csv
 
-#: MAC from which shapes are called the same, or similar.
+#: MAC from which shapes are called the same (customary limit), or similar.
 SAME, SIMILAR = 0.9, 0.6
 #: Modes with frequencies this close, in percent, may form a pair.
 PAIR_PERCENT = 1.0

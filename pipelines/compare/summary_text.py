@@ -9,7 +9,7 @@ from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.compare.compare import Comparison
 from pipelines.compare.modes import UnmatchedMode
 from pipelines.compare.significance import LEVEL, Agreement, Difference, Scatter, Verdict
-from pipelines.storage.rounding import number, signed, value_with_std
+from pipelines.storage.rounding import chance_text, number, signed, value_with_std
 
 CAUTION = (
     "Significant means: more than the noise of both recordings explains. Pressure as set, "
@@ -37,8 +37,6 @@ METHOD = (
 MOST_NAMED = 3
 #: p-value of χ² above which the error bars are conservative.
 CONSERVATIVE_P_VALUE = 0.99
-#: Smallest p-value printed as a number.
-SMALLEST_P_VALUE = 0.001
 
 Named = tuple[str, Difference]
 
@@ -158,16 +156,14 @@ def scatter_text(scatter: Scatter) -> str:
     """Size of the differences of all modes against their error bars, with a verdict."""
     if not scatter.freedom:
         return "amounts that cannot be judged: σ is unknown."
-    p_value = scatter.p_value
-    p_text = f"= {number(p_value, 2)}" if p_value >= SMALLEST_P_VALUE else f"< {SMALLEST_P_VALUE:g}"
     size = (
         f"{number(scatter.rms_percent, 2)} % rms, {number(scatter.ratio, 2)} times what the error "
-        f"bars allow (χ² = {number(scatter.chi_square, 3)} for {scatter.freedom}, "
-        f"p {p_text})"
+        f"bars allow (χ² = {number(scatter.chi_square, 3)} for {scatter.freedom}, p-value "
+        f"{chance_text(scatter.p_value)})"
     )
     if not scatter.is_noise:
         return f"{size}: something besides noise changes from one measurement to the next."
-    if p_value > CONSERVATIVE_P_VALUE:
+    if scatter.p_value > CONSERVATIVE_P_VALUE:
         return f"{size}: noise explains them, and the error bars are conservative."
     return f"{size}: noise alone explains them."
 
