@@ -124,7 +124,8 @@ class TyreLibrary:
             rule = "the parent folder of a library must exist"
             raise InputError(str(self.folder), "no such folder", rule, "Check the path")
         if self.folder.exists() and not self.folder.is_dir():
-            raise InputError(str(self.folder), "a file", "a library must be a folder", "Name a folder")
+            rule = "a library must be a folder"
+            raise InputError(str(self.folder), "a file", rule, "Name a folder")
 
 
 def resolve(
