@@ -20,7 +20,7 @@ from collections import Counter
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from pipelines.library import numbering as library_claim
+from pipelines.library import numbering
 from pipelines.library.library import TyreLibrary
 
 SOURCE = Path(__file__).parents[1] / "sample_data" / "tyre_225_55R17.toml"
@@ -87,7 +87,7 @@ def writer(
 def write(folder: Path, means: str, each: int, told: Connection) -> None:
     if means == TURNS:
         os.link = without_links
-        library_claim.ABANDONED_S = 0.3
+        numbering.ABANDONED_S = 0.3
     for _ in range(each):
         told.send(TyreLibrary(folder).add(SOURCE, author=str(os.getpid())).number)
 

@@ -44,8 +44,8 @@ def value_with_std(value: float, std: float | None) -> str:
     if std is None or not isfinite(std) or std <= 0 or not isfinite(value):
         return number(value)
     shift = _common_power(_exponent(max(abs(value), std)))
-    place = _exponent(std)
-    end = (place - 1 if std / 10.0**place < 2.95 else place) - shift
+    first, _, exponent = f"{std:.2e}".partition("e")
+    end = int(exponent) - (float(first) <= 3.54) - shift  # rule of the Particle Data Group
     text = f"{_fixed(value, shift, end)} ± {_fixed(std, shift, end)}"
     return _times_ten(f"({text})", shift) if shift else text
 

@@ -11,7 +11,7 @@ import signal
 import sys
 from pathlib import Path
 
-from pipelines.library import numbering as library_claim
+from pipelines.library import numbering
 from pipelines.library.library import TyreLibrary
 
 EACH = 10
@@ -88,7 +88,7 @@ def main():
     if means == "turns":
         os.link = without_links
         if what != "many":
-            library_claim.ABANDONED_S = 0.05
+            numbering.ABANDONED_S = 0.05
     tasks = {
         "many": add_many,
         "kills": add_until_no_kill_is_left,

@@ -33,5 +33,6 @@ def tables() -> Iterator[str]:
         yield "| name | default | unit | effect | source |\n|---|---|---|---|---|"
         for each in fields(kind):
             about = each.metadata
-            cells = f"`{each.name}`", f"{each.default:g}", about["unit"], about["effect"]
-            yield f"| {' | '.join((*cells, about['source']))} |".replace("|Δλ|/|λ|", r"\|Δλ\|/\|λ\|")
+            effect = about["effect"].replace("|", r"\|")
+            cells = f"`{each.name}`", f"{each.default:g}", about["unit"], effect, about["source"]
+            yield f"| {' | '.join(cells)} |"

@@ -12,6 +12,9 @@ from math import isfinite
 
 from ema.core.errors import visible
 
+DASH = "–"
+#: First three digits of a standard deviation up to which two are written (Particle Data Group).
+LARGEST_WITH_TWO_DIGITS = 3.54
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -30,24 +33,37 @@ def facts(caption: str, pairs: Iterable[tuple[str, str]]) -> str:
     return _captioned(caption, f"<tbody>{body}</tbody>")
 
 
-def number(value: float) -> str:
-    """Value with four significant digits, a dash where there is none."""
-    if not isfinite(value):
-        return "–"
+def number(value: float | None, digits: int = 4) -> str:
+    """Value with `digits` significant digits, whole digits always below 10⁵; a dash if unknown."""
+    if value is None or not isfinite(value):
+        return DASH
     if value == 0:
         return "0"
-    exponent = _exponent(value, 4)
+    exponent = _exponent(value, digits)
     shift = _common_power(exponent)
-    return _times_ten(_fixed(value, shift, min(0, exponent - shift - 3)), shift)
+    return _times_ten(_fixed(value, shift, min(0, exponent - shift + 1 - digits)), shift)
 
 
-def value_with_std(value: float, std: float | None) -> str:
-    """Value ± standard deviation, both rounded by it, exactly as in the report."""
+def value_with_std(value: float, std: float | None, digits: int = 4) -> str:
+    """Value ± standard deviation, such as ``"100.31 ± 0.04"`` or ``"(8.27 ± 0.08) × 10⁶"``.
+
+    Rounded by the rule of the Particle Data Group: two digits of the standard deviation up to 354,
+    one up to 949, and 1000 above, for its first three digits; the value ends at the same place.
+
+    Parameters
+    ----------
+    value : float
+        A dash is written if it is not finite.
+    std : float or None
+        Unknown if None, not finite or not positive.
+    digits : int
+        Significant digits of a value without a standard deviation.
+    """
     if std is None or not isfinite(std) or std <= 0 or not isfinite(value):
-        return number(value)
+        return number(value, digits)
     shift = _common_power(_exponent(max(abs(value), std)))
-    place = _exponent(std)
-    end = (place - 1 if std / 10.0**place < 2.95 else place) - shift
+    first, _, exponent = f"{std:.2e}".partition("e")
+    end = int(exponent) - (float(first) <= LARGEST_WITH_TWO_DIGITS) - shift
     text = f"{_fixed(value, shift, end)} ± {_fixed(std, shift, end)}"
     return _times_ten(f"({text})", shift) if shift else text
 

@@ -85,7 +85,14 @@ class IdentificationSettings:
 
 @dataclass(frozen=True)
 class CheckSettings:
-    """Thresholds of the checks on channels, sensors and runs; each field carries its source."""
+    """Thresholds of the checks on channels, sensors and runs; each field carries its source.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> rm.CheckSettings(dead_db=-60.0).dead_db
+    -60.0
+    """
 
     dead_db: float = _setting(
         -50.0, "dB", "a channel this far below the median power is excluded", "cables switched off"

@@ -184,7 +184,8 @@ def compare_shapes(
       ringmodal compare-shapes results/tyre_7 model.unv
       ringmodal compare-shapes results/tyre_7 model.unv --rotate-deg 90 --out shapes.html
     """  # noqa: D406, D407 - a heading of the help
-    from pipelines.compare.shape_comparison import Alignment, compare_shapes, comparison_record
+    from pipelines.compare.shape_comparison import compare_shapes, comparison_record
+    from pipelines.compare.shape_source import Alignment
 
     alignment = Alignment(by, tolerance_deg, rotate_deg, mirror, direction)
     with stating_what_stands(out or result):

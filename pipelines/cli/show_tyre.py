@@ -16,15 +16,13 @@ from pipelines.cli.terminal import (
     say,
     screen,
 )
-from pipelines.export.tir_ring import RingFromTir
-from pipelines.export.tir_update import TirChange, TirUpdate
-from pipelines.library.diff import values_of
+from pipelines.export.tir_update import RingFromTir, TirChange, TirUpdate
+from pipelines.library.version import values_of
 from pipelines.report.pressure_series import headings, trend_row
 from pipelines.storage.rounding import DASH, chance_text, number, signed, value_with_std
 
 if TYPE_CHECKING:
-    from pipelines.library.diff import SetDifference
-    from pipelines.library.history import TyreHistory
+    from pipelines.library.history import SetDifference, TyreHistory
     from pipelines.library.series import Series
     from pipelines.library.version import Version
     from pipelines.results.parameter_set import ParameterSet
@@ -124,7 +122,7 @@ def show_difference(found: SetDifference, *, as_json: bool) -> None:
         Column("B − A", [value_with_std(each.value, each.std) for each in deltas]),
         Column("in %", [signed(each.percent, 1) for each in deltas]),
         Column("z", [signed(each.z, 1) if known else "" for each, known in tested]),
-        Column("p", [chance_text(each.chance) if known else "" for each, known in tested]),
+        Column("p", [chance_text(each.p_value) if known else "" for each, known in tested]),
         Column("verdict", [_verdict(change, found) for change in changes], True, folds=True),
     )
     say(f"A: {found.first.name}")
@@ -238,8 +236,8 @@ def _change(change: Any, *, independent: bool) -> dict[str, Any]:
         "difference_std": delta.std,
         "percent": delta.percent,
         "z": delta.z if change.is_tested else None,
-        "p": delta.chance if change.is_tested else None,
-        "p_adjusted": delta.adjusted_chance,
+        "p": delta.p_value if change.is_tested else None,
+        "p_adjusted": delta.adjusted_p_value,
         "verdict": change.status if independent else "not tested",
     }
 

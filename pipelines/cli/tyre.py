@@ -26,9 +26,9 @@ from pipelines.cli.options import (
 )
 from pipelines.cli.tyre_tir import from_tir, modal_targets, update_tir
 from pipelines.cli.values import TABLE_ENDINGS, require_target
-from pipelines.library.diff import difference
 from pipelines.library.export import export as write
-from pipelines.library.history import all_damage, history_of, version_rows, write_table
+from pipelines.library.export import version_rows, write_table
+from pipelines.library.history import all_damage, difference, history_of
 from pipelines.library.library import TyreLibrary, conditions_of, resolve
 from pipelines.library.numbering import require_version, split_reference
 from pipelines.library.series import pressure_series

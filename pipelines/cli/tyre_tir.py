@@ -11,10 +11,9 @@ import typer
 from ema.core.errors import InputError
 from pipelines.cli import show_tyre, terminal
 from pipelines.cli.options import FILES, AcceptChanges, AnySet, Json, Library
-from pipelines.export.modal_targets import measured_modes, write_modal_targets
+from pipelines.export.belt import measured_modes, write_modal_targets
 from pipelines.export.tir_file import read_tir, save_tir
-from pipelines.export.tir_ring import ring_from_tir
-from pipelines.export.tir_update import plan_update
+from pipelines.export.tir_update import plan_update, ring_from_tir
 from pipelines.library.export import export
 from pipelines.library.library import resolve
 from pipelines.storage.atomic import file_written_whole

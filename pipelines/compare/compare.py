@@ -1,4 +1,4 @@
-"""Two results side by side: what differs, and whether by more than the error bars allow."""
+"""Comparison of two results: modes, shapes, ring parameters and conditions."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.compare.caveats import doubts
+from ema.circumference.orders import circle_basis, highest_order, on_circle
+from ema.core.mac import mac
+from ema.core.modes import ModalModel
 from pipelines.compare.conditions import (
     Contrast,
     condition_contrasts,
+    doubts,
     processing_contrasts,
     same_recordings,
 )
@@ -23,39 +26,43 @@ from pipelines.compare.modes import (
     seen_by,
     unmatched_modes,
 )
-from pipelines.compare.parameters import ParameterChange, parameter_changes
-from pipelines.compare.shapes import common_shapes
-from pipelines.compare.significance import Agreement, agreement
+from pipelines.compare.significance import Agreement, ParameterChange, agreement, parameter_changes
 from pipelines.process.run import retune
 from pipelines.results.labels import short
+from pipelines.results.parameter_set import Parameter, from_tuning
 from pipelines.results.result import Result
 
+#: Longest name of a result in headings, characters.
 LONGEST_NAME = 40
+#: Positions closer than this are the same.
+SAME_PLACE_DEG = 0.5
+#: Fewest common nodes at which shapes are compared.
+FEWEST_NODES = 3
+
+Shapes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A second result against a first; every difference is second minus first.
+    """A second result compared with a first; every difference is second minus first.
 
     Parameters
     ----------
     first, second : Result
     names : (str, str)
-        What to call them; never the same.
+        Always different.
     modes : tuple of MatchedMode
         Ascending in frequency of the first.
     only_first, only_second : tuple of UnmatchedMode
     mac : ndarray, shape (n_first, n_second)
-        All shapes of the first (rows) against all of the second; NaN where they cannot be
-        compared.
+        Shapes of the first (rows) against those of the second; NaN where not comparable.
     shapes_note : str
-        On what ground shapes are compared, as a sentence.
+        Where shapes are compared, as a sentence.
     parameters : tuple of ParameterChange
         Empty where one result has no ring.
     conditions, processing : tuple of Contrast
-        What was stated and chosen.
     doubts : tuple of str
-        What makes the comparison doubtful, in sentences.
+        Caveats, as sentences.
     agreement : Agreement or None
         All modes together; None where no standard deviation is known.
 
@@ -88,7 +95,7 @@ class Comparison:
 
     @property
     def is_repeat(self) -> bool:
-        """Whether the same tyre was measured again and nothing stated differs."""
+        """Whether this is a new measurement under the same stated conditions."""
         return not self.differing and not same_recordings(self.first, self.second)
 
 
@@ -96,9 +103,8 @@ def compare(first: Result, second: Result) -> Comparison:
     """Compare two results: modes, shapes, ring parameters and how each was obtained.
 
     Differences of frequencies and damping ratios are tested together, those of identified ring
-    parameters by themselves: two-sided, normal, with the number of comparisons accounted for by
-    Holm's procedure at 5 %. What σ of a difference holds and what not: see
-    `pipelines.compare.modes.std_of_difference`.
+    parameters separately: two-sided, normal, adjusted for the number of comparisons by Holm's
+    procedure at 5 %. For the content of σ see `pipelines.compare.modes.std_of_difference`.
 
     Parameters
     ----------
@@ -119,9 +125,9 @@ def compare(first: Result, second: Result) -> Comparison:
     shapes = common_shapes(first.modal_model, second.modal_model)
     one = seen_by(first.modal_model, second.modal_model)
     two = seen_by(second.modal_model, first.modal_model)
-    mac = common_shapes(one.model, two.model).mac
-    matches = match_modes(one.model.modes, two.model.modes, mac)
-    modes = matched_modes(one, two, matches, mac)
+    table = common_shapes(one.model, two.model).mac
+    matches = match_modes(one.model.modes, two.model.modes, table)
+    modes = matched_modes(one, two, matches, table)
     conditions = condition_contrasts(first, second)
     processing = processing_contrasts(first, second)
     return Comparison(
@@ -133,7 +139,7 @@ def compare(first: Result, second: Result) -> Comparison:
         only_second=unmatched_modes(two, one, {j: i for i, j in matches}),
         mac=shapes.mac,
         shapes_note=shapes.how,
-        parameters=parameter_changes(first, second),
+        parameters=parameter_changes(_parameters(first), _parameters(second)),
         conditions=conditions,
         processing=processing,
         doubts=doubts(first, second, modes, conditions, processing),
@@ -150,12 +156,12 @@ def compare_folders(
     ----------
     first, second : path
     accept_changes : bool
-        Whether to take results although parts of them were changed; `Comparison.doubts` says so.
+        Accept results of which parts were changed; `Comparison.doubts` then names them.
 
     Raises
     ------
     InputError
-        If a folder is no result, is damaged, or was changed and that is not accepted.
+        If a folder is not a result, is damaged, or was changed and that is not accepted.
 
     Examples
     --------
@@ -172,3 +178,93 @@ def _names(first: str, second: str) -> tuple[str, str]:
     """Names that fit a heading and differ."""
     one, two = short(first, LONGEST_NAME), short(second, LONGEST_NAME)
     return (one, two) if one != two else (f"{one} (first)", f"{two} (second)")
+
+
+def _parameters(result: Result) -> dict[str, Parameter]:
+    if result.tuning is None:
+        return {}
+    found = from_tuning("", result.tuning, result.damping, {})
+    return {**found.ring, **found.damping}
+
+
+@dataclass(frozen=True, eq=False)
+class CommonShapes:
+    """Shapes of two results at common places or as common orders, and how, as a sentence.
+
+    One row per mode; no columns where they have nothing in common.
+    """
+
+    first: Shapes
+    second: Shapes
+    how: str
+
+    @property
+    def mac(self) -> NDArray[np.float64]:
+        """MAC of the first (rows) against the second; NaN where nothing is common."""
+        if self.first.size == 0 or self.second.size == 0:
+            return np.full((len(self.first), len(self.second)), np.nan)
+        return mac(self.first, self.second)
+
+
+def common_shapes(first: ModalModel, second: ModalModel) -> CommonShapes:
+    """Shapes of two results in a form that can be compared.
+
+    On a circle: at the common positions if these resolve all orders found, otherwise as amplitudes
+    of the orders that both grids resolve. Without angles: at the common nodes.
+    """
+    if not (on_circle(first.position_deg) and on_circle(second.position_deg)):
+        return _at_common_nodes(first, second)
+    here, there = common_positions(first.position_deg, second.position_deg)
+    orders = [mode.order for mode in first.modes + second.modes if mode.order is not None]
+    if here.size and highest_order(first.position_deg[here]) >= max(orders, default=0):
+        whole = here.size == first.position_deg.size == second.position_deg.size
+        which = "all" if whole else "the"
+        how = f"Shapes are compared at {which} {here.size} positions that both results have."
+        return CommonShapes(_residues(first)[:, here], _residues(second)[:, there], how)
+    return _order_by_order(first, second)
+
+
+def common_positions(
+    first_deg: NDArray[np.float64], second_deg: NDArray[np.float64]
+) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Rows of the common positions in both, ascending in the first; each row at most once."""
+    if not (first_deg.size and second_deg.size):
+        return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+    apart = np.abs((first_deg[:, None] - second_deg + 180) % 360 - 180)
+    apart[~np.isfinite(apart)] = np.inf
+    nearest = np.argmin(apart, axis=1)
+    mutual = np.argmin(apart, axis=0)[nearest] == np.arange(first_deg.size)
+    here = np.flatnonzero(mutual & (np.min(apart, axis=1) <= SAME_PLACE_DEG))
+    return here, nearest[here]
+
+
+def _at_common_nodes(first: ModalModel, second: ModalModel) -> CommonShapes:
+    nodes, here, there = np.intersect1d(first.node, second.node, return_indices=True)
+    if nodes.size < FEWEST_NODES:
+        how = f"Shapes are not compared: the results have {nodes.size} nodes in common."
+        return CommonShapes(_residues(first)[:, :0], _residues(second)[:, :0], how)
+    how = f"Shapes are compared at the {nodes.size} nodes that both results have, by their numbers."
+    return CommonShapes(_residues(first)[:, here], _residues(second)[:, there], how)
+
+
+def _order_by_order(first: ModalModel, second: ModalModel) -> CommonShapes:
+    highest = min(highest_order(model.position_deg) for model in (first, second))
+    how = (
+        "The grids differ: shapes are compared by their amplitudes of cos nθ and sin nθ, orders "
+        f"0 to {highest}, which each grid resolves."
+    )
+    return CommonShapes(_amplitudes(first, highest), _amplitudes(second, highest), how)
+
+
+def _amplitudes(model: ModalModel, highest: int) -> Shapes:
+    """Order amplitudes of all modes, scaled so that their MAC is that on the whole circle."""
+    resolved = highest_order(model.position_deg)
+    waves = np.linalg.pinv(circle_basis(model.position_deg, resolved))[: 2 * highest + 1]
+    rms = np.full(len(waves), np.sqrt(0.5))
+    rms[0] = 1.0
+    return np.asarray(_residues(model) @ (waves * rms[:, None]).T)
+
+
+def _residues(model: ModalModel) -> Shapes:
+    rows = [mode.residues for mode in model.modes]
+    return np.array(rows, dtype=complex).reshape(len(rows), model.node.size)

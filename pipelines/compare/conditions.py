@@ -1,34 +1,36 @@
-"""What two campaigns have in common and what not: tyre, conditions, set-up and processing."""
+"""Conditions and processing of two results side by side, and caveats of their comparison."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from pipelines.compare.modes import LOWEST_MAC, MatchedMode
+from pipelines.results.check import accepted_notes
 from pipelines.results.conditions import named
 from pipelines.results.labels import short
 from pipelines.results.result import Result
 from pipelines.storage.rounding import plain
 
-#: Free keys of ``[tyre]`` that say who, when and on what paper: they move no frequency.
+#: Free keys of ``[tyre]`` about who, when and for whom: they do not affect frequencies.
 RECORD_KEEPING = frozenset(
     {"comment", "customer", "date", "job", "note", "notes", "number_of_positions", "operator"}
     | {"order_number", "origin", "project", "remark", "remarks", "report", "test_number", "time"}
 )
-#: Free keys that say how the tyre was held.
+#: Free keys about how the tyre was supported.
 BOUNDARY = frozenset(
     {"boundary", "boundary_condition", "boundary_conditions", "mounting", "support"}
 )
-BAND = "band / Hz"
-AVERAGES = "averages a run"  # follows from the length of a run; σ knows it
-#: Options in force that change numbers: place in ``provenance.json``, and what an engineer says.
+BAND = "processing.band_hz"
+AVERAGES = "processing.averages_per_run"  # follows from the length of a run; part of σ
+#: Options that affect results: place in ``provenance.json`` under ``options``, and its title.
 OPTIONS = {
-    "processing.band_hz": BAND,
+    BAND: "band / Hz",
     "processing.block_seconds": "block length / s",
     "processing.window": "window",
     "processing.overlap": "overlap",
-    "processing.averages_per_run": AVERAGES,
+    AVERAGES: "averages a run",
     "processing.sampling_rate_hz": "sampling rate / Hz",
     "estimator": "FRF estimator",
     "method": "pole estimator",
@@ -39,32 +41,33 @@ OPTIONS = {
     "given": "ring parameters given",
 }
 NO_TYRE = "structure, not described as a tyre"
-BARE = "Corrected to the bare tyre"
 
 
 @dataclass(frozen=True)
 class Contrast:
-    """One thing that was stated or chosen for two results.
+    """One condition or option of two results.
 
     Parameters
     ----------
+    key : str
+        In ``[tyre]``, or place in ``provenance.json``.
     name : str
     first, second : str
-        With the unit; empty where it was not stated.
+        With the unit; empty where not stated.
     differs : bool
         Whether both are stated and differ, as numbers where they are numbers.
-    counts : bool
-        Whether it may change frequencies; who measured when does not.
-    boundary : bool
-        Whether it says how the tyre was held.
     """
 
+    key: str
     name: str
     first: str
     second: str
     differs: bool
-    counts: bool = True
-    boundary: bool = False
+
+    @property
+    def counts(self) -> bool:
+        """Whether it may affect frequencies; who measured when does not."""
+        return self.key.lower() not in RECORD_KEEPING and self.key != AVERAGES
 
     @property
     def change(self) -> str:
@@ -73,47 +76,34 @@ class Contrast:
 
     @property
     def is_open(self) -> bool:
-        """Whether one only is stated, so that nobody can tell."""
+        """Whether only one of both is stated."""
         return bool(self.first) != bool(self.second)
 
 
 def condition_contrasts(first: Result, second: Result) -> tuple[Contrast, ...]:
     """Tyre, conditions and set-up that at least one of two results states."""
     one, two = _stated(first), _stated(second)
-    keys = dict.fromkeys([*one, *two])
-    contrasts = [
-        Contrast(
-            _name(key),
-            _value(key, one.get(key, "")),
-            _value(key, two.get(key, "")),
-            _differ(one.get(key, ""), two.get(key, "")),
-            counts=key.lower() not in RECORD_KEEPING,
-            boundary=key.lower() in BOUNDARY,
-        )
-        for key in keys
-    ]
+    contrasts = []
+    for key in dict.fromkeys([*one, *two]):
+        texts = one.get(key, ""), two.get(key, "")
+        one_text, two_text = (named(key, text)[1] if text else "" for text in texts)
+        contrasts.append(Contrast(key, named(key, "")[0], one_text, two_text, _differ(*texts)))
     return tuple(each for each in contrasts if each.first or each.second)
 
 
 def processing_contrasts(first: Result, second: Result) -> tuple[Contrast, ...]:
-    """Choices in force that change numbers, where at least one result records them."""
-    pairs = [
-        *((title, _option(first, at), _option(second, at)) for at, title in OPTIONS.items()),
-        ("mass of the sensors", _sensor_mass(first), _sensor_mass(second)),
-        ("drift between runs", _drift(first), _drift(second)),
-        ("version of ringmodal", _version(first), _version(second)),
-    ]
+    """Options in force that affect results, where at least one result records them."""
+    one, two = _processing(first), _processing(second)
     return tuple(
-        Contrast(title, one, two, _differ(one, two), counts=title != AVERAGES)
-        for title, one, two in pairs
-        if one or two
+        Contrast(key, title, one[key], two[key], _differ(one[key], two[key]))
+        for key, title in (OPTIONS | _MORE).items()
+        if one[key] or two[key]
     )
 
 
 def same_recordings(first: Result, second: Result) -> bool:
-    """Whether results share a recording, told by its checksum."""
-    one, two = _checksums(first), _checksums(second)
-    return bool(one & two)
+    """Whether two results share a recording, by checksum."""
+    return bool(_checksums(first) & _checksums(second))
 
 
 def _stated(result: Result) -> dict[str, str]:
@@ -131,19 +121,31 @@ def _stated(result: Result) -> dict[str, str]:
     return stated
 
 
-def _name(key: str) -> str:
-    return named(key, "")[0]
+_SENSORS, _DRIFT, _VERSION = "corrections.sensor_mass_kg", "drift", "software.ringmodal"
+_MORE = {
+    _SENSORS: "mass of the sensors",
+    _DRIFT: "drift between runs",
+    _VERSION: "version of ringmodal",
+}
 
 
-def _value(key: str, text: str) -> str:
-    return named(key, text)[1] if text else ""
+def _processing(result: Result) -> dict[str, str]:
+    """Texts of everything in `OPTIONS` and `_MORE`; empty where a result does not record it."""
+    record = result.provenance
+    texts = {place: _text(_at(record.get("options"), place)) for place in OPTIONS}
+    if "corrections" in record:
+        mass_kg = _at(record, _SENSORS)
+        texts[_SENSORS] = f"{1e3 * mass_kg:g} g compensated" if mass_kg else "not compensated"
+    drifting = result.modal_model.drift.applied
+    texts[_DRIFT] = "corrected, state of the first run" if drifting else "none found"
+    texts[_VERSION] = _text(_at(record, _VERSION))
+    return {_SENSORS: "", **texts}
 
 
-def _option(result: Result, place: str) -> str:
-    value: Any = result.provenance.get("options", {})
+def _at(value: Any, place: str) -> Any:
     for key in place.split("."):
         value = value.get(key) if isinstance(value, Mapping) else None
-    return _text(value)
+    return value
 
 
 def _text(value: Any) -> str:
@@ -156,21 +158,8 @@ def _text(value: Any) -> str:
     return "" if value is None else str(value)
 
 
-def _sensor_mass(result: Result) -> str:
-    bare = any(note.startswith(BARE) for note in result.notes)
-    return "compensated" if bare else "not compensated"
-
-
-def _drift(result: Result) -> str:
-    return "corrected, state of the first run" if result.modal_model.drift.applied else "none found"
-
-
-def _version(result: Result) -> str:
-    return str(result.provenance.get("software", {}).get("ringmodal", ""))
-
-
 def _checksums(result: Result) -> set[str]:
-    """Checksums of the recordings; manifests are alike wherever a lab works from a pattern."""
+    """Checksums of the recordings; manifests are often copied from one campaign to the next."""
     inputs = result.provenance.get("inputs", ())
     return {entry["sha256"] for entry in inputs if not entry["file"].endswith(".toml")}
 
@@ -182,3 +171,58 @@ def _differ(first: str, second: str) -> bool:
         return float(first) != float(second)
     except ValueError:
         return first.strip() != second.strip()
+
+
+def doubts(
+    first: Result,
+    second: Result,
+    modes: Sequence[MatchedMode],
+    conditions: Sequence[Contrast],
+    processing: Sequence[Contrast],
+) -> tuple[str, ...]:
+    """Caveats of a comparison, as sentences."""
+    sides = (first, "The first result"), (second, "The second result")
+    found = [f"{note}." for each, name in sides for note in accepted_notes(each.provenance, name)]
+    if same_recordings(first, second):
+        found.append(
+            "Both results come from the same recordings: most of their noise cancels in the "
+            "differences, so σ is too large and z too small. What remains is due to processing."
+        )
+    tyres = [NO_TYRE if each.tyre is None else each.tyre.designation for each in (first, second)]
+    if tyres[0] != tyres[1]:
+        found.append(
+            f"Different tyres: {short(tyres[0])} and {short(tyres[1])}. The differences include "
+            "construction and every other change."
+        )
+    found += [
+        f"The tyre was supported differently: {each.change}. This alone shifts the low orders."
+        for each in conditions
+        if each.key.lower() in BOUNDARY and each.differs
+    ]
+    (low, high), (lowest, highest) = (each.modal_model.band_hz for each in (first, second))
+    if (low, high) != (lowest, highest):
+        found.append(
+            f"Different bands: {low:g} to {high:g} Hz and {lowest:g} to {highest:g} Hz. The effect "
+            "of the band ends on each mode is part of σ; modes outside one band have no partner."
+        )
+    others = [e.name for e in processing if e.counts and e.differs and e.key != BAND]
+    if others:
+        found.append(
+            f"Processed differently ({', '.join(others)}). Process both alike before "
+            "interpreting small differences."
+        )
+    unlike = [f"{mode.name} (MAC {mode.mac:.2f})" for mode in modes if mode.mac < LOWEST_MAC]
+    if unlike:
+        found.append(
+            f"Shapes differ: {', '.join(unlike)}. These may be different modes, or the tyre was "
+            "turned on its rim, or the shaker was moved."
+        )
+    untested = [mode.name for mode in modes if not mode.frequency.std > 0]
+    if not modes:
+        found.append("No mode of one result was found in the other.")
+    elif untested:
+        found.append(
+            f"σ is unknown for {', '.join(untested)}: their differences cannot be tested. One "
+            "average per run gives no σ; use shorter blocks."
+        )
+    return tuple(found)

@@ -1,4 +1,4 @@
-"""Modes of two results side by side: matched, with their differences, and those without partner."""
+"""Modes of two results: which belong together, how they differ, and which have no partner."""
 
 from __future__ import annotations
 
@@ -11,10 +11,18 @@ from numpy.typing import NDArray
 
 from ema.circumference.ring_modes import family
 from ema.core.modes import ModalModel, Mode
-from pipelines.compare.significance import Difference, judged
+from pipelines.compare.significance import Difference, jointly_tested
 
-#: Shapes of a matched mode less alike than this need an explanation.
+#: MAC below which the shapes of matched modes are reported as different (customary limit).
 LOWEST_MAC = 0.9
+#: Lowest MAC of two modes, not both ring modes, that may be the same mode.
+LEAST_MAC = 0.6
+#: Largest |ln(f2/f1)| of such modes, a change by 22 %.
+LARGEST_LOG_RATIO = 0.2
+#: Difference of MAC from which shapes decide which member of a pair is which.
+CLEAR_MAC_STEP = 0.3
+
+Matches = list[tuple[int, int]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,18 +33,15 @@ class MatchedMode:
     ----------
     first_number, second_number : int
         Numbers in ``modes.csv``, from 1.
-    first, second : Mode
     mac : float
-        Likeness of the shapes; NaN where they cannot be compared.
-    frequency : Difference
-        In Hz.
-    damping : Difference
-        Of the damping ratio, a fraction.
+        MAC of the shapes; NaN where they cannot be compared.
+    frequency, damping : Difference
+        In Hz, and of the damping ratio (a fraction).
     averaged : (bool, bool)
-        Whether the mode of the first, of the second stands for a pair of which the other result
-        shows one mode.
+        Whether the mode of the first, of the second is the mean of a pair of which the other
+        result has one mode.
     remark : str
-        What a reader of the differences must know; empty where there is nothing.
+        A caveat; may be empty.
     """
 
     first_number: int
@@ -51,23 +56,14 @@ class MatchedMode:
 
     @property
     def name(self) -> str:
-        """Name of the mode in the first result, without a member that the second has not."""
+        """Name in the first result, without a member letter that differs in the second."""
         alike = self.first.member == self.second.member
         return mode_name(self.first_number, self.first if alike else replace(self.first, member=""))
 
 
 @dataclass(frozen=True, eq=False)
 class UnmatchedMode:
-    """A mode that only one result has.
-
-    Parameters
-    ----------
-    number : int
-        In ``modes.csv``, from 1.
-    mode : Mode
-    reason : str
-        Why the other may lack it.
-    """
+    """A mode that only one result has: its number in ``modes.csv`` and a possible reason."""
 
     number: int
     mode: Mode
@@ -80,25 +76,17 @@ class UnmatchedMode:
 
 
 def mode_name(number: int, mode: Mode) -> str:
-    """Order and member of a mode, ``"n = 4a"``, or else its number, ``"mode 3"``."""
+    """Order and member of a ring mode, ``"n = 4a"``, else the number, ``"mode 3"``."""
     return f"n = {mode.order}{mode.member}" if mode.is_ring_mode else f"mode {number}"
 
 
 def matched_modes(
     first: Side, second: Side, matches: Matches, mac: NDArray[np.float64]
 ) -> tuple[MatchedMode, ...]:
-    """Matched modes with their differences; those of frequency and damping are tested together.
-
-    Parameters
-    ----------
-    first, second : Side
-    matches : list of (int, int)
-        From `match_modes`.
-    mac : ndarray, shape (n_first, n_second)
-    """
+    """Matched modes with their differences; frequencies and damping are tested together."""
     same_band = first.model.band_hz == second.model.band_hz
     rows = [_matched(first, second, i, j, float(mac[i, j]), same_band) for i, j in matches]
-    tested = judged([row.frequency for row in rows] + [row.damping for row in rows])
+    tested = jointly_tested([row.frequency for row in rows] + [row.damping for row in rows])
     half = len(rows)
     return tuple(
         replace(row, frequency=frequency, damping=damping)
@@ -109,30 +97,24 @@ def matched_modes(
 def std_of_difference(
     stds: tuple[float, float], band_shifts: tuple[float, float], *, same_band: bool
 ) -> float:
-    """Honest standard deviation of a difference between two measurements of one lab.
+    """Standard deviation of a difference between two measurements in one laboratory.
 
-    Noise is independent between recordings: its variances add. What the ends of the band do to a
-    mode (its band shift) is no noise: in the same band it is the same twice and drops out but for
-    what differs; in two different bands both shifts count in full.
+    Noise of different recordings is independent: variances add. The shift of a mode by the ends of
+    the band is systematic: in the same band it is nearly the same twice, and only the difference
+    counts; in two different bands both shifts count in full.
 
-    What is common to both measurements (calibration of sensors and shaker, the analyser's clock,
-    the fixture) drops out of a difference as well; how much of it is not known and nothing is
-    subtracted for it. What differs between two set-ups although nothing was meant to (pressure as
-    set, temperature, mounting, warm-up) is in no recording's noise and not in this number either:
-    only repeated measurements show it.
+    Errors common to both measurements (calibration, the analyser's clock, the fixture) drop out of
+    a difference; their size is unknown, and nothing is subtracted for them. Unintended differences
+    between two set-ups (pressure as set, temperature, mounting, warm-up) are not included: only
+    repeated measurements show them.
 
     Parameters
     ----------
     stds : (float, float)
-        Standard deviations of both; NaN where unknown.
+        Of both; NaN where unknown, as is the result then.
     band_shifts : (float, float)
-        Band shifts of both; NaN counts as none.
+        Of both; NaN counts as none.
     same_band : bool
-
-    Returns
-    -------
-    float
-        NaN where one of the standard deviations is unknown.
     """
     first, second = (0.0 if math.isnan(shift) else shift for shift in band_shifts)
     systematic = abs(first - second) if same_band else math.hypot(first, second)
@@ -142,24 +124,17 @@ def std_of_difference(
 def unmatched_modes(
     own: Side, other: Side, matched: Mapping[int, int]
 ) -> tuple[UnmatchedMode, ...]:
-    """Modes of `own` without a partner.
-
-    Parameters
-    ----------
-    own, other : Side
-    matched : mapping of int to int
-        Indices of the modes of `own` that have a partner, and of the partner in `other`.
-    """
+    """Modes of `own` that have no partner among the keys of `matched`."""
     known_hz = own.model.frequencies_hz[list(matched)]
     factors = other.model.frequencies_hz[list(matched.values())] / known_hz
 
-    def factor(mode: Mode) -> float:
-        """How far the nearest matched mode moved."""
-        nearest = np.abs(known_hz - mode.frequency_hz)
-        return float(factors[np.argmin(nearest)]) if nearest.size else 1.0
+    def shift_nearby(mode: Mode) -> float:
+        """Frequency ratio of the nearest matched mode."""
+        distance = np.abs(known_hz - mode.frequency_hz)
+        return float(factors[np.argmin(distance)]) if distance.size else 1.0
 
     return tuple(
-        UnmatchedMode(own.numbers[k], mode, _why_missing(mode, other.model, factor(mode)))
+        UnmatchedMode(own.numbers[k], mode, _why_missing(mode, other.model, shift_nearby(mode)))
         for k, mode in enumerate(own.model.modes)
         if k not in matched
     )
@@ -167,16 +142,11 @@ def unmatched_modes(
 
 def _matched(first: Side, second: Side, i: int, j: int, mac: float, same_band: bool) -> MatchedMode:
     one, two = first.model.modes[i], second.model.modes[j]
-    frequency_std_hz = std_of_difference(
-        (one.frequency_std_hz, two.frequency_std_hz),
-        (one.frequency_band_shift_hz, two.frequency_band_shift_hz),
-        same_band=same_band,
-    )
-    damping_std = std_of_difference(
-        (one.damping_std, two.damping_std),
-        (one.damping_band_shift, two.damping_band_shift),
-        same_band=same_band,
-    )
+
+    def difference(name: str, std: str, shift: str) -> Difference:
+        values, stds, shifts = ((getattr(one, of), getattr(two, of)) for of in (name, std, shift))
+        return Difference(*values, std_of_difference(stds, shifts, same_band=same_band))
+
     averaged = i in first.averaged, j in second.averaged
     return MatchedMode(
         first.numbers[i],
@@ -184,8 +154,8 @@ def _matched(first: Side, second: Side, i: int, j: int, mac: float, same_band: b
         one,
         two,
         mac,
-        Difference(one.frequency_hz, two.frequency_hz, frequency_std_hz),
-        Difference(one.damping_ratio, two.damping_ratio, damping_std),
+        difference("frequency_hz", "frequency_std_hz", "frequency_band_shift_hz"),
+        difference("damping_ratio", "damping_std", "damping_band_shift"),
         averaged,
         _remark(one, two, mac, averaged),
     )
@@ -198,9 +168,10 @@ def _remark(first: Mode, second: Mode, mac: float, averaged: tuple[bool, bool]) 
         remarks.append(f"resolved as a pair in the {where} result only: its mean is compared")
     elif first.member != second.member:
         remarks.append(f"matched by shape: member {first.member} became {second.member}")
-    statuses = {mode.status: word for word, mode in (("second", second), ("first", first))}
-    for status, word in statuses.items() if first.doubtful or second.doubtful else ():
-        remarks.append(status if len(statuses) == 1 else f"{word}: {status}")
+    if first.doubtful or second.doubtful:
+        same = first.flags == second.flags
+        both = f"first: {first.status}", f"second: {second.status}"
+        remarks += [first.status] if same else both
     if mac < LOWEST_MAC:
         remarks.append("the shapes differ")
     return "; ".join(remarks)
@@ -212,123 +183,82 @@ def _why_missing(mode: Mode, other: ModalModel, factor: float) -> str:
     if not low <= mode.frequency_hz <= high:
         return f"outside the other's band, {low:g} to {high:g} Hz"
     if not low <= expected_hz <= high:
-        return (
-            f"would be near {expected_hz:.4g} Hz, outside the band of {low:g} to {high:g} Hz, if "
-            "it moved like its neighbour"
-        )
+        return f"expected near {expected_hz:.4g} Hz, outside the band of {low:g} to {high:g} Hz"
     if mode.doubtful:
         return mode.status
     if mode.member:
-        return "the other shows one mode of this order"
+        return "the other has one mode of this order"
     return "not found in the other"
-
-
-#: What is not of the ring's family is the same mode only with a shape as alike as this …
-ALIKE = 0.6
-#: … and a frequency within this factor's logarithm.
-REACH = 0.2
-#: A MAC that is larger by this tells one member of a pair from the other.
-CLEARLY = 0.3
-
-Matches = list[tuple[int, int]]
 
 
 def match_modes(first: Sequence[Mode], second: Sequence[Mode], mac: NDArray[np.float64]) -> Matches:
     """Pair the modes of two results.
 
-    The ring's own modes go by their order and the members of a resolved pair by their shapes,
-    however far a pressure or a load has moved them. All others (cavity, wheel, rig, structures
-    without a circle) go by shape and frequency together, the most alike first.
+    Ring modes are paired by order and members of a resolved pair by shape, however far a pressure
+    or a load has moved them. All others (cavity, wheel, rig, structures without a circle) are
+    paired by shape and frequency, the most similar first.
 
-    Parameters
-    ----------
-    first, second : sequence of Mode
-    mac : ndarray, shape (n_first, n_second)
-        NaN where shapes cannot be compared; frequencies decide then.
-
-    Returns
-    -------
-    list of (int, int)
-        Indices into `first` and `second`, ascending in the first; each index at most once.
+    Where the MAC, shape (n_first, n_second), is NaN, frequencies decide. Indices are ascending in
+    the first; each occurs at most once.
     """
+    apart = np.abs(
+        [[math.log(b.frequency_hz / a.frequency_hz) for b in second] for a in first]
+    ).reshape(mac.shape)
     members_first, members_second = family(first), family(second)
     found: Matches = []
     for order in members_first.keys() & members_second.keys():
         # Ascending in frequency: member a comes first.
-        here, there = sorted(members_first[order]), sorted(members_second[order])
-        found += _best_pairing(here, there, first, second, mac)
-    found += _by_likeness(first, second, mac, found)
+        found += _best_pairing(
+            sorted(members_first[order]), sorted(members_second[order]), mac, apart
+        )
+    likeness = np.where(np.isnan(mac), 1.0, mac) * (1 - apart / LARGEST_LOG_RATIO)
+    left = set(range(len(first))) - {i for i, _ in found}
+    right = set(range(len(second))) - {j for _, j in found}
+    candidates = [
+        (i, j)
+        for i in left
+        for j in right
+        if not (apart[i, j] >= LARGEST_LOG_RATIO or mac[i, j] < LEAST_MAC)
+        and len({first[i].order, second[j].order} - {None}) <= 1
+    ]
+    for i, j in sorted(candidates, key=lambda pair: (-likeness[pair], pair)):
+        if i in left and j in right:
+            found.append((i, j))
+            left.remove(i)
+            right.remove(j)
     return sorted(found)
 
 
 def _best_pairing(
-    here: Sequence[int],
-    there: Sequence[int],
-    first: Sequence[Mode],
-    second: Sequence[Mode],
-    mac: NDArray[np.float64],
+    here: list[int], there: list[int], mac: NDArray[np.float64], apart: NDArray[np.float64]
 ) -> Matches:
-    """Pair one or two modes of an order with one or two: by shape where that is clear.
+    """Pair one or two modes of an order with one or two, by shape where that is clear.
 
-    A tyre that sits turned on its rim shows shapes between those of both members; then the
+    The shapes of a tyre that was turned on its rim lie between those of both members; then the
     frequencies decide.
     """
     if len(here) == len(there) == 2:
-        ways = [list(zip(here, order, strict=True)) for order in (there, list(reversed(there)))]
+        ways = [list(zip(here, order, strict=True)) for order in (there, there[::-1])]
     else:
         ways = [[(i, j)] for i in here for j in there]
     alike = [float(np.mean([mac[pair] for pair in way])) for way in ways]
-    if max(alike) - min(alike) > CLEARLY:
+    if max(alike) - min(alike) > CLEAR_MAC_STEP:
         return ways[int(np.argmax(alike))]
-    return min(ways, key=lambda way: sum(_apart(first[i], second[j]) for i, j in way))
-
-
-def _by_likeness(
-    first: Sequence[Mode], second: Sequence[Mode], mac: NDArray[np.float64], found: Matches
-) -> Matches:
-    """Pair what is left over, the most alike first."""
-    left = set(range(len(first))) - {i for i, _ in found}
-    right = set(range(len(second))) - {j for _, j in found}
-    candidates = [
-        (likeness, i, j)
-        for i in left
-        for j in right
-        if (likeness := _likeness(first[i], second[j], float(mac[i, j]))) > 0
-    ]
-    matches: Matches = []
-    for _, i, j in sorted(candidates, key=lambda each: (-each[0], each[1:])):
-        if i in left and j in right:
-            matches.append((i, j))
-            left.remove(i)
-            right.remove(j)
-    return matches
-
-
-def _likeness(first: Mode, second: Mode, mac: float) -> float:
-    """Between 0, surely another mode, and 1."""
-    orders = {first.order, second.order} - {None}
-    apart = _apart(first, second)
-    if len(orders) > 1 or apart > REACH or mac < ALIKE:
-        return 0.0
-    return (1.0 if math.isnan(mac) else mac) * (1 - apart / REACH)
-
-
-def _apart(first: Mode, second: Mode) -> float:
-    return abs(math.log(second.frequency_hz / first.frequency_hz))
+    return min(ways, key=lambda way: sum(apart[pair] for pair in way))
 
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """The modes of one result as the other can be compared with them.
+    """The modes of one result as they are compared with those of the other.
 
     Parameters
     ----------
     model : ModalModel
-        With one mode in place of each pair that the other result sees as one.
+        With one mode in place of each pair of which the other result has one mode.
     numbers : tuple of int
-        Number in ``modes.csv`` of each mode, that of member a for a pair; from 1.
+        Number of each mode in ``modes.csv``, from 1; of a pair that of member a.
     averaged : frozenset of int
-        Indices of the modes that stand for a pair.
+        Indices of the modes that replace a pair.
     """
 
     model: ModalModel
@@ -337,20 +267,15 @@ class Side:
 
 
 def seen_by(own: ModalModel, other: ModalModel) -> Side:
-    """Take the mean of each pair of `own` of which `other` shows one mode.
+    """Average each pair of `own` of which `other` has only one mode.
 
-    One mode in place of two lies at their mean, weighted by how strongly each was driven, and has
-    the sum of their shapes; to compare it with either member would show a change where there is
-    none.
-
-    Parameters
-    ----------
-    own, other : ModalModel
+    An unresolved pair is identified near the mean of its members, weighted by how strongly each is
+    driven, with the sum of their shapes; compared with one member it would seem to have changed.
     """
-    mine, theirs = family(own.modes), family(other.modes)
+    theirs = family(other.modes)
     pairs = [
         sorted(members)
-        for order, members in mine.items()
+        for order, members in family(own.modes).items()
         if len(members) == 2 and len(theirs.get(order, ())) == 1
     ]
     dropped = {later for _, later in pairs}

@@ -1,14 +1,12 @@
-"""Mode shapes to compare with: of a result, a universal file or a table."""
+"""Mode shapes of a result, a universal file or a table, and the places that two of them share."""
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from math import isnan
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ema.core.arrays import readonly
@@ -22,30 +20,35 @@ from pipelines.results.store import load
 from pipelines.storage.result_folder import MARKER
 
 SHAPES_TABLE = "shapes.csv"
+ANGLE, NODE = "angle", "node"
+WAYS = (ANGLE, NODE)
+
+_MOST_NAMED = 6  # places named in a note
+_OFF_CIRCLE_M = 1e-6  # distance from the measured circle that is worth a note
 
 
 @dataclass(frozen=True, eq=False)
 class ShapeSource:
-    """Shapes as one value per place.
+    """Mode shapes with one value per place.
 
     Parameters
     ----------
     name : str
-        What they are from.
+        Result, file or table.
     frequency_hz, damping_ratio : ndarray, shape (n_modes,)
         NaN where unknown.
     mode_name : tuple of str
     node : ndarray of int, shape (n_places,)
         0 where there are no numbers.
     angle_deg : ndarray, shape (n_places,)
-        NaN where there are none.
+        NaN where unknown.
     values : ndarray of complex, shape (n_modes, n_places)
     radius_m, across_m : ndarray, shape (n_places,)
-        Distance from the axle, and along it from the middle; NaN where unknown.
+        Distance from the axle, and along the axle from the middle; NaN where unknown.
     frequency_std_hz : ndarray, shape (n_modes,)
-        NaN where unknown; the same where left out.
+        NaN where unknown. Default: unknown.
     notes : tuple of str
-        What was assumed.
+        Assumptions.
     """
 
     name: str
@@ -62,12 +65,11 @@ class ShapeSource:
 
     def __post_init__(self) -> None:
         if not self.frequency_std_hz.size:
-            unknown = readonly(np.full(self.frequency_hz.size, np.nan))
-            object.__setattr__(self, "frequency_std_hz", unknown)
-        for name in ("frequency_hz", "damping_ratio", "angle_deg", "radius_m", "across_m"):
-            object.__setattr__(self, name, readonly(getattr(self, name), float))
-        object.__setattr__(self, "node", readonly(self.node, int))
-        object.__setattr__(self, "values", readonly(self.values, complex))
+            object.__setattr__(self, "frequency_std_hz", np.full(self.frequency_hz.size, np.nan))
+        kinds = {"node": int, "values": complex}
+        floats = ("frequency_hz", "damping_ratio", "angle_deg", "radius_m", "across_m")
+        for name in (*floats, "frequency_std_hz", *kinds):
+            object.__setattr__(self, name, readonly(getattr(self, name), kinds.get(name, float)))
 
     @property
     def has_angles(self) -> bool:
@@ -76,12 +78,12 @@ class ShapeSource:
 
     @property
     def has_nodes(self) -> bool:
-        """Whether any place has a number."""
+        """Whether any place has a node number."""
         return bool((self.node > 0).any())
 
 
 def of_result(result: Result, name: str) -> ShapeSource:
-    """Shapes of a result; node numbers are those it is exported with."""
+    """Shapes of a result, with the node numbers of its export."""
     model, places = result.modal_model, result.frf.n_positions
     radius_m = None if result.tyre is None else result.tyre.mean_radius_m
     return ShapeSource(
@@ -103,11 +105,7 @@ def of_result(result: Result, name: str) -> ShapeSource:
 
 
 def read_source(
-    path: Path | str,
-    direction: str = "",
-    *,
-    on_wheel: bool = True,
-    accept_changes: bool = False,
+    path: Path | str, direction: str = "", *, on_wheel: bool = True, accept_changes: bool = False
 ) -> ShapeSource:
     """Read shapes from a result folder, a folder or file of tables, or a universal file.
 
@@ -115,9 +113,9 @@ def read_source(
     ----------
     path : path
     direction, on_wheel
-        What is taken of the motion in a universal file; see `ema.io.uff.shape_sets`.
+        Component of the motion in a universal file; see `ema.io.uff.shape_sets`.
     accept_changes : bool
-        Whether to take a result although parts of it were changed; the notes say so.
+        Accept a result of which parts were changed; the notes name them.
 
     Raises
     ------
@@ -130,7 +128,7 @@ def read_source(
     if path.is_dir():
         path = path / SHAPES_TABLE
     if not path.is_file():
-        rule = "shapes come from a result folder, a universal file or a table"
+        rule = "shapes are read from a result folder, a universal file or a table"
         raise InputError(str(path), "no such file", rule, "Check the name")
     if path.suffix.lower() == ".csv":
         return _of_table(path)
@@ -149,123 +147,120 @@ def read_source(
     )
 
 
-def _of_table(path: Path) -> ShapeSource:
-    """Shapes of a table with the columns mode, node or position_deg, real, and what else is known.
+_REMEDY = "Write the columns mode, position_deg or node, real and imag"
+_DEFAULTS = {"node": 0.0, "position_deg": np.nan, "imag": 0.0, "frequency_hz": np.nan}
 
-    ``imag`` and ``frequency_hz`` may be left out.
-    """
-    rows = list(_rows(path))
-    modes = sorted({row["mode"] for row in rows})
-    places = list(dict.fromkeys((row["node"], row["position_deg"]) for row in rows))
-    mode_at = {mode: at for at, mode in enumerate(modes)}
-    place_at = {place: at for at, place in enumerate(places)}
-    values = np.full((len(modes), len(places)), complex(np.nan, np.nan))
-    frequency_hz = np.full(len(modes), np.nan)
-    seen: set[tuple[float, ...]] = set()
-    for row in rows:
-        at, place = mode_at[row["mode"]], (row["node"], row["position_deg"])
-        _require_new(path, seen, (row["mode"], *place))
-        values[at, place_at[place]] = complex(row["real"], row["imag"])
-        frequency_hz[at] = row["frequency_hz"]
+
+def _of_table(path: Path) -> ShapeSource:
+    """Shapes of a table with the columns mode, node or position_deg, real, imag, frequency_hz."""
+    rows = _read_table(path)
+    place = rows.groupby(["node", "position_deg"], dropna=False, sort=False).ngroup()
+    twice = pd.DataFrame({"mode": rows["mode"], "place": place}).duplicated()
+    if twice.any():  # the direction of the second one is unknown
+        row = rows[twice].iloc[0]
+        where = f"node {row['node']:g}" if row["node"] else f"{row['position_deg']:g} degrees"
+        found = f"two values of mode {row['mode']:g} at {where}"
+        raise InputError(
+            str(path), found, "a mode has one value at each place", "Keep one direction"
+        )
+    modes, mode_at = np.unique(rows["mode"], return_inverse=True)
+    places = rows[~place.duplicated()]
+    values = np.full((modes.size, len(places)), complex(np.nan, np.nan))
+    values[mode_at, place] = rows["real"] + 1j * rows["imag"]
+    frequency_hz = np.full(modes.size, np.nan)
+    frequency_hz[mode_at] = rows["frequency_hz"]
     unknown = np.full(len(places), np.nan)
     return ShapeSource(
         name=path.name,
         frequency_hz=frequency_hz,
-        damping_ratio=np.full(len(modes), np.nan),
+        damping_ratio=np.full(modes.size, np.nan),
         mode_name=tuple(f"{mode:g}" for mode in modes),
-        node=np.array([int(node) for node, _ in places]),
-        angle_deg=np.array([np.nan if angle == _NO_ANGLE else angle for _, angle in places]),
+        node=places["node"].to_numpy(int),
+        angle_deg=places["position_deg"].to_numpy(),
         values=values,
         radius_m=unknown,
         across_m=unknown,
     )
 
 
-_NO_ANGLE = float("inf")  # NaN is no key: it differs from itself
-_DEFAULTS = {"node": 0.0, "position_deg": _NO_ANGLE, "imag": 0.0, "frequency_hz": float("nan")}
-
-
-def _rows(path: Path) -> Iterator[dict[str, float]]:
-    remedy = "Write the columns mode, position_deg or node, real and imag"
+def _read_table(path: Path) -> pd.DataFrame:
     try:
-        with require_regular(path).open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file)
-            held = set(reader.fieldnames or ())
-            if not {"mode", "real"} <= held or not held & {"node", "position_deg"}:
-                found = f"columns {', '.join(sorted(held)) or 'none'}"
-                raise InputError(
-                    str(path), found, "a table of shapes names place and value", remedy
-                )
-            for row in reader:
-                numbers = {
-                    name: float(row[name]) if row.get(name) else _default(path, reader, name)
-                    for name in ("mode", "real", *_DEFAULTS)
-                }
-                _require_counts(path, reader.line_num, numbers)
-                if isnan(numbers["position_deg"]):
-                    numbers["position_deg"] = _NO_ANGLE
-                yield numbers
-            if reader.line_num < 2:
-                raise InputError(str(path), "no lines", "a table of shapes has values", remedy)
-    except (ValueError, UnicodeDecodeError, csv.Error) as error:
+        cells = pd.read_csv(
+            require_regular(path), dtype=str, keep_default_na=False, encoding="utf-8-sig"
+        )
+    except (ValueError, pd.errors.ParserError) as error:
         if isinstance(error, InputError):
             raise
-        where = f"{path}, line {reader.line_num}"
-        raise InputError(where, str(error), "cells hold numbers with a point", remedy) from error
+        raise InputError(str(path), str(error), "it must be a table in UTF-8", _REMEDY) from error
+    held = set(map(str, cells))
+    if not {"mode", "real"} <= held or not held & {"node", "position_deg"}:
+        found = f"columns {', '.join(sorted(held))}"
+        raise InputError(str(path), found, "columns for mode, place and value needed", _REMEDY)
+    if cells.empty:
+        raise InputError(str(path), "no lines", "values needed", _REMEDY)
+    rows = pd.DataFrame(index=cells.index)
+    for name in ("mode", "real", *_DEFAULTS):
+        text = cells[name].str.strip() if name in cells else pd.Series("", cells.index)
+        rows[name] = pd.to_numeric(text, errors="coerce").astype(float)
+        is_empty = text == ""
+        _require(path, rows[name].notna() | is_empty | (text.str.lower() == "nan"), name, text)
+        if name in _DEFAULTS:
+            rows.loc[is_empty, name] = _DEFAULTS[name]
+        elif is_empty.any():
+            where = f"{path}, line {is_empty.argmax() + 2}"
+            rule = "each line needs a mode and a value"
+            raise InputError(where, f"no {name}", rule, "Complete the line")
+        if name in ("mode", "node"):
+            _require(path, (rows[name] >= 0) & (rows[name] % 1 == 0), name, text, "a whole number")
+    return rows
 
 
-def _require_counts(path: Path, line: int, numbers: dict[str, float]) -> None:
-    for name in ("mode", "node"):
-        if not (numbers[name].is_integer() and numbers[name] >= 0):
-            where, rule = f"{path}, line {line}", f"a {name} is a whole number"
-            raise InputError(where, f"{name} {numbers[name]:g}", rule, "Number them 1, 2, 3 …")
+def _require(
+    path: Path, good: pd.Series[bool], name: str, text: pd.Series[str], what: str = "a number"
+) -> None:
+    """Refuse the first bad cell of a column."""
+    if not good.all():
+        row = int(np.argmin(good))
+        where, rule = f"{path}, line {row + 2}", f"{name} must be {what}"
+        raise InputError(where, f"{name} {text.iloc[row]}", rule, "Write e.g. 1, or 1.5e-3")
 
 
-def _require_new(path: Path, seen: set[tuple[float, ...]], key: tuple[float, ...]) -> None:
-    """Refuse a second value of a mode at a place: nobody knows which one is meant."""
-    if key in seen:
-        mode, node, angle = key
-        place = f"node {node:g}" if node else f"{angle:g} degrees"
-        rule = "a mode has one value at each place"
-        raise InputError(
-            str(path), f"two values of mode {mode:g} at {place}", rule, "Keep one direction"
-        )
-    seen.add(key)
+@dataclass(frozen=True)
+class Alignment:
+    """How places of other shapes are matched with those of a result.
 
+    Parameters
+    ----------
+    by : {"", "angle", "node"}
+        Default: angles where both have them.
+    tolerance_deg : float
+        Largest difference of angles.
+    rotate_deg : float
+        Added to the other's angles.
+    mirror : bool
+        Whether the other's angles count the other way round.
+    direction : {"", "radial", "x", "y", "z"}
+        Component of the motion in a universal file.
+    """
 
-def _default(path: Path, reader: csv.DictReader[str], name: str) -> float:
-    if name not in _DEFAULTS:
-        where = f"{path}, line {reader.line_num}"
-        rule = "each line names a mode and a value"
-        raise InputError(where, f"no {name}", rule, "Complete the line")
-    return _DEFAULTS[name]
-
-
-ANGLE, NODE = "angle", "node"
-WAYS = (ANGLE, NODE)
-
-_MOST_NAMED = 6
+    by: str = ""
+    tolerance_deg: float = 2.0
+    rotate_deg: float = 0.0
+    mirror: bool = False
+    direction: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Rows of two sets of shapes that are of the same places.
+    """Rows of two sets of shapes at the same places, matched by angle or node.
 
-    Parameters
-    ----------
-    by : str
-        ``"angle"`` or ``"node"``.
-    row, other_row : ndarray of int, shape (n_places,)
-    says : str
-        How they were found, in words.
-    notes : tuple of str
-        The same, and what is missing.
+    `how` is the way and its accuracy, for messages; the notes also name missing places.
     """
 
     by: str
     row: NDArray[np.int_]
     other_row: NDArray[np.int_]
-    says: str
+    how: str
     notes: tuple[str, ...]
 
     def __post_init__(self) -> None:
@@ -273,101 +268,67 @@ class Places:
             object.__setattr__(self, name, readonly(getattr(self, name), int))
 
 
-def common_places(
-    result: ShapeSource,
-    other: ShapeSource,
-    *,
-    by: str = "",
-    tolerance_deg: float = 2.0,
-    rotate_deg: float = 0.0,
-    mirror: bool = False,
-) -> Places:
+def common_places(result: ShapeSource, other: ShapeSource, alignment: Alignment) -> Places:
     """Find the place of the other shapes for each place of the result, each used once.
 
-    By angle the nearest node within the tolerance counts; of several around the wheel's section
-    the one that is nearest to the circle of the result, in the middle of its width.
+    By angle: the nearest node within the tolerance; of several over the cross-section the one
+    nearest to the measured circle, in the middle of the width.
 
     Raises
     ------
     InputError
-        If the chosen way needs angles or nodes that one of them lacks.
+        If one lacks the angles or nodes that are needed.
     """
-    way = by or (ANGLE if result.has_angles and other.has_angles else NODE)
+    way = alignment.by or (ANGLE if result.has_angles and other.has_angles else NODE)
     for each in (result, other):
         if not (each.has_angles if way == ANGLE else each.has_nodes):
             what = "angles" if way == ANGLE else "node numbers"
-            rule = f"places are matched by {way} here"
             remedy = f"Choose --by {NODE if way == ANGLE else ANGLE}"
-            raise InputError(each.name, f"no {what}", rule, remedy)
+            raise InputError(each.name, f"no {what}", f"places are matched by {way}", remedy)
     usable: NDArray[np.bool_] = np.asarray(np.isfinite(other.values).all(axis=0))
-    if way == NODE:
-        return _by_node(result, other, usable)
-    turned = (-other.angle_deg if mirror else other.angle_deg) + rotate_deg
-    return _by_angle(result, other, usable, turned, tolerance_deg)
-
-
-def _by_node(result: ShapeSource, other: ShapeSource, usable: NDArray[np.bool_]) -> Places:
-    row_of = {node: row for row, node in enumerate(other.node.tolist()) if node > 0 and usable[row]}
-    pairs = [(row, row_of[node]) for row, node in enumerate(result.node.tolist()) if node in row_of]
-    missing = [f"{node}" for node in result.node.tolist() if node not in row_of]
-    return _places(NODE, result, pairs, missing, "matched by node number", "node")
+    if way == ANGLE:
+        pairs, how = _by_angle(result, other, usable, alignment)
+        names = [f"{angle:g}°" for angle in result.angle_deg]
+    else:
+        row_of = {n: row for row, n in enumerate(other.node.tolist()) if n > 0 and usable[row]}
+        pairs = [(row, row_of[n]) for row, n in enumerate(result.node.tolist()) if n in row_of]
+        how, names = "matched by node number", [f"{node}" for node in result.node]
+    notes = [f"{len(pairs)} of {result.node.size} places of {result.name} {how}"]
+    found = {row for row, _ in pairs}
+    missing = [name for row, name in enumerate(names) if row not in found]
+    if missing:
+        more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
+        what = ("position" if way == ANGLE else "node") + "s" * (len(missing) > 1)
+        notes.append(
+            f"places of {result.name} left out, without a counterpart: {what} "
+            f"{', '.join(missing[:_MOST_NAMED])}{more}"
+        )
+    rows = np.array(pairs, dtype=int).reshape(-1, 2)
+    return Places(way, rows[:, 0], rows[:, 1], how, tuple(notes))
 
 
 def _by_angle(
-    result: ShapeSource,
-    other: ShapeSource,
-    usable: NDArray[np.bool_],
-    turned_deg: NDArray[np.float64],
-    tolerance_deg: float,
-) -> Places:
-    radius_m = _radius(result, other)
-    aside_m = np.hypot(other.radius_m - radius_m, other.across_m)
-    aside_m = np.where(np.isfinite(aside_m), aside_m, 0.0)
-    arc_m_per_deg = np.deg2rad(radius_m) if np.isfinite(radius_m) else 1.0
-    away = np.abs((turned_deg - result.angle_deg[:, None] + 180.0) % 360.0 - 180.0)
-    away[:, ~usable | ~np.isfinite(turned_deg)] = np.inf
-    own = np.argmin(away, axis=0)  # a node serves the measured position that is nearest to it
+    result: ShapeSource, other: ShapeSource, usable: NDArray[np.bool_], alignment: Alignment
+) -> tuple[list[tuple[int, int]], str]:
+    """Matched rows, and how far apart they are."""
+    turned = (-other.angle_deg if alignment.mirror else other.angle_deg) + alignment.rotate_deg
+    radii = [each.radius_m for each in (result, other) if np.isfinite(each.radius_m).any()]
+    radius_m = float(np.nanmax(radii[0])) if radii else np.nan  # the measured circle, if known
+    aside_m = np.nan_to_num(np.hypot(other.radius_m - radius_m, other.across_m))
+    arc_m_per_deg = np.deg2rad(radius_m) if radii else 1.0
+    away = np.abs((turned - result.angle_deg[:, None] + 180.0) % 360.0 - 180.0)
+    away[:, ~usable | ~np.isfinite(turned)] = np.inf
+    own = np.argmin(away, axis=0)  # a node serves the measured position nearest to it
     pairs: list[tuple[int, int]] = []
     for row in range(result.angle_deg.size):
-        near = np.flatnonzero((own == row) & (away[row] <= tolerance_deg))
+        near = np.flatnonzero((own == row) & (away[row] <= alignment.tolerance_deg))
         if near.size:
             distance = np.hypot(away[row, near] * arc_m_per_deg, aside_m[near])
             pairs.append((row, int(near[np.argmin(distance)])))
-    offsets = [float(away[pair]) for pair in pairs]
-    found = {row for row, _ in pairs}
-    missing = [f"{each:g}°" for row, each in enumerate(result.angle_deg) if row not in found]
-    says = f"matched by angle within {tolerance_deg:g}°"
-    if offsets:
-        says += f", at most {round(max(offsets), 3):g}° apart"
-        sections = aside_m[[row for _, row in pairs]]
-        if sections.max() > 1e-6:
-            says += f" and {1e3 * sections.max():.3g} mm off the measured circle"
-    return _places(ANGLE, result, pairs, missing, says, "position")
-
-
-def _radius(result: ShapeSource, other: ShapeSource) -> float:
-    """Radius of the measured circle; the other's largest one where it is not known."""
-    for known in (result.radius_m, other.radius_m):
-        if np.isfinite(known).any():
-            return float(np.nanmax(known))
-    return float("nan")
-
-
-def _places(
-    by: str,
-    result: ShapeSource,
-    pairs: list[tuple[int, int]],
-    missing: list[str],
-    says: str,
-    what: str,
-) -> Places:
-    notes = [f"{len(pairs)} of {result.node.size} places of {result.name} {says}"]
-    if missing:
-        more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
-        names = ", ".join(missing[:_MOST_NAMED])
-        plural = "s" if len(missing) > 1 else ""
-        notes.append(
-            f"places of {result.name} left out, without a counterpart: {what}{plural} {names}{more}"
-        )
-    rows = np.array(pairs, dtype=int).reshape(-1, 2)
-    return Places(by, rows[:, 0], rows[:, 1], says, tuple(notes))
+    how = f"matched by angle within {alignment.tolerance_deg:g}°"
+    if pairs:
+        how += f", at most {round(max(float(away[pair]) for pair in pairs), 3):g}° apart"
+        off_m = aside_m[[row for _, row in pairs]].max()
+        if off_m > _OFF_CIRCLE_M:
+            how += f" and {1e3 * off_m:.3g} mm off the measured circle"
+    return pairs, how

@@ -1,8 +1,9 @@
-"""A comparison as rows of a table, and as a record for other programs."""
+"""A comparison as rows of tables, and as a record for other programs."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 from model.identifiability import GIVEN
@@ -10,35 +11,20 @@ from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.compare.compare import Comparison
 from pipelines.compare.conditions import Contrast
 from pipelines.compare.modes import MatchedMode, UnmatchedMode
-from pipelines.compare.parameters import ParameterChange
-from pipelines.compare.significance import LEVEL, Agreement, Difference, Scatter
+from pipelines.compare.significance import LEVEL, Difference, ParameterChange, Scatter
 from pipelines.compare.summary_text import findings
 from pipelines.results.result import Result
 from pipelines.storage.rounding import DASH, chance_text, plain, signed, value_with_std
 
 Row = tuple[str, ...]
 
-#: Short: what fits a terminal.
+#: Short enough for a terminal.
 COMPARISON_HEAD = (
-    "mode",
-    "first / Hz",
-    "second / Hz",
-    "change / %",
-    "verdict",
-    "damping change / %",
-    "verdict on damping",
-    "MAC",
+    *("mode", "first / Hz", "second / Hz", "change / %", "verdict"),
+    *("damping change / %", "verdict on damping", "MAC"),
 )
 MODE_HEAD = ("mode", "first", "second", "change", "relative / %", "z", "p", "verdict")
-PARAMETER_HEAD = (
-    "parameter",
-    "unit",
-    "first",
-    "second",
-    "change / %",
-    "p",
-    "verdict",
-)
+PARAMETER_HEAD = ("parameter", "unit", "first", "second", "change / %", "p", "verdict")
 CONTRAST_HEAD = ("", "first", "second", "verdict")
 
 
@@ -53,7 +39,7 @@ def comparison_rows(comparison: Comparison) -> tuple[Row, ...]:
             mode.frequency.status,
             percent_text(mode.damping),
             mode.damping.status,
-            _mac_text(mode.mac),
+            DASH if math.isnan(mode.mac) else f"{mode.mac:.3f}",
         )
         for mode in comparison.modes
     )
@@ -62,7 +48,7 @@ def comparison_rows(comparison: Comparison) -> tuple[Row, ...]:
 def frequency_rows(comparison: Comparison) -> tuple[Row, ...]:
     """Frequencies in Hz under `MODE_HEAD`."""
     return tuple(
-        _mode_row(mode, mode.frequency, (mode.first.frequency_std_hz, mode.second.frequency_std_hz))
+        _mode_row(mode, mode.frequency, mode.first.frequency_std_hz, mode.second.frequency_std_hz)
         for mode in comparison.modes
     )
 
@@ -70,7 +56,7 @@ def frequency_rows(comparison: Comparison) -> tuple[Row, ...]:
 def damping_rows(comparison: Comparison) -> tuple[Row, ...]:
     """Damping ratios in percent under `MODE_HEAD`."""
     return tuple(
-        _mode_row(mode, mode.damping, (mode.first.damping_std, mode.second.damping_std), 100)
+        _mode_row(mode, mode.damping, mode.first.damping_std, mode.second.damping_std, 100)
         for mode in comparison.modes
     )
 
@@ -81,9 +67,15 @@ def parameter_rows(comparison: Comparison) -> tuple[Row, ...]:
 
 
 def contrast_rows(contrasts: tuple[Contrast, ...]) -> tuple[Row, ...]:
-    """Conditions or choices under `CONTRAST_HEAD`."""
+    """Conditions or options under `CONTRAST_HEAD`."""
     return tuple(
-        (each.name, each.first or DASH, each.second or DASH, _verdict(each)) for each in contrasts
+        (
+            each.name,
+            each.first or DASH,
+            each.second or DASH,
+            "not stated for both" if each.is_open else "differs" if each.differs else "same",
+        )
+        for each in contrasts
     )
 
 
@@ -94,8 +86,46 @@ def percent_text(difference: Difference) -> str:
     return _with_sign(difference.percent, difference.percent_std)
 
 
+def _mode_row(
+    mode: MatchedMode, difference: Difference, first_std: float, second_std: float, scale: float = 1
+) -> Row:
+    return (
+        mode.name,
+        value_with_std(scale * difference.first, scale * first_std),
+        value_with_std(scale * difference.second, scale * second_std),
+        _with_sign(scale * difference.value, scale * difference.std),
+        percent_text(difference),
+        signed(difference.z, 1),
+        chance_text(difference.adjusted_p_value),
+        difference.status,
+    )
+
+
+def _parameter_row(change: ParameterChange) -> Row:
+    title, _, unit = (RING_NAMES | DAMPING_NAMES)[change.name]
+    difference = change.difference
+
+    def text(value: float, std: float, how: str) -> str:
+        return plain(value) if how == GIVEN else value_with_std(value, std)
+
+    return (
+        title,
+        unit,
+        text(difference.first, change.first_std, change.first_how),
+        text(difference.second, change.second_std, change.second_how),
+        percent_text(difference) if difference.value else "0",
+        chance_text(difference.adjusted_p_value) if change.is_tested else DASH,
+        change.status if change.is_tested else f"{change.status}: {change.hows}",
+    )
+
+
+def _with_sign(value: float, std: float) -> str:
+    return f"{'+' if value > 0 else ''}{value_with_std(value, std)}"
+
+
 def comparison_record(comparison: Comparison) -> dict[str, Any]:
-    """Everything that was found, in SI and fractions, for ``--json``; NaN stands for unknown."""
+    """Everything that was found, in SI and fractions, for ``--json``; NaN where unknown."""
+    found = comparison.agreement
     return {
         "first": _result_record(comparison.first, comparison.names[0]),
         "second": _result_record(comparison.second, comparison.names[1]),
@@ -108,60 +138,27 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
         "only_second": [_unmatched_record(mode) for mode in comparison.only_second],
         "mac": comparison.mac.tolist(),
         "shapes": comparison.shapes_note,
-        "parameters": [_parameter_record(change) for change in comparison.parameters],
-        "agreement": _agreement_record(comparison.agreement),
+        "parameters": [
+            _fields(change, ["name"])
+            | _difference_record(change.difference)
+            | _fields(change, ["first_std", "second_std", "first_how", "second_how", "status"])
+            for change in comparison.parameters
+        ],
+        "agreement": found
+        and {
+            "frequency": _scatter_record(found.frequency),
+            "damping": _scatter_record(found.damping),
+            **_fields(found, ["shift_percent", "shift_std_percent"]),
+            "apart_from_shift": _scatter_record(found.apart),
+        },
         "repeat": comparison.is_repeat,
         "conditions": [_contrast_record(each) for each in comparison.conditions],
         "processing": [_contrast_record(each) for each in comparison.processing],
     }
 
 
-def _mode_row(
-    mode: MatchedMode, difference: Difference, stds: tuple[float, float], scale: float = 1
-) -> Row:
-    return (
-        mode.name,
-        value_with_std(scale * difference.first, scale * stds[0]),
-        value_with_std(scale * difference.second, scale * stds[1]),
-        _with_sign(scale * difference.value, scale * difference.std),
-        percent_text(difference),
-        signed(difference.z, 1),
-        chance_text(difference.adjusted_chance),
-        difference.status,
-    )
-
-
-def _parameter_row(change: ParameterChange) -> Row:
-    title, _, unit = (RING_NAMES | DAMPING_NAMES)[change.name]
-    difference = change.difference
-    return (
-        title,
-        unit,
-        _parameter_text(difference.first, change.first_std, change.first_how),
-        _parameter_text(difference.second, change.second_std, change.second_how),
-        percent_text(difference) if difference.value else "0",
-        chance_text(difference.adjusted_chance) if change.is_tested else DASH,
-        change.status if change.is_tested else f"{change.status}: {change.hows}",
-    )
-
-
-def _parameter_text(value: float, std: float, how: str) -> str:
-    return plain(value) if how == GIVEN else value_with_std(value, std)
-
-
-def _with_sign(value: float, std: float) -> str:
-    text = value_with_std(value, std)
-    return f"+{text}" if value > 0 and not text.startswith("(") else text
-
-
-def _mac_text(mac: float) -> str:
-    return DASH if math.isnan(mac) else f"{mac:.3f}"
-
-
-def _verdict(contrast: Contrast) -> str:
-    if contrast.is_open:
-        return "not stated for both"
-    return "differs" if contrast.differs else "same"
+def _fields(found: object, names: Iterable[str]) -> dict[str, Any]:
+    return {name: getattr(found, name) for name in names}
 
 
 def _result_record(result: Result, name: str) -> dict[str, Any]:
@@ -175,22 +172,17 @@ def _result_record(result: Result, name: str) -> dict[str, Any]:
 
 def _difference_record(difference: Difference) -> dict[str, Any]:
     return {
-        "first": difference.first,
-        "second": difference.second,
+        **_fields(difference, ["first", "second"]),
         "difference": difference.value,
-        "std": difference.std,
-        "percent": difference.percent,
-        "percent_std": difference.percent_std,
-        "z": difference.z,
-        "chance": difference.chance,
-        "adjusted_chance": difference.adjusted_chance,
+        **_fields(difference, ["std", "percent", "percent_std", "z"]),
+        "chance": difference.p_value,
+        "adjusted_chance": difference.adjusted_p_value,
     }
 
 
 def _mode_record(mode: MatchedMode) -> dict[str, Any]:
     return {
-        "order": mode.first.order,
-        "member": mode.first.member,
+        **_fields(mode.first, ["order", "member"]),
         "first_mode": mode.first_number,
         "second_mode": mode.second_number,
         "mac": mode.mac,
@@ -201,54 +193,15 @@ def _mode_record(mode: MatchedMode) -> dict[str, Any]:
 
 
 def _unmatched_record(mode: UnmatchedMode) -> dict[str, Any]:
-    return {
-        "mode": mode.number,
-        "order": mode.mode.order,
-        "member": mode.mode.member,
-        "frequency_hz": mode.mode.frequency_hz,
-        "damping_ratio": mode.mode.damping_ratio,
-        "reason": mode.reason,
-    }
-
-
-def _parameter_record(change: ParameterChange) -> dict[str, Any]:
-    return {
-        "name": change.name,
-        **_difference_record(change.difference),
-        "first_std": change.first_std,
-        "second_std": change.second_std,
-        "first_how": change.first_how,
-        "second_how": change.second_how,
-        "status": change.status,
-    }
-
-
-def _agreement_record(found: Agreement | None) -> dict[str, Any] | None:
-    if found is None:
-        return None
-    return {
-        "frequency": _scatter_record(found.frequency),
-        "damping": _scatter_record(found.damping),
-        "shift_percent": found.shift_percent,
-        "shift_std_percent": found.shift_std_percent,
-        "apart_from_shift": _scatter_record(found.apart),
-    }
+    of_mode = _fields(mode.mode, ["order", "member", "frequency_hz", "damping_ratio"])
+    return {"mode": mode.number, **of_mode, "reason": mode.reason}
 
 
 def _scatter_record(scatter: Scatter) -> dict[str, Any]:
-    return {
-        "freedom": scatter.freedom,
-        "chi_square": scatter.chi_square,
-        "ratio": scatter.ratio,
-        "chance": scatter.chance,
-        "rms_percent": scatter.rms_percent,
-    }
+    of_fit = _fields(scatter, ["freedom", "chi_square", "ratio"])
+    return {**of_fit, "chance": scatter.p_value, "rms_percent": scatter.rms_percent}
 
 
 def _contrast_record(contrast: Contrast) -> dict[str, Any]:
-    return {
-        "name": contrast.name,
-        "first": contrast.first or None,
-        "second": contrast.second or None,
-        "differs": contrast.differs,
-    }
+    texts = {name: text or None for name, text in _fields(contrast, ["first", "second"]).items()}
+    return {"name": contrast.name, **texts, "differs": contrast.differs}

@@ -1,15 +1,18 @@
-"""A result as tables that any spreadsheet opens: nodes, modes, shapes, FRFs."""
+"""Writers of modal results: universal file, tables, JSON, MATLAB."""
 
 from __future__ import annotations
 
+import json
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from scipy.io import savemat
 
-from ema.core.frf import FRF
+from ema.core.errors import escaped
 from ema.io.uff.frf import SYNTHESISED
 from ema.io.uff.write import (
     ShapeDataset,
@@ -21,10 +24,121 @@ from ema.io.uff.write import (
     trace_lines_82,
     units_164,
 )
-from pipelines.export.data import FOLDER_MARKER, MEASURED, UNITS, ModalExport, mode_columns
+from pipelines.export.data import MEASURED, ModalExport
 from pipelines.results.provenance import software_version
 from pipelines.storage.checksums import write_marker
+from pipelines.storage.plain_values import plain
 from pipelines.storage.tables import write_csv
+
+FOLDER_MARKER = "export.json"  # lists the files of an export that is a folder
+UNITS = {
+    "frequency_hz": "Hz",
+    "damping_ratio": "1",
+    "poles": "rad/s",
+    "position_deg": "deg",
+    "xyz_m": "m",
+    "shapes": "1, largest part of each mode 1",
+    "residues": "m/(N s)",
+    "modal_a": "N s/m",
+    "modal_mass_kg": "kg",
+    "lower_residual": "(m/s^2)/N",
+    "upper_residual": "m/N",
+    "frf": "(m/s^2)/N",
+    "coherence": "1",
+}
+
+
+def write_json(found: ModalExport, path: Path) -> None:
+    """Write JSON; complex arrays are objects of two arrays, ``real`` and ``imag``."""
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        text = json.dumps(_jsonable(content(found)), ensure_ascii=False, allow_nan=False)
+        file.write(escaped(text) + "\n")
+
+
+def write_mat(found: ModalExport, path: Path) -> None:
+    """Write a MATLAB file (version 5) with the names of JSON; groups are structs, texts cells."""
+    with path.open("wb") as file:  # savemat adds an ending to names
+        savemat(file, _matlab(content(found)), do_compression=True)
+
+
+def content(found: ModalExport) -> dict[str, Any]:
+    """Everything by name; modes as rows, positions as columns, standard deviations as ``…_std``."""
+    geometry, model = found.geometry, found.result.modal_model
+    everything: dict[str, Any] = {
+        "source": found.result.name,
+        "software": f"ringmodal {software_version()}",
+        "units": UNITS,
+        "notes": [*geometry.notes, *found.result.notes],
+        "nodes": {
+            "node": geometry.node,
+            "position_deg": geometry.position_deg,
+            "xyz_m": geometry.xyz_m,
+            "direction": geometry.direction,
+            "n_measured": geometry.n_measured,
+            "force_node": geometry.reference_node,
+        },
+        "modes": mode_columns(found),
+        "covariance": model.covariance,
+        "shapes": found.shapes,
+        "residues": np.array([mode.residues for mode in found.modes]),
+        "residues_std": np.array([mode.residues_std for mode in found.modes]),
+        "lower_residual": model.residual_terms.lower,
+        "upper_residual": model.residual_terms.upper,
+        "band_hz": list(model.band_hz),
+        "fit_band_hz": list(model.fit_band_hz),
+    }
+    for name, frf in (("measured", found.measured), ("synthesised", found.synthesised)):
+        if frf is not None:
+            everything[name] = part = {"frequency_hz": frf.frequency_hz, "frf": frf.values}
+            if np.isfinite(frf.std).any():
+                part["frf_std"] = frf.std
+            if np.isfinite(frf.coherence).any():
+                part["coherence"] = frf.coherence
+    return everything
+
+
+def mode_columns(found: ModalExport) -> dict[str, Any]:
+    """The modes, column by column."""
+    modes = found.modes
+
+    def column(name: str) -> NDArray[Any]:
+        return np.array([getattr(mode, name) for mode in modes])
+
+    return {
+        "mode": np.arange(1, len(modes) + 1),
+        "order": np.array([np.nan if m.order is None else float(m.order) for m in modes]),
+        "member": [mode.member for mode in modes],
+        "frequency_hz": column("frequency_hz"),
+        "frequency_hz_std": column("frequency_std_hz"),
+        "damping_ratio": column("damping_ratio"),
+        "damping_ratio_std": column("damping_std"),
+        "poles": column("pole"),
+        "modal_a": found.modal_a,
+        "modal_mass_kg": found.modal_mass_kg,
+        "mpc": column("mpc"),
+        "status": [mode.status for mode in modes],
+        "pair": [mode.pair.value for mode in modes],
+    }
+
+
+def _jsonable(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _jsonable(entry) for name, entry in value.items()}
+    if isinstance(value, np.ndarray):
+        if np.iscomplexobj(value):
+            return {"real": _jsonable(value.real), "imag": _jsonable(value.imag)}
+        if value.dtype.kind != "f" or np.isfinite(value).all():
+            return value.tolist()  # faster than number by number
+        value = value.tolist()
+    return plain(value)
+
+
+def _matlab(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _matlab(entry) for name, entry in value.items()}
+    if isinstance(value, list) and all(isinstance(entry, str) for entry in value):
+        return np.array(value, dtype=object)
+    return value
 
 
 def write_tables(found: ModalExport, folder: Path) -> None:
@@ -32,25 +146,26 @@ def write_tables(found: ModalExport, folder: Path) -> None:
 
     FRFs have one line per frequency and two columns per node, real and imaginary part.
     """
-    write_csv(folder / "nodes.csv", _nodes(found))
+    geometry = found.geometry
+    points = dict(zip(("x_m", "y_m", "z_m"), geometry.xyz_m.T, strict=True))
+    nodes = {"node": geometry.node, "position_deg": geometry.position_deg, **points}
+    write_csv(folder / "nodes.csv", pd.DataFrame(nodes))
     write_csv(folder / "modes.csv", _modes(found))
     write_csv(folder / "shapes.csv", _shapes(found))
     for name, frf in (("measured", found.measured), ("synthesised", found.synthesised)):
         if frf is not None:
-            write_csv(folder / f"frf_{name}.csv", _frfs(frf))
+            parts = np.ascontiguousarray(frf.values.T).view(np.float64)
+            columns = [f"{part}_node_{n}" for n in frf.node.tolist() for part in ("real", "imag")]
+            cells = np.column_stack([frf.frequency_hz, parts])
+            table = pd.DataFrame(cells, columns=["frequency_hz", *columns])
+            write_csv(folder / f"frf_{name}.csv", table)
     about = {
         "source": found.result.name,
-        "notes": list(found.geometry.notes),
-        "force_node": found.geometry.reference_node,
+        "notes": list(geometry.notes),
+        "force_node": geometry.reference_node,
         "units": UNITS,
     }
     write_marker(folder / FOLDER_MARKER, about)
-
-
-def _nodes(found: ModalExport) -> pd.DataFrame:
-    geometry = found.geometry
-    points = dict(zip(("x_m", "y_m", "z_m"), geometry.xyz_m.T, strict=True))
-    return pd.DataFrame({"node": geometry.node, "position_deg": geometry.position_deg, **points})
 
 
 def _modes(found: ModalExport) -> pd.DataFrame:
@@ -82,19 +197,10 @@ def _shapes(found: ModalExport) -> pd.DataFrame:
     )
 
 
-def _frfs(frf: FRF) -> pd.DataFrame:
-    """A row for each frequency, two columns for each node."""
-    parts = np.ascontiguousarray(frf.values.T).view(np.float64)
-    names = [f"{part}_node_{node}" for node in frf.node.tolist() for part in ("real", "imag")]
-    return pd.DataFrame(
-        np.column_stack([frf.frequency_hz, parts]), columns=["frequency_hz", *names]
-    )
+def write_uff(found: ModalExport, path: Path) -> None:
+    """Write datasets 151, 164, 2420, 2411, 82, 55 and 58b or 58.
 
-
-def write_uff(found: ModalExport, path: Path, *, binary: bool = True) -> None:
-    """Write datasets 151, 164, 2420, 2411, 82, 55 and 58b (58 where `binary` is False).
-
-    Shapes are in Cartesian components: the motion along the measured direction, as x, y, z.
+    Shapes are in Cartesian components: the motion along the measured direction as x, y, z.
     """
     geometry = found.geometry
     program = f"ringmodal {software_version()}"
@@ -106,6 +212,7 @@ def write_uff(found: ModalExport, path: Path, *, binary: bool = True) -> None:
         file.write(trace_lines_82("ring" if geometry.is_closed else "line", geometry.path))
         for number in range(1, len(found.modes) + 1):
             file.write(shape_55(_shape(found, number)))
+        meaning = "radial, outward" if geometry.is_closed else "as measured"
         for kind, frf in ((MEASURED, found.measured), (SYNTHESISED, found.synthesised)):
             if frf is not None:
                 append_frfs(
@@ -113,8 +220,8 @@ def write_uff(found: ModalExport, path: Path, *, binary: bool = True) -> None:
                     frf,
                     reference_node=geometry.reference_node,
                     direction=geometry.direction_code,
-                    note=_frf_note(found, kind),
-                    byte_order="little" if binary else None,
+                    note=f"{kind}; direction {geometry.direction_code} is {meaning}",
+                    byte_order=None if found.frfs_as_text else "little",
                 )
 
 
@@ -123,9 +230,18 @@ def _shape(found: ModalExport, number: int) -> ShapeDataset:
     along = found.shapes[number - 1]
     directions = geometry.direction[: geometry.n_measured]
     modal_a, mass_kg = complex(found.modal_a[number - 1]), float(found.modal_mass_kg[number - 1])
+    order = "" if mode.order is None else f", order {mode.order}{mode.member}"
+    motion = "radial motion" if geometry.is_closed else "measured motion"
+    stds = f"{_known(mode.frequency_std_hz, 'Hz')}, {_known(100 * mode.damping_std, '%')}"
     return ShapeDataset(
         number=number,
-        id_lines=_id_lines(found, number),
+        id_lines=(
+            f"Mode {number}{order}, {mode.frequency_hz:.4f} Hz, {100 * mode.damping_ratio:.4f} %",
+            found.result.name,
+            f"std {stds} damping",
+            f"{motion} as x, y, z; largest part 1",
+            f"status {mode.status}",
+        ),
         pole=mode.pole,
         node=geometry.node[: geometry.n_measured],
         values=along[:, None] * directions,
@@ -134,23 +250,5 @@ def _shape(found: ModalExport, number: int) -> ShapeDataset:
     )
 
 
-def _id_lines(found: ModalExport, number: int) -> tuple[str, ...]:
-    mode = found.modes[number - 1]
-    order = "" if mode.order is None else f", order {mode.order}{mode.member}"
-    motion = "radial motion" if found.geometry.is_closed else "measured motion"
-    return (
-        f"Mode {number}{order}, {mode.frequency_hz:.4f} Hz, {100 * mode.damping_ratio:.4f} %",
-        found.result.name,
-        f"std {_known(mode.frequency_std_hz, 'Hz')}, {_known(100 * mode.damping_std, '%')} damping",
-        f"{motion} as x, y, z; largest part 1",
-        f"status {mode.status}",
-    )
-
-
 def _known(std: float, unit: str) -> str:
     return f"{std:.2g} {unit}" if np.isfinite(std) else f"unknown {unit}"
-
-
-def _frf_note(found: ModalExport, kind: str) -> str:
-    meaning = "radial, outward" if found.geometry.is_closed else "as measured"
-    return f"{kind}; direction {found.geometry.direction_code} is {meaning}"

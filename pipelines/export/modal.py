@@ -1,4 +1,4 @@
-"""Modal results for other programs: what is handed over, in which formats, and where to."""
+"""Export of a result's modes to other programs."""
 
 from __future__ import annotations
 
@@ -13,18 +13,8 @@ from ema.core.errors import InputError, nearest
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode
 from ema.io.uff.frf import SYNTHESISED
-from pipelines.export.data import (
-    BOTH,
-    FOLDER_MARKER,
-    MEASURED,
-    NONE,
-    Geometry,
-    ModalExport,
-    geometry_of,
-    write_json,
-    write_mat,
-)
-from pipelines.export.formats import write_tables, write_uff
+from pipelines.export.data import BOTH, MEASURED, NONE, Geometry, ModalExport, geometry_of
+from pipelines.export.formats import FOLDER_MARKER, write_json, write_mat, write_tables, write_uff
 from pipelines.results.check import accepted_notes
 from pipelines.results.result import Result
 from pipelines.results.store import load
@@ -33,20 +23,32 @@ from pipelines.storage.result_folder import written_whole
 
 FRF_CHOICES = (BOTH, MEASURED, SYNTHESISED, NONE)
 
-_LEAST_DRIVE = 3.0  # standard deviations that a residue at the force has to differ from zero
+_LEAST_DRIVE = 3.0  # smallest residue at the force for modal A, in standard deviations
+
+#: Writers by the name of their format; each takes the content and the place.
+FORMATS: dict[str, Callable[[ModalExport, Path], None]] = {
+    "uff": write_uff,
+    "csv": write_tables,
+    "json": write_json,
+    "mat": write_mat,
+}
+#: Formats that write a folder.
+FOLDERS = ("csv",)
 
 
 @dataclass(frozen=True)
 class Written:
-    """What was written where."""
+    """An export and its place."""
 
     path: Path
     file_format: str
     export: ModalExport
 
 
-def gather(result: Result, *, real: bool = False, frfs: str = BOTH) -> ModalExport:
-    """Put together what other programs get.
+def gather(
+    result: Result, *, real: bool = False, frfs: str = BOTH, text: bool = False
+) -> ModalExport:
+    """Collect modes, geometry and FRFs of a result.
 
     Parameters
     ----------
@@ -54,8 +56,10 @@ def gather(result: Result, *, real: bool = False, frfs: str = BOTH) -> ModalExpo
     real : bool
         Whether shapes are reduced to their real part.
     frfs : {"both", "measured", "synthesised", "none"}
-        FRFs that go along. Those synthesised from the modes cover the fitted band; where both are
-        wanted, the measured ones are cut to it: many programs want one set of lines in a file.
+        FRFs to export. Synthesised ones cover the fitted band; with both, the measured ones are
+        cut to it, as many programs need the same frequencies in all FRFs of a file.
+    text : bool
+        Whether the FRFs of a universal file are written as text (58) instead of binary (58b).
     """
     geometry, model = geometry_of(result), result.modal_model
     notes = accepted_notes(result.provenance, result.name)
@@ -71,6 +75,7 @@ def gather(result: Result, *, real: bool = False, frfs: str = BOTH) -> ModalExpo
         modal_a=np.array([_modal_a(mode, geometry) for mode in model.modes]),
         measured=frf if frfs in (BOTH, MEASURED) else None,
         synthesised=_synthesised(model, frf) if frfs in (BOTH, SYNTHESISED) else None,
+        frfs_as_text=text,
     )
 
 
@@ -85,7 +90,7 @@ def export(
     force: bool = False,
     accept_changes: bool = False,
 ) -> Written:
-    """Write a result folder's modes for other programs, whole or not at all.
+    """Write a result folder's modes for other programs, atomically.
 
     Parameters
     ----------
@@ -95,29 +100,34 @@ def export(
         File, or folder for ``"csv"``; default: named after the result, in the current folder.
     file_format : {"uff", "csv", "json", "mat"}, optional
         Default: the ending of `out`, or ``"uff"``.
-    real, frfs
+    real, frfs, text
         As for `gather`.
-    text : bool
-        Whether the FRFs of a universal file are written as text (58) and not binary (58b).
     force : bool
-        Replace what is there.
+        Replace an earlier export.
     accept_changes : bool
-        Whether to take the result although parts of it were changed; the notes say so.
+        Accept a result of which parts were changed; the notes name them.
 
     Raises
     ------
     InputError
-        If the folder is no result, or was changed and that is not accepted, a choice is not
-        known, or the place is taken.
+        If the folder is not a result, or was changed and that is not accepted, a choice is
+        unknown, or the place is taken.
     """
     if frfs not in FRF_CHOICES:
         raise _unknown("--frfs", frfs, FRF_CHOICES)
     chosen = _format_of(out, file_format)
     folder = Path(folder)
-    found = gather(load(folder, accept_changes=accept_changes), real=real, frfs=frfs)
+    loaded = load(folder, accept_changes=accept_changes)
+    found = gather(loaded, real=real, frfs=frfs, text=text)
     name = folder.resolve().name
     target = Path(out) if out else Path(f"{name}_csv" if chosen == "csv" else f"{name}.{chosen}")
-    FORMATS[chosen](found, target, text, force)
+    if chosen in FOLDERS:
+        with written_whole(target, force=force, marker=FOLDER_MARKER) as partial:
+            FORMATS[chosen](found, partial)
+    else:
+        require_free_file(target, force=force)
+        with file_written_whole(target) as partial:
+            FORMATS[chosen](found, partial)
     return Written(target, chosen, found)
 
 
@@ -134,7 +144,6 @@ def _format_of(out: Path | str | None, file_format: str) -> str:
 
 
 def _unknown(where: str, found: str, known: tuple[str, ...]) -> InputError:
-
     rule = f"it must be one of {', '.join(known)}"
     return InputError(where, repr(found), rule, nearest(found.casefold(), known))
 
@@ -170,57 +179,12 @@ def _synthesised(model: ModalModel, frf: FRF) -> FRF:
 
 
 def require_free_file(target: Path, *, force: bool) -> None:
-    """Refuse a place where a file may not be written.
-
-    Raises
-    ------
-    InputError
-        For a folder, an earlier file without `force`, and a folder above that is not there.
-    """
-    rule, remedy = (
-        "it is replaced only where that is asked for",
-        "Choose another name, or replace it with --force",
-    )
+    """Refuse a folder, an existing file without `force`, and a missing parent folder."""
     if target.is_dir():
-        raise InputError(str(target), "a folder", "a file is to be written", "Name a file")
+        raise InputError(str(target), "a folder", "the name of a file is needed", "Name a file")
     if target.exists() and not force:
-        raise InputError(str(target), "exists already", rule, remedy)
+        remedy = "Choose another name, or use --force to replace it"
+        raise InputError(str(target), "exists already", "files are not replaced", remedy)
     if not target.absolute().parent.is_dir():
-        found = "a place in a folder that does not exist"
-        raise InputError(str(target), found, "the folder must be there", "Make it first")
-
-
-def _uff(found: ModalExport, target: Path, text: bool, force: bool) -> None:
-
-    require_free_file(target, force=force)
-    with file_written_whole(target) as partial:
-        write_uff(found, partial, binary=not text)
-
-
-def _json(found: ModalExport, target: Path, _: bool, force: bool) -> None:
-
-    require_free_file(target, force=force)
-    with file_written_whole(target) as partial:
-        write_json(found, partial)
-
-
-def _mat(found: ModalExport, target: Path, _: bool, force: bool) -> None:
-
-    require_free_file(target, force=force)
-    with file_written_whole(target) as partial:
-        write_mat(found, partial)
-
-
-def _csv(found: ModalExport, target: Path, _: bool, force: bool) -> None:
-
-    with written_whole(target, force=force, marker=FOLDER_MARKER) as partial:
-        write_tables(found, partial)
-
-
-#: Writers by the name of their format: content, place, FRFs as text, replace what is there.
-FORMATS: dict[str, Callable[[ModalExport, Path, bool, bool], None]] = {
-    "uff": _uff,
-    "csv": _csv,
-    "json": _json,
-    "mat": _mat,
-}
+        found = "its folder does not exist"
+        raise InputError(str(target), found, "the folder must exist", "Create it first")

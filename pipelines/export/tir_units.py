@@ -1,4 +1,4 @@
-"""Units of a tyre property file: what its [UNITS] make of SI."""
+"""Units of a tyre property file and conversion to SI."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipelines.export.tir_file import TirFile
 
 _POUND_KG, _FOOT_M, _GRAVITY = 0.45359237, 0.3048, 9.80665
 
-#: Sizes of units in SI, by their quantity and the names they go by; the first is shown.
+#: Sizes of units in SI by quantity and names; the first name is shown.
 UNITS: dict[str, dict[tuple[str, ...], float]] = {
     "LENGTH": {
         ("m", "meter", "metre", "meters"): 1.0,
@@ -43,10 +43,7 @@ UNITS: dict[str, dict[tuple[str, ...], float]] = {
         ("min", "minute", "minutes"): 60.0,
         ("h", "hour", "hours"): 3600.0,
     },
-    "ANGLE": {
-        ("rad", "radians", "radian"): 1.0,
-        ("deg", "degrees", "degree"): math.pi / 180.0,
-    },
+    "ANGLE": {("rad", "radians", "radian"): 1.0, ("deg", "degrees", "degree"): math.pi / 180.0},
     "PRESSURE": {
         ("Pa", "pascal"): 1.0,
         ("kPa", "kilopascal"): 1e3,
@@ -55,7 +52,7 @@ UNITS: dict[str, dict[tuple[str, ...], float]] = {
         ("psi",): _POUND_KG * _GRAVITY / (_FOOT_M / 12.0) ** 2,
     },
 }
-# Far beyond any value of a tyre: products and ratios of some of them stay numbers.
+# Limits of values in SI, far beyond those of a tyre: products of several do not overflow.
 _LARGEST_SI, _SMALLEST_SI = 1e15, 1e-12
 _LENGTH, _MASS = {"LENGTH": 1}, {"MASS": 1}
 _INERTIA = {"MASS": 1, "LENGTH": 2}
@@ -63,7 +60,7 @@ _PRESSURE = {"FORCE": 1, "LENGTH": -2}
 _STIFFNESS = {"FORCE": 1, "LENGTH": -1}
 _NONE: dict[str, int] = {}
 
-#: What a key holds, as powers of the file's units. Natural frequencies are in Hz in every file.
+#: Dimension of each key as powers of the file's units. Natural frequencies are in Hz in any file.
 QUANTITIES: dict[str, Mapping[str, int]] = {
     **dict.fromkeys(("UNLOADED_RADIUS", "WIDTH", "RIM_RADIUS", "RIM_WIDTH"), _LENGTH),
     **dict.fromkeys(("MASS", "BELT_MASS"), _MASS),
@@ -90,12 +87,11 @@ class TirUnits:
     Parameters
     ----------
     names : dict of str to str
-        Unit of each quantity in `UNITS`, as it is written for people; PRESSURE only where the file
-        names one.
+        Unit of each quantity in `UNITS`; PRESSURE only where the file states one.
     sizes : dict of str to float
         Their sizes in SI.
     assumed : tuple of str
-        Quantities for which the file names no unit, so that the SI unit is taken.
+        Quantities without a unit in the file; the SI unit is assumed.
     """
 
     names: dict[str, str]
@@ -108,13 +104,16 @@ class TirUnits:
         return math.prod(self.sizes[name] ** power for name, power in powers.items())
 
     def unit(self, key: str) -> str:
-        """Unit of a key as people write it, e.g. ``kg mm²``; ``1`` for a ratio."""
+        """Unit of a key, e.g. ``kg mm²``; ``1`` for a ratio."""
         if key.startswith("FREQ_"):
             return "Hz"
         powers = self._powers(key)
-        over = [_power(self.names[name], power) for name, power in powers.items() if power > 0]
-        under = [_power(self.names[name], -power) for name, power in powers.items() if power < 0]
-        unit = "/".join([" ".join(over), *under]) or "1"
+        units = {
+            name: self.names[name] + ("²" if abs(p) == 2 else "") for name, p in powers.items()
+        }
+        over = " ".join(units[name] for name, power in powers.items() if power > 0)
+        under = [units[name] for name, power in powers.items() if power < 0]
+        unit = "/".join([over, *under]) or "1"
         return "Pa" if unit == "N/m²" else unit
 
     def _powers(self, key: str) -> Mapping[str, int]:
@@ -124,13 +123,7 @@ class TirUnits:
 
 
 def units_of(tir: TirFile) -> TirUnits:
-    """The units that a file states; SI where it states none.
-
-    Raises
-    ------
-    InputError
-        For a unit that is not known; the most similar one is named.
-    """
+    """The units that a file states; SI where it states none. `InputError` for an unknown unit."""
     names, sizes, assumed = {}, {}, []
     for quantity in UNITS:
         entry = tir.find(quantity, "UNITS")
@@ -139,64 +132,53 @@ def units_of(tir: TirFile) -> TirUnits:
         if entry is None:
             assumed.append(quantity)
         text = entry.text.strip() if entry else next(iter(UNITS[quantity]))[0]
-        where = f"{tir.name}, line {entry.line}, {quantity}" if entry else quantity
-        names[quantity], sizes[quantity] = _unit(where, quantity, text)
+        known = {
+            name.casefold(): (each[0], size)
+            for each, size in UNITS[quantity].items()
+            for name in each
+        }
+        if text.casefold() not in known:
+            where = f"{tir.name}, line {entry.line}, {quantity}" if entry else quantity
+            every = (name for each in UNITS[quantity] for name in each)
+            raise unknown(where, text, f"unknown unit of {quantity.lower()}", every)
+        names[quantity], sizes[quantity] = known[text.casefold()]
     return TirUnits(names, sizes, tuple(assumed))
 
 
 def si_value(tir: TirFile, units: TirUnits, key: str) -> float | None:
-    """Value of a key in SI; None where the file does not hold it.
+    """Value of a key in SI; None where the file does not have it.
 
     Raises
     ------
     InputError
-        If it is no number, or its unit is not known here.
+        If it is not a number, or the dimension of the key is unknown.
     """
     if key.upper() not in QUANTITIES:
-        raise unknown(tir.name, key, "the unit of this key is not known here", QUANTITIES)
+        raise unknown(tir.name, key, "the unit of this key is unknown", QUANTITIES)
     number = tir.number(key)
     if number is None:
         return None
     value = number * units.size(key.upper())
     if abs(value) > _LARGEST_SI:
-        rule = f"no tyre has it: values in SI stay below {_LARGEST_SI:g}"
+        rule = f"values in SI must be below {_LARGEST_SI:g}"
         raise InputError(f"{tir.name}, {key}", f"{number:g}", rule, "Correct the value or its unit")
     return value
 
 
 def clear_si_value(tir: TirFile, units: TirUnits, key: str) -> float | None:
-    """Value of a key in SI for a remark: None too where the key stands there more than once."""
-    given = sum(entry.key == key and entry.stands_in(None) for entry in tir.entries())
+    """Value of a key in SI; None where the key is missing or given more than once."""
+    given = sum(entry.key == key and entry.is_in(None) for entry in tir.entries)
     return si_value(tir, units, key) if given == 1 else None
 
 
 def positive_si_value(tir: TirFile, units: TirUnits, key: str) -> float:
-    """Value of a key in SI, which the file must hold and which must be greater than zero.
-
-    Raises
-    ------
-    InputError
-        Where it is not so.
-    """
+    """Value of a key in SI; `InputError` if it is missing or not greater than zero."""
     value = si_value(tir, units, key)
     if value is None or value < _SMALLEST_SI:
         raise InputError(
             f"{tir.name}, {key}",
             "not given" if value is None else f"{value:g}",
-            f"a value greater than zero is needed (from {_SMALLEST_SI:g} on)",
+            f"a value of at least {_SMALLEST_SI:g} is needed",
             f"Give {key} in {units.unit(key)}",
         )
     return value
-
-
-def _unit(where: str, quantity: str, text: str) -> tuple[str, float]:
-    known = UNITS[quantity]
-    for names, size in known.items():
-        if text.casefold() in map(str.casefold, names):
-            return names[0], size
-    rule = f"there is no such unit of {quantity.lower()}"
-    raise unknown(where, text, rule, (name for names in known for name in names))
-
-
-def _power(name: str, power: int) -> str:
-    return f"{name}²" if power == 2 else name

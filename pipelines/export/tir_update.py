@@ -1,27 +1,38 @@
-"""A tyre property file brought up to date with a parameter set: what changes, what does not."""
+"""Tyre property files updated from a parameter set, and parameter sets from such files."""
 
 from __future__ import annotations
 
+import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 
 from ema.core.errors import InputError
-from pipelines.export.tir_belt import BeltValue, belt_values
-from pipelines.export.tir_file import TirEntry, TirFile
-from pipelines.export.tir_units import TirUnits, clear_si_value, units_of
-from pipelines.results.parameter_set import ParameterSet
+from model.errors import ParameterError
+from model.foundation import foundation_from_belt_modes
+from model.identifiability import NOT_IDENTIFIED
+from model.tuning_problem import BENDING
+from model.tuning_search import TYPICAL
+from pipelines.export.belt import belt_values, require_belt_width
+from pipelines.export.tir_file import TirFile
+from pipelines.export.tir_units import TirUnits, clear_si_value, positive_si_value, units_of
+from pipelines.results.parameter_set import Parameter, ParameterSet
+from pipelines.results.provenance import software_version
 
 SECTIONS = {
     "INFLPRES": "OPERATING_CONDITIONS",
     **dict.fromkeys(("BELT_MASS", "BELT_IYY"), "INERTIA"),
     **dict.fromkeys(("FREQ_LONG", "FREQ_WINDUP", "DAMP_LONG", "DAMP_WINDUP"), "STRUCTURAL"),
 }
-_DIGITS = 12  # enough to find the ring again within 1e-9
-_OUT_OF_PLANE = "out of the wheel's plane, in which the ring does not move"
-_WHOLE_TYRE = "of the whole tyre; the ring knows the belt"
-_CONTACT = "static, through the contact patch; the ring was measured without load"
+_DIGITS = 12  # recovers the ring within 1e-9
+_PRESSURE_TOLERANCE = 0.01  # relative difference of INFLPRES and NOMPRES without a note
+_BELT_RADIUS = (0.8, 1.0)  # belt radius over outer radius of a tyre: note outside
+_OUT_OF_PLANE = "out of plane; the ring moves in the plane of the wheel"
+_WHOLE_TYRE = "of the complete tyre; the ring describes the belt"
+_CONTACT = "static, through the contact patch; the ring is measured without load"
 
-#: Related keys that a ring does not determine, and why.
+#: Related keys that a ring does not determine, with the reason.
 LEFT_ALONE = {
     **dict.fromkeys(("MASS", "IXX", "IYY"), _WHOLE_TYRE),
     **dict.fromkeys(("BELT_IXX", "FREQ_LAT", "FREQ_YAW", "DAMP_LAT", "DAMP_YAW"), _OUT_OF_PLANE),
@@ -31,28 +42,15 @@ LEFT_ALONE = {
         ("DAMP_RESIDUAL", "DAMP_VLOW", "Q_BVX", "Q_BVT"), "from tests with a rolling tyre"
     ),
     "NOMPRES": "the pressure at which the rest of the file was measured",
-    **dict.fromkeys(("UNLOADED_RADIUS", "WIDTH"), "of the outline; the ring lies in the belt"),
+    **dict.fromkeys(("UNLOADED_RADIUS", "WIDTH"), "of the outline; the ring is the belt"),
 }
 
 
 @dataclass(frozen=True)
 class TirChange:
-    """A line that changes, in the file's unit.
+    """A line that changes, in the file's unit; `BeltValue` explains basis and doubts.
 
-    Parameters
-    ----------
-    key, section : str
-    line : int or None
-        Its number; None where it is added.
-    old : float or None
-        None where there was no value.
-    new : float
-    std : float or None
-    unit : str
-    basis : str
-        Where the new value comes from.
-    doubts : tuple of str
-        Symbols of parameters that it rests on and that were not identified.
+    A new line has no number; `old` is None where there was no value.
     """
 
     key: str
@@ -73,22 +71,18 @@ class TirChange:
 
 @dataclass(frozen=True)
 class TirUpdate:
-    """What an update does to a file.
+    """Update of a file.
 
     Parameters
     ----------
-    before, after : TirFile
-    changes : tuple of TirChange
     unchanged : tuple of str
-        Keys that hold the ring's value already.
+        Keys that have the ring's value already.
     missing : tuple of str
-        Keys that the ring determines and the file does not hold.
+        Keys that the ring determines and the file does not have.
     open_ones : dict of str to str
         Keys that this set does not determine, and why.
     left_alone : dict of str to tuple of str
-        Keys of the file that no ring determines, by the reason.
-    notes : tuple of str
-        What a reader must know, in sentences.
+        Keys of the file that no ring determines, by reason.
     """
 
     before: TirFile
@@ -104,7 +98,7 @@ class TirUpdate:
 def plan_update(
     tir: TirFile, parameters: ParameterSet, width_m: float | None = None, *, add: bool = False
 ) -> TirUpdate:
-    """Bring those keys up to date that a ring determines; no other line changes.
+    """Update the keys that a ring determines; no other line changes.
 
     Parameters
     ----------
@@ -113,18 +107,14 @@ def plan_update(
     width_m : float, optional
         Belt width b, m. Default: that of the set.
     add : bool
-        Whether keys that the file does not hold are added to their section.
-
-    Returns
-    -------
-    TirUpdate
+        Whether missing keys are added to their section.
 
     Raises
     ------
     InputError
-        For an unknown unit, a value that is no number, or a key that stands there twice.
+        For an unknown unit, a value that is not a number, or a key that is given twice.
     ParameterError
-        If the values of the set make no ring.
+        If the values of the set do not describe a ring.
     """
     units = units_of(tir)
     values, open_ones = belt_values(parameters, width_m)
@@ -135,7 +125,18 @@ def plan_update(
         if entry is None and not add:
             missing.append(key)
             continue
-        change = _change(after, units, key, value, entry)
+        size = units.size(key)
+        change = TirChange(
+            key=key,
+            section=entry.section if entry else SECTIONS[key],
+            line=entry.line if entry else None,
+            old=after.number(key),
+            new=value.value / size,
+            std=None if value.std is None else value.std / size,
+            unit=units.unit(key),
+            basis=value.basis,
+            doubts=value.doubts,
+        )
         text = f"{change.new:.{_DIGITS}g}"
         if entry is None:
             after = after.with_entry(SECTIONS[key], key, text)
@@ -145,6 +146,11 @@ def plan_update(
         else:
             after = after.with_value(entry, text)
         changes.append(change)
+    present = {entry.key for entry in tir.entries if entry.is_in(None)}
+    left_alone: dict[str, tuple[str, ...]] = {}
+    for key, reason in LEFT_ALONE.items():
+        if key in present:
+            left_alone[reason] = (*left_alone.get(reason, ()), key)
     return TirUpdate(
         before=tir,
         after=after,
@@ -152,40 +158,14 @@ def plan_update(
         unchanged=tuple(unchanged),
         missing=tuple(missing),
         open_ones=open_ones,
-        left_alone=_left_alone(tir),
+        left_alone=left_alone,
         notes=tuple(_notes(after, units, changes)),
     )
 
 
-def _change(
-    tir: TirFile, units: TirUnits, key: str, value: BeltValue, entry: TirEntry | None
-) -> TirChange:
-    size = units.size(key)
-    return TirChange(
-        key=key,
-        section=entry.section if entry else SECTIONS[key],
-        line=entry.line if entry else None,
-        old=tir.number(key),
-        new=value.value / size,
-        std=None if value.std is None else value.std / size,
-        unit=units.unit(key),
-        basis=value.basis,
-        doubts=value.doubts,
-    )
-
-
-def _left_alone(tir: TirFile) -> dict[str, tuple[str, ...]]:
-    present = {entry.key for entry in tir.entries() if entry.stands_in(None)}
-    found: dict[str, tuple[str, ...]] = {}
-    for key, reason in LEFT_ALONE.items():
-        if key in present:
-            found[reason] = (*found.get(reason, ()), key)
-    return found
-
-
 def _notes(after: TirFile, units: TirUnits, changes: list[TirChange]) -> list[str]:
     notes = [
-        f"{change.key} rests on {', '.join(change.doubts)}, which was not identified."
+        f"{change.key} depends on {', '.join(change.doubts)}, not identified."
         for change in changes
         if change.doubts
     ]
@@ -195,22 +175,137 @@ def _notes(after: TirFile, units: TirUnits, changes: list[TirChange]) -> list[st
             notes.append(f"{part} is now above {whole}: check the belt width and {whole}.")
     pressure, nominal = (clear_si_value(after, units, key) for key in ("INFLPRES", "NOMPRES"))
     if nominal is not None and nominal <= 0:
-        rule = "tyres are measured under a pressure above zero"
+        rule = "pressure must be > 0"
         raise InputError(f"{after.name}, NOMPRES", f"{nominal:g} Pa", rule, "Correct the value")
-    if pressure is not None and nominal is not None and abs(pressure - nominal) > 0.01 * nominal:
+    if (
+        pressure is not None
+        and nominal is not None
+        and abs(pressure - nominal) > _PRESSURE_TOLERANCE * nominal
+    ):
         notes.append(
             "INFLPRES and NOMPRES differ: a program may scale stiffnesses from one to the other, "
-            "while the values of the ring hold at INFLPRES."
+            "but the values of the ring apply at INFLPRES."
         )
     return notes + unit_notes(units)
 
 
 def unit_notes(units: TirUnits) -> list[str]:
-    """What a reader must know of the units of a file."""
+    """Notes about the units of a file."""
     notes = []
     if units.assumed:
         names = ", ".join(units.assumed)
-        notes.append(f"The file does not state its unit of {names}: SI is taken.")
+        notes.append(f"The file does not state its unit of {names}: SI is assumed.")
     if units.names["TIME"] != "s":
         notes.append(f"Frequencies are in Hz, although TIME is in {units.names['TIME']}.")
     return notes
+
+
+@dataclass(frozen=True)
+class RingFromTir:
+    """A parameter set from a tyre property file, with notes.
+
+    It has no damping: two damping ratios do not determine three parameters.
+    """
+
+    parameters: ParameterSet
+    notes: tuple[str, ...]
+
+
+def ring_from_tir(
+    tir: TirFile, width_m: float | None = None, like: ParameterSet | None = None
+) -> RingFromTir:
+    """Find a, ρh, k_r and k_θ from a tyre property file; the inverse of an update.
+
+    Parameters
+    ----------
+    tir : TirFile
+        With BELT_MASS, BELT_IYY, FREQ_LONG, FREQ_WINDUP and INFLPRES.
+    width_m : float, optional
+        Belt width b, m. Default: that of `like`.
+    like : ParameterSet, optional
+        Gives K and D, which are not in such a file. Default: K from a typical growth on inflation
+        (eq 16), D of a typical tyre.
+
+    Raises
+    ------
+    InputError
+        If a value is missing or not a number, the width is unknown, or no ring has these values.
+    """
+    units = units_of(tir)
+    width = _width(tir, units, width_m, like)
+    mass, inertia, translation, torsion, pressure = (
+        positive_si_value(tir, units, key)
+        for key in ("BELT_MASS", "BELT_IYY", "FREQ_LONG", "FREQ_WINDUP", "INFLPRES")
+    )
+    radius = math.sqrt(inertia / mass)
+    per_area = mass / (2 * math.pi * radius * width)
+    try:
+        found = foundation_from_belt_modes(
+            translation,
+            torsion,
+            mean_radius_m=radius,
+            mass_per_area_kg_m2=per_area,
+            inflation_pressure_pa=pressure,
+            axial_stiffness_n_m=like.ring["axial_stiffness_n_m"].value if like else None,
+        )
+    except ParameterError as error:
+        where = f"{tir.name}, {error.where}"
+        raise InputError(where, error.found, error.rule, error.remedy) from error
+    names = ("axial_stiffness_n_m", "bending_stiffness_n_m")
+    typical = found.axial_stiffness_n_m, TYPICAL[BENDING]
+    assumed = {n: Parameter(value, NOT_IDENTIFIED) for n, value in zip(names, typical, strict=True)}
+    parameters = ParameterSet(
+        designation=tir.name.rpartition(".")[0] or tir.name,
+        conditions={"inflation_pressure_pa": pressure},
+        ring={
+            "mean_radius_m": Parameter(radius),
+            "belt_width_m": Parameter(width),
+            "mass_per_area_kg_m2": Parameter(per_area),
+            "radial_stiffness_n_m3": Parameter(found.radial_stiffness_n_m3),
+            "circumferential_stiffness_n_m3": Parameter(found.circumferential_stiffness_n_m3),
+            **({name: like.ring[name] for name in names} if like else assumed),
+        },
+        provenance={
+            "software": f"ringmodal {software_version()}",
+            "created": datetime.now(UTC).isoformat(timespec="seconds"),
+            "source": tir.name,
+            "source_sha256": hashlib.sha256(tir.content).hexdigest(),
+        },
+    )
+    return RingFromTir(parameters, tuple(_ring_notes(tir, units, radius, like)))
+
+
+def _width(
+    tir: TirFile, units: TirUnits, width_m: float | None, like: ParameterSet | None
+) -> float:
+    if width_m is None and like and "belt_width_m" in like.ring:
+        return like.ring["belt_width_m"].value
+    if width_m is None:
+        outline = clear_si_value(tir, units, "WIDTH")
+        hint = f"; its WIDTH of {outline:g} m is that of the complete section" if outline else ""
+        rule = f"a .tir file does not have it{hint}"
+        raise InputError(tir.name, "no belt width", rule, "Give --belt-width-m")
+    require_belt_width(width_m)
+    return width_m
+
+
+def _ring_notes(
+    tir: TirFile, units: TirUnits, radius: float, like: ParameterSet | None
+) -> list[str]:
+    source = (
+        "they are taken from the set given with --like."
+        if like
+        else "K follows from a typical growth on inflation, D is that of a typical tyre. k_r and "
+        "k_θ depend slightly on K; --like SET takes K and D from a set."
+    )
+    notes = [
+        f"K and D are not in a .tir file: {source}",
+        "Damping is not used: two damping ratios do not determine three parameters.",
+    ]
+    outer = clear_si_value(tir, units, "UNLOADED_RADIUS")
+    if outer and not _BELT_RADIUS[0] <= radius / outer <= _BELT_RADIUS[1]:
+        notes.append(
+            f"The belt's radius √(BELT_IYY/BELT_MASS) is {radius:.3f} m, the tyre's "
+            f"UNLOADED_RADIUS {outer:.3f} m: check both belt values."
+        )
+    return notes + unit_notes(units)

@@ -1,20 +1,34 @@
-"""A parameter set as a file for other programs; formats are functions in one table."""
+"""Parameter sets as files for other programs, and tables of all versions."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from ema.core.errors import InputError, escaped, unknown
-from pipelines.export.modal_targets import write_modal_targets
-from pipelines.results.parameter_set import SCHEMA, Parameter, ParameterSet, write_parameter_set
+from pipelines.export.belt import write_modal_targets
+from pipelines.library.history import history_of
+from pipelines.library.tyre import LibraryTyre
+from pipelines.library.version import ApprovalState, Version, values_of
+from pipelines.results.parameter_set import (
+    CONDITION_NAMES,
+    DAMPING_NAMES,
+    RING_NAMES,
+    SCHEMA,
+    WHEEL_NAMES,
+    Parameter,
+    ParameterSet,
+    write_parameter_set,
+)
+from pipelines.storage import tables
 from pipelines.storage.atomic import file_written_whole
+from pipelines.storage.checksums import DamagedFile
 from pipelines.storage.plain_values import plain
-from pipelines.storage.tables import table_of
-from pipelines.storage.tables import write_csv as write
 
 COLUMNS = ("section", "name", "value", "std", "how")
 
@@ -22,79 +36,121 @@ COLUMNS = ("section", "name", "value", "std", "how")
 def write_json(parameters: ParameterSet, path: Path) -> None:
     """Write a parameter set as JSON, sections and names as in TOML."""
     sections = {key: part for key, part in asdict(parameters).items() if part}
-    for name in ("ring", "damping"):
-        if name in sections:
-            sections[name] = {key: _told(entry) for key, entry in sections[name].items()}
-    whole = plain({"schema": SCHEMA, **sections})
-    text = json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False)
+    for name in {"ring", "damping"} & sections.keys():
+        sections[name] = {
+            key: {field: value for field, value in entry.items() if value is not None}
+            for key, entry in sections[name].items()
+        }
+    content = plain({"schema": SCHEMA, **sections})
+    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
     path.write_text(escaped(text) + "\n", encoding="utf-8", newline="\n")
 
 
 def write_csv(parameters: ParameterSet, path: Path) -> None:
     """Write a parameter set as a table of section, name, value, standard deviation and origin."""
-    write(path, table_of(COLUMNS, _rows(parameters)))
-
-
-def _toml(parameters: ParameterSet, path: Path) -> None:
-    write_parameter_set(path, parameters)
-
-
-def _modal_targets(parameters: ParameterSet, path: Path) -> None:
-
-    write_modal_targets(parameters, path)
+    rows: list[tuple[Any, ...]] = [("", "designation", parameters.designation, None, "")]
+    for name, value in parameters.conditions.items():
+        rows.append(("conditions", name, value, None, "given"))
+    wheel = {name: Parameter(value) for name, value in parameters.wheel.items()}
+    sections = {"ring": parameters.ring, "damping": parameters.damping, "wheel": wheel}
+    for section, entries in sections.items():
+        for name, entry in entries.items():
+            rows.append((section, name, entry.value, entry.std, entry.how))
+    tables.write_csv(path, tables.table_of(COLUMNS, rows))
 
 
 #: Writers by the name of their format: each takes a parameter set and the file to write.
-FORMATS: dict[str, Callable[[ParameterSet, Path], None]] = {
-    "toml": _toml,
+FORMATS: dict[str, Callable[[ParameterSet, Path], Any]] = {
+    "toml": lambda parameters, path: write_parameter_set(path, parameters),
     "json": write_json,
     "csv": write_csv,
-    "modal-targets": _modal_targets,
+    "modal-targets": write_modal_targets,
 }
 
 
 def export(parameters: ParameterSet, path: Path, file_format: str = "") -> str:
-    """Write a parameter set in a format, whole or not at all.
+    """Write a parameter set atomically in a format of `FORMATS`, by default that of the ending.
 
-    Parameters
-    ----------
-    parameters : ParameterSet
-    path : Path
-    file_format : str
-        A key of `FORMATS`; default: the ending of `path`.
-
-    Returns
-    -------
-    str
-        The format.
-
-    Raises
-    ------
-    InputError
-        If there is no such format, or the file cannot be written.
+    Returns the format; `InputError` if it is unknown, or the file cannot be written.
     """
     wanted = file_format.casefold() or path.suffix.lower().lstrip(".")
     if wanted not in FORMATS:
         where = "--format" if file_format else str(path)
-        raise unknown(where, file_format or wanted, "there is no such format", FORMATS)
+        raise unknown(where, file_format or wanted, "unknown format", FORMATS)
     if path.is_dir() or not path.absolute().parent.is_dir():
-        found = "a folder" if path.is_dir() else "a place in a folder that does not exist"
-        raise InputError(str(path), found, "it must be a new or old file", "Choose another place")
+        found = "a folder" if path.is_dir() else "its folder does not exist"
+        raise InputError(str(path), found, "the name of a file is needed", "Choose another place")
     with file_written_whole(path) as partial:
         FORMATS[wanted](parameters, partial)
     return wanted
 
 
-def _told(entry: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in entry.items() if value is not None}
+Row = dict[str, Any]
+
+_TEXTS = ("tyre", "designation", "tyre_id", "created", "author", "note", "campaign", "software")
+CONDITIONS = ("inflation_pressure_pa", *CONDITION_NAMES)
+OF_VERSION = (
+    *("tyre", "designation", "tyre_id", "version", "approved", "created", "author", "note"),
+    *("campaign", "software", *CONDITIONS),
+)
+LONG = (*OF_VERSION, "parameter", "value", "std", "how")
+_PARAMETERS = (*RING_NAMES, *DAMPING_NAMES, *(f"wheel_{name}" for name in WHEEL_NAMES))
+WIDE = (*OF_VERSION, *(name + end for name in _PARAMETERS for end in ("", "_std", "_how")))
 
 
-def _rows(parameters: ParameterSet) -> Iterator[tuple[Any, ...]]:
-    yield "", "designation", parameters.designation, None, ""
-    for name, value in parameters.conditions.items():
-        yield "conditions", name, value, None, "given"
-    wheel = {name: Parameter(value) for name, value in parameters.wheel.items()}
-    sections = {"ring": parameters.ring, "damping": parameters.damping, "wheel": wheel}
-    for section, entries in sections.items():
-        for name, entry in entries.items():
-            yield section, name, entry.value, entry.std, entry.how
+def version_rows(
+    tyres: Iterable[LibraryTyre], *, wide: bool = False
+) -> tuple[list[Row], list[DamagedFile]]:
+    """Rows of all versions of some tyres, and the damage found.
+
+    Wide: one row per version with the columns `WIDE`, else one per version and parameter, `LONG`.
+    """
+    rows: list[Row] = []
+    damage: list[DamagedFile] = []
+    for history in map(history_of, tyres):
+        damage += history.damage
+        for line in history.lines:
+            approved = line.approval is ApprovalState.APPROVED
+            common = _of_version(line.version, approved=approved)
+            values = values_of(line.version.parameters).items()
+            if wide:
+                parts = [
+                    {name: each.value, f"{name}_std": each.std, f"{name}_how": each.how}
+                    for name, each in values
+                ]
+                rows.append({key: cell for part in (common, *parts) for key, cell in part.items()})
+            else:
+                rows += [common | {"parameter": name, **asdict(each)} for name, each in values]
+    return rows, damage
+
+
+def write_table(path: Path, rows: Sequence[Row], *, wide: bool = False) -> None:
+    """Write rows as CSV or Parquet, by the ending of `path`; written atomically."""
+    columns = WIDE if wide else LONG
+    table = pd.DataFrame(rows, columns=list(columns), dtype=object)
+    tables.write_table(path, table.astype({name: _type_of(name) for name in columns}))
+
+
+def _of_version(version: Version, *, approved: bool) -> Row:
+    own, entry = version.parameters, version.entry
+    stated = {name: own.conditions.get(name) for name in CONDITIONS}
+    return {
+        "tyre": version.tyre,
+        "designation": own.designation,
+        "tyre_id": entry.tyre_id,
+        "version": version.number,
+        "approved": approved,
+        "created": entry.created,
+        "author": entry.author,
+        "note": entry.note,
+        "campaign": str(own.provenance.get("campaign", "")),
+        "software": str(own.provenance.get("software", entry.software)),
+        # A set written by hand may have words.
+        **{name: float(v) if isinstance(v, int | float) else None for name, v in stated.items()},
+    }
+
+
+def _type_of(name: str) -> str:
+    if name in (*_TEXTS, "parameter", "how") or name.endswith("_how"):
+        return "string"
+    return {"version": "Int32", "approved": "boolean"}.get(name, "Float64")

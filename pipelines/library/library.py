@@ -1,4 +1,4 @@
-"""The library of parameter sets: a folder of tyres, each with numbered versions."""
+"""The library of parameter sets: a folder of tyres with numbered versions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _RESULT, _SET = "provenance.json", "tyre.toml"
 
 @dataclass(frozen=True)
 class NamedSet:
-    """A parameter set and how messages call it: ``NAME@3``, or the path it was read from."""
+    """A parameter set and its name in messages: ``NAME@3``, or the path of its file."""
 
     name: str
     parameters: ParameterSet
@@ -36,59 +36,35 @@ class NamedSet:
 
 @dataclass(frozen=True)
 class TyreLibrary:
-    """A folder with one subfolder per tyre.
-
-    Parameters
-    ----------
-    folder : Path
-    """
+    """A folder with one subfolder per tyre."""
 
     folder: Path
 
     def tyres(self) -> tuple[LibraryTyre, ...]:
-        """All tyres, by name.
-
-        Raises
-        ------
-        InputError
-            If there is no such folder.
-        """
+        """All tyres, by name; `InputError` if there is no such folder."""
         if not self.folder.is_dir():
             place = "a file" if self.folder.exists() else "no such folder"
-            remedy = "Check the path; `ringmodal tyre add` begins a new library"
-            raise InputError(str(self.folder), place, "a library is a folder", remedy)
+            remedy = "Check the path; `ringmodal tyre add` creates a library"
+            raise InputError(str(self.folder), place, "a library must be a folder", remedy)
         folders = (path for path in self.folder.iterdir() if path.is_dir())
         found = [LibraryTyre(path) for path in folders if numbered_files(path)]
         return tuple(sorted(found, key=lambda tyre: tyre.name.casefold()))
 
     def tyre(self, name: str) -> LibraryTyre:
-        """The tyre that is meant by its name here, its designation, or its id.
-
-        Raises
-        ------
-        InputError
-            If there is none, or several.
-        """
+        """The only tyre with this name in the library, this designation, or this id."""
         tyres = self.tyres()
         exact = [tyre for tyre in tyres if tyre.name.casefold() == _as_folder(name)]
-        meant = exact or [tyre for tyre in tyres if _as_folder(name) in _names(tyre)]
-        if len(meant) == 1:
-            return meant[0]
-        names = [tyre.name for tyre in meant or tyres]
-        if not meant:
-            rule = f"there is no such tyre in {self.folder}"
-            raise unknown("tyre", name, rule, names)
-        rule = f"several tyres go by it: {', '.join(names)}"
+        matching = exact or [tyre for tyre in tyres if _as_folder(name) in _names(tyre)]
+        if len(matching) == 1:
+            return matching[0]
+        names = [tyre.name for tyre in matching or tyres]
+        if not matching:
+            raise unknown("tyre", name, f"not found in {self.folder}", names)
+        rule = f"several tyres match: {', '.join(names)}"
         raise InputError("tyre", repr(name), rule, f"Write e.g. {names[0]}")
 
     def version(self, reference: str) -> Version:
-        """The version that ``NAME``, ``NAME@3``, ``NAME@approved`` or ``NAME@newest`` means.
-
-        Raises
-        ------
-        InputError
-            If there is none, or its file is damaged.
-        """
+        """The version ``NAME``, ``NAME@3``, ``NAME@approved`` or ``NAME@newest``."""
         name, version = split_reference(reference)
         return self.tyre(name).chosen(version)
 
@@ -102,34 +78,31 @@ class TyreLibrary:
         conditions: Mapping[str, float] | None = None,
         accept_changes: bool = False,
     ) -> Version:
-        """Add a parameter set as a new version of its tyre.
+        """Add the parameter set of a result folder or a TOML file as a new version of its tyre.
 
         Parameters
         ----------
-        source : path
-            A result folder or a parameter set in TOML.
         tyre_id : str
-            Tells tyres of one designation apart.
+            Distinguishes tyres of one designation.
         note, author : str
-            Author: default the login name.
+            Default author: the login name.
         conditions : mapping of str to float, optional
             Further conditions, named as in `CONDITION_NAMES`.
         accept_changes : bool
-            Whether to take a result or a set that was edited; its provenance says so then.
-
-        Returns
-        -------
-        Version
+            Accept an edited result or set; this is recorded in its provenance.
 
         Raises
         ------
         InputError
-            If it is no parameter set of a possible ring, was edited and is not accepted, or the
-            name belongs to another tyre.
+            If the parameters do not describe a ring, were edited and are not accepted, or the name
+            belongs to another tyre.
         """
         path = parameter_file(Path(source))
         found = read_source(Path(source), accept_changes=accept_changes)
-        parameters = _with_conditions(found, conditions or {})
+        for name in conditions or {}:
+            if name not in CONDITION_NAMES:
+                raise unknown("--condition", name, "unknown condition", CONDITION_NAMES)
+        parameters = replace(found, conditions={**found.conditions, **(conditions or {})})
         _require_ring(path, parameters)
         entry = Entry(
             **signed_now(author or login_name()),
@@ -140,73 +113,50 @@ class TyreLibrary:
         )
         self._require_place()
         with folder_in_use(self.folder):
-            return self._tyre_for(parameters.designation, tyre_id).add(parameters, entry)
+            wanted = folder_name(parameters.designation, tyre_id)
+            same = [t for t in self.tyres() if t.name.casefold() == wanted.casefold()]
+            tyre = same[0] if same else LibraryTyre(self.folder / wanted)
+            return tyre.add(parameters, entry)
 
     def _require_place(self) -> None:
-        """Refuse a folder whose parent does not exist: a mistyped path makes none."""
+        """Refuse a folder whose parent does not exist, as after a typing error."""
         if not self.folder.absolute().parent.is_dir():
-            rule = "a new library needs an existing folder around it"
+            rule = "the parent folder of a library must exist"
             raise InputError(str(self.folder), "no such folder", rule, "Check the path")
         if self.folder.exists() and not self.folder.is_dir():
-            raise InputError(str(self.folder), "a file", "a library is a folder", "Name a folder")
-
-    def _tyre_for(self, designation: str, tyre_id: str) -> LibraryTyre:
-        wanted = folder_name(designation, tyre_id)
-        same = [t for t in self.tyres() if t.name.casefold() == wanted.casefold()]
-        return same[0] if same else LibraryTyre(self.folder / wanted)
+            rule = "a library must be a folder"
+            raise InputError(str(self.folder), "a file", rule, "Name a folder")
 
 
 def resolve(
     reference: str, library: Path | None = None, *, accept_changes: bool = False
 ) -> NamedSet:
-    """Parameter set that a text on the command line means.
+    """Parameter set of a reference on the command line.
 
-    Parameters
-    ----------
-    reference : str
-        A result folder, a parameter set in TOML, or a version of a tyre in the library: ``NAME``,
-        ``NAME@3``.
-    library : Path, optional
-        Needed for the latter.
-    accept_changes : bool
-        Whether to take a result or a set that was edited.
-
-    Returns
-    -------
-    NamedSet
-
-    Raises
-    ------
-    InputError
-        If it means none, or the file is damaged, or edited and not accepted.
+    It names a result folder, a parameter set in TOML, or a version of a tyre in the library,
+    ``NAME`` or ``NAME@3``. Edited results and sets are refused unless accepted.
     """
     path = Path(reference)
     if path.is_file() or any((path / name).is_file() for name in (_RESULT, _SET)):
         return NamedSet(reference, read_source(path, accept_changes=accept_changes))
     if library is None:
-        rule = "it is no file or result folder, and no library is named"
-        raise InputError(
-            reference, "no such file", rule, f"Check the path, or give --library or {VARIABLE}"
-        )
+        rule = "it is not a file or result folder, and no library is given"
+        remedy = f"Check the path, or give --library or {VARIABLE}"
+        raise InputError(reference, "no such file", rule, remedy)
     version = TyreLibrary(library).version(reference)
     return NamedSet(version.reference, version.for_others)
 
 
 def read_source(source: Path, *, accept_changes: bool = False, lone: bool = True) -> ParameterSet:
-    """Parameter set of a result folder or file, which must be as it was written.
+    """Parameter set of a result folder or file, which must not be edited.
 
     Parameters
     ----------
     source : Path
     accept_changes : bool
-        Whether to take it although it was edited; its provenance says so then.
+        Accept it although it was edited; this is recorded in its provenance.
     lone : bool
-        Whether that is demanded of a file too, and not of a result folder alone.
-
-    Raises
-    ------
-    InputError
-        If there is none, or it was edited and is not accepted.
+        Whether a single file is checked too, and not only a result folder.
     """
     changes: Iterable[str] = ()
     if (source / _RESULT).is_file():
@@ -220,13 +170,7 @@ def read_source(source: Path, *, accept_changes: bool = False, lone: bool = True
 
 
 def parameter_file(source: Path) -> Path:
-    """The parameter set of a result folder, or the file itself.
-
-    Raises
-    ------
-    InputError
-        If a folder holds none.
-    """
+    """The parameter set of a result folder, or the file itself; `InputError` if there is none."""
     if not source.is_dir():
         return source
     path = source / _SET
@@ -236,20 +180,14 @@ def parameter_file(source: Path) -> Path:
         raise InputError(
             str(source),
             f"no {_SET}",
-            "its ring steps were left out" if is_result else "it is no result folder",
+            "its ring steps were left out" if is_result else "it is not a result folder",
             remedy if is_result else "Give a result folder or a parameter set",
         )
     return path
 
 
 def conditions_of(texts: Iterable[str]) -> dict[str, float]:
-    """Conditions of repeated ``NAME=VALUE`` texts.
-
-    Raises
-    ------
-    InputError
-        If a text is none, or its value no finite number.
-    """
+    """Conditions of repeated ``NAME=VALUE`` texts; `InputError` if one is malformed."""
     found = {}
     for text in texts:
         name, _, value = text.partition("=")
@@ -264,13 +202,6 @@ def conditions_of(texts: Iterable[str]) -> dict[str, float]:
     return found
 
 
-def _with_conditions(parameters: ParameterSet, given: Mapping[str, float]) -> ParameterSet:
-    for name in given:
-        if name not in CONDITION_NAMES:
-            raise unknown("--condition", name, "there is no such condition", CONDITION_NAMES)
-    return replace(parameters, conditions={**parameters.conditions, **given})
-
-
 def _require_ring(path: Path, parameters: ParameterSet) -> None:
     try:
         _ = parameters.ring_parameters, parameters.ring_damping, parameters.wheel_parameters
@@ -279,14 +210,14 @@ def _require_ring(path: Path, parameters: ParameterSet) -> None:
 
 
 def _as_folder(name: str) -> str:
-    """A tyre's name as its folder would be called; empty where no folder could be."""
+    """Name of the folder of a tyre; empty where the name makes no folder."""
     with suppress(InputError):
         return folder_name(name).casefold()
     return ""
 
 
 def _names(tyre: LibraryTyre) -> set[str]:
-    """Designation and id of a tyre, as they would be as folders; none where all is damaged."""
+    """Designation and id of a tyre, as names of folders; none where all is damaged."""
     with suppress(DamagedFile):
         latest = tyre.latest_intact()
         texts = (latest.parameters.designation, latest.entry.tyre_id)

@@ -1,8 +1,8 @@
-"""Numbered files, each whole from the moment it is seen, however many write at the same time.
+"""Numbered files of many writers, each file complete from the moment it is visible.
 
-A file is written and flushed under a hidden name and then takes the next free number by an
-operation that fails where the number is taken: a hard link, on Windows a rename. A kill leaves the
-number free. Drives without hard links give way to one writer at a time.
+A file is written and flushed under a hidden name. Then it takes the next free number by an
+operation that fails where the number is taken: a hard link, on Windows a rename. On drives without
+hard links the writers take turns. A kill leaves the number free.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from pathlib import Path
 from ema.core.errors import InputError
 from pipelines.storage.atomic import partial_name, remove_abandoned
 
-ABANDONED_S = 30.0  # a writer that has its turn needs milliseconds
+ABANDONED_S = 30.0  # a turn takes milliseconds; after this time without change it is abandoned
 _POLL_S = 0.02
-_ATTEMPTS = 6  # a virus scanner may hold a new file for a moment
+_ATTEMPTS = 6  # a virus scanner may lock a new file for a moment
 _RENAME_KEEPS = os.name == "nt"  # there, a rename fails where the name is taken
 _NO_LINKS = {
     *(errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP),
@@ -29,10 +29,13 @@ _NO_LINKS = {
 }
 _NUMBERED = re.compile(r"(\d{4,})\.toml")
 _NEXT = "next.toml"
+APPROVED, NEWEST = "approved", "newest"
+_LONGEST = 80  # bytes in UTF-8: a name has 255, and on Windows a whole path about 250 characters
+_OF_WINDOWS = re.compile(r"(con|prn|aux|nul|(com|lpt)[\d¹²³])(\..*)?", re.IGNORECASE)
 
 
 def numbered_files(folder: Path) -> dict[int, Path]:
-    """Numbered files of a folder in ascending order; none where there is no such folder."""
+    """Numbered files of a folder, ascending; none where the folder does not exist."""
     if not folder.is_dir():
         return {}
     names = (_NUMBERED.fullmatch(path.name) for path in folder.iterdir())
@@ -41,29 +44,24 @@ def numbered_files(folder: Path) -> dict[int, Path]:
 
 
 def numbered(folder: Path, number: int) -> Path:
-    """Place of a number."""
+    """Path of the file of a number."""
     return folder / f"{number:04}.toml"
 
 
 def write_next(folder: Path, text_of: Callable[[int], str]) -> int:
-    """Write a file under the next free number.
+    """Write a file under the next free number; numbers are consecutive.
 
     Parameters
     ----------
     folder : Path
-        Made where it does not exist.
+        Created if missing.
     text_of : callable
-        Text for a number; no two calls anywhere may give the same text.
-
-    Returns
-    -------
-    int
-        The number; numbers follow each other without gap.
+        Text for a number; different for every call on any machine.
 
     Raises
     ------
     OSError
-        If nothing can be written there; nothing is left behind then.
+        If the drive cannot be written; nothing is left behind.
     """
     with folder_in_use(folder):
         remove_abandoned(folder / _NEXT)
@@ -78,20 +76,20 @@ def write_next(folder: Path, text_of: Callable[[int], str]) -> int:
 
 @contextmanager
 def folder_in_use(folder: Path) -> Iterator[None]:
-    """Make a folder where there is none; where nothing came of it, it is gone again."""
+    """Create a folder if missing; on an error it is removed again."""
     is_new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     try:
         yield
     except BaseException:
         if is_new:
-            with suppress(OSError):  # somebody else has written there
+            with suppress(OSError):  # another process has written there
                 folder.rmdir()
         raise
 
 
 def _taken(place: Path, text: str) -> bool:
-    """Whether `text` took a place that was free."""
+    """Write `text` to a place; False if the place is taken."""
     with _hidden(place, text) as partial:
         try:
             return _renamed(partial, place) if _RENAME_KEEPS else _linked(partial, place)
@@ -125,17 +123,18 @@ def _renamed(partial: Path, place: Path) -> bool:
 
 
 def _taken_in_turn(place: Path, text: str) -> bool:
-    """The same without links: whoever makes the one hidden file has its turn.
+    """The same without links: the writer that creates the one hidden file has the turn.
 
-    That file holds the text and is renamed to its place, which ends the turn in the same step.
+    That file has the text; renaming it to its place ends the turn in the same step, so that no
+    kill and no abandoned turn loses a version. A lock beside the file cannot do this.
     """
     turn = place.with_name(".turn")
     while not place.exists():
         _await_turn(turn, text)
-        if place.exists():  # somebody's turn ended just before ours began
+        if place.exists():  # another turn ended just before ours began
             turn.unlink(missing_ok=True)
             break
-        with suppress(FileNotFoundError):  # ours was taken for abandoned
+        with suppress(FileNotFoundError):  # another writer took our turn for abandoned
             turn.rename(place)
     return place.read_text(encoding="utf-8") == text
 
@@ -149,26 +148,15 @@ def _await_turn(turn: Path, text: str) -> None:
             time.sleep(_POLL_S)
         else:
             return
-        # Clocks of other machines differ: what counts is for how long nothing changed.
-        state = _state(turn)
-        if state != seen:
-            seen, since_s = state, time.monotonic()
-        elif state is not None and time.monotonic() - since_s > ABANDONED_S:
-            _discard(turn)
-
-
-def _state(path: Path) -> tuple[int, int, int] | None:
-    with suppress(FileNotFoundError):
-        found = path.stat()
-        return found.st_ino, found.st_mtime_ns, found.st_size
-    return None
-
-
-def _discard(turn: Path) -> None:
-    aside = partial_name(turn.with_name(_NEXT))
-    with suppress(FileNotFoundError):  # somebody else did
-        turn.rename(aside)
-        aside.unlink()
+        with suppress(FileNotFoundError):  # the turn ended
+            found = turn.stat()
+            state = found.st_ino, found.st_mtime_ns, found.st_size
+            # Clocks of other machines differ: measure how long nothing has changed.
+            if state != seen:
+                seen, since_s = state, time.monotonic()
+            elif time.monotonic() - since_s > ABANDONED_S:
+                turn.rename(aside := partial_name(turn.with_name(_NEXT)))
+                aside.unlink()
 
 
 @contextmanager
@@ -178,25 +166,25 @@ def _hidden(place: Path, text: str) -> Iterator[Path]:
         _write(partial, text)
         yield partial
     finally:
-        with suppress(OSError):  # renamed, or never made
+        with suppress(OSError):  # renamed, or not written
             partial.unlink()
 
 
 def _write(path: Path, text: str) -> None:
-    """Write a new file through to the disk; FileExistsError where there is one."""
+    """Write and flush a new file; FileExistsError where there is one."""
     file = path.open("x", encoding="utf-8", newline="\n")
     try:
         with file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-    except OSError as error:  # of a full drive does not name the file
+    except OSError as error:  # on a full drive without the name of the file
         path.unlink(missing_ok=True)
         raise OSError(error.errno, error.strerror, str(path.parent)) from error
 
 
 def _flush_folder(folder: Path) -> None:
-    """Write the folder's new entry through to the disk, where the system can."""
+    """Flush the new entry of a folder, where the system can."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:
@@ -205,77 +193,38 @@ def _flush_folder(folder: Path) -> None:
             os.close(handle)
 
 
-APPROVED, NEWEST = "approved", "newest"
-_LONGEST = 80  # bytes in UTF-8: a name has 255, and on Windows a whole path about 250 characters
-_OF_WINDOWS = re.compile(r"(con|prn|aux|nul|(com|lpt)[\d¹²³])(\..*)?", re.IGNORECASE)
-
-
 def folder_name(designation: str, tyre_id: str = "") -> str:
-    """Name of a tyre's folder, allowed on Windows too: ``225-55R17`` or ``225-55R17_winter-A``.
+    """Name of a tyre's folder, allowed on Windows too: ``225-55R17`` or ``225-55R17_winter-A``."""
 
-    Parameters
-    ----------
-    designation : str
-        As on the sidewall, ``225/55R17``.
-    tyre_id : str
-        Tells tyres of one designation apart.
+    def safe(text: str) -> str:
+        words = re.sub(r"[^\w.]+", "-", unicodedata.normalize("NFC", text))
+        return words.encode()[:_LONGEST].decode(errors="ignore").strip("-._")
 
-    Raises
-    ------
-    InputError
-        If there is no letter or digit in it.
-    """
-    name = "_".join(part for part in map(_safe, (designation, tyre_id)) if part)
+    name = "_".join(filter(None, map(safe, (designation, tyre_id))))
     if not name:
-        raise InputError(
-            "tyre's name",
-            repr(designation),
-            "a folder is named after it, which takes a letter or a digit",
-            "Name the tyre with --tyre",
-        )
+        rule = "it must contain a letter or a digit for the name of its folder"
+        raise InputError("tyre's name", repr(designation), rule, "Name the tyre with --tyre")
     return f"tyre-{name}" if _OF_WINDOWS.fullmatch(name) else name
 
 
-def _safe(text: str) -> str:
-    words = re.sub(r"[^\w.]+", "-", unicodedata.normalize("NFC", text))
-    return words.encode()[:_LONGEST].decode(errors="ignore").strip("-._")
-
-
 def split_reference(text: str) -> tuple[str, int | str]:
-    """Tyre and version of ``NAME``, ``NAME@3``, ``NAME@approved`` or ``NAME@newest``.
-
-    Returns
-    -------
-    tuple of str and (int or str)
-        Version ``""`` where none is named.
-
-    Raises
-    ------
-    InputError
-        If the version is none of these.
-    """
+    """Tyre and version of ``NAME`` (version ``""``), ``NAME@3``, ``NAME@approved``, ``@newest``."""
     name, at, version = text.rpartition("@")
     if not at:
         return text, ""
     if version in (APPROVED, NEWEST):
         return name, version
     if not re.fullmatch(r"[0-9]{1,9}", version) or int(version) == 0:
-        rule = f"a version is a number from 1 on, {APPROVED} or {NEWEST}"
+        rule = f"a version must be a number from 1, {APPROVED} or {NEWEST}"
         raise InputError(text, f"version {version!r}", rule, f"Write e.g. {name}@1")
     return name, int(version)
 
 
 def require_version(reference: str, command: str) -> str:
-    """Tyre of a reference that has to name a version.
-
-    Raises
-    ------
-    InputError
-        If it names none.
-    """
+    """Tyre of a reference that must name a version; `InputError` if it does not."""
     name, version = split_reference(reference)
     if not version:
-        rule = "the version has to be named: a newer one may have come in the meantime"
+        rule = "name the version: a newer one may have been added in the meantime"
         remedy = f"Write e.g. `ringmodal tyre {command} {name}@1`"
         raise InputError(reference, "no version", rule, remedy)
     return name

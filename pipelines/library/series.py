@@ -1,19 +1,17 @@
-"""Parameters of one tyre over inflation pressure, each with a weighted straight line."""
+"""Parameters of a tyre over inflation pressure, with straight lines fitted."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, nan, sqrt
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ema.core.errors import InputError, unknown
 from model.identifiability import GIVEN, IDENTIFIED
-from pipelines.library.diff import recordings, values_of
-from pipelines.library.version import Version
+from pipelines.library.version import Version, recordings, values_of
 from pipelines.results.parameter_set import DAMPING_NAMES, RING_NAMES
 
 PRESSURE = "inflation_pressure_pa"
@@ -29,11 +27,11 @@ class Line:
     centre : float
         Weighted mean of x.
     value, value_std : float
-        At the centre; the standard deviation is NaN where nothing tells it.
+        At the centre; the standard deviation is NaN where unknown.
     slope, slope_std : float
     scatter : float
-        Root of chi-square per degree of freedom, by which the standard deviations were raised
-        where it exceeds 1; NaN where no points are left over, or σ is not known of all.
+        Root of χ² per degree of freedom, by which the standard deviations are raised where it
+        exceeds 1; NaN without degrees of freedom, or where σ of a point is unknown.
     """
 
     centre: float
@@ -54,17 +52,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Trend:
-    """One parameter over pressure.
-
-    Parameters
-    ----------
-    name : str
-    pressure_pa, value, std : ndarray, shape (n_points,)
-        The std is NaN where unknown.
-    version : tuple of int
-        Where each point comes from.
-    line : Line
-    """
+    """One parameter over pressure: arrays of shape (n_points,), the std NaN where unknown."""
 
     name: str
     pressure_pa: NDArray[np.float64]
@@ -76,15 +64,7 @@ class Trend:
 
 @dataclass(frozen=True)
 class Series:
-    """Identified parameters of one tyre over pressure.
-
-    Parameters
-    ----------
-    tyre : str
-    trends : tuple of Trend
-    notes : tuple of str
-        What was left out, and what else changed besides the pressure.
-    """
+    """Identified parameters of one tyre over pressure; notes say what was left out or changed."""
 
     tyre: str
     trends: tuple[Trend, ...]
@@ -94,7 +74,7 @@ class Series:
 def pressure_series(versions: Sequence[Version], names: Sequence[str] = ()) -> Series:
     """Parameters over pressure.
 
-    Only identified values count, and of several versions from the same recordings the newest.
+    Only identified values are used, and of several versions from the same recordings the newest.
 
     Parameters
     ----------
@@ -106,12 +86,12 @@ def pressure_series(versions: Sequence[Version], names: Sequence[str] = ()) -> S
     Raises
     ------
     InputError
-        If there is no such parameter, or no two pressures at which it was identified.
+        If a parameter is unknown, or was not identified at two pressures.
     """
     known = (*RING_NAMES, *DAMPING_NAMES)
     for name in names:
         if name not in known:
-            raise unknown("--parameter", name, "there is no such parameter", known)
+            raise unknown("--parameter", name, "unknown parameter", known)
     used = _independent(versions)
     found = {name: _trend(name, used) for name in names or known}
     trends = tuple(trend for trend in found.values() if trend is not None)
@@ -124,34 +104,22 @@ def pressure_series(versions: Sequence[Version], names: Sequence[str] = ()) -> S
 def fit_line(x: ArrayLike, y: ArrayLike, std: ArrayLike) -> Line:
     """Straight line by least squares, weighted with 1/σ² where σ is known of all points.
 
-    Parameters
-    ----------
-    x, y, std : array_like, shape (n_points,)
-        Two different x at least.
-
-    Returns
-    -------
-    Line
-        Its standard deviations follow from σ, raised where the points scatter more than that;
-        without σ they follow from the scatter about the line, and are NaN without any.
+    Standard deviations follow from σ, raised where the points scatter more; without σ they follow
+    from the scatter about the line, and are NaN where there is none. Two different x are needed.
     """
     x, y, std = (np.asarray(each, dtype=float) for each in (x, y, std))
     weighted = bool(np.all(np.isfinite(std) & (std > 0)))
     weight = std**-2 if weighted else np.ones_like(x)
-    total = weight.sum()
-    centre = float(weight @ x / total)
-    spread = float(weight @ (x - centre) ** 2)
-    first = float(y[0])  # equal values then leave exactly nothing, where rounding would show
-    y = y - first
-    mean, slope = float(weight @ y / total), float(weight @ ((x - centre) * y) / spread)
-    left_over = x.size - 2
-    misfit = float(weight @ (y - mean - slope * (x - centre)) ** 2)
-    tells = left_over > 0 and (weighted or misfit > 0)
-    scatter = sqrt(misfit / left_over) if tells else nan
+    centre = float(weight @ x / weight.sum())
+    first = float(y[0])  # then equal values give a χ² of exactly 0
+    fitted, covariance = np.polyfit(x - centre, y - first, 1, w=np.sqrt(weight), cov="unscaled")
+    residuals = y - first - np.polyval(fitted, x - centre)
+    freedom, chi_square = x.size - 2, float(weight @ residuals**2)
+    scatter = sqrt(chi_square / freedom) if freedom > 0 and (weighted or chi_square > 0) else nan
     factor = max(1.0, scatter if isfinite(scatter) else 0.0) if weighted else scatter
-    std_of = factor / np.sqrt([total, spread])
-    shown = scatter if weighted else nan
-    return Line(centre, first + mean, float(std_of[0]), slope, float(std_of[1]), shown)
+    slope_std, value_std = (factor * np.sqrt(np.diag(covariance))).tolist()
+    slope, value = fitted.tolist()
+    return Line(centre, first + value, value_std, slope, slope_std, scatter if weighted else nan)
 
 
 def _independent(versions: Sequence[Version]) -> list[Version]:
@@ -183,13 +151,11 @@ def _trend(name: str, versions: Sequence[Version]) -> Trend | None:
 
 def _no_series(used: Sequence[Version], tyre: str, missing: Sequence[str]) -> InputError:
     pressures = sorted({each.parameters.conditions[PRESSURE] for each in used})
-    told = ", ".join(f"{pressure / UNITS_PA['bar']:g}" for pressure in pressures)
+    found = ", ".join(f"{pressure / UNITS_PA['bar']:g}" for pressure in pressures)
     what = ", ".join(missing) or "any parameter"
+    rule = f"a series needs {what} identified at two different pressures"
     return InputError(
-        tyre,
-        f"recordings at {told} bar",
-        f"a series needs {what} identified at two different pressures",
-        "Add results measured at other pressures",
+        tyre, f"recordings at {found} bar", rule, "Add results measured at other pressures"
     )
 
 
@@ -199,31 +165,17 @@ def _notes(
     notes = []
     left_out = [str(each.number) for each in versions if each not in used]
     if left_out:
-        notes.append(
-            f"Left out: {_counted('version', left_out)}, from recordings that a newer version has."
-        )
-    never = [name for name in missing if any(_is_sought(name, each) for each in used)]
+        which = f"version{'s' * (len(left_out) > 1)} {', '.join(left_out)}"
+        notes.append(f"Left out: {which}, from the same recordings as a newer version.")
+    sets = [each.parameters for each in used]
+    sought = {name for each in sets for name, own in values_of(each).items() if own.how != GIVEN}
+    never = [name for name in missing if name in sought]
     if never:
         notes.append(f"Not identified at two pressures: {', '.join(never)}.")
-    for name in _changing_conditions(used):
-        notes.append(f"Besides the pressure, {name} changes from version to version.")
+    names = dict.fromkeys(name for each in sets for name in each.conditions if name != PRESSURE)
+    notes += [
+        f"Besides the pressure, {name} changes from version to version."
+        for name in names
+        if len({str(each.conditions.get(name)) for each in sets}) > 1
+    ]
     return notes
-
-
-def _is_sought(name: str, version: Version) -> bool:
-    own = values_of(version.parameters).get(name)
-    return own is not None and own.how != GIVEN
-
-
-def _counted(noun: str, numbers: Sequence[str]) -> str:
-    return f"{noun}{'s' if len(numbers) > 1 else ''} {', '.join(numbers)}"
-
-
-def _changing_conditions(used: Sequence[Version]) -> list[str]:
-    names: dict[str, set[Any]] = {}
-    for version in used:
-        for name in version.parameters.conditions:
-            names.setdefault(name, set())
-    for name, seen in names.items():
-        seen |= {str(version.parameters.conditions.get(name)) for version in used}
-    return [name for name, seen in names.items() if name != PRESSURE and len(seen) > 1]

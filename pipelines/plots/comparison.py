@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.compare.compare import Comparison
+from pipelines.compare.compare import Comparison, common_positions
 from pipelines.compare.modes import MatchedMode, mode_name
-from pipelines.compare.shapes import common_positions
-from pipelines.compare.significance import SIGNIFICANT, Difference
+from pipelines.compare.significance import Difference
 from pipelines.plots.chart import FAINT, RING, SERIES, Chart, as_text, axis, packed, printed
 from pipelines.plots.charts_data import drive_point_row, frf_axes, magnitude_and_phase
 from pipelines.plots.charts_matrix import mac_chart
@@ -43,7 +42,7 @@ def change_chart(
     count = sum(each.is_significant for each in differences)
     names = _each_once([mode.name for mode in modes])
     traces = (
-        _changes(SIGNIFICANT, names, differences, {"color": RING, "size": 9}, significant=True),
+        _changes("significant", names, differences, {"color": RING, "size": 9}, significant=True),
         _changes(
             "not significant or σ unknown",
             names,

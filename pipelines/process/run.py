@@ -119,6 +119,8 @@ def process(
             result = tune(measured, options)
     in_force = replace(processing, band_hz=band_hz)
     record = provenance(campaign.name, inputs(), options, in_force, found.frf, watch)
+    mass = _sensor_mass(campaign)
+    record["corrections"] = {"sensor_mass_kg": None if mass is None else mass.mass_kg}
     return replace(result, provenance=record)
 
 

@@ -11,9 +11,9 @@ from pipelines.compare.shape_comparison import (
     MATCH_HEAD,
     PAIR_PERCENT,
     SAME,
-    SAME_SHAPE,
     SIMILAR,
     TEXTS,
+    Likeness,
     ShapeComparison,
     match_rows,
 )
@@ -57,7 +57,7 @@ def sections(found: ShapeComparison) -> tuple[Section, ...]:
 
 def verdict(found: ShapeComparison) -> str:
     """How many modes have a counterpart, in a sentence."""
-    same = sum(match.verdict == SAME_SHAPE for match in found.matches)
+    same = sum(match.verdict is Likeness.SAME_SHAPE for match in found.matches)
     return (
         f"{same} of {len(found.matches)} modes of {found.result.name} have the same shape as a "
         f"mode of {found.other.name}."

@@ -16,10 +16,9 @@ from ema.core.modes import Mode
 from ema.io.uff.write import write_time_series
 from model import natural_frequencies_hz
 from model.reference import TABLE_4_RING
-from pipelines.compare.compare import compare, compare_folders
+from pipelines.compare.compare import common_positions, common_shapes, compare, compare_folders
 from pipelines.compare.modes import match_modes, std_of_difference
-from pipelines.compare.shapes import common_positions, common_shapes
-from pipelines.compare.significance import Difference, agreement, holm, judged
+from pipelines.compare.significance import Difference, agreement, holm, jointly_tested
 from pipelines.compare.summary_text import findings
 from pipelines.process.run import process, tune
 from pipelines.report.save import save
@@ -122,7 +121,7 @@ def test_parameters_of_the_same_tyre_agree_and_given_ones_are_not_tested(repeat)
     assert "significant" not in status.values()
 
 
-def test_rings_that_were_told_different_parameters_are_not_tested(base):
+def test_rings_with_different_given_parameters_are_not_tested(base):
     found = compare(base, tune(base, Options(given={"axial_stiffness_n_m": 2.0e7})))
     status = {change.name: (change.status, change.hows) for change in found.parameters}
     assert status["mass_per_area_kg_m2"] == ("not tested", "other parameters given")
@@ -132,7 +131,7 @@ def test_rings_that_were_told_different_parameters_are_not_tested(base):
 # Another pressure
 
 
-def test_more_pressure_raises_every_order_by_what_the_ring_says(harder):
+def test_more_pressure_raises_every_order_as_in_the_ring_model(harder):
     truth = {mode.order: stiffer(mode).frequency_hz - mode.frequency_hz for mode in truth_modes()}
     assert len(harder.modes) == 7
     for mode in harder.modes:
@@ -142,13 +141,13 @@ def test_more_pressure_raises_every_order_by_what_the_ring_says(harder):
         )
 
 
-def test_a_mode_that_the_pressure_moves_out_of_the_band_is_said_to(harder):
+def test_a_mode_that_pressure_shifts_out_of_the_band_has_a_reason(harder):
     (gone,) = harder.only_first
     assert gone.name == "n = 8"
     assert "outside the band of 20 to 260 Hz" in gone.reason
 
 
-def test_conditions_that_differ_are_told(harder):
+def test_different_conditions_are_listed(harder):
     assert [each.name for each in harder.differing] == ["Inflation pressure"]
     assert not harder.is_repeat
     assert not harder.agreement.frequency.is_noise
@@ -157,7 +156,7 @@ def test_conditions_that_differ_are_told(harder):
 # Other grids, missing modes
 
 
-def test_a_missing_mode_is_told_and_moves_no_other(base, campaign):
+def test_a_missing_mode_is_reported_and_shifts_no_other(base, campaign):
     found = compare(base, campaign(14, "lacking", partial(silent, order=4)))
     assert [mode.name for mode in found.only_first] == ["n = 4"]
     assert found.only_first[0].reason == "not found in the other"
@@ -196,7 +195,7 @@ def test_grids_with_nothing_in_common_are_compared_order_by_order():
     assert [mode.name for mode in found.modes] == [f"n = {n}" for n in range(1, 8)]
 
 
-def test_amplitudes_of_orders_have_the_mac_of_the_whole_circle():
+def test_amplitudes_of_orders_have_the_mac_of_the_full_circle():
     random = np.random.default_rng(3)
     mixtures = random.normal(size=(2, 7, 7))
     grids = (np.arange(72) * 5.0, 2.0 + np.arange(60) * 6.0)
@@ -295,7 +294,7 @@ def test_holm_as_printed():
 def test_false_alarms_stay_below_the_level():
     random = np.random.default_rng(5)
     alarms = [
-        any(each.is_significant for each in judged([Difference(0.0, z, 1.0) for z in row]))
+        any(each.is_significant for each in jointly_tested([Difference(0.0, z, 1.0) for z in row]))
         for row in random.normal(size=(2000, 16))
     ]
     assert np.mean(alarms) == pytest.approx(0.05, abs=0.015)
@@ -321,7 +320,7 @@ def test_what_the_band_does_counts_where_bands_differ():
     assert std_of_difference((3.0, 4.0), (np.nan, 0.0), same_band=False) == 5.0
 
 
-def test_a_common_shift_is_told_from_scatter():
+def test_a_common_shift_is_separated_from_scatter():
     moved = [Difference(f, 1.003 * f, 0.0001 * f) for f in (80.0, 100.0, 120.0)]
     found = agreement(moved, [])
     assert found.shift_percent == pytest.approx(0.3)
@@ -339,7 +338,7 @@ def test_another_tyre_held_otherwise_is_doubtful():
     assert any(
         doubt.startswith("Different tyres: 225/55R17 and 205/55R16") for doubt in found.doubts
     )
-    assert any("held differently" in doubt for doubt in found.doubts)
+    assert any("fixed rim" in doubt for doubt in found.doubts)
 
 
 def test_dates_are_no_condition_but_loads_are():

@@ -12,13 +12,12 @@ from results import FREQUENCIES_HZ, structure_result, tyre_result
 from ema.core.errors import InputError
 from ema.io.uff.write import ShapeDataset, nodes_2411, shape_55
 from pipelines.compare.shape_comparison import (
-    Alignment,
     compare_shapes,
     compare_sources,
     explained_share,
     match_rows,
 )
-from pipelines.compare.shape_source import of_result, read_source
+from pipelines.compare.shape_source import Alignment, of_result, read_source
 from pipelines.export.modal import export
 from pipelines.report.save import save
 from pipelines.report.shape_comparison import sections
@@ -44,7 +43,7 @@ def plate(tmp_path_factory):
 def tyre_model(path, *, axes=(0, 2), turned_deg=0.0, sense=1, step_deg=3.0, millimetre=False):
     """A finite-element tyre: tread and sidewalls, modes in pairs, radial and tangential motion.
 
-    Its pairs stand at angles of their own; frequencies are 2 % above those of the result.
+    Its pairs have other angles; frequencies are 2 % above those of the result.
     """
     angles = np.arange(0.3, 360.0, step_deg)
     rings = [(RADIUS_M, 0.0), (RADIUS_M, 0.06), (RADIUS_M, -0.06), (0.25, 0.09), (0.25, -0.09)]
@@ -105,7 +104,9 @@ def test_scale_sign_and_phase_do_not_matter():
 
 
 def test_complex_against_real():
-    wave = np.exp(1j * np.deg2rad(3 * OWN.angle_deg))  # runs around: half of it stands
+    wave = np.exp(
+        1j * np.deg2rad(3 * OWN.angle_deg)
+    )  # travelling wave: half of it is a standing wave
     values = np.array(OWN.values)
     values[2] = wave
     found = compare_sources(OWN, replace(OWN, values=values))
@@ -273,27 +274,27 @@ def test_the_span_of_a_pair_explains_any_turn_of_it():
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "expected"),
     [
         ("a,b\n1,2\n", "columns a, b"),
         ("mode,node,real\n", "no lines"),
         ("mode,node,real\n1,1,zero\n", "line 2"),
         ("mode,node,real\n1,1,\n", "no real"),
-        ("mode,node,real\n1,1,1\n1,nan,1\n", "line 3: node nan; a node is a whole number"),
+        ("mode,node,real\n1,1,1\n1,nan,1\n", "line 3: node nan; node must be a whole number"),
         ("mode,node,real\n1,1.5,1\n", "node 1.5"),
         ("mode,node,real\ninf,1,1\n", "mode inf"),
         ("mode,node,real\n1,4,1\n2,4,1\n1,4,3\n", "two values of mode 1 at node 4; "),
         ("mode,position_deg,real\n1,5,1\n1,5,3\n", "mode 1 at 5 degrees"),
     ],
 )
-def test_tables_that_are_none_are_refused(tmp_path, text, says):
+def test_malformed_tables_are_refused(tmp_path, text, expected):
     path = tmp_path / "shapes.csv"
     path.write_text(text)
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(InputError, match=expected):
         read_source(path)
 
 
-def test_an_angle_that_is_no_number_is_none(tmp_path):
+def test_an_angle_of_nan_is_unknown(tmp_path):
     path = tmp_path / "shapes.csv"
     path.write_text("mode,node,position_deg,real\n1,1,nan,0.5\n1,2,nan,1\n2,1,nan,1\n2,2,nan,0.1\n")
     found = read_source(path)
@@ -302,7 +303,7 @@ def test_an_angle_that_is_no_number_is_none(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "expected"),
     [
         (["nowhere.uff"], "no such file"),
         (["RESULT", "--by", "angel"], "angle"),
@@ -313,28 +314,28 @@ def test_an_angle_that_is_no_number_is_none(tmp_path):
     ],
 )
 def test_bad_choices_end_with_2_and_the_nearest_good_one(
-    ringmodal, folder, tmp_path, monkeypatch, words, says
+    ringmodal, folder, tmp_path, monkeypatch, words, expected
 ):
     monkeypatch.chdir(tmp_path)
     code, _, complaint = ringmodal(
         "compare-shapes", folder, *[folder if word == "RESULT" else word for word in words]
     )
     assert code == 2
-    assert says in complaint
+    assert expected in complaint
     assert not any(tmp_path.iterdir())
 
 
 def test_the_command_shows_table_and_notes(ringmodal, folder, tmp_path):
     model = tyre_model(tmp_path / "model.unv")
-    code, said, _ = ringmodal("compare-shapes", folder, model)
+    code, output, _ = ringmodal("compare-shapes", folder, model)
     assert code == 0
-    assert said.count("same shape") == 7
-    assert "Note: model.unv: axle along y" in said
-    assert "mm off the measured circle" not in said
-    code, said, _ = ringmodal("compare-shapes", folder, model, "--json")
-    told = json.loads(said)
-    assert np.shape(told["mac"]) == (7, 14)
-    assert told["modes"][2]["verdict"] == "same shape"
+    assert output.count("same shape") == 7
+    assert "Note: model.unv: axle along y" in output
+    assert "mm off the measured circle" not in output
+    code, output, _ = ringmodal("compare-shapes", folder, model, "--json")
+    record = json.loads(output)
+    assert np.shape(record["mac"]) == (7, 14)
+    assert record["modes"][2]["verdict"] == "same shape"
 
 
 def test_table_and_page_are_written(ringmodal, folder, tmp_path):

@@ -30,10 +30,10 @@ def tyre(ringmodal, monkeypatch):
     return lambda *arguments: ringmodal("tyre", *arguments)
 
 
-def assert_refused(outcome, *says):
+def assert_refused(outcome, *expected):
     code, output, errors = outcome
     assert (code, output) == (2, "")
-    for words in says:
+    for words in expected:
         assert words in errors
 
 
@@ -42,18 +42,14 @@ def test_there_and_back(tyre, tir, sample_folder, tmp_path):
     assert code == 0
     assert "BELT_IYY       25  720000" in output
     assert "kg mm²" in output
-    assert "Left alone: BELT_IXX, FREQ_YAW, DAMP_YAW: out of the wheel's plane" in output
+    assert "Left alone: BELT_IXX, FREQ_YAW, DAMP_YAW: " in output
     assert f"Written: {tir}" in output
     out = tmp_path / "back.toml"
     code, output, errors = tyre("from-tir", tir, "--belt-width-m", "0.19", "--out", out)
     assert code == 0
-    assert "K and D are not in such a file" in errors
+    assert "--like SET" in errors
     measured, back = read_parameter_set(sample_folder / "tyre.toml"), read_parameter_set(out)
-    for name in (
-        "mass_per_area_kg_m2",
-        "radial_stiffness_n_m3",
-        "circumferential_stiffness_n_m3",
-    ):
+    for name in ("mass_per_area_kg_m2", "radial_stiffness_n_m3", "circumferential_stiffness_n_m3"):
         assert back.ring[name].value == pytest.approx(measured.ring[name].value, rel=1e-9)
 
 
@@ -80,18 +76,18 @@ def test_only_a_look(tyre, tir, toml):
 def test_another_file(tyre, tir, toml):
     out = tir.with_name("new.tir")
     code, output, _ = tyre("update-tir", tir, "--from", toml, "--out", out, "--json")
-    told = json.loads(output)
-    assert (code, told["file"], told["written"], told["backup"]) == (0, str(out), True, None)
-    changes = {change["key"]: change for change in told["changes"]}
+    record = json.loads(output)
+    assert (code, record["file"], record["written"], record["backup"]) == (0, str(out), True, None)
+    changes = {change["key"]: change for change in record["changes"]}
     assert changes["INFLPRES"]["new"] == pytest.approx(0.22)
     assert changes["INFLPRES"]["unit"] == "N/mm²"
-    assert told["left_alone"]["MASS"].startswith("of the whole tyre")
+    assert "MASS" in record["left_alone"]
     assert tir.read_bytes() == content(in_mm=True)
     assert out.read_bytes() != tir.read_bytes()
 
 
 @pytest.mark.parametrize(("answer", "end"), [("y", "Written"), ("n", "Nothing was written.")])
-def test_it_asks(tyre, tir, toml, monkeypatch, answer, end):
+def test_confirmation_is_requested(tyre, tir, toml, monkeypatch, answer, end):
     person = StringIO(f"{answer}\n")
     person.isatty = lambda: True
     monkeypatch.setattr(sys, "stdin", person)
@@ -101,7 +97,7 @@ def test_it_asks(tyre, tir, toml, monkeypatch, answer, end):
     assert (tir.read_bytes() == content(in_mm=True)) == (answer == "n")
 
 
-def test_nobody_to_ask(tyre, tir, toml):
+def test_without_a_terminal_confirmation_needs_an_option(tyre, tir, toml):
     for more in ((), ("--json",)):
         code, _, errors = tyre("update-tir", tir, "--from", toml, *more)
         assert code == 2
@@ -128,9 +124,9 @@ def test_bad_input_is_refused(tyre, tir, toml):
     assert_refused(tyre("from-tir", tir), "no belt width", "--belt-width-m")
     for width in ("-1", "0", "nan", "190"):  # the last one is in mm
         width_m = ("--belt-width-m", width)
-        says = (f"--belt-width-m: {width} m", "up to 2 m", "e.g. 0.19")
-        assert_refused(tyre("update-tir", tir, "--from", toml, *width_m, "--yes"), *says)
-        assert_refused(tyre("from-tir", tir, *width_m), *says)
+        expected = (f"--belt-width-m: {width} m", "at most 2 m", "e.g. 0.19")
+        assert_refused(tyre("update-tir", tir, "--from", toml, *width_m, "--yes"), *expected)
+        assert_refused(tyre("from-tir", tir, *width_m), *expected)
     assert_refused(tyre("update-tir", tir, "--form", toml), "Did you mean --from?")
     tir.write_bytes(content().replace(b"'newton'", b"'newtn'"))
     assert_refused(tyre("update-tir", tir, "--from", toml), "FORCE", "Did you mean 'newton'?")
@@ -161,9 +157,9 @@ def test_modal_targets_of_a_set_alone(tyre, toml, tmp_path):
     out = tmp_path / "targets.txt"
     code, output, _ = tyre("modal-targets", toml, "--out", out, "--json")
     assert code == 0
-    told = json.loads(output)["targets"]
-    assert [target["mode"] for target in told] == [row["mode"] for row in rows_of(out)]
-    assert told[1]["measured_hz"] is None
+    record = json.loads(output)["targets"]
+    assert [target["mode"] for target in record] == [row["mode"] for row in rows_of(out)]
+    assert record[1]["measured_hz"] is None
     assert "measured_hz" not in rows_of(out)[0]
     exported = tmp_path / "exported.txt"
     assert tyre("export", toml, "--out", exported, "--format", "modal-targets")[0] == 0

@@ -209,7 +209,7 @@ def test_numbers_of_the_recordings_are_kept_where_other_programs_take_them():
     assert geometry_of(replace(result, frf=replace(result.frf, node=twice))).node[5] == 6
 
 
-def test_no_radius_is_said():
+def test_a_missing_radius_is_noted():
     geometry = geometry_of(tyre_result(tyre=None))
     assert "drawn with 1 m" in geometry.notes[-1]
     np.testing.assert_allclose(np.linalg.norm(geometry.xyz_m, axis=1), 1.0)
@@ -299,7 +299,7 @@ def test_tables_do_not_replace_a_result(folder, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "expected"),
     [
         (["--format", "uf"], "uff"),
         (["--out", "modes.xlsx"], "uff, csv, json, mat"),
@@ -308,12 +308,12 @@ def test_tables_do_not_replace_a_result(folder, tmp_path):
     ],
 )
 def test_bad_choices_end_with_2_and_the_nearest_good_one(
-    ringmodal, folder, tmp_path, monkeypatch, words, says
+    ringmodal, folder, tmp_path, monkeypatch, words, expected
 ):
     monkeypatch.chdir(tmp_path)
     code, _, complaint = ringmodal("export", folder, *words)
     assert code == 2
-    assert says in complaint
+    assert expected in complaint
     assert not any(tmp_path.iterdir())
 
 
@@ -323,15 +323,20 @@ def test_no_result_is_bad_input(ringmodal, tmp_path):
     assert "it must be a result folder" in complaint
 
 
-def test_the_command_says_what_it_wrote(ringmodal, folder, tmp_path, monkeypatch):
+def test_the_command_prints_what_it_wrote(ringmodal, folder, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code, said, _ = ringmodal("export", folder, "--real")
+    code, output, _ = ringmodal("export", folder, "--real")
     assert code == 0
-    assert "7 real shapes at 72 nodes, 72 measured and 72 synthesised FRFs" in said
-    assert "Written: tyre_7.uff" in said
-    code, said, _ = ringmodal("export", folder, "--format", "csv", "--frfs", "none", "--json")
-    told = json.loads(said)
-    assert (code, told["path"], told["modes"], told["frfs_measured"]) == (0, "tyre_7_csv", 7, 0)
+    assert "7 real shapes at 72 nodes, 72 measured and 72 synthesised FRFs" in output
+    assert "Written: tyre_7.uff" in output
+    code, output, _ = ringmodal("export", folder, "--format", "csv", "--frfs", "none", "--json")
+    record = json.loads(output)
+    assert (code, record["path"], record["modes"], record["frfs_measured"]) == (
+        0,
+        "tyre_7_csv",
+        7,
+        0,
+    )
     assert (tmp_path / "tyre_7_csv" / "modes.csv").is_file()
 
 

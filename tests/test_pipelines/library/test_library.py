@@ -15,12 +15,11 @@ from hypothesis import strategies as st
 from library import DESIGNATION, SET, varied, written
 
 from ema.core.errors import InputError
-from pipelines.library.diff import difference, largest_change
-from pipelines.library.export import FORMATS, export
-from pipelines.library.history import LONG, WIDE, history_of, version_rows, write_table
+from pipelines.library.export import FORMATS, LONG, WIDE, export, version_rows, write_table
+from pipelines.library.history import difference, history_of
 from pipelines.library.library import NamedSet, TyreLibrary, conditions_of, resolve
 from pipelines.library.numbering import folder_name, split_reference
-from pipelines.library.version import ROLLBACK, record_approval
+from pipelines.library.version import Event, record_approval
 from pipelines.results.parameter_set import Parameter, from_tuning, read_parameter_set
 
 
@@ -47,7 +46,7 @@ def three(add, library):
     return library.tyre(DESIGNATION)
 
 
-def test_a_version_keeps_the_set_and_tells_where_it_comes_from(add, library, tmp_path):
+def test_a_version_keeps_the_set_and_its_origin(add, library, tmp_path):
     add(note="new contour", conditions={"temperature_c": 21.5})
     version = library.version("225-55R17@1")
     assert version.parameters == replace(
@@ -100,7 +99,7 @@ def test_the_author_is_the_login_name_by_default(library, tmp_path, monkeypatch)
     assert library.add(written(tmp_path / "set.toml")).entry.author == "lovelace"
 
 
-def test_without_login_name_an_author_is_asked_for(library, tmp_path, monkeypatch):
+def test_without_login_name_an_author_is_required(library, tmp_path, monkeypatch):
     def nobody():
         raise OSError
 
@@ -119,7 +118,7 @@ def test_a_set_that_makes_no_ring_is_refused(add, library):
 
 def test_a_mistyped_library_makes_no_folders(tmp_path):
     library = TyreLibrary(tmp_path / "nowhere" / "library")
-    with pytest.raises(InputError, match="existing folder around it"):
+    with pytest.raises(InputError, match="parent folder"):
         library.add(written(tmp_path / "set.toml"), author="Ada")
     assert not library.folder.parent.exists()
 
@@ -132,7 +131,7 @@ def test_a_structures_result_has_no_parameters_to_add(library, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "expected"),
     [
         ("temperature_c=warm", "NAME=NUMBER"),
         ("temperature_c", "NAME=NUMBER"),
@@ -141,12 +140,12 @@ def test_a_structures_result_has_no_parameters_to_add(library, tmp_path):
         ("load_kn=4", "Did you mean 'load_n'"),
     ],
 )
-def test_conditions_are_numbers_of_known_names(add, text, says):
-    with pytest.raises(InputError, match=says):
+def test_conditions_are_numbers_of_known_names(add, text, expected):
+    with pytest.raises(InputError, match=expected):
         add(conditions=conditions_of([text]))
 
 
-def test_tyres_of_one_designation_are_told_apart(add, library):
+def test_tyres_of_one_designation_are_distinguished_by_id(add, library):
     assert add(tyre_id="winter A").reference == "225-55R17_winter-A@1"
     assert add(tyre_id="winter B").reference == "225-55R17_winter-B@1"
     assert add().reference == "225-55R17@1"
@@ -186,7 +185,7 @@ def test_long_names_in_any_script_make_folders(add, library, sign):
 def test_a_file_is_no_library(tmp_path):
     library = TyreLibrary(written(tmp_path / "set.toml"))
     for attempt in (library.tyres, lambda: library.add(library.folder, author="Ada")):
-        with pytest.raises(InputError, match=r"set\.toml: a file; a library is a folder"):
+        with pytest.raises(InputError, match=r"set\.toml: a file; "):
             attempt()
 
 
@@ -216,7 +215,7 @@ def test_dates_are_exported_as_text(tmp_path):
     assert content["conditions"]["measured"] == "2026-05-04"
 
 
-def test_an_ambiguous_name_is_asked_about(add, library):
+def test_an_ambiguous_name_is_refused(add, library):
     for tyre_id in ("A", "B"):
         add(tyre_id=tyre_id)
     with pytest.raises(InputError, match=r"several tyres.*225-55R17_A, 225-55R17_B"):
@@ -264,7 +263,7 @@ def test_the_newest_counts_until_one_is_approved(three):
     assert "not approved; version 2 is" in three.standing(three.version(3))
 
 
-def test_nothing_approved_is_said(three):
+def test_standing_without_approval(three):
     assert "no version is approved" in three.standing(three.version(3))
     with pytest.raises(InputError, match="tyre approve 225-55R17@3"):
         three.chosen("approved")
@@ -301,7 +300,7 @@ def test_the_same_rollback_by_two_people_is_one_step(three):
     for number in (1, 2, 3):
         three.approve(number, "Grace")
     for author in ("Ada", "Grace"):
-        record_approval(three.path, ROLLBACK, three.version(2), author, "")
+        record_approval(three.path, Event.ROLLBACK, three.version(2), author, "")
     assert three.chosen().number == 2
     assert three.rollback("Ada").number == 1
 
@@ -328,7 +327,7 @@ def test_a_difference_is_held_against_the_error_bars():
     assert changes["mean_radius_m"].status == "not tested"
     assert changes["axial_stiffness_n_m"].status == "not tested"
     assert changes["bending_stiffness_n_m"].status == "σ unknown"
-    assert largest_change(found) == radial
+    assert found.largest_change == radial
 
 
 def test_sets_from_the_same_recordings_are_not_tested():
@@ -339,7 +338,7 @@ def test_sets_from_the_same_recordings_are_not_tested():
     assert not any(change.status == "significant" for change in found.changes)
 
 
-def test_conditions_and_parameters_that_only_one_set_has_are_told():
+def test_conditions_and_parameters_of_only_one_set_are_listed():
     other = replace(varied("2", 250000.0), damping={}, wheel={"mass_kg": 12.0}, designation="X")
     found = difference(NamedSet("A", SET), NamedSet("B", other))
     assert found.conditions == (("inflation_pressure_pa", 220000.0, 250000.0),)
@@ -349,7 +348,7 @@ def test_conditions_and_parameters_that_only_one_set_has_are_told():
     assert "Only the second set has wheel_mass_kg." in text
 
 
-def test_history_tells_what_changed_most(add, library):
+def test_history_shows_the_main_change(add, library):
     add()
     add(varied("2", 250000.0, radial_stiffness_n_m3=8.5e6))
     add(varied("3", 250000.0, radial_stiffness_n_m3=8.5e6))

@@ -67,7 +67,7 @@ def test_any_bytes_are_kept(content):
 @given(FILES, KEYS, st.sampled_from(["7.25", "1.23456789012e-05", "millimeter"]))
 def test_a_change_touches_its_line_only(content, key, text):
     before = tir_of(content, "any")
-    entries = [entry for entry in before.entries() if entry.key == key.upper()]
+    entries = [entry for entry in before.entries if entry.key == key.upper()]
     for entry in entries:
         after = before.with_value(entry, text)
         again = tir_of(after.content, "any")
@@ -75,7 +75,7 @@ def test_a_change_touches_its_line_only(content, key, text):
         changed = [k for k, pair in enumerate(zip(before.lines, again.lines, strict=True), 1)
                    if pair[0] != pair[1]]  # fmt: skip
         assert changed in ([], [entry.line])
-        (found,) = [other for other in again.entries() if other.line == entry.line]
+        (found,) = [other for other in again.entries if other.line == entry.line]
         assert (found.section, found.key, found.text) == (entry.section, entry.key, text)
 
 
@@ -83,7 +83,7 @@ def test_a_change_touches_its_line_only(content, key, text):
 def test_an_added_line_leaves_all_others(content, section):
     before = tir_of(content, "any")
     after = tir_of(before.with_entry(section, "ADDED", "5").content, "any")
-    (found,) = [entry for entry in after.entries() if entry.key == "ADDED"]
+    (found,) = [entry for entry in after.entries if entry.key == "ADDED"]
     assert (found.section, found.text) == (section, "5")
     kept = [line.rstrip("\r\n") for line in before.lines]
     others = [line.rstrip("\r\n") for line in after.lines]
@@ -115,7 +115,7 @@ def test_entries_are_found_by_key_in_any_case():
 )
 def test_columns_and_comments_stay(before, after):
     file = tir(before)
-    (entry,) = file.entries()
+    (entry,) = file.entries
     assert file.with_value(entry, "12.345").content.decode() == after
 
 
@@ -129,7 +129,7 @@ def test_an_added_line_is_aligned():
     assert added.endswith("X = 1\r\n[NEW]\r\nY = 2\r\n")
 
 
-def test_a_key_that_stands_twice_is_refused():
+def test_a_key_given_twice_is_refused():
     with pytest.raises(InputError, match=r"tyre.tir, MASS: given in lines 1 and 3; .*Keep one"):
         tir("MASS = 1\n[A]\nmass = 2\n").find("MASS")
 

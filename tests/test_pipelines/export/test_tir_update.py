@@ -12,10 +12,9 @@ from tyre_property_files import content
 from ema.core.errors import InputError
 from model import damping_ratios, natural_frequencies_hz, torsion_frequency_hz
 from model.tuning_problem import TYPICAL_GROWTH, TuningProblem
-from pipelines.export.tir_belt import VALUES
+from pipelines.export.belt import VALUES
 from pipelines.export.tir_file import tir_of
-from pipelines.export.tir_ring import ring_from_tir
-from pipelines.export.tir_update import plan_update
+from pipelines.export.tir_update import plan_update, ring_from_tir
 from pipelines.results.parameter_set import Parameter
 
 FILES = {name: tir_of(content(in_mm=name == "mm"), "tyre.tir") for name in ("SI", "mm")}
@@ -79,7 +78,7 @@ def test_values_are_those_of_the_ring(si):
     assert new["INFLPRES"] == 220000.0
 
 
-def test_values_stand_in_the_units_of_the_file():
+def test_values_are_in_the_units_of_the_file():
     one, other = (
         {change.key: change for change in plan_update(file, SET).changes} for file in FILES.values()
     )
@@ -123,9 +122,9 @@ def test_any_ring_is_found_again_with_its_membrane_stiffness(tir, stiffness_n_m)
         assert found.ring[name].value == parameters.ring[name].value
 
 
-def test_what_is_assumed_is_said(si):
+def test_assumptions_are_noted(si):
     made = ring_from_tir(si, 0.19)
-    assert "K and D are not in such a file" in made.notes[0]
+    assert "--like SET" in made.notes[0]
     hows = {name: entry.how for name, entry in made.parameters.ring.items()}
     assert {name for name, how in hows.items() if how == "not identified"} == {
         "axial_stiffness_n_m",
@@ -144,7 +143,7 @@ def changed(tir, key, text, section=None):
     return tir.with_value(tir.find(key, section), text)
 
 
-def test_missing_keys_are_said_and_added_on_request(si):
+def test_missing_keys_are_listed_and_added_on_request(si):
     small = without(si, "BELT_MASS", "FREQ_WINDUP")
     assert plan_update(small, SET).missing == ("BELT_MASS", "FREQ_WINDUP")
     update = plan_update(small, SET, add=True)
@@ -179,7 +178,7 @@ def test_contradictions_are_noted(si):
     vague = {**SET.ring, "radial_stiffness_n_m3": Parameter(8e6, "not identified")}
     notes = plan_update(si, replace(SET, ring=vague), 0.3).notes
     assert any("BELT_MASS is now above MASS" in note for note in notes)
-    assert any("FREQ_LONG rests on k_r" in note for note in notes)
+    assert any("FREQ_LONG depends on k_r" in note for note in notes)
     heavy = changed(si, "NOMPRES", "180000")
     assert any("INFLPRES and NOMPRES differ" in note for note in plan_update(heavy, SET).notes)
     minutes = changed(si, "TIME", "min", "UNITS")
@@ -190,7 +189,7 @@ def test_contradictions_are_noted(si):
     assert any("UNLOADED_RADIUS" in note for note in ring_from_tir(light, 0.19).notes)
 
 
-def test_what_stands_twice_is_refused_where_it_matters(si):
+def test_keys_given_twice_are_refused_where_it_matters(si):
     def twice(key):
         return replace(si, lines=(*si.lines, "[MORE]\r\n", f"{key} = 9.0\r\n"))
 

@@ -1,4 +1,4 @@
-"""What a comparison says: sentences, rows, records and the page."""
+"""Summary text, rows, records and page of a comparison."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from results import structure_result, tyre_result
 from ema.core.campaign import Tyre
 from ema.core.errors import InputError
 from pipelines.compare.compare import compare
-from pipelines.compare.significance import Difference, Scatter, judged
+from pipelines.compare.significance import Difference, Scatter, jointly_tested
 from pipelines.compare.summary_text import findings, movement, scatter_text
 from pipelines.compare.table import (
     COMPARISON_HEAD,
@@ -56,57 +56,57 @@ def page(rising):
 # Sentences
 
 
-def told(*changes, std=0.1):
+def sentence(*changes, std=0.1):
     named = [(f"n = {n}", Difference(100.0, 100.0 + each, std)) for n, each in enumerate(changes)]
-    verdicts = judged([difference for _, difference in named])
+    verdicts = jointly_tested([difference for _, difference in named])
     pairs = [(name, verdict) for (name, _), verdict in zip(named, verdicts, strict=True)]
     return movement("frequency", "frequencies", pairs)[0]
 
 
-def test_all_is_said_only_where_it_is_true():
-    assert told(3.1, 4.4, 3.7) == "All 3 frequencies rise significantly, by 3.1 to 4.4 %."
-    assert told(-3.1, -4.4) == "Both frequencies fall significantly, by 3.1 to 4.4 %."
-    assert told(3.1, 4.4, 0.05) == (
+def test_all_frequencies_are_mentioned_only_if_all_change():
+    assert sentence(3.1, 4.4, 3.7) == "All 3 frequencies rise significantly, by 3.1 to 4.4 %."
+    assert sentence(-3.1, -4.4) == "Both frequencies fall significantly, by 3.1 to 4.4 %."
+    assert sentence(3.1, 4.4, 0.05) == (
         "Of 3 frequencies, 2 rise significantly, by 3.1 to 4.4 % (n = 0, n = 1); "
         "1 shows no significant change (n = 2)."
     )
-    assert told(3.1, -4.4, 0.0, 0.1) == (
+    assert sentence(3.1, -4.4, 0.0, 0.1) == (
         "Of 4 frequencies, 1 rises significantly, by 3.1 % (n = 0); "
         "1 falls significantly, by 4.4 % (n = 1); 2 show no significant change (n = 2, n = 3)."
     )
 
 
-def test_nothing_significant_is_said_so():
-    assert told(0.05, -0.12) == (
+def test_without_significant_change_the_largest_is_given():
+    assert sentence(0.05, -0.12) == (
         "No frequency differs significantly; the largest difference is −0.12 ± 0.10 % (n = 1)."
     )
-    assert told(1.0, 2.0, std=np.nan) == "No frequency could be tested."
+    assert sentence(1.0, 2.0, std=np.nan) == "No frequency could be tested."
 
 
-def test_scatter_is_judged_by_its_chance():
+def test_scatter_is_classified_by_its_p_value():
     assert "noise alone explains" in scatter_text(Scatter(8, 7.0, 0.1))
-    assert "on the safe side" in scatter_text(Scatter(8, 1.0, 0.1))
+    assert "conservative" in scatter_text(Scatter(8, 1.0, 0.1))
     assert "besides noise" in scatter_text(Scatter(8, 80.0, 0.1))
 
 
 def test_findings_of_more_pressure(rising):
-    said = "\n".join(findings(rising))
-    assert "All 7 frequencies rise significantly, by 2.00 to 3.50 %." in said
-    assert "No damping ratio differs significantly" in said
-    assert "Inflation pressure from 2.2 bar to 2.4 bar" in said
-    assert "Same tyre" not in said
+    text = "\n".join(findings(rising))
+    assert "All 7 frequencies rise significantly, by 2.00 to 3.50 %." in text
+    assert "No damping ratio differs significantly" in text
+    assert "Inflation pressure from 2.2 bar to 2.4 bar" in text
+    assert "Same tyre" not in text
 
 
 def test_a_common_shift_of_the_same_tyre_points_to_one_cause():
     first = tyre_result(provenance={})
-    said = "\n".join(findings(compare(first, moved(first, [0.3] * 7))))
-    assert "Same tyre and conditions as far as stated." in said
-    assert "All frequencies together shift by 0.300 ± 0.011 %" in said
+    text = "\n".join(findings(compare(first, moved(first, [0.3] * 7))))
+    assert "Same tyre and conditions as far as stated." in text
+    assert "All frequencies together shift by 0.300 ± 0.011 %" in text
 
 
 def test_a_result_against_itself_is_no_repeat():
-    said = "\n".join(findings(compare(tyre_result(), tyre_result())))
-    assert "error bars" not in said
+    text = "\n".join(findings(compare(tyre_result(), tyre_result())))
+    assert "error bars" not in text
 
 
 # Rows and records
@@ -167,13 +167,7 @@ def test_charts_show_the_numbers_and_are_drawn_for_paper(rising):
         for block in section.blocks
         if isinstance(block, Chart)
     }
-    assert charts.keys() == {
-        "frequency-change",
-        "damping-change",
-        "mac-between",
-        "frf-0",
-        "frf-20",
-    }
+    assert charts.keys() == {"frequency-change", "damping-change", "mac-between", "frf-0", "frf-20"}
     (trace,) = charts["frequency-change"].data
     assert trace["error_y"]["array"] == pytest.approx([2 * 0.0283] * 7, abs=2e-3)
     for chart in charts.values():
@@ -216,7 +210,7 @@ def test_results_without_a_common_mode_have_a_page():
     assert "No mode of one result was found in the other." in page
 
 
-def test_a_page_is_replaced_only_when_asked_for(rising, tmp_path):
+def test_a_page_is_replaced_only_with_force(rising, tmp_path):
     path = write_comparison(rising, tmp_path / "comparison.html")
     before = path.read_text(encoding="utf-8")
     with pytest.raises(InputError, match="exists already"):

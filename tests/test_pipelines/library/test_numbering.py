@@ -1,21 +1,18 @@
-"""Versions under pressure: many writers, kills, drives without links, damaged files."""
+"""Numbered files: many writers, kills, drives without links, full drives."""
 
 import errno
 import os
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
 from adding import EACH, without_links
-from library import SET, varied, written
+from library import written
 
-from ema.core.errors import InputError
-from pipelines.library import numbering as library_claim
+from pipelines.library import numbering
 from pipelines.library.library import TyreLibrary
 from pipelines.library.numbering import numbered_files, write_next
-from pipelines.storage.checksums import DamagedFile, sealed, unsealed
 
 WRITERS = 4
 _RENAME = Path.rename
@@ -62,7 +59,7 @@ def ended(process):
 
 
 def assert_all_there(folder, count):
-    """Numbers without gap, each version whole, nothing hidden left behind."""
+    """Consecutive numbers, each version complete, no hidden files left."""
     (tyre,) = TyreLibrary(folder).tyres()
     versions = tyre.intact_versions()
     assert [version.number for version in versions] == list(range(1, count + 1))
@@ -95,14 +92,14 @@ def test_a_kill_before_any_file_operation_loses_at_most_the_version_being_writte
 
 
 @forked
-def test_a_kill_during_the_first_addition_leaves_no_tyre_or_a_whole_one(adding):
+def test_a_kill_during_the_first_addition_leaves_no_tyre_or_a_complete_one(adding):
     assert int(ended(adding("begin", "links"))) > 8
 
 
 def test_a_rename_that_keeps_what_is_there_claims_numbers_too(folder, monkeypatch):
-    monkeypatch.setattr(library_claim, "_RENAME_KEEPS", True)
+    monkeypatch.setattr(numbering, "_RENAME_KEEPS", True)
     monkeypatch.setattr(Path, "rename", windows_rename)
-    monkeypatch.setattr(library_claim, "numbered_files", lambda _: {})  # a drive that lists late
+    monkeypatch.setattr(numbering, "numbered_files", lambda _: {})  # a drive that lists late
     for number in (1, 2, 3):
         assert write_next(folder, "text {}".format) == number
     assert (folder / "0002.toml").read_text() == "text 2"
@@ -117,7 +114,7 @@ def test_a_file_held_by_a_virus_scanner_is_tried_again(folder, monkeypatch):
             raise refusals.pop()
         windows_rename(self, target)
 
-    monkeypatch.setattr(library_claim, "_RENAME_KEEPS", True)
+    monkeypatch.setattr(numbering, "_RENAME_KEEPS", True)
     monkeypatch.setattr(Path, "rename", rename)
     assert write_next(folder, str) == 1
 
@@ -125,7 +122,7 @@ def test_a_file_held_by_a_virus_scanner_is_tried_again(folder, monkeypatch):
 def test_a_turn_taken_for_abandoned_loses_nothing(folder, monkeypatch):
     """While one writer sleeps before its last step, another takes its turn and its number."""
     monkeypatch.setattr(os, "link", without_links)
-    monkeypatch.setattr(library_claim, "ABANDONED_S", 0.05)
+    monkeypatch.setattr(numbering, "ABANDONED_S", 0.05)
     asleep = [True]
 
     def late_rename(self, target):
@@ -163,109 +160,3 @@ def test_a_full_drive_leaves_no_empty_library(folder, source, monkeypatch):
     with pytest.raises(OSError, match="no space"):
         TyreLibrary(folder).add(source, author="a")
     assert list(folder.iterdir()) == []
-
-
-def test_an_edited_version_is_noticed_and_named(folder, source):
-    library = TyreLibrary(folder)
-    library.add(source, author="a")
-    path = folder / "225-55R17" / "0001.toml"
-    path.write_text(path.read_text().replace("19.7", "19.8"))
-    with pytest.raises(DamagedFile, match=r"0001\.toml: a checksum that does not fit.*backup"):
-        library.version("225-55R17")
-
-
-def test_every_truncation_is_noticed(folder, source):
-    version = TyreLibrary(folder).add(source, author="a")
-    path = folder / version.tyre / "0001.toml"
-    text = path.read_text()
-    for length in range(0, len(text) - 1, 7):
-        path.write_text(text[:length])
-        with pytest.raises(DamagedFile):
-            unsealed(path)
-
-
-def test_converted_line_ends_are_no_damage(folder, source):
-    version = TyreLibrary(folder).add(source, author="a", note="line\nline")
-    path = folder / version.tyre / "0001.toml"
-    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
-    assert TyreLibrary(folder).version("225-55R17") == version
-
-
-def test_bytes_that_are_no_text_are_damage(tmp_path):
-    path = tmp_path / "0001.toml"
-    path.write_bytes(b"\xff\xfe")
-    with pytest.raises(DamagedFile, match="no text"):
-        unsealed(path)
-
-
-def test_a_missing_version_is_reported_not_skipped(folder, source):
-    library = TyreLibrary(folder)
-    for _ in range(3):
-        library.add(source, author="a")
-    tyre = library.tyre("225-55R17")
-    (tyre.path / "0002.toml").unlink()
-    whole, damage = tyre.versions()
-    assert [version.number for version in whole] == [1, 3]
-    assert [Path(error.where).name for error in damage] == ["0002.toml"]
-    with pytest.raises(DamagedFile):
-        tyre.intact_versions()
-
-
-def test_a_version_under_another_number_is_damage(folder, source):
-    library = TyreLibrary(folder)
-    library.add(source, author="a")
-    path = folder / "225-55R17" / "0001.toml"
-    path.with_name("0002.toml").write_text(path.read_text())
-    with pytest.raises(DamagedFile, match="0002"):
-        library.version("225-55R17@2")
-
-
-def test_a_replaced_approved_version_is_noticed(folder, source, tmp_path):
-    library = TyreLibrary(folder)
-    tyre = library.tyre(library.add(source, author="a").tyre)
-    tyre.approve(1, "a")
-    (tyre.path / "0001.toml").unlink()
-    library.add(written(tmp_path / "other.toml", varied()), author="b")
-    with pytest.raises(DamagedFile, match="than the one that was approved"):
-        tyre.chosen()
-
-
-def test_an_approved_version_that_is_gone_is_noticed(folder, source):
-    library = TyreLibrary(folder)
-    for _ in range(2):
-        library.add(source, author="a")
-    tyre = library.tyre("225-55R17")
-    tyre.approve(2, "a")
-    (tyre.path / "0002.toml").unlink()
-    with pytest.raises(DamagedFile, match=r"0002.*though it was approved"):
-        tyre.chosen()
-
-
-def test_a_damaged_approval_hides_no_other(folder, source):
-    library = TyreLibrary(folder)
-    tyre = library.tyre(library.add(source, author="a").tyre)
-    tyre.approve(1, "a")
-    path = tyre.path / "approvals" / "0001.toml"
-    path.write_text(path.read_text().replace('"a"', '"b"'))
-    with pytest.raises(DamagedFile, match="approvals"):
-        tyre.approved()
-    assert tyre.version(1).parameters == SET
-
-
-def test_the_checksum_is_the_last_line_and_that_of_all_lines_above():
-    text = sealed("[table]\nvalue = 1\n")
-    assert tomllib.loads(text)["table"]["value"] == 1
-    assert text.splitlines()[-1].startswith('sha256 = "')
-    assert len(text.splitlines()) == 3
-
-
-def test_a_tyre_with_damage_can_still_be_added_to(folder, source):
-    library = TyreLibrary(folder)
-    for _ in range(2):
-        library.add(source, author="a")
-    (folder / "225-55R17" / "0002.toml").write_text("")
-    assert library.add(source, author="a").number == 3
-    (folder / "225-55R17" / "0001.toml").write_text("")
-    (folder / "225-55R17" / "0003.toml").write_text("")
-    with pytest.raises(InputError, match=r"0003\.toml"):
-        library.add(source, author="a")

@@ -1,0 +1,301 @@
+"""The rigid belt of a ring: mass, inertia and in-plane modes; modal targets for tyre models."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+from ema.core.errors import InputError, visible_line
+from model.damping import damping_ratios, torsion_damping_ratio
+from model.errors import InstabilityError
+from model.identifiability import AT_BOUND, GIVEN, NOT_IDENTIFIED
+from model.parameters import DAMPING_NAMES, RING_NAMES, RingDamping, RingParameters
+from model.ring import belt_width_m, natural_frequencies_hz, torsion_frequency_hz
+from pipelines.results.parameter_set import Parameter, ParameterSet
+from pipelines.results.provenance import software_version
+
+WIDEST_M = 2.0  # tyres of the largest dump trucks are 1.5 m wide
+_STEP = 1e-4  # relative change of a parameter for numerical derivatives
+_MATTERS = 0.1  # sensitivity, % of a value per % of a parameter, from which a parameter is named
+_ALONE = 0.05  # largest contribution of all other parameters, as share of the largest one
+
+
+@dataclass(frozen=True)
+class BeltValue:
+    """A value of the rigid belt.
+
+    Parameters
+    ----------
+    value, std : float
+        SI. A parameter set has no correlations: std is known only where one parameter dominates.
+    basis : str
+        Formula or mode.
+    doubts : tuple of str
+        Symbols of parameters that matter and were not identified.
+    """
+
+    value: float
+    std: float | None
+    basis: str
+    doubts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Belt:
+    """A ring and its damping, if known."""
+
+    ring: RingParameters
+    damping: RingDamping | None
+
+    @property
+    def known_damping(self) -> RingDamping:
+        """The damping; `ValueError` where it is unknown."""
+        if self.damping is None:
+            raise ValueError("this ring has no damping")
+        return self.damping
+
+
+def mass_kg(belt: Belt) -> float:
+    """Mass of the belt, 2πaρh·b, kg."""
+    ring = belt.ring
+    return 2 * math.pi * ring.mean_radius_m * ring.mass_per_area_kg_m2 * belt_width_m(ring)
+
+
+def inertia_kg_m2(belt: Belt) -> float:
+    """Moment of inertia of the belt about the wheel's axis, 2πa³ρh·b, kg m²."""
+    return mass_kg(belt) * belt.ring.mean_radius_m**2
+
+
+def translation_hz(belt: Belt) -> float:
+    """Undamped frequency of order 1 on a fixed rim, Hz.
+
+    The belt does not bend in a translation: D affects only the eighth digit and is left out, so
+    that k_r and k_θ can be found from the frequency without D.
+    """
+    return float(natural_frequencies_hz(replace(belt.ring, bending_stiffness_n_m=0.0), 1))
+
+
+def translation_damping_ratio(belt: Belt) -> float:
+    """Damping ratio of order 1."""
+    return float(damping_ratios(belt.ring, belt.known_damping, 1))
+
+
+def rotation_hz(belt: Belt) -> float:
+    """Undamped torsion frequency on a fixed rim, with the pressure normal to the belt, Hz."""
+    return torsion_frequency_hz(belt.ring, pressure_load="follower")
+
+
+def rotation_damping_ratio(belt: Belt) -> float:
+    """Damping ratio of the torsion, from the foundation only: the belt is not strained."""
+    viscous = replace(belt.known_damping, on_pretension=False)
+    return torsion_damping_ratio(belt.ring, viscous, pressure_load="follower")
+
+
+#: Keys of a tyre property file: value and basis.
+VALUES: dict[str, tuple[Callable[[Belt], float], str]] = {
+    "INFLPRES": (lambda belt: belt.ring.inflation_pressure_pa, "pressure of the set"),
+    "BELT_MASS": (mass_kg, "2πaρh·b"),
+    "BELT_IYY": (inertia_kg_m2, "2πa³ρh·b"),
+    "FREQ_LONG": (translation_hz, "order 1, rim fixed"),
+    "FREQ_WINDUP": (rotation_hz, "torsion, rim fixed"),
+    "DAMP_LONG": (translation_damping_ratio, "order 1: c_r, c_θ, η"),
+    "DAMP_WINDUP": (rotation_damping_ratio, "torsion: c_θ"),
+}
+_NEEDS_WIDTH = ("BELT_MASS", "BELT_IYY")
+_NEEDS_DAMPING = ("DAMP_LONG", "DAMP_WINDUP")
+
+
+def belt_values(
+    parameters: ParameterSet, width_m: float | None = None
+) -> tuple[dict[str, BeltValue], dict[str, str]]:
+    """Values of the rigid belt by the keys of `VALUES`; keys not determined, with the reason.
+
+    The default belt width is that of the set.
+    """
+    ring = parameters.ring_parameters
+    if width_m is not None:
+        require_belt_width(width_m)
+        ring = replace(ring, belt_width_m=width_m)
+    known = {**parameters.ring, **parameters.damping}
+    if width_m is not None:
+        known["belt_width_m"] = Parameter(width_m)
+    belt = Belt(ring, parameters.ring_damping)
+    values, open_ones = {}, _not_determined(belt)
+    for key, (value_of, basis) in VALUES.items():
+        if key in open_ones:
+            continue
+        value = value_of(belt)
+        slopes = {name: _slope(value_of, belt, name) for name in known}
+        doubts = tuple(
+            {**RING_NAMES, **DAMPING_NAMES}[name][1]
+            for name, slope in slopes.items()
+            if abs(slope) >= _MATTERS and known[name].how in (NOT_IDENTIFIED, AT_BOUND)
+        )
+        values[key] = BeltValue(value, _std(value, slopes, known), basis, doubts)
+    return values, open_ones
+
+
+def require_belt_width(width_m: float) -> None:
+    """Refuse an impossible width, such as one in millimetres."""
+    if not 0 < width_m <= WIDEST_M:
+        rule = f"belt width must be > 0 and at most {WIDEST_M:g} m"
+        raise InputError("--belt-width-m", f"{width_m:g} m", rule, "Give it in m, e.g. 0.19")
+
+
+def _not_determined(belt: Belt) -> dict[str, str]:
+    open_ones = {}
+    if belt.ring.belt_width_m is None:
+        reason = "the set has no belt width; give --belt-width-m"
+        open_ones.update(dict.fromkeys(_NEEDS_WIDTH, reason))
+    if belt.damping is None:
+        open_ones.update(dict.fromkeys(_NEEDS_DAMPING, "the set has no damping"))
+    try:
+        rotation_hz(belt)
+    except InstabilityError:
+        reason = "k_θ of the set is too small: torsion mode unstable"
+        open_ones.update(dict.fromkeys(("FREQ_WINDUP", "DAMP_WINDUP"), reason))
+    return open_ones
+
+
+def _slope(value_of: Callable[[Belt], float], belt: Belt, name: str) -> float:
+    """D ln value / d ln parameter."""
+    part = "damping" if name in DAMPING_NAMES else "ring"
+    held = getattr(belt, part)
+    raised = replace(held, **{name: getattr(held, name) * (1.0 + _STEP)})
+    value = value_of(belt)
+    changed = value_of(replace(belt, **{part: raised}))
+    return (changed / value - 1.0) / _STEP if value else 0.0
+
+
+def _std(value: float, slopes: dict[str, float], known: Mapping[str, Parameter]) -> float | None:
+    """Standard deviation where one parameter dominates; without std it is taken as 100 %."""
+    shares = {}
+    for name, slope in slopes.items():
+        entry = known[name]
+        is_vague = entry.std is None and entry.how != GIVEN
+        relative = 1.0 if is_vague else (entry.std or 0.0) / (abs(entry.value) or 1.0)
+        shares[name] = abs(slope) * relative
+    *others, largest = sorted(shares, key=lambda name: shares[name])
+    if not shares[largest] or known[largest].std is None:
+        return None
+    if sum(shares[name] for name in others) > _ALONE * shares[largest]:
+        return None
+    return abs(value) * math.hypot(*shares.values())
+
+
+_ABOUT = """\
+# Modal targets for an FTire-style parameter fit
+# Free tyre on a fixed rim: no load, not rolling. Frequencies are undamped, damping ratios are of
+# critical. Values are those of a flexible ring with the parameters of this tyre.
+# in_plane_rotation: the belt rotates against the rim, with the pressure normal to it; sensors on
+#   the tread do not detect it, so there is no measured value.
+# in_plane_translation: order 1; first_bending: order 2; second_bending: order 3.
+"""
+
+
+@dataclass(frozen=True)
+class ModalTarget:
+    """Target for a mode of a tyre model, a line of the file; NaN where unknown."""
+
+    mode: str
+    order: int
+    frequency_hz: float
+    damping_ratio: float
+    measured_hz: float = math.nan
+    measured_damping: float = math.nan
+
+
+def _bending(order: int) -> tuple[Callable[[Belt], float], Callable[[Belt], float]]:
+    def frequency_hz(belt: Belt) -> float:
+        return float(natural_frequencies_hz(belt.ring, order))
+
+    def damping_ratio(belt: Belt) -> float:
+        return float(damping_ratios(belt.ring, belt.known_damping, order))
+
+    return frequency_hz, damping_ratio
+
+
+_MODES = {
+    ("in_plane_rotation", 0): (rotation_hz, rotation_damping_ratio),
+    ("in_plane_translation", 1): (translation_hz, translation_damping_ratio),
+    ("first_bending", 2): _bending(2),
+    ("second_bending", 3): _bending(3),
+}
+
+
+def write_modal_targets(
+    parameters: ParameterSet, path: Path, measured: Mapping[int, tuple[float, float]] | None = None
+) -> tuple[ModalTarget, ...]:
+    """Write modal targets as text: comment lines with #, then columns separated by blanks.
+
+    Targets are rotation, translation and the first two bending modes of the belt on a fixed rim.
+
+    Parameters
+    ----------
+    parameters : ParameterSet
+    path : Path
+    measured : mapping of int to (float, float), optional
+        Frequency in Hz and damping ratio by order. Order 0 is ignored: a radial sensor does not
+        detect the rotation. Default: no such columns.
+
+    Returns
+    -------
+    tuple of ModalTarget
+    """
+    belt = Belt(parameters.ring_parameters, parameters.ring_damping)
+    seen = {order: pair for order, pair in (measured or {}).items() if order > 0}
+    targets = []
+    for (mode, order), functions in _MODES.items():
+        pair = seen.get(order, (math.nan, math.nan))
+        targets.append(ModalTarget(mode, order, *_values(belt, *functions), *pair))
+    names = [each.name for each in fields(ModalTarget)][: None if measured else -2]
+    rows = [names, *([_cell(getattr(each, name)) for name in names] for each in targets)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+    conditions = {"tyre": parameters.designation, **parameters.conditions}
+    conditions["software"] = f"ringmodal {software_version()}"
+    stated = [
+        f"# {name}: {visible_line(f'{value:.10g}' if isinstance(value, float) else str(value))}"
+        for name, value in conditions.items()
+    ]
+    text = _ABOUT + "\n".join([*stated, *lines]) + "\n"
+    path.write_text(text, encoding="utf-8", newline="\n")
+    return tuple(targets)
+
+
+def measured_modes(result: Path) -> dict[int, tuple[float, float]] | None:
+    """Measured frequency and damping ratio by order; None where `result` has no validation.csv."""
+    path = result / "validation.csv"
+    if not path.is_file():
+        return None
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return {
+                int(row["order"]): (float(row["measured_hz"]), float(row["measured_damping"]))
+                for row in csv.DictReader(file)
+            }
+    except (KeyError, ValueError) as error:
+        rule = "each line must have order, measured_hz and measured_damping"
+        raise InputError(str(path), str(error), rule, "Process the campaign again") from error
+
+
+def _values(
+    belt: Belt, frequency_of: Callable[[Belt], float], damping_of: Callable[[Belt], float]
+) -> tuple[float, float]:
+    try:
+        frequency_hz = frequency_of(belt)
+    except InstabilityError:  # torsion: k_θ too small
+        return math.nan, math.nan
+    return frequency_hz, math.nan if belt.damping is None else damping_of(belt)
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, float):
+        return "-" if math.isnan(value) else f"{value:.6g}"
+    return str(value)
