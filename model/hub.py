@@ -1,29 +1,28 @@
 """Ring and wheel: roots with a free hub, forces on the hub, its motion (eqs 8–10).
 
-Order 0 turns the wheel and orders ±1 move it; all other orders do not know of it. Unknowns are
+Order 0 turns the wheel and orders ±1 move it; no other order is coupled to it. Unknowns are
 [A, B, θ_w] for order 0 and [A, B, (x_w ∓ iz_w)/2] for orders ±1, equations are divided by 2πa:
 
     n = +1: [[M11, M12, −κ_r], [−M12, M22, −iκ_θ], [−κ_r, iκ_θ, κ_r + κ_θ − (m/πa)(ω − Ω)²]]
     n = 0:  M23 = M32 = −Rκ_θ + k_r·u_r°,  M33 = R²κ_θ − R·k_r·u_r° − I_rω²/(2πa),  R = a + u_r°
 
 with κ = k + iωc. Both hold for a foundation that turns with the wheel (objective). With the dead
-load, the paper's eqs 10 and 45b stand instead: R → a and no k_r·u_r° terms.
+load, the paper's eqs 10 and 45b apply instead: R → a and no k_r·u_r° terms.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import readonly
-from model.coefficients import REAL_ROOT
-from model.errors import ParameterError
+from model.coefficients import REAL_ROOT, PressureLoad
+from model.errors import ParameterError, ReadonlyArrays, require_one_of
 from model.forced import Direction
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m
-from model.steady_state import PressureLoad
 from model.transfer import Complex, ForcedRing, angular_frequency
 
 _UNDAMPED = RingDamping(0.0, 0.0, 0.0)
@@ -67,7 +66,8 @@ def free_hub_roots(
         For another order, or a ring without belt width.
     """
     if order not in (0, 1):
-        raise ParameterError("order", f"{order}", "the wheel couples to 0 and 1 only", "Use them")
+        rule = "the wheel couples to 0 and 1 only"
+        raise ParameterError("order", f"{order}", rule, "Use 0 or 1")
     forced = ForcedRing(ring, damping or _UNDAMPED, speed_rad_s, wheel, pressure_load)
     inertia, first, static = _matrix_polynomial(forced, order)
     companion = np.zeros((6, 6), dtype=complex)
@@ -114,17 +114,13 @@ def _matrix_polynomial(
 def _translation(radial: float, around: float) -> Complex:
     """Bed terms that a moving wheel adds to order 1."""
     return np.array(
-        [
-            [0.0, 0.0, -radial],
-            [0.0, 0.0, -1j * around],
-            [-radial, 1j * around, radial + around],
-        ]
+        [[0.0, 0.0, -radial], [0.0, 0.0, -1j * around], [-radial, 1j * around, radial + around]]
     )
 
 
 @dataclass(frozen=True, eq=False)
-class HubResponse:
-    """What a unit force on the belt does at the hub, over frequency.
+class HubResponse(ReadonlyArrays):
+    """Forces at the hub and its motion for a unit force on the belt, over frequency.
 
     Forces and motion are along the axes of the observer's frame; z lies at θ = 90°.
 
@@ -147,11 +143,6 @@ class HubResponse:
     x_m_n: Complex
     z_m_n: Complex
     rotation_rad_n: Complex
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "frequency_hz", readonly(self.frequency_hz))
-        for name in ("force_x", "force_z", "moment_m", "x_m_n", "z_m_n", "rotation_rad_n"):
-            object.__setattr__(self, name, readonly(getattr(self, name), complex))
 
 
 def hub_response(
@@ -185,6 +176,7 @@ def hub_response(
     ParameterError
         For a ring without belt width or an unknown direction.
     """
+    require_one_of("force_direction", force_direction, get_args(Direction))
     omega = angular_frequency(frequency_hz)
     backward, turning, forward = (
         _one_order(forced, order, omega, force_rad, force_direction) for order in (-1, 0, 1)
@@ -238,8 +230,4 @@ def _belt_motion(
     load /= 2.0 * np.pi * forced.ring.mean_radius_m * belt_width_m(forced.ring)
     if direction == "radial":
         return load * radial, load * cross
-    if direction == "circumferential":
-        return -load * cross, load * circumferential
-    raise ParameterError(
-        "force_direction", f"{direction!r}", "'radial' or 'circumferential'", "Choose one of them"
-    )
+    return -load * cross, load * circumferential

@@ -4,7 +4,7 @@ Belt width and inflation pressure are not in the paper. The pressure at which Ta
 frequencies of Table 3 is 2.2 bar; the width is that of the belt of a tyre of this size.
 """
 
-from model.arrays import readonly
+from model.errors import readonly
 from model.parameters import RingDamping, RingParameters
 
 DESIGNATION = "225/55R17"

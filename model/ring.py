@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import finite_array, whole_orders
-from model.coefficients import harmonics, roots_at_rest
-from model.errors import InstabilityError, ParameterError
+from model.coefficients import PressureLoad, harmonics, roots_at_rest
+from model.errors import InstabilityError, ParameterError, finite_array, whole_orders
 from model.parameters import RingParameters
-from model.steady_state import PressureLoad
 
 
 def natural_frequencies_hz(
@@ -42,17 +40,8 @@ def natural_frequencies_hz(
     Examples
     --------
     >>> import ringmodal as rm
-    >>> ring = rm.RingParameters(
-    ...     mean_radius_m=0.33,
-    ...     mass_per_area_kg_m2=19.69,
-    ...     radial_stiffness_n_m3=8.27e6,
-    ...     circumferential_stiffness_n_m3=6.56e5,
-    ...     axial_stiffness_n_m=2.52e7,
-    ...     bending_stiffness_n_m=7.45,
-    ...     inflation_pressure_pa=2.2e5,
-    ...     belt_width_m=0.19,
-    ... )
-    >>> rm.natural_frequencies_hz(ring, [2, 3, 4]).round(1)
+    >>> from model.reference import TABLE_4_RING
+    >>> rm.natural_frequencies_hz(TABLE_4_RING, [2, 3, 4]).round(1)
     array([100.7, 122.4, 145.4])
     """
     terms = harmonics(ring, orders, pressure_load=pressure_load)
@@ -102,10 +91,8 @@ def modal_mass_kg(
     ----------
     ring : RingParameters
         The ring, with its belt width.
-    orders : array_like of int
-        Circumferential orders.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
+    orders, pressure_load
+        As `natural_frequencies_hz`.
 
     Returns
     -------
@@ -119,8 +106,7 @@ def modal_mass_kg(
     """
     ratio = displacement_ratio(ring, orders, pressure_load=pressure_load)
     line = ring.mass_per_area_kg_m2 * belt_width_m(ring) * ring.mean_radius_m
-    both = line * np.pi * (1.0 + ratio**2)
-    return np.where(whole_orders(orders) == 0, 2.0 * np.pi * line, both)
+    return np.pi * line * np.where(whole_orders(orders) == 0, 2.0, 1.0 + ratio**2)
 
 
 def radial_shape(order: int, angles_rad: ArrayLike) -> NDArray[np.float64]:
@@ -148,22 +134,16 @@ def radial_shape(order: int, angles_rad: ArrayLike) -> NDArray[np.float64]:
 def belt_width_m(ring: RingParameters) -> float:
     """Belt width of the ring, m; refuses a ring without one."""
     if ring.belt_width_m is None:
-        raise ParameterError(
-            "belt_width_m",
-            "not given",
-            "masses and absolute amplitudes need the belt width: the model is per unit of width",
-            "Give belt_width_m",
-        )
+        rule = "required for masses and absolute amplitudes: the model is per unit of belt width"
+        raise ParameterError("belt_width_m", "not given", rule, "Give belt_width_m")
     return ring.belt_width_m
 
 
 def _frequency_hz(squared: NDArray[np.float64], orders: NDArray[np.int_]) -> NDArray[np.float64]:
     if np.any(squared < 0):
         lowest = int(np.argmin(squared))
-        raise InstabilityError(
-            "ring",
-            f"ω² = {squared.flat[lowest]:.4g} rad²/s² for order {orders.flat[lowest]}",
-            "the static stiffness of this order is negative: the ring buckles",
-            "Raise the foundation stiffness or the bending stiffness",
-        )
+        found = f"ω² = {squared.flat[lowest]:.4g} rad²/s² for order {orders.flat[lowest]}"
+        rule = "the static stiffness of this order is negative: the ring buckles"
+        remedy = "Raise the foundation stiffness or the bending stiffness"
+        raise InstabilityError("ring", found, rule, remedy)
     return np.asarray(np.sqrt(squared) / (2.0 * np.pi))

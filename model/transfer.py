@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import finite_array, readonly, require_order_limit
-from model.coefficients import Harmonics, harmonics
+from model.coefficients import Harmonics, PressureLoad, harmonics
+from model.errors import finite_array, readonly, require_order_limit
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m
-from model.rotation import Frame, require_frame
-from model.steady_state import PressureLoad
+from model.waves import Frame, require_frame
 
 Complex = NDArray[np.complexfloating[Any, Any]]
+ORDERS_AT_ONCE = 16  # keeps the matrices of a block in the cache
 
 
 @dataclass(frozen=True)
 class ForcedRing:
-    """A damped ring at one speed, ready for harmonic loads (section 5.3).
+    """A damped ring at one speed, under harmonic loads (section 5.3).
 
     Parameters
     ----------
@@ -71,11 +71,7 @@ class ForcedRing:
     def terms(self, orders: ArrayLike) -> Harmonics:
         """Coefficients of eq 12 with the loss factor for positive frequencies."""
         return harmonics(
-            self.ring,
-            orders,
-            self.speed_rad_s,
-            pressure_load=self.load,
-            damping=self.damping,
+            self.ring, orders, self.speed_rad_s, pressure_load=self.load, damping=self.damping
         )
 
     def rotating_omega(
@@ -95,18 +91,9 @@ class ForcedRing:
     ) -> tuple[Complex, Complex, Complex]:
         """Inverse of the damped matrix of eq 12, coupled to the wheel where that is free.
 
-        Parameters
-        ----------
-        orders : ndarray of int, shape (n_orders,)
-            Orders of either sign.
-        omega_rad_s : ndarray, shape (n_frequencies,)
-            Angular frequencies in the frame of the observer, rad/s.
-
-        Returns
-        -------
-        radial, cross, circumferential : ndarray, shape (n_orders, n_frequencies)
-            [A, B] = [[radial, −cross], [cross, circumferential]]·[Q_r, Q_θ], m³/N, for surface
-            loads Q per area.
+        `omega_rad_s` is in the frame of the observer. Returns radial, cross and circumferential
+        compliance, shape (n_orders, n_frequencies), m³/N, for surface loads Q per area:
+        [A, B] = [[radial, −cross], [cross, circumferential]]·[Q_r, Q_θ].
         """
         m11, m12, m22 = self.matrix(orders, omega_rad_s)
         inverse = 1.0 / (m11 * m22 + m12**2)
@@ -192,7 +179,7 @@ class ForcedRing:
 
 
 def _signed(values: NDArray[Any], omega: NDArray[np.float64]) -> NDArray[Any]:
-    """Coefficients of each order along ω; the loss factor turns its sign with the frequency."""
+    """Coefficients of each order along ω; the loss factor has the sign of the frequency."""
     column = values[:, None]
     if np.iscomplexobj(values) and np.any(omega < 0):
         return np.where(omega < 0, column.conj(), column)

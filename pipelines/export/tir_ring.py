@@ -10,8 +10,7 @@ from datetime import UTC, datetime
 from ema.core.errors import InputError
 from model.errors import ParameterError
 from model.foundation import Foundation, foundation_from_belt_modes
-from model.tuning_problem import BENDING
-from model.tuning_search import TYPICAL
+from model.tuning_problem import BENDING, TYPICAL
 from pipelines.export.tir_belt import require_belt_width
 from pipelines.export.tir_file import TirFile
 from pipelines.export.tir_units import TirUnits, clear_si_value, positive_si_value, units_of

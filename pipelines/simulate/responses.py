@@ -19,11 +19,11 @@ from model import (
     load_ring,
     loaded_frequencies_hz,
 )
-from model.arrays import readonly
 from model.cleat import Quantity
+from model.coefficients import PressureLoad
+from model.errors import readonly
 from model.forced import Direction
-from model.rotation import Frame
-from model.steady_state import PressureLoad
+from model.waves import Frame
 
 PER_FORCE = "(m/s²)/N"
 PER_LINE_FORCE = "(m/s²)/(N/m)"

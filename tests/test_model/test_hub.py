@@ -164,21 +164,21 @@ def test_resonances_of_the_response_are_the_roots():
 
 
 @pytest.mark.parametrize(
-    ("call", "rule"),
+    ("call", "where"),
     [
-        (lambda: free_hub_roots(TABLE_4_RING, WHEEL, 2), "0 and 1 only"),
+        (lambda: free_hub_roots(TABLE_4_RING, WHEEL, 2), "order"),
         (
             lambda: free_hub_roots(replace(TABLE_4_RING, belt_width_m=None), WHEEL, 1),
-            "belt width",
+            "belt_width_m",
         ),
         (
             lambda: hub_response(
                 ForcedRing(TABLE_4_RING, UNDAMPED), 50.0, force_direction="sideways"
             ),
-            "circumferential",
+            "force_direction",
         ),
     ],
 )
-def test_refusals(call, rule):
-    with pytest.raises(ParameterError, match=rule):
+def test_refusals(call, where):
+    with pytest.raises(ParameterError, match=f"^{where}:"):
         call()

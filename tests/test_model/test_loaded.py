@@ -212,20 +212,23 @@ def test_an_unstable_state_has_no_frequencies(pressed):
 
 
 @pytest.mark.parametrize(
-    ("call", "rule"),
+    ("call", "where"),
     [
-        (lambda: contact_patch(TABLE_4_RING, 0.0), "above zero"),
-        (lambda: contact_patch(TABLE_4_RING, 1e6), "half angle"),
-        (lambda: contact_patch(replace(TABLE_4_RING, inflation_pressure_pa=0.0), 1.0), "patch"),
-        (lambda: contact_patch(replace(TABLE_4_RING, belt_width_m=None), 1.0), "belt width"),
-        (lambda: ContactPatch(np.nan, 0.1), "finite"),
-        (lambda: load_ring(TABLE_4_RING, np.zeros(20), highest_order=10), "more than 20"),
-        (lambda: load_ring(TABLE_4_RING, np.zeros(20), highest_order=0), "whole number"),
-        (lambda: loaded_frequencies_hz(TABLE_4_RING, 0.0, 43, highest_order=10), "1 to 42 modes"),
-        (lambda: load_ring(TABLE_4_RING, np.full(40, 4e6), highest_order=8), "buckles"),
-        (lambda: load_ring(TABLE_4_RING, np.full(40, 1e8), highest_order=8), "no equilibrium"),
+        (lambda: contact_patch(TABLE_4_RING, 0.0), "load_n"),
+        (lambda: contact_patch(TABLE_4_RING, 1e6), "contact patch"),
+        (
+            lambda: contact_patch(replace(TABLE_4_RING, inflation_pressure_pa=0.0), 1.0),
+            "inflation_pressure_pa",
+        ),
+        (lambda: contact_patch(replace(TABLE_4_RING, belt_width_m=None), 1.0), "belt_width_m"),
+        (lambda: ContactPatch(np.nan, 0.1), "mean_pressure_pa"),
+        (lambda: load_ring(TABLE_4_RING, np.zeros(20), highest_order=10), "contact"),
+        (lambda: load_ring(TABLE_4_RING, np.zeros(20), highest_order=0), "highest_order"),
+        (lambda: loaded_frequencies_hz(TABLE_4_RING, 0.0, 43, highest_order=10), "n_modes"),
+        (lambda: load_ring(TABLE_4_RING, np.full(40, 4e6), highest_order=8), "contact"),
+        (lambda: load_ring(TABLE_4_RING, np.full(40, 1e8), highest_order=8), "contact"),
     ],
 )
-def test_refusals(call, rule):
-    with pytest.raises(ParameterError, match=rule):
+def test_refusals(call, where):
+    with pytest.raises(ParameterError, match=f"^{where}:"):
         call()

@@ -72,12 +72,12 @@ def test_follower_pressure_acts_on_the_grown_ring():
 
 
 def test_no_equilibrium_at_an_absurd_speed():
-    with pytest.raises(ParameterError, match="no acceptable equilibrium"):
+    with pytest.raises(ParameterError, match="speed_rad_s: 2500"):
         equilibrium(TABLE_4_RING, [0.0, 2500.0])
 
 
 def test_unknown_pressure_load_is_refused():
-    with pytest.raises(ParameterError, match="'dead' or a 'follower'"):
+    with pytest.raises(ParameterError, match="pressure_load: 'gas'"):
         equilibrium(TABLE_4_RING, pressure_load="gas")
 
 

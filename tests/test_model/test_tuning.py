@@ -67,11 +67,10 @@ def test_the_papers_objective_weighs_order_7_two_hundred_times_order_1():
     assert slope[6] / slope[0] == pytest.approx(200.0, rel=0.02)
 
 
-def test_standard_deviations_never_fall_below_the_misfit():
+def test_standard_deviations_never_fall_below_those_of_the_residuals():
     result = tune_ring(ORDERS, MEASURED, given=MASS, frequency_std_hz=1e-6 * MEASURED, **TYRE)
     plain = tune_ring(ORDERS, MEASURED, given=MASS, **TYRE)
     assert result.std == pytest.approx(plain.std)
-    assert any("misfit" in note for note in result.notes)
 
 
 def test_standard_deviations_cover_the_scatter_of_noisy_tunings():
@@ -174,7 +173,7 @@ def test_a_bound_that_is_hit_is_said():
     assert result.ring.circumferential_stiffness_n_m3 == 1e6
     assert "circumferential_stiffness_n_m3" not in result.std
     assert "circumferential_stiffness_n_m3" not in result.correlation.parameters
-    assert any("ended on a bound" in note for note in result.notes)
+    assert any("k_θ" in note and "bound" in note for note in result.notes)
 
 
 def test_a_belt_that_wants_negative_bending_stiffness_gets_none():
@@ -252,29 +251,34 @@ ALL_GIVEN = {
 
 
 @pytest.mark.parametrize(
-    ("orders", "frequencies", "options", "rule"),
+    ("orders", "frequencies", "options", "where"),
     [
-        ([1], [78.7], {}, "fewer than the unknowns"),
-        ([1, 2], [78.7], {}, "one value per order"),
-        ([1, 1], [78.7, 78.9], {}, "may appear once"),
-        ([1, 2], [78.7, -1.0], {}, "greater than zero"),
-        ([1, 2], [78.7, np.nan], {}, "must be finite"),
-        (ORDERS, MEASURED, {"frequency_std_hz": np.zeros(7)}, "greater than zero"),
-        (ORDERS, MEASURED, {"given": {"mass": 1.0}}, "no such parameter"),
-        (ORDERS, MEASURED, {"given": ALL_GIVEN}, "nothing is left"),
-        (ORDERS, MEASURED, {"objective": "best"}, "one of"),
-        ([0, 1, 2, 3, 4], [550.0, *MEASURED[:4]], {"objective": "paper"}, "n ≥ 1"),
-        (ORDERS, MEASURED, {"bounds": {"bending_stiffness_n_m": (2.0, 1.0)}}, "lower < upper"),
-        (ORDERS, MEASURED, {"mean_radius_m": 0.0}, "above zero"),
-        (ORDERS, MEASURED, {"inflation_pressure_pa": 0.0}, "above zero"),
+        ([1], [78.7], {}, "frequencies_hz"),
+        ([1, 2], [78.7], {}, "frequencies_hz"),
+        ([1, 1], [78.7, 78.9], {}, "orders"),
+        ([1, 2], [78.7, -1.0], {}, "frequencies_hz"),
+        ([1, 2], [78.7, np.nan], {}, "frequencies_hz"),
+        (ORDERS, MEASURED, {"frequency_std_hz": np.zeros(7)}, "frequency_std_hz"),
+        (ORDERS, MEASURED, {"given": {"mass": 1.0}}, "given"),
+        (ORDERS, MEASURED, {"given": ALL_GIVEN}, "given"),
+        (ORDERS, MEASURED, {"objective": "best"}, "objective"),
+        ([0, 1, 2, 3, 4], [550.0, *MEASURED[:4]], {"objective": "paper"}, "orders"),
+        (
+            ORDERS,
+            MEASURED,
+            {"bounds": {"bending_stiffness_n_m": (2.0, 1.0)}},
+            "bounds of bending_stiffness_n_m",
+        ),
+        (ORDERS, MEASURED, {"mean_radius_m": 0.0}, "mean_radius_m"),
+        (ORDERS, MEASURED, {"inflation_pressure_pa": 0.0}, "inflation_pressure_pa"),
         (
             ORDERS,
             MEASURED,
             {"radial_growth_m": 1e-3, "given": {"axial_stiffness_n_m": 2e7}},
-            "determined twice",
+            "radial_growth_m",
         ),
     ],
 )
-def test_refusals(orders, frequencies, options, rule):
-    with pytest.raises(ParameterError, match=rule):
+def test_refusals(orders, frequencies, options, where):
+    with pytest.raises(ParameterError, match=f"^{where}:"):
         tune_ring(orders, frequencies, **(TYRE | options))
