@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.coefficients import PressureLoad
-from model.errors import ReadonlyArrays
+from model.errors import Array, ReadonlyArrays
 from model.parameters import RingParameters
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,29 +19,17 @@ class CircleFields(ReadonlyArrays):
 
     Coefficients are [constant, cosines 1…N, sines 1…N] of u_r, then those of u_θ, in a basis whose
     functions all have the same norm, ∫φ²dθ = π: the constant is 1/√2.
-
-    Parameters
-    ----------
-    highest_order : int
-        N.
-    angles_rad : ndarray, shape (n_points,)
-        Equidistant angles, rad.
-    radial, circumferential : ndarray, shape (n_points, n_coefficients)
-        u_r and u_θ.
-    stretch, rotation, bending : ndarray, shape (n_points, n_coefficients)
-        Linear parts of eq 3: (u_r + u_θ')/a, (u_θ − u_r')/a, (u_θ' − u_r'')/a².
-    convection : ndarray, shape (n_coefficients, n_coefficients)
-        W: a point of the turning ring moves at u̇ + ΩWu seen from space; antisymmetric.
+    Fields have the shape (n_points, n_coefficients).
     """
 
-    highest_order: int
-    angles_rad: Array
-    radial: Array
-    circumferential: Array
-    stretch: Array
-    rotation: Array
-    bending: Array
-    convection: Array
+    highest_order: int  # N
+    angles_rad: Array  # equidistant
+    radial: Array  # u_r
+    circumferential: Array  # u_θ
+    stretch: Array  # linear parts of eq 3: (u_r + u_θ')/a
+    rotation: Array  # (u_θ − u_r')/a
+    bending: Array  # (u_θ' − u_r'')/a²
+    convection: Array  # W: a point of the turning ring moves at u̇ + ΩWu in space; antisymmetric
 
     @property
     def weight_rad(self) -> float:

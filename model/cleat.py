@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.coefficients import characteristic_roots
 from model.errors import (
+    Array,
     InstabilityError,
     ParameterError,
     ReadonlyArrays,
@@ -63,7 +64,7 @@ class Cleat:
         factor = rate / 2.0 / 2.0j
         return (factor, 1j * rate), (-factor, -1j * rate)
 
-    def unit_force(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def unit_force(self, times_s: Array) -> Array:
         """Half-sine of unit momentum at `times_s`, 1/s; zero outside the blow."""
         if self.duration_s == 0:
             return np.zeros_like(times_s)
@@ -101,7 +102,7 @@ class CleatTest:
         frame: Frame = "rotating",
         direction: Direction = "radial",
         quantity: Quantity = "acceleration",
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Response in time, exact for the harmonics summed: no time steps.
 
         Parameters
@@ -166,7 +167,7 @@ class CleatTest:
         for start in range(0, self.modes.orders.size, ORDERS_AT_ONCE):
             yield slice(start, start + ORDERS_AT_ONCE)
 
-    def _shift(self, block: slice) -> NDArray[np.float64]:
+    def _shift(self, block: slice) -> Array:
         """Rate nΩ at which a force in space turns on the tyre, per order."""
         held = require_frame(self.forced.frame) * self.forced.speed_rad_s
         return np.asarray(self.modes.orders[block] * held)
@@ -179,7 +180,7 @@ class CleatTest:
         blow = np.array([self.cleat.radial_n_s, self.cleat.circumferential_n_s])
         return np.asarray(start[:, None] * blow)
 
-    def _coordinates(self, block: slice, times: NDArray[np.float64]) -> Complex:
+    def _coordinates(self, block: slice, times: Array) -> Complex:
         """Coordinate of each pole over time for unit drive, shape (n_orders, 4, n_times)."""
         poles = self.modes.poles[block][:, :, None]
         if self.cleat.duration_s == 0:
@@ -192,7 +193,7 @@ class CleatTest:
         return np.asarray(during_blow * np.exp(poles * (times - during)))
 
     def _amplitudes(
-        self, block: slice, row: int, derivative: int, turning: float, times: NDArray[np.float64]
+        self, block: slice, row: int, derivative: int, turning: float, times: Array
     ) -> Complex:
         """a_n or b_n, differentiated for an observer who turns by `turning` against the tyre."""
         load = self._load(block)
@@ -211,7 +212,7 @@ class CleatTest:
         a = a + load[:, row, None] / self.modes.mass_per_area_kg_m2 * blow
         return np.asarray(a + 2.0 * carried * v + carried**2 * x)
 
-    def _transform(self, block: slice, row: int, omega: NDArray[np.float64]) -> Complex:
+    def _transform(self, block: slice, row: int, omega: Array) -> Complex:
         """Fourier transform of a_n or b_n at `omega` on the tyre, shape (n_orders, n_lines)."""
         drive = np.einsum("nkj,nj->nk", self.modes.drive[block], self._load(block))
         weight = (self.modes.shapes[block][:, row] * drive)[:, :, None]
@@ -219,7 +220,7 @@ class CleatTest:
         receptance = (weight / (1j * omega[:, None, :] - poles)).sum(axis=1)
         return np.asarray(receptance * self._blow_spectrum(omega - self._shift(block)[:, None]))
 
-    def _blow_spectrum(self, omega: NDArray[np.float64]) -> Complex:
+    def _blow_spectrum(self, omega: Array) -> Complex:
         """Fourier transform of the blow of unit momentum."""
         if self.cleat.duration_s == 0:
             return np.ones(omega.shape, dtype=complex)
@@ -243,26 +244,13 @@ class HarmonicModes(ReadonlyArrays):
     """First-order form of the equations of each harmonic n ≥ 0: amplitudes a_n(t), b_n(t).
 
     ρh·ẍ + (C + G)ẋ + Kx = q(t) for x = [a_n, b_n], with K = [[m11, ic], [−ic, m22]],
-    G = 2ρhΩ·[[0, −1], [1, 0]] and damping C.
-
-    Parameters
-    ----------
-    orders : ndarray of int, shape (n_orders,)
-        Orders 0 … N; −n is the complex conjugate.
-    poles : ndarray of complex, shape (n_orders, 4)
-        s, rad/s.
-    shapes : ndarray of complex, shape (n_orders, 4, 4)
-        Columns are eigenvectors of the state [a, b, ȧ, ḃ].
-    drive : ndarray of complex, shape (n_orders, 4, 2)
-        Share of a load per area, [q_r, q_θ], in each pole's coordinate.
-    mass_per_area_kg_m2 : float
-        ρh.
+    G = 2ρhΩ·[[0, −1], [1, 0]] and damping C. Order −n is the complex conjugate of n.
     """
 
-    orders: NDArray[np.int_]
-    poles: Complex
-    shapes: Complex
-    drive: Complex
+    orders: NDArray[np.int_]  # 0 … N
+    poles: Complex  # rad/s, (n_orders, 4)
+    shapes: Complex  # eigenvectors of the state [a, b, ȧ, ḃ] as columns, (n_orders, 4, 4)
+    drive: Complex  # share of a load per area [q_r, q_θ] in each pole, (n_orders, 4, 2)
     mass_per_area_kg_m2: float
 
 
@@ -285,7 +273,12 @@ def harmonic_modes(forced: ForcedRing) -> HarmonicModes:
     state[:, 2:, :2] = -stiffness / rho
     state[:, 2:, 2:] = -damping / rho
     poles, shapes = np.linalg.eig(state)
-    _require_stable(orders, poles)
+    growth = poles.real.max(axis=1)
+    worst = int(np.argmax(growth))
+    if growth[worst] > 1e-6 * np.abs(poles[worst]).max():
+        where, found = f"order {orders[worst]}", f"grows by {growth[worst]:.4g} 1/s"
+        remedy = "Lower the speed or raise the foundation stiffness"
+        raise InstabilityError(where, found, "the response of an unstable ring grows", remedy)
     shapes = shapes.astype(complex)
     drive = np.asarray(np.linalg.inv(shapes)[:, :, 2:] / rho, dtype=complex)
     return HarmonicModes(orders, poles.astype(complex), shapes, drive, rho)
@@ -294,11 +287,8 @@ def harmonic_modes(forced: ForcedRing) -> HarmonicModes:
 def _stiffness_and_damping(forced: ForcedRing, orders: NDArray[np.int_]) -> tuple[Complex, Complex]:
     """Undamped K, and C with the equivalent viscous loss of the belt, shape (n_orders, 2, 2)."""
     terms = forced.terms(orders)
-    natural = np.abs(
-        characteristic_roots(
-            forced.ring, orders, forced.speed_rad_s, pressure_load=forced.load
-        ).real
-    )
+    ring, speed = forced.ring, forced.speed_rad_s
+    natural = np.abs(characteristic_roots(ring, orders, speed, pressure_load=forced.load).real)
     radial = np.where(orders == 0, natural[:, 2], 0.5 * (natural[:, 0] + natural[:, 1]))
     around = np.where(orders == 0, natural[:, 0], radial)
     loss = _matrix(terms.m11.imag, terms.m22.imag, terms.c.imag)
@@ -309,25 +299,14 @@ def _stiffness_and_damping(forced: ForcedRing, orders: NDArray[np.int_]) -> tupl
     return _matrix(terms.m11.real, terms.m22.real, terms.c.real), bed + loss
 
 
-def _matrix(m11: NDArray[np.float64], m22: NDArray[np.float64], c: NDArray[np.float64]) -> Complex:
+def _matrix(m11: Array, m22: Array, c: Array) -> Complex:
     matrix = np.empty((m11.size, 2, 2), dtype=complex)
     matrix[:, 0, 0], matrix[:, 1, 1] = m11, m22
     matrix[:, 0, 1], matrix[:, 1, 0] = 1j * c, -1j * c
     return matrix
 
 
-def _require_stable(orders: NDArray[np.int_], poles: Complex) -> None:
-    growth = poles.real.max(axis=1)
-    worst = int(np.argmax(growth))
-    if growth[worst] > 1e-6 * np.abs(poles[worst]).max():
-        where, found = f"order {orders[worst]}", f"grows by {growth[worst]:.4g} 1/s"
-        remedy = "Lower the speed or raise the foundation stiffness"
-        raise InstabilityError(where, found, "the response of an unstable ring grows", remedy)
-
-
-def exponential_convolution(
-    exponent: Complex, poles: Complex, times_s: NDArray[np.float64]
-) -> Complex:
+def exponential_convolution(exponent: Complex, poles: Complex, times_s: Array) -> Complex:
     """∫₀ᵗ e^{s(t−τ)} e^{pτ} dτ = (e^{pt} − e^{st})/(p − s), also where p and s meet.
 
     Arguments are p and s in 1/s and t ≥ 0 in s, of shapes that broadcast; the result is in s.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import (
+    Array,
     ParameterError,
     ReadonlyArrays,
     finite_array,
@@ -42,24 +43,24 @@ class Equilibrium(ReadonlyArrays):
         How the pressure follows the belt.
     """
 
-    speed_rad_s: NDArray[np.float64]
-    hoop_strain: NDArray[np.float64]
-    tension_stiffness_n_m3: NDArray[np.float64]
+    speed_rad_s: Array
+    hoop_strain: Array
+    tension_stiffness_n_m3: Array
     mean_radius_m: float
     pressure_load: PressureLoad
 
     @property
-    def radial_displacement_m(self) -> NDArray[np.float64]:
+    def radial_displacement_m(self) -> Array:
         """u_r°, m."""
         return self.mean_radius_m * self.hoop_strain
 
     @property
-    def radius_m(self) -> NDArray[np.float64]:
+    def radius_m(self) -> Array:
         """Radius a + u_r° of the spinning ring, m."""
         return self.mean_radius_m * (1.0 + self.hoop_strain)
 
     @property
-    def hoop_tension_n_m(self) -> NDArray[np.float64]:
+    def hoop_tension_n_m(self) -> Array:
         """Hoop tension N0 per unit of belt width, N/m."""
         return self.mean_radius_m**2 * self.tension_stiffness_n_m3
 
@@ -95,7 +96,12 @@ def equilibrium(
     require_pressure_load(pressure_load)
     speed = finite_array("speed_rad_s", speed_rad_s)
     strain = _positive_root(ring, speed, pressure_load)
-    _require_acceptable(speed, strain)
+    beyond = strain > LARGEST_HOOP_STRAIN
+    if np.any(beyond):
+        first = float(np.abs(speed[beyond]).min())
+        rule = f"no equilibrium with a hoop strain of at most {LARGEST_HOOP_STRAIN:g}"
+        remedy = "Lower the speed or the pressure, or raise K or k_r"
+        raise ParameterError("speed_rad_s", f"{first:g}", rule, remedy)
     tension = ring.axial_stiffness_n_m / ring.mean_radius_m**2 * (strain + 0.5 * strain**2)
     return Equilibrium(speed, strain, np.asarray(tension), ring.mean_radius_m, pressure_load)
 
@@ -105,10 +111,8 @@ def require_pressure_load(pressure_load: str) -> None:
     require_one_of("pressure_load", pressure_load, get_args(PressureLoad))
 
 
-def _positive_root(
-    ring: RingParameters, speed: NDArray[np.float64], pressure_load: PressureLoad
-) -> NDArray[np.float64]:
-    """Newton's method from the right of the root; the cubic is convex there, so it cannot miss."""
+def _positive_root(ring: RingParameters, speed: Array, pressure_load: PressureLoad) -> Array:
+    """Newton's method from the right of the root, where the cubic is convex: it converges."""
     membrane = ring.axial_stiffness_n_m / ring.mean_radius_m
     centrifugal = ring.mass_per_area_kg_m2 * ring.mean_radius_m * speed**2
     load = centrifugal + ring.inflation_pressure_pa
@@ -125,15 +129,6 @@ def _positive_root(
         if np.all(np.abs(step) <= 4.0 * np.finfo(float).eps * np.abs(strain)):
             break
     return np.asarray(strain)
-
-
-def _require_acceptable(speed: NDArray[np.float64], strain: NDArray[np.float64]) -> None:
-    beyond = strain > LARGEST_HOOP_STRAIN
-    if np.any(beyond):
-        first = float(np.abs(speed[beyond]).min())
-        rule = f"no equilibrium with a hoop strain of at most {LARGEST_HOOP_STRAIN:g}"
-        remedy = "Lower the speed or the pressure, or raise K or k_r"
-        raise ParameterError("speed_rad_s", f"{first:g}", rule, remedy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +158,7 @@ class Harmonics(ReadonlyArrays):
     """
 
     orders: NDArray[np.int_]
-    speed_rad_s: NDArray[np.float64]
+    speed_rad_s: Array
     m11: NDArray[Any]
     m22: NDArray[Any]
     c: NDArray[Any]
@@ -212,7 +207,7 @@ def harmonics(
     Raises
     ------
     ParameterError
-        Where a speed leaves no acceptable equilibrium or an order is not whole.
+        Where a speed has no equilibrium or an order is not a whole number.
     """
     n, speed = np.broadcast_arrays(whole_orders(orders), finite_array("speed_rad_s", speed_rad_s))
     rest = equilibrium(ring, speed, pressure_load=pressure_load)
@@ -243,7 +238,7 @@ def harmonics(
     )
 
 
-def roots_at_rest(terms: Harmonics) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def roots_at_rest(terms: Harmonics) -> tuple[Array, Array]:
     """Squared roots ω² of eq 14 (undamped, Ω = 0): inextensional and extensional, rad²/s²."""
     total = terms.m11 + terms.m22
     root = np.sqrt((terms.m11 - terms.m22) ** 2 + 4.0 * terms.c**2)
@@ -269,12 +264,8 @@ def characteristic_roots(
 
     Parameters
     ----------
-    ring : RingParameters
-        The ring.
-    orders, speed_rad_s : array_like
-        Orders n and angular speeds Ω in rad/s, of shapes that broadcast.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
+    ring, orders, speed_rad_s, pressure_load
+        As `harmonics`.
     damping : RingDamping or None
         Viscous foundation and loss factor. A loss factor holds for e^{+iωt} with Re ω > 0.
 
@@ -299,7 +290,7 @@ def eigenvector_ratios(
     speed_rad_s: ArrayLike = 0.0,
     *,
     pressure_load: PressureLoad = "dead",
-) -> NDArray[np.float64]:
+) -> Array:
     """Ratios b_k of the eigenvectors [1, i·b_k] of eq 12, in the order k = 1…4 of Table 2.
 
     Table 2 writes the sign out: b = B_{n,k} for the inextensional pair of n ≥ 1, −B_{n,k} for the
@@ -307,12 +298,8 @@ def eigenvector_ratios(
 
     Parameters
     ----------
-    ring : RingParameters
-        The ring.
-    orders, speed_rad_s : array_like
-        Orders n ≠ 0 and angular speeds Ω in rad/s, of shapes that broadcast.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
+    ring, orders, speed_rad_s, pressure_load
+        As `harmonics`, with n ≠ 0.
 
     Returns
     -------

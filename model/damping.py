@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import nnls
 
 from model.coefficients import PressureLoad, characteristic_roots, harmonics
-from model.errors import ReadonlyArrays, measured_orders, whole_orders
+from model.errors import Array, ReadonlyArrays, measured_orders, whole_orders
 from model.identifiability import AT_BOUND, NOT_IDENTIFIED, Correlation, LinearFit, judged
 from model.parameters import DAMPING_NAMES, RingDamping, RingParameters
 from model.ring import natural_frequencies_hz, torsion_frequency_hz
@@ -45,8 +45,8 @@ class DampingResult(ReadonlyArrays):
     std: dict[str, float]
     how: dict[str, str]
     orders: NDArray[np.int_]
-    measured: NDArray[np.float64]
-    model: NDArray[np.float64]
+    measured: Array
+    model: Array
     correlation: Correlation
     notes: tuple[str, ...]
 
@@ -58,7 +58,7 @@ def damping_ratios(
     speed_rad_s: ArrayLike = 0.0,
     *,
     pressure_load: PressureLoad = "dead",
-) -> NDArray[np.float64]:
+) -> Array:
     """Damping ratios ζ = Im ω/|ω| of the regressive inextensional waves (n = 0: breathing).
 
     Exact roots of eq 14 with iωc_r and iωc_θ on its diagonal and K, D complex (section 5.3).
@@ -97,12 +97,8 @@ def torsion_damping_ratio(
 
     Parameters
     ----------
-    ring : RingParameters
-        The ring.
-    damping : RingDamping
-        Its damping.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
+    ring, damping, pressure_load
+        As `damping_ratios`.
 
     Raises
     ------
@@ -165,11 +161,11 @@ def identify_damping(
         "damping_ratios", orders, damping_ratios, "damping_std", damping_std
     )
 
-    def damping(values: NDArray[np.float64]) -> RingDamping:
+    def damping(values: Array) -> RingDamping:
         radial, circumferential, loss_factor = map(float, values)
         return RingDamping(radial, circumferential, loss_factor, on_pretension)
 
-    def model(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def model(values: Array) -> Array:
         return _ratios(ring, damping(values), numbers, pressure_load=pressure_load)
 
     scale = _scale(ring, numbers)
@@ -180,11 +176,7 @@ def identify_damping(
     fit = LinearFit(names, values[free], slope[:, free], -np.ones(measured.size))
     undetermined = replace(fit, names=_NAMES, values=scale, residual_slope=slope).undetermined()
     found = judged(
-        fit,
-        fitted / measured - 1.0,
-        relative_given,
-        nominal=_NOMINAL,
-        undetermined=undetermined,
+        fit, fitted / measured - 1.0, relative_given, nominal=_NOMINAL, undetermined=undetermined
     )
     bound = {name: NOT_IDENTIFIED if undetermined[name] else AT_BOUND for name in _NAMES}
     how = bound | found.how
@@ -203,18 +195,14 @@ def identify_damping(
 _ratios = damping_ratios  # `identify_damping` has an argument of this name
 
 
-def _scale(ring: RingParameters, orders: NDArray[np.int_]) -> NDArray[np.float64]:
+def _scale(ring: RingParameters, orders: NDArray[np.int_]) -> Array:
     """Amounts of c_r, c_θ and η that each give damping ratios of some percent."""
     omega = 2.0 * np.pi * float(np.mean(natural_frequencies_hz(ring, orders)))
     viscous = 0.05 * ring.mass_per_area_kg_m2 * omega
     return np.array([viscous, viscous, 0.05])
 
 
-def _fit(
-    model: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    measured: NDArray[np.float64],
-    scale: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _fit(model: Callable[[Array], Array], measured: Array, scale: Array) -> tuple[Array, Array]:
     """Gauss-Newton, parameters ≥ 0: ratios are nearly linear in light damping.
 
     Returns the parameters and d(model/measured)/d(parameter) there.
@@ -239,10 +227,8 @@ def _notes(how: dict[str, str], n_ratios: int) -> list[str]:
     notes = []
     if n_ratios < len(_NAMES):
         notes.append(f"{n_ratios} damping ratios cannot determine three damping parameters.")
-    vague = [name for name in _NAMES if how[name] == NOT_IDENTIFIED]
-    if vague:
-        notes.append(f"Not identified from these damping ratios: {', '.join(vague)}.")
-    bound = [name for name in _NAMES if how[name] == AT_BOUND]
-    if bound:
-        notes.append(f"At the lower bound, zero: {', '.join(bound)}.")
+    for word, text in ((NOT_IDENTIFIED, "Not identified"), (AT_BOUND, "At the lower bound, zero")):
+        names = [name for name in _NAMES if how[name] == word]
+        if names:
+            notes.append(f"{text}: {', '.join(names)}.")
     return notes

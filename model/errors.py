@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+#: Array of real numbers.
+Array = NDArray[np.float64]
+
 
 class ParameterError(ValueError):
     """A parameter that the ring model refuses; its message says where, what, why and what to do.
@@ -63,7 +66,7 @@ class ReadonlyArrays:
                 object.__setattr__(self, name, readonly(value, value.dtype))
 
 
-def finite_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
+def finite_array(name: str, values: ArrayLike) -> Array:
     """Take `values` as floats; refuse NaN and infinity."""
     array = np.asarray(values, dtype=float)
     if not np.all(np.isfinite(array)):
@@ -84,7 +87,7 @@ def whole_orders(orders: ArrayLike) -> NDArray[np.int_]:
 
 def measured_orders(
     name: str, orders: ArrayLike, values: ArrayLike, std_name: str, std: ArrayLike | None
-) -> tuple[NDArray[np.int_], NDArray[np.float64], NDArray[np.float64] | None]:
+) -> tuple[NDArray[np.int_], Array, Array | None]:
     """Orders, one measured value > 0 for each, and their relative standard deviations if given."""
     numbers = np.atleast_1d(whole_orders(orders))
     measured = _one_each(name, numbers, values)
@@ -95,7 +98,7 @@ def measured_orders(
     return numbers, measured, None if std is None else _one_each(std_name, numbers, std) / measured
 
 
-def _one_each(name: str, orders: NDArray[np.int_], values: ArrayLike) -> NDArray[np.float64]:
+def _one_each(name: str, orders: NDArray[np.int_], values: ArrayLike) -> Array:
     array = np.atleast_1d(finite_array(name, values))
     if orders.ndim != 1 or array.shape != orders.shape:
         found = f"shape {array.shape} for orders of shape {orders.shape}"

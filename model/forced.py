@@ -7,7 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.errors import ParameterError, finite_array, require_one_of
+from model.errors import Array, ParameterError, finite_array, require_one_of
 from model.ring import belt_width_m
 from model.transfer import ORDERS_AT_ONCE, Complex, ForcedRing, angular_frequency
 
@@ -132,7 +132,7 @@ def inextensional_inertance(
 def _compliance(
     forced: ForcedRing,
     orders: NDArray[np.int_],
-    omega: NDArray[np.float64],
+    omega: Array,
     response: Direction,
     force: Direction,
 ) -> Complex:
@@ -147,11 +147,7 @@ def _compliance(
 
 
 def _as_inertance(
-    forced: ForcedRing,
-    total: Complex,
-    omega: NDArray[np.float64],
-    per_width: bool,
-    n_dimensions: int,
+    forced: ForcedRing, total: Complex, omega: Array, per_width: bool, n_dimensions: int
 ) -> Complex:
     """Scale Σ A_n/Q_n to acceleration over force; drop the axis of a single angle."""
     width = 1.0 if per_width else belt_width_m(forced.ring)

@@ -87,11 +87,9 @@ def foundation_from_belt_modes(
             mass_per_area_kg_m2=mass_per_area_kg_m2,
             radial_stiffness_n_m3=radial,
             circumferential_stiffness_n_m3=max(circumferential, 0.0),
-            axial_stiffness_n_m=(
-                growth.axial_stiffness_n_m(radial)
-                if axial_stiffness_n_m is None
-                else axial_stiffness_n_m
-            ),
+            axial_stiffness_n_m=axial_stiffness_n_m
+            if axial_stiffness_n_m is not None
+            else growth.axial_stiffness_n_m(radial),
             bending_stiffness_n_m=bending_stiffness_n_m,
             inflation_pressure_pa=inflation_pressure_pa,
         )

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.coefficients import REAL_ROOT, PressureLoad
-from model.errors import ParameterError, ReadonlyArrays, require_one_of
+from model.errors import Array, ParameterError, ReadonlyArrays, require_one_of
 from model.forced import Direction
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m
@@ -66,8 +66,7 @@ def free_hub_roots(
         For another order, or a ring without belt width.
     """
     if order not in (0, 1):
-        rule = "the wheel couples to 0 and 1 only"
-        raise ParameterError("order", f"{order}", rule, "Use 0 or 1")
+        raise ParameterError("order", f"{order}", "the wheel couples to 0 and 1", "Use 0 or 1")
     forced = ForcedRing(ring, damping or _UNDAMPED, speed_rad_s, wheel, pressure_load)
     inertia, first, static = _matrix_polynomial(forced, order)
     companion = np.zeros((6, 6), dtype=complex)
@@ -81,9 +80,7 @@ def free_hub_roots(
     return np.asarray(np.sort_complex(roots))
 
 
-def _matrix_polynomial(
-    forced: ForcedRing, order: int
-) -> tuple[NDArray[np.float64], Complex, Complex]:
+def _matrix_polynomial(forced: ForcedRing, order: int) -> tuple[Array, Complex, Complex]:
     """Diagonal inertia J and matrices of −Jω² + first·ω + static, rows of unknowns as above."""
     ring, speed, damping = forced.ring, forced.speed_rad_s, forced.damping
     terms = forced.terms(order)
@@ -136,7 +133,7 @@ class HubResponse(ReadonlyArrays):
         Displacements in m/N and rotation in rad/N of a free wheel; zero for a fixed one.
     """
 
-    frequency_hz: NDArray[np.float64]
+    frequency_hz: Array
     force_x: Complex
     force_z: Complex
     moment_m: Complex
@@ -194,11 +191,7 @@ def hub_response(
 
 
 def _one_order(
-    forced: ForcedRing,
-    order: int,
-    omega: NDArray[np.float64],
-    force_rad: float,
-    direction: Direction,
+    forced: ForcedRing, order: int, omega: Array, force_rad: float, direction: Direction
 ) -> tuple[Complex, Complex]:
     """Force on the wheel and the wheel's motion in the unknown of one order."""
     radial_u, circumferential_u = _belt_motion(forced, order, omega, force_rad, direction)
@@ -217,11 +210,7 @@ def _one_order(
 
 
 def _belt_motion(
-    forced: ForcedRing,
-    order: int,
-    omega: NDArray[np.float64],
-    force_rad: float,
-    direction: Direction,
+    forced: ForcedRing, order: int, omega: Array, force_rad: float, direction: Direction
 ) -> tuple[Complex, Complex]:
     radial, cross, circumferential = (
         part[0] for part in forced.compliance(np.array([order]), omega)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.coefficients import PressureLoad
-from model.errors import ReadonlyArrays, whole_orders
+from model.errors import Array, ReadonlyArrays, whole_orders
 from model.parameters import RingParameters
 from model.ring import natural_frequencies_hz
 
@@ -48,9 +48,9 @@ class Sensitivity(ReadonlyArrays):
 
     orders: NDArray[np.int_]
     parameters: tuple[str, ...]
-    values: NDArray[np.float64]
+    values: Array
 
-    def of(self, parameter: str) -> NDArray[np.float64]:
+    def of(self, parameter: str) -> Array:
         """Column of one parameter, shape (n_orders,)."""
         return np.asarray(self.values[:, self.parameters.index(parameter)])
 
@@ -65,7 +65,7 @@ def frequency_sensitivity(
     """
     numbers = np.atleast_1d(whole_orders(orders))
 
-    def log_frequency(name: str, factor: float) -> NDArray[np.float64]:
+    def log_frequency(name: str, factor: float) -> Array:
         moved = replace(ring, **{name: getattr(ring, name) * factor})
         return np.log(natural_frequencies_hz(moved, numbers, pressure_load=pressure_load))
 
@@ -90,29 +90,17 @@ class Correlation(ReadonlyArrays):
     """
 
     parameters: tuple[str, ...]
-    values: NDArray[np.float64]
+    values: Array
 
 
 @dataclass(frozen=True, eq=False)
 class LinearFit(ReadonlyArrays):
-    """A least-squares estimate linearised at its solution, in natural logarithms of the data.
+    """A least-squares estimate linearised at its solution, in natural logarithms of the data."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Free parameters that are not at a bound.
-    values : ndarray, shape (n_free,)
-        Their values.
-    residual_slope : ndarray, shape (n_data, n_free)
-        d residual / d parameter.
-    data_slope : ndarray, shape (n_data,)
-        d residual_i / d ln data_i.
-    """
-
-    names: tuple[str, ...]
-    values: NDArray[np.float64]
-    residual_slope: NDArray[np.float64]
-    data_slope: NDArray[np.float64]
+    names: tuple[str, ...]  # free parameters that are not at a bound
+    values: Array
+    residual_slope: Array  # d residual / d parameter, (n_data, n_free)
+    data_slope: Array  # d residual_i / d ln data_i
 
     def undetermined(self) -> dict[str, bool]:
         """Whether each parameter can change without changing any residual (rank of the slopes)."""
@@ -126,24 +114,20 @@ class LinearFit(ReadonlyArrays):
         share = np.sqrt((null**2).sum(axis=0))
         return {name: bool(part > 1e-3) for name, part in zip(self.names, share, strict=True)}
 
-    def covariance(self, relative_std: ArrayLike) -> NDArray[np.float64]:
-        """Covariance of the parameters for independent relative errors of the data."""
-        return self.spread(np.diag(self.data_slope * np.asarray(relative_std, dtype=float)))
-
-    def spread(self, residual_changes: NDArray[np.float64]) -> NDArray[np.float64]:
+    def spread(self, residual_changes: Array) -> Array:
         """Covariance of the parameters for independent changes of the residuals (n_data, n)."""
         moved = self.moved(residual_changes)
         return np.asarray(moved @ moved.T)
 
-    def moved(self, residual_changes: NDArray[np.float64]) -> NDArray[np.float64]:
+    def moved(self, residual_changes: Array) -> Array:
         """Change of the parameters for changes of the residuals, (n_data,) or (n_data, n)."""
         inverse = np.linalg.pinv(self._scaled_slope(), rcond=_RANK) * self._scale()[:, None]
         return np.asarray(-inverse @ residual_changes)
 
-    def _scale(self) -> NDArray[np.float64]:
+    def _scale(self) -> Array:
         return np.where(self.values > 0, self.values, 1.0)
 
-    def _scaled_slope(self) -> NDArray[np.float64]:
+    def _scaled_slope(self) -> Array:
         return np.asarray(self.residual_slope * self._scale())
 
 
@@ -154,47 +138,29 @@ class Judgement:
     how: dict[str, str]
     std: dict[str, float]
     correlation: Correlation
-    relative_std: NDArray[np.float64]
+    relative_std: Array
     note: str
 
 
 def judged(
     fit: LinearFit,
-    residual: NDArray[np.float64],
-    given: NDArray[np.float64] | None,
+    residual: Array,
+    given: Array | None,
     *,
     nominal: float,
     undetermined: dict[str, bool],
-    further: NDArray[np.float64] | float = 0.0,
+    further: Array | float = 0.0,
 ) -> Judgement:
-    """Judge every fitted parameter.
+    """Judge every fitted parameter from relative standard deviations of the data.
 
-    A parameter is not identified where it is undetermined (see `LinearFit.undetermined`), or where
+    These are `given`, or else follow from the residuals; `nominal` decides where neither is known,
+    and no standard deviations are stated then. `further` is a covariance from other causes. A
+    parameter is not identified where it is undetermined (see `LinearFit.undetermined`), or where
     its standard deviation exceeds half its value.
-
-    Parameters
-    ----------
-    fit : LinearFit
-        The fit at its solution.
-    residual : ndarray, shape (n_data,)
-        Residuals at the solution.
-    given : ndarray, shape (n_data,), or None
-        Relative standard deviations of the measurement.
-    nominal : float
-        Relative standard deviation that decides where none is known.
-    undetermined : dict of str to bool
-        Whether each parameter is undetermined.
-    further : ndarray, shape (n_free, n_free), or 0
-        Covariance from other causes.
-
-    Returns
-    -------
-    Judgement
-        Without standard deviations where those of the data are unknown.
     """
     relative, note = _error_level(fit, residual, given)
     known = bool(np.all(np.isfinite(relative)))
-    covariance = fit.covariance(relative if known else np.full(residual.size, nominal)) + further
+    covariance = fit.spread(np.diag(fit.data_slope * (relative if known else nominal))) + further
     how, std = {}, {}
     for name, value, variance in zip(fit.names, fit.values, np.diag(covariance), strict=True):
         deviation = float(np.sqrt(variance))
@@ -205,7 +171,7 @@ def judged(
     return Judgement(how, std, _correlation(fit.names, covariance), relative, note)
 
 
-def _correlation(names: tuple[str, ...], covariance: NDArray[np.float64]) -> Correlation:
+def _correlation(names: tuple[str, ...], covariance: Array) -> Correlation:
     """Normalise a covariance; NaN where a variance is zero or unknown."""
     std = np.sqrt(np.diag(covariance))
     product = np.outer(std, std)
@@ -213,9 +179,7 @@ def _correlation(names: tuple[str, ...], covariance: NDArray[np.float64]) -> Cor
     return Correlation(names, np.where(product > 0, covariance / known, np.nan))
 
 
-def _error_level(
-    fit: LinearFit, residual: NDArray[np.float64], given: NDArray[np.float64] | None
-) -> tuple[NDArray[np.float64], str]:
+def _error_level(fit: LinearFit, residual: Array, given: Array | None) -> tuple[Array, str]:
     """Relative standard deviation of each datum, and a note on its source.
 
     It is the given one, but at least that of the fit residuals; NaN where neither is known.
@@ -225,10 +189,8 @@ def _error_level(
     if spare <= 0:
         if given is not None:
             return given, measured
-        return np.full(residual.size, np.nan), (
-            "No standard deviations: there are as many parameters as data, and the measured values "
-            "have none."
-        )
+        note = "No standard deviations: the measured values have none, and no data are redundant."
+        return np.full(residual.size, np.nan), note
     implied = np.sqrt(np.sum(residual**2) / spare) / np.abs(fit.data_slope)
     if given is not None and np.all(given >= implied):
         return given, measured

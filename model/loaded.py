@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.circle_fields import (
-    Array,
     CircleFields,
     LoadedModes,
     area_curvature,
@@ -25,6 +24,7 @@ from model.circle_fields import (
 )
 from model.coefficients import PressureLoad, equilibrium, require_pressure_load
 from model.errors import (
+    Array,
     InstabilityError,
     ParameterError,
     ReadonlyArrays,
@@ -68,7 +68,7 @@ class ContactPatch:
             remedy = "Check the load, the pressure and the belt width"
             raise ParameterError("contact patch", found, rule, remedy)
 
-    def pressure_pa(self, angles_rad: ArrayLike) -> NDArray[np.float64]:
+    def pressure_pa(self, angles_rad: ArrayLike) -> Array:
         """Contact pressure at `angles_rad`, Pa."""
         off = finite_array("angles_rad", angles_rad) - self.contact_rad
         inside = (np.remainder(off + np.pi, 2.0 * np.pi) - np.pi) / self.half_angle_rad
@@ -259,14 +259,8 @@ def load_ring(
     finite_array("speed_rad_s", speed_rad_s)
     fields, pressure = _fields_and_pressure(ring, contact, highest_order)
     rest = equilibrium(ring, speed_rad_s, pressure_load=pressure_load)
-    state = LoadedRing(
-        ring,
-        fields,
-        fields.uniform_radial(float(rest.radial_displacement_m)),
-        np.zeros(pressure.size),
-        float(speed_rad_s),
-        pressure_load,
-    )
+    grown, free = fields.uniform_radial(rest.radial_displacement_m.item()), np.zeros(pressure.size)
+    state = LoadedRing(ring, fields, grown, free, float(speed_rad_s), pressure_load)
     if start is not None and start.coefficients.size == state.coefficients.size:
         begin = np.interp(fields.angles_rad, start.angles_rad, start.contact_pa, period=2.0 * np.pi)
         state = replace(state, coefficients=start.coefficients, contact_pa=begin)
@@ -283,7 +277,7 @@ def loaded_frequencies_hz(
     *,
     highest_order: int = 60,
     pressure_load: PressureLoad = "dead",
-) -> tuple[NDArray[np.float64], NDArray[np.int_]]:
+) -> tuple[Array, NDArray[np.int_]]:
     """Natural frequencies of the tyre at rest over vertical load.
 
     Parameters
@@ -309,7 +303,12 @@ def loaded_frequencies_hz(
     ParameterError
         For more modes than these harmonics have, and as `load_ring`.
     """
-    _require_modes(n_modes, highest_order)
+    require_order_limit(highest_order)
+    most = 2 * (2 * highest_order + 1)
+    if not 1 <= n_modes <= most:
+        rule = f"harmonics up to {highest_order} have 1 to {most} modes"
+        remedy = "Use fewer modes or raise the highest order"
+        raise ParameterError("n_modes", f"{n_modes}", rule, remedy)
     loads = np.atleast_1d(finite_array("loads_n", loads_n))
     frequencies = np.empty((loads.size, n_modes))
     orders = np.empty((loads.size, n_modes), dtype=int)
@@ -329,15 +328,6 @@ def loaded_frequencies_hz(
         frequencies[row] = modes.frequency_hz[:n_modes]
         orders[row] = modes.dominant_order[:n_modes]
     return frequencies, orders
-
-
-def _require_modes(n_modes: int, highest_order: int) -> None:
-    require_order_limit(highest_order)
-    most = 2 * (2 * highest_order + 1)
-    if not 1 <= n_modes <= most:
-        rule = f"harmonics up to {highest_order} have 1 to {most} modes"
-        remedy = "Use fewer modes or raise the highest order"
-        raise ParameterError("n_modes", f"{n_modes}", rule, remedy)
 
 
 def _points(highest_order: int) -> int:

@@ -50,14 +50,9 @@ class RingParameters:
     --------
     >>> import ringmodal as rm
     >>> ring = rm.RingParameters(
-    ...     mean_radius_m=0.33,
-    ...     mass_per_area_kg_m2=19.69,
-    ...     radial_stiffness_n_m3=8.27e6,
-    ...     circumferential_stiffness_n_m3=6.56e5,
-    ...     axial_stiffness_n_m=2.52e7,
-    ...     bending_stiffness_n_m=7.45,
-    ...     inflation_pressure_pa=2.2e5,
-    ...     belt_width_m=0.19,
+    ...     mean_radius_m=0.33, mass_per_area_kg_m2=19.69, radial_stiffness_n_m3=8.27e6,
+    ...     circumferential_stiffness_n_m3=6.56e5, axial_stiffness_n_m=2.52e7,
+    ...     bending_stiffness_n_m=7.45, inflation_pressure_pa=2.2e5, belt_width_m=0.19,
     ... )
     >>> f"{1e3 * ring.thickness_m:.2f} mm"
     '1.88 mm'
@@ -78,7 +73,12 @@ class RingParameters:
             allowed = entry.name not in positive
             require_number(entry.name, getattr(self, entry.name), zero_allowed=allowed)
         self._require_thin()
-        self._require_equilibrium()
+        bearable = self.radial_resistance_pa(LARGEST_HOOP_STRAIN)
+        if self.inflation_pressure_pa > bearable:
+            found, limit = f"{self.inflation_pressure_pa:g}", f"{LARGEST_HOOP_STRAIN:g}"
+            rule = f"must be ≤ {bearable:g} Pa, where the hoop strain reaches {limit}"
+            remedy = "Lower the pressure or raise K or k_r"
+            raise ParameterError("inflation_pressure_pa", found, rule, remedy)
 
     @property
     def thickness_m(self) -> float:
@@ -102,14 +102,6 @@ class RingParameters:
                 f"must be ≤ {LARGEST_THICKNESS_RATIO:g} of the radius for a thin ring",
                 "Lower D or raise K",
             )
-
-    def _require_equilibrium(self) -> None:
-        bearable = self.radial_resistance_pa(LARGEST_HOOP_STRAIN)
-        if self.inflation_pressure_pa > bearable:
-            found, limit = f"{self.inflation_pressure_pa:g}", f"{LARGEST_HOOP_STRAIN:g}"
-            rule = f"must be ≤ {bearable:g} Pa, where the hoop strain reaches {limit}"
-            remedy = "Lower the pressure or raise K or k_r"
-            raise ParameterError("inflation_pressure_pa", found, rule, remedy)
 
     def _repr_html_(self) -> str:
         """Every parameter with its symbol and unit."""

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.coefficients import PressureLoad, harmonics, roots_at_rest
-from model.errors import InstabilityError, ParameterError, finite_array, whole_orders
+from model.errors import Array, InstabilityError, ParameterError, finite_array, whole_orders
 from model.parameters import RingParameters
 
 
 def natural_frequencies_hz(
     ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
-) -> NDArray[np.float64]:
+) -> Array:
     """Natural frequencies at Ω = 0 that a radial sensor sees, one per order.
 
     For n ≥ 1 the inextensional (smaller) root of eq 14, for n = 0 the breathing mode
@@ -52,7 +52,7 @@ def natural_frequencies_hz(
 
 def extensional_frequencies_hz(
     ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
-) -> NDArray[np.float64]:
+) -> Array:
     """Extensional (larger) roots of eq 14 at Ω = 0, Hz; arguments as `natural_frequencies_hz`."""
     terms = harmonics(ring, orders, pressure_load=pressure_load)
     _, larger = roots_at_rest(terms)
@@ -67,7 +67,7 @@ def torsion_frequency_hz(ring: RingParameters, *, pressure_load: PressureLoad = 
 
 def displacement_ratio(
     ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
-) -> NDArray[np.float64]:
+) -> Array:
     """Ratio B_n of the inextensional eigenvector [1, iB_n] of Table 2 at Ω = 0.
 
     u_r = cos nθ·cos ωt comes with u_θ = −B_n sin nθ·cos ωt (eq 20). Close to 1/n; zero for the
@@ -82,7 +82,7 @@ def displacement_ratio(
 
 def modal_mass_kg(
     ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
-) -> NDArray[np.float64]:
+) -> Array:
     """Modal mass of a mode with radial shape cos nθ of unit amplitude.
 
     ρh·b·a·π(1 + B_n²) for n ≥ 1 and 2π·ρh·b·a for the breathing mode (from eqs 35 and 20).
@@ -109,7 +109,7 @@ def modal_mass_kg(
     return np.pi * line * np.where(whole_orders(orders) == 0, 2.0, 1.0 + ratio**2)
 
 
-def radial_shape(order: int, angles_rad: ArrayLike) -> NDArray[np.float64]:
+def radial_shape(order: int, angles_rad: ArrayLike) -> Array:
     """Radial mode shapes of one order on the circle.
 
     Parameters
@@ -139,7 +139,7 @@ def belt_width_m(ring: RingParameters) -> float:
     return ring.belt_width_m
 
 
-def _frequency_hz(squared: NDArray[np.float64], orders: NDArray[np.int_]) -> NDArray[np.float64]:
+def _frequency_hz(squared: Array, orders: NDArray[np.int_]) -> Array:
     if np.any(squared < 0):
         lowest = int(np.argmin(squared))
         found = f"ω² = {squared.flat[lowest]:.4g} rad²/s² for order {orders.flat[lowest]}"

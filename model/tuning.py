@@ -12,14 +12,13 @@ from threadpoolctl import threadpool_limits
 
 from model.coefficients import PressureLoad
 from model.display import table, value_with_std
-from model.errors import ReadonlyArrays, measured_orders
+from model.errors import Array, ReadonlyArrays, measured_orders
 from model.identifiability import (
     AT_BOUND,
     GIVEN,
     IDENTIFIED,
     NOT_IDENTIFIED,
     Correlation,
-    Judgement,
     LinearFit,
     Sensitivity,
     frequency_sensitivity,
@@ -66,12 +65,8 @@ class TuningResult(ReadonlyArrays):
     Examples
     --------
     >>> import ringmodal as rm
-    >>> tuned = rm.tune_ring(
-    ...     [1, 2, 3, 4, 5],
-    ...     [78.73, 100.31, 121.40, 145.45, 170.78],
-    ...     mean_radius_m=0.33,
-    ...     inflation_pressure_pa=2.2e5,
-    ... )
+    >>> tyre = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
+    >>> tuned = rm.tune_ring([1, 2, 3, 4, 5], [78.73, 100.31, 121.40, 145.45, 170.78], **tyre)
     >>> tuned.how["radial_stiffness_n_m3"], tuned.how["axial_stiffness_n_m"]
     ('identified', 'not identified')
     """
@@ -80,16 +75,16 @@ class TuningResult(ReadonlyArrays):
     std: dict[str, float]
     how: dict[str, str]
     orders: NDArray[np.int_]
-    measured_hz: NDArray[np.float64]
-    model_hz: NDArray[np.float64]
-    relative_std: NDArray[np.float64]
+    measured_hz: Array
+    model_hz: Array
+    relative_std: Array
     correlation: Correlation
     sensitivity: Sensitivity
     objective: str
     notes: tuple[str, ...]
 
     @property
-    def error_percent(self) -> NDArray[np.float64]:
+    def error_percent(self) -> Array:
         """Deviation of the model from the measurement, percent of the measured frequency."""
         return 100.0 * (self.model_hz / self.measured_hz - 1.0)
 
@@ -105,12 +100,8 @@ class TuningResult(ReadonlyArrays):
         Examples
         --------
         >>> import model
-        >>> ring = model.tune_ring(
-        ...     [2, 3, 4, 5, 6, 7],
-        ...     [106.5, 130.0, 152.5, 177.0, 206.0, 240.0],
-        ...     mean_radius_m=0.33,
-        ...     inflation_pressure_pa=2.2e5,
-        ... )
+        >>> tyre = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
+        >>> ring = model.tune_ring([2, 3, 4, 5], [106.5, 130.0, 152.5, 177.0], **tyre)
         >>> table = ring.to_frame().set_index("parameter")
         >>> table.loc["mean_radius_m", ["unit", "how"]].to_list()
         ['m', 'given']
@@ -176,7 +167,7 @@ def tune_ring(
     radial_growth_m: float | None = None,
     pressure_load: PressureLoad = "dead",
 ) -> TuningResult:
-    """Tune ρh, k_r, k_θ and D on natural frequencies at Ω = 0.
+    """Tune ρh, k_r, k_θ and D on natural frequencies at Ω = 0 (section 4, eqs 16 to 18).
 
     K follows k_r by eq 16 from the radial growth of the belt on inflation. The frequencies of
     n ≥ 1 hardly depend on K (d ln f / d ln K below 0.02), so without a measured growth, a given K
@@ -219,19 +210,12 @@ def tune_ring(
     ParameterError
         For fewer than two frequencies, invalid values or contradictory arguments.
 
-    References
-    ----------
-    Section 4 of the paper, eqs 16 (K from u_r°), 17 and 18 (objective).
-
     Examples
     --------
     >>> import ringmodal as rm
-    >>> tuned = rm.tune_ring(
-    ...     [1, 2, 3, 4, 5, 6, 7],
-    ...     [78.73, 100.31, 121.40, 145.45, 170.78, 196.52, 224.40],
-    ...     mean_radius_m=0.33,
-    ...     inflation_pressure_pa=2.2e5,
-    ... )
+    >>> frequencies_hz = [78.73, 100.31, 121.40, 145.45, 170.78, 196.52, 224.40]
+    >>> tyre = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
+    >>> tuned = rm.tune_ring([1, 2, 3, 4, 5, 6, 7], frequencies_hz, **tyre)
     >>> bool(abs(tuned.model_hz / tuned.measured_hz - 1).max() < 0.01)
     True
     >>> tuned.how["radial_stiffness_n_m3"]
@@ -258,7 +242,14 @@ def tune_ring(
         values, starts = search.run()
     ring = search.ring(values)
     fit = _linear_fit(search, values)
-    found = _judge(search, fit, ring, relative_given)
+    found = judged(
+        fit,
+        problem.residual(ring),
+        relative_given,
+        nominal=_NOMINAL,
+        undetermined=fit.undetermined(),
+        further=fit.spread(_assumption_slope(search, ring)) if search.assumed else 0.0,
+    )
     how = _how(search, found.how)
     return TuningResult(
         ring=ring,
@@ -275,25 +266,12 @@ def tune_ring(
     )
 
 
-def _linear_fit(search: Search, values: NDArray[np.float64]) -> LinearFit:
+def _linear_fit(search: Search, values: Array) -> LinearFit:
     """The tuning, linearised at its solution; parameters on a bound stay there."""
     inner = ~search.at_bound(values)
     names = tuple(name for name, kept in zip(search.free, inner, strict=True) if kept)
     slope = search.residual_slope(values)[:, inner]
     return LinearFit(names, values[inner], slope, search.problem.data_slope(search.ring(values)))
-
-
-def _judge(
-    search: Search, fit: LinearFit, ring: RingParameters, given: NDArray[np.float64] | None
-) -> Judgement:
-    return judged(
-        fit,
-        search.problem.residual(ring),
-        given,
-        nominal=_NOMINAL,
-        undetermined=fit.undetermined(),
-        further=fit.spread(_assumption_slope(search, ring)) if search.assumed else 0.0,
-    )
 
 
 def _how(search: Search, fitted: dict[str, str]) -> dict[str, str]:
@@ -312,7 +290,7 @@ def _how(search: Search, fitted: dict[str, str]) -> dict[str, str]:
     return how
 
 
-def _assumption_slope(search: Search, ring: RingParameters) -> NDArray[np.float64]:
+def _assumption_slope(search: Search, ring: RingParameters) -> Array:
     """Change of the residuals if each assumed parameter were wrong by its own size."""
     names = tuple(search.assumed)
     sizes = np.array(list(search.assumed.values()))
@@ -347,10 +325,8 @@ def _remarks(
                 "value, or other parameters can replace it."
             )
         if how[name] == AT_BOUND:
-            remarks.append(
-                f"The {_title(name)} is at a bound of its range; the other standard deviations "
-                "hold with it fixed there."
-            )
+            held = "the other standard deviations hold with it fixed there"
+            remarks.append(f"The {_title(name)} is at a bound of its range; {held}.")
     return remarks
 
 

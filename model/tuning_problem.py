@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
 from model.coefficients import PressureLoad, harmonics, require_pressure_load
-from model.errors import ParameterError, ReadonlyArrays, readonly, require_number, require_one_of
+from model.errors import Array, ParameterError, ReadonlyArrays, require_number, require_one_of
 from model.parameters import LARGEST_THICKNESS_RATIO, RingParameters
 from model.ring import natural_frequencies_hz
 
@@ -39,38 +39,15 @@ _MOST_EVALUATIONS = 500
 
 
 @dataclass(frozen=True, eq=False)
-class TuningProblem:
+class TuningProblem(ReadonlyArrays):
     """Measured frequencies of a tyre and what else is known about it.
 
-    Parameters
-    ----------
-    orders : ndarray of int, shape (n_orders,)
-        Circumferential orders.
-    measured_hz : ndarray, shape (n_orders,)
-        Measured natural frequencies, Hz.
-    mean_radius_m, inflation_pressure_pa : float
-        Mean radius a and pressure p_o.
-    belt_width_m : float or None
-        Belt width b.
-    objective : {"frequency", "paper"}
-        Relative frequencies or eq 18.
-    given, start : mapping of str to float
-        Known parameters, and starting values of others.
-    bounds : mapping of str to (float, float)
-        Bounds that replace the default ones.
-    radial_growth_m : float or None
-        Measured u_r° of eq 16.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
-
-    Raises
-    ------
-    ParameterError
-        For unknown names, values that are not positive, or contradictions.
+    Fields are the arguments of `tune_ring`. Unknown names, values that are not positive and
+    contradictions raise `ParameterError`.
     """
 
     orders: NDArray[np.int_]
-    measured_hz: NDArray[np.float64]
+    measured_hz: Array
     mean_radius_m: float
     inflation_pressure_pa: float
     belt_width_m: float | None = None
@@ -82,8 +59,7 @@ class TuningProblem:
     pressure_load: PressureLoad = "dead"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "orders", readonly(self.orders, int))
-        object.__setattr__(self, "measured_hz", readonly(self.measured_hz))
+        super().__post_init__()
         for name in ("given", "start", "bounds"):
             object.__setattr__(self, name, dict(getattr(self, name)))
             for parameter in getattr(self, name):
@@ -119,28 +95,27 @@ class TuningProblem:
         carried = self.inflation_pressure_pa * follows - radial_stiffness_n_m3 * w
         return carried / (w**3 / (2.0 * a**4) + 3.0 * w**2 / (2.0 * a**3) + w / a**2)
 
-    def frequencies_hz(self, ring: RingParameters) -> NDArray[np.float64]:
+    def frequencies_hz(self, ring: RingParameters) -> Array:
         """Natural frequencies of `ring` for the measured orders, Hz."""
         return natural_frequencies_hz(ring, self.orders, pressure_load=self.pressure_load)
 
-    def residual(self, ring: RingParameters) -> NDArray[np.float64]:
+    def residual(self, ring: RingParameters) -> Array:
         """Deviation per order: relative frequency, or FUN_n of eq 18."""
         if self.objective == "frequency":
             return self.frequencies_hz(ring) / self.measured_hz - 1.0
-        a3, a2, _, a0 = self._polynomial(ring)
-        squared = (2.0 * np.pi * self.measured_hz) ** 2
+        squared, (a3, a2, _, a0) = self._squared_and_polynomial(ring)
         return np.asarray((a3 * squared + a2) * squared + a0)
 
-    def data_slope(self, ring: RingParameters) -> NDArray[np.float64]:
+    def data_slope(self, ring: RingParameters) -> Array:
         """Slope of each residual over the logarithm of its measured frequency."""
         if self.objective == "frequency":
             return -self.frequencies_hz(ring) / self.measured_hz
-        a3, a2, _, _ = self._polynomial(ring)
-        squared = (2.0 * np.pi * self.measured_hz) ** 2
+        squared, (a3, a2, _, _) = self._squared_and_polynomial(ring)
         return np.asarray((4.0 * a3 * squared + 2.0 * a2) * squared)
 
-    def _polynomial(self, ring: RingParameters) -> tuple[Any, Any, Any, Any]:
-        return harmonics(ring, self.orders, pressure_load=self.pressure_load).polynomial
+    def _squared_and_polynomial(self, ring: RingParameters) -> tuple[Any, tuple[Any, ...]]:
+        terms = harmonics(ring, self.orders, pressure_load=self.pressure_load)
+        return (2.0 * np.pi * self.measured_hz) ** 2, terms.polynomial
 
     def _require_consistent(self) -> None:
         require_one_of("objective", self.objective, OBJECTIVES)
@@ -155,33 +130,24 @@ class TuningProblem:
 
 @dataclass(frozen=True, eq=False)
 class Search(ReadonlyArrays):
-    """Free parameters of a tuning with their bounds, and the values of the others.
+    """Free parameters of a tuning with typical size and bounds, and the values of the others.
 
-    Parameters
-    ----------
-    problem : TuningProblem
-        Measured frequencies and what else is known.
-    free : tuple of str
-        Parameters to find.
-    assumed : dict of str to float
-        Assumed values of parameters that too few frequencies cannot determine.
-    scale, lower, upper : ndarray, shape (n_free,)
-        Typical size and bounds.
+    `assumed` holds parameters that too few frequencies cannot determine.
     """
 
     problem: TuningProblem
     free: tuple[str, ...]
     assumed: dict[str, float]
-    scale: NDArray[np.float64]
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
+    scale: Array
+    lower: Array
+    upper: Array
 
-    def ring(self, values: NDArray[np.float64]) -> RingParameters:
+    def ring(self, values: Array) -> RingParameters:
         """Ring with the free parameters at `values`."""
         found = dict(zip(self.free, map(float, values), strict=True))
         return self.problem.ring({**self.problem.given, **self.assumed, **found})
 
-    def residual_slope(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residual_slope(self, values: Array) -> Array:
         """Slopes of the residuals over the free parameters, central, shape (n_orders, n_free)."""
         columns = []
         for step in np.diag(1e-5 * self.scale):
@@ -191,11 +157,11 @@ class Search(ReadonlyArrays):
             columns.append(rise / (ahead - behind).sum())
         return np.column_stack(columns)
 
-    def at_bound(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def at_bound(self, values: Array) -> NDArray[np.bool_]:
         """Which free parameters lie on a bound."""
         return self._near(values, self.lower) | self._near(values, self.upper)
 
-    def run(self) -> tuple[NDArray[np.float64], str]:
+    def run(self) -> tuple[Array, str]:
         """Best solution from all starts, on a bound where close to it, and a note on them."""
         starts = self._starts()
         solutions = [self._solution(start) for start in starts]
@@ -206,7 +172,7 @@ class Search(ReadonlyArrays):
         agreeing = int(np.sum(cost <= 1.01 * cost.min() + 1e-12 * self._size() ** 2))
         return values, f"{agreeing} of {len(starts)} starting points led to this solution."
 
-    def _solution(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _solution(self, start: Array) -> Array:
         size = self._size()
         found = least_squares(
             lambda x: self._residual(x * self.scale) / size,
@@ -221,17 +187,17 @@ class Search(ReadonlyArrays):
         )
         return np.asarray(np.clip(found.x * self.scale, self.lower, self.upper))
 
-    def _residual(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _residual(self, values: Array) -> Array:
         return self.problem.residual(self.ring(values))
 
     def _size(self) -> float:
         """Residual that a relative frequency error of one would leave; scales eq 18 to one."""
         return float(np.abs(self.problem.data_slope(self.ring(self._starts()[0]))).max())
 
-    def _near(self, values: NDArray[np.float64], bound: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _near(self, values: Array, bound: Array) -> NDArray[np.bool_]:
         return np.abs(values - bound) <= _AT_BOUND * self.scale
 
-    def _starts(self) -> list[NDArray[np.float64]]:
+    def _starts(self) -> list[Array]:
         """Starting points inside the bounds: the user's, then linear solutions."""
         guesses = [_linear_solution(self, mass) for mass in (None, *_START_MASSES)]
         if self.problem.start:
@@ -242,13 +208,7 @@ class Search(ReadonlyArrays):
 
 
 def plan_search(problem: TuningProblem) -> Search:
-    """Decide what is free and within which bounds.
-
-    Raises
-    ------
-    ParameterError
-        Where nothing is left to find, frequencies are too few, or bounds cross.
-    """
+    """Decide what is free and within which bounds."""
     open_ones = [name for name in PARAMETERS if name not in problem.given and name != AXIAL]
     if AXIAL not in problem.given and 0 in problem.orders:
         open_ones.append(AXIAL)

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from model.coefficients import PressureLoad, characteristic_roots, eigenvector_ratios, harmonics
 from model.errors import (
+    Array,
     InstabilityError,
     ParameterError,
     ReadonlyArrays,
@@ -90,7 +91,7 @@ class WavePair:
 
     def radial(
         self, angles_rad: ArrayLike, times_s: ArrayLike, frame: WaveFrame = "rotating"
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Superposed radial field u_{r,tot} (eqs 19a, 20a, 21a, 22a, 25a, 27a, 30a).
 
         Parameters
@@ -112,7 +113,7 @@ class WavePair:
 
     def circumferential(
         self, angles_rad: ArrayLike, times_s: ArrayLike, frame: WaveFrame = "rotating"
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Superposed field u_{θ,tot} (eqs 19b, 20b, 21b, 22b, 25b, 27b, 30b as corrected).
 
         The second term of eq 30b is −2B_{n,2} sin(nγ − (ω_{n,2} − nβ)t). Eqs 22b and 27b take
@@ -124,7 +125,7 @@ class WavePair:
 
     def _phases(
         self, angles_rad: ArrayLike, times_s: ArrayLike, frame: WaveFrame
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[Array, Array]:
         around = self.order * np.atleast_1d(finite_array("angles_rad", angles_rad))[:, None]
         times = np.atleast_1d(finite_array("times_s", times_s))
         regressive, progressive = self.frequencies_rad_s(frame)
@@ -173,14 +174,8 @@ def wave_pair(
         where, found = f"order {n} at {speed_rad_s:g} rad/s", f"a root grows by {growth:.4g} 1/s"
         rule = "an unstable ring has no natural frequency"
         raise InstabilityError(where, found, rule, "Lower the speed")
-    return WavePair(
-        order=n,
-        speed_rad_s=float(speed_rad_s),
-        regressive_rad_s=float(roots[first].real),
-        progressive_rad_s=float(-roots[first + 1].real),
-        regressive_ratio=float(ratios[first]),
-        progressive_ratio=float(ratios[first + 1]),
-    )
+    frequencies = float(roots[first].real), float(-roots[first + 1].real)
+    return WavePair(n, float(speed_rad_s), *frequencies, *map(float, ratios[first : first + 2]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,14 +199,14 @@ class Bifurcation(ReadonlyArrays):
     """
 
     orders: NDArray[np.int_]
-    speed_rad_s: NDArray[np.float64]
-    regressive_hz: NDArray[np.float64]
-    progressive_hz: NDArray[np.float64]
-    growth_rate_1_s: NDArray[np.float64]
+    speed_rad_s: Array
+    regressive_hz: Array
+    progressive_hz: Array
+    growth_rate_1_s: Array
     frame: Frame
 
     @property
-    def standing_hz(self) -> NDArray[np.float64]:
+    def standing_hz(self) -> Array:
         """Frequency of both waves in the frame in which the pair stands still (eqs 31, 32), Hz.
 
         (ω_{n,1} + ω_{n,2})/4π, the mean of the two in any frame; shape (n_orders, n_speeds).
@@ -237,18 +232,14 @@ def bifurcation(
 
     Parameters
     ----------
-    ring : RingParameters
-        The ring.
     orders : array_like of int, shape (n_orders,)
         Circumferential orders n ≥ 1.
     speed_rad_s : array_like, shape (n_speeds,)
         Angular speeds Ω, rad/s.
     frame : {"rotating", "absolute"}
         In the absolute frame ω_{n,1} − nΩ and ω_{n,2} + nΩ (eq 25).
-    extensional : bool
-        Whether to take the extensional pair.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
+    ring, extensional, pressure_load
+        As `wave_pair`.
 
     Returns
     -------
@@ -258,7 +249,7 @@ def bifurcation(
     Raises
     ------
     ParameterError
-        For an order below one, or a speed without acceptable equilibrium.
+        For an order below one, or a speed without equilibrium.
     """
     numbers = wave_orders(orders)
     speeds = np.atleast_1d(finite_array("speed_rad_s", speed_rad_s))
@@ -269,14 +260,9 @@ def bifurcation(
     growth = np.abs(pair.imag).max(axis=-1)
     shift = require_frame(frame) * numbers[:, None] * speeds
     stable = np.where(growth == 0, 1.0, np.nan) / (2.0 * np.pi)
-    return Bifurcation(
-        orders=numbers,
-        speed_rad_s=speeds,
-        regressive_hz=stable * (pair[..., 0].real - shift),
-        progressive_hz=stable * (-pair[..., 1].real + shift),
-        growth_rate_1_s=growth,
-        frame=frame,
-    )
+    regressive = stable * (pair[..., 0].real - shift)
+    progressive = stable * (-pair[..., 1].real + shift)
+    return Bifurcation(numbers, speeds, regressive, progressive, growth, frame)
 
 
 def critical_speeds_rad_s(
@@ -285,7 +271,7 @@ def critical_speeds_rad_s(
     *,
     highest_rad_s: float,
     pressure_load: PressureLoad = "dead",
-) -> NDArray[np.float64]:
+) -> Array:
     """Lowest speed at which the regressive wave of each order stands still in space.
 
     There ω_{n,1} = nΩ, so eq 26a is zero and a load that is constant in space, as that of the road,
@@ -293,14 +279,12 @@ def critical_speeds_rad_s(
 
     Parameters
     ----------
-    ring : RingParameters
-        The ring.
     orders : array_like of int, shape (n_orders,)
         Circumferential orders n ≥ 1. Order 1 has none on a fixed hub: ω_{1,1} = ω_0 + Ω.
     highest_rad_s : float
         Where the search ends, rad/s.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
+    ring, pressure_load
+        As `wave_pair`.
 
     Returns
     -------
@@ -310,24 +294,22 @@ def critical_speeds_rad_s(
     Raises
     ------
     ParameterError
-        For an order below one or a limit that is not above zero.
+        For an order below one or a limit that is not > 0.
     """
     require_number("highest_rad_s", highest_rad_s)
     numbers = wave_orders(orders)
     grid = np.linspace(0.0, highest_rad_s, _SPEEDS)
-    values = _standing_load_stiffness(ring, numbers[:, None], grid, pressure_load)
+
+    def stiffness(speed_rad_s: ArrayLike, order: ArrayLike) -> Array:
+        return _standing_load_stiffness(ring, order, speed_rad_s, pressure_load)
+
+    values = stiffness(grid, numbers[:, None])
     critical = np.full(numbers.size, np.nan)
     for row, order in enumerate(numbers):
         crossings = np.flatnonzero(np.signbit(values[row, 1:]) != np.signbit(values[row, :-1]))
         if crossings.size:
             low, high = grid[crossings[0]], grid[crossings[0] + 1]
-            critical[row] = brentq(
-                lambda speed, n=order: _standing_load_stiffness(
-                    ring, n, speed, pressure_load
-                ).item(),
-                low,
-                high,
-            )
+            critical[row] = brentq(lambda speed, n=order: stiffness(speed, n).item(), low, high)
     return critical
 
 
@@ -347,7 +329,7 @@ def require_frame(frame: str) -> float:
 
 def _standing_load_stiffness(
     ring: RingParameters, orders: ArrayLike, speed_rad_s: ArrayLike, pressure_load: PressureLoad
-) -> NDArray[np.float64]:
+) -> Array:
     """Determinant of eq 12 at ω = nΩ (eq 14) over K; zero at a critical speed.
 
     Terms with S of `harmonics` are collected, so that no digits are lost to the membrane.
