@@ -80,8 +80,8 @@ class CleatTest:
     Parameters
     ----------
     forced : ForcedRing
-        The ring on a fixed hub, with belt width. Its frame says where the force stays during the
-        blow: on the tread that it hits ("rotating") or in space ("absolute").
+        The ring on a fixed hub, with belt width. In its frame the force is fixed during the blow:
+        to the tread ("rotating") or in space ("absolute").
     cleat : Cleat
         The blow.
     """
@@ -112,7 +112,7 @@ class CleatTest:
         response_rad : float
             Angle of the point, rad: θ on the tyre, or φ in space.
         frame : {"rotating", "absolute"}
-            Whether the point stays on the tyre or in space; derivatives are taken there.
+            Whether the point is fixed to the tyre or in space; derivatives are taken there.
         direction : {"radial", "circumferential"}
             Component of the displacement.
         quantity : {"displacement", "velocity", "acceleration"}

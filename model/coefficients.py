@@ -70,9 +70,8 @@ def equilibrium(
 ) -> Equilibrium:
     """Solve eq 5 for the steady radial displacement (u_θ° = 0).
 
-    With a radial load that is not negative the cubic changes sign once, so exactly one root is
-    positive; that root is taken. The other two are negative or complex (the ring turned inside
-    out). A follower load replaces p_o by p_o(1 + ε).
+    With a radial load ≥ 0 the cubic has exactly one positive root, which is used; the other two are
+    negative or complex (the ring inside out). A follower load replaces p_o by p_o(1 + ε).
 
     Parameters
     ----------
@@ -150,7 +149,7 @@ class Harmonics(ReadonlyArrays):
         m11·m22 − c² (a_0 of eq 14), N²/m⁶, formed without the cancellation of the membrane terms.
     inextensional : ndarray
         n²·m11 − 2n·c + m22, N/m³: the static stiffness that is left for u_r = −u_θ' (eq 33), times
-        n². It holds no K.
+        n². It does not contain K.
     mass_per_area_kg_m2 : float
         ρh, kg/m².
     rest : Equilibrium
@@ -186,7 +185,7 @@ def harmonics(
     """Coefficients of eq 12 around the equilibrium (eqs 6 and 7, the latter as corrected).
 
     With S = K/a² + 4N0/a² + Dn²/a⁴ the coefficients are c = nS, m11 = S + P, m22 = n²S + Q, where
-    P and Q hold no K: so a_0 = S(n²P + Q) + PQ loses no digits, however stiff the membrane.
+    P and Q do not contain K: a_0 = S(n²P + Q) + PQ loses no digits, however stiff the membrane.
 
     Parameters
     ----------

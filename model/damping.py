@@ -133,7 +133,7 @@ def identify_damping(
     damping_ratios : array_like, shape (n_orders,)
         Measured damping ratios, greater than zero.
     damping_std : array_like, shape (n_orders,), or None
-        Their standard deviations; those of the fit residuals are taken where they are larger.
+        Their standard deviations; those of the fit residuals are used where they are larger.
     on_pretension : bool
         Whether η acts on the stiffness from hoop tension too.
     pressure_load : {"dead", "follower"}
@@ -142,7 +142,7 @@ def identify_damping(
     Returns
     -------
     DampingResult
-        Parameters, standard deviations and what is not identified.
+        Parameters with standard deviations, and how each was obtained.
 
     Raises
     ------

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 class ParameterError(ValueError):
-    """A parameter that the ring model refuses; its message says where, what, why and what to do.
+    """An invalid parameter of the ring model; the message names place, value, rule and remedy.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class ParameterError(ValueError):
     rule : str
         The rule it breaks.
     remedy : str
-        What the user can do, as a sentence without its full stop.
+        What to do, as a sentence without its full stop.
 
     Examples
     --------

@@ -106,8 +106,7 @@ class LinearFit(ReadonlyArrays):
         """Whether each parameter can change without changing any residual (rank of the slopes)."""
         if not self.names:
             return {}
-        scaled = self._scaled_slope()
-        _, singular, rows = np.linalg.svd(scaled, full_matrices=True)
+        _, singular, rows = np.linalg.svd(self._scaled_slope(), full_matrices=True)
         padded = np.zeros(len(self.names))
         padded[: singular.size] = singular
         null = rows[padded <= _RANK * padded.max()]

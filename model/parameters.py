@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from model.display import number, table
 from model.errors import ParameterError, require_number
 
-#: Thickness over radius beyond which a ring is no longer thin.
+#: Thickness over radius up to which a ring is thin.
 LARGEST_THICKNESS_RATIO = 0.2
 #: Hoop strain beyond which the quadratic strain of eq 3 is not valid.
 LARGEST_HOOP_STRAIN = 0.2
@@ -156,7 +156,7 @@ class Wheel:
     Parameters
     ----------
     mass_kg : float
-        Mass of the whole wheel, kg (the paper's m times the belt width).
+        Mass of the wheel, kg (the paper's m times the belt width).
     inertia_kg_m2 : float
         Moment of inertia about the axis, kg·m² (the paper's I_r times the belt width).
 

@@ -267,7 +267,7 @@ def tune_ring(
 
 
 def _linear_fit(search: Search, values: Array) -> LinearFit:
-    """The tuning, linearised at its solution; parameters on a bound stay there."""
+    """The tuning, linearised at its solution; parameters on a bound are fixed."""
     inner = ~search.at_bound(values)
     names = tuple(name for name, kept in zip(search.free, inner, strict=True) if kept)
     slope = search.residual_slope(values)[:, inner]

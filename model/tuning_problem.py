@@ -27,13 +27,12 @@ OBJECTIVES = ("frequency", "paper")
 TYPICAL_GROWTH = 0.00277
 #: Values of a passenger-car tyre: they scale the search and replace what cannot be determined.
 TYPICAL = {MASS: 20.0, RADIAL: 8e6, CIRCUMFERENTIAL: 1e6, BENDING: 8.0}
-#: Assumed in this sequence where there are fewer frequencies than unknowns: frequencies depend
-#: least on D.
+#: Assumed in this order where frequencies are fewer than unknowns; D has the smallest effect.
 FIRST_ASSUMED = (BENDING, MASS)
 
 _START_MASSES = (6.0, 12.0, 20.0, 45.0)
 _AT_BOUND = 1e-4  # distance to a bound, over the parameter's scale, that counts as on it
-# The search ends where a step gains less than this share of χ², or moves less than this share.
+# ftol and xtol of the search: relative change of χ² and of the parameters.
 _COST_TOLERANCE, _STEP_TOLERANCE = 1e-14, 1e-9
 _MOST_EVALUATIONS = 500
 

@@ -107,7 +107,7 @@ def test_spectrum_of_a_unit_impulse_is_the_inertance(frame):
     np.testing.assert_allclose(found, inertance(forced, lines, 1.7), rtol=1e-8, atol=1e-12)
 
 
-def test_viscous_stand_in_of_the_loss_factor_is_close_to_it():
+def test_the_equivalent_viscous_damping_is_close_to_the_loss_factor():
     forced = ForcedRing(TABLE_4_RING, REFITTED_DAMPING, 67.3, highest_order=60)
     lines = np.linspace(50.0, 300.0, 300)
     impulse = CleatTest(forced, Cleat(radial_n_s=1.0))

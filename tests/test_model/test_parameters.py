@@ -32,7 +32,7 @@ def test_thickness_follows_from_the_two_belt_stiffnesses():
         ("inflation_pressure_pa", 1e8),
     ],
 )
-def test_refuses_a_ring_that_cannot_be(name, value):
+def test_refuses_an_invalid_ring(name, value):
     with pytest.raises(ParameterError) as refusal:
         replace(TABLE_4_RING, **{name: value})
     assert name in refusal.value.where

@@ -104,7 +104,7 @@ STEEL = RingParameters(
 )
 
 
-def test_steel_ring_bends_as_hoppe_says():
+def test_steel_ring_bends_as_in_hoppe():
     n = np.arange(2, 6)
     d, mass, a = STEEL.bending_stiffness_n_m, STEEL.mass_per_area_kg_m2, STEEL.mean_radius_m
     hoppe = np.sqrt(d * n**2 * (n**2 - 1.0) ** 2 / (mass * a**4 * (n**2 + 1.0))) / (2 * np.pi)

@@ -126,7 +126,7 @@ def test_without_either_the_axial_stiffness_is_a_placeholder():
     assert any("do not determine the axial stiffness" in note for note in result.notes)
 
 
-def test_the_remark_on_the_axial_stiffness_says_what_hangs_on_it():
+def test_the_remark_on_the_axial_stiffness_states_its_influence():
     assumed = tune_ring(ORDERS, MEASURED, **TYRE)
     growth = float(equilibrium(assumed.ring).radial_displacement_m)
     grown = tune_ring(ORDERS, MEASURED, radial_growth_m=1.1 * growth, **TYRE)
@@ -166,7 +166,7 @@ def test_follower_pressure_is_tuned_with_its_own_frequencies(objective):
     assert result.ring.radial_stiffness_n_m3 == pytest.approx(8.27e6, rel=1e-6)
 
 
-def test_a_bound_that_is_hit_is_said():
+def test_a_parameter_at_a_bound_is_reported():
     bounds = {"circumferential_stiffness_n_m3": (0.0, 1e6)}
     result = tune_ring(ORDERS, MEASURED, given=MASS, bounds=bounds, **TYRE)
     assert result.how["circumferential_stiffness_n_m3"] == "at bound"
@@ -203,7 +203,7 @@ def test_too_few_frequencies_leave_parameters_assumed(count, assumed):
     assert result.std == {}
 
 
-def test_what_is_assumed_widens_the_standard_deviations():
+def test_assumed_parameters_widen_the_standard_deviations():
     truth = natural_frequencies_hz(TABLE_4_RING, [1, 2, 3])
     std = {"frequency_std_hz": 1e-4 * truth}
     assumed = tune_ring([1, 2, 3], truth, start={"bending_stiffness_n_m": 7.0}, **std, **TYRE)

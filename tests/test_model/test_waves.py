@@ -156,7 +156,7 @@ def test_the_tyre_of_the_paper_has_no_critical_speed_on_a_road():
     assert np.isnan(critical_speeds_rad_s(TABLE_4_RING, range(1, 40), highest_rad_s=600.0)).all()
 
 
-def test_an_unstable_order_is_no_frequency():
+def test_an_unstable_order_has_no_frequency():
     """A belt turned by pressure against a soft bed: order 0 under a follower load diverges."""
     slack = replace(
         TABLE_4_RING,
