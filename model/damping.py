@@ -11,12 +11,14 @@ from scipy.optimize import nnls
 
 from model.coefficients import PressureLoad, characteristic_roots, harmonics
 from model.errors import Array, ReadonlyArrays, measured_orders, whole_orders
-from model.identifiability import AT_BOUND, NOT_IDENTIFIED, Correlation, LinearFit, judged
+from model.identifiability import AT_BOUND, NOT_IDENTIFIED, Correlation, LinearFit, assess
 from model.parameters import DAMPING_NAMES, RingDamping, RingParameters
 from model.ring import natural_frequencies_hz, torsion_frequency_hz
 
 _NAMES = tuple(DAMPING_NAMES)
-_NOMINAL = 0.05  # relative error of a damping ratio that judges identifiability where none is known
+_NOMINAL = (
+    0.05  # relative error of a damping ratio that decides on identifiability where none is known
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,11 +177,9 @@ def identify_damping(
     names = tuple(name for name, kept in zip(_NAMES, free, strict=True) if kept)
     fit = LinearFit(names, values[free], slope[:, free], -np.ones(measured.size))
     undetermined = replace(fit, names=_NAMES, values=scale, residual_slope=slope).undetermined()
-    found = judged(
-        fit, fitted / measured - 1.0, relative_given, nominal=_NOMINAL, undetermined=undetermined
-    )
-    bound = {name: NOT_IDENTIFIED if undetermined[name] else AT_BOUND for name in _NAMES}
-    how = bound | found.how
+    residual = fitted / measured - 1.0
+    found = assess(fit, residual, relative_given, nominal=_NOMINAL, undetermined=undetermined)
+    how = {name: NOT_IDENTIFIED if undetermined[name] else AT_BOUND for name in _NAMES} | found.how
     return DampingResult(
         damping=damping(values),
         std=found.std,

@@ -131,7 +131,7 @@ class LinearFit(ReadonlyArrays):
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement:
+class Assessment:
     """How each parameter of a fit was obtained, with standard deviations and correlations."""
 
     how: dict[str, str]
@@ -141,7 +141,7 @@ class Judgement:
     note: str
 
 
-def judged(
+def assess(
     fit: LinearFit,
     residual: Array,
     given: Array | None,
@@ -149,8 +149,8 @@ def judged(
     nominal: float,
     undetermined: dict[str, bool],
     further: Array | float = 0.0,
-) -> Judgement:
-    """Judge every fitted parameter from relative standard deviations of the data.
+) -> Assessment:
+    """Assess every fitted parameter from relative standard deviations of the data.
 
     These are `given`, or else follow from the residuals; `nominal` decides where neither is known,
     and no standard deviations are stated then. `further` is a covariance from other causes. A
@@ -167,7 +167,7 @@ def judged(
         how[name] = NOT_IDENTIFIED if vague else IDENTIFIED
         if known and not undetermined[name]:
             std[name] = deviation
-    return Judgement(how, std, _correlation(fit.names, covariance), relative, note)
+    return Assessment(how, std, _correlation(fit.names, covariance), relative, note)
 
 
 def _correlation(names: tuple[str, ...], covariance: Array) -> Correlation:

@@ -21,8 +21,8 @@ from model.identifiability import (
     Correlation,
     LinearFit,
     Sensitivity,
+    assess,
     frequency_sensitivity,
-    judged,
 )
 from model.parameters import RING_NAMES, RingParameters, as_typed, listed_parameters
 from model.tuning_problem import AXIAL, PARAMETERS, Search, TuningProblem, plan_search
@@ -242,7 +242,7 @@ def tune_ring(
         values, starts = search.run()
     ring = search.ring(values)
     fit = _linear_fit(search, values)
-    found = judged(
+    found = assess(
         fit,
         problem.residual(ring),
         relative_given,

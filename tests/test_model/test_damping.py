@@ -32,7 +32,7 @@ def test_refit_to_table_3():
     np.testing.assert_allclose(rounded, result.model, atol=5e-5)
 
 
-def test_loss_factor_off_the_pretension_runs_away():
+def test_the_loss_factor_without_pretension_is_too_large():
     on = identify_damping(TABLE_4_RING, TABLE_3_ORDERS, TABLE_3_DAMPING_RATIOS)
     off = identify_damping(
         TABLE_4_RING, TABLE_3_ORDERS, TABLE_3_DAMPING_RATIOS, on_pretension=False
@@ -74,7 +74,7 @@ def test_breathing_is_damped_by_radial_dampers_alone():
     assert ratio == pytest.approx(500.0 / (2 * 19.69 * omega), rel=1e-9)
 
 
-def test_negative_damping_is_never_the_answer():
+def test_damping_is_never_negative():
     truth = damping_ratios(TABLE_4_RING, RingDamping(800.0, 400.0, 0.0), TABLE_3_ORDERS)
     falling = truth * (1 - 0.02 * np.arange(7))
     found = identify_damping(TABLE_4_RING, TABLE_3_ORDERS, falling)
@@ -83,7 +83,7 @@ def test_negative_damping_is_never_the_answer():
     assert any("loss_factor" in note for note in found.notes)
 
 
-def test_two_ratios_determine_nothing_alone():
+def test_two_ratios_determine_no_parameter():
     found = identify_damping(TABLE_4_RING, [1, 2], [0.039, 0.033])
     assert set(found.how.values()) == {"not identified"}
     assert found.std == {}

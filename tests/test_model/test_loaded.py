@@ -103,7 +103,7 @@ def test_the_place_of_the_contact_changes_no_frequency(pressed):
     )
 
 
-def test_a_small_load_deflects_as_the_harmonics_say():
+def test_a_small_load_deflects_as_the_harmonics_predict():
     patch = contact_patch(TABLE_4_RING, 500.0)
     shape = load_ring(TABLE_4_RING, patch, highest_order=30).contact_pa
     small = load_ring(TABLE_4_RING, 1e-6 * shape, highest_order=30)
@@ -131,7 +131,7 @@ def test_frequencies_split_and_shift_with_the_load():
     np.testing.assert_array_equal(orders[1], [0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5])
 
 
-def test_a_load_that_no_tyre_carries_is_refused_before_any_is_solved(monkeypatch):
+def test_an_impossible_load_is_refused_before_any_is_solved(monkeypatch):
     solved = []
     monkeypatch.setattr("model.loaded.load_ring", lambda *_, **__: solved.append(1))
     with pytest.raises(ParameterError, match="contact patch"):

@@ -1,4 +1,4 @@
-"""What the ring model accepts, and how it refuses the rest."""
+"""Valid and invalid parameters of the ring model."""
 
 import math
 import pickle
@@ -39,7 +39,7 @@ def test_refuses_an_invalid_ring(name, value):
     assert refusal.value.remedy
 
 
-def test_no_equilibrium_names_the_bearable_pressure():
+def test_the_message_names_the_highest_possible_pressure():
     soft = replace(TABLE_4_RING, axial_stiffness_n_m=3e5, bending_stiffness_n_m=0.0)
     bearable = soft.radial_resistance_pa(0.2)
     with pytest.raises(ParameterError, match=f"{bearable:g}"):

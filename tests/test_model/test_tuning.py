@@ -61,7 +61,7 @@ def test_standard_deviations_at_table_4():
     assert relative["bending_stiffness_n_m"] == pytest.approx(0.24, abs=5e-3)
 
 
-def test_the_papers_objective_weighs_order_7_two_hundred_times_order_1():
+def test_the_papers_objective_weights_order_7_two_hundred_times_order_1():
     problem = TuningProblem(ORDERS, MEASURED, 0.33, 2.2e5, objective="paper")
     slope = problem.data_slope(TABLE_4_RING)
     assert slope[6] / slope[0] == pytest.approx(200.0, rel=0.02)
@@ -98,7 +98,7 @@ def test_the_papers_objective_trades_mode_1_for_the_others():
     np.testing.assert_allclose(found, table_4, rtol=0.06)
 
 
-def test_axial_stiffness_hardly_moves_a_frequency():
+def test_axial_stiffness_hardly_changes_a_frequency():
     table = frequency_sensitivity(TABLE_4_RING, ORDERS)
     assert table.of("axial_stiffness_n_m").max() == pytest.approx(0.014, abs=5e-4)
     np.testing.assert_allclose(table.values.sum(axis=1), 0.0, atol=1e-7)
@@ -176,7 +176,7 @@ def test_a_parameter_at_a_bound_is_reported():
     assert any("k_θ" in note and "bound" in note for note in result.notes)
 
 
-def test_a_belt_that_wants_negative_bending_stiffness_gets_none():
+def test_bending_stiffness_is_never_negative():
     limp = replace(TABLE_4_RING, bending_stiffness_n_m=0.0)
     truth = natural_frequencies_hz(limp, ORDERS) * (1 - 1e-3 * (ORDERS / 7) ** 4)
     result = tune_ring(ORDERS, truth, given=MASS, **TYRE)
