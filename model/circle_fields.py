@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.arrays import Array, ReadonlyArrays
 from model.coefficients import PressureLoad
-from model.errors import Array, ReadonlyArrays
 from model.parameters import RingParameters
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import nnls
 
+from model.arrays import Array, ReadonlyArrays, measured_orders, whole_orders
 from model.coefficients import PressureLoad, characteristic_roots, harmonics
-from model.errors import Array, ReadonlyArrays, measured_orders, whole_orders
 from model.identifiability import AT_BOUND, NOT_IDENTIFIED, Correlation, LinearFit, assess
 from model.parameters import DAMPING_NAMES, RingDamping, RingParameters
 from model.ring import natural_frequencies_hz, torsion_frequency_hz

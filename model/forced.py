@@ -7,7 +7,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.errors import Array, ParameterError, finite_array, require_one_of
+from model.arrays import Array, finite_array, require_one_of
+from model.errors import ParameterError
 from model.ring import belt_width_m
 from model.transfer import ORDERS_AT_ONCE, Complex, ForcedRing, angular_frequency
 

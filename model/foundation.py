@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.arrays import require_number
 from model.coefficients import harmonics
-from model.errors import ParameterError, require_number
+from model.errors import ParameterError
 from model.parameters import RingParameters
 from model.tuning_problem import TuningProblem
 

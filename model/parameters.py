@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+from model.arrays import require_number
 from model.display import number, table
-from model.errors import ParameterError, require_number
+from model.errors import ParameterError
 
 #: Thickness over radius up to which a ring is thin.
 LARGEST_THICKNESS_RATIO = 0.2

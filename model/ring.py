@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import Array, finite_array, whole_orders
 from model.coefficients import PressureLoad, harmonics, roots_at_rest
-from model.errors import Array, InstabilityError, ParameterError, finite_array, whole_orders
+from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import Array, finite_array, readonly, require_order_limit
 from model.coefficients import Harmonics, PressureLoad, harmonics
-from model.errors import Array, finite_array, readonly, require_order_limit
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m
 from model.waves import Frame, require_frame

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
+from model.arrays import Array, ReadonlyArrays, measured_orders
 from model.coefficients import PressureLoad
 from model.display import table, value_with_std
-from model.errors import Array, ReadonlyArrays, measured_orders
 from model.identifiability import (
     AT_BOUND,
     GIVEN,

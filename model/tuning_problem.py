@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
+from model.arrays import Array, ReadonlyArrays, require_number, require_one_of
 from model.coefficients import PressureLoad, harmonics, require_pressure_load
-from model.errors import Array, ParameterError, ReadonlyArrays, require_number, require_one_of
+from model.errors import ParameterError
 from model.parameters import LARGEST_THICKNESS_RATIO, RingParameters
 from model.ring import natural_frequencies_hz
 

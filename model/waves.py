@@ -9,17 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from model.coefficients import PressureLoad, characteristic_roots, eigenvector_ratios, harmonics
-from model.errors import (
+from model.arrays import (
     Array,
-    InstabilityError,
-    ParameterError,
     ReadonlyArrays,
     finite_array,
     require_number,
     require_one_of,
     whole_orders,
 )
+from model.coefficients import PressureLoad, characteristic_roots, eigenvector_ratios, harmonics
+from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
 
 #: Frame of an observer: turning with the wheel, or fixed in space.

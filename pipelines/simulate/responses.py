@@ -19,9 +19,9 @@ from model import (
     load_ring,
     loaded_frequencies_hz,
 )
+from model.arrays import readonly
 from model.cleat import Quantity
 from model.coefficients import PressureLoad
-from model.errors import readonly
 from model.forced import Direction
 from model.waves import Frame
 
