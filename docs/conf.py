@@ -1,4 +1,4 @@
-"""How the documentation is built: ``make docs``, or ``sphinx-build -W docs site``."""
+"""Configuration of the documentation: ``make docs``, or ``sphinx-build -W docs site``."""
 
 import re
 import sys

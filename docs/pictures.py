@@ -1,7 +1,7 @@
 """Draw the pictures of the documentation from the sample campaign: ``python docs/pictures.py``.
 
-The gallery's pictures come from the Python blocks that the gallery shows: each block that is
-followed by a picture leaves a `figure`, which becomes that picture.
+The pictures of the gallery come from its Python blocks: each block that is followed by a picture
+defines a `figure`, which is saved as that picture.
 """
 
 import re

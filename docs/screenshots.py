@@ -1,6 +1,6 @@
-"""Photograph sections of the report for the tutorial: ``python docs/screenshots.py [BROWSER]``.
+"""Screenshots of sections of the report for the tutorial: ``python docs/screenshots.py [BROWSER]``.
 
-Needs Chromium or Chrome. Each section is shown alone, in a window that is cut to its height.
+Needs Chromium or Chrome. Each section is shown alone, in a window of its height.
 """
 
 import subprocess

@@ -1,12 +1,20 @@
+from .circle_fields import LoadedModes
 from .cleat import Cleat, CleatTest
-from .coefficients import Harmonics, characteristic_roots, eigenvector_ratios, harmonics
-from .contact import ContactPatch, contact_patch
+from .coefficients import (
+    Equilibrium,
+    Harmonics,
+    characteristic_roots,
+    eigenvector_ratios,
+    equilibrium,
+    harmonics,
+)
 from .damping import DampingResult, damping_ratios, identify_damping, torsion_damping_ratio
 from .errors import InstabilityError, ParameterError
 from .forced import inertance, inextensional_inertance
 from .foundation import Foundation, foundation_from_belt_modes
 from .hub import HubResponse, free_hub_roots, hub_response
-from .loaded import LoadedModes, LoadedRing, load_ring, loaded_frequencies_hz
+from .identifiability import Sensitivity, frequency_sensitivity
+from .loaded import ContactPatch, LoadedRing, contact_patch, load_ring, loaded_frequencies_hz
 from .parameters import RingDamping, RingParameters, Wheel
 from .ring import (
     displacement_ratio,
@@ -16,13 +24,9 @@ from .ring import (
     radial_shape,
     torsion_frequency_hz,
 )
-from .rotation import Bifurcation, bifurcation, critical_speeds_rad_s
-from .sensitivity import Sensitivity, frequency_sensitivity
-from .steady_state import Equilibrium, equilibrium
 from .transfer import ForcedRing
-from .tuning import tune_ring
-from .tuning_result import TuningResult
-from .waves import WavePair, wave_pair
+from .tuning import TuningResult, tune_ring
+from .waves import Bifurcation, WavePair, bifurcation, critical_speeds_rad_s, wave_pair
 
 __all__ = [
     "Bifurcation",

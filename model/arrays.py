@@ -1,11 +1,18 @@
-"""Read-only arrays for frozen data, and the checks every array argument passes."""
+"""Read-only arrays for frozen data, and the checks of arguments."""
 
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import ParameterError
+
+#: Array of real numbers.
+Array = NDArray[np.float64]
 
 
 def readonly(values: ArrayLike, dtype: Any = float) -> NDArray[Any]:
@@ -15,7 +22,16 @@ def readonly(values: ArrayLike, dtype: Any = float) -> NDArray[Any]:
     return array
 
 
-def finite_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
+class ReadonlyArrays:
+    """Base of frozen data classes: their arrays become read-only copies."""
+
+    def __post_init__(self) -> None:
+        for name, value in list(vars(self).items()):
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, name, readonly(value, value.dtype))
+
+
+def finite_array(name: str, values: ArrayLike) -> Array:
     """Take `values` as floats; refuse NaN and infinity."""
     array = np.asarray(values, dtype=float)
     if not np.all(np.isfinite(array)):
@@ -30,41 +46,50 @@ def whole_orders(orders: ArrayLike) -> NDArray[np.int_]:
     whole = np.rint(array)
     if np.any(whole != array):
         bad = array[whole != array].flat[0]
-        raise ParameterError(
-            "orders", f"{bad:g}", "a circumferential order is a whole number", "Round it"
-        )
+        raise ParameterError("orders", f"{bad:g}", "orders must be whole numbers", "Round it")
     return whole.astype(int)
 
 
-def require_positive(name: str, values: NDArray[np.float64]) -> None:
-    """Refuse values that are not greater than zero."""
-    if np.any(values <= 0):
-        raise ParameterError(
-            name, f"{values.min():g}", "every value must be greater than zero", "Correct the value"
-        )
+def measured_orders(
+    name: str, orders: ArrayLike, values: ArrayLike, std_name: str, std: ArrayLike | None
+) -> tuple[NDArray[np.int_], Array, Array | None]:
+    """Orders, one measured value > 0 for each, and their relative standard deviations if given."""
+    numbers = np.atleast_1d(whole_orders(orders))
+    measured = _one_each(name, numbers, values)
+    if np.any(numbers < 0) or np.unique(numbers).size != numbers.size:
+        remedy = "Average the two members of a pair, or pick one"
+        rule = "each order must be ≥ 0 and may appear once"
+        raise ParameterError("orders", f"{numbers.tolist()}", rule, remedy)
+    return numbers, measured, None if std is None else _one_each(std_name, numbers, std) / measured
 
 
-def require_one_each(name: str, orders: NDArray[np.int_], values: NDArray[np.float64]) -> None:
-    """Refuse orders that are negative or repeat, and values that are not one per order."""
-    if orders.ndim != 1 or values.shape != orders.shape:
-        raise ParameterError(
-            name,
-            f"shape {values.shape} for orders of shape {orders.shape}",
-            "one value per order is needed",
-            "Give two lists of the same length",
-        )
-    if np.any(orders < 0) or np.unique(orders).size != orders.size:
-        raise ParameterError(
-            "orders",
-            f"{orders.tolist()}",
-            "each order, zero or more, may appear once",
-            "Average the two members of a pair, or pick one",
-        )
+def _one_each(name: str, orders: NDArray[np.int_], values: ArrayLike) -> Array:
+    array = np.atleast_1d(finite_array(name, values))
+    if orders.ndim != 1 or array.shape != orders.shape:
+        found = f"shape {array.shape} for orders of shape {orders.shape}"
+        rule = "one value per order is needed"
+        raise ParameterError(name, found, rule, "Give two lists of the same length")
+    require_number(name, float(array.min()))
+    return array
+
+
+def require_number(name: str, value: float | None, *, zero_allowed: bool = False) -> None:
+    """Refuse a value that is infinite, negative or, unless allowed, zero; None passes."""
+    if value is None or (math.isfinite(value) and (value > 0 or (zero_allowed and value == 0))):
+        return
+    rule = f"must be a finite number {'≥' if zero_allowed else '>'} 0"
+    raise ParameterError(name, f"{value:g}", rule, "Check its sign and its unit")
+
+
+def require_one_of(name: str, value: str, known: Collection[str]) -> None:
+    """Refuse a name that is not among the known ones."""
+    if value not in known:
+        rule = f"must be one of {', '.join(known)}"
+        raise ParameterError(name, f"{value!r}", rule, "Choose one of them")
 
 
 def require_order_limit(highest_order: int) -> None:
     """Refuse a highest order that is not a whole number of at least one."""
     if int(highest_order) != highest_order or highest_order < 1:
-        raise ParameterError(
-            "highest_order", f"{highest_order}", "a whole number, one at least", "Raise it"
-        )
+        rule = "must be a whole number ≥ 1"
+        raise ParameterError("highest_order", f"{highest_order}", rule, "Raise it")

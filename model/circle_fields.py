@@ -1,64 +1,39 @@
-"""Displacement fields on the circle as Fourier series, and the strains of eq 3 at its points."""
+"""Displacement fields on the circle as Fourier series, modes in them, and the strains of eq 3."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.arrays import readonly
+from model.arrays import Array, ReadonlyArrays
+from model.coefficients import PressureLoad
 from model.parameters import RingParameters
-from model.steady_state import PressureLoad
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class CircleFields:
+class CircleFields(ReadonlyArrays):
     """Matrices that take Fourier coefficients of (u_r, u_θ) to fields at points of the circle.
 
     Coefficients are [constant, cosines 1…N, sines 1…N] of u_r, then those of u_θ, in a basis whose
     functions all have the same norm, ∫φ²dθ = π: the constant is 1/√2.
-
-    Parameters
-    ----------
-    highest_order : int
-        N.
-    angles_rad : ndarray, shape (n_points,)
-        Equidistant angles, rad.
-    radial, circumferential : ndarray, shape (n_points, n_coefficients)
-        u_r and u_θ.
-    stretch, rotation, bending : ndarray, shape (n_points, n_coefficients)
-        Linear parts of eq 3: (u_r + u_θ')/a, (u_θ − u_r')/a, (u_θ' − u_r'')/a².
-    convection : ndarray, shape (n_coefficients, n_coefficients)
-        W: a point of the turning ring moves at u̇ + ΩWu seen from space; antisymmetric.
+    Fields have the shape (n_points, n_coefficients).
     """
 
-    highest_order: int
-    angles_rad: Array
-    radial: Array
-    circumferential: Array
-    stretch: Array
-    rotation: Array
-    bending: Array
-    convection: Array
-
-    def __post_init__(self) -> None:
-        for name in (
-            "angles_rad",
-            "radial",
-            "circumferential",
-            "stretch",
-            "rotation",
-            "bending",
-            "convection",
-        ):
-            object.__setattr__(self, name, readonly(getattr(self, name)))
+    highest_order: int  # N
+    angles_rad: Array  # equidistant
+    radial: Array  # u_r
+    circumferential: Array  # u_θ
+    stretch: Array  # linear parts of eq 3: (u_r + u_θ')/a
+    rotation: Array  # (u_θ − u_r')/a
+    bending: Array  # (u_θ' − u_r'')/a²
+    convection: Array  # W: a point of the turning ring moves at u̇ + ΩWu in space; antisymmetric
 
     @property
     def weight_rad(self) -> float:
-        """Angle that each point stands for, rad."""
+        """Angle between points, rad."""
         return 2.0 * np.pi / self.angles_rad.size
 
     @property
@@ -73,6 +48,44 @@ class CircleFields:
         coefficients = np.zeros(self.orders.size)
         coefficients[0] = np.sqrt(2.0) * value
         return coefficients
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedModes(ReadonlyArrays):
+    """Modes of a loaded ring.
+
+    Parameters
+    ----------
+    fields : CircleFields
+        Basis of the shapes.
+    frequency_hz : ndarray, shape (n_modes,)
+        Natural frequencies seen from space, ascending, Hz.
+    shapes : ndarray, shape (n_coefficients, n_modes)
+        Shapes in the coefficients of the fields; complex where the ring turns.
+    """
+
+    fields: CircleFields
+    frequency_hz: Array
+    shapes: NDArray[np.inexact[Any]]
+
+    @property
+    def share_of_order(self) -> Array:
+        """Share of each order in the power of each shape, (highest_order + 1, n_modes)."""
+        power = np.abs(self.shapes) ** 2
+        orders = self.fields.orders
+        shares = np.stack(
+            [power[orders == order].sum(axis=0) for order in range(self.fields.highest_order + 1)]
+        )
+        return np.asarray(shares / shares.sum(axis=0))
+
+    @property
+    def dominant_order(self) -> NDArray[np.int_]:
+        """Order with the largest share, per mode."""
+        return np.asarray(self.share_of_order.argmax(axis=0))
+
+    def radial(self, mode: int) -> NDArray[np.inexact[Any]]:
+        """Radial shape of one mode at the points of the circle."""
+        return np.asarray(self.fields.radial @ self.shapes[:, mode])
 
 
 def circle_fields(ring: RingParameters, highest_order: int, n_points: int) -> CircleFields:
@@ -106,19 +119,8 @@ def circle_fields(ring: RingParameters, highest_order: int, n_points: int) -> Ci
 def elastic_slope(ring: RingParameters, fields: CircleFields, coefficients: Array) -> Array:
     """First derivative of the strain energies of belt and foundation (eqs 43, 46 as corrected).
 
-    Parameters
-    ----------
-    ring : RingParameters
-        The ring.
-    fields : CircleFields
-        Basis and points.
-    coefficients : ndarray, shape (n_coefficients,)
-        Whole displacement, u_r° included.
-
-    Returns
-    -------
-    ndarray, shape (n_coefficients,)
-        Per unit of belt width, N/m.
+    `coefficients` are those of the total displacement, u_r° included. Shape (n_coefficients,), per
+    unit of belt width, N/m.
     """
     stretch, rotation, strain = _strains(fields, coefficients)
     force = ring.axial_stiffness_n_m * strain
@@ -156,14 +158,8 @@ def pressure_force(
 ) -> Array:
     """Generalised force of the inflation pressure (eq 47), N/m.
 
-    Parameters
-    ----------
-    ring, fields
-        As `elastic_slope`.
-    place : ndarray, shape (n_coefficients,)
-        Coefficients of the belt's place (a + u_r, u_θ).
-    pressure_load : {"dead", "follower"}
-        The follower load is the pressure times the slope of the enclosed area.
+    `place` holds the coefficients of (a + u_r, u_θ). A follower load is the pressure times the
+    slope of the enclosed area.
     """
     if pressure_load == "follower":
         return np.asarray(ring.inflation_pressure_pa * area_curvature(fields) @ place)

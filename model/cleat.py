@@ -1,28 +1,28 @@
-"""The cleat test: a short blow at the contact of the rolling tyre, in time and frequency."""
+"""The cleat test: a short blow at the contact of the rolling tyre, in time and frequency.
+
+Each harmonic is a system in time with four poles; its response to exponentials is exact.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import finite_array
-from model.errors import ParameterError
+from model.arrays import Array, ReadonlyArrays, finite_array, require_number, require_one_of
+from model.coefficients import characteristic_roots
+from model.errors import InstabilityError, ParameterError
 from model.forced import Direction
 from model.ring import belt_width_m
-from model.rotation import Frame, require_frame
-from model.transfer import Complex, ForcedRing, angular_frequency
-from model.transient import HarmonicModes, exponential_convolution, harmonic_modes
+from model.transfer import ORDERS_AT_ONCE, Complex, ForcedRing, angular_frequency
+from model.waves import Frame, require_frame
 
 #: What is read at the response point: u, its first or its second derivative in time.
 Quantity = Literal["displacement", "velocity", "acceleration"]
-
-_DERIVATIVE = {"displacement": 0, "velocity": 1, "acceleration": 2}
-_ORDERS_AT_ONCE = 16
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,7 @@ class Cleat:
     def __post_init__(self) -> None:
         for name in ("radial_n_s", "circumferential_n_s", "duration_s", "contact_rad"):
             finite_array(name, getattr(self, name))
-        if self.duration_s < 0:
-            raise ParameterError(
-                "duration_s", f"{self.duration_s:g}", "zero or longer", "Correct the duration"
-            )
+        require_number("duration_s", self.duration_s, zero_allowed=True)
 
     @property
     def exponents(self) -> tuple[tuple[complex, complex], ...]:
@@ -60,7 +57,7 @@ class Cleat:
         factor = rate / 2.0 / 2.0j
         return (factor, 1j * rate), (-factor, -1j * rate)
 
-    def unit_force(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def unit_force(self, times_s: Array) -> Array:
         """Half-sine of unit momentum at `times_s`, 1/s; zero outside the blow."""
         if self.duration_s == 0:
             return np.zeros_like(times_s)
@@ -76,8 +73,8 @@ class CleatTest:
     Parameters
     ----------
     forced : ForcedRing
-        The ring on a fixed hub, with belt width. Its frame says where the force stays during the
-        blow: on the tread that it hits ("rotating") or in space ("absolute").
+        The ring on a fixed hub, with belt width. In its frame the force is fixed during the blow:
+        to the tread ("rotating") or in space ("absolute").
     cleat : Cleat
         The blow.
     """
@@ -98,7 +95,7 @@ class CleatTest:
         frame: Frame = "rotating",
         direction: Direction = "radial",
         quantity: Quantity = "acceleration",
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Response in time, exact for the harmonics summed: no time steps.
 
         Parameters
@@ -108,7 +105,7 @@ class CleatTest:
         response_rad : float
             Angle of the point, rad: θ on the tyre, or φ in space.
         frame : {"rotating", "absolute"}
-            Whether the point stays on the tyre or in space; derivatives are taken there.
+            Whether the point is fixed to the tyre or in space; derivatives are taken there.
         direction : {"radial", "circumferential"}
             Component of the displacement.
         quantity : {"displacement", "velocity", "acceleration"}
@@ -120,7 +117,7 @@ class CleatTest:
             The response.
         """
         times = np.atleast_1d(finite_array("times_s", times_s))
-        row, derivative = _component(direction), _derivative(quantity)
+        row, derivative = _component_and_derivative(direction, quantity)
         turning = require_frame(frame) * self.forced.speed_rad_s
         after = np.maximum(times, 0.0)
         total = np.zeros(times.size)
@@ -128,7 +125,9 @@ class CleatTest:
             series = self._amplitudes(block, row, derivative, turning, after)
             angle = response_rad - turning * after
             phase = np.exp(1j * self.modes.orders[block, None] * angle)
-            total += _both_signs(self.modes.orders[block]) @ (series * phase).real
+            # −n is the conjugate of n, so Re a_n e^{inθ} counts twice for n > 0.
+            twice = np.where(self.modes.orders[block] == 0, 1.0, 2.0)
+            total += twice @ (series * phase).real
         return np.where(times >= 0, total, 0.0)
 
     def spectrum(
@@ -146,7 +145,7 @@ class CleatTest:
         Arguments as `response`, with frequencies in Hz for times.
         """
         omega = angular_frequency(frequency_hz)
-        row, derivative = _component(direction), _derivative(quantity)
+        row, derivative = _component_and_derivative(direction, quantity)
         turning = require_frame(frame) * self.forced.speed_rad_s
         total = np.zeros(omega.size, dtype=complex)
         for block in self._blocks():
@@ -158,10 +157,10 @@ class CleatTest:
         return np.asarray((1j * omega) ** derivative * total)
 
     def _blocks(self) -> Iterator[slice]:
-        for start in range(0, self.modes.orders.size, _ORDERS_AT_ONCE):
-            yield slice(start, start + _ORDERS_AT_ONCE)
+        for start in range(0, self.modes.orders.size, ORDERS_AT_ONCE):
+            yield slice(start, start + ORDERS_AT_ONCE)
 
-    def _shift(self, block: slice) -> NDArray[np.float64]:
+    def _shift(self, block: slice) -> Array:
         """Rate nΩ at which a force in space turns on the tyre, per order."""
         held = require_frame(self.forced.frame) * self.forced.speed_rad_s
         return np.asarray(self.modes.orders[block] * held)
@@ -174,7 +173,7 @@ class CleatTest:
         blow = np.array([self.cleat.radial_n_s, self.cleat.circumferential_n_s])
         return np.asarray(start[:, None] * blow)
 
-    def _coordinates(self, block: slice, times: NDArray[np.float64]) -> Complex:
+    def _coordinates(self, block: slice, times: Array) -> Complex:
         """Coordinate of each pole over time for unit drive, shape (n_orders, 4, n_times)."""
         poles = self.modes.poles[block][:, :, None]
         if self.cleat.duration_s == 0:
@@ -187,12 +186,7 @@ class CleatTest:
         return np.asarray(during_blow * np.exp(poles * (times - during)))
 
     def _amplitudes(
-        self,
-        block: slice,
-        row: int,
-        derivative: int,
-        turning: float,
-        times: NDArray[np.float64],
+        self, block: slice, row: int, derivative: int, turning: float, times: Array
     ) -> Complex:
         """a_n or b_n, differentiated for an observer who turns by `turning` against the tyre."""
         load = self._load(block)
@@ -211,7 +205,7 @@ class CleatTest:
         a = a + load[:, row, None] / self.modes.mass_per_area_kg_m2 * blow
         return np.asarray(a + 2.0 * carried * v + carried**2 * x)
 
-    def _transform(self, block: slice, row: int, omega: NDArray[np.float64]) -> Complex:
+    def _transform(self, block: slice, row: int, omega: Array) -> Complex:
         """Fourier transform of a_n or b_n at `omega` on the tyre, shape (n_orders, n_lines)."""
         drive = np.einsum("nkj,nj->nk", self.modes.drive[block], self._load(block))
         weight = (self.modes.shapes[block][:, row] * drive)[:, :, None]
@@ -219,7 +213,7 @@ class CleatTest:
         receptance = (weight / (1j * omega[:, None, :] - poles)).sum(axis=1)
         return np.asarray(receptance * self._blow_spectrum(omega - self._shift(block)[:, None]))
 
-    def _blow_spectrum(self, omega: NDArray[np.float64]) -> Complex:
+    def _blow_spectrum(self, omega: Array) -> Complex:
         """Fourier transform of the blow of unit momentum."""
         if self.cleat.duration_s == 0:
             return np.ones(omega.shape, dtype=complex)
@@ -231,21 +225,91 @@ class CleatTest:
         return np.asarray(rise * first + fall * second)
 
 
-def _both_signs(orders: NDArray[np.int_]) -> NDArray[np.float64]:
-    """Weights of Re a_n e^{inθ}: −n is the conjugate of n, so it counts twice."""
-    return np.where(orders == 0, 1.0, 2.0)
+def _component_and_derivative(direction: str, quantity: str) -> tuple[int, int]:
+    """Row of the amplitude in the state, and how often it is differentiated."""
+    require_one_of("direction", direction, get_args(Direction))
+    require_one_of("quantity", quantity, get_args(Quantity))
+    return get_args(Direction).index(direction), get_args(Quantity).index(quantity)
 
 
-def _component(direction: str) -> int:
-    known = ("radial", "circumferential")
-    if direction not in known:
-        raise ParameterError("direction", f"{direction!r}", f"one of {known}", "Choose one")
-    return known.index(direction)
+@dataclass(frozen=True, eq=False)
+class HarmonicModes(ReadonlyArrays):
+    """First-order form of the equations of each harmonic n ≥ 0: amplitudes a_n(t), b_n(t).
+
+    ρh·ẍ + (C + G)ẋ + Kx = q(t) for x = [a_n, b_n], with K = [[m11, ic], [−ic, m22]],
+    G = 2ρhΩ·[[0, −1], [1, 0]] and damping C. Order −n is the complex conjugate of n.
+    """
+
+    orders: NDArray[np.int_]  # 0 … N
+    poles: Complex  # rad/s, (n_orders, 4)
+    shapes: Complex  # eigenvectors of the state [a, b, ȧ, ḃ] as columns, (n_orders, 4, 4)
+    drive: Complex  # share of a load per area [q_r, q_θ] in each pole, (n_orders, 4, 2)
+    mass_per_area_kg_m2: float
 
 
-def _derivative(quantity: str) -> int:
-    if quantity not in _DERIVATIVE:
-        raise ParameterError(
-            "quantity", f"{quantity!r}", f"one of {', '.join(_DERIVATIVE)}", "Choose one"
-        )
-    return _DERIVATIVE[quantity]
+def harmonic_modes(forced: ForcedRing) -> HarmonicModes:
+    """Solve the eigenproblem of every harmonic 0 … N of a stable ring on a fixed hub.
+
+    Hysteretic damping has no causal counterpart in time. The belt's loss is taken as viscous here,
+    C = C_bed + η·K''/ω̄_n, equal to the loss factor at the natural frequency ω̄_n of the order.
+    """
+    if forced.wheel is not None:
+        rule = "the response in time is for a fixed hub"
+        raise ParameterError("wheel", "free", rule, "Leave the wheel out")
+    orders = np.arange(forced.highest_order + 1)
+    rho = forced.ring.mass_per_area_kg_m2
+    stiffness, damping = _stiffness_and_damping(forced, orders)
+    damping[:, 0, 1] -= 2.0 * rho * forced.speed_rad_s
+    damping[:, 1, 0] += 2.0 * rho * forced.speed_rad_s
+    state = np.zeros((orders.size, 4, 4), dtype=complex)
+    state[:, :2, 2:] = np.eye(2)
+    state[:, 2:, :2] = -stiffness / rho
+    state[:, 2:, 2:] = -damping / rho
+    poles, shapes = np.linalg.eig(state)
+    growth = poles.real.max(axis=1)
+    worst = int(np.argmax(growth))
+    if growth[worst] > 1e-6 * np.abs(poles[worst]).max():
+        where, found = f"order {orders[worst]}", f"grows by {growth[worst]:.4g} 1/s"
+        remedy = "Lower the speed or raise the foundation stiffness"
+        raise InstabilityError(where, found, "the response of an unstable ring grows", remedy)
+    shapes = shapes.astype(complex)
+    drive = np.asarray(np.linalg.inv(shapes)[:, :, 2:] / rho, dtype=complex)
+    return HarmonicModes(orders, poles.astype(complex), shapes, drive, rho)
+
+
+def _stiffness_and_damping(forced: ForcedRing, orders: NDArray[np.int_]) -> tuple[Complex, Complex]:
+    """Undamped K, and C with the equivalent viscous loss of the belt, shape (n_orders, 2, 2)."""
+    terms = forced.terms(orders)
+    ring, speed = forced.ring, forced.speed_rad_s
+    natural = np.abs(characteristic_roots(ring, orders, speed, pressure_load=forced.load).real)
+    radial = np.where(orders == 0, natural[:, 2], 0.5 * (natural[:, 0] + natural[:, 1]))
+    around = np.where(orders == 0, natural[:, 0], radial)
+    loss = _matrix(terms.m11.imag, terms.m22.imag, terms.c.imag)
+    for row, frequency in ((0, radial), (1, around)):
+        moving = frequency > 0
+        loss[:, row] *= np.where(moving, 1.0 / np.where(moving, frequency, 1.0), 0.0)[:, None]
+    bed = np.diag([forced.damping.radial_n_s_m3, forced.damping.circumferential_n_s_m3])
+    return _matrix(terms.m11.real, terms.m22.real, terms.c.real), bed + loss
+
+
+def _matrix(m11: Array, m22: Array, c: Array) -> Complex:
+    matrix = np.empty((m11.size, 2, 2), dtype=complex)
+    matrix[:, 0, 0], matrix[:, 1, 1] = m11, m22
+    matrix[:, 0, 1], matrix[:, 1, 0] = 1j * c, -1j * c
+    return matrix
+
+
+def exponential_convolution(exponent: Complex, poles: Complex, times_s: Array) -> Complex:
+    """∫₀ᵗ e^{s(t−τ)} e^{pτ} dτ = (e^{pt} − e^{st})/(p − s), also where p and s meet.
+
+    Arguments are p and s in 1/s and t ≥ 0 in s, of shapes that broadcast; the result is in s.
+    """
+    argument = (exponent - poles) * times_s
+    close = np.abs(argument) < 1e-2
+    z = np.where(close, argument, 0.0)
+    series = 1.0 + z * (0.5 + z * (1 / 6 + z * (1 / 24 + z * (1 / 120 + z * (1 / 720 + z / 5040)))))
+    decay = np.exp(poles * times_s)
+    apart = np.where(close, 1.0, exponent - poles)
+    return np.asarray(
+        np.where(close, times_s * decay * series, (np.exp(exponent * times_s) - decay) / apart)
+    )

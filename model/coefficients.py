@@ -1,21 +1,131 @@
-"""One circumferential harmonic e^{i(nθ + ωt)}: its matrix (eq 12) and its quartic (eq 14)."""
+"""Steady state of the spinning ring (eq 5) and its circumferential harmonics (eqs 12, 14)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import finite_array, readonly, whole_orders
+from model.arrays import Array, ReadonlyArrays, finite_array, require_one_of, whole_orders
 from model.errors import ParameterError
-from model.parameters import RingDamping, RingParameters
-from model.steady_state import Equilibrium, PressureLoad, equilibrium
+from model.parameters import LARGEST_HOOP_STRAIN, RingDamping, RingParameters
+
+#: ``"dead"``: pressure keeps its direction (as in the paper); ``"follower"``: normal to the belt.
+PressureLoad = Literal["dead", "follower"]
+#: Imaginary part over the largest root below which a root counts as real: a double root is
+#: resolved to the square root of the machine precision only.
+REAL_ROOT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Harmonics:
+class Equilibrium(ReadonlyArrays):
+    """Axisymmetric steady state (u_r°, u_θ° = 0) of the ring at one or many speeds.
+
+    Parameters
+    ----------
+    speed_rad_s : ndarray
+        Angular speeds Ω, rad/s, any shape.
+    hoop_strain : ndarray
+        ε = u_r°/a, of the same shape.
+    tension_stiffness_n_m3 : ndarray
+        N0/a² with the hoop tension N0 = K(ε + ε²/2), N/m³, of the same shape.
+    mean_radius_m : float
+        Mean radius a before inflation, m.
+    pressure_load : {"dead", "follower"}
+        How the pressure follows the belt.
+    """
+
+    speed_rad_s: Array
+    hoop_strain: Array
+    tension_stiffness_n_m3: Array
+    mean_radius_m: float
+    pressure_load: PressureLoad
+
+    @property
+    def radial_displacement_m(self) -> Array:
+        """u_r°, m."""
+        return self.mean_radius_m * self.hoop_strain
+
+    @property
+    def radius_m(self) -> Array:
+        """Radius a + u_r° of the spinning ring, m."""
+        return self.mean_radius_m * (1.0 + self.hoop_strain)
+
+    @property
+    def hoop_tension_n_m(self) -> Array:
+        """Hoop tension N0 per unit of belt width, N/m."""
+        return self.mean_radius_m**2 * self.tension_stiffness_n_m3
+
+
+def equilibrium(
+    ring: RingParameters, speed_rad_s: ArrayLike = 0.0, *, pressure_load: PressureLoad = "dead"
+) -> Equilibrium:
+    """Solve eq 5 for the steady radial displacement (u_θ° = 0).
+
+    With a radial load ≥ 0 the cubic has exactly one positive root, which is used; the other two are
+    negative or complex (the ring inside out). A follower load replaces p_o by p_o(1 + ε).
+
+    Parameters
+    ----------
+    ring : RingParameters
+        The ring.
+    speed_rad_s : array_like
+        Angular speeds Ω, rad/s, any shape; the sign does not matter here.
+    pressure_load : {"dead", "follower"}
+        Pressure as the paper's dead load or normal to the deformed belt.
+
+    Returns
+    -------
+    Equilibrium
+        In the shape of `speed_rad_s`.
+
+    Raises
+    ------
+    ParameterError
+        Where the hoop strain would exceed 0.2.
+    """
+    require_pressure_load(pressure_load)
+    speed = finite_array("speed_rad_s", speed_rad_s)
+    strain = _positive_root(ring, speed, pressure_load)
+    beyond = strain > LARGEST_HOOP_STRAIN
+    if np.any(beyond):
+        first = float(np.abs(speed[beyond]).min())
+        rule = f"no equilibrium with a hoop strain of at most {LARGEST_HOOP_STRAIN:g}"
+        remedy = "Lower the speed or the pressure, or raise K or k_r"
+        raise ParameterError("speed_rad_s", f"{first:g}", rule, remedy)
+    tension = ring.axial_stiffness_n_m / ring.mean_radius_m**2 * (strain + 0.5 * strain**2)
+    return Equilibrium(speed, strain, np.asarray(tension), ring.mean_radius_m, pressure_load)
+
+
+def require_pressure_load(pressure_load: str) -> None:
+    """Refuse anything but the two known pressure loads."""
+    require_one_of("pressure_load", pressure_load, get_args(PressureLoad))
+
+
+def _positive_root(ring: RingParameters, speed: Array, pressure_load: PressureLoad) -> Array:
+    """Newton's method from the right of the root, where the cubic is convex: it converges."""
+    membrane = ring.axial_stiffness_n_m / ring.mean_radius_m
+    centrifugal = ring.mass_per_area_kg_m2 * ring.mean_radius_m * speed**2
+    load = centrifugal + ring.inflation_pressure_pa
+    softening = load if pressure_load == "follower" else centrifugal
+    linear = membrane + ring.radial_stiffness_n_m3 * ring.mean_radius_m - softening
+    with np.errstate(divide="ignore"):
+        strain = np.where(linear > 0, load / np.where(linear > 0, linear, 1.0), np.inf)
+    strain = np.minimum(strain, 10.0 * LARGEST_HOOP_STRAIN)  # farther right is refused anyway
+    for _ in range(60):
+        value = membrane * (1.5 + 0.5 * strain) * strain**2 + linear * strain - load
+        slope = membrane * (3.0 + 1.5 * strain) * strain + linear
+        step = np.where(slope > 0, value / np.where(slope > 0, slope, 1.0), 0.0)
+        strain = strain - step
+        if np.all(np.abs(step) <= 4.0 * np.finfo(float).eps * np.abs(strain)):
+            break
+    return np.asarray(strain)
+
+
+@dataclass(frozen=True, eq=False)
+class Harmonics(ReadonlyArrays):
     """Coefficients of eqs 12 and 14 for orders and speeds of one common (broadcast) shape.
 
     The matrix of eq 12 is [[m11 − ρhω², i(c − 2ρhΩω)], [−i(c − 2ρhΩω), m22 − ρhω²]], to which
@@ -33,7 +143,7 @@ class Harmonics:
         m11·m22 − c² (a_0 of eq 14), N²/m⁶, formed without the cancellation of the membrane terms.
     inextensional : ndarray
         n²·m11 − 2n·c + m22, N/m³: the static stiffness that is left for u_r = −u_θ' (eq 33), times
-        n². It holds no K.
+        n². It does not contain K.
     mass_per_area_kg_m2 : float
         ρh, kg/m².
     rest : Equilibrium
@@ -41,7 +151,7 @@ class Harmonics:
     """
 
     orders: NDArray[np.int_]
-    speed_rad_s: NDArray[np.float64]
+    speed_rad_s: Array
     m11: NDArray[Any]
     m22: NDArray[Any]
     c: NDArray[Any]
@@ -49,13 +159,6 @@ class Harmonics:
     inextensional: NDArray[Any]
     mass_per_area_kg_m2: float
     rest: Equilibrium
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "orders", readonly(self.orders, int))
-        object.__setattr__(self, "speed_rad_s", readonly(self.speed_rad_s))
-        for name in ("m11", "m22", "c", "determinant", "inextensional"):
-            values = np.asarray(getattr(self, name))
-            object.__setattr__(self, name, readonly(values, values.dtype))
 
     @property
     def polynomial(self) -> tuple[float, NDArray[Any], NDArray[Any], NDArray[Any]]:
@@ -76,7 +179,7 @@ def harmonics(
     """Coefficients of eq 12 around the equilibrium (eqs 6 and 7, the latter as corrected).
 
     With S = K/a² + 4N0/a² + Dn²/a⁴ the coefficients are c = nS, m11 = S + P, m22 = n²S + Q, where
-    P and Q hold no K: so a_0 = S(n²P + Q) + PQ loses no digits, however stiff the membrane.
+    P and Q do not contain K: a_0 = S(n²P + Q) + PQ loses no digits, however stiff the membrane.
 
     Parameters
     ----------
@@ -97,7 +200,7 @@ def harmonics(
     Raises
     ------
     ParameterError
-        Where a speed leaves no acceptable equilibrium or an order is not whole.
+        Where a speed has no equilibrium or an order is not a whole number.
     """
     n, speed = np.broadcast_arrays(whole_orders(orders), finite_array("speed_rad_s", speed_rad_s))
     rest = equilibrium(ring, speed, pressure_load=pressure_load)
@@ -118,40 +221,23 @@ def harmonics(
     return Harmonics(
         orders=n,
         speed_rad_s=speed,
-        m11=s + p,
-        m22=n**2 * s + q,
-        c=n * s,
-        determinant=s * inextensional + p * q,
-        inextensional=inextensional,
+        m11=np.asarray(s + p),
+        m22=np.asarray(n**2 * s + q),
+        c=np.asarray(n * s),
+        determinant=np.asarray(s * inextensional + p * q),
+        inextensional=np.asarray(inextensional),
         mass_per_area_kg_m2=ring.mass_per_area_kg_m2,
         rest=rest,
     )
 
 
-def roots_at_rest(terms: Harmonics) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Squared roots ω² of eq 14 at Ω = 0, where it is a quadratic in ω².
-
-    Parameters
-    ----------
-    terms : Harmonics
-        Undamped coefficients at Ω = 0.
-
-    Returns
-    -------
-    smaller, larger : ndarray
-        ω² of the inextensional and of the extensional solution, rad²/s².
-    """
+def roots_at_rest(terms: Harmonics) -> tuple[Array, Array]:
+    """Squared roots ω² of eq 14 (undamped, Ω = 0): inextensional and extensional, rad²/s²."""
     total = terms.m11 + terms.m22
     root = np.sqrt((terms.m11 - terms.m22) ** 2 + 4.0 * terms.c**2)
     larger = 0.5 * (total + root)
-    return terms.determinant / larger / terms.mass_per_area_kg_m2, (
-        larger / terms.mass_per_area_kg_m2
-    )
-
-
-#: Imaginary part over the largest root below which a root counts as real: a double root is
-#: resolved to the square root of the machine precision only.
-REAL_ROOT = 1e-6
+    rho = terms.mass_per_area_kg_m2
+    return terms.determinant / larger / rho, larger / rho
 
 
 def characteristic_roots(
@@ -171,12 +257,8 @@ def characteristic_roots(
 
     Parameters
     ----------
-    ring : RingParameters
-        The ring.
-    orders, speed_rad_s : array_like
-        Orders n and angular speeds Ω in rad/s, of shapes that broadcast.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
+    ring, orders, speed_rad_s, pressure_load
+        As `harmonics`.
     damping : RingDamping or None
         Viscous foundation and loss factor. A loss factor holds for e^{+iωt} with Re ω > 0.
 
@@ -201,7 +283,7 @@ def eigenvector_ratios(
     speed_rad_s: ArrayLike = 0.0,
     *,
     pressure_load: PressureLoad = "dead",
-) -> NDArray[np.float64]:
+) -> Array:
     """Ratios b_k of the eigenvectors [1, i·b_k] of eq 12, in the order k = 1…4 of Table 2.
 
     Table 2 writes the sign out: b = B_{n,k} for the inextensional pair of n ≥ 1, −B_{n,k} for the
@@ -209,12 +291,8 @@ def eigenvector_ratios(
 
     Parameters
     ----------
-    ring : RingParameters
-        The ring.
-    orders, speed_rad_s : array_like
-        Orders n ≠ 0 and angular speeds Ω in rad/s, of shapes that broadcast.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
+    ring, orders, speed_rad_s, pressure_load
+        As `harmonics`, with n ≠ 0.
 
     Returns
     -------
@@ -228,9 +306,7 @@ def eigenvector_ratios(
     """
     terms = harmonics(ring, orders, speed_rad_s, pressure_load=pressure_load)
     if np.any(terms.orders == 0):
-        raise ParameterError(
-            "orders", "0", "only waves (n ≠ 0) have a ratio u_θ/u_r at any speed", "Leave it out"
-        )
+        raise ParameterError("orders", "0", "only orders n ≠ 0 have a ratio u_θ/u_r", "Drop it")
     roots = characteristic_roots(ring, orders, speed_rad_s, pressure_load=pressure_load)
     omega = np.where(roots.imag == 0, roots.real, np.nan)
     mass, speed = terms.mass_per_area_kg_m2, terms.speed_rad_s[..., None]
@@ -245,11 +321,9 @@ def _polynomial(terms: Harmonics, damping: RingDamping | None) -> NDArray[Any]:
         zero = np.zeros_like(a2)
         return np.stack([zero, a2, a1, a0], axis=-1) / mass
     c_r, c_t = damping.radial_n_s_m3, damping.circumferential_n_s_m3
-    rho = terms.mass_per_area_kg_m2
-    cubic = np.full(a2.shape, -1j * rho * (c_r + c_t))
-    square = a2 - c_r * c_t
+    cubic = np.full(a2.shape, -1j * terms.mass_per_area_kg_m2 * (c_r + c_t))
     linear = a1 + 1j * (c_r * terms.m22 + c_t * terms.m11)
-    return np.stack([cubic, square, linear, a0.astype(complex)], axis=-1) / mass
+    return np.stack([cubic, a2 - c_r * c_t, linear, a0.astype(complex)], axis=-1) / mass
 
 
 def _companion_eigenvalues(polynomial: NDArray[Any]) -> NDArray[np.complex128]:
@@ -270,8 +344,7 @@ def _polish(polynomial: NDArray[Any], roots: NDArray[np.complex128]) -> NDArray[
     for _ in range(2):
         value = (((roots + b3) * roots + b2) * roots + b1) * roots + b0
         slope = ((4.0 * roots + 3.0 * b3) * roots + 2.0 * b2) * roots + b1
-        safe = np.where(slope == 0, 1.0, slope)
-        step = np.where(slope == 0, 0.0, value / safe)
+        step = np.where(slope == 0, 0.0, value / np.where(slope == 0, 1.0, slope))
         roots = roots - np.where(np.abs(step) < 1e-6 * size, step, 0.0)
     return roots
 
@@ -279,8 +352,7 @@ def _polish(polynomial: NDArray[Any], roots: NDArray[np.complex128]) -> NDArray[
 def _in_table_order(
     roots: NDArray[np.complex128], orders: NDArray[np.int_]
 ) -> NDArray[np.complex128]:
-    """Sort by real part and deal out: inner pair first, the positive member first for n ≥ 0."""
+    """Sort: inner pair first, and in each pair the positive root first for n ≥ 0."""
     ascending = np.take_along_axis(roots, np.lexsort((roots.imag, roots.real), axis=-1), axis=-1)
-    forward = ascending[..., [2, 1, 3, 0]]
-    backward = ascending[..., [1, 2, 0, 3]]
-    return np.where((orders >= 0)[..., None], forward, backward)
+    positive = (orders >= 0)[..., None]
+    return np.where(positive, ascending[..., [2, 1, 3, 0]], ascending[..., [1, 2, 0, 3]])

@@ -9,27 +9,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import nnls
 
-from model.arrays import finite_array, readonly, require_one_each, require_positive, whole_orders
-from model.coefficients import characteristic_roots, harmonics
-from model.identifiability import (
-    AT_BOUND,
-    NOT_IDENTIFIED,
-    Correlation,
-    LinearFit,
-    correlation,
-    error_level,
-    verdicts,
-)
-from model.parameters import RingDamping, RingParameters
+from model.arrays import Array, ReadonlyArrays, measured_orders, whole_orders
+from model.coefficients import PressureLoad, characteristic_roots, harmonics
+from model.identifiability import AT_BOUND, NOT_IDENTIFIED, Correlation, LinearFit, assess
+from model.parameters import DAMPING_NAMES, RingDamping, RingParameters
 from model.ring import natural_frequencies_hz, torsion_frequency_hz
-from model.steady_state import PressureLoad
 
-_NAMES = ("radial_n_s_m3", "circumferential_n_s_m3", "loss_factor")
-_NOMINAL = 0.05  # relative error of a damping ratio that judges identifiability where none is known
+_NAMES = tuple(DAMPING_NAMES)
+_NOMINAL = (
+    0.05  # relative error of a damping ratio that decides on identifiability where none is known
+)
 
 
 @dataclass(frozen=True, eq=False)
-class DampingResult:
+class DampingResult(ReadonlyArrays):
     """Damping parameters identified from measured damping ratios.
 
     Parameters
@@ -47,22 +40,17 @@ class DampingResult:
     correlation : Correlation
         Of the parameters that are not zero.
     notes : tuple of str
-        What a reader must know, in sentences.
+        Remarks for the reader, in sentences.
     """
 
     damping: RingDamping
     std: dict[str, float]
     how: dict[str, str]
     orders: NDArray[np.int_]
-    measured: NDArray[np.float64]
-    model: NDArray[np.float64]
+    measured: Array
+    model: Array
     correlation: Correlation
     notes: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "orders", readonly(self.orders, int))
-        for name in ("measured", "model"):
-            object.__setattr__(self, name, readonly(getattr(self, name)))
 
 
 def damping_ratios(
@@ -72,7 +60,7 @@ def damping_ratios(
     speed_rad_s: ArrayLike = 0.0,
     *,
     pressure_load: PressureLoad = "dead",
-) -> NDArray[np.float64]:
+) -> Array:
     """Damping ratios ζ = Im ω/|ω| of the regressive inextensional waves (n = 0: breathing).
 
     Exact roots of eq 14 with iωc_r and iωc_θ on its diagonal and K, D complex (section 5.3).
@@ -111,19 +99,15 @@ def torsion_damping_ratio(
 
     Parameters
     ----------
-    ring : RingParameters
-        The ring.
-    damping : RingDamping
-        Its damping.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
+    ring, damping, pressure_load
+        As `damping_ratios`.
 
     Raises
     ------
     InstabilityError
         Where the static stiffness of the torsion is negative.
     """
-    torsion_frequency_hz(ring, pressure_load=pressure_load)  # refuses a ring that has none
+    torsion_frequency_hz(ring, pressure_load=pressure_load)  # raises where the ring has none
     terms = harmonics(ring, 0, pressure_load=pressure_load, damping=damping)
     stiffness = complex(terms.m22) / ring.mass_per_area_kg_m2
     rate = 0.5 * damping.circumferential_n_s_m3 / ring.mass_per_area_kg_m2
@@ -151,7 +135,7 @@ def identify_damping(
     damping_ratios : array_like, shape (n_orders,)
         Measured damping ratios, greater than zero.
     damping_std : array_like, shape (n_orders,), or None
-        Their standard deviations. What is reported never falls below what the misfit implies.
+        Their standard deviations; those of the fit residuals are used where they are larger.
     on_pretension : bool
         Whether η acts on the stiffness from hoop tension too.
     pressure_load : {"dead", "follower"}
@@ -160,7 +144,7 @@ def identify_damping(
     Returns
     -------
     DampingResult
-        Parameters, standard deviations and what is not identified.
+        Parameters with standard deviations, and how each was obtained.
 
     Raises
     ------
@@ -170,27 +154,20 @@ def identify_damping(
     Examples
     --------
     >>> import ringmodal as rm
-    >>> ring = rm.RingParameters(
-    ...     mean_radius_m=0.33,
-    ...     mass_per_area_kg_m2=19.69,
-    ...     radial_stiffness_n_m3=8.27e6,
-    ...     circumferential_stiffness_n_m3=6.56e5,
-    ...     axial_stiffness_n_m=2.52e7,
-    ...     bending_stiffness_n_m=7.45,
-    ...     inflation_pressure_pa=2.2e5,
-    ...     belt_width_m=0.19,
-    ... )
-    >>> found = rm.identify_damping(ring, [1, 2, 3, 4], [0.039, 0.033, 0.024, 0.022])
+    >>> from model.reference import TABLE_4_RING
+    >>> found = rm.identify_damping(TABLE_4_RING, [1, 2, 3, 4], [0.039, 0.033, 0.024, 0.022])
     >>> found.damping.radial_n_s_m3 > 0
     True
     """
-    numbers, measured, relative_given = _checked(orders, damping_ratios, damping_std)
+    numbers, measured, relative_given = measured_orders(
+        "damping_ratios", orders, damping_ratios, "damping_std", damping_std
+    )
 
-    def damping(values: NDArray[np.float64]) -> RingDamping:
+    def damping(values: Array) -> RingDamping:
         radial, circumferential, loss_factor = map(float, values)
         return RingDamping(radial, circumferential, loss_factor, on_pretension)
 
-    def model(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def model(values: Array) -> Array:
         return _ratios(ring, damping(values), numbers, pressure_load=pressure_load)
 
     scale = _scale(ring, numbers)
@@ -199,55 +176,34 @@ def identify_damping(
     free = values > 0
     names = tuple(name for name, kept in zip(_NAMES, free, strict=True) if kept)
     fit = LinearFit(names, values[free], slope[:, free], -np.ones(measured.size))
-    relative, note = error_level(fit, fitted / measured - 1.0, relative_given)
-    covariance = fit.covariance(np.where(np.isfinite(relative), relative, _NOMINAL))
     undetermined = replace(fit, names=_NAMES, values=scale, residual_slope=slope).undetermined()
-    how, std = verdicts(fit, covariance, undetermined)
-    for name in set(_NAMES) - set(names):
-        how[name] = NOT_IDENTIFIED if undetermined[name] else AT_BOUND
+    residual = fitted / measured - 1.0
+    found = assess(fit, residual, relative_given, nominal=_NOMINAL, undetermined=undetermined)
+    how = {name: NOT_IDENTIFIED if undetermined[name] else AT_BOUND for name in _NAMES} | found.how
     return DampingResult(
         damping=damping(values),
-        std=std if np.all(np.isfinite(relative)) else {},
-        how={name: how[name] for name in _NAMES},
+        std=found.std,
+        how=how,
         orders=numbers,
         measured=measured,
         model=fitted,
-        correlation=correlation(names, covariance),
-        notes=(f"Damping: {note[0].lower()}{note[1:]}", *_notes(how, measured.size)),
+        correlation=found.correlation,
+        notes=(f"Damping: {found.note[0].lower()}{found.note[1:]}", *_notes(how, measured.size)),
     )
 
 
-_ratios = damping_ratios  # the name is an argument's in `identify_damping`
+_ratios = damping_ratios  # `identify_damping` has an argument of this name
 
 
-def _checked(
-    orders: ArrayLike, ratios: ArrayLike, std: ArrayLike | None
-) -> tuple[NDArray[np.int_], NDArray[np.float64], NDArray[np.float64] | None]:
-    numbers = np.atleast_1d(whole_orders(orders))
-    measured = np.atleast_1d(finite_array("damping_ratios", ratios))
-    deviations = None if std is None else np.atleast_1d(finite_array("damping_std", std))
-    require_one_each("damping_ratios", numbers, measured)
-    require_positive("damping_ratios", measured)
-    if deviations is None:
-        return numbers, measured, None
-    require_one_each("damping_std", numbers, deviations)
-    require_positive("damping_std", deviations)
-    return numbers, measured, deviations / measured
-
-
-def _scale(ring: RingParameters, orders: NDArray[np.int_]) -> NDArray[np.float64]:
+def _scale(ring: RingParameters, orders: NDArray[np.int_]) -> Array:
     """Amounts of c_r, c_θ and η that each give damping ratios of some percent."""
     omega = 2.0 * np.pi * float(np.mean(natural_frequencies_hz(ring, orders)))
     viscous = 0.05 * ring.mass_per_area_kg_m2 * omega
     return np.array([viscous, viscous, 0.05])
 
 
-def _fit(
-    model: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    measured: NDArray[np.float64],
-    scale: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Gauss-Newton with non-negative steps: ratios are nearly linear in light damping.
+def _fit(model: Callable[[Array], Array], measured: Array, scale: Array) -> tuple[Array, Array]:
+    """Gauss-Newton, parameters ≥ 0: ratios are nearly linear in light damping.
 
     Returns the parameters and d(model/measured)/d(parameter) there.
     """
@@ -271,10 +227,8 @@ def _notes(how: dict[str, str], n_ratios: int) -> list[str]:
     notes = []
     if n_ratios < len(_NAMES):
         notes.append(f"{n_ratios} damping ratios cannot determine three damping parameters.")
-    vague = [name for name in _NAMES if how[name] == NOT_IDENTIFIED]
-    if vague:
-        notes.append(f"Not identified from these damping ratios: {', '.join(vague)}.")
-    bound = [name for name in _NAMES if how[name] == AT_BOUND]
-    if bound:
-        notes.append(f"The fit wants less than zero and stops there: {', '.join(bound)}.")
+    for word, text in ((NOT_IDENTIFIED, "Not identified"), (AT_BOUND, "At the lower bound, zero")):
+        names = [name for name in _NAMES if how[name] == word]
+        if names:
+            notes.append(f"{text}: {', '.join(names)}.")
     return notes

@@ -1,6 +1,6 @@
-"""Small HTML tables, as notebooks show results: plain strings, texts escaped, no colours set.
+"""Small HTML tables for notebooks: texts escaped, no colours set.
 
-`ema` and `model` do not know each other, so each has this file; a test keeps the two alike.
+`ema` has the same functions, because the two packages do not import each other.
 """
 
 from __future__ import annotations
@@ -19,13 +19,9 @@ def table(
     """A table with a caption; the columns in `words` to the left, numbers to the right."""
     columns = ["left" if column in words else "right" for column in range(len(head))]
     body = "".join(_row("td", row, columns) for row in rows)
-    return _captioned(caption, f"<thead>{_row('th', head, columns)}</thead><tbody>{body}</tbody>")
-
-
-def facts(caption: str, pairs: Iterable[tuple[str, str]]) -> str:
-    """A table of names and what belongs to them, without a head."""
-    body = "".join(_row("td", pair, ("left", "left")) for pair in pairs)
-    return _captioned(caption, f"<tbody>{body}</tbody>")
+    style = "text-align:left;font-weight:bold;color:inherit"
+    titled = f'<caption style="{style}">{escape(caption)}</caption>'
+    return f"<table>{titled}<thead>{_row('th', head, columns)}</thead><tbody>{body}</tbody></table>"
 
 
 def number(value: float) -> str:
@@ -48,11 +44,6 @@ def value_with_std(value: float, std: float | None) -> str:
     end = int(exponent) - (float(first) <= 3.54) - shift  # rule of the Particle Data Group
     text = f"{_fixed(value, shift, end)} ± {_fixed(std, shift, end)}"
     return _times_ten(f"({text})", shift) if shift else text
-
-
-def _captioned(caption: str, rows: str) -> str:
-    style = "text-align:left;font-weight:bold;color:inherit"
-    return f'<table><caption style="{style}">{escape(caption)}</caption>{rows}</table>'
 
 
 def _row(tag: str, cells: Iterable[str], columns: Sequence[str]) -> str:

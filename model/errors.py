@@ -1,8 +1,8 @@
-"""Refusals of the ring model: parameters that describe no ring, states that cannot hold."""
+"""Errors of the ring model: invalid parameters, unstable states."""
 
 
 class ParameterError(ValueError):
-    """A parameter that the ring model refuses; its message says where, what, why and what to do.
+    """An invalid parameter of the ring model; the message names place, value, rule and remedy.
 
     Parameters
     ----------
@@ -13,7 +13,7 @@ class ParameterError(ValueError):
     rule : str
         The rule it breaks.
     remedy : str
-        What the user can do, as a sentence without its full stop.
+        What to do, as a sentence without its full stop.
 
     Examples
     --------
@@ -27,10 +27,7 @@ class ParameterError(ValueError):
 
     def __init__(self, where: str, found: str, rule: str, remedy: str) -> None:
         super().__init__(f"{where}: {found}; {rule}. {remedy}.")
-        self.where = where
-        self.found = found
-        self.rule = rule
-        self.remedy = remedy
+        self.where, self.found, self.rule, self.remedy = where, found, rule, remedy
 
     def __reduce__(self) -> tuple[type, tuple[str, str, str, str]]:
         """Keep the four parts when the error travels between processes."""

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import finite_array
+from model.arrays import Array, finite_array, require_one_of
 from model.errors import ParameterError
 from model.ring import belt_width_m
-from model.transfer import Complex, ForcedRing, angular_frequency
+from model.transfer import ORDERS_AT_ONCE, Complex, ForcedRing, angular_frequency
 
 #: Direction of a force or a response on the belt.
 Direction = Literal["radial", "circumferential"]
-
-_ORDERS_AT_ONCE = 16  # keeps the matrices of a block in the cache
 
 
 def inertance(
@@ -64,25 +62,16 @@ def inertance(
     >>> import numpy as np
     >>> import ringmodal as rm
     >>> from model import ForcedRing
-    >>> ring = rm.RingParameters(
-    ...     mean_radius_m=0.33,
-    ...     mass_per_area_kg_m2=19.69,
-    ...     radial_stiffness_n_m3=8.27e6,
-    ...     circumferential_stiffness_n_m3=6.56e5,
-    ...     axial_stiffness_n_m=2.52e7,
-    ...     bending_stiffness_n_m=7.45,
-    ...     inflation_pressure_pa=2.2e5,
-    ...     belt_width_m=0.19,
-    ... )
-    >>> forced = ForcedRing(ring, rm.RingDamping(1900.0, 1500.0, 0.025))
+    >>> from model.reference import TABLE_4_RING
+    >>> forced = ForcedRing(TABLE_4_RING, rm.RingDamping(1900.0, 1500.0, 0.025))
     >>> rm.inertance(forced, [80.0, 100.0, 120.0], np.radians([0.0, 100.0])).shape
     (2, 3)
     """
     omega, angles = angular_frequency(frequency_hz), finite_array("response_rad", response_rad)
     around = np.atleast_1d(angles) - force_rad
     total = np.zeros((around.size, omega.size), dtype=complex)
-    for start in range(0, forced.orders.size, _ORDERS_AT_ONCE):
-        orders = forced.orders[start : start + _ORDERS_AT_ONCE]
+    for start in range(0, forced.orders.size, ORDERS_AT_ONCE):
+        orders = forced.orders[start : start + ORDERS_AT_ONCE]
         amplitude = _compliance(forced, orders, omega, response_direction, force_direction)
         total += np.exp(1j * around[:, None] * orders) @ amplitude
     return _as_inertance(forced, total, omega, per_width, angles.ndim)
@@ -120,9 +109,8 @@ def inextensional_inertance(
         As `inertance`, and for a free wheel.
     """
     if forced.wheel is not None:
-        raise ParameterError(
-            "wheel", "free", "the inextensional form is for a fixed hub", "Use `inertance`"
-        )
+        rule = "the inextensional form is for a fixed hub"
+        raise ParameterError("wheel", "free", rule, "Use `inertance`")
     omega, angles = angular_frequency(frequency_hz), finite_array("response_rad", response_rad)
     around = np.atleast_1d(angles) - force_rad
     orders = forced.orders[forced.orders != 0]
@@ -145,14 +133,12 @@ def inextensional_inertance(
 def _compliance(
     forced: ForcedRing,
     orders: NDArray[np.int_],
-    omega: NDArray[np.float64],
+    omega: Array,
     response: Direction,
     force: Direction,
 ) -> Complex:
-    known = ("radial", "circumferential")
-    for name, direction in (("response_direction", response), ("force_direction", force)):
-        if direction not in known:
-            raise ParameterError(name, f"{direction!r}", f"one of {known}", "Choose one of them")
+    require_one_of("response_direction", response, get_args(Direction))
+    require_one_of("force_direction", force, get_args(Direction))
     if response == force == "radial":
         return forced.radial_compliance(orders, omega)
     _, cross, circumferential = forced.compliance(orders, omega)
@@ -162,11 +148,7 @@ def _compliance(
 
 
 def _as_inertance(
-    forced: ForcedRing,
-    total: Complex,
-    omega: NDArray[np.float64],
-    per_width: bool,
-    n_dimensions: int,
+    forced: ForcedRing, total: Complex, omega: Array, per_width: bool, n_dimensions: int
 ) -> Complex:
     """Scale Σ A_n/Q_n to acceleration over force; drop the axis of a single angle."""
     width = 1.0 if per_width else belt_width_m(forced.ring)

@@ -1,4 +1,4 @@
-"""The foundation from two modes in which the belt moves as a whole: translation and torsion."""
+"""Foundation stiffness from the two rigid-belt modes: translation and torsion."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.arrays import finite_array, require_positive
+from model.arrays import require_number
 from model.coefficients import harmonics
 from model.errors import ParameterError
 from model.parameters import RingParameters
@@ -17,14 +17,14 @@ _MOST_STEPS = 100
 
 @dataclass(frozen=True)
 class Foundation:
-    """Stiffness of the foundation, and the membrane stiffness it was found with.
+    """Stiffness of the foundation, and the membrane stiffness assumed with it.
 
     Parameters
     ----------
     radial_stiffness_n_m3, circumferential_stiffness_n_m3 : float
         k_r and k_θ, N/m³.
     axial_stiffness_n_m : float
-        K that was taken, N/m.
+        K, N/m.
     """
 
     radial_stiffness_n_m3: float
@@ -46,7 +46,7 @@ def foundation_from_belt_modes(
 
     The inverse of `natural_frequencies_hz` for order 1 (dead pressure) and of
     `torsion_frequency_hz` (follower pressure). Both depend a little on the belt's membrane
-    stiffness K, which two frequencies do not tell.
+    stiffness K, which two frequencies do not determine.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def foundation_from_belt_modes(
     axial_stiffness_n_m : float, optional
         K. Default: from the typical growth on inflation (eq 16), as in a tuning without order 0.
     bending_stiffness_n_m : float
-        D; it moves the order 1 in the eighth digit.
+        D; it changes order 1 in the eighth digit.
 
     Returns
     -------
@@ -68,27 +68,29 @@ def foundation_from_belt_modes(
     Raises
     ------
     ParameterError
-        For values that are not positive, or frequencies that no ring has together.
+        For values that are not positive, or frequencies that no ring can have together.
     """
-    require_positive("frequencies", finite_array("frequencies", [translation_hz, torsion_hz]))
+    for frequency_hz in (translation_hz, torsion_hz):
+        require_number("frequencies", frequency_hz)
     growth = TuningProblem(
         np.array([1]), np.array([translation_hz]), mean_radius_m, inflation_pressure_pa
     )
-    inertia = mass_per_area_kg_m2 * (2.0 * np.pi * np.array([translation_hz, torsion_hz])) ** 2
-    both, around = map(float, inertia)
+    both = mass_per_area_kg_m2 * (2.0 * np.pi * translation_hz) ** 2
+    around = mass_per_area_kg_m2 * (2.0 * np.pi * torsion_hz) ** 2
+    pair = f"translation {translation_hz:g} Hz, torsion {torsion_hz:g} Hz"
     radial, circumferential = 2.0 * both - around, around  # an inextensible belt
     for _ in range(_MOST_STEPS):
-        _require_radial(radial, translation_hz, torsion_hz)
+        if radial <= 0:
+            rule = "torsion must be below √2 times translation"
+            raise ParameterError("frequencies", pair, rule, "Check both frequencies")
         ring = RingParameters(
             mean_radius_m=mean_radius_m,
             mass_per_area_kg_m2=mass_per_area_kg_m2,
             radial_stiffness_n_m3=radial,
             circumferential_stiffness_n_m3=max(circumferential, 0.0),
-            axial_stiffness_n_m=(
-                growth.axial_stiffness_n_m(radial)
-                if axial_stiffness_n_m is None
-                else axial_stiffness_n_m
-            ),
+            axial_stiffness_n_m=axial_stiffness_n_m
+            if axial_stiffness_n_m is not None
+            else growth.axial_stiffness_n_m(radial),
             bending_stiffness_n_m=bending_stiffness_n_m,
             inflation_pressure_pa=inflation_pressure_pa,
         )
@@ -96,30 +98,15 @@ def foundation_from_belt_modes(
         radial, circumferential = _improved(ring, both, around)
         if np.allclose(before, (radial, circumferential), rtol=1e-14, atol=1e-14 * both):
             return Foundation(radial, circumferential, ring.axial_stiffness_n_m)
-    raise _no_ring(translation_hz, torsion_hz, "the search for k_r and k_θ does not come to rest")
+    rule = "the search for k_r and k_θ does not converge"
+    raise ParameterError("frequencies", pair, rule, "Check both frequencies")
 
 
 def _improved(ring: RingParameters, both: float, around: float) -> tuple[float, float]:
-    """k_r and k_θ from the belt's share at the present ones; each step gains about two digits."""
+    """k_r and k_θ from the belt's share at the present ones: about two more digits per step."""
     torsion = harmonics(ring, 0, pressure_load="follower")
     circumferential = around - float(torsion.m22 - ring.circumferential_stiffness_n_m3)
     belt = float(harmonics(ring, 1).c)  # for n = 1: m11 = c + k_r, m22 = c + k_θ
     rest = circumferential - both
     radial = both - belt * rest / (belt + rest)  # (m11 − ρhω²)(m22 − ρhω²) = c²
     return radial, circumferential
-
-
-def _require_radial(radial: float, translation_hz: float, torsion_hz: float) -> None:
-    if radial <= 0:
-        raise _no_ring(
-            translation_hz, torsion_hz, "a ring's torsion is below √2 times its translation"
-        )
-
-
-def _no_ring(translation_hz: float, torsion_hz: float, rule: str) -> ParameterError:
-    return ParameterError(
-        "frequencies",
-        f"translation {translation_hz:g} Hz, torsion {torsion_hz:g} Hz",
-        rule,
-        "Check both frequencies",
-    )

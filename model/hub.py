@@ -1,29 +1,29 @@
 """Ring and wheel: roots with a free hub, forces on the hub, its motion (eqs 8–10).
 
-Order 0 turns the wheel and orders ±1 move it; all other orders do not know of it. Unknowns are
+Order 0 turns the wheel and orders ±1 move it; no other order is coupled to it. Unknowns are
 [A, B, θ_w] for order 0 and [A, B, (x_w ∓ iz_w)/2] for orders ±1, equations are divided by 2πa:
 
     n = +1: [[M11, M12, −κ_r], [−M12, M22, −iκ_θ], [−κ_r, iκ_θ, κ_r + κ_θ − (m/πa)(ω − Ω)²]]
     n = 0:  M23 = M32 = −Rκ_θ + k_r·u_r°,  M33 = R²κ_θ − R·k_r·u_r° − I_rω²/(2πa),  R = a + u_r°
 
 with κ = k + iωc. Both hold for a foundation that turns with the wheel (objective). With the dead
-load, the paper's eqs 10 and 45b stand instead: R → a and no k_r·u_r° terms.
+load, the paper's eqs 10 and 45b apply instead: R → a and no k_r·u_r° terms.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import readonly
-from model.coefficients import REAL_ROOT
+from model.arrays import Array, ReadonlyArrays, require_one_of
+from model.coefficients import REAL_ROOT, PressureLoad
 from model.errors import ParameterError
 from model.forced import Direction
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m
-from model.steady_state import PressureLoad
 from model.transfer import Complex, ForcedRing, angular_frequency
 
 _UNDAMPED = RingDamping(0.0, 0.0, 0.0)
@@ -67,7 +67,7 @@ def free_hub_roots(
         For another order, or a ring without belt width.
     """
     if order not in (0, 1):
-        raise ParameterError("order", f"{order}", "the wheel couples to 0 and 1 only", "Use them")
+        raise ParameterError("order", f"{order}", "the wheel couples to 0 and 1", "Use 0 or 1")
     forced = ForcedRing(ring, damping or _UNDAMPED, speed_rad_s, wheel, pressure_load)
     inertia, first, static = _matrix_polynomial(forced, order)
     companion = np.zeros((6, 6), dtype=complex)
@@ -81,9 +81,7 @@ def free_hub_roots(
     return np.asarray(np.sort_complex(roots))
 
 
-def _matrix_polynomial(
-    forced: ForcedRing, order: int
-) -> tuple[NDArray[np.float64], Complex, Complex]:
+def _matrix_polynomial(forced: ForcedRing, order: int) -> tuple[Array, Complex, Complex]:
     """Diagonal inertia J and matrices of −Jω² + first·ω + static, rows of unknowns as above."""
     ring, speed, damping = forced.ring, forced.speed_rad_s, forced.damping
     terms = forced.terms(order)
@@ -114,17 +112,13 @@ def _matrix_polynomial(
 def _translation(radial: float, around: float) -> Complex:
     """Bed terms that a moving wheel adds to order 1."""
     return np.array(
-        [
-            [0.0, 0.0, -radial],
-            [0.0, 0.0, -1j * around],
-            [-radial, 1j * around, radial + around],
-        ]
+        [[0.0, 0.0, -radial], [0.0, 0.0, -1j * around], [-radial, 1j * around, radial + around]]
     )
 
 
 @dataclass(frozen=True, eq=False)
-class HubResponse:
-    """What a unit force on the belt does at the hub, over frequency.
+class HubResponse(ReadonlyArrays):
+    """Forces at the hub and its motion for a unit force on the belt, over frequency.
 
     Forces and motion are along the axes of the observer's frame; z lies at θ = 90°.
 
@@ -140,18 +134,13 @@ class HubResponse:
         Displacements in m/N and rotation in rad/N of a free wheel; zero for a fixed one.
     """
 
-    frequency_hz: NDArray[np.float64]
+    frequency_hz: Array
     force_x: Complex
     force_z: Complex
     moment_m: Complex
     x_m_n: Complex
     z_m_n: Complex
     rotation_rad_n: Complex
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "frequency_hz", readonly(self.frequency_hz))
-        for name in ("force_x", "force_z", "moment_m", "x_m_n", "z_m_n", "rotation_rad_n"):
-            object.__setattr__(self, name, readonly(getattr(self, name), complex))
 
 
 def hub_response(
@@ -185,6 +174,7 @@ def hub_response(
     ParameterError
         For a ring without belt width or an unknown direction.
     """
+    require_one_of("force_direction", force_direction, get_args(Direction))
     omega = angular_frequency(frequency_hz)
     backward, turning, forward = (
         _one_order(forced, order, omega, force_rad, force_direction) for order in (-1, 0, 1)
@@ -202,11 +192,7 @@ def hub_response(
 
 
 def _one_order(
-    forced: ForcedRing,
-    order: int,
-    omega: NDArray[np.float64],
-    force_rad: float,
-    direction: Direction,
+    forced: ForcedRing, order: int, omega: Array, force_rad: float, direction: Direction
 ) -> tuple[Complex, Complex]:
     """Force on the wheel and the wheel's motion in the unknown of one order."""
     radial_u, circumferential_u = _belt_motion(forced, order, omega, force_rad, direction)
@@ -225,11 +211,7 @@ def _one_order(
 
 
 def _belt_motion(
-    forced: ForcedRing,
-    order: int,
-    omega: NDArray[np.float64],
-    force_rad: float,
-    direction: Direction,
+    forced: ForcedRing, order: int, omega: Array, force_rad: float, direction: Direction
 ) -> tuple[Complex, Complex]:
     radial, cross, circumferential = (
         part[0] for part in forced.compliance(np.array([order]), omega)
@@ -238,8 +220,4 @@ def _belt_motion(
     load /= 2.0 * np.pi * forced.ring.mean_radius_m * belt_width_m(forced.ring)
     if direction == "radial":
         return load * radial, load * cross
-    if direction == "circumferential":
-        return -load * cross, load * circumferential
-    raise ParameterError(
-        "force_direction", f"{direction!r}", "'radial' or 'circumferential'", "Choose one of them"
-    )
+    return -load * cross, load * circumferential

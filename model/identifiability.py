@@ -1,13 +1,16 @@
-"""What a fit determines: standard deviations, correlations and a verdict on each parameter."""
+"""What a fit determines: sensitivities, standard deviations, correlations, verdicts."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import readonly
+from model.arrays import Array, ReadonlyArrays, whole_orders
+from model.coefficients import PressureLoad
+from model.parameters import RingParameters
+from model.ring import natural_frequencies_hz
 
 GIVEN = "given"
 IDENTIFIED = "identified"
@@ -17,10 +20,65 @@ AT_BOUND = "at bound"
 #: A standard deviation above this share of the value means that the data do not determine it.
 LARGEST_RELATIVE_STD = 0.5
 _RANK = 1e-9  # singular value over the largest one that counts as zero
+#: Parameters that the frequencies of a ring depend on, besides its radius.
+SENSITIVE = (
+    "mass_per_area_kg_m2",
+    "radial_stiffness_n_m3",
+    "circumferential_stiffness_n_m3",
+    "axial_stiffness_n_m",
+    "bending_stiffness_n_m",
+    "inflation_pressure_pa",
+)
+_STEP = 1e-4  # relative; central differences then err by about 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class Correlation:
+class Sensitivity(ReadonlyArrays):
+    """Logarithmic sensitivities of natural frequencies.
+
+    Parameters
+    ----------
+    orders : ndarray of int, shape (n_orders,)
+        Circumferential orders, the rows.
+    parameters : tuple of str
+        Parameter names, the columns.
+    values : ndarray, shape (n_orders, n_parameters)
+        d ln f / d ln parameter, without unit; the other parameters held.
+    """
+
+    orders: NDArray[np.int_]
+    parameters: tuple[str, ...]
+    values: Array
+
+    def of(self, parameter: str) -> Array:
+        """Column of one parameter, shape (n_orders,)."""
+        return np.asarray(self.values[:, self.parameters.index(parameter)])
+
+
+def frequency_sensitivity(
+    ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
+) -> Sensitivity:
+    """Sensitivities of the natural frequencies at Ω = 0 to every parameter of `SENSITIVE`.
+
+    The rows add up to zero: scaling mass, stiffnesses and pressure together changes no frequency,
+    which is why one of them must be given.
+    """
+    numbers = np.atleast_1d(whole_orders(orders))
+
+    def log_frequency(name: str, factor: float) -> Array:
+        moved = replace(ring, **{name: getattr(ring, name) * factor})
+        return np.log(natural_frequencies_hz(moved, numbers, pressure_load=pressure_load))
+
+    width = np.log1p(_STEP) - np.log1p(-_STEP)
+    columns = [
+        (log_frequency(name, 1.0 + _STEP) - log_frequency(name, 1.0 - _STEP)) / width
+        for name in SENSITIVE
+    ]
+    return Sensitivity(numbers, SENSITIVE, np.column_stack(columns))
+
+
+@dataclass(frozen=True, eq=False)
+class Correlation(ReadonlyArrays):
     """Correlation matrix of the identified parameters.
 
     Parameters
@@ -32,82 +90,87 @@ class Correlation:
     """
 
     parameters: tuple[str, ...]
-    values: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "values", readonly(self.values))
+    values: Array
 
 
 @dataclass(frozen=True, eq=False)
-class LinearFit:
-    """A least-squares estimate linearised at its solution, in natural logarithms of the data.
+class LinearFit(ReadonlyArrays):
+    """A least-squares estimate linearised at its solution, in natural logarithms of the data."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Free parameters that are not at a bound.
-    values : ndarray, shape (n_free,)
-        Their values.
-    residual_slope : ndarray, shape (n_data, n_free)
-        d residual / d parameter.
-    data_slope : ndarray, shape (n_data,)
-        d residual_i / d ln data_i.
-    """
-
-    names: tuple[str, ...]
-    values: NDArray[np.float64]
-    residual_slope: NDArray[np.float64]
-    data_slope: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        for name in ("values", "residual_slope", "data_slope"):
-            object.__setattr__(self, name, readonly(getattr(self, name)))
+    names: tuple[str, ...]  # free parameters that are not at a bound
+    values: Array
+    residual_slope: Array  # d residual / d parameter, (n_data, n_free)
+    data_slope: Array  # d residual_i / d ln data_i
 
     def undetermined(self) -> dict[str, bool]:
-        """Whether each parameter can move without any residual noticing (rank of the slopes)."""
+        """Whether each parameter can change without changing any residual (rank of the slopes)."""
         if not self.names:
             return {}
-        scaled = self._scaled_slope()
-        _, singular, rows = np.linalg.svd(scaled, full_matrices=True)
+        _, singular, rows = np.linalg.svd(self._scaled_slope(), full_matrices=True)
         padded = np.zeros(len(self.names))
         padded[: singular.size] = singular
         null = rows[padded <= _RANK * padded.max()]
         share = np.sqrt((null**2).sum(axis=0))
         return {name: bool(part > 1e-3) for name, part in zip(self.names, share, strict=True)}
 
-    def covariance(self, relative_std: ArrayLike) -> NDArray[np.float64]:
-        """Covariance of the parameters for independent relative errors of the data."""
-        return self.spread(np.diag(self.data_slope * np.asarray(relative_std, dtype=float)))
-
-    def spread(self, residual_changes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Covariance of the parameters for independent unit causes that change the residuals.
-
-        Parameters
-        ----------
-        residual_changes : ndarray, shape (n_data, n_causes)
-            Change of each residual by each cause.
-        """
+    def spread(self, residual_changes: Array) -> Array:
+        """Covariance of the parameters for independent changes of the residuals (n_data, n)."""
         moved = self.moved(residual_changes)
         return np.asarray(moved @ moved.T)
 
-    def moved(self, residual_changes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Change of the parameters, row by row, that answers changes of the residuals.
+    def moved(self, residual_changes: Array) -> Array:
+        """Change of the parameters for changes of the residuals, (n_data,) or (n_data, n)."""
+        inverse = np.linalg.pinv(self._scaled_slope(), rcond=_RANK) * self._scale()[:, None]
+        return np.asarray(-inverse @ residual_changes)
 
-        Parameters
-        ----------
-        residual_changes : ndarray, shape (n_data,) or (n_data, n_causes)
-        """
-        gain = np.linalg.pinv(self._scaled_slope(), rcond=_RANK) * self._scale()[:, None]
-        return np.asarray(-gain @ residual_changes)
-
-    def _scale(self) -> NDArray[np.float64]:
+    def _scale(self) -> Array:
         return np.where(self.values > 0, self.values, 1.0)
 
-    def _scaled_slope(self) -> NDArray[np.float64]:
+    def _scaled_slope(self) -> Array:
         return np.asarray(self.residual_slope * self._scale())
 
 
-def correlation(names: tuple[str, ...], covariance: NDArray[np.float64]) -> Correlation:
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """How each parameter of a fit was obtained, with standard deviations and correlations."""
+
+    how: dict[str, str]
+    std: dict[str, float]
+    correlation: Correlation
+    relative_std: Array
+    note: str
+
+
+def assess(
+    fit: LinearFit,
+    residual: Array,
+    given: Array | None,
+    *,
+    nominal: float,
+    undetermined: dict[str, bool],
+    further: Array | float = 0.0,
+) -> Assessment:
+    """Assess every fitted parameter from relative standard deviations of the data.
+
+    These are `given`, or else follow from the residuals; `nominal` decides where neither is known,
+    and no standard deviations are stated then. `further` is a covariance from other causes. A
+    parameter is not identified where it is undetermined (see `LinearFit.undetermined`), or where
+    its standard deviation exceeds half its value.
+    """
+    relative, note = _error_level(fit, residual, given)
+    known = bool(np.all(np.isfinite(relative)))
+    covariance = fit.spread(np.diag(fit.data_slope * (relative if known else nominal))) + further
+    how, std = {}, {}
+    for name, value, variance in zip(fit.names, fit.values, np.diag(covariance), strict=True):
+        deviation = float(np.sqrt(variance))
+        vague = undetermined[name] or deviation > LARGEST_RELATIVE_STD * value
+        how[name] = NOT_IDENTIFIED if vague else IDENTIFIED
+        if known and not undetermined[name]:
+            std[name] = deviation
+    return Assessment(how, std, _correlation(fit.names, covariance), relative, note)
+
+
+def _correlation(names: tuple[str, ...], covariance: Array) -> Correlation:
     """Normalise a covariance; NaN where a variance is zero or unknown."""
     std = np.sqrt(np.diag(covariance))
     product = np.outer(std, std)
@@ -115,60 +178,22 @@ def correlation(names: tuple[str, ...], covariance: NDArray[np.float64]) -> Corr
     return Correlation(names, np.where(product > 0, covariance / known, np.nan))
 
 
-def verdicts(
-    fit: LinearFit, covariance: NDArray[np.float64], free: dict[str, bool]
-) -> tuple[dict[str, str], dict[str, float]]:
-    """How each fitted parameter was obtained, and its standard deviation where it has one.
+def _error_level(fit: LinearFit, residual: Array, given: Array | None) -> tuple[Array, str]:
+    """Relative standard deviation of each datum, and a note on its source.
 
-    Not identified is a parameter that is undetermined (`free`, see `LinearFit.undetermined`), or
-    whose standard deviation exceeds half its value.
-    """
-    how: dict[str, str] = {}
-    std: dict[str, float] = {}
-    for name, value, variance in zip(fit.names, fit.values, np.diag(covariance), strict=True):
-        deviation = float(np.sqrt(variance))
-        vague = free[name] or deviation > LARGEST_RELATIVE_STD * value
-        how[name] = NOT_IDENTIFIED if vague else IDENTIFIED
-        if not free[name]:
-            std[name] = deviation
-    return how, std
-
-
-def error_level(
-    fit: LinearFit, residual: NDArray[np.float64], given: NDArray[np.float64] | None
-) -> tuple[NDArray[np.float64], str]:
-    """Relative standard deviation of each datum: the given one, never below the misfit's.
-
-    Parameters
-    ----------
-    fit : LinearFit
-        The fit; its free parameters are subtracted from the number of data.
-    residual : ndarray, shape (n_data,)
-        What the fit leaves, in the measure that it minimised.
-    given : ndarray, shape (n_data,), or None
-        Relative standard deviations of the measurement.
-
-    Returns
-    -------
-    relative_std : ndarray, shape (n_data,)
-        NaN where neither source says anything.
-    note : str
-        Which of the two it rests on, as a sentence.
+    It is the given one, but at least that of the fit residuals; NaN where neither is known.
     """
     spare = residual.size - len(fit.names)
-    if spare <= 0 and given is None:
-        return np.full(residual.size, np.nan), (
-            "No standard deviations: as many data as parameters leave no misfit to judge by, and "
-            "the measured values came without any."
-        )
-    if spare <= 0 and given is not None:
-        return np.array(given), "Standard deviations follow from those of the measured values."
+    measured = "Standard deviations are from those of the measured values."
+    if spare <= 0:
+        if given is not None:
+            return given, measured
+        note = "No standard deviations: the measured values have none, and no data are redundant."
+        return np.full(residual.size, np.nan), note
     implied = np.sqrt(np.sum(residual**2) / spare) / np.abs(fit.data_slope)
     if given is not None and np.all(given >= implied):
-        return np.array(given), "Standard deviations follow from those of the measured values."
-    level = f"the model's misfit ({100.0 * np.median(implied):.2g} %)"
+        return given, measured
+    note = f"Standard deviations are from the fit residuals ({100.0 * np.median(implied):.2g} %)"
     if given is None:
-        return np.asarray(implied), f"Standard deviations follow from {level}."
-    return np.maximum(given, implied), (
-        f"Standard deviations follow from {level}, where it exceeds those of the measured values."
-    )
+        return np.asarray(implied), f"{note}."
+    return np.maximum(given, implied), f"{note} where these exceed those of the measured values."

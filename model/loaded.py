@@ -1,41 +1,111 @@
-"""The tyre pressed on the road: static deflection and vibration around it (orders couple).
+"""The tyre pressed on the road: contact patch, static deflection, vibration around it.
 
-The strain of eq 3 is kept whole (energies of eqs 43 and 46), for a load that varies around the
-ring; the hub is fixed. Fields are those seen from space, so that the deflected shape stands still
-while the ring turns through it.
+Orders couple. All terms of the strain of eq 3 are kept (energies of eqs 43 and 46), for a load that
+varies around the ring; the hub is fixed. Fields are seen from space: the deflected shape is
+constant while the ring turns through it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import finite_array, readonly, require_order_limit
+from model.arrays import Array, ReadonlyArrays, finite_array, require_number, require_order_limit
 from model.circle_fields import (
-    Array,
     CircleFields,
+    LoadedModes,
     area_curvature,
     circle_fields,
     elastic_curvature,
     elastic_slope,
     pressure_force,
 )
-from model.contact import ContactPatch, contact_patch
+from model.coefficients import PressureLoad, equilibrium, require_pressure_load
 from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
-from model.steady_state import PressureLoad, equilibrium, require_pressure_load
+from model.ring import belt_width_m
 
 _POINTS_PER_ORDER = 12
 _FEWEST_POINTS = 360
 _ITERATIONS = 25
-_SMALLEST_STEP = 1.0 / 256.0
+_SMALLEST_STEP = 1.0 / 256.0  # of the contact pressure
+_LOWER_LOAD = "Lower the load or raise the inflation pressure"
+
+
+@dataclass(frozen=True)
+class ContactPatch:
+    """Parabolic contact pressure, directed to the axle.
+
+    Parameters
+    ----------
+    mean_pressure_pa : float
+        Mean pressure over the patch, Pa.
+    half_angle_rad : float
+        Half the angle that the patch covers, rad.
+    contact_rad : float
+        Angle of its middle, rad.
+    """
+
+    mean_pressure_pa: float
+    half_angle_rad: float
+    contact_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_number("mean_pressure_pa", self.mean_pressure_pa, zero_allowed=True)
+        finite_array("contact_rad", self.contact_rad)
+        if not 0 < self.half_angle_rad < np.pi / 2:
+            found, rule = f"half angle {self.half_angle_rad:g} rad", "must be between 0 and π/2"
+            remedy = "Check the load, the pressure and the belt width"
+            raise ParameterError("contact patch", found, rule, remedy)
+
+    def pressure_pa(self, angles_rad: ArrayLike) -> Array:
+        """Contact pressure at `angles_rad`, Pa."""
+        off = finite_array("angles_rad", angles_rad) - self.contact_rad
+        inside = (np.remainder(off + np.pi, 2.0 * np.pi) - np.pi) / self.half_angle_rad
+        return 1.5 * self.mean_pressure_pa * np.maximum(1.0 - inside**2, 0.0)
+
+
+def contact_patch(ring: RingParameters, load_n: float, *, contact_rad: float = 0.0) -> ContactPatch:
+    """Patch that carries a vertical load at a mean pressure equal to the inflation pressure.
+
+    The length L = F/(p_o·b) is that of a belt without stiffness; measured patches are close to it.
+
+    Parameters
+    ----------
+    ring : RingParameters
+        Ring with belt width and inflation pressure.
+    load_n : float
+        Vertical load, N, greater than zero.
+    contact_rad : float
+        Angle of the contact, rad.
+
+    Returns
+    -------
+    ContactPatch
+        With a vertical force of `load_n`.
+
+    Raises
+    ------
+    ParameterError
+        For a load that is not positive or too large for the tyre, or a ring without width.
+    """
+    require_number("load_n", load_n)
+    if ring.inflation_pressure_pa == 0:
+        rule = "must be > 0 to give the length of the patch"
+        raise ParameterError("inflation_pressure_pa", "0", rule, "Give a ContactPatch")
+    width, a = belt_width_m(ring), ring.mean_radius_m
+    half = load_n / (ring.inflation_pressure_pa * width) / (2.0 * a)
+    patch = ContactPatch(ring.inflation_pressure_pa, half, contact_rad)
+    # ∫ 1.5(1 − (x/h)²) cos x dx over the patch, against 2h for a flat one
+    vertical = 6.0 * (math.sin(half) - half * math.cos(half)) / half**2
+    return replace(patch, mean_pressure_pa=patch.mean_pressure_pa * 2.0 * half / vertical)
 
 
 @dataclass(frozen=True, eq=False)
-class LoadedRing:
+class LoadedRing(ReadonlyArrays):
     """A ring in static equilibrium under a load that varies around it.
 
     Parameters
@@ -60,10 +130,6 @@ class LoadedRing:
     contact_pa: Array
     speed_rad_s: float
     pressure_load: PressureLoad
-
-    def __post_init__(self) -> None:
-        for name in ("coefficients", "contact_pa"):
-            object.__setattr__(self, name, readonly(getattr(self, name)))
 
     @property
     def angles_rad(self) -> Array:
@@ -94,7 +160,7 @@ class LoadedRing:
 
     @property
     def imbalance(self) -> Array:
-        """What is missing to equilibrium (zero there), over the coefficients, N/m."""
+        """Unbalanced forces (zero in equilibrium), over the coefficients, N/m."""
         place = self.coefficients + self.fields.uniform_radial(self.ring.mean_radius_m)
         line = self.ring.mean_radius_m * self.fields.weight_rad
         return np.asarray(
@@ -133,7 +199,10 @@ class LoadedRing:
         state[size:, size:] = -2.0 * self.speed_rad_s * self.fields.convection
         poles, shapes = np.linalg.eig(state)
         growth = float(poles.real.max())
-        _refuse_growth(growth if growth > 1e-6 * np.abs(poles).max() else 0.0)
+        if growth > 1e-6 * np.abs(poles).max():
+            found = f"a motion grows by {growth:.4g} 1/s"
+            rule = "an unstable state has no natural frequencies"
+            raise InstabilityError("speed_rad_s", found, rule, "Lower the load or the speed")
         upper = np.flatnonzero(poles.imag > 0)
         upper = upper[np.argsort(poles[upper].imag)]
         return LoadedModes(self.fields, poles[upper].imag / (2.0 * np.pi), shapes[:size, upper])
@@ -156,7 +225,7 @@ def load_ring(
         The ring.
     contact : ContactPatch or array_like, shape (n_points,)
         A patch, or contact pressures in Pa (positive towards the axle) at equidistant angles from
-        0; at least twice as many as harmonics are needed to carry a field.
+        0; more than twice as many as harmonics.
     speed_rad_s : float
         Angular speed Ω, rad/s.
     highest_order : int
@@ -176,23 +245,18 @@ def load_ring(
     ParameterError
         Where the load is too large for the search to find an equilibrium.
     InstabilityError
-        Where the equilibrium of a standing ring is unstable.
+        Where the equilibrium of a ring at rest is unstable.
     """
     require_order_limit(highest_order)
     require_pressure_load(pressure_load)
     finite_array("speed_rad_s", speed_rad_s)
     fields, pressure = _fields_and_pressure(ring, contact, highest_order)
     rest = equilibrium(ring, speed_rad_s, pressure_load=pressure_load)
-    state = LoadedRing(
-        ring,
-        fields,
-        fields.uniform_radial(float(rest.radial_displacement_m)),
-        np.zeros(pressure.size),
-        float(speed_rad_s),
-        pressure_load,
-    )
+    grown, free = fields.uniform_radial(rest.radial_displacement_m.item()), np.zeros(pressure.size)
+    state = LoadedRing(ring, fields, grown, free, float(speed_rad_s), pressure_load)
     if start is not None and start.coefficients.size == state.coefficients.size:
-        state = _moved(state, start.coefficients, _resampled(start, fields))
+        begin = np.interp(fields.angles_rad, start.angles_rad, start.contact_pa, period=2.0 * np.pi)
+        state = replace(state, coefficients=start.coefficients, contact_pa=begin)
     state = _press(state, pressure)
     if state.speed_rad_s == 0:
         _refuse_buckling(float(np.linalg.eigvalsh(state.stiffness)[0]))
@@ -206,8 +270,8 @@ def loaded_frequencies_hz(
     *,
     highest_order: int = 60,
     pressure_load: PressureLoad = "dead",
-) -> tuple[NDArray[np.float64], NDArray[np.int_]]:
-    """Natural frequencies of the standing tyre over vertical load.
+) -> tuple[Array, NDArray[np.int_]]:
+    """Natural frequencies of the tyre at rest over vertical load.
 
     Parameters
     ----------
@@ -230,14 +294,19 @@ def loaded_frequencies_hz(
     Raises
     ------
     ParameterError
-        For more modes than so many harmonics have, and as `load_ring`.
+        For more modes than these harmonics have, and as `load_ring`.
     """
-    _require_modes(n_modes, highest_order)
+    require_order_limit(highest_order)
+    most = 2 * (2 * highest_order + 1)
+    if not 1 <= n_modes <= most:
+        rule = f"harmonics up to {highest_order} have 1 to {most} modes"
+        remedy = "Use fewer modes or raise the highest order"
+        raise ParameterError("n_modes", f"{n_modes}", rule, remedy)
     loads = np.atleast_1d(finite_array("loads_n", loads_n))
     frequencies = np.empty((loads.size, n_modes))
     orders = np.empty((loads.size, n_modes), dtype=int)
     free = np.zeros(_points(highest_order))
-    # All at first: a load that no tyre carries is refused before hours have gone into the others.
+    # First all patches: an impossible load is refused before the others take hours.
     contacts = [contact_patch(ring, float(load)) if load != 0 else free for load in loads]
     state: LoadedRing | None = None
     for row in np.argsort(loads):
@@ -254,18 +323,6 @@ def loaded_frequencies_hz(
     return frequencies, orders
 
 
-def _require_modes(n_modes: int, highest_order: int) -> None:
-    require_order_limit(highest_order)
-    most = 2 * (2 * highest_order + 1)
-    if not 1 <= n_modes <= most:
-        raise ParameterError(
-            "n_modes",
-            f"{n_modes}",
-            f"harmonics up to {highest_order} have 1 to {most} modes",
-            "Ask for fewer modes or raise the highest order",
-        )
-
-
 def _points(highest_order: int) -> int:
     return max(_FEWEST_POINTS, _POINTS_PER_ORDER * highest_order)
 
@@ -278,12 +335,9 @@ def _fields_and_pressure(
         return fields, _patch_pressure(contact, fields)
     pressure = finite_array("contact", contact)
     if pressure.ndim != 1 or pressure.size <= 2 * highest_order:
-        raise ParameterError(
-            "contact",
-            f"shape {pressure.shape}",
-            f"a list of more than {2 * highest_order} values carries {highest_order} harmonics",
-            "Refine the angles or lower the highest order",
-        )
+        rule = f"must be a list of more than {2 * highest_order} values for this highest order"
+        remedy = "Refine the angles or lower the highest order"
+        raise ParameterError("contact", f"shape {pressure.shape}", rule, remedy)
     return circle_fields(ring, highest_order, pressure.size), pressure
 
 
@@ -292,21 +346,6 @@ def _patch_pressure(patch: ContactPatch, fields: CircleFields) -> Array:
     fine = (np.arange(16) + 0.5) / 16.0 - 0.5
     angles = fields.angles_rad[:, None] + fine * fields.weight_rad
     return np.asarray(patch.pressure_pa(angles).mean(axis=1))
-
-
-def _resampled(start: LoadedRing, fields: CircleFields) -> Array:
-    return np.interp(fields.angles_rad, start.angles_rad, start.contact_pa, period=2.0 * np.pi)
-
-
-def _moved(state: LoadedRing, coefficients: Array, contact_pa: Array) -> LoadedRing:
-    return LoadedRing(
-        state.ring,
-        state.fields,
-        coefficients,
-        contact_pa,
-        state.speed_rad_s,
-        state.pressure_load,
-    )
 
 
 def _press(state: LoadedRing, target_pa: Array) -> LoadedRing:
@@ -321,21 +360,18 @@ def _press(state: LoadedRing, target_pa: Array) -> LoadedRing:
             continue
         step /= 2.0
         if step < _SMALLEST_STEP:
-            raise ParameterError(
-                "contact",
-                f"no equilibrium beyond {100 * reached:.0f} % of the contact pressure",
-                "the ring buckles or flattens more than its strains allow",
-                "Lower the load or raise the inflation pressure",
-            )
+            limit = f"no equilibrium beyond {100 * reached:.0f} % of the contact pressure"
+            rule = "the ring buckles or its strains become too large"
+            raise ParameterError("contact", limit, rule, _LOWER_LOAD)
     return state
 
 
 def _newton(state: LoadedRing, contact_pa: Array) -> LoadedRing | None:
-    """Equilibrium at a contact pressure, or None where Newton's method does not settle."""
-    state = _moved(state, state.coefficients, contact_pa)
+    """Equilibrium at a contact pressure, or None where Newton's method does not converge."""
+    state = replace(state, contact_pa=contact_pa)
     for _ in range(_ITERATIONS):
         change = np.linalg.solve(state.stiffness, state.imbalance)
-        state = _moved(state, state.coefficients - change, contact_pa)
+        state = replace(state, coefficients=state.coefficients - change)
         size = np.abs(change).max() / state.ring.mean_radius_m
         if size < 1e-13:
             return state
@@ -346,61 +382,6 @@ def _newton(state: LoadedRing, contact_pa: Array) -> LoadedRing | None:
 
 def _refuse_buckling(lowest_stiffness: float) -> None:
     if lowest_stiffness < 0:
-        raise InstabilityError(
-            "contact",
-            f"a stiffness of {lowest_stiffness:.4g}",
-            "the equilibrium found is unstable: the ring buckles",
-            "Lower the load or raise the inflation pressure",
-        )
-
-
-def _refuse_growth(growth_1_s: float) -> None:
-    if growth_1_s > 0:
-        raise InstabilityError(
-            "speed_rad_s",
-            f"a motion grows by {growth_1_s:.4g} 1/s",
-            "an unstable state has no natural frequencies",
-            "Lower the load or the speed",
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class LoadedModes:
-    """Modes of a loaded ring.
-
-    Parameters
-    ----------
-    fields : CircleFields
-        Basis of the shapes.
-    frequency_hz : ndarray, shape (n_modes,)
-        Natural frequencies seen from space, ascending, Hz.
-    shapes : ndarray, shape (n_coefficients, n_modes)
-        Shapes in the coefficients of the fields; complex where the ring turns.
-    """
-
-    fields: CircleFields
-    frequency_hz: Array
-    shapes: NDArray[np.inexact[Any]]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "frequency_hz", readonly(self.frequency_hz))
-        object.__setattr__(self, "shapes", readonly(self.shapes, self.shapes.dtype))
-
-    @property
-    def share_of_order(self) -> Array:
-        """Share of each order in the power of each shape, (highest_order + 1, n_modes)."""
-        power = np.abs(self.shapes) ** 2
-        orders = self.fields.orders
-        shares = np.stack(
-            [power[orders == order].sum(axis=0) for order in range(self.fields.highest_order + 1)]
-        )
-        return np.asarray(shares / shares.sum(axis=0))
-
-    @property
-    def dominant_order(self) -> NDArray[np.int_]:
-        """Order with the largest share, per mode."""
-        return np.asarray(self.share_of_order.argmax(axis=0))
-
-    def radial(self, mode: int) -> NDArray[np.inexact[Any]]:
-        """Radial shape of one mode at the points of the circle."""
-        return np.asarray(self.fields.radial @ self.shapes[:, mode])
+        found = f"a stiffness of {lowest_stiffness:.4g}"
+        rule = "the equilibrium found is unstable: the ring buckles"
+        raise InstabilityError("contact", found, rule, _LOWER_LOAD)

@@ -1,27 +1,18 @@
-"""What a tyre is in this model: a thin ring, its damping and the wheel it sits on."""
+"""Parameters of the model: a thin ring, its damping and the wheel, with names and units."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
 
+from model.arrays import require_number
 from model.display import number, table
 from model.errors import ParameterError
 
-#: Thickness over radius beyond which a ring is no longer thin.
+#: Thickness over radius up to which a ring is thin.
 LARGEST_THICKNESS_RATIO = 0.2
-#: Hoop strain beyond which the quadratic strain of eq 3 means nothing.
+#: Hoop strain beyond which the quadratic strain of eq 3 is not valid.
 LARGEST_HOOP_STRAIN = 0.2
-
-
-def _require(name: str, value: float | None, *, positive: bool) -> None:
-    if value is None:
-        return
-    if not math.isfinite(value):
-        raise ParameterError(name, f"{value}", "the value must be finite", "Give a number")
-    if value < 0 or (positive and value == 0):
-        rule = "must be greater than zero" if positive else "must not be negative"
-        raise ParameterError(name, f"{value:g}", f"the value {rule}", "Check its sign and its unit")
 
 
 @dataclass(frozen=True)
@@ -60,14 +51,9 @@ class RingParameters:
     --------
     >>> import ringmodal as rm
     >>> ring = rm.RingParameters(
-    ...     mean_radius_m=0.33,
-    ...     mass_per_area_kg_m2=19.69,
-    ...     radial_stiffness_n_m3=8.27e6,
-    ...     circumferential_stiffness_n_m3=6.56e5,
-    ...     axial_stiffness_n_m=2.52e7,
-    ...     bending_stiffness_n_m=7.45,
-    ...     inflation_pressure_pa=2.2e5,
-    ...     belt_width_m=0.19,
+    ...     mean_radius_m=0.33, mass_per_area_kg_m2=19.69, radial_stiffness_n_m3=8.27e6,
+    ...     circumferential_stiffness_n_m3=6.56e5, axial_stiffness_n_m=2.52e7,
+    ...     bending_stiffness_n_m=7.45, inflation_pressure_pa=2.2e5, belt_width_m=0.19,
     ... )
     >>> f"{1e3 * ring.thickness_m:.2f} mm"
     '1.88 mm'
@@ -85,9 +71,15 @@ class RingParameters:
     def __post_init__(self) -> None:
         positive = {"mean_radius_m", "mass_per_area_kg_m2", "axial_stiffness_n_m", "belt_width_m"}
         for entry in fields(self):
-            _require(entry.name, getattr(self, entry.name), positive=entry.name in positive)
+            allowed = entry.name not in positive
+            require_number(entry.name, getattr(self, entry.name), zero_allowed=allowed)
         self._require_thin()
-        self._require_equilibrium()
+        bearable = self.radial_resistance_pa(LARGEST_HOOP_STRAIN)
+        if self.inflation_pressure_pa > bearable:
+            found, limit = f"{self.inflation_pressure_pa:g}", f"{LARGEST_HOOP_STRAIN:g}"
+            rule = f"must be ≤ {bearable:g} Pa, where the hoop strain reaches {limit}"
+            remedy = "Lower the pressure or raise K or k_r"
+            raise ParameterError("inflation_pressure_pa", found, rule, remedy)
 
     @property
     def thickness_m(self) -> float:
@@ -106,25 +98,19 @@ class RingParameters:
         if ratio > LARGEST_THICKNESS_RATIO:
             raise ParameterError(
                 "bending_stiffness_n_m and axial_stiffness_n_m",
-                f"D = {self.bending_stiffness_n_m:g}, K = {self.axial_stiffness_n_m:g} imply a "
-                f"thickness √(12D/K) of {self.thickness_m:.3g} m, {ratio:.2g} of the radius",
-                f"the ring is thin: at most {LARGEST_THICKNESS_RATIO:g} of the radius",
+                f"D = {self.bending_stiffness_n_m:g}, K = {self.axial_stiffness_n_m:g}: thickness "
+                f"√(12D/K) = {self.thickness_m:.3g} m, {ratio:.2g} of the radius",
+                f"must be ≤ {LARGEST_THICKNESS_RATIO:g} of the radius for a thin ring",
                 "Lower D or raise K",
             )
 
-    def _require_equilibrium(self) -> None:
-        bearable = self.radial_resistance_pa(LARGEST_HOOP_STRAIN)
-        if self.inflation_pressure_pa > bearable:
-            raise ParameterError(
-                "inflation_pressure_pa",
-                f"{self.inflation_pressure_pa:g}",
-                f"no equilibrium: at a hoop strain of {LARGEST_HOOP_STRAIN:g} this ring carries "
-                f"{bearable:g} Pa",
-                "Lower the pressure or raise K or k_r",
-            )
-
     def _repr_html_(self) -> str:
-        return ring_html(self)
+        """Every parameter with its symbol and unit."""
+        rows = [
+            (name, symbol, as_typed(value), unit)
+            for _, name, symbol, value, unit in listed_parameters(self)
+        ]
+        return table("Ring", ("parameter", "symbol", "value", "unit"), rows, words=(0, 1, 3))
 
 
 @dataclass(frozen=True)
@@ -161,17 +147,17 @@ class RingDamping:
 
     def __post_init__(self) -> None:
         for name in ("radial_n_s_m3", "circumferential_n_s_m3", "loss_factor"):
-            _require(name, getattr(self, name), positive=False)
+            require_number(name, getattr(self, name), zero_allowed=True)
 
 
 @dataclass(frozen=True)
 class Wheel:
-    """The rigid wheel: a body that moves in its plane and turns about its axis.
+    """The rigid wheel, which moves in its plane and turns about its axis.
 
     Parameters
     ----------
     mass_kg : float
-        Mass of the whole wheel, kg (the paper's m times the belt width).
+        Mass of the wheel, kg (the paper's m times the belt width).
     inertia_kg_m2 : float
         Moment of inertia about the axis, kg·m² (the paper's I_r times the belt width).
 
@@ -186,7 +172,7 @@ class Wheel:
 
     def __post_init__(self) -> None:
         for entry in fields(self):
-            _require(entry.name, getattr(self, entry.name), positive=True)
+            require_number(entry.name, getattr(self, entry.name))
 
 
 RING_NAMES = {
@@ -206,16 +192,8 @@ DAMPING_NAMES = {
 }
 
 
-def ring_html(ring: RingParameters) -> str:
-    """Every parameter with its symbol and unit."""
-    rows = [
-        (name, symbol, _typed(value), unit) for _, name, symbol, value, unit in _parameters(ring)
-    ]
-    return table("Ring", ("parameter", "symbol", "value", "unit"), rows, words=(0, 1, 3))
-
-
-def _parameters(ring: RingParameters) -> list[tuple[str, str, str, float, str]]:
-    """Field, name, symbol, value and unit of every parameter that is there."""
+def listed_parameters(ring: RingParameters) -> list[tuple[str, str, str, float, str]]:
+    """Field, name, symbol, value and unit of every parameter that is given."""
     return [
         (key, name, symbol, getattr(ring, key), unit)
         for key, (name, symbol, unit) in RING_NAMES.items()
@@ -223,7 +201,7 @@ def _parameters(ring: RingParameters) -> list[tuple[str, str, str, float, str]]:
     ]
 
 
-def _typed(value: float) -> str:
-    """A value as a person would have typed it, four digits of one that no one would type."""
+def as_typed(value: float) -> str:
+    """A short value as given, a long one with four significant digits."""
     text = f"{value:.10g}"
     return text if len(text) <= len("220000") else number(value)

@@ -1,7 +1,7 @@
 """The tyre of the paper, a 225/55R17: its measured modes and identified parameters (Tables 3–5).
 
-Belt width and inflation pressure are not in the paper. The pressure at which Table 4 gives back the
-frequencies of Table 3 is 2.2 bar; the width is that of the belt of a tyre of this size.
+Belt width and inflation pressure are not in the paper. With 2.2 bar, Table 4 reproduces the
+frequencies of Table 3; the width is typical of a tyre of this size.
 """
 
 from model.arrays import readonly
@@ -14,7 +14,7 @@ TABLE_3_ORDERS = readonly([1, 2, 3, 4, 5, 6, 7], int)
 TABLE_3_FREQUENCIES_HZ = readonly([78.73, 100.31, 121.40, 145.45, 170.78, 196.52, 224.40])
 TABLE_3_DAMPING_RATIOS = readonly([0.039, 0.033, 0.024, 0.022, 0.021, 0.020, 0.018])
 
-#: Table 4 with the measured mean radius, and the pressure and width that the paper leaves out.
+#: Table 4 with the measured mean radius, and the pressure and width that are not in the paper.
 TABLE_4_RING = RingParameters(
     mean_radius_m=0.33,
     mass_per_area_kg_m2=19.69,

@@ -5,16 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import finite_array, whole_orders
-from model.coefficients import harmonics, roots_at_rest
+from model.arrays import Array, finite_array, whole_orders
+from model.coefficients import PressureLoad, harmonics, roots_at_rest
 from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
-from model.steady_state import PressureLoad
 
 
 def natural_frequencies_hz(
     ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
-) -> NDArray[np.float64]:
+) -> Array:
     """Natural frequencies at Ω = 0 that a radial sensor sees, one per order.
 
     For n ≥ 1 the inextensional (smaller) root of eq 14, for n = 0 the breathing mode
@@ -42,17 +41,8 @@ def natural_frequencies_hz(
     Examples
     --------
     >>> import ringmodal as rm
-    >>> ring = rm.RingParameters(
-    ...     mean_radius_m=0.33,
-    ...     mass_per_area_kg_m2=19.69,
-    ...     radial_stiffness_n_m3=8.27e6,
-    ...     circumferential_stiffness_n_m3=6.56e5,
-    ...     axial_stiffness_n_m=2.52e7,
-    ...     bending_stiffness_n_m=7.45,
-    ...     inflation_pressure_pa=2.2e5,
-    ...     belt_width_m=0.19,
-    ... )
-    >>> rm.natural_frequencies_hz(ring, [2, 3, 4]).round(1)
+    >>> from model.reference import TABLE_4_RING
+    >>> rm.natural_frequencies_hz(TABLE_4_RING, [2, 3, 4]).round(1)
     array([100.7, 122.4, 145.4])
     """
     terms = harmonics(ring, orders, pressure_load=pressure_load)
@@ -63,7 +53,7 @@ def natural_frequencies_hz(
 
 def extensional_frequencies_hz(
     ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
-) -> NDArray[np.float64]:
+) -> Array:
     """Extensional (larger) roots of eq 14 at Ω = 0, Hz; arguments as `natural_frequencies_hz`."""
     terms = harmonics(ring, orders, pressure_load=pressure_load)
     _, larger = roots_at_rest(terms)
@@ -78,7 +68,7 @@ def torsion_frequency_hz(ring: RingParameters, *, pressure_load: PressureLoad = 
 
 def displacement_ratio(
     ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
-) -> NDArray[np.float64]:
+) -> Array:
     """Ratio B_n of the inextensional eigenvector [1, iB_n] of Table 2 at Ω = 0.
 
     u_r = cos nθ·cos ωt comes with u_θ = −B_n sin nθ·cos ωt (eq 20). Close to 1/n; zero for the
@@ -93,7 +83,7 @@ def displacement_ratio(
 
 def modal_mass_kg(
     ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
-) -> NDArray[np.float64]:
+) -> Array:
     """Modal mass of a mode with radial shape cos nθ of unit amplitude.
 
     ρh·b·a·π(1 + B_n²) for n ≥ 1 and 2π·ρh·b·a for the breathing mode (from eqs 35 and 20).
@@ -102,10 +92,8 @@ def modal_mass_kg(
     ----------
     ring : RingParameters
         The ring, with its belt width.
-    orders : array_like of int
-        Circumferential orders.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
+    orders, pressure_load
+        As `natural_frequencies_hz`.
 
     Returns
     -------
@@ -119,11 +107,10 @@ def modal_mass_kg(
     """
     ratio = displacement_ratio(ring, orders, pressure_load=pressure_load)
     line = ring.mass_per_area_kg_m2 * belt_width_m(ring) * ring.mean_radius_m
-    both = line * np.pi * (1.0 + ratio**2)
-    return np.where(whole_orders(orders) == 0, 2.0 * np.pi * line, both)
+    return np.pi * line * np.where(whole_orders(orders) == 0, 2.0, 1.0 + ratio**2)
 
 
-def radial_shape(order: int, angles_rad: ArrayLike) -> NDArray[np.float64]:
+def radial_shape(order: int, angles_rad: ArrayLike) -> Array:
     """Radial mode shapes of one order on the circle.
 
     Parameters
@@ -148,22 +135,16 @@ def radial_shape(order: int, angles_rad: ArrayLike) -> NDArray[np.float64]:
 def belt_width_m(ring: RingParameters) -> float:
     """Belt width of the ring, m; refuses a ring without one."""
     if ring.belt_width_m is None:
-        raise ParameterError(
-            "belt_width_m",
-            "not given",
-            "masses and absolute amplitudes need the belt width: the model is per unit of width",
-            "Give belt_width_m",
-        )
+        rule = "required for masses and absolute amplitudes: the model is per unit of belt width"
+        raise ParameterError("belt_width_m", "not given", rule, "Give belt_width_m")
     return ring.belt_width_m
 
 
-def _frequency_hz(squared: NDArray[np.float64], orders: NDArray[np.int_]) -> NDArray[np.float64]:
+def _frequency_hz(squared: Array, orders: NDArray[np.int_]) -> Array:
     if np.any(squared < 0):
         lowest = int(np.argmin(squared))
-        raise InstabilityError(
-            "ring",
-            f"ω² = {squared.flat[lowest]:.4g} rad²/s² for order {orders.flat[lowest]}",
-            "the static stiffness of this order is negative: the ring buckles",
-            "Raise the foundation stiffness or the bending stiffness",
-        )
+        found = f"ω² = {squared.flat[lowest]:.4g} rad²/s² for order {orders.flat[lowest]}"
+        rule = "the static stiffness of this order is negative: the ring buckles"
+        remedy = "Raise the foundation stiffness or the bending stiffness"
+        raise InstabilityError("ring", found, rule, remedy)
     return np.asarray(np.sqrt(squared) / (2.0 * np.pi))

@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import finite_array, readonly, require_order_limit
-from model.coefficients import Harmonics, harmonics
+from model.arrays import Array, finite_array, readonly, require_order_limit
+from model.coefficients import Harmonics, PressureLoad, harmonics
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m
-from model.rotation import Frame, require_frame
-from model.steady_state import PressureLoad
+from model.waves import Frame, require_frame
 
 Complex = NDArray[np.complexfloating[Any, Any]]
+ORDERS_AT_ONCE = 16  # keeps the matrices of a block in the cache
 
 
 @dataclass(frozen=True)
 class ForcedRing:
-    """A damped ring at one speed, ready for harmonic loads (section 5.3).
+    """A damped ring at one speed, under harmonic loads (section 5.3).
 
     Parameters
     ----------
@@ -71,16 +71,10 @@ class ForcedRing:
     def terms(self, orders: ArrayLike) -> Harmonics:
         """Coefficients of eq 12 with the loss factor for positive frequencies."""
         return harmonics(
-            self.ring,
-            orders,
-            self.speed_rad_s,
-            pressure_load=self.load,
-            damping=self.damping,
+            self.ring, orders, self.speed_rad_s, pressure_load=self.load, damping=self.damping
         )
 
-    def rotating_omega(
-        self, orders: NDArray[np.int_], omega_rad_s: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def rotating_omega(self, orders: NDArray[np.int_], omega_rad_s: Array) -> Array:
         """Frequencies at which harmonics are excited on the tyre.
 
         Shape (n_orders, n_frequencies), or (1, n_frequencies) where they are the same for all.
@@ -91,36 +85,25 @@ class ForcedRing:
         return omega_rad_s[None, :] + shift * orders[:, None]
 
     def compliance(
-        self, orders: NDArray[np.int_], omega_rad_s: NDArray[np.float64]
+        self, orders: NDArray[np.int_], omega_rad_s: Array
     ) -> tuple[Complex, Complex, Complex]:
         """Inverse of the damped matrix of eq 12, coupled to the wheel where that is free.
 
-        Parameters
-        ----------
-        orders : ndarray of int, shape (n_orders,)
-            Orders of either sign.
-        omega_rad_s : ndarray, shape (n_frequencies,)
-            Angular frequencies in the frame of the observer, rad/s.
-
-        Returns
-        -------
-        radial, cross, circumferential : ndarray, shape (n_orders, n_frequencies)
-            [A, B] = [[radial, −cross], [cross, circumferential]]·[Q_r, Q_θ], m³/N, for surface
-            loads Q per area.
+        `omega_rad_s` is in the frame of the observer. Returns radial, cross and circumferential
+        compliance, shape (n_orders, n_frequencies), m³/N, for surface loads Q per area:
+        [A, B] = [[radial, −cross], [cross, circumferential]]·[Q_r, Q_θ].
         """
         m11, m12, m22 = self.matrix(orders, omega_rad_s)
         inverse = 1.0 / (m11 * m22 + m12**2)
         return m22 * inverse, m12 * inverse, m11 * inverse
 
-    def radial_compliance(
-        self, orders: NDArray[np.int_], omega_rad_s: NDArray[np.float64]
-    ) -> Complex:
+    def radial_compliance(self, orders: NDArray[np.int_], omega_rad_s: Array) -> Complex:
         """First part of `compliance` alone: A_n/Q_n = M22/(M11·M22 + M12²)."""
         m11, m12, m22 = self.matrix(orders, omega_rad_s)
         return m22 / (m11 * m22 + m12**2)
 
     def matrix(
-        self, orders: NDArray[np.int_], omega_rad_s: NDArray[np.float64]
+        self, orders: NDArray[np.int_], omega_rad_s: Array
     ) -> tuple[Complex, Complex, Complex]:
         """M11, M12 = −M21 and M22 of eq 12 with damping; a free wheel is condensed into them."""
         omega = self.rotating_omega(orders, omega_rad_s)
@@ -136,7 +119,7 @@ class ForcedRing:
                 self._condense_wheel(int(orders[row]), lines[row], m11[row], m12[row], m22[row])
         return m11, m12, m22
 
-    def bed(self, omega: NDArray[np.float64]) -> tuple[Complex, Complex]:
+    def bed(self, omega: Array) -> tuple[Complex, Complex]:
         """Dynamic stiffness k + iωc of the foundation, radial and circumferential, N/m³."""
         ring, damping = self.ring, self.damping
         return (
@@ -144,13 +127,13 @@ class ForcedRing:
             ring.circumferential_stiffness_n_m3 + 1j * omega * damping.circumferential_n_s_m3,
         )
 
-    def turning_terms(self, omega: NDArray[np.float64]) -> tuple[Complex, Complex]:
+    def turning_terms(self, omega: Array) -> tuple[Complex, Complex]:
         """Coupling M23 = M32 of belt and wheel rotation and the bed's part of M33 (order 0)."""
         arm, support = self.moment_arms()
         _, around = self.bed(omega)
         return support - arm * around, arm**2 * around - arm * support
 
-    def wheel_inertia(self, order: int, omega: NDArray[np.float64]) -> NDArray[np.float64]:
+    def wheel_inertia(self, order: int, omega: Array) -> Array:
         """Inertia term of the wheel over 2πa and width; `omega` is on the tyre.
 
         I_rω²/(2πa) for order 0, (m/πa)(ω − nΩ)² for n = ±1 with the unknown (x_w ∓ iz_w)/2.
@@ -176,7 +159,7 @@ class ForcedRing:
         return float(rest.radius_m), self.ring.radial_stiffness_n_m3 * growth
 
     def _condense_wheel(
-        self, order: int, omega: NDArray[np.float64], m11: Complex, m12: Complex, m22: Complex
+        self, order: int, omega: Array, m11: Complex, m12: Complex, m22: Complex
     ) -> None:
         """Eliminate the wheel's motion from the rows of one order, in place."""
         inertia = self.wheel_inertia(order, omega)
@@ -191,14 +174,14 @@ class ForcedRing:
         m22 -= around**2 / own
 
 
-def _signed(values: NDArray[Any], omega: NDArray[np.float64]) -> NDArray[Any]:
-    """Coefficients of each order along ω; the loss factor turns its sign with the frequency."""
+def _signed(values: NDArray[Any], omega: Array) -> NDArray[Any]:
+    """Coefficients of each order along ω; the loss factor has the sign of the frequency."""
     column = values[:, None]
     if np.iscomplexobj(values) and np.any(omega < 0):
         return np.where(omega < 0, column.conj(), column)
     return column
 
 
-def angular_frequency(frequency_hz: ArrayLike) -> NDArray[np.float64]:
+def angular_frequency(frequency_hz: ArrayLike) -> Array:
     """Take frequencies in Hz as angular frequencies, shape (n_frequencies,)."""
     return readonly(2.0 * np.pi * np.atleast_1d(finite_array("frequency_hz", frequency_hz)))

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
-from model.arrays import finite_array, require_one_each, require_positive, whole_orders
+from model.arrays import Array, ReadonlyArrays, measured_orders
+from model.coefficients import PressureLoad
+from model.display import table, value_with_std
 from model.identifiability import (
     AT_BOUND,
     GIVEN,
@@ -17,20 +20,136 @@ from model.identifiability import (
     NOT_IDENTIFIED,
     Correlation,
     LinearFit,
-    correlation,
-    error_level,
-    verdicts,
+    Sensitivity,
+    assess,
+    frequency_sensitivity,
 )
-from model.parameters import RING_NAMES, RingParameters
-from model.sensitivity import frequency_sensitivity
-from model.steady_state import PressureLoad
-from model.tuning_problem import AXIAL, PARAMETERS, TuningProblem
-from model.tuning_result import TuningResult
-from model.tuning_search import Search, plan_search
+from model.parameters import RING_NAMES, RingParameters, as_typed, listed_parameters
+from model.tuning_problem import AXIAL, PARAMETERS, Search, TuningProblem, plan_search
 
-_NOMINAL = 0.005  # relative frequency error that judges identifiability where none is known
-_MORE_GROWTH = 0.1  # share of the assumed one: shows how much hangs on it
-_SMALL = 1e-3  # share of the growth over which that is linear
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NOMINAL = 0.005  # relative frequency error that decides on identifiability where none is known
+_MORE_GROWTH = 0.1  # change of the assumed growth whose influence is reported, as a share
+_SMALL = 1e-3  # share of the growth over which the influence is linear
+
+
+@dataclass(frozen=True, eq=False)
+class TuningResult(ReadonlyArrays):
+    """A ring tuned on measured natural frequencies.
+
+    Parameters
+    ----------
+    ring : RingParameters
+        The tuned ring.
+    std : dict of str to float
+        Standard deviation of each parameter in its unit; absent where unknown.
+    how : dict of str to str
+        ``"given"``, ``"identified"``, ``"not identified"`` or ``"at bound"``, per parameter.
+    orders : ndarray of int, shape (n_orders,)
+        Circumferential orders used.
+    measured_hz, model_hz : ndarray, shape (n_orders,)
+        Measured natural frequencies and those of the tuned ring at Ω = 0.
+    relative_std : ndarray, shape (n_orders,)
+        Relative standard deviation of each frequency behind `std`; NaN where none is known.
+    correlation : Correlation
+        Of the free parameters.
+    sensitivity : Sensitivity
+        d ln f / d ln parameter at the solution.
+    objective : str
+        ``"frequency"`` or ``"paper"``.
+    notes : tuple of str
+        Remarks for the reader, in sentences.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> tyre = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
+    >>> tuned = rm.tune_ring([1, 2, 3, 4, 5], [78.73, 100.31, 121.40, 145.45, 170.78], **tyre)
+    >>> tuned.how["radial_stiffness_n_m3"], tuned.how["axial_stiffness_n_m"]
+    ('identified', 'not identified')
+    """
+
+    ring: RingParameters
+    std: dict[str, float]
+    how: dict[str, str]
+    orders: NDArray[np.int_]
+    measured_hz: Array
+    model_hz: Array
+    relative_std: Array
+    correlation: Correlation
+    sensitivity: Sensitivity
+    objective: str
+    notes: tuple[str, ...]
+
+    @property
+    def error_percent(self) -> Array:
+        """Deviation of the model from the measurement, percent of the measured frequency."""
+        return 100.0 * (self.model_hz / self.measured_hz - 1.0)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Table of the ring's parameters, one row for each.
+
+        Returns
+        -------
+        pandas.DataFrame
+            ``parameter``, ``value``, ``std`` (NaN where unknown), ``unit`` (of both) and ``how``
+            (given, identified, not identified or at bound).
+
+        Examples
+        --------
+        >>> import model
+        >>> tyre = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
+        >>> ring = model.tune_ring([2, 3, 4, 5], [106.5, 130.0, 152.5, 177.0], **tyre)
+        >>> table = ring.to_frame().set_index("parameter")
+        >>> table.loc["mean_radius_m", ["unit", "how"]].to_list()
+        ['m', 'given']
+        """
+        import pandas as pd  # takes 0.3 s to load, which only tables need
+
+        parameters = listed_parameters(self.ring)
+        keys = [key for key, *_ in parameters]
+        return pd.DataFrame(
+            {
+                "parameter": keys,
+                "value": [value for *_, value, _ in parameters],
+                "std": np.array([self.std.get(key, np.nan) for key in keys], dtype=float),
+                "unit": [unit for *_, unit in parameters],
+                "how": [self.how.get(key, GIVEN) for key in keys],
+            }
+        )
+
+    def __repr__(self) -> str:
+        identified = [RING_NAMES[name][1] for name, how in self.how.items() if how == IDENTIFIED]
+        orders = ", ".join(str(order) for order in self.orders)
+        worst = float(np.max(np.abs(self.error_percent)))
+        return (
+            f"<TuningResult: orders {orders}, largest deviation {worst:.2f} %, "
+            f"identified {', '.join(identified) or 'nothing'}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Every parameter with ± and how it was obtained, then the frequencies order by order."""
+        rows = [
+            (name, symbol, self._value(key, value), unit, self.how.get(key, "–"))
+            for key, name, symbol, value, unit in listed_parameters(self.ring)
+        ]
+        head = ("parameter", "symbol", "value", "unit", "how obtained")
+        return table("Tuned ring", head, rows, words=(0, 1, 3, 4)) + self._frequencies()
+
+    def _value(self, key: str, value: float) -> str:
+        given = self.how.get(key) == GIVEN
+        return as_typed(value) if given else value_with_std(value, self.std.get(key))
+
+    def _frequencies(self) -> str:
+        columns = zip(self.orders, self.measured_hz, self.model_hz, self.error_percent, strict=True)
+        rows = [
+            (str(order), f"{measured:.2f}", f"{ring:.2f}", f"{error:+.2f}".replace("-", "−"))
+            for order, measured, ring, error in columns
+        ]
+        head = ("order n", "measured / Hz", "ring / Hz", "deviation / %")
+        return table("Frequencies it was tuned to", head, rows, words=())
 
 
 def tune_ring(
@@ -48,7 +167,7 @@ def tune_ring(
     radial_growth_m: float | None = None,
     pressure_load: PressureLoad = "dead",
 ) -> TuningResult:
-    """Tune ρh, k_r, k_θ and D on natural frequencies at Ω = 0.
+    """Tune ρh, k_r, k_θ and D on natural frequencies at Ω = 0 (section 4, eqs 16 to 18).
 
     K follows k_r by eq 16 from the radial growth of the belt on inflation. The frequencies of
     n ≥ 1 hardly depend on K (d ln f / d ln K below 0.02), so without a measured growth, a given K
@@ -61,17 +180,17 @@ def tune_ring(
     frequencies_hz : array_like, shape (n_orders,)
         Measured undamped natural frequencies, Hz.
     mean_radius_m, inflation_pressure_pa : float
-        Mean radius a and pressure p_o; they set the scale, which no frequency can.
+        Mean radius a and pressure p_o; they set the scale, which frequencies do not determine.
     frequency_std_hz : array_like, shape (n_orders,), or None
         Standard deviations of the frequencies, Hz. They set the parameters' standard deviations
-        unless the model's misfit asks for larger ones; they do not weigh the fit.
+        unless the fit residuals imply larger ones; they do not weight the fit.
     belt_width_m : float or None
         Belt width b, kept with the ring.
     objective : {"frequency", "paper"}
         Sum of squares of relative frequency deviations, or of eq 18. The latter weighs n = 7 about
         200 times as much as n = 1.
     given : mapping of str to float, or None
-        Parameters of `RingParameters` that are known and stay.
+        Parameters of `RingParameters` that are known and kept.
     start : mapping of str to float, or None
         Further starting values; without them several are derived from the data.
     bounds : mapping of str to (float, float), or None
@@ -84,32 +203,27 @@ def tune_ring(
     Returns
     -------
     TuningResult
-        The ring and what is known about each of its parameters.
+        The ring, and how each of its parameters was obtained.
 
     Raises
     ------
     ParameterError
-        For fewer than two frequencies, values that make no sense, or contradictory arguments.
-
-    References
-    ----------
-    Section 4 of the paper, eqs 16 (K from u_r°), 17 and 18 (objective).
+        For fewer than two frequencies, invalid values or contradictory arguments.
 
     Examples
     --------
     >>> import ringmodal as rm
-    >>> tuned = rm.tune_ring(
-    ...     [1, 2, 3, 4, 5, 6, 7],
-    ...     [78.73, 100.31, 121.40, 145.45, 170.78, 196.52, 224.40],
-    ...     mean_radius_m=0.33,
-    ...     inflation_pressure_pa=2.2e5,
-    ... )
+    >>> frequencies_hz = [78.73, 100.31, 121.40, 145.45, 170.78, 196.52, 224.40]
+    >>> tyre = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
+    >>> tuned = rm.tune_ring([1, 2, 3, 4, 5, 6, 7], frequencies_hz, **tyre)
     >>> bool(abs(tuned.model_hz / tuned.measured_hz - 1).max() < 0.01)
     True
     >>> tuned.how["radial_stiffness_n_m3"]
     'identified'
     """
-    numbers, measured, relative_given = _checked(orders, frequencies_hz, frequency_std_hz)
+    numbers, measured, relative_given = measured_orders(
+        "frequencies_hz", orders, frequencies_hz, "frequency_std_hz", frequency_std_hz
+    )
     problem = TuningProblem(
         numbers,
         measured,
@@ -123,103 +237,73 @@ def tune_ring(
         radial_growth_m,
         pressure_load,
     )
-
-    with threadpool_limits(1, user_api="blas"):  # small matrices: threads only wait for each other
+    with threadpool_limits(1, user_api="blas"):  # threads slow small matrices down
         search = plan_search(problem)
-        values, found = search.run()
+        values, starts = search.run()
     ring = search.ring(values)
     fit = _linear_fit(search, values)
-    how, std, relations, relative, source = _judge(search, fit, ring, relative_given)
+    found = assess(
+        fit,
+        problem.residual(ring),
+        relative_given,
+        nominal=_NOMINAL,
+        undetermined=fit.undetermined(),
+        further=fit.spread(_assumption_slope(search, ring)) if search.assumed else 0.0,
+    )
+    how = _how(search, found.how)
     return TuningResult(
         ring=ring,
-        std=std,
+        std=found.std,
         how=how,
         orders=numbers,
         measured_hz=measured,
         model_hz=problem.frequencies_hz(ring),
-        relative_std=relative,
-        correlation=relations,
+        relative_std=found.relative_std,
+        correlation=found.correlation,
         sensitivity=frequency_sensitivity(ring, numbers, pressure_load=pressure_load),
         objective=objective,
-        notes=(*_remarks(search, fit, ring, how), source, found),
+        notes=(*_remarks(search, fit, ring, how), found.note, starts),
     )
 
 
-def _checked(
-    orders: ArrayLike, frequencies_hz: ArrayLike, std_hz: ArrayLike | None
-) -> tuple[NDArray[np.int_], NDArray[np.float64], NDArray[np.float64] | None]:
-    numbers = np.atleast_1d(whole_orders(orders))
-    measured = np.atleast_1d(finite_array("frequencies_hz", frequencies_hz))
-    require_one_each("frequencies_hz", numbers, measured)
-    require_positive("frequencies_hz", measured)
-    if std_hz is None:
-        return numbers, measured, None
-    deviations = np.atleast_1d(finite_array("frequency_std_hz", std_hz))
-    require_one_each("frequency_std_hz", numbers, deviations)
-    require_positive("frequency_std_hz", deviations)
-    return numbers, measured, deviations / measured
-
-
-def _linear_fit(search: Search, values: NDArray[np.float64]) -> LinearFit:
-    """The tuning, linearised at its solution; parameters on a bound stay there."""
+def _linear_fit(search: Search, values: Array) -> LinearFit:
+    """The tuning, linearised at its solution; parameters on a bound are fixed."""
     inner = ~search.at_bound(values)
     names = tuple(name for name, kept in zip(search.free, inner, strict=True) if kept)
     slope = search.residual_slope(values)[:, inner]
     return LinearFit(names, values[inner], slope, search.problem.data_slope(search.ring(values)))
 
 
-def _judge(
-    search: Search,
-    fit: LinearFit,
-    ring: RingParameters,
-    relative_given: NDArray[np.float64] | None,
-) -> tuple[dict[str, str], dict[str, float], Correlation, NDArray[np.float64], str]:
-    """How each parameter was obtained, with standard deviations and correlations."""
+def _how(search: Search, fitted: dict[str, str]) -> dict[str, str]:
+    """How each parameter was obtained, those that were not fitted included."""
     problem = search.problem
-    relative, source = error_level(fit, problem.residual(ring), relative_given)
-    covariance = fit.covariance(np.where(np.isfinite(relative), relative, _NOMINAL))
-    if search.assumed:
-        covariance = covariance + fit.spread(_assumption_slope(search, ring))
-    found, std = verdicts(fit, covariance, fit.undetermined())
     how = dict.fromkeys(("mean_radius_m", "inflation_pressure_pa"), GIVEN)
     if problem.belt_width_m is not None:
         how["belt_width_m"] = GIVEN
     for name in PARAMETERS:
-        how[name] = found.get(name) or _obtained(search, name)
-    known = std if np.all(np.isfinite(relative)) else {}
-    return how, known, correlation(fit.names, covariance), relative, source
+        if name in problem.given:
+            how[name] = GIVEN
+        elif name == AXIAL and name not in search.free and problem.radial_growth_m is not None:
+            how[name] = IDENTIFIED
+        else:
+            how[name] = fitted.get(name, AT_BOUND if name in search.free else NOT_IDENTIFIED)
+    return how
 
 
-def _assumption_slope(search: Search, ring: RingParameters) -> NDArray[np.float64]:
+def _assumption_slope(search: Search, ring: RingParameters) -> Array:
     """Change of the residuals if each assumed parameter were wrong by its own size."""
     names = tuple(search.assumed)
     sizes = np.array(list(search.assumed.values()))
     others = {name: getattr(ring, name) for name in search.free}
-    wider = replace(
-        search,
-        free=names,
-        assumed=others,
-        scale=sizes,
-        lower=np.zeros(sizes.size),
-        upper=np.full(sizes.size, np.inf),
-    )
+    lower, upper = np.zeros(sizes.size), np.full(sizes.size, np.inf)
+    wider = replace(search, free=names, assumed=others, scale=sizes, lower=lower, upper=upper)
     return np.asarray(wider.residual_slope(sizes) * sizes)
-
-
-def _obtained(search: Search, name: str) -> str:
-    """How a parameter was obtained that the fit did not move freely."""
-    if name in search.problem.given:
-        return GIVEN
-    if name in search.free:
-        return AT_BOUND
-    by_growth = name == AXIAL and search.problem.radial_growth_m is not None
-    return IDENTIFIED if by_growth else NOT_IDENTIFIED
 
 
 def _remarks(
     search: Search, fit: LinearFit, ring: RingParameters, how: dict[str, str]
 ) -> list[str]:
-    """Sentences on what the frequencies do not tell."""
+    """Sentences on what the frequencies do not determine."""
     problem = search.problem
     remarks = []
     if how[AXIAL] == NOT_IDENTIFIED and AXIAL not in search.free:
@@ -232,24 +316,22 @@ def _remarks(
     for name, value in search.assumed.items():
         remarks.append(
             f"{problem.orders.size} frequencies are fewer than the unknowns: the {_title(name)} "
-            f"was assumed to be {value:g} {RING_NAMES[name][2]}, uncertain by its own size."
+            f"was assumed to be {value:g} {RING_NAMES[name][2]} ± 100 %."
         )
     for name in search.free:
         if how[name] == NOT_IDENTIFIED:
             remarks.append(
                 f"The {_title(name)} is not identified: its standard deviation exceeds half its "
-                "value, or other parameters can stand in for it."
+                "value, or other parameters can replace it."
             )
         if how[name] == AT_BOUND:
-            remarks.append(
-                f"The {_title(name)} ended on a bound of its range; the other standard deviations "
-                "hold with it fixed there."
-            )
+            held = "the other standard deviations hold with it fixed there"
+            remarks.append(f"The {_title(name)} is at a bound of its range; {held}.")
     return remarks
 
 
 def _influence_of_growth(search: Search, fit: LinearFit, ring: RingParameters) -> str:
-    """How far the fitted parameters hang on the growth that was assumed."""
+    """How far the fitted parameters depend on the assumed growth."""
     if not fit.names:
         return ""
     problem = search.problem

@@ -1,22 +1,32 @@
-"""Travelling waves of the free ring and how they look from three reference systems."""
+"""Travelling waves of the free ring: three reference systems, bifurcation, critical speeds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
 
-from model.arrays import finite_array
-from model.coefficients import characteristic_roots, eigenvector_ratios
+from model.arrays import (
+    Array,
+    ReadonlyArrays,
+    finite_array,
+    require_number,
+    require_one_of,
+    whole_orders,
+)
+from model.coefficients import PressureLoad, characteristic_roots, eigenvector_ratios, harmonics
 from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
-from model.rotation import wave_orders
-from model.steady_state import PressureLoad
 
-#: Reference systems: on the wheel, in space, and turning so that the pair stands (eq 29).
+#: Frame of an observer: turning with the wheel, or fixed in space.
+Frame = Literal["rotating", "absolute"]
+#: Reference systems of waves: on the wheel, in space, and turning so that the pair stands (eq 29).
 WaveFrame = Literal["rotating", "absolute", "stationary"]
+
+_SPEEDS = 400  # grid on which critical speeds are bracketed
 
 
 @dataclass(frozen=True)
@@ -53,15 +63,8 @@ class WavePair:
 
         Zero for "rotating", −Ω for "absolute" (eq 1c: θ = φ − Ωt), β for "stationary" (eq 29).
         """
-        speeds = {
-            "rotating": 0.0,
-            "absolute": -self.speed_rad_s,
-            "stationary": self.beta_rad_s,
-        }
-        if frame not in speeds:
-            raise ParameterError(
-                "frame", f"{frame!r}", f"one of {', '.join(speeds)}", "Choose one of them"
-            )
+        speeds = {"rotating": 0.0, "absolute": -self.speed_rad_s, "stationary": self.beta_rad_s}
+        require_one_of("frame", frame, speeds)
         return speeds[frame]
 
     def frequencies_rad_s(self, frame: WaveFrame) -> tuple[float, float]:
@@ -87,7 +90,7 @@ class WavePair:
 
     def radial(
         self, angles_rad: ArrayLike, times_s: ArrayLike, frame: WaveFrame = "rotating"
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Superposed radial field u_{r,tot} (eqs 19a, 20a, 21a, 22a, 25a, 27a, 30a).
 
         Parameters
@@ -109,7 +112,7 @@ class WavePair:
 
     def circumferential(
         self, angles_rad: ArrayLike, times_s: ArrayLike, frame: WaveFrame = "rotating"
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Superposed field u_{θ,tot} (eqs 19b, 20b, 21b, 22b, 25b, 27b, 30b as corrected).
 
         The second term of eq 30b is −2B_{n,2} sin(nγ − (ω_{n,2} − nβ)t). Eqs 22b and 27b take
@@ -121,7 +124,7 @@ class WavePair:
 
     def _phases(
         self, angles_rad: ArrayLike, times_s: ArrayLike, frame: WaveFrame
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[Array, Array]:
         around = self.order * np.atleast_1d(finite_array("angles_rad", angles_rad))[:, None]
         times = np.atleast_1d(finite_array("times_s", times_s))
         regressive, progressive = self.frequencies_rad_s(frame)
@@ -167,17 +170,176 @@ def wave_pair(
     first = 2 if extensional else 0
     growth = float(np.abs(roots[first : first + 2].imag).max())
     if growth > 0:
-        raise InstabilityError(
-            f"order {n} at {speed_rad_s:g} rad/s",
-            f"a root grows by {growth:.4g} 1/s",
-            "an unstable ring has no natural frequency",
-            "Lower the speed",
-        )
-    return WavePair(
-        order=n,
-        speed_rad_s=float(speed_rad_s),
-        regressive_rad_s=float(roots[first].real),
-        progressive_rad_s=float(-roots[first + 1].real),
-        regressive_ratio=float(ratios[first]),
-        progressive_ratio=float(ratios[first + 1]),
+        where, found = f"order {n} at {speed_rad_s:g} rad/s", f"a root grows by {growth:.4g} 1/s"
+        rule = "an unstable ring has no natural frequency"
+        raise InstabilityError(where, found, rule, "Lower the speed")
+    frequencies = float(roots[first].real), float(-roots[first + 1].real)
+    return WavePair(n, float(speed_rad_s), *frequencies, *map(float, ratios[first : first + 2]))
+
+
+@dataclass(frozen=True, eq=False)
+class Bifurcation(ReadonlyArrays):
+    """Frequencies of regressive and progressive waves over speed (Fig. 6).
+
+    Parameters
+    ----------
+    orders : ndarray of int, shape (n_orders,)
+        Circumferential orders n ≥ 1.
+    speed_rad_s : ndarray, shape (n_speeds,)
+        Angular speeds Ω, rad/s.
+    regressive_hz, progressive_hz : ndarray, shape (n_orders, n_speeds)
+        ω_{n,1}/2π and ω_{n,2}/2π (3 and 4 for the extensional pair); NaN where unstable. In the
+        absolute frame a negative regressive frequency belongs to a wave that the rotation carries
+        forward: the speed is above the critical one of this order.
+    growth_rate_1_s : ndarray, shape (n_orders, n_speeds)
+        Growth rate of an instability, 1/s; zero where stable.
+    frame : {"rotating", "absolute"}
+        Where the observer is.
+    """
+
+    orders: NDArray[np.int_]
+    speed_rad_s: Array
+    regressive_hz: Array
+    progressive_hz: Array
+    growth_rate_1_s: Array
+    frame: Frame
+
+    @property
+    def standing_hz(self) -> Array:
+        """Frequency of both waves in the frame in which the pair stands still (eqs 31, 32), Hz.
+
+        (ω_{n,1} + ω_{n,2})/4π, the mean of the two in any frame; shape (n_orders, n_speeds).
+        """
+        return np.asarray(0.5 * (self.regressive_hz + self.progressive_hz))
+
+    @property
+    def stable(self) -> NDArray[np.bool_]:
+        """Whether order and speed have frequencies at all."""
+        return np.asarray(self.growth_rate_1_s == 0)
+
+
+def bifurcation(
+    ring: RingParameters,
+    orders: ArrayLike,
+    speed_rad_s: ArrayLike,
+    *,
+    frame: Frame = "rotating",
+    extensional: bool = False,
+    pressure_load: PressureLoad = "dead",
+) -> Bifurcation:
+    """Natural frequencies over speed, for an observer on the tyre or in space (eqs 14, 25).
+
+    Parameters
+    ----------
+    orders : array_like of int, shape (n_orders,)
+        Circumferential orders n ≥ 1.
+    speed_rad_s : array_like, shape (n_speeds,)
+        Angular speeds Ω, rad/s.
+    frame : {"rotating", "absolute"}
+        In the absolute frame ω_{n,1} − nΩ and ω_{n,2} + nΩ (eq 25).
+    ring, extensional, pressure_load
+        As `wave_pair`.
+
+    Returns
+    -------
+    Bifurcation
+        On the grid of orders and speeds.
+
+    Raises
+    ------
+    ParameterError
+        For an order below one, or a speed without equilibrium.
+    """
+    numbers = wave_orders(orders)
+    speeds = np.atleast_1d(finite_array("speed_rad_s", speed_rad_s))
+    roots = characteristic_roots(
+        ring, numbers[:, None], speeds[None, :], pressure_load=pressure_load
     )
+    pair = roots[..., 2:] if extensional else roots[..., :2]
+    growth = np.abs(pair.imag).max(axis=-1)
+    shift = require_frame(frame) * numbers[:, None] * speeds
+    stable = np.where(growth == 0, 1.0, np.nan) / (2.0 * np.pi)
+    regressive = stable * (pair[..., 0].real - shift)
+    progressive = stable * (-pair[..., 1].real + shift)
+    return Bifurcation(numbers, speeds, regressive, progressive, growth, frame)
+
+
+def critical_speeds_rad_s(
+    ring: RingParameters,
+    orders: ArrayLike,
+    *,
+    highest_rad_s: float,
+    pressure_load: PressureLoad = "dead",
+) -> Array:
+    """Lowest speed at which the regressive wave of each order stands still in space.
+
+    There ω_{n,1} = nΩ, so eq 26a is zero and a load that is constant in space, as that of the road,
+    is in resonance with the order: standing waves on the tyre.
+
+    Parameters
+    ----------
+    orders : array_like of int, shape (n_orders,)
+        Circumferential orders n ≥ 1. Order 1 has none on a fixed hub: ω_{1,1} = ω_0 + Ω.
+    highest_rad_s : float
+        Where the search ends, rad/s.
+    ring, pressure_load
+        As `wave_pair`.
+
+    Returns
+    -------
+    ndarray, shape (n_orders,)
+        Critical speeds in rad/s; NaN where there is none up to `highest_rad_s`.
+
+    Raises
+    ------
+    ParameterError
+        For an order below one or a limit that is not > 0.
+    """
+    require_number("highest_rad_s", highest_rad_s)
+    numbers = wave_orders(orders)
+    grid = np.linspace(0.0, highest_rad_s, _SPEEDS)
+
+    def stiffness(speed_rad_s: ArrayLike, order: ArrayLike) -> Array:
+        return _standing_load_stiffness(ring, order, speed_rad_s, pressure_load)
+
+    values = stiffness(grid, numbers[:, None])
+    critical = np.full(numbers.size, np.nan)
+    for row, order in enumerate(numbers):
+        crossings = np.flatnonzero(np.signbit(values[row, 1:]) != np.signbit(values[row, :-1]))
+        if crossings.size:
+            low, high = grid[crossings[0]], grid[crossings[0] + 1]
+            critical[row] = brentq(lambda speed, n=order: stiffness(speed, n).item(), low, high)
+    return critical
+
+
+def wave_orders(orders: ArrayLike) -> NDArray[np.int_]:
+    """Take orders of waves, n ≥ 1."""
+    numbers = np.atleast_1d(whole_orders(orders))
+    if np.any(numbers < 1):
+        raise ParameterError("orders", f"{numbers.min()}", "waves have n ≥ 1", "Leave it out")
+    return numbers
+
+
+def require_frame(frame: str) -> float:
+    """Speed of the observer against the wheel, in Ω: 0 on the wheel, 1 in space; refuse others."""
+    require_one_of("frame", frame, get_args(Frame))
+    return float(frame == "absolute")
+
+
+def _standing_load_stiffness(
+    ring: RingParameters, orders: ArrayLike, speed_rad_s: ArrayLike, pressure_load: PressureLoad
+) -> Array:
+    """Determinant of eq 12 at ω = nΩ (eq 14) over K; zero at a critical speed.
+
+    Terms with S of `harmonics` are collected, so that no digits are lost to the membrane.
+    """
+    terms = harmonics(ring, orders, speed_rad_s, pressure_load=pressure_load)
+    n2 = terms.orders.astype(float) ** 2
+    spin = terms.mass_per_area_kg_m2 * terms.speed_rad_s**2
+    moved = terms.determinant + spin * (
+        4.0 * n2 * terms.c / np.where(terms.orders == 0, 1, terms.orders)
+        - n2 * (terms.m11 + terms.m22)
+        - 4.0 * n2 * spin
+        + n2**2 * spin
+    )
+    return np.asarray(moved / ring.axial_stiffness_n_m)

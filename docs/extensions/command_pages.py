@@ -58,14 +58,14 @@ def _usage(command: Any, context: Any) -> str:
 
 
 def prose_and_examples(text: str) -> tuple[str, list[str]]:
-    """Help without its examples, and the examples: the commands that stand after "Example:"."""
+    """Help without its examples, and the examples: the commands after "Example:"."""
     prose, *examples = _EXAMPLE.split(text, maxsplit=1)
     lines = "".join(examples).splitlines()
     return prose.strip(), [line.strip() for line in lines if line.strip()]
 
 
 def _tables(command: Any, context: Any) -> Iterator[str]:
-    """Arguments and options, as in the help each group beneath its heading."""
+    """Arguments and options, grouped under headings as in the help."""
     groups: dict[str, list[str]] = {}
     for parameter in command.get_params(context):
         record = parameter.get_help_record(context)

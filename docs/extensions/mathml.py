@@ -1,7 +1,6 @@
-r"""Formulas as MathML: every browser draws it, without a script and without a network.
+r"""Formulas as MathML, which browsers draw without scripts and without a network.
 
-The converter is the one of docutils. What it does not know is an error of the build, not a gap on
-the page.
+The converter is that of docutils. A formula that it cannot convert is an error of the build.
 """
 
 import re
@@ -14,9 +13,9 @@ from sphinx.util.math import get_node_equation_number
 from sphinx.writers.html5 import HTML5Translator
 
 _logger = logging.getLogger(__name__)
-_SAID_OTHERWISE = {"°": r"^\circ", r"\tfrac": r"\frac"}
-# What the converter writes as a limit, or leaves without the space (or with one) that print has.
-_AS_BROWSERS_DRAW_IT = (
+_REPLACED = {"°": r"^\circ", r"\tfrac": r"\frac"}
+# Corrections of the converter: accents written as limits, and missing or additional spaces.
+_CORRECTIONS = (
     (
         r'<munderover>\s*(<mi>.</mi>)\s*((?:(?!<munderover>).)+?)\s*(<mo stretchy="false">ˆ</mo>)'
         r"\s*</munderover>",
@@ -68,10 +67,10 @@ def converted(tex: str, *, displayed: bool) -> str:
     MathError
         If the formula has something that the converter does not know.
     """
-    for known_to_tex, known_to_docutils in _SAID_OTHERWISE.items():
+    for known_to_tex, known_to_docutils in _REPLACED.items():
         tex = tex.replace(known_to_tex, known_to_docutils)
     tex = _BARE_FRACTION.sub(r"\\frac{\1}{\2}", tex)
     drawn = str(latex2mathml.tex2mathml(tex, as_block=displayed))
-    for written, better in _AS_BROWSERS_DRAW_IT:
+    for written, better in _CORRECTIONS:
         drawn = re.sub(written, better, drawn, flags=re.DOTALL)
     return drawn

@@ -1,4 +1,4 @@
-"""Pages that a reader can open without a network: nothing in them is fetched from a host."""
+"""Check that pages can be read without a network: nothing is fetched from a host."""
 
 from __future__ import annotations
 

@@ -12,8 +12,7 @@ from ema.core.errors import InputError
 from model.errors import ParameterError
 from model.foundation import foundation_from_belt_modes
 from model.identifiability import NOT_IDENTIFIED
-from model.tuning_problem import BENDING
-from model.tuning_search import TYPICAL
+from model.tuning_problem import BENDING, TYPICAL
 from pipelines.export.belt import belt_values, require_belt_width
 from pipelines.export.tir_file import TirFile
 from pipelines.export.tir_units import TirUnits, clear_si_value, positive_si_value, units_of

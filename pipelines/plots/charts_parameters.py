@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from model.identifiability import Correlation
-from model.sensitivity import Sensitivity
+from model.identifiability import Correlation, Sensitivity
 from pipelines.plots.chart import Chart
 from pipelines.plots.charts_matrix import signed_chart
 from pipelines.storage.rounding import signed

@@ -30,7 +30,7 @@ from ema.core.modes import ModalModel
 from ema.identify import Identification, SensorMass
 from ema.io.campaign.roles import UNNUMBERED
 from model.identifiability import IDENTIFIED
-from model.tuning_result import TuningResult
+from model.tuning import TuningResult
 from pipelines.process.plausibility import (
     AMPLITUDE,
     PLAUSIBILITY,

@@ -12,7 +12,7 @@ from ema.circumference.ring_modes import family
 from ema.core.mac import auto_mac, mac
 from ema.core.modes import ModalModel, Mode
 from model.damping import DampingResult
-from model.tuning_result import TuningResult
+from model.tuning import TuningResult
 from pipelines.results.result import Validation
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from model.identifiability import AT_BOUND, GIVEN, NOT_IDENTIFIED
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from model.ring import natural_frequencies_hz
-from model.tuning_result import TuningResult
+from model.tuning import TuningResult
 from pipelines.plots import charts_matrix, charts_parameters, charts_ring
 from pipelines.plots.chart import Chart
 from pipelines.process.validate import ring_orders

@@ -17,7 +17,7 @@ from ema.core.files import require_regular
 from model.damping import DampingResult
 from model.identifiability import AT_BOUND, GIVEN, IDENTIFIED, NOT_IDENTIFIED
 from model.parameters import RingDamping, RingParameters, Wheel
-from model.tuning_result import TuningResult
+from model.tuning import TuningResult
 from pipelines.storage.checksums import ACCEPTED, KEY, OWN, content_sha256, unsealed
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from ema.core.modes import ModalModel, modes_html
 from ema.poles.cross_check import Opinion
 from ema.poles.stability import StabilityDiagram
 from model.damping import DampingResult
-from model.tuning_result import TuningResult
+from model.tuning import TuningResult
 
 if TYPE_CHECKING:
     import pandas as pd

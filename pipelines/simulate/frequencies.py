@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ema.core.errors import InputError
 from model import Bifurcation, HubResponse, RingParameters, Wheel, bifurcation, free_hub_roots
-from model.steady_state import PressureLoad
+from model.coefficients import PressureLoad
 from model.waves import WaveFrame
 
 

@@ -21,9 +21,9 @@ from model import (
 )
 from model.arrays import readonly
 from model.cleat import Quantity
+from model.coefficients import PressureLoad
 from model.forced import Direction
-from model.rotation import Frame
-from model.steady_state import PressureLoad
+from model.waves import Frame
 
 PER_FORCE = "(m/s²)/N"
 PER_LINE_FORCE = "(m/s²)/(N/m)"

@@ -32,7 +32,7 @@ def test_refit_to_table_3():
     np.testing.assert_allclose(rounded, result.model, atol=5e-5)
 
 
-def test_loss_factor_off_the_pretension_runs_away():
+def test_the_loss_factor_without_pretension_is_too_large():
     on = identify_damping(TABLE_4_RING, TABLE_3_ORDERS, TABLE_3_DAMPING_RATIOS)
     off = identify_damping(
         TABLE_4_RING, TABLE_3_ORDERS, TABLE_3_DAMPING_RATIOS, on_pretension=False
@@ -74,31 +74,30 @@ def test_breathing_is_damped_by_radial_dampers_alone():
     assert ratio == pytest.approx(500.0 / (2 * 19.69 * omega), rel=1e-9)
 
 
-def test_negative_damping_is_never_the_answer():
+def test_damping_is_never_negative():
     truth = damping_ratios(TABLE_4_RING, RingDamping(800.0, 400.0, 0.0), TABLE_3_ORDERS)
     falling = truth * (1 - 0.02 * np.arange(7))
     found = identify_damping(TABLE_4_RING, TABLE_3_ORDERS, falling)
     assert found.damping.loss_factor == 0.0
     assert found.how["loss_factor"] == "at bound"
-    assert any("less than zero" in note for note in found.notes)
+    assert any("loss_factor" in note for note in found.notes)
 
 
-def test_two_ratios_determine_nothing_alone():
+def test_two_ratios_determine_no_parameter():
     found = identify_damping(TABLE_4_RING, [1, 2], [0.039, 0.033])
     assert set(found.how.values()) == {"not identified"}
     assert found.std == {}
-    assert any("cannot determine three" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(
-    ("ratios", "std", "rule"),
+    ("ratios", "std", "where"),
     [
-        ([0.03, 0.0], None, "greater than zero"),
-        ([0.03], None, "one value per order"),
-        ([0.03, 0.02], [0.001, 0.0], "greater than zero"),
-        ([0.03, np.inf], None, "finite"),
+        ([0.03, 0.0], None, "damping_ratios"),
+        ([0.03], None, "damping_ratios"),
+        ([0.03, 0.02], [0.001, 0.0], "damping_std"),
+        ([0.03, np.inf], None, "damping_ratios"),
     ],
 )
-def test_refusals(ratios, std, rule):
-    with pytest.raises(ParameterError, match=rule):
+def test_refusals(ratios, std, where):
+    with pytest.raises(ParameterError, match=f"^{where}:"):
         identify_damping(TABLE_4_RING, [1, 2], ratios, std)

@@ -40,10 +40,7 @@ def test_known_stiffnesses_are_found_again(radial, circumferential, stiffer, ben
         axial_stiffness_n_m=stiffer * TABLE_4_RING.axial_stiffness_n_m,
         bending_stiffness_n_m=bending,
     )
-    belt = {
-        "axial_stiffness_n_m": ring.axial_stiffness_n_m,
-        "bending_stiffness_n_m": bending,
-    }
+    belt = {"axial_stiffness_n_m": ring.axial_stiffness_n_m, "bending_stiffness_n_m": bending}
     found = foundation_from_belt_modes(*belt_modes(ring), **known(ring), **belt)
     assert found.radial_stiffness_n_m3 == pytest.approx(radial, rel=1e-11)
     assert found.circumferential_stiffness_n_m3 == pytest.approx(circumferential, rel=1e-11)

@@ -103,7 +103,7 @@ def test_the_place_of_the_contact_changes_no_frequency(pressed):
     )
 
 
-def test_a_small_load_deflects_as_the_harmonics_say():
+def test_a_small_load_deflects_as_the_harmonics_predict():
     patch = contact_patch(TABLE_4_RING, 500.0)
     shape = load_ring(TABLE_4_RING, patch, highest_order=30).contact_pa
     small = load_ring(TABLE_4_RING, 1e-6 * shape, highest_order=30)
@@ -131,7 +131,7 @@ def test_frequencies_split_and_shift_with_the_load():
     np.testing.assert_array_equal(orders[1], [0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5])
 
 
-def test_a_load_that_no_tyre_carries_is_refused_before_any_is_solved(monkeypatch):
+def test_an_impossible_load_is_refused_before_any_is_solved(monkeypatch):
     solved = []
     monkeypatch.setattr("model.loaded.load_ring", lambda *_, **__: solved.append(1))
     with pytest.raises(ParameterError, match="contact patch"):
@@ -212,20 +212,23 @@ def test_an_unstable_state_has_no_frequencies(pressed):
 
 
 @pytest.mark.parametrize(
-    ("call", "rule"),
+    ("call", "where"),
     [
-        (lambda: contact_patch(TABLE_4_RING, 0.0), "above zero"),
-        (lambda: contact_patch(TABLE_4_RING, 1e6), "half angle"),
-        (lambda: contact_patch(replace(TABLE_4_RING, inflation_pressure_pa=0.0), 1.0), "patch"),
-        (lambda: contact_patch(replace(TABLE_4_RING, belt_width_m=None), 1.0), "belt width"),
-        (lambda: ContactPatch(np.nan, 0.1), "finite"),
-        (lambda: load_ring(TABLE_4_RING, np.zeros(20), highest_order=10), "more than 20"),
-        (lambda: load_ring(TABLE_4_RING, np.zeros(20), highest_order=0), "whole number"),
-        (lambda: loaded_frequencies_hz(TABLE_4_RING, 0.0, 43, highest_order=10), "1 to 42 modes"),
-        (lambda: load_ring(TABLE_4_RING, np.full(40, 4e6), highest_order=8), "buckles"),
-        (lambda: load_ring(TABLE_4_RING, np.full(40, 1e8), highest_order=8), "no equilibrium"),
+        (lambda: contact_patch(TABLE_4_RING, 0.0), "load_n"),
+        (lambda: contact_patch(TABLE_4_RING, 1e6), "contact patch"),
+        (
+            lambda: contact_patch(replace(TABLE_4_RING, inflation_pressure_pa=0.0), 1.0),
+            "inflation_pressure_pa",
+        ),
+        (lambda: contact_patch(replace(TABLE_4_RING, belt_width_m=None), 1.0), "belt_width_m"),
+        (lambda: ContactPatch(np.nan, 0.1), "mean_pressure_pa"),
+        (lambda: load_ring(TABLE_4_RING, np.zeros(20), highest_order=10), "contact"),
+        (lambda: load_ring(TABLE_4_RING, np.zeros(20), highest_order=0), "highest_order"),
+        (lambda: loaded_frequencies_hz(TABLE_4_RING, 0.0, 43, highest_order=10), "n_modes"),
+        (lambda: load_ring(TABLE_4_RING, np.full(40, 4e6), highest_order=8), "contact"),
+        (lambda: load_ring(TABLE_4_RING, np.full(40, 1e8), highest_order=8), "contact"),
     ],
 )
-def test_refusals(call, rule):
-    with pytest.raises(ParameterError, match=rule):
+def test_refusals(call, where):
+    with pytest.raises(ParameterError, match=f"^{where}:"):
         call()

@@ -1,4 +1,4 @@
-"""What the ring model accepts, and how it refuses the rest."""
+"""Valid and invalid parameters of the ring model."""
 
 import math
 import pickle
@@ -15,31 +15,31 @@ def test_thickness_follows_from_the_two_belt_stiffnesses():
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "rule"),
+    ("name", "value"),
     [
-        ("radial_stiffness_n_m3", -1.0, "must not be negative"),
-        ("circumferential_stiffness_n_m3", -1.0, "must not be negative"),
-        ("bending_stiffness_n_m", -1.0, "must not be negative"),
-        ("inflation_pressure_pa", -1.0, "must not be negative"),
-        ("mean_radius_m", 0.0, "must be greater than zero"),
-        ("mass_per_area_kg_m2", 0.0, "must be greater than zero"),
-        ("axial_stiffness_n_m", 0.0, "must be greater than zero"),
-        ("belt_width_m", 0.0, "must be greater than zero"),
-        ("radial_stiffness_n_m3", math.nan, "must be finite"),
-        ("inflation_pressure_pa", math.inf, "must be finite"),
-        ("bending_stiffness_n_m", 1e5, "the ring is thin"),
-        ("axial_stiffness_n_m", 1e3, "the ring is thin"),
-        ("inflation_pressure_pa", 1e8, "no equilibrium"),
+        ("radial_stiffness_n_m3", -1.0),
+        ("circumferential_stiffness_n_m3", -1.0),
+        ("bending_stiffness_n_m", -1.0),
+        ("inflation_pressure_pa", -1.0),
+        ("mean_radius_m", 0.0),
+        ("mass_per_area_kg_m2", 0.0),
+        ("axial_stiffness_n_m", 0.0),
+        ("belt_width_m", 0.0),
+        ("radial_stiffness_n_m3", math.nan),
+        ("inflation_pressure_pa", math.inf),
+        ("bending_stiffness_n_m", 1e5),
+        ("axial_stiffness_n_m", 1e3),
+        ("inflation_pressure_pa", 1e8),
     ],
 )
-def test_refuses_a_ring_that_cannot_be(name, value, rule):
-    with pytest.raises(ParameterError, match=rule) as refusal:
+def test_refuses_an_invalid_ring(name, value):
+    with pytest.raises(ParameterError) as refusal:
         replace(TABLE_4_RING, **{name: value})
     assert name in refusal.value.where
     assert refusal.value.remedy
 
 
-def test_no_equilibrium_names_the_bearable_pressure():
+def test_the_message_names_the_highest_possible_pressure():
     soft = replace(TABLE_4_RING, axial_stiffness_n_m=3e5, bending_stiffness_n_m=0.0)
     bearable = soft.radial_resistance_pa(0.2)
     with pytest.raises(ParameterError, match=f"{bearable:g}"):

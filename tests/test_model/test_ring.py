@@ -72,12 +72,12 @@ def test_follower_pressure_acts_on_the_grown_ring():
 
 
 def test_no_equilibrium_at_an_absurd_speed():
-    with pytest.raises(ParameterError, match="no acceptable equilibrium"):
+    with pytest.raises(ParameterError, match="speed_rad_s: 2500"):
         equilibrium(TABLE_4_RING, [0.0, 2500.0])
 
 
 def test_unknown_pressure_load_is_refused():
-    with pytest.raises(ParameterError, match="'dead' or a 'follower'"):
+    with pytest.raises(ParameterError, match="pressure_load: 'gas'"):
         equilibrium(TABLE_4_RING, pressure_load="gas")
 
 
@@ -104,7 +104,7 @@ STEEL = RingParameters(
 )
 
 
-def test_steel_ring_bends_as_hoppe_says():
+def test_steel_ring_bends_as_in_hoppe():
     n = np.arange(2, 6)
     d, mass, a = STEEL.bending_stiffness_n_m, STEEL.mass_per_area_kg_m2, STEEL.mean_radius_m
     hoppe = np.sqrt(d * n**2 * (n**2 - 1.0) ** 2 / (mass * a**4 * (n**2 + 1.0))) / (2 * np.pi)

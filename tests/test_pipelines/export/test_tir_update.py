@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import pi
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -101,7 +102,9 @@ def test_plus_minus_where_one_parameter_decides(si):
 @given(st.floats(10.0, 30.0), st.floats(4e6, 2e7), st.floats(5e5, 4e6), st.floats(0.0, 20.0))
 def test_a_tuned_ring_is_found_again(mass, radial, circumferential, bending):
     """Tuned without order 0, K follows from the growth on inflation that is typical."""
-    growth = TuningProblem([1], [80.0], 0.33, 220000.0, radial_growth_m=TYPICAL_GROWTH * 0.33)
+    growth = TuningProblem(
+        np.array([1]), np.array([80.0]), 0.33, 220000.0, radial_growth_m=TYPICAL_GROWTH * 0.33
+    )
     parameters = varied(
         mass_per_area_kg_m2=mass,
         radial_stiffness_n_m3=radial,

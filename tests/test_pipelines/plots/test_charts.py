@@ -297,7 +297,7 @@ def test_correlation_names_the_strongest_pair(tyre):
     found = replace(
         tyre.tuning.correlation,
         parameters=("a", "b", "c"),
-        values=[[1, 0.2, -0.9], [0.2, 1, 0.1], [-0.9, 0.1, 1]],
+        values=np.array([[1, 0.2, -0.9], [0.2, 1, 0.1], [-0.9, 0.1, 1]]),
     )
     chart = charts_parameters.correlation_chart(found, {"a": "A", "b": "B", "c": "C"})
     assert "the strongest is A with C, −0.90" in chart.alternative

@@ -156,7 +156,7 @@ def test_the_tyre_of_the_paper_has_no_critical_speed_on_a_road():
     assert np.isnan(critical_speeds_rad_s(TABLE_4_RING, range(1, 40), highest_rad_s=600.0)).all()
 
 
-def test_an_unstable_order_is_no_frequency():
+def test_an_unstable_order_has_no_frequency():
     """A belt turned by pressure against a soft bed: order 0 under a follower load diverges."""
     slack = replace(
         TABLE_4_RING,
@@ -284,19 +284,19 @@ def test_free_waves_satisfy_the_equations_of_motion():
 
 
 @pytest.mark.parametrize(
-    ("call", "rule"),
+    ("call", "where"),
     [
-        (lambda: bifurcation(TABLE_4_RING, 0, 10.0), "n ≥ 1"),
-        (lambda: bifurcation(TABLE_4_RING, 1, 10.0, frame="moon"), "rotating"),
-        (lambda: bifurcation(TABLE_4_RING, 1, np.nan), "finite"),
-        (lambda: bifurcation(TABLE_4_RING, 1, 5e3), "no acceptable equilibrium"),
-        (lambda: eigenvector_ratios(TABLE_4_RING, [0, 1]), "n ≠ 0"),
-        (lambda: wave_pair(TABLE_4_RING, 2, 10.0).radial(0.0, 0.0, "moon"), "one of"),
-        (lambda: critical_speeds_rad_s(TABLE_4_RING, 2, highest_rad_s=0.0), "above zero"),
+        (lambda: bifurcation(TABLE_4_RING, 0, 10.0), "orders"),
+        (lambda: bifurcation(TABLE_4_RING, 1, 10.0, frame="moon"), "frame"),
+        (lambda: bifurcation(TABLE_4_RING, 1, np.nan), "speed_rad_s"),
+        (lambda: bifurcation(TABLE_4_RING, 1, 5e3), "speed_rad_s"),
+        (lambda: eigenvector_ratios(TABLE_4_RING, [0, 1]), "orders"),
+        (lambda: wave_pair(TABLE_4_RING, 2, 10.0).radial(0.0, 0.0, "moon"), "frame"),
+        (lambda: critical_speeds_rad_s(TABLE_4_RING, 2, highest_rad_s=0.0), "highest_rad_s"),
     ],
 )
-def test_refusals(call, rule):
-    with pytest.raises(ParameterError, match=rule):
+def test_refusals(call, where):
+    with pytest.raises(ParameterError, match=f"^{where}:"):
         call()
 
 
@@ -305,9 +305,7 @@ def test_growth_is_refused_as_a_frequency_and_reported_as_growth(monkeypatch):
     monkeypatch.setattr("model.waves.characteristic_roots", lambda *_, **__: unstable)
     with pytest.raises(InstabilityError, match="grows by 5"):
         wave_pair(TABLE_4_RING, 2, 10.0)
-    monkeypatch.setattr(
-        "model.rotation.characteristic_roots", lambda *_, **__: unstable[None, None]
-    )
+    monkeypatch.setattr("model.waves.characteristic_roots", lambda *_, **__: unstable[None, None])
     found = bifurcation(TABLE_4_RING, 2, 10.0)
     assert np.isnan(found.regressive_hz).all()
     assert found.growth_rate_1_s[0, 0] == 5.0
