@@ -17,7 +17,7 @@ from pipelines.results.options import Options
 from pipelines.results.provenance import software_version
 from pipelines.storage.atomic import file_written_whole, partial_folder
 from pipelines.storage.checksums import sha256
-from pipelines.storage.plain_values import plain
+from pipelines.storage.rounding import jsonable
 
 DONE = "done"
 FAILED = "failed"
@@ -80,7 +80,7 @@ def write_record(record: Record, path: Path) -> None:
     InputError
         If it cannot be written.
     """
-    text = json.dumps({"schema": SCHEMA, **plain(asdict(record))}, ensure_ascii=False)
+    text = json.dumps({"schema": SCHEMA, **jsonable(asdict(record))}, ensure_ascii=False)
     with file_written_whole(path) as partial:
         partial.write_text(text + "\n", encoding="utf-8", newline="\n")
 

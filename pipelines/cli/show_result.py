@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipelines.cli.terminal import Column, print_json, print_table, printable, say, screen
 from pipelines.report.save import PDF
-from pipelines.storage.plain_values import plain
-from pipelines.storage.rounding import value_with_std
+from pipelines.storage.rounding import jsonable, value_with_std
 from pipelines.storage.tables import plain_rows
 
 if TYPE_CHECKING:
@@ -68,7 +67,7 @@ def summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
         for name, how in result.tuning.how.items():
             value = getattr(result.tuning.ring, name)
             ring[name] = {"value": value, "how": how, "std": result.tuning.std.get(name)}
-    content: dict[str, Any] = plain(
+    content: dict[str, Any] = jsonable(
         {
             "result": str(folder),
             "report": str(folder / REPORT) if report else None,

@@ -24,7 +24,6 @@ from pipelines.cli.simulate_options import (
 )
 from pipelines.cli.simulate_ranges import orders_of, values_of
 from pipelines.simulate.campaign import simulate_campaign
-from pipelines.simulate.frequencies import simulate_frequencies, wheel_of
 from pipelines.simulate.responses import (
     MOST_LOADS,
     Observer,
@@ -32,7 +31,7 @@ from pipelines.simulate.responses import (
     simulate_inertance,
     simulate_loaded,
 )
-from pipelines.simulate.tyre import damping_of
+from pipelines.simulate.tyre import damping_of, simulate_frequencies, wheel_of
 
 simulate = typer.Typer(
     cls=Group,

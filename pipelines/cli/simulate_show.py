@@ -17,21 +17,22 @@ from pipelines.cli.terminal import Column, print_table
 from pipelines.plots import forced as figures_forced
 from pipelines.plots import waves as figures_waves
 from pipelines.plots.style import Margins, figure_bytes, styled_figure
-from pipelines.simulate.frequencies import (
-    free_frequencies,
-    frequency_columns,
-    frequency_lists,
-    hub_columns,
-    instabilities,
-    largest_at_hub,
-)
 from pipelines.simulate.responses import (
     PER_LINE_FORCE,
     CleatResponse,
     LoadedSweep,
     SimulatedInertance,
 )
-from pipelines.simulate.tyre import SimulatedTyre, tyre_to_simulate
+from pipelines.simulate.tyre import (
+    SimulatedTyre,
+    free_frequencies,
+    frequency_columns,
+    frequency_lists,
+    hub_columns,
+    instabilities,
+    largest_at_hub,
+    tyre_to_simulate,
+)
 from pipelines.storage.atomic import file_written_whole
 from pipelines.storage.tables import write_table
 

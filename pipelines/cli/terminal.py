@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from ema.core.errors import escaped, visible_line
-from pipelines.storage.plain_values import plain
+from pipelines.storage.rounding import jsonable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,7 +40,7 @@ def say(message: str) -> None:
 
 def print_json(content: Any) -> None:
     """Print a result for programs, in plain ASCII, which every console can show."""
-    print(escaped(json.dumps(plain(content), indent=2, allow_nan=False)))  # noqa: T201
+    print(escaped(json.dumps(jsonable(content), indent=2, allow_nan=False)))  # noqa: T201
 
 
 def complain(message: str) -> None:

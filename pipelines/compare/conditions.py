@@ -8,8 +8,7 @@ from typing import Any
 
 from pipelines.compare.modes import LOWEST_MAC, MatchedMode
 from pipelines.results.check import accepted_notes
-from pipelines.results.conditions import named
-from pipelines.results.labels import short
+from pipelines.results.labels import named, short
 from pipelines.results.result import Result
 from pipelines.storage.rounding import plain
 

@@ -27,7 +27,7 @@ from ema.io.uff.write import (
 from pipelines.export.data import MEASURED, ModalExport
 from pipelines.results.provenance import software_version
 from pipelines.storage.checksums import write_marker
-from pipelines.storage.plain_values import plain
+from pipelines.storage.rounding import jsonable
 from pipelines.storage.tables import write_csv
 
 FOLDER_MARKER = "export.json"  # lists the files of an export that is a folder
@@ -130,7 +130,7 @@ def _jsonable(value: Any) -> Any:
         if value.dtype.kind != "f" or np.isfinite(value).all():
             return value.tolist()  # faster than number by number
         value = value.tolist()
-    return plain(value)
+    return jsonable(value)
 
 
 def _matlab(value: Any) -> Any:

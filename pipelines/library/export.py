@@ -28,7 +28,7 @@ from pipelines.results.parameter_set import (
 from pipelines.storage import tables
 from pipelines.storage.atomic import file_written_whole
 from pipelines.storage.checksums import DamagedFile
-from pipelines.storage.plain_values import plain
+from pipelines.storage.rounding import jsonable
 
 COLUMNS = ("section", "name", "value", "std", "how")
 
@@ -41,7 +41,7 @@ def write_json(parameters: ParameterSet, path: Path) -> None:
             key: {field: value for field, value in entry.items() if value is not None}
             for key, entry in sections[name].items()
         }
-    content = plain({"schema": SCHEMA, **sections})
+    content = jsonable({"schema": SCHEMA, **sections})
     text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
     path.write_text(escaped(text) + "\n", encoding="utf-8", newline="\n")
 

@@ -1,4 +1,4 @@
-"""What channels of a recording probably are: the force, the reference, and where sensors sit."""
+"""Guesses from recordings: force, reference and positions of the sensors."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ _NUMBER = re.compile(
     r"^(?:p|pos|position|point|pt|punkt|n|node)[ _.-]*([0-9]{1,4})[ _:.-]*[+-]?[xyz]?$",
     re.IGNORECASE,
 )
-# Grids that labs lay around a tyre; fewer positions could be any structure's.
+# Common numbers of positions around a tyre; with fewer it could be any structure.
 _PROBABLE_GRIDS = (24, 30, 36, 40, 45, 48, 60, 72, 80, 90, 96, 100, 120, 144, 180, 360)
 _FULL_CIRCLE = 360
-_ON_GRID = 0.01  # of a grid step: names carry few digits
+_ON_GRID = 0.01  # of a grid step, as names have few digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +43,10 @@ class Source:
     path : Path
     channels : tuple of Channel
     sampling_rate_hz : float
-        NaN for FRFs, and where the file does not say.
+        NaN for FRFs, and if the file does not state it.
     has_frfs : bool
     force_node : int or None
-        Node of the force of the FRFs, where the file numbers it.
+        Node of the force of the FRFs.
     """
 
     path: Path
@@ -58,15 +58,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Layout:
-    """Sensors evenly spread in the order of their channels, turned on from file to file.
-
-    Parameters
-    ----------
-    spacing_deg : float
-        From one sensor to the next, degrees.
-    step_deg : float
-        From one run to the next, degrees.
-    """
+    """Sensors evenly spaced in the order of their channels, turned from run to run; degrees."""
 
     spacing_deg: float
     step_deg: float = 0.0
@@ -74,16 +66,16 @@ class Layout:
 
 @dataclass(frozen=True)
 class Places:
-    """Where the sensors sit, as far as files tell.
+    """Positions of the sensors, as far as files state them.
 
     Parameters
     ----------
     positions : int or None
-        Number of grid positions; None where there is no telling, or no circle.
+        Number of grid positions; None if unknown, or without a circle.
     known_from : str
-        `GEOMETRY`, `NODES`, `NAMES` or `LAYOUT`; empty where nothing tells the places.
+        `GEOMETRY`, `NODES`, `NAMES` or `LAYOUT`; empty if unknown.
     angle_deg : dict or None
-        Angles by file and channel, where there is a circle.
+        Angles by file and channel on a circle.
     is_guess : bool
         Whether the number of positions is only probable.
     """
@@ -96,29 +88,22 @@ class Places:
 
 def sources_of(content: FileContent) -> list[Source]:
     """Time series and FRFs of a file."""
-    found = []
+    found, unknown = [], float("nan")
     if (recording := content.recording) is not None:
         found.append(Source(content.path, recording.channels, recording.sampling_rate_hz, False))
     if (frf := content.frf) is not None:
-        rows = zip(content.frf_names, frf.node, frf.position_deg, strict=True)
+        angles = [None if np.isnan(angle) else float(angle) for angle in frf.position_deg]
+        nothing = np.zeros(0)
         channels = tuple(
-            Channel(
-                name,
-                ACCELERATION,
-                "m/s^2",
-                np.zeros(0),
-                node=int(node),
-                angle_deg=None if np.isnan(angle) else float(angle),
-            )
-            for name, node, angle in rows
+            Channel(name, ACCELERATION, "m/s^2", nothing, node=int(node), angle_deg=angle)
+            for name, node, angle in zip(content.frf_names, frf.node, angles, strict=True)
         )
-        nan = float("nan")
-        found.append(Source(content.path, channels, nan, True, content.frf_force_node))
+        found.append(Source(content.path, channels, unknown, True, content.frf_force_node))
     return found
 
 
 def needs_calibration(channel: Channel) -> bool:
-    """Whether it is a signal in volts, or one without any unit."""
+    """Whether it is a signal in volts, or without a unit."""
     unstated = channel.quantity == UNKNOWN and not is_stated(channel.unit)
     return channel.quantity == VOLTAGE or unstated
 
@@ -126,31 +111,26 @@ def needs_calibration(channel: Channel) -> bool:
 def forces_in(source: Source) -> list[str]:
     """Names of the channels that may be the excitation: by quantity, or else by name."""
     forces = [channel.name for channel in source.channels if channel.quantity == FORCE]
-    return forces or [
-        channel.name
-        for channel in source.channels
-        if needs_calibration(channel) and _FORCE_NAME.search(channel.name)
-    ]
+    unknown = (channel.name for channel in source.channels if needs_calibration(channel))
+    return forces or [name for name in unknown if _FORCE_NAME.search(name)]
 
 
 def reference_of(sources: Sequence[Source]) -> str | None:
-    """Name of the fixed sensor: by its word, or the only one that keeps its node in all runs."""
+    """Name of the fixed sensor: by its name, or the only one that keeps its node in all runs."""
     sensors = [channel for source in sources for channel in sensors_in(source)]
     called = [channel.name for channel in sensors if _REFERENCE_NAME.search(channel.name)]
     if called or len(sources) < 2:
         return called[0] if called else None
-    names = Counter(channel.name for channel in sensors)
-    fixed = [
-        name
-        for name, count in names.items()
-        if count == len(sources) and len({c.node for c in sensors if c.name == name} - {0}) == 1
-    ]
-    moving = any(len({c.node for c in sensors if c.name == name}) > 1 for name in names)
+    counts = Counter(channel.name for channel in sensors)
+    nodes = {name: {c.node for c in sensors if c.name == name} for name in counts}
+    in_all = (name for name, count in counts.items() if count == len(sources))
+    fixed = [name for name in in_all if len(nodes[name] - {0}) == 1]
+    moving = any(len(each) > 1 for each in nodes.values())
     return fixed[0] if len(fixed) == 1 and moving else None
 
 
 def sensors_in(source: Source, reference: str | None = None) -> list[Channel]:
-    """Channels that may be responses: accelerations, or else what calibration may make such."""
+    """Channels that may be responses: accelerations, or else those without calibration."""
     others = {reference, *forces_in(source)}
     candidates = [c for c in source.channels if c.quantity == ACCELERATION]
     candidates = candidates or [c for c in source.channels if needs_calibration(c)]
@@ -158,7 +138,7 @@ def sensors_in(source: Source, reference: str | None = None) -> list[Channel]:
 
 
 def excitation_deg(sources: Sequence[Source], places: Places) -> float | None:
-    """Angle of the force, where geometry or its node number tells."""
+    """Angle of the force by geometry or node number."""
     forces = [c for source in sources for c in source.channels if c.name in forces_in(source)]
     angles = {channel.angle_deg for channel in forces}
     nodes = {c.node for c in forces} | {s.force_node for s in sources if s.has_frfs}
@@ -172,9 +152,9 @@ def excitation_deg(sources: Sequence[Source], places: Places) -> float | None:
 
 
 def places_of(sources: Sequence[Source], reference: str | None) -> Places:
-    """Where all sensors sit: by geometry, node numbers, or names such as ``A01_030deg``, ``P12``.
+    """Positions of all sensors by geometry, node numbers, or names such as ``A01_030deg``, ``P12``.
 
-    Nothing is concluded where one sensor does not fit, or two would sit at one place of a run.
+    Unknown if one sensor does not fit, or if two of a run coincide.
     """
     sensors = [(source, c) for source in sources for c in sensors_in(source, reference)]
     if not sensors:
@@ -194,12 +174,12 @@ def places_of(sources: Sequence[Source], reference: str | None) -> Places:
 
 
 def places_laid_out(sources: Sequence[Source], reference: str | None, layout: Layout) -> Places:
-    """Angles of sensors that are evenly spread and turned from run to run; the first one at 0°.
+    """Angles of sensors that are evenly spaced and turned from run to run; the first one at 0°.
 
     Raises
     ------
     InputError
-        If two sensors of a run would sit at one place.
+        If two sensors of a run coincide.
     """
     sensors, angles = [], []
     for run, source in enumerate(sources):
@@ -208,12 +188,10 @@ def places_laid_out(sources: Sequence[Source], reference: str | None, layout: La
             angles.append(layout.spacing_deg * number + layout.step_deg * run)
     places = _places_at(sensors, angles, LAYOUT)
     if not places.known_from:
-        raise InputError(
-            "--spacing-deg",
-            f"{layout.spacing_deg:g}° between {len(sensors_in(sources[0], reference))} sensors",
-            "each sensor of a run has a place of its own",
-            "Correct the spacing, or name the sensor that stays in place with --reference",
-        )
+        n_sensors = len(sensors_in(sources[0], reference))
+        found, rule = f"{layout.spacing_deg:g}° between {n_sensors} sensors", "two sensors coincide"
+        remedy = "Correct the spacing, or name the sensor that stays in place with --reference"
+        raise InputError("--spacing-deg", found, rule, remedy)
     return places
 
 
@@ -236,7 +214,7 @@ def _places_by_number(
 
 
 def _angle(number: int, positions: int) -> float:
-    """Number k lies at k·360/positions degrees; counted from 1, the last one meets 0."""
+    """Number k is at k·360/positions degrees; counted from 1, the last one is at 0."""
     return number % positions * 360.0 / positions
 
 
@@ -256,7 +234,7 @@ def _places_at(
 
 
 def _grid_of_angles(angles_deg: Iterable[float]) -> int | None:
-    """Coarsest regular grid that all angles lie on; None where there is none."""
+    """Coarsest regular grid with all angles on it; None if there is none."""
     angles = np.array(list(angles_deg)) / 360.0
     for positions in range(3, _FULL_CIRCLE + 1):
         steps = angles * positions
@@ -266,7 +244,7 @@ def _grid_of_angles(angles_deg: Iterable[float]) -> int | None:
 
 
 def _grid_of_numbers(numbers: Sequence[int]) -> tuple[int | None, bool]:
-    """Grid that numbers, counted from 0 or 1, fill; else the next larger one, as a guess."""
+    """Grid that numbers from 0 or 1 fill; else the next larger one, as a guess."""
     distinct = sorted(set(numbers))
     lowest, highest = distinct[0], distinct[-1]
     step = math.gcd(*(number - lowest for number in distinct)) or 1

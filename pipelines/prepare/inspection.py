@@ -1,4 +1,4 @@
-"""A look into recordings before anything is done with them."""
+"""Inspection of recordings before processing."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from ema.io.formats import exists, is_folder, read_file, read_headers
 from ema.signals.signal_checks import SignalSummary, level_findings, signal_findings, summarise
 from ema.signals.spikes import with_limits
 
-# What a reader left out is worth a note; it does not make a file look wrong.
+# Checks whose findings are notes: datasets that a reader skipped are not an error.
 _NOTES = ("content",)
 
 
 @dataclass(frozen=True, eq=False)
 class ChannelReport:
-    """One channel of a file: what it is, and its signal in SI units where it was looked at."""
+    """One channel of a file, and its signal in SI units if it was read."""
 
     channel: Channel
     signal: SignalSummary | None
@@ -38,20 +38,18 @@ class ChannelReport:
 
 @dataclass(frozen=True, eq=False)
 class FileReport:
-    """What one file holds and what looks wrong in it.
+    """Content of one file and what looks wrong in it.
 
     Parameters
     ----------
     path : Path
     size_bytes : int
     sampling_rate_hz : float
-        NaN where neither file nor manifest say, and without time series.
+        NaN without time series, or if neither file nor manifest state it.
     channels : tuple of ChannelReport
         Time series.
     frf : FRF or None
-        FRFs.
     frf_names : tuple of str
-        Their names.
     findings : tuple of Finding
         About the file, not one of its channels.
     """
@@ -76,7 +74,7 @@ class FileReport:
 
     @property
     def notes(self) -> tuple[Finding, ...]:
-        """What is worth knowing, and no fault."""
+        """What is worth knowing but not wrong."""
         return tuple(f for f in self.all_findings if f.verdict == OK or f.check in _NOTES)
 
 
@@ -89,12 +87,12 @@ class Inspection:
 
     @property
     def looks_wrong(self) -> bool:
-        """Whether any file has a fault."""
+        """Whether anything is wrong with any file."""
         return bool(self.errors) or any(report.wrong for report in self.files)
 
 
 def inspect_files(sources: Sequence[Path], *, levels: bool = True) -> Inspection:
-    """Look into recordings, one after the other; a bad one does not hide the others.
+    """Inspect recordings; an unreadable one does not hide the others.
 
     Parameters
     ----------
@@ -102,7 +100,7 @@ def inspect_files(sources: Sequence[Path], *, levels: bool = True) -> Inspection
         Recordings, folders of recordings, or manifests. A manifest (in a folder, or named) gives
         sampling rate and calibration where the files do not.
     levels : bool
-        Whether to go through the signals; without, only headers are told.
+        Whether to read the signals; otherwise read headers only.
     """
     found = [each for source in sources for each in _look(source, levels)]
     return Inspection(
@@ -112,7 +110,7 @@ def inspect_files(sources: Sequence[Path], *, levels: bool = True) -> Inspection
 
 
 def _look(source: Path, levels: bool) -> Iterator[FileReport | InputError]:
-    """Report on each file of a source, or the error that is in the way."""
+    """Report on each file of a source, or its error."""
     manifest, files = None, [source]
     if is_folder(source) or source.suffix.lower() == ".toml":
         files = []
@@ -166,7 +164,7 @@ def _report(path: Path, manifest: Manifest | None, levels: bool) -> FileReport:
 def _with_manifest(
     recording: Recording, manifest: Manifest | None
 ) -> tuple[Recording, list[Finding]]:
-    """Rate and calibration by the manifest, as far as they concern this recording."""
+    """Rate and calibration of this recording by the manifest."""
     if manifest is None:
         return recording, []
     rate_hz = manifest.acquisition.sampling_rate_hz
@@ -182,24 +180,22 @@ def _with_manifest(
 
 
 def _remarks(recording: Recording) -> list[Finding]:
-    """What the recording leaves open, and the manifest has to say."""
-    file = recording.path.name
-    findings = []
+    """Rates, units and names that the manifest has to add."""
+    file, findings = recording.path.name, []
     if np.isnan(recording.sampling_rate_hz):
-        detail = "not stated: sampling_rate_hz of the manifest's [acquisition] has to say"
+        detail = "not stated: set sampling_rate_hz in [acquisition] of the manifest"
         findings.append(Finding(file, "", None, "sampling rate", OK, detail))
     for channel in recording.channels:
-        place = (file, channel.name, channel.angle_deg)
         if channel.quantity == VOLTAGE:
-            detail = "volts: the manifest's [calibration] has to give a sensitivity"
-            findings.append(Finding(*place, "unit", OK, detail))
+            detail = "volts: set a sensitivity in [calibration] of the manifest"
         elif not is_stated(channel.unit):
-            detail = "no unit stated: taken as SI, unless the manifest's [calibration] says else"
-            findings.append(Finding(*place, "unit", OK, detail))
-    repeated = [name for name, count in Counter(recording.names).items() if count > 1]
-    for name in repeated:
-        detail = "several channels have this name, and channels are found by their names"
-        findings.append(Finding(file, name, None, "name", WARNING, detail))
+            detail = "no unit stated: taken as SI, unless [calibration] of the manifest sets one"
+        else:
+            continue
+        findings.append(Finding(file, channel.name, channel.angle_deg, "unit", OK, detail))
+    repeated = (name for name, count in Counter(recording.names).items() if count > 1)
+    detail = "several channels have this name; names must be unique"
+    findings += [Finding(file, name, None, "name", WARNING, detail) for name in repeated]
     return findings
 
 
@@ -208,11 +204,11 @@ def _channel_reports(
 ) -> Iterator[ChannelReport]:
     for row, channel in enumerate(recording.channels):
         about = [finding for finding in findings if finding.channel == channel.name]
-        if channel.name in recording.names[:row]:  # said of its first namesake
+        if channel.name in recording.names[:row]:  # reported for the first of that name
             about = []
         signal = None if summaries is None else summaries[row]
         if signal is not None:
-            said = {finding.check for finding in about}  # some readers count what is missing
-            seen = signal_findings(signal, recording.path.name, channel)
-            about += [finding for finding in seen if finding.check not in said]
+            known = {finding.check for finding in about}  # some readers count missing samples
+            found = signal_findings(signal, recording.path.name, channel)
+            about += [finding for finding in found if finding.check not in known]
         yield ChannelReport(channel, signal, tuple(about))

@@ -1,4 +1,4 @@
-"""A first ``campaign.toml`` for a folder of recordings, as far as the files themselves tell."""
+"""Manifest template: a ``campaign.toml`` with everything that recordings state."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 import tomlkit
 
 from ema.core.errors import InputError
-from ema.core.finding import Finding
 from ema.core.recording import VOLTAGE, Channel
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.campaign.read import recordings_in
@@ -35,30 +34,28 @@ from pipelines.storage.atomic import file_written_whole
 
 _BARE_KEY = re.compile(r"^[A-Za-z0-9_-]+$")
 _TO_FILL_IN = """\
-# Draft made from the recordings. Put a value in place of what stands in angle brackets and take
-# away the # before that line; check the rest. The README shows a whole manifest.
+# Template made from the recordings. Replace angle brackets by values and remove the # before those
+# lines; check the rest. The README shows a complete manifest.
 """
-_ANGLES = """\
-# Angles in degrees, counted around the tyre from where the force acts, the same way in all runs.
-"""
+_ANGLES = "# Angles in degrees around the tyre, from the force, in the same direction in all runs."
 _POSITIONS = """\
-# positions = <number>           # places around the tyre: 72 where they are 5 degrees apart
+# positions = <number>           # positions around the tyre: 72 if they are 5 degrees apart
 """
 _REFERENCE = '# reference = "<channel>"        # the sensor that stays in place in all runs, if any'
 
 
 @dataclass(frozen=True)
 class Draft:
-    """A draft manifest and what is still missing in it.
+    """A manifest template.
 
     Parameters
     ----------
     text : str
         TOML; lines to fill in are comments.
     missing : tuple of str
-        What the files do not tell, in words.
+        What the files do not state.
     left_out : tuple of str
-        Why files could not be considered.
+        Why files were left out.
     """
 
     text: str
@@ -68,11 +65,11 @@ class Draft:
 
 @dataclass(frozen=True, eq=False)
 class _Sketch:
-    """What is known, or thought, of the campaign."""
+    """What is known of the campaign, or guessed."""
 
     name: str
     runs: tuple[Source, ...]
-    frfs: tuple[Source, ...]  # beside time series; these go first
+    frfs: tuple[Source, ...]  # beside time series, which are preferred
     unread: tuple[Path, ...]
     force: str | None
     reference: str | None
@@ -80,7 +77,7 @@ class _Sketch:
 
     @property
     def is_structure(self) -> bool:
-        """Whether places are numbered, but on no circle."""
+        """Whether positions are numbered, but not on a circle."""
         return bool(self.places.known_from) and self.places.positions is None
 
     @property
@@ -91,31 +88,34 @@ class _Sketch:
 def draft_manifest(
     folder: Path, *, layout: Layout | None = None, reference: str | None = None
 ) -> Draft:
-    """Draft a manifest from the recordings in a folder.
+    """Make a manifest template from the recordings in a folder.
 
     Parameters
     ----------
     folder : Path
     layout : Layout or None
-        Where the sensors sit, if they are evenly spread. Default: what the files tell.
+        Positions of evenly spaced sensors. Default: those in the files.
     reference : str or None
-        Channel of the sensor that stays in place. Default: what its name tells.
+        Channel of the sensor that stays in place. Default: by its name.
 
     Raises
     ------
     InputError
-        If the folder holds no recordings, or none that can be read; if no run has the reference
-        or two sensors would sit at one place.
+        If the folder has no readable recordings, no run has the reference, or two sensors of a run
+        coincide.
     """
     sources, errors = _read_all(recordings_in(folder))
     if not sources:
         found = "; ".join(text.rstrip(".") for text in errors.values())
-        rule = "a manifest is drafted from recordings"
+        rule = "a manifest template needs recordings"
         raise InputError(str(folder), found, rule, "Copy the files there, or name another folder")
     series = tuple(source for source in sources if not source.has_frfs)
     runs = series or tuple(sources)
     if reference is not None:
-        _require_channel(reference, runs)
+        known = sorted({channel.name for run in runs for channel in run.channels})
+        if reference not in known:
+            rule = f"the recordings have {_listed(known, 20)}"
+            raise InputError("--reference", repr(reference), rule, "Name one of them")
     elif series:
         reference = reference_of(runs)
     forces = {name for source in runs for name in forces_in(source)}
@@ -131,15 +131,8 @@ def draft_manifest(
     return Draft(_text_of(sketch), tuple(_missing(sketch)), tuple(errors.values()))
 
 
-def _require_channel(name: str, runs: Sequence[Source]) -> None:
-    known = sorted({channel.name for run in runs for channel in run.channels})
-    if name not in known:
-        rule = f"the recordings have {_listed(known, 20)}"
-        raise InputError("--reference", repr(name), rule, "Name one of them")
-
-
 def _read_all(paths: Sequence[Path]) -> tuple[list[Source], dict[Path, str]]:
-    """Content of all files that can be used, and what is wrong with the others."""
+    """Content of all usable files, and what is wrong with the others."""
     sources: list[Source] = []
     errors: dict[Path, str] = {}
     for path in paths:
@@ -147,23 +140,25 @@ def _read_all(paths: Sequence[Path]) -> tuple[list[Source], dict[Path, str]]:
             path.name.encode()
             content = read_file(path)
         except UnicodeEncodeError:
-            errors[path] = f"{path.name!a}: a name that no manifest can hold; rename the file"
+            errors[path] = f"{path.name!a}: the name is not UTF-8; rename the file"
         except InputError as error:
             errors[path] = str(error)
         else:
             sources += sources_of(content)
             if content.recording is None and content.frf is None:
-                errors[path] = _nothing_in(path, content.findings)
+                notes = "; ".join(finding.detail for finding in content.findings)
+                text = f"{path.name}: neither time series nor FRFs"
+                errors[path] = f"{text} ({notes})" if notes else text
     return sources, errors
 
 
 def write_draft(folder: Path, draft: Draft, *, force: bool = False) -> Path:
-    """Write a draft beside the recordings; an existing manifest is replaced only with `force`.
+    """Write a manifest template beside the recordings.
 
     Raises
     ------
     InputError
-        If there is one, and `force` is not given.
+        If there is a manifest and `force` is not given.
     """
     path = folder / MANIFEST_NAME
     if path.exists() and not force:
@@ -174,13 +169,8 @@ def write_draft(folder: Path, draft: Draft, *, force: bool = False) -> Path:
     return path
 
 
-def _nothing_in(path: Path, findings: Sequence[Finding]) -> str:
-    notes = "; ".join(finding.detail for finding in findings)
-    return f"{path.name}: neither time series nor FRFs" + (f" ({notes})" if notes else "")
-
-
 def _missing(sketch: _Sketch) -> Iterator[str]:
-    """What the user has to say, in the order of the manifest."""
+    """What the user has to add, in the order of the manifest."""
     if not sketch.is_structure:
         yield "[tyre] inflation_pressure_pa and mean_radius_m, for the ring parameters"
     rates = _rates(sketch)
@@ -198,9 +188,8 @@ def _missing(sketch: _Sketch) -> Iterator[str]:
         yield f"[excitation] channel, the force, one of {_listed(sorted(names))}"
     if not sketch.places.known_from:
         yield (
-            "[grid] positions, and positions_deg of each run, the angles of the sensors; "
-            "--spacing-deg 30 --step-deg 5 writes those of sensors 30° apart that are turned by "
-            "5° from run to run"
+            "[grid] positions, and positions_deg of each run, the angles of the sensors; for "
+            "sensors 30° apart, turned by 5° from run to run, use --spacing-deg 30 --step-deg 5"
         )
     elif sketch.places.is_guess and sketch.places.positions:
         known_from = sketch.places.known_from
@@ -219,7 +208,7 @@ def _rates(sketch: _Sketch) -> list[float]:
 
 
 def _force_is_open(sketch: _Sketch) -> bool:
-    """Whether it is not clear which channel is the force; one in each run needs no naming."""
+    """Whether the force channel is unclear; a single one in each run needs no name."""
     return any(not source.has_frfs and len(forces_in(source)) != 1 for source in sketch.runs)
 
 
@@ -227,18 +216,15 @@ def _uncalibrated(sketch: _Sketch) -> tuple[list[str], list[str]]:
     """Names of the channels in volts, and of those without unit."""
     used = {sketch.reference, *(c.name for c in sketch.sensors)}
     used.update(name for source in sketch.runs for name in forces_in(source))
-    channels = [
-        channel
-        for source in sketch.runs
-        for channel in source.channels
-        if channel.name in used and needs_calibration(channel)
-    ]
+    channels = [c for run in sketch.runs for c in run.channels if c.name in used]
+    channels = [channel for channel in channels if needs_calibration(channel)]
     volts = dict.fromkeys(c.name for c in channels if c.quantity == VOLTAGE)
     unitless = dict.fromkeys(c.name for c in channels if c.quantity != VOLTAGE)
     return list(volts), list(unitless)
 
 
 def _text_of(sketch: _Sketch) -> str:
+    instead = "FRFs, instead of the time series"
     parts = [
         _TO_FILL_IN,
         "schema = 1\n",
@@ -248,11 +234,8 @@ def _text_of(sketch: _Sketch) -> str:
         _grid(sketch),
         _excitation(sketch),
         *(_run(sketch, source) for source in sketch.runs),
-        *(
-            _commented_run(source.path, "FRFs, instead of the time series")
-            for source in sketch.frfs
-        ),
-        *(_commented_run(path, "left out: nothing could be read") for path in sketch.unread),
+        *(_commented_run(source.path, instead) for source in sketch.frfs),
+        *(_commented_run(path, "left out: unreadable") for path in sketch.unread),
     ]
     return "\n".join(part for part in parts if part)
 
@@ -265,7 +248,7 @@ def _tyre(sketch: _Sketch) -> str:
         "# mean_radius_m = <m>            # required for the ring parameters",
         "# belt_width_m = <m>             # optional: absolute amplitudes of the ring model",
     ]
-    if sketch.is_structure:  # a tyre without its data, and without a circle, would be refused
+    if sketch.is_structure:  # a tyre without data and circle would be refused
         lines = ["# Only for a tyre:", *(f"# {line.removeprefix('# ')}" for line in lines)]
     return _joined(lines)
 
@@ -276,7 +259,7 @@ def _acquisition(sketch: _Sketch) -> str:
         return f"[acquisition]\nsampling_rate_hz = {rates[0]!r}\n"
     if sketch.runs[0].has_frfs:
         return ""
-    why = "the files do not say" if not rates else "the files differ, and runs share one rate"
+    why = "not in the files" if not rates else "the files differ; all runs need the same rate"
     return f"[acquisition]\n# sampling_rate_hz = <Hz>          # {why}\n"
 
 
@@ -324,16 +307,16 @@ def _run(sketch: _Sketch, source: Source) -> str:
         lines.append(_REFERENCE)
     sensors = sensors_in(source, sketch.reference)
     places = sketch.places
-    # The file itself says where its accelerations are; what is no acceleration yet, is listed.
-    tells = places.known_from in (GEOMETRY, NODES) and not any(map(needs_calibration, sensors))
-    if tells or sketch.is_structure:
+    # Positions in the file are those of accelerations; uncalibrated channels are listed.
+    in_file = places.known_from in (GEOMETRY, NODES) and not any(map(needs_calibration, sensors))
+    if in_file or sketch.is_structure:
         lines.append(f"# positions follow from {places.known_from}")
     elif places.angle_deg is not None:
         known = (f"{_key(c.name)} = {places.angle_deg[source.path, c.name]!r}" for c in sensors)
         lines.append(f"positions_deg = {{ {', '.join(known)} }}")
     else:
         open_places = (f"{_key(channel.name)} = <deg>" for channel in sensors)
-        lines = lines if source is not sketch.runs[0] else [_ANGLES.rstrip(), *lines]
+        lines = lines if source is not sketch.runs[0] else [_ANGLES, *lines]
         lines.append(f"# positions_deg = {{ {', '.join(open_places)} }}")
     return _joined(lines)
 
@@ -352,5 +335,5 @@ def _key(name: str) -> str:
 
 
 def _text(value: str) -> str:
-    """A string of TOML, whatever signs a name has."""
+    """A string of TOML, with escapes as needed."""
     return tomlkit.item(value).as_string()

@@ -1,4 +1,4 @@
-"""The whole story: a campaign becomes modes, the modes become a ring."""
+"""Processing of a campaign: recordings, FRFs, modes, ring parameters."""
 
 from __future__ import annotations
 
@@ -31,20 +31,23 @@ from ema.identify import Identification, SensorMass
 from ema.io.campaign.roles import UNNUMBERED
 from model.identifiability import IDENTIFIED
 from model.tuning import TuningResult
-from pipelines.process.plausibility import (
+from pipelines.process.validate import (
     AMPLITUDE,
     PLAUSIBILITY,
+    RingOrder,
     amplitude_finding,
     plausibility_finding,
+    ring_orders,
+    validate,
 )
-from pipelines.process.validate import RingOrder, ring_orders, validate
 from pipelines.results.options import TYRE_BAND_HZ, Options, processing_in_force
 from pipelines.results.provenance import Stopwatch, checksummed, provenance
 from pipelines.results.result import Result
 from pipelines.results.store import load
 
-# Share by which a band may reach beyond the last line: half the sampling rate has none.
-_BAND_ROOM = 0.01
+# Share by which a band may exceed the last line, as there is none at half the sampling rate.
+_BAND_TOLERANCE = 0.01
+_MOST_NAMED = 3  # warnings in the message of a strict run
 
 
 def process(
@@ -61,9 +64,9 @@ def process(
         A campaign's folder, its manifest, or recordings.
     options : Options, optional
     progress : callable, optional
-        Told the name of each stage as it starts.
+        Called with the name of each stage as it starts.
     run_progress : callable, optional
-        Called with (runs done, runs in all) as each run has its FRFs.
+        Called with (done, total) after the FRFs of each run.
 
     Returns
     -------
@@ -72,7 +75,7 @@ def process(
     Raises
     ------
     InputError
-        If the input cannot be used, or gives a warning in a strict run; nothing is written.
+        If the input cannot be used, or gives a warning in a strict run.
     FitError
         If no modes can be identified.
 
@@ -127,7 +130,7 @@ def process(
 def _measured(
     campaign: Campaign, estimated: FRF, found: Identification, band_hz: tuple[float, float]
 ) -> Result:
-    """Gather what was identified, with everything that was checked on the way."""
+    """Result before the ring steps, with the findings of all checks."""
     notes = (*found.model.notes, *_mass_note(campaign, found.model))
     fixed = found.frf.reference
     reference = None if fixed is None else check_reference(fixed, band_hz)
@@ -197,7 +200,7 @@ def tune(result: Result, options: Options) -> Result:
 def _ring_findings(
     modal_model: ModalModel, orders: Sequence[RingOrder], tuning: TuningResult
 ) -> list[Finding]:
-    """Whether ring and amplitudes are those of a tyre, the most likely cause of a doubt first."""
+    """Whether ring and amplitudes are plausible, the most likely cause of a doubt first."""
     identified = tuning.how["mass_per_area_kg_m2"] == IDENTIFIED
     mass = tuning.ring.mass_per_area_kg_m2 if identified else None
     plausible = plausibility_finding(orders, mass)
@@ -207,62 +210,54 @@ def _ring_findings(
 
 
 def _require_ring_data(campaign: Campaign, options: Options) -> None:
-    """Refuse a tyre without pressure or radius before an hour of processing, not after."""
+    """Refuse a tyre without pressure or radius before processing, not after."""
     if campaign.tyre is None or not options.tune:
         return
     for name in ("inflation_pressure_pa", "mean_radius_m"):
         if getattr(campaign.tyre, name) is None:
-            raise InputError(
-                f"{campaign.sources[0].name}, [tyre]",
-                f"no {name}",
-                "without it no ring parameters can be determined",
-                f"Add {name} = …, or stop at the modes with --no-tune",
-            )
+            where = f"{campaign.sources[0].name}, [tyre]"
+            rule = "ring parameters cannot be determined without it"
+            remedy = f"Add {name} = …, or stop at the modes with --no-tune"
+            raise InputError(where, f"no {name}", rule, remedy)
     numbered = not any(finding.check == UNNUMBERED for finding in campaign.findings)
     if len(campaign.runs) > 1 and not campaign.has_circle and not numbered:
         raise InputError(
             campaign.sources[0].name,
             f"{len(campaign.runs)} runs whose sensors have neither position nor node",
-            "sensors of one name are averaged over the runs; on a tyre that is turned between the "
-            "runs they sit elsewhere in each",
+            "sensors of one name are averaged over the runs, but they move if the tyre is turned",
             "Add [grid] positions = … and positions_deg = { sensor = angle, … } to every [[runs]], "
             "or stop at the modes with --no-tune if they stayed in place",
         )
 
 
 def _require_band(stated_hz: tuple[float, float] | None, frf: FRF) -> None:
-    """Refuse a band that the user names and the FRFs do not reach."""
+    """Refuse a chosen band that exceeds the FRFs."""
     last_hz = float(frf.frequency_hz[-1])
-    if stated_hz is not None and stated_hz[1] > last_hz * (1 + _BAND_ROOM):
-        raise InputError(
-            "band_hz",
-            f"{stated_hz[0]:g} to {stated_hz[1]:g} Hz",
-            f"the FRFs end at {last_hz:g} Hz, half the sampling rate",
-            "Lower the upper limit",
-        )
+    if stated_hz is not None and stated_hz[1] > last_hz * (1 + _BAND_TOLERANCE):
+        found = f"{stated_hz[0]:g} to {stated_hz[1]:g} Hz"
+        rule = f"the FRFs end at {last_hz:g} Hz, half the sampling rate"
+        raise InputError("band_hz", found, rule, "Lower the upper limit")
 
 
 def _sensor_mass(campaign: Campaign) -> SensorMass | None:
-    if campaign.sensor_mass_kg is None or not campaign.has_circle or not campaign.runs:
+    mass_kg = campaign.sensor_mass_kg
+    if mass_kg is None or not campaign.has_circle or not campaign.runs:
         return None
-    return SensorMass(
-        campaign.sensor_mass_kg, sensors_of_runs(campaign), campaign.excitation_deg or 0.0
-    )
+    return SensorMass(mass_kg, sensors_of_runs(campaign), campaign.excitation_deg or 0.0)
 
 
 def _mass_note(campaign: Campaign, modal_model: ModalModel) -> list[str]:
-    if campaign.sensor_mass_kg is not None and campaign.has_circle and not campaign.runs:
-        return [
-            "Sensor mass given, but FRFs from a file do not say which sensors sat on the tyre "
-            "together: nothing was corrected for it."
-        ]
-    if not campaign.has_circle or not campaign.runs:
+    mass_kg = campaign.sensor_mass_kg
+    if not campaign.has_circle or (mass_kg is None and not campaign.runs):
         return []
-    if campaign.sensor_mass_kg is not None:
-        grams = 1e3 * campaign.sensor_mass_kg
-        return [f"Corrected to the bare tyre: the mass of the sensors, {grams:g} g each, is off."]
-    seats = max(angles.size for angles in sensors_of_runs(campaign).values())
-    return [loading_note(modal_model, seats, campaign.excitation_deg or 0.0)]
+    if mass_kg is None:
+        sensors = max(angles.size for angles in sensors_of_runs(campaign).values())
+        return [loading_note(modal_model, sensors, campaign.excitation_deg or 0.0)]
+    if campaign.runs:
+        grams = 1e3 * mass_kg
+        return [f"Corrected to the bare tyre: sensor mass of {grams:g} g each is compensated."]
+    reason = "FRFs from a file do not state which sensors were on the tyre together"
+    return [f"The sensor mass is not compensated: {reason}."]
 
 
 def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:
@@ -274,7 +269,7 @@ def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:
 
 def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -> str:
     if not options.tune:
-        return "The ring steps were left out as asked for (--no-tune)."
+        return "The ring steps were left out (--no-tune)."
     if tyre is None:
         return "No [tyre] in the manifest: the ring steps were left out."
     if tyre.mean_radius_m is None or tyre.inflation_pressure_pa is None:
@@ -288,11 +283,8 @@ def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -
     return ""
 
 
-_SHOWN = 3
-
-
 def refuse_warnings(findings: Sequence[Finding]) -> None:
-    """Raise where any finding is a warning or tells that something was left out.
+    """Raise if a finding is a warning or reports something left out.
 
     Parameters
     ----------
@@ -306,19 +298,14 @@ def refuse_warnings(findings: Sequence[Finding]) -> None:
     doubtful = [finding for finding in findings if finding.verdict != OK]
     if not doubtful:
         return
-    more = len(doubtful) - _SHOWN
-    texts = [_text(finding) for finding in doubtful[:_SHOWN]]
-    raise InputError(
-        "--strict",
-        "; ".join(texts) + (f"; and {more} more" if more > 0 else ""),
-        "a strict run accepts no warnings",
-        "Fix the recordings or leave them out, or run without --strict: quality.csv lists all",
-    )
-
-
-def _text(finding: Finding) -> str:
-    place = " ".join(part for part in (finding.run, finding.channel) if part)
-    return f"{finding.check}, {place}: {finding.detail}" if place else finding.detail
+    texts = []
+    for finding in doubtful[:_MOST_NAMED]:
+        place = " ".join(part for part in (finding.run, finding.channel) if part)
+        texts.append(f"{finding.check}, {place}: {finding.detail}" if place else finding.detail)
+    if len(doubtful) > _MOST_NAMED:
+        texts.append(f"and {len(doubtful) - _MOST_NAMED} more")
+    remedy = "Fix the recordings or leave them out, or run without --strict: quality.csv lists all"
+    raise InputError("--strict", "; ".join(texts), "a strict run accepts no warnings", remedy)
 
 
 def retune(
@@ -329,7 +316,7 @@ def retune(
     strict: bool = False,
     accept_changes: bool = False,
 ) -> Result:
-    """Load a result and determine its ring again; what is not chosen stays as it was.
+    """Load a result and tune its ring again; options that are not given stay as they were.
 
     Parameters
     ----------
@@ -342,7 +329,7 @@ def retune(
     strict : bool
         Whether warnings of the result are errors.
     accept_changes : bool
-        Whether to take a result in which files were changed.
+        Whether to accept a result in which files were changed.
 
     Returns
     -------
@@ -363,17 +350,12 @@ def retune(
     result = load(folder, accept_changes=accept_changes)
     if strict:
         refuse_warnings(result.findings)
-    earlier = result.provenance.get("options", {})
-    try:
-        options = Options(
-            tune=True if objective is not None else earlier["tune"],
-            objective=objective or earlier["objective"],
-            given=earlier["given"] if given is None else given,
-        )
-    except (KeyError, TypeError) as error:
-        place = f"{folder}, provenance.json, options"
-        rule = "the options of the earlier run are needed"
-        raise InputError(place, f"no {error}", rule, "Process it again") from error
+    earlier = result.provenance["options"]
+    options = Options(
+        tune=True if objective is not None else earlier["tune"],
+        objective=objective or earlier["objective"],
+        given=earlier["given"] if given is None else given,
+    )
     chosen = {"tune": options.tune, "objective": options.objective, "given": options.given}
     again = tune(result, options)
     return replace(again, provenance={**result.provenance, "options": {**earlier, **chosen}})

@@ -1,7 +1,13 @@
-"""Measured modes against the ring model."""
+"""Measured modes against the ring model, and the ring against what tyres have.
+
+The tuned mass per area ρh scales with the square of time and with pressure: a sampling rate too
+high by a factor k divides ρh by k² and multiplies all frequencies by k; a pressure too high by q
+multiplies ρh by q and leaves frequencies as they are. Modal masses depend on neither.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +15,12 @@ from numpy.typing import NDArray
 
 from ema.circumference.orders import order_content
 from ema.circumference.ring_modes import family
+from ema.core.finding import OK, WARNING, Finding
 from ema.core.mac import auto_mac, mac
 from ema.core.modes import ModalModel, Mode
 from model.damping import DampingResult
+from model.parameters import RingParameters
+from model.ring import modal_mass_kg
 from model.tuning import TuningResult
 from pipelines.results.result import Validation
 
@@ -20,7 +29,7 @@ from pipelines.results.result import Validation
 class RingOrder:
     """One circumferential order of the ring as measured: one mode, or both of a pair.
 
-    The ring model knows no split: for it a pair has the mean of its two frequencies.
+    The ring model has no split: a pair is compared by the mean of its two frequencies.
     """
 
     order: int
@@ -48,7 +57,7 @@ class RingOrder:
 
 
 def ring_orders(model: ModalModel) -> tuple[RingOrder, ...]:
-    """Modes of the ring's family by order, the stronger member of a pair first."""
+    """Ring modes by order, the stronger member of a pair first."""
     members = family(model.modes)
     return tuple(
         RingOrder(order, tuple(model.modes[k] for k in members[order])) for order in sorted(members)
@@ -66,7 +75,7 @@ def validate(
     Parameters
     ----------
     model : ModalModel
-        All measured modes, for the AutoMAC.
+        All measured modes.
     orders : tuple of RingOrder
         From `ring_orders`.
     tuning : TuningResult
@@ -86,10 +95,10 @@ def validate(
 
 
 def aligned_shape(mode: Mode, position_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Shape of the ring's mode of the same order, turned in its (cos, sin) plane to the measured.
+    """Shape of the ring's mode of the same order, aligned with the measured one.
 
-    A ring's order is a two-dimensional space; where in it a measured shape lies depends on the
-    shaker, not on the ring.
+    The modes of an order span a (cos, sin) plane; the direction of a measured shape in it depends
+    on the shaker, not on the ring.
     """
     content = order_content(mode.shape, position_deg)
     order = mode.order or 0
@@ -100,3 +109,212 @@ def aligned_shape(mode: Mode, position_deg: NDArray[np.float64]) -> NDArray[np.f
 
 def _std_of_mean(stds: list[float]) -> float:
     return float(np.sqrt(np.sum(np.square(stds))) / len(stds))
+
+
+PLAUSIBILITY, AMPLITUDE = "plausibility", "amplitude"  # names of the checks
+
+
+@dataclass(frozen=True)
+class TyreLimits:
+    """Values of tyres, wide enough for motorcycles and trucks.
+
+    Parameters
+    ----------
+    lowest_order_1_hz, highest_order_1_hz : float
+        Natural frequency of order 1 on a fixed rim, Hz. Car tyres have 65 to 100 Hz (Gong 1993;
+        Zegelaar 1998; Kindt 2009), truck tyres from 45 Hz.
+    lightest_kg_m2, heaviest_kg_m2 : float
+        Mass of belt and tread per area. Car tyres have 12 to 25 kg/m² (the same), truck tyres up to
+        50.
+    usual_hz, usual_kg_m2 : float
+        Of a car tyre; a likely cause brings the values near these.
+    """
+
+    lowest_order_1_hz: float = 40.0
+    highest_order_1_hz: float = 130.0
+    lightest_kg_m2: float = 7.0
+    heaviest_kg_m2: float = 60.0
+    usual_hz: float = 80.0
+    usual_kg_m2: float = 18.0
+
+
+# Common errors of sampling rates, as factors: half or double (complex or real samples, Nyquist
+# limit given as rate), decades, decimation, two common rates of acquisition hardware.
+_RATE_FACTORS = (2.0, 0.5, 2.56, 1 / 2.56, 10.0, 0.1, 4.0, 0.25, 51.2 / 48, 1e3, 1e-3)
+# Common errors of pressures: value used over the correct one.
+_PRESSURES = (
+    (1e-5, "bar taken for Pa"),
+    (1e-3, "kPa taken for Pa"),
+    (1e5 / 6894.757, "psi taken for bar"),
+    (6894.757 / 1e5, "bar taken for psi"),
+    (1e3 / 6894.757, "psi taken for kPa"),
+)
+# A cause has to bring the values within this factor of the usual ones.
+_CAUSE_WITHIN = 1.8
+# The ring's mass follows from a few frequencies: only a gross difference is a matter of units.
+_AMPLITUDE_LIMIT = 3.0
+# A wrong unit has to explain the modal masses within this factor.
+_UNIT_WITHIN = 1.5
+_UNITS = (
+    (9.80665, "accelerations in g taken for m/s²"),
+    (1 / 9.80665, "accelerations in m/s² taken for g, or a force in kgf for N"),
+    (4.448, "a force in N taken for lbf"),
+    (1 / 4.448, "a force in lbf taken for N"),
+    (1e3, "a force in N taken for kN, or accelerations in mV for V"),
+    (1e-3, "a force in kN taken for N"),
+)
+
+
+def plausibility_finding(
+    orders: Sequence[RingOrder],
+    mass_per_area_kg_m2: float | None,
+    limits: TyreLimits | None = None,
+) -> Finding | None:
+    """Compare the lowest ring mode and the tuned mass with those of tyres.
+
+    Parameters
+    ----------
+    orders : sequence of RingOrder
+        Of a tyre on a fixed rim.
+    mass_per_area_kg_m2 : float or None
+        ρh from frequencies and pressure; None if it was given or not determined.
+    limits : TyreLimits, optional
+
+    Returns
+    -------
+    Finding or None
+        None if there is nothing to compare.
+    """
+    limits = limits or TyreLimits()
+    first_hz = next((order.frequency_hz for order in orders if order.order == 1), None)
+    seen = _Seen(first_hz, mass_per_area_kg_m2)
+    if first_hz is None and mass_per_area_kg_m2 is None:
+        return None
+    if seen.is_usual(limits):
+        return Finding("", "", None, PLAUSIBILITY, OK, f"{seen.text()}, as tyres have")
+    detail = f"{seen.text()}; tyres have {_usual_text(limits, seen)}. {_cause(seen, limits)}"
+    return Finding("", "", None, PLAUSIBILITY, WARNING, detail)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Natural frequency of order 1, Hz, and mass per area, kg/m²; None where unknown."""
+
+    first_hz: float | None
+    mass: float | None
+
+    def scaled(self, *, rate: float = 1.0, pressure: float = 1.0) -> _Seen:
+        """Values with a rate and a pressure divided by these factors."""
+        return _Seen(
+            None if self.first_hz is None else self.first_hz / rate,
+            None if self.mass is None else self.mass * rate**2 / pressure,
+        )
+
+    def is_usual(self, limits: TyreLimits) -> bool:
+        low_hz, high_hz = limits.lowest_order_1_hz, limits.highest_order_1_hz
+        light, heavy = limits.lightest_kg_m2, limits.heaviest_kg_m2
+        usual_hz = self.first_hz is None or low_hz <= self.first_hz <= high_hz
+        return usual_hz and (self.mass is None or light <= self.mass <= heavy)
+
+    def distance(self, limits: TyreLimits) -> float:
+        """Largest |log| of a ratio to a usual tyre."""
+        ratios = [
+            *([self.first_hz / limits.usual_hz] if self.first_hz else []),
+            # The mass scales with the square of the rate.
+            *([np.sqrt(self.mass / limits.usual_kg_m2)] if self.mass else []),
+        ]
+        return float(max(np.abs(np.log(ratios)), default=0.0))
+
+    def text(self) -> str:
+        words = []
+        if self.first_hz is not None:
+            words.append(f"order 1 at {self.first_hz:.4g} Hz")
+        if self.mass is not None:
+            words.append(f"a mass per area of {self.mass:.3g} kg/m²")
+        return " and ".join(words)
+
+
+def _usual_text(limits: TyreLimits, seen: _Seen) -> str:
+    words = []
+    if seen.first_hz is not None:
+        words.append(f"{limits.lowest_order_1_hz:g} to {limits.highest_order_1_hz:g} Hz")
+    if seen.mass is not None:
+        words.append(f"{limits.lightest_kg_m2:g} to {limits.heaviest_kg_m2:g} kg/m²")
+    return " and ".join(words)
+
+
+def _cause(seen: _Seen, limits: TyreLimits) -> str:
+    causes = {_rate_text(factor, seen): seen.scaled(rate=factor) for factor in _RATE_FACTORS}
+    if seen.mass is not None:
+        causes |= {
+            f"the inflation pressure is wrong ({what})": seen.scaled(pressure=factor)
+            for factor, what in _PRESSURES
+        }
+    distance = {text: state.distance(limits) for text, state in causes.items()}
+    best = min(distance, key=lambda text: distance[text])
+    if distance[best] < np.log(_CAUSE_WITHIN):
+        return f"Most likely {best}"
+    return "Check the sampling rate, the inflation pressure and the mean radius"
+
+
+def _rate_text(factor: float, seen: _Seen) -> str:
+    right = seen.scaled(rate=factor)
+    high, times = ("high", factor) if factor > 1 else ("low", 1 / factor)
+    return (
+        f"the sampling rate is too {high} by a factor of {times:.4g} (with the right one: "
+        f"{right.text()}). Compare sampling_rate_hz and the files' headers with the acquisition"
+    )
+
+
+def amplitude_finding(
+    modal_model: ModalModel,
+    orders: Sequence[RingOrder],
+    ring: RingParameters,
+    *,
+    ring_is_doubted: bool = False,
+) -> list[Finding]:
+    """Compare the modal masses from the residues with those of the tuned ring.
+
+    At an antinode an order has the residue A = 1/(2jωm), m its modal mass, both members of a pair
+    together. The ring's mass comes from frequencies and pressure alone, so a wrong unit or
+    sensitivity of all sensors or of the force is a common factor.
+
+    Parameters
+    ----------
+    modal_model : ModalModel
+    orders : tuple of RingOrder
+    ring : RingParameters
+    ring_is_doubted : bool
+        Whether the ring's mass is implausible: then no unit is named as the cause.
+
+    Returns
+    -------
+    list of Finding
+        Empty for a ring without belt width.
+    """
+    if ring.belt_width_m is None:
+        return []
+    expected = modal_mass_kg(ring, [order.order for order in orders])
+    ratio = np.array([_modal_mass_kg(modal_model, order) for order in orders]) / expected
+    factor = float(np.exp(np.median(np.log(ratio))))
+    detail = f"modal masses are {factor:.3g} times those of the ring"
+    if 1 / _AMPLITUDE_LIMIT < factor < _AMPLITUDE_LIMIT:
+        return [Finding("", "", None, AMPLITUDE, OK, detail)]
+    if ring_is_doubted:
+        detail += f": the mass of the ring is in doubt (see {PLAUSIBILITY}), not the amplitudes"
+        return [Finding("", "", None, AMPLITUDE, OK, detail)]
+    likely = [text for value, text in _UNITS if 1 / _UNIT_WITHIN < factor / value < _UNIT_WITHIN]
+    why = f", as with {likely[0]}" if likely else ""
+    detail += (
+        f" (limit {_AMPLITUDE_LIMIT:g}){why}: check units and sensitivities of all sensors and of "
+        "the force, and the belt width. Frequencies and damping do not depend on them"
+    )
+    return [Finding("", "", None, AMPLITUDE, WARNING, detail)]
+
+
+def _modal_mass_kg(modal_model: ModalModel, order: RingOrder) -> float:
+    content = [order_content(mode.residues, modal_model.position_deg) for mode in order.modes]
+    cosine = sum(each.cosine[order.order] for each in content)
+    sine = sum(each.sine[order.order] for each in content)
+    crest = float(np.sqrt(abs(cosine) ** 2 + abs(sine) ** 2))
+    return 1 / (4 * np.pi * order.frequency_hz * crest)

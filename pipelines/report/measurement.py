@@ -15,8 +15,7 @@ from pipelines.plots import charts_data
 from pipelines.plots.chart import Chart
 from pipelines.report.blocks import Beside, Block, Facts, Paragraph, Section, Table
 from pipelines.report.sketch import setup_sketch
-from pipelines.results.conditions import KNOWN, named
-from pipelines.results.labels import in_band
+from pipelines.results.labels import KNOWN, in_band, named
 from pipelines.results.result import Result
 from pipelines.storage.rounding import DASH, number, plain, value_with_std
 

@@ -11,10 +11,9 @@ from pipelines.report.paper import write_pdf
 from pipelines.report.write import write_report
 from pipelines.results import tables
 from pipelines.results.check import OPTIONAL_READ_BACK, READ_BACK
-from pipelines.results.frf_file import write_frfs
-from pipelines.results.identification_file import write_identification
 from pipelines.results.parameter_set import from_tuning, write_parameter_set
 from pipelines.results.result import Result
+from pipelines.results.store import write_identification
 from pipelines.simulate.campaign import sample_campaign
 from pipelines.storage.checksums import ACCEPTED, write_marker
 from pipelines.storage.result_folder import MARKER, written_whole
@@ -58,7 +57,7 @@ def save(
     folder = Path(folder)
     with written_whole(folder, force=force, accepted=_replaceable(result)) as partial:
         _write_tables(result, partial)
-        write_frfs(result.frf, partial)
+        tables.write_frfs(result.frf, partial)
         write_identification(result, partial)
         _write_tyre(result, partial / "tyre.toml")
         if report:

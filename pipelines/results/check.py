@@ -1,9 +1,4 @@
-"""Whether a result is as it was written: every part of it against the checksum in its marker.
-
-Whoever reads a result checks all of it, and stops at a part that was changed, is missing or was
-added, unless that is accepted on purpose. Files that are no part of a result are nobody's business
-here; they only keep a result from being replaced.
-"""
+"""Integrity of a result folder: each part is compared with its checksum in the marker."""
 
 from __future__ import annotations
 
@@ -15,9 +10,9 @@ from typing import Any
 
 from ema.core.errors import InputError
 from pipelines.storage.checksums import ACCEPTED, Fault, Marker, is_plain_file, read_marker, sha256
-from pipelines.storage.result_folder import MARKER, recover
+from pipelines.storage.result_folder import MARKER, named, recover
 
-PAGES = ("report.html", "report.pdf")  # left out or deleted at will
+PAGES = ("report.html", "report.pdf")  # may be left out or deleted
 READ_BACK = ("identification.json", "frf.parquet", "residues.parquet", "poles.parquet")
 OPTIONAL_READ_BACK = ("reference.parquet",)
 PARTS = (
@@ -28,11 +23,9 @@ PARTS = (
     *PAGES,
 )
 
-_MOST_NAMED = 3
-
 
 class Change(Enum):
-    """What became of a part."""
+    """How a part differs from what was written."""
 
     CHANGED = "changed after it was written"
     MISSING = "missing"
@@ -49,9 +42,9 @@ class CheckedResult:
     folder : Path
     marker : Marker
     accepted : dict of str to Change
-        What became of the parts that were accepted.
+        Accepted changes by part.
     sha256 : dict of str to str
-        Their checksums; empty texts for those that are missing.
+        Checksums of the accepted parts; empty for missing ones.
     """
 
     folder: Path
@@ -61,43 +54,37 @@ class CheckedResult:
 
 
 def checked_result(folder: Path, *, accept_changes: bool = False) -> CheckedResult:
-    """Check all parts of a result.
+    """Check all parts of a result; other files in its folder do not count.
 
     Parameters
     ----------
     folder : Path
     accept_changes : bool
-        Whether parts that are not as they were written are accepted.
+        Whether changed, missing and added parts are accepted.
 
     Raises
     ------
     InputError
-        If the folder is no result, or names a part that is not accepted.
+        If the folder is no result; names the parts that are not accepted.
     """
     recover(folder)
     if not (folder / MARKER).is_file():
-        raise InputError(
-            str(folder), f"no {MARKER}", "it must be a result folder", "Run `ringmodal process`"
-        )
+        rule, remedy = "it must be a result folder", "Run `ringmodal process`"
+        raise InputError(str(folder), f"no {MARKER}", rule, remedy)
     try:
-        return _checked(folder, accept_changes=accept_changes)
+        marker = read_marker(folder / MARKER)
+        if marker.fault in (Fault.UNREADABLE, Fault.FOREIGN):
+            where, rule = f"{folder}, {MARKER}", "it must list the files of the result"
+            raise InputError(where, marker.fault.value, rule, "Process the recordings again")
+        changes = changed_parts(folder, marker)
+        if changes and not accept_changes:
+            raise _refusal(folder, changes)
+        paths = {name: folder / name for name in changes}
+        checksums = {name: sha256(path) if path.is_file() else "" for name, path in paths.items()}
     except OSError as error:
         place, reason = error.filename or folder, error.strerror or str(error)
-        rule, remedy = "all parts of a result are read", "Check permissions and the drive"
+        rule, remedy = "all parts of a result must be readable", "Check permissions and the drive"
         raise InputError(str(place), reason, rule, remedy) from error
-
-
-def _checked(folder: Path, *, accept_changes: bool) -> CheckedResult:
-    marker = read_marker(folder / MARKER)
-    if marker.fault in (Fault.UNREADABLE, Fault.FOREIGN):
-        where, rule = f"{folder}, {MARKER}", "a result lists its files there"
-        raise InputError(where, marker.fault.value, rule, "Process the recordings again")
-    changes = changed_parts(folder, marker)
-    if changes and not accept_changes:
-        raise _refusal(folder, changes)
-    checksums = {
-        name: sha256(folder / name) if (folder / name).is_file() else "" for name in changes
-    }
     return CheckedResult(folder, marker, changes, checksums)
 
 
@@ -117,46 +104,30 @@ def changed_parts(folder: Path, marker: Marker) -> dict[str, Change]:
         there = {name: Change.UNPROVEN for name in PARTS if (folder / name).is_file()}
         return {MARKER: Change.UNPROVEN, **there}
     changes = {MARKER: Change.CHANGED} if marker.fault is Fault.CHANGED else {}
-    for name in marker.files:
+    for name, checksum in marker.files.items():
         path = folder / name
         if not is_plain_file(path):
             if name not in PAGES or path.exists():
                 changes[name] = Change.MISSING
-        elif sha256(path) != marker.files[name]:
+        elif sha256(path) != checksum:
             changes[name] = Change.CHANGED
-    for name in PARTS:
-        if name not in marker.files and (folder / name).exists():
-            changes[name] = Change.ADDED
-    return changes
+    added = (name for name in PARTS if name not in marker.files and (folder / name).exists())
+    return changes | dict.fromkeys(added, Change.ADDED)
 
 
 def accepted_notes(record: Mapping[str, Any], name: str) -> tuple[str, ...]:
-    """A note on what was accepted although it had changed, if there is any.
-
-    Parameters
-    ----------
-    record : mapping
-        Provenance of a result.
-    name : str
-        What to call the result.
-    """
+    """A note on accepted changes, if the provenance of the result called `name` has any."""
     changed = sorted(record.get(ACCEPTED, ()))
     return (f"{name} was changed after it was written: {', '.join(changed)}",) if changed else ()
 
 
 def _refusal(folder: Path, changes: dict[str, Change]) -> InputError:
     if Change.UNPROVEN in changes.values():
-        return InputError(
-            str(folder),
-            "a result of version 0.1.0, without checksums",
-            "nothing tells whether its files are as they were written",
-            "Process the recordings again, or accept them as they are with --accept-changes",
-        )
-    named = [f"{name} {change.value}" for name, change in list(changes.items())[:_MOST_NAMED]]
-    more = f" and {len(changes) - _MOST_NAMED} more" if len(changes) > _MOST_NAMED else ""
-    return InputError(
-        str(folder),
-        f"{', '.join(named)}{more}",
-        "a result is used as it was written",
-        "Process the recordings again, or accept what was changed with --accept-changes",
-    )
+        found = "a result of version 0.1.0, without checksums"
+        rule = "changes to its files cannot be detected"
+        remedy = "Process the recordings again, or accept them as they are with --accept-changes"
+        return InputError(str(folder), found, rule, remedy)
+    found = named([f"{name} {change.value}" for name, change in changes.items()])
+    rule = "a result must be as it was written"
+    remedy = "Process the recordings again, or accept the changes with --accept-changes"
+    return InputError(str(folder), found, rule, remedy)

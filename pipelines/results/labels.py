@@ -1,4 +1,4 @@
-"""Texts in figures and charts: names that are short enough, and where there is room for them."""
+"""Labels of figures, charts and tables: short names, units, and room for them."""
 
 from __future__ import annotations
 
@@ -15,6 +15,46 @@ from ema.core.frf import FRF
 from ema.core.modes import Mode
 from ema.poles.stability import StabilityDiagram
 from pipelines.storage.rounding import signed
+
+# Keys of [tyre] in the order of a test report, with name and unit.
+KNOWN = {
+    "manufacturer": ("Manufacturer", ""),
+    "model": ("Model", ""),
+    "construction": ("Construction", ""),
+    "serial": ("Serial number", ""),
+    "dot": ("DOT code", ""),
+    "rim": ("Rim", ""),
+    "load_n": ("Load", "N"),
+    "temperature_c": ("Temperature", "°C"),
+    "boundary": ("Boundary condition", ""),
+    "laboratory": ("Laboratory", ""),
+    "operator": ("Operator", ""),
+    "date": ("Date of test", ""),
+}
+_UNITS = {
+    **{
+        f"_{unit.lower()}": unit
+        for unit in ("Hz", "N", "kg", "Pa", "bar", "m", "mm", "km", "h", "s")
+    },
+    **{"_deg": "°", "_c": "°C", "_percent": "%", "_m_s": "m/s", "_km_h": "km/h"},
+}
+
+
+def named(key: str, text: str) -> tuple[str, str]:
+    """Name and value of a key of the manifest, its unit by the key's ending.
+
+    ``("load_n", "4000")`` → ``("Load", "4000 N")``.
+    """
+    if key in KNOWN:
+        name, unit = KNOWN[key]
+    else:
+        endings = (ending for ending in _UNITS if key.endswith(ending) and key != ending)
+        ending = max(endings, key=len, default="")
+        name, unit = key.removesuffix(ending).replace("_", " "), _UNITS.get(ending, "")
+        name = name[:1].upper() + name[1:]
+    if not unit:
+        return name, text
+    return name, f"{text.removesuffix('.0')}{'' if unit == '°' else ' '}{unit}"
 
 
 def place_name(node: int, position_deg: float) -> str:
@@ -56,37 +96,29 @@ def short(text: str, length: int = 28) -> str:
 
 
 def apart(names: Sequence[str], length: int = 16) -> list[str]:
-    """Names for a legend: where one is longer than `length`, without what all of them share.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Such as names of files.
-    length : int
-        Characters.
-    """
+    """Names for a legend; if one is longer than `length`, without what all of them share."""
     if max(map(len, names), default=0) <= length:
         return list(names)
     alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
     shared = len(list(alike))
-    # One name alone, and names that are all alike, share everything: they are only shortened.
+    # A single name, or equal names, share everything: they are only shortened.
     if shared < 2 or len(set(names)) == 1:
         return [short(name, length) for name in names]
     return [short(f"…{name[shared:]}", length) for name in names]
 
 
 def literal(text: str) -> str:
-    """`text` from a file as it stands: a dollar sign starts no formula, a control is named."""
+    """`text` without markup: dollar signs are escaped, control characters named."""
     return visible_line(text).replace("$", r"\$")
 
 
 def signed_cell(value: float) -> str:
-    """A value with its sign and two digits; what rounds to nothing has the plus."""
+    """A value with its sign and two digits; zero has a plus."""
     return signed(round(float(value), 2) + 0.0, 2)
 
 
 def spread(positions: ArrayLike, gap: float) -> NDArray[np.float64]:
-    """Move labels apart until neighbours are at least `gap` from each other, and no farther.
+    """Positions of labels at least `gap` apart, nearest to the given ones by least squares.
 
     Parameters
     ----------
@@ -94,11 +126,6 @@ def spread(positions: ArrayLike, gap: float) -> NDArray[np.float64]:
         Where the labels belong, ascending.
     gap : float
         Smallest distance.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The nearest positions in the least-squares sense that keep the gap.
     """
     wanted = np.asarray(positions, dtype=float) - gap * np.arange(np.size(positions))
     groups: list[list[float]] = []
@@ -123,7 +150,7 @@ def sparse_labels(labels: Sequence[str], at_most: int = 13) -> tuple[list[int], 
 
 @dataclass(frozen=True, eq=False)
 class CoherenceMap:
-    """Coherence by position and frequency, averaged where there are more lines than can be shown.
+    """Coherence by position and frequency, averaged over neighbouring lines.
 
     Parameters
     ----------
@@ -136,7 +163,6 @@ class CoherenceMap:
     averaged : int
         Lines in one column.
     band_hz : tuple of float
-        What is shown.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -147,15 +173,7 @@ class CoherenceMap:
 
 
 def coherence_map(frf: FRF, band_hz: tuple[float, float], most_columns: int) -> CoherenceMap:
-    """Sort the coherence by position and average neighbouring lines until they fit.
-
-    Parameters
-    ----------
-    frf : FRF
-    band_hz : tuple of float
-    most_columns : int
-        Largest number of columns.
-    """
+    """Coherence sorted by position, in at most `most_columns` columns."""
     inside = in_band(frf.frequency_hz, band_hz)
     rows = np.argsort(frf.position_deg, kind="stable")
     lines_hz, values = frf.frequency_hz[inside], frf.coherence[rows][:, inside]
@@ -175,13 +193,7 @@ def in_band(frequency_hz: NDArray[np.float64], band_hz: tuple[float, float]) -> 
 
 
 def pole_marks(diagram: StabilityDiagram) -> dict[str, NDArray[np.bool_]]:
-    """Which poles of the band get which mark in the stability diagram; each pole gets one.
-
-    Returns
-    -------
-    dict of str to ndarray of bool, shape (n_poles,)
-        Legend entry → poles.
-    """
+    """Legend entries of the stability diagram with their poles; each pole of the band has one."""
     kept_labels = [cluster.label for cluster in diagram.clusters if cluster.kept]
     kept = np.isin(diagram.cluster, kept_labels)
     stable = diagram.stable_frequency & diagram.stable_damping
@@ -195,12 +207,7 @@ def pole_marks(diagram: StabilityDiagram) -> dict[str, NDArray[np.bool_]]:
 
 
 def wrapped_phase_deg(values: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Phase of complex values in degrees, NaN where it wraps: no line crosses the picture there.
-
-    Parameters
-    ----------
-    values : ndarray of complex, shape (n_lines,)
-    """
+    """Phase of complex values, shape (n_lines,), in degrees; NaN where it wraps."""
     phase = np.rad2deg(np.angle(values))
     phase[1:][np.abs(np.diff(phase)) > 180] = np.nan
     return np.asarray(phase)

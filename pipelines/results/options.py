@@ -1,4 +1,4 @@
-"""What a user can choose, one name per choice, the same in Python and on the command line."""
+"""Options of a run, with the same names in Python and on the command line."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class Options:
     pinned_hz : tuple of float
         Frequencies of the modes, instead of the automatic selection; empty for automatic.
     excluded_hz : tuple of float
-        Frequencies of poles that are no modes.
+        Frequencies of poles that are not modes.
     method : {"lsce", "plscf"}
-        Pole estimator; the other one gives the second opinion.
+        Pole estimator; the other one is used for the cross-check.
     tune : bool
         Whether to determine the ring's parameters.
     objective : {"frequency", "paper"}
@@ -72,22 +72,16 @@ def processing_in_force(campaign: Campaign, chosen: Processing) -> Processing:
     Raises
     ------
     InputError
-        If both are chosen, or the band is none.
+        If both are chosen, or the band does not rise.
     """
     if chosen.averages is not None and chosen.block_seconds is not None:
-        raise InputError(
-            "processing",
-            f"averages {chosen.averages} and block_seconds {chosen.block_seconds:g}",
-            "each sets the length of the blocks",
-            "Leave one of them out",
-        )
+        found = f"averages {chosen.averages} and block_seconds {chosen.block_seconds:g}"
+        rule = "each of them sets the block length"
+        raise InputError("processing", found, rule, "Leave one of them out")
     if chosen.band_hz is not None and not 0 <= chosen.band_hz[0] < chosen.band_hz[1]:
-        raise InputError(
-            "band_hz",
-            f"{chosen.band_hz[0]:g} to {chosen.band_hz[1]:g} Hz",
-            "a band runs from a lower to a higher frequency",
-            "Correct the limits",
-        )
+        found = f"{chosen.band_hz[0]:g} to {chosen.band_hz[1]:g} Hz"
+        rule = "a band must rise from 0 Hz or above"
+        raise InputError("band_hz", found, rule, "Correct the limits")
     manifest = campaign.processing
     own = chosen.averages is not None or chosen.block_seconds is not None
     lengths = chosen if own else manifest

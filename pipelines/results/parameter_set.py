@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
@@ -35,12 +36,12 @@ RING_NAMES = (
 )
 DAMPING_NAMES = ("radial_n_s_m3", "circumferential_n_s_m3", "loss_factor")
 WHEEL_NAMES = ("mass_kg", "inertia_kg_m2")
-# What else a tyre was measured under; a manifest's [tyre] may tell them.
+# Further conditions; a manifest's [tyre] may have them.
 CONDITION_NAMES = ("temperature_c", "load_n", "speed_m_s", "rim_width_m", "tread_depth_m")
 HOWS = (GIVEN, IDENTIFIED, NOT_IDENTIFIED, AT_BOUND)
-# No parameter or condition of a tyre is as large, or as small but zero, in SI units.
+# Limits of any parameter or condition in SI units; zero is permitted.
 LARGEST, SMALLEST = 1e15, 1e-15
-# These enter with high powers, and would overflow long before.
+# These are raised to high powers and would overflow before.
 _LARGEST_OF = {"mean_radius_m": 10.0, "belt_width_m": 10.0, "loss_factor": 10.0}
 
 _OPTIONAL = ("damping", "wheel", "provenance")
@@ -127,35 +128,35 @@ def from_tuning(
         Further keys of the manifest's ``[tyre]``; numbers named in `CONDITION_NAMES` become
         conditions.
     """
-    ring = {
-        name: Parameter(
-            float(getattr(tuning.ring, name)),
-            tuning.how.get(name, "given"),
-            _finite(tuning.std.get(name)),
-        )
-        for name in RING_NAMES
-        if getattr(tuning.ring, name) is not None
-    }
+    how = {**dict.fromkeys(RING_NAMES, GIVEN), **tuning.how}
+    ring = _obtained(RING_NAMES, tuning.ring, how, tuning.std)
     damped = {}
     if damping is not None:
-        damped = {
-            name: Parameter(
-                float(getattr(damping.damping, name)),
-                damping.how[name],
-                _finite(damping.std.get(name)),
-            )
-            for name in DAMPING_NAMES
-        }
+        damped = _obtained(DAMPING_NAMES, damping.damping, damping.how, damping.std)
     conditions = {"inflation_pressure_pa": float(tuning.ring.inflation_pressure_pa)}
     for name in CONDITION_NAMES:
-        value = _number(details.get(name, "")) if details else None
-        if value is not None:
-            conditions[name] = value
+        with suppress(ValueError, KeyError):
+            value = float((details or {})[name])
+            if isfinite(value):
+                conditions[name] = value
     return ParameterSet(designation, conditions, ring, damped, {}, provenance)
 
 
+def _obtained(
+    names: Iterable[str], values: object, how: Mapping[str, str], std: Mapping[str, float]
+) -> dict[str, Parameter]:
+    """Parameters of a tuned ring or its damping; those without value are left out."""
+    known = {name: getattr(values, name) for name in names}
+    stds = {name: float(std[name]) if isfinite(std.get(name, nan)) else None for name in known}
+    return {
+        name: Parameter(float(value), how[name], stds[name])
+        for name, value in known.items()
+        if value is not None
+    }
+
+
 def write_parameter_set(path: Path, parameters: ParameterSet) -> None:
-    """Write a parameter set as TOML; where it tells its provenance, with a checksum in it."""
+    """Write a parameter set as TOML, with a checksum in its provenance if it has any."""
     document = parameter_document(parameters)
     if parameters.provenance:
         document["provenance"][OWN] = _checksum(tomllib.loads(tomlkit.dumps(document)))
@@ -163,18 +164,19 @@ def write_parameter_set(path: Path, parameters: ParameterSet) -> None:
 
 
 def parameter_document(parameters: ParameterSet) -> TOMLDocument:
-    """A parameter set as a TOML document, to which other sections may be added."""
+    """A parameter set as a TOML document; other sections may be added."""
     document = tomlkit.document()
     document["schema"] = SCHEMA
     document["designation"] = parameters.designation
     document["conditions"] = parameters.conditions
     for name in ("ring", "damping"):
-        section = getattr(parameters, name)
-        if section:
-            table = tomlkit.table()
+        if section := getattr(parameters, name):
+            document[name] = table = tomlkit.table()
             for key, parameter in section.items():
-                table[key] = _inline(parameter)
-            document[name] = table
+                table[key] = entry = tomlkit.inline_table()
+                entry |= {"value": parameter.value, "how": parameter.how}
+                if parameter.std is not None:
+                    entry["std"] = parameter.std
     if parameters.wheel:
         document["wheel"] = parameters.wheel
     if parameters.provenance:
@@ -191,61 +193,48 @@ def read_parameter_set(
     ----------
     path : path
     must_be_as_written : bool
-        Whether to refuse a file that tells from which recordings it is but has been edited.
+        Whether to refuse an edited file whose provenance names recordings.
     accept_changes : bool
-        Whether to take an edited file all the same; its provenance says so then.
+        Whether to accept an edited file; its provenance records that.
 
     Raises
     ------
     InputError
-        If the file is missing, no TOML, lacks or misspells a parameter, holds a value that cannot
-        be, is an edited version of a library, or was edited and is not accepted.
+        If the file is missing, not TOML, lacks or misspells a parameter, has an impossible value,
+        is an edited version of a library, or was edited and is not accepted.
     """
     path = Path(path)
     try:
         content = tomllib.loads(require_regular(path).read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(
-            str(path),
-            error.strerror or "unreadable",
-            "it must be a parameter set",
-            "Check the path",
-        ) from error
+        reason, rule = error.strerror or "unreadable", "it must be a parameter set"
+        raise InputError(str(path), reason, rule, "Check the path") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(
-            path.name, str(error), "it must be TOML in UTF-8", "Correct the line"
-        ) from error
+        rule, remedy = "it must be TOML in UTF-8", "Correct the line"
+        raise InputError(path.name, str(error), rule, remedy) from error
     if KEY in _optional_section(path, content, "version"):
         return parameter_set_of(path, unsealed(path))
     found = parameter_set_of(path, content)
     if not must_be_as_written or _is_as_written(content):
         return found
     if not accept_changes:
-        raise InputError(
-            str(path),
-            "changed after it was written, or of version 0.1.0",
-            "values with the provenance of recordings are used as they were identified",
-            'Remove [provenance] and write how = "given" where a value is yours, '
-            "or accept it as it is with --accept-changes",
-        )
+        change = "changed after it was written, or of version 0.1.0"
+        rule = "a set with the provenance of recordings must be as it was identified"
+        remedy = 'Remove [provenance] and write how = "given" for your own values, '
+        remedy += "or accept it as it is with --accept-changes"
+        raise InputError(str(path), change, rule, remedy)
     return accepted(found, (path.name,))
 
 
 def accepted(parameters: ParameterSet, names: Iterable[str]) -> ParameterSet:
-    """The set with the names of changed files in its provenance, which were accepted as they are.
-
-    Parameters
-    ----------
-    parameters : ParameterSet
-    names : iterable of str
-    """
+    """The set with the names of changed files that were accepted in its provenance."""
     earlier = parameters.provenance.get(ACCEPTED, [])
     provenance = {**parameters.provenance, ACCEPTED: sorted({*earlier, *names})}
     return replace(parameters, provenance=provenance)
 
 
 def _is_as_written(content: dict[str, Any]) -> bool:
-    """Whether a file has its checksum, or tells of no recordings and needs none."""
+    """Whether the checksum fits; without recordings in its provenance a file needs none."""
     origin = content.get("provenance", {})
     if OWN in origin:
         return bool(origin[OWN] == _checksum(content))
@@ -253,26 +242,23 @@ def _is_as_written(content: dict[str, Any]) -> bool:
 
 
 def _checksum(content: dict[str, Any]) -> str:
-    """Checksum over everything in a parameter set but itself."""
+    """Checksum of a parameter set without the checksum in it."""
     origin = {key: value for key, value in content["provenance"].items() if key != OWN}
     return content_sha256({**content, "provenance": origin})
 
 
 def parameter_set_of(path: Path, content: dict[str, Any]) -> ParameterSet:
-    """Parameter set from the content of a TOML file; sections that it does not know are left.
+    """Parameter set from the content of a TOML file; unknown sections are ignored.
 
     Raises
     ------
     InputError
-        If a parameter is missing, misspelt, no number or of unknown origin; names `path`.
+        If a parameter is missing, misspelt, not a number or of unknown origin; names `path`.
     """
-    if content.get("schema") != SCHEMA:
-        raise InputError(
-            f"{path.name}, schema",
-            repr(content.get("schema")),
-            f"this version reads schema {SCHEMA}",
-            f"Write schema = {SCHEMA}, or use the version of ringmodal that wrote the file",
-        )
+    if (schema := content.get("schema")) != SCHEMA:
+        rule = f"this version reads schema {SCHEMA}"
+        remedy = f"Write schema = {SCHEMA}, or use the version of ringmodal that wrote the file"
+        raise InputError(f"{path.name}, schema", repr(schema), rule, remedy)
     conditions = _section(path, content, "conditions")
     if "inflation_pressure_pa" not in conditions:
         raise _missing(path, "conditions", "inflation_pressure_pa")
@@ -280,52 +266,36 @@ def parameter_set_of(path: Path, content: dict[str, Any]) -> ParameterSet:
         if name in conditions:
             _require_number(path, "conditions", conditions, name)
     _refuse_misspelt(path, content)
+    designation = content.get("designation", path.stem)
+    if not isinstance(designation, str):
+        where, rule = f"{path.name}, designation", "it must be text"
+        raise InputError(where, repr(designation), rule, 'Write e.g. designation = "225/55R17"')
+    ring = _known_section(path, content, "ring", RING_NAMES, optional=("belt_width_m",))
+    damping, wheel = {}, {}
+    if "damping" in content:
+        damping = _known_section(path, content, "damping", DAMPING_NAMES)
+    if "wheel" in content:
+        wheel = _known_section(path, content, "wheel", WHEEL_NAMES)
+        for name in wheel:
+            _require_number(path, "wheel", wheel, name)
     return ParameterSet(
-        designation=_designation(path, content),
+        designation=designation,
         conditions=conditions,
-        ring=_parameters(path, content, "ring", RING_NAMES, optional=("belt_width_m",)),
-        damping=_parameters(path, content, "damping", DAMPING_NAMES)
-        if "damping" in content
-        else {},
-        wheel=_wheel(path, content) if "wheel" in content else {},
+        ring={key: _parameter(path, "ring", key, entry) for key, entry in ring.items()},
+        damping={key: _parameter(path, "damping", key, entry) for key, entry in damping.items()},
+        wheel=wheel,
         provenance=_provenance(path, content),
     )
 
 
 def _provenance(path: Path, content: dict[str, Any]) -> dict[str, Any]:
-    """Where it comes from, without the checksum, which belongs to the file."""
+    """The provenance without the checksum, which belongs to the file."""
     section = _optional_section(path, content, "provenance")
     told = section.get(ACCEPTED, [])
     if not (isinstance(told, list) and all(isinstance(name, str) for name in told)):
         where, rule = f"{path.name}, [provenance] {ACCEPTED}", "it must be a list of file names"
         raise InputError(where, repr(told), rule, "Correct or remove it")
     return {key: value for key, value in section.items() if key != OWN}
-
-
-def _designation(path: Path, content: dict[str, Any]) -> str:
-    designation = content.get("designation", path.stem)
-    if not isinstance(designation, str):
-        where, rule = f"{path.name}, designation", "it must be a text"
-        raise InputError(where, repr(designation), rule, 'Write e.g. designation = "225/55R17"')
-    return designation
-
-
-def _parameters(
-    path: Path,
-    content: dict[str, Any],
-    name: str,
-    known: tuple[str, ...],
-    optional: tuple[str, ...] = (),
-) -> dict[str, Parameter]:
-    section = _known_section(path, content, name, known, optional)
-    return {key: _parameter(path, name, key, entry) for key, entry in section.items()}
-
-
-def _wheel(path: Path, content: dict[str, Any]) -> dict[str, float]:
-    section = _known_section(path, content, "wheel", WHEEL_NAMES)
-    for key in section:
-        _require_number(path, "wheel", section, key)
-    return section
 
 
 def _known_section(
@@ -335,16 +305,12 @@ def _known_section(
     known: tuple[str, ...],
     optional: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """A section that holds all of its keys and no other ones."""
+    """A section with all of its keys and no other ones."""
     section = _section(path, content, name)
     for key in section:
         if key not in known:
-            raise InputError(
-                f"{path.name}, [{name}]",
-                f"unknown key {key!r}",
-                f"known are {', '.join(known)}",
-                "Correct or remove it",
-            )
+            where, rule = f"{path.name}, [{name}]", f"known are {', '.join(known)}"
+            raise InputError(where, f"unknown key {key!r}", rule, "Correct or remove it")
     for key in known:
         if key not in section and key not in optional:
             raise _missing(path, name, key)
@@ -355,7 +321,7 @@ def _require_number(path: Path, name: str, section: dict[str, Any], key: str) ->
     value = section[key]
     where = f"{path.name}, [{name}] {key}"
     if not (_is_number(value) and isfinite(value)):
-        rule = "it must be a number, and finite"
+        rule = "it must be a finite number"
         raise InputError(where, repr(value), rule, f"Write {key} = …, without quotes")
     _require_size(where, key, value)
 
@@ -366,11 +332,11 @@ def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
     if not _is_number(value) or not (std is None or _is_number(std)):
         rule = "value and std must be numbers"
         raise InputError(where, str(entry), rule, "Write { value = …, how = …, std = … }")
-    if isfinite(value):  # the ring's own limits name what is not
+    if isfinite(value):  # the ring refuses what is not
         _require_size(where, key, value)
     if std is not None and not 0 <= std <= LARGEST:
-        rule = f"a standard deviation is finite, not below zero and at most {LARGEST:g}"
-        raise InputError(where, f"std = {std:g}", rule, "Leave std out where it is not known")
+        rule = f"a standard deviation must be finite, ≥ 0 and at most {LARGEST:g}"
+        raise InputError(where, f"std = {std:g}", rule, "Leave std out if it is not known")
     how = fields.get("how", GIVEN)
     if how not in HOWS:
         rule = f"how must be one of {', '.join(HOWS)}"
@@ -381,7 +347,7 @@ def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
 def _require_size(where: str, key: str, value: float) -> None:
     largest = _LARGEST_OF.get(key, LARGEST)
     if value != 0 and not SMALLEST <= abs(value) <= largest:
-        rule = f"numbers are zero, or from {SMALLEST:g} to {largest:g}"
+        rule = f"numbers must be zero, or from {SMALLEST:g} to {largest:g}"
         raise InputError(where, f"{value:g}", rule, "Check its exponent and its unit")
 
 
@@ -390,13 +356,13 @@ def _is_number(value: object) -> TypeGuard[int | float]:
 
 
 def _refuse_misspelt(path: Path, content: dict[str, Any]) -> None:
-    """Refuse a name that is nearly that of a section which is not there: its values would go."""
+    """Refuse a section whose name resembles that of an absent one: its values would be ignored."""
     absent = [name for name in _OPTIONAL if name not in content]
     for name in content:
         similar = [] if name in absent else get_close_matches(name, absent, n=1, cutoff=0.8)
         if similar:
             rule = "a parameter set has no such section"
-            remedy = f"Did you mean [{similar[0]}]? Call it otherwise where not"
+            remedy = f"Did you mean [{similar[0]}]? Otherwise choose another name"
             raise InputError(path.name, f"[{name}]", rule, remedy)
 
 
@@ -407,9 +373,8 @@ def _optional_section(path: Path, content: dict[str, Any], name: str) -> dict[st
 def _section(path: Path, content: dict[str, Any], name: str) -> dict[str, Any]:
     section = content.get(name)
     if section is None:
-        raise InputError(
-            path.name, f"no section [{name}]", "a parameter set needs it", f"Add [{name}]"
-        )
+        found, rule = f"no section [{name}]", "a parameter set needs it"
+        raise InputError(path.name, found, rule, f"Add [{name}]")
     if not isinstance(section, dict):
         where, rule = f"{path.name}, {name}", "it must be a section"
         raise InputError(where, repr(section), rule, f"Begin it with a line [{name}]")
@@ -417,28 +382,5 @@ def _section(path: Path, content: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def _missing(path: Path, section: str, key: str) -> InputError:
-    return InputError(
-        f"{path.name}, [{section}]", f"no {key}", "a parameter set needs it", f"Add {key} = …"
-    )
-
-
-def _number(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if isfinite(value) else None
-
-
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not isfinite(value) else float(value)
-
-
-def _inline(parameter: Parameter) -> Any:
-
-    entry = tomlkit.inline_table()
-    entry["value"] = parameter.value
-    entry["how"] = parameter.how
-    if parameter.std is not None:
-        entry["std"] = parameter.std
-    return entry
+    where, rule = f"{path.name}, [{section}]", "a parameter set needs it"
+    return InputError(where, f"no {key}", rule, f"Add {key} = …")

@@ -1,4 +1,4 @@
-"""Where a result comes from: software, inputs, choices, time."""
+"""Provenance of a result: software, inputs, options and stage times."""
 
 from __future__ import annotations
 
@@ -18,10 +18,14 @@ from ema.core.frf import FRF
 from pipelines.results.options import Options
 from pipelines.storage.checksums import sha256
 
+DISTRIBUTION = "ringmodal"
+LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pyuff")
+UNKNOWN = "unknown"
+
 
 @dataclass
 class Stopwatch:
-    """Wall time of each stage, in the order they ran, and who is told when one starts."""
+    """Wall time of each stage, in the order they ran; `announce` is called as one starts."""
 
     announce: Callable[[str], None]
     seconds: dict[str, float] = field(default_factory=dict)
@@ -59,13 +63,13 @@ def provenance(
 
 @contextmanager
 def checksummed(paths: Sequence[Path]) -> Iterator[Callable[[], list[dict[str, Any]]]]:
-    """Sum up files while something else is computed; yields what gives name, size and SHA-256."""
+    """Yield a function that returns name, size and SHA-256 of files; a thread computes them."""
+
+    def fingerprint(path: Path) -> dict[str, Any]:
+        return {"file": path.name, "bytes": path.stat().st_size, "sha256": sha256(path)}
+
     with ThreadPoolExecutor(1) as pool:
-        yield pool.submit(lambda: [_fingerprint(path) for path in paths]).result
-
-
-def _fingerprint(path: Path) -> dict[str, Any]:
-    return {"file": path.name, "bytes": path.stat().st_size, "sha256": sha256(path)}
+        yield pool.submit(lambda: [fingerprint(path) for path in paths]).result
 
 
 def _blocks_in_force(frf: FRF) -> dict[str, Any]:
@@ -79,11 +83,6 @@ def _blocks_in_force(frf: FRF) -> dict[str, Any]:
         "effective_averages": round(frf.n_effective, 2),
         "sampling_rate_hz": frf.blocks.sampling_rate_hz,
     }
-
-
-DISTRIBUTION = "ringmodal"
-LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pyuff")
-UNKNOWN = "unknown"
 
 
 def software_version() -> str:

@@ -1,4 +1,4 @@
-"""Everything one campaign gave, in memory: what the result folder and the report hold."""
+"""Result of a campaign in memory: content of the result folder and the report."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ema.checks.quality import ReferenceCheck
 from ema.core.arrays import frame_of
 from ema.core.campaign import Tyre
-from ema.core.display import facts, table
-from ema.core.finding import Finding, findings_html
+from ema.core.display import band_text, facts, table
+from ema.core.finding import OK, Finding, findings_html
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, modes_html
 from ema.poles.cross_check import Opinion
@@ -69,15 +69,15 @@ class Result:
     reference : ReferenceCheck or None
         None without a reference sensor.
     tuning, damping, validation : or None
-        None where the ring steps were left out; `notes` says why.
+        None where the ring steps were left out; `notes` gives the reason.
     excitation_deg, reference_deg : float or None
         Angles of the force and of the reference sensor.
     opinions : tuple of Opinion
-        What another pole estimator says about the modes.
+        Results of the cross-check by another pole estimator.
     findings : tuple of Finding
-        Lines of ``quality.csv``.
+        Rows of ``quality.csv``.
     notes : tuple of str
-        What a reader of the report must know.
+        Remarks for readers of the report.
     provenance : dict
         Content of ``provenance.json``: versions, inputs with SHA-256, options, stage times.
 
@@ -122,37 +122,27 @@ class Result:
         )
 
     def __repr__(self) -> str:
-        return result_line(self)
+        n_modes = len(self.modal_model.modes)
+        ring = "no ring" if self.tuning is None else "ring tuned"
+        n_warnings = sum(finding.verdict != OK for finding in self.findings)
+        return f"<Result {self.name}: {n_modes} modes, {ring}, {n_warnings} warnings>"
 
     def _repr_html_(self) -> str:
-        return result_html(self)
+        title = self.name if self.tyre is None else f"{self.name}, {self.tyre.designation}"
+        model = self.modal_model
+        parts = [modes_html(model.modes, f"{title}: modes, {band_text(model.band_hz)}")]
+        if self.tuning is not None:
+            parts.append(self.tuning._repr_html_())
+        if self.validation is not None:
+            parts.append(_validation_html(self.validation))
+        parts.append(findings_html(self.findings))
+        if self.notes:
+            parts.append(facts("Notes", [("", note) for note in self.notes]))
+        return "".join(parts)
 
 
-def result_line(result: Result) -> str:
-    """Name, modes, ring and warnings."""
-    n_modes = len(result.modal_model.modes)
-    ring = "no ring" if result.tuning is None else "ring tuned"
-    n_warnings = sum(finding.verdict != "ok" for finding in result.findings)
-    return f"<Result {result.name}: {n_modes} modes, {ring}, {n_warnings} warnings>"
-
-
-def result_html(result: Result) -> str:
-    """Modes, ring, validation, and what a reader has to know."""
-    title = result.name if result.tyre is None else f"{result.name}, {result.tyre.designation}"
-    low, high = result.modal_model.band_hz
-    parts = [modes_html(result.modal_model.modes, f"{title}: modes, {low:g} to {high:g} Hz")]
-    if result.tuning is not None:
-        parts.append(result.tuning._repr_html_())
-    if result.validation is not None:
-        parts.append(_shapes(result.validation))
-    parts.append(findings_html(result.findings))
-    if result.notes:
-        parts.append(facts("Notes", [("", note) for note in result.notes]))
-    return "".join(parts)
-
-
-def _shapes(found: Validation) -> str:
-    """What the frequencies of the tuning do not say: damping and likeness of the shapes."""
+def _validation_html(found: Validation) -> str:
+    """Damping and MAC, which the tuning does not show."""
     rows = [
         (str(order), f"{100 * measured:.2f}", f"{100 * ring:.2f}", f"{found.mac[row, row]:.3f}")
         for row, (order, measured, ring) in enumerate(

@@ -1,4 +1,4 @@
-"""What ``identification.json`` must hold, down to types, lengths and what numbers can be."""
+"""Content of ``identification.json`` and ``provenance.json``: types, lengths and ranges."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import StrictBool, StrictFloat, TypeAdapter, ValidationError
 
 from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Tyre
@@ -19,11 +19,12 @@ from ema.core.modes import Flag, OrderReport, Pair
 from ema.poles.cross_check import Opinion
 from pipelines.storage.tables import LARGEST
 
-Two = tuple[float, float]
-
+REMEDY = "Process the recordings again"
 _MAY_BE_INFINITE = ("std_percent", "n_effective")  # where nothing is known
-_HIGHEST_ORDER = 10_000  # far above what sensors around a tyre can tell
-_SLOWEST_RAD_S = 1e-6  # a pole has a frequency
+_HIGHEST_ORDER = 10_000  # far above what sensors around a tyre can resolve
+_SLOWEST_RAD_S = 1e-6  # smallest imaginary part of a pole
+
+Two = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class StoredDrift:
 
 
 @dataclass(frozen=True)
-class StoredIdentification:
+class Stored:
     """Content of ``identification.json``."""
 
     name: str
@@ -92,103 +93,81 @@ class StoredIdentification:
     indicator: tuple[float, ...]
 
 
-def read_stored(path: Path) -> StoredIdentification:
+def read_identification_json(path: Path) -> Stored:
     """Read ``identification.json``.
 
     Raises
     ------
     InputError
-        If it cannot be read or holds what no identification gives; says where.
+        If it cannot be read or holds what no identification gives; names the place.
     """
     try:
         text = require_regular(path).read_bytes()
-        found = TypeAdapter(StoredIdentification).validate_json(text, strict=True)
+        found = TypeAdapter(Stored).validate_json(text, strict=True)
     except OSError as error:
-        raise _unusable(path, error.strerror or "unreadable", "a result needs it") from error
+        reason = error.strerror or "unreadable"
+        raise InputError(str(path), reason, "a result needs this file", REMEDY) from error
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
-        where = ".".join(map(str, first["loc"])) or "the whole file"
-        raise _unusable(path, f"{where}: {first['msg']}", "every part has its type") from error
-    for place, number in _numbers(asdict(found), ""):
-        may_be_infinite = place.split(".")[1] in _MAY_BE_INFINITE or "std_percent" in place
-        if abs(number) > LARGEST and not (math.isinf(number) and may_be_infinite):
-            rule = f"numbers are finite and at most {LARGEST:g}"
-            raise _unusable(path, f"{place[1:]}: {number:g}", rule)
-    for found_wrong, rule in _faults(found):
-        raise _unusable(path, found_wrong, rule)
+        where = ".".join(map(str, first["loc"])) or "content"
+        rule = "it must be as it was written"
+        raise InputError(str(path), f"{where}: {first['msg']}", rule, REMEDY) from error
+    for place, number in _numbers(asdict(found)):
+        may_be_infinite = place.endswith(_MAY_BE_INFINITE) and math.isinf(number)
+        if abs(number) > LARGEST and not may_be_infinite:
+            rule = f"numbers must be finite and at most {LARGEST:g}"
+            raise InputError(str(path), f"{place}: {number:g}", rule, REMEDY)
+    for place, wrong, rule in _rules(found):
+        if wrong:
+            raise InputError(f"{path}, {place}", str(wrong[0]), rule, REMEDY)
     return found
 
 
-def _numbers(value: Any, place: str) -> Iterator[tuple[str, float]]:
-    """All numbers with their places; NaN is smaller than any limit."""
+def _numbers(value: Any, place: str = "") -> Iterator[tuple[str, float]]:
+    """All numbers and where they are."""
     if isinstance(value, dict):
         for key, part in value.items():
-            yield from _numbers(part, f"{place}.{key}")
+            yield from _numbers(part, f"{place}.{key}" if place else key)
     elif isinstance(value, list | tuple):
         for part in value:
             yield from _numbers(part, place)
-    elif isinstance(value, int | float) and not isinstance(value, bool):
+    elif isinstance(value, int | float):
         yield place, value
 
 
-def _faults(found: StoredIdentification) -> Iterator[tuple[str, str]]:
-    """What is wrong although every part has its type, and the rule it breaks."""
-    for low, high in (found.band_hz, found.fit_band_hz):
-        if not 0 <= low < high:
-            yield f"a band from {low:g} to {high:g} Hz", "a band begins at 0 Hz or above and rises"
-    for mode in (*found.modes, *found.guard_modes):
-        yield from _faults_of_pole(mode.pole)
-        if not 0 <= (mode.order or 0) <= _HIGHEST_ORDER:
-            yield f"order {mode.order}", f"an order is 0 to {_HIGHEST_ORDER}"
-        if mode.frequency_std_hz < 0 or mode.damping_std < 0:
-            yield "a standard deviation below zero", "it is zero or more"
-    for cluster in found.clusters:
-        yield from _faults_of_pole(cluster.pole)
-    if not found.modes:
-        yield "no modes", "an identification has modes"
+def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
+    """What must hold beyond the types: place, values that break the rule, rule."""
+    modes = (*found.modes, *found.guard_modes)
+    yield "modes", [] if found.modes else ["none"], "there must be one or more"
+    bands = [band for band in (found.band_hz, found.fit_band_hz) if not 0 <= band[0] < band[1]]
+    yield "band_hz", bands, "must rise from 0 Hz or above"
+    poles = [each.pole for each in modes] + [each.pole for each in found.clusters]
+    outside = [(re, im) for re, im in poles if not (im > _SLOWEST_RAD_S and abs(re) < LARGEST)]
+    yield "pole", outside, "must be in the upper half plane"
+    orders = [*(mode.order or 0 for mode in modes), *(each.order for each in found.orders)]
+    unlikely = [order for order in orders if not 0 <= order <= _HIGHEST_ORDER]
+    yield "order", unlikely, f"must be 0 to {_HIGHEST_ORDER}"
+    stds = [std for mode in modes for std in (mode.frequency_std_hz, mode.damping_std)]
+    yield "modes", [std for std in stds if std < 0], "standard deviations must be ≥ 0"
     size = 2 * len(found.modes)
-    if len(found.covariance) != size or any(len(row) != size for row in found.covariance):
-        yield "another number of covariances", f"{len(found.modes)} modes have {size} × {size}"
-    if len(found.indicator) != len(found.indicator_hz):
-        yield "an indicator of other length than its frequencies", "each frequency has one value"
-    yield from _faults_of_drift(found.drift)
-    yield from _faults_of_campaign(found)
-
-
-def _faults_of_pole(pole: Two) -> Iterator[tuple[str, str]]:
-    if not (pole[1] > _SLOWEST_RAD_S and abs(pole[0]) < LARGEST):
-        yield f"pole {pole[0]:g} + {pole[1]:g}j", "a pole lies in the upper half plane"
-
-
-def _faults_of_drift(drift: StoredDrift) -> Iterator[tuple[str, str]]:
-    if not len(drift.run) == len(drift.percent) == len(drift.std_percent):
-        yield "drift of another number of runs", "each run has a drift and its deviation"
-    if not all(percent > -100 for percent in drift.percent):
-        yield f"drift {min(drift.percent):g} %", "frequencies stay above zero"
-
-
-def _faults_of_campaign(found: StoredIdentification) -> Iterator[tuple[str, str]]:
-    for finding in found.findings:
-        if finding.verdict not in (OK, WARNING, EXCLUDED):
-            yield f"verdict {finding.verdict!r}", f"it is {OK}, {WARNING} or {EXCLUDED}"
-    for report in found.orders:
-        if not 0 <= report.order <= _HIGHEST_ORDER:
-            yield f"order {report.order}", f"an order is 0 to {_HIGHEST_ORDER}"
-    plan = found.blocks
-    if plan is not None:
-        sizes = (plan.sampling_rate_hz, plan.block_samples, plan.step_samples, plan.n_blocks)
-        if not (min(sizes) > 0 and plan.period_samples >= 0):
-            yield f"blocks of {plan.block_samples} samples", "lengths and rates are above zero"
-    tyre = found.tyre
-    if tyre is not None:
-        for name in ("inflation_pressure_pa", "mean_radius_m", "belt_width_m"):
-            value = getattr(tyre, name)
-            if value is not None and not value > 0:
-                yield f"{name} = {value:g}", "it is above zero"
-
-
-def _unusable(path: Path, found: str, rule: str) -> InputError:
-    return InputError(str(path), found, rule, "Process the recordings again")
+    sizes = [n for n in (len(found.covariance), *map(len, found.covariance)) if n != size]
+    yield "covariance", sizes, f"must be {size} × {size}"
+    lengths = [len(found.indicator), len(found.indicator_hz)]
+    yield "indicator", lengths if len({*lengths}) > 1 else [], "needs one value for each frequency"
+    drift = found.drift
+    lengths = [len(drift.run), len(drift.percent), len(drift.std_percent)]
+    yield "drift", lengths if len({*lengths}) > 1 else [], "needs one value for each run"
+    yield "drift", [each for each in drift.percent if not each > -100], "must be > -100 %"
+    verdicts = [each.verdict for each in found.findings]
+    unknown = [verdict for verdict in verdicts if verdict not in (OK, WARNING, EXCLUDED)]
+    yield "findings", unknown, f"verdict must be {OK}, {WARNING} or {EXCLUDED}"
+    if (plan := found.blocks) is not None:
+        counts = (plan.sampling_rate_hz, plan.block_samples, plan.step_samples, plan.n_blocks)
+        wrong = [plan] if not (min(counts) > 0 and plan.period_samples >= 0) else []
+        yield "blocks", wrong, "lengths and rates must be > 0"
+    if (tyre := found.tyre) is not None:
+        given = (tyre.inflation_pressure_pa, tyre.mean_radius_m, tyre.belt_width_m)
+        yield "tyre", [each for each in given if each is not None and not each > 0], "must be > 0"
 
 
 @dataclass(frozen=True)
@@ -205,9 +184,9 @@ class _Software:
 
 @dataclass(frozen=True)
 class _Options:
-    tune: bool
+    tune: StrictBool
     objective: str
-    given: dict[str, float]
+    given: dict[str, StrictFloat]
     processing: dict[str, Any] = field(default_factory=dict)
 
 
@@ -223,7 +202,7 @@ class _Provenance:
 
 
 def require_provenance(path: Path, content: dict[str, Any]) -> None:
-    """Refuse provenance from which no later stage can go on.
+    """Refuse provenance that later stages cannot use.
 
     Raises
     ------
@@ -234,8 +213,5 @@ def require_provenance(path: Path, content: dict[str, Any]) -> None:
         TypeAdapter(_Provenance).validate_python(content)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        rule = "later stages need what is told of the recordings and the options"
-        raise InputError(
-            f"{path}, {where}", first["msg"], rule, "Process the recordings again"
-        ) from error
+        where, rule = ".".join(map(str, first["loc"])), "later stages need inputs and options"
+        raise InputError(f"{path}, {where}", first["msg"], rule, REMEDY) from error

@@ -1,22 +1,45 @@
-"""The result folder: written whole or not at all, and read back for later stages."""
+"""The result folder read back, and the part of the identification that its tables do not hold."""
 
 from __future__ import annotations
 
+import json
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ema.checks.quality import check_reference
+from ema.circumference.orders import highest_order
 from ema.core.errors import InputError
 from ema.core.files import require_regular
 from ema.core.finding import WARNING, Finding
+from ema.core.frf import FRF
+from ema.core.modes import Drift, ModalModel, Mode, ResidualTerms
+from ema.poles.stability import Cluster, StabilityDiagram
 from pipelines.results.check import CheckedResult, checked_result
-from pipelines.results.identification_file import read_identification
 from pipelines.results.result import Result
-from pipelines.results.schema import require_provenance
+from pipelines.results.schema import (
+    REMEDY,
+    Stored,
+    Two,
+    read_identification_json,
+    require_provenance,
+)
+from pipelines.results.tables import read_frf
 from pipelines.storage.checksums import ACCEPTED
 from pipelines.storage.result_folder import MARKER, recover
+from pipelines.storage.tables import Table, write_parquet
 
-_ATTEMPTS = 20  # another process may replace the result again and again
+JSON_NAME = "identification.json"
+RESIDUES_NAME = "residues.parquet"
+REFERENCE_NAME = "reference.parquet"
+
+_ATTEMPTS = 20  # another process may keep replacing the result
+_SMALLEST_RESIDUE = 1e-100  # far below any measured inertance; its square is still a double
 
 
 def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
@@ -28,8 +51,8 @@ def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
     ----------
     folder : path
     accept_changes : bool
-        Whether to take parts that are not as they were written; each becomes a warning among the
-        findings, and its checksum a part of the provenance.
+        Whether to accept parts that were changed; each becomes a warning among the findings, and
+        its checksum a part of the provenance.
 
     Raises
     ------
@@ -48,44 +71,193 @@ def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
         recover(folder)
         before = _marker_bytes(folder)
         try:
-            result = _loaded(folder, accept_changes=accept_changes)
+            checked = checked_result(folder, accept_changes=accept_changes)
+            require_provenance(folder / MARKER, checked.marker.content)
+            result = _read_identification(folder, checked.marker.content)
         except InputError:
             if not attempts_left or _marker_bytes(folder) == before:
                 raise
         else:
             if not attempts_left or _marker_bytes(folder) == before:
-                return result
+                return _with_accepted(result, checked)
     raise AssertionError("the last attempt returns or raises")
 
 
-def _loaded(folder: Path, *, accept_changes: bool) -> Result:
-    checked = checked_result(folder, accept_changes=accept_changes)
-
-    record = checked.marker.content
-    require_provenance(folder / MARKER, record)  # a checksum that fits vouches for no types
-    return with_accepted(read_identification(folder, record), checked)
-
-
-def with_accepted(result: Result, checked: CheckedResult) -> Result:
-    """A result that tells which of its parts were accepted although they had changed."""
-    if not checked.accepted:
-        return result
-    findings = dict.fromkeys(
-        [
-            *result.findings,
-            *(
-                Finding("", name, None, "changed", WARNING, f"{change.value}; accepted as it is")
-                for name, change in checked.accepted.items()
-            ),
-        ]
-    )
-    earlier = result.provenance.get(ACCEPTED, {})
-    provenance = {**result.provenance, ACCEPTED: {**earlier, **checked.sha256}}
-    return replace(result, findings=tuple(findings), provenance=provenance)
-
-
 def _marker_bytes(folder: Path) -> bytes | None:
-    """What tells one result from the next: another process may replace it meanwhile."""
+    """Content of the marker, by which a replaced result is recognised."""
     with suppress(OSError, InputError):
         return require_regular(folder / MARKER).read_bytes()
     return None
+
+
+def _with_accepted(result: Result, checked: CheckedResult) -> Result:
+    """The result with its accepted changes among findings and provenance."""
+    if not checked.accepted:
+        return result
+    changed = (
+        Finding("", name, None, "changed", WARNING, f"{change.value}; accepted as it is")
+        for name, change in checked.accepted.items()
+    )
+    provenance = result.provenance
+    return replace(
+        result,
+        findings=tuple(dict.fromkeys([*result.findings, *changed])),
+        provenance={**provenance, ACCEPTED: {**provenance.get(ACCEPTED, {}), **checked.sha256}},
+    )
+
+
+def write_identification(result: Result, folder: Path) -> None:
+    """Write what `load` needs beside the tables: ``identification.json``, ``residues.parquet``."""
+    model, diagram = result.modal_model, result.diagram
+    sources: tuple[tuple[Any, tuple[str, ...]], ...] = (
+        (result, ("name", "tyre", "excitation_deg", "reference_deg", "findings", "opinions")),
+        (result.frf, ("blocks", "n_effective")),
+        (model, ("band_hz", "fit_band_hz", "misfit", "covariance", "frac", "drift", "notes")),
+        (model, ("orders", "modes", "guard_modes")),
+        (diagram, ("clusters", "indicator_hz", "indicator")),
+    )
+    content = {name: getattr(source, name) for source, names in sources for name in names}
+    text = json.dumps(content, default=_as_json)
+    (folder / JSON_NAME).write_text(text, encoding="utf-8", newline="\n")
+    _write_residues(model, folder / RESIDUES_NAME)
+
+
+def _as_json(value: Any) -> Any:
+    if isinstance(value, complex):
+        return value.real, value.imag
+    if isinstance(value, Mode):  # its residues are in a table
+        return {name: part for name, part in vars(value).items() if "residues" not in name}
+    if is_dataclass(value):
+        return {field.name: getattr(value, field.name) for field in fields(value)}
+    return value.tolist()
+
+
+def _write_residues(model: ModalModel, path: Path) -> None:
+    """One row per position: residues of modes and guard modes, then residual terms."""
+    modes = (*model.modes, *model.guard_modes)
+    columns = {f"real_{r}": mode.residues.real for r, mode in enumerate(modes)}
+    columns |= {f"imag_{r}": mode.residues.imag for r, mode in enumerate(modes)}
+    columns |= {f"std_{r}": mode.residues_std for r, mode in enumerate(modes)}
+    terms = model.residual_terms
+    row = np.arange(terms.lower.size)
+    table = pd.DataFrame({**columns, "lower": terms.lower, "upper": terms.upper, "row": row})
+    write_parquet(path, table)
+
+
+def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
+    """Result without its ring steps from a folder and its provenance."""
+    stored = read_identification_json(folder / JSON_NAME)
+    frf = read_frf(folder / "frf.parquet")
+    frf = replace(frf, blocks=stored.blocks, n_effective=stored.n_effective)
+    if (folder / REFERENCE_NAME).is_file():
+        frf = replace(frf, reference=_read_reference(folder / REFERENCE_NAME, stored.band_hz))
+    model = _read_model(stored, frf, folder / RESIDUES_NAME)
+    return Result(
+        name=stored.name,
+        tyre=stored.tyre,
+        frf=frf,
+        diagram=_read_diagram(stored, folder / "poles.parquet"),
+        modal_model=model,
+        reference=None if frf.reference is None else check_reference(frf.reference, model.band_hz),
+        tuning=None,
+        damping=None,
+        validation=None,
+        excitation_deg=stored.excitation_deg,
+        reference_deg=stored.reference_deg,
+        findings=stored.findings,
+        opinions=stored.opinions,
+        notes=model.notes,
+        provenance={key: value for key, value in record.items() if key != "warnings"},
+    )
+
+
+def _read_reference(path: Path, band_hz: Two) -> FRF:
+    frf = read_frf(path)
+    in_band = (frf.frequency_hz >= band_hz[0]) & (frf.frequency_hz <= band_hz[1])
+    if frf.n_positions < 2 or not np.any(in_band) or np.any(frf.std == 0):
+        found = f"{frf.n_positions} runs, {np.count_nonzero(in_band)} frequencies in the band"
+        rule = "the check needs two or more runs, frequencies in the band, and noise"
+        raise InputError(str(path), found, rule, REMEDY)
+    return frf
+
+
+def _read_model(stored: Stored, frf: FRF, path: Path) -> ModalModel:
+    residues, std, terms = _read_residues(path, stored, frf.n_positions)
+    _require_positions(path.with_name(JSON_NAME), stored, frf)
+    records = (*stored.modes, *stored.guard_modes)
+    modes = tuple(
+        Mode(**{**vars(entry), "pole": complex(*entry.pole)}, residues=own, residues_std=own_std)
+        for entry, own, own_std in zip(records, residues, std, strict=True)
+    )
+    n_modes = len(stored.modes)
+    return ModalModel(
+        modes=modes[:n_modes],
+        guard_modes=modes[n_modes:],
+        residual_terms=terms,
+        band_hz=stored.band_hz,
+        fit_band_hz=stored.fit_band_hz,
+        covariance=np.array(stored.covariance),
+        frac=np.array(stored.frac),
+        misfit=stored.misfit,
+        node=frf.node,
+        position_deg=frf.position_deg,
+        drift=Drift(**vars(stored.drift)),
+        orders=stored.orders,
+        notes=stored.notes,
+    )
+
+
+def _require_positions(path: Path, stored: Stored, frf: FRF) -> None:
+    """Refuse modes that do not fit the positions of the FRFs."""
+    if len(stored.frac) != frf.n_positions:
+        found, rule = f"frac of {len(stored.frac)} positions", f"the FRFs have {frf.n_positions}"
+        raise InputError(str(path), found, rule, REMEDY)
+    orders = [mode.order for mode in (*stored.modes, *stored.guard_modes) if mode.order is not None]
+    on_circle = bool(np.all(np.isfinite(frf.position_deg)))
+    if orders and not (on_circle and max(orders) <= highest_order(frf.position_deg)):
+        rule = "the positions of the FRFs must resolve the order"
+        raise InputError(str(path), f"a mode of order {max(orders)}", rule, REMEDY)
+
+
+def _read_residues(
+    path: Path, stored: Stored, n_positions: int
+) -> tuple[NDArray[np.complex128], NDArray[np.float64], ResidualTerms]:
+    """Residues and their deviations, one row per mode and guard mode, and the residual terms."""
+    table = Table(path)
+    count = range(len(stored.modes) + len(stored.guard_modes))
+    if table.n_rows != n_positions or f"real_{len(count)}" in table.names:
+        found = f"{table.n_rows} positions, columns {', '.join(table.names)}"
+        raise table.unusable(found, f"it needs {n_positions} positions and {len(count)} modes")
+    order = table.row_order()
+
+    def column(name: str, *, unknown: bool = False) -> NDArray[np.float64]:
+        return np.asarray(table.numbers(name, unknown=unknown), dtype=float)[order]
+
+    residues = np.stack([column(f"real_{r}") + 1j * column(f"imag_{r}") for r in count])
+    if np.any(np.abs(residues).max(axis=1) < _SMALLEST_RESIDUE):
+        raise table.unusable("a mode without residues", "each mode needs residues")
+    std = np.stack([column(f"std_{r}", unknown=True) for r in count])
+    return residues, std, ResidualTerms(column("lower"), column("upper"))
+
+
+def _read_diagram(stored: Stored, path: Path) -> StabilityDiagram:
+    table = Table(path)
+    order = table.row_order()
+    ratio = table.numbers("damping_ratio")[order]
+    omega = 2 * np.pi * table.numbers("frequency_hz")[order]
+    if np.any(np.abs(ratio) > 1) or np.any(omega <= 0):
+        rule = "damping ratios must be at most 1 and frequencies > 0"
+        raise table.unusable("a pole without frequency", rule)
+    return StabilityDiagram(
+        band_hz=stored.band_hz,
+        model_order=table.numbers("order")[order],
+        poles=omega * (-ratio + 1j * np.sqrt(1 - ratio**2)),
+        stable_frequency=table.flags("stable_frequency")[order],
+        stable_damping=table.flags("stable_damping")[order],
+        cluster=table.numbers("cluster")[order],
+        clusters=tuple(
+            Cluster(**{**vars(each), "pole": complex(*each.pole)}) for each in stored.clusters
+        ),
+        indicator_hz=np.array(stored.indicator_hz),
+        indicator=np.array(stored.indicator),
+    )

@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ema.core.frf import FRF
 from ema.core.modes import MODE_COLUMNS, OrderReport
+from ema.io.uff.write import write_frfs as write_universal
 from ema.poles.stability import StabilityDiagram
 from pipelines.results.result import Result, Validation
+from pipelines.storage.tables import Table, write_parquet
 
 #: Columns of ``modes.csv``.
 MODES = ("mode", *MODE_COLUMNS)
-_ORDERS = (
-    "order",
-    "verdict",
-    "chance",
-    "frequency_hz",
-    "frequency_std_hz",
-    "damping_ratio",
-    "damping_ratio_std",
-    "evidence",
-)
+_ORDERS = {
+    "frequency_hz": "frequency_hz",
+    "frequency_std_hz": "frequency_std_hz",
+    "damping_ratio": "damping_ratio",
+    "damping_ratio_std": "damping_std",
+}
 _VALIDATION = (
-    "order",
-    "measured_hz",
-    "model_hz",
-    "error_percent",
-    "measured_damping",
-    "model_damping",
-    "mac",
+    *("order", "measured_hz", "model_hz", "error_percent"),
+    *("measured_damping", "model_damping", "mac"),
 )
 
 
@@ -60,20 +57,14 @@ def shapes(result: Result) -> pd.DataFrame:
 
 def orders(reports: tuple[OrderReport, ...]) -> pd.DataFrame:
     """``orders.csv``: each order by itself, and the verdict on its pair."""
-    rows = [
-        (
-            report.order,
-            report.pair.verdict,
-            report.pair.chance,
-            report.frequency_hz,
-            report.frequency_std_hz,
-            report.damping_ratio,
-            report.damping_std,
-            report.pair.evidence,
-        )
-        for report in reports
-    ]
-    return pd.DataFrame(rows, columns=list(_ORDERS))
+    columns = {
+        "order": [report.order for report in reports],
+        "verdict": [report.pair.verdict for report in reports],
+        "chance": [report.pair.chance for report in reports],
+        **{name: [getattr(report, part) for report in reports] for name, part in _ORDERS.items()},
+        "evidence": [report.pair.evidence for report in reports],
+    }
+    return pd.DataFrame(columns)
 
 
 def validation(found: Validation | None) -> pd.DataFrame:
@@ -82,6 +73,11 @@ def validation(found: Validation | None) -> pd.DataFrame:
         return pd.DataFrame(columns=list(_VALIDATION))
     columns = {name: getattr(found, name) for name in _VALIDATION}
     return pd.DataFrame({**columns, "mac": np.diag(found.mac)})
+
+
+def poles(diagram: StabilityDiagram) -> pd.DataFrame:
+    """``poles.parquet``: every pole of every model order, in the order it was found."""
+    return diagram.to_frame().assign(row=np.arange(diagram.cluster.size))
 
 
 def frfs(frf: FRF) -> pd.DataFrame:
@@ -103,6 +99,74 @@ def frfs(frf: FRF) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def poles(diagram: StabilityDiagram) -> pd.DataFrame:
-    """``poles.parquet``: every pole of every model order, in the order it was found."""
-    return diagram.to_frame().assign(row=np.arange(diagram.cluster.size))
+def write_frfs(frf: FRF, folder: Path) -> None:
+    """Write the FRFs of all positions, and those of the reference sensor if there are any."""
+    write_universal(folder / "frf.uff", frf)
+    for name, rows in (("frf", frf), ("reference", frf.reference)):
+        if rows is not None:
+            metadata = {"n_positions": str(rows.n_positions)}
+            write_parquet(folder / f"{name}.parquet", frfs(rows), metadata)
+
+
+def read_frf(path: Path) -> FRF:
+    """Read the FRFs of ``frf.parquet`` (or ``reference.parquet``), their rows in any order.
+
+    Raises
+    ------
+    InputError
+        If it is not what was written.
+    """
+    table = Table(path)
+    frequency_hz = table.numbers("frequency_hz")
+    row = _row_numbers(table, frequency_hz)
+    order = np.lexsort((frequency_hz, row))
+    row, lines = row[order], frequency_hz[order]
+    n_rows = int(row[-1]) + 1 if row.size else 0
+    n_lines = row.size // max(n_rows, 1)
+    if not n_rows or row.size % n_rows or np.any(row != np.arange(row.size) // n_lines):
+        rule = "each FRF must have the same lines"
+        raise table.unusable("rows missing, doubled or misnumbered", rule)
+
+    def grid(values: NDArray[Any]) -> NDArray[Any]:
+        return values[order].reshape(n_rows, -1)
+
+    def of_row(name: str, values: NDArray[Any]) -> NDArray[Any]:
+        by_line = grid(values)
+        same = (by_line == by_line[:, :1]) | (np.isnan(by_line) & np.isnan(by_line[:, :1]))
+        if not np.all(same):
+            raise table.unusable(f"several values of {name}", "an FRF has one")
+        return np.asarray(by_line[:, 0])
+
+    def words(name: str) -> tuple[str, ...]:
+        index, texts = table.texts(name)
+        return tuple(texts[at] for at in of_row(name, index))
+
+    _require_lines(table, lines.reshape(n_rows, -1))
+    return FRF(
+        frequency_hz=lines[:n_lines],
+        values=grid(table.numbers("real")) + 1j * grid(table.numbers("imag")),
+        coherence=grid(table.numbers("coherence", unknown=True)),
+        std=grid(table.numbers("std", unknown=True)),
+        node=of_row("node", table.numbers("node")),
+        position_deg=of_row("position_deg", table.numbers("position_deg", unknown=True)),
+        run=words("run"),
+        channel=words("channel"),
+    )
+
+
+def _row_numbers(table: Table, frequency_hz: NDArray[np.float64]) -> NDArray[np.int_]:
+    """Which FRF each row belongs to; in version 0.1.0 a new one began where frequencies fell."""
+    if "row" in table.names:
+        numbers = table.numbers("row").astype(int)
+        if np.any(numbers < 0) or np.any(numbers >= max(table.n_rows, 1)):
+            raise table.unusable(f"row {numbers.min()} to {numbers.max()}", "they count from 0")
+        return numbers
+    return np.concatenate([[0], np.cumsum(np.diff(frequency_hz) <= 0)])[: table.n_rows]
+
+
+def _require_lines(table: Table, lines: NDArray[np.float64]) -> None:
+    if lines.shape[1] < 2 or np.any(lines != lines[0]):
+        rule = "all must have the same two or more"
+        raise table.unusable("frequencies differ between FRFs", rule)
+    if lines[0, 0] < 0 or np.any(np.diff(lines[0]) <= 0):
+        raise table.unusable("negative or repeated frequencies", "must be ≥ 0 and rise")

@@ -1,4 +1,4 @@
-"""A measuring campaign on a tyre whose modes are known: the recordings a lab would hand over."""
+"""Virtual campaigns: recordings of a tyre whose modes are known."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import tomlkit
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len
 
@@ -35,8 +36,9 @@ HUM_HZ = 50.0
 HUM_OVER_NOISE = 0.3
 OFFSET_M_S2 = 0.2
 _SETTLING_S = 2.0
-# Beyond these there is no tyre, no sensor and no noise; far beyond, powers overflow.
+# Ranges far beyond any tyre, sensor and noise.
 _LIMITS = {
+    "seed": (0, math.inf),
     "snr_db": (-300.0, math.inf),
     "split_percent": (-50.0, 50.0),
     "shaker_between": (0.0, 1.0),
@@ -44,6 +46,9 @@ _LIMITS = {
     "drift_percent": (-10.0, 10.0),
 }
 MOST_SAMPLES = 10_000_000  # 80 minutes at 2 kHz; a run is made in memory
+SAMPLE = Path("sample_data") / "tyre_225_55R17"
+
+_Random = np.random.Generator
 
 
 @dataclass(frozen=True)
@@ -76,37 +81,20 @@ class Setup:
     drift_percent: float = 0.0
 
     def __post_init__(self) -> None:
-        limits = {
-            "duration_s": self.duration_s > 0,
-            "sampling_rate_hz": self.sampling_rate_hz > 2.0 * FORCE_BAND_HZ[1],
-            "sensor_mass_kg": self.sensor_mass_kg >= 0,
-            "seed": self.seed >= 0,
-        }
-        for name, holds in limits.items():
-            if not holds:
-                raise InputError(
-                    name,
-                    f"{getattr(self, name):g}",
-                    f"a rate above {2 * FORCE_BAND_HZ[1]:g} Hz, a positive duration and values "
-                    "that are not negative are needed",
-                    "Correct the value",
-                )
+        for name, above in (("duration_s", 0.0), ("sampling_rate_hz", 2.0 * FORCE_BAND_HZ[1])):
+            value = getattr(self, name)
+            if not value > above:
+                raise InputError(name, f"{value:g}", f"must be > {above:g}", "Correct the value")
         for name, (least, most) in _LIMITS.items():
-            if not least <= getattr(self, name) <= most:
-                raise InputError(
-                    name,
-                    f"{getattr(self, name):g}",
-                    f"it must lie between {least:g} and {most:g}",
-                    "Correct the value",
-                )
+            value = getattr(self, name)
+            if not least <= value <= most:
+                rule = f"must be {least:g} to {most:g}"
+                raise InputError(name, f"{value:g}", rule, "Correct the value")
         samples = self.duration_s * self.sampling_rate_hz
         if not samples <= MOST_SAMPLES:
-            raise InputError(
-                "duration_s",
-                f"{self.duration_s:g} s at {self.sampling_rate_hz:g} Hz, {samples:.3g} samples",
-                f"a run has at most {MOST_SAMPLES} samples of each channel",
-                "Shorten the runs or lower the rate",
-            )
+            found = f"{self.duration_s:g} s at {self.sampling_rate_hz:g} Hz, {samples:.3g} samples"
+            rule = f"a run has at most {MOST_SAMPLES} samples of each channel"
+            raise InputError("duration_s", found, rule, "Shorten the runs or lower the rate")
 
     @property
     def n_samples(self) -> int:
@@ -130,30 +118,23 @@ def simulate_campaign(
     """Write a campaign of six runs on a tyre with known modes.
 
     Twelve sensors at 30° spacing are turned by 5° from run to run, so that the runs cover 72
-    positions; a thirteenth stays at 2.5°. The random force acts at 0° on top of a preload. Each
-    response is the force times the exact inertance in the frequency domain, over a period longer
-    than what is kept, so neither time stepping nor a start-up enters. Noise, hum and offsets are
-    added to what the sensors see.
+    positions; a thirteenth stays at 2.5°. A random force with a preload acts at 0°. Responses are
+    the force times the exact inertance in the frequency domain, over a period longer than the
+    recording, so there is neither time stepping nor a transient. Noise, hum and offsets are added.
 
     Parameters
     ----------
     folder : Path or str
         New or empty folder. Gets ``config_1`` … ``config_6``, ``campaign.toml``, ``README.md`` and
-        ``truth.toml``, which the processing never reads; all of them or nothing.
+        ``truth.toml``, which the processing never reads; written atomically.
     seed : int
-        Same seed and options, same bytes.
-    duration_s, sampling_rate_hz : float
-        Length of each run in s, sampling rate in Hz.
-    snr_db : float
-        Signal-to-noise ratio of the responses, dB.
+        The same seed and options give the same bytes.
     file_format : {"uff", "csv"}
         Universal file 58b in single precision, or a table of text.
-    split_percent, shaker_between : float
-        Splits each order into a pair and places the shaker, see `truth_modes`.
+    duration_s, sampling_rate_hz, snr_db, split_percent, shaker_between, drift_percent : float
+        As in `Setup`.
     sensor_mass_kg : float
-        Mass of each sensor, which loads the tyre; goes into the manifest.
-    drift_percent : float
-        Rise of all natural frequencies from one run to the next.
+        Mass of each sensor, which loads the tyre; written to the manifest.
 
     Returns
     -------
@@ -163,7 +144,7 @@ def simulate_campaign(
     Raises
     ------
     InputError
-        If the folder holds anything or cannot be written, or an option is out of its range.
+        If the folder is not empty or cannot be written, or an option is out of range.
 
     Examples
     --------
@@ -173,28 +154,20 @@ def simulate_campaign(
     <Campaign virtual_tyre: 6 runs with 72 responses, tyre 225/55R17>
     """
     folder = Path(folder)
-    setup = Setup(
-        seed,
-        duration_s,
-        sampling_rate_hz,
-        snr_db,
-        split_percent,
-        shaker_between,
-        sensor_mass_kg,
-        drift_percent,
-    )
+    runs = seed, duration_s, sampling_rate_hz, snr_db
+    setup = Setup(*runs, split_percent, shaker_between, sensor_mass_kg, drift_percent)
     if file_format not in ("uff", "csv"):
-        raise InputError(
-            "file_format", repr(file_format), "one of uff and csv", "Choose one of them"
-        )
-    _require_empty(folder)
+        rule = "must be uff or csv"
+        raise InputError("file_format", repr(file_format), rule, "Choose one of them")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        rule = "a campaign needs a new or empty folder"
+        raise InputError(str(folder), "it already exists", rule, "Choose another folder")
     modes = truth_modes(split_percent=split_percent, shaker_between=shaker_between)
     write = write_time_series if file_format == "uff" else write_csv
     with written_whole(folder, marker=None) as partial:
-        names = []
-        for run, channels in enumerate(simulate_runs(modes, setup)):
-            names.append(f"config_{run + 1}.{file_format}")
-            write(partial / names[-1], channels, sampling_rate_hz)
+        names = [f"config_{run + 1}.{file_format}" for run in range(N_RUNS)]
+        for name, channels in zip(names, simulate_runs(modes, setup), strict=True):
+            write(partial / name, channels, sampling_rate_hz)
         _write_text(partial / "campaign.toml", _manifest(names, setup))
         _write_text(partial / "truth.toml", _truth(modes, setup))
         _write_text(partial / "README.md", _readme(partial, names, setup))
@@ -202,7 +175,7 @@ def simulate_campaign(
 
 
 def simulate_runs(modes: tuple[TruthMode, ...], setup: Setup) -> Iterator[list[Channel]]:
-    """Channels of one run after the other: the force, the turned sensors, the reference."""
+    """Channels run by run: the force, the turned sensors, the reference."""
     for run in range(N_RUNS):
         random = np.random.default_rng([setup.seed, run])
         factor = 1.0 + setup.drift_percent / 100.0 * run
@@ -219,10 +192,7 @@ def _positions_deg(run: int) -> dict[str, float]:
 
 
 def _simulate_run(
-    modes: tuple[TruthMode, ...],
-    positions_deg: dict[str, float],
-    setup: Setup,
-    random: np.random.Generator,
+    modes: tuple[TruthMode, ...], positions_deg: dict[str, float], setup: Setup, random: _Random
 ) -> list[Channel]:
     rate, kept = setup.sampling_rate_hz, setup.n_samples
     period = next_fast_len(kept + round(_SETTLING_S * rate), real=True)
@@ -248,9 +218,9 @@ def _simulate_run(
 
 
 def _force_spectrum(
-    omega: NDArray[np.float64], period: int, random: np.random.Generator
+    omega: NDArray[np.float64], period: int, random: _Random
 ) -> NDArray[np.complex128]:
-    """Gaussian noise of `FORCE_RMS_N` within the band and nothing outside."""
+    """Gaussian noise of `FORCE_RMS_N` within the band, zero outside."""
     low, high = (2.0 * np.pi * limit for limit in FORCE_BAND_HZ)
     inside = (omega >= low) & (omega <= high)
     spectrum = np.zeros(omega.size, dtype=complex)
@@ -259,25 +229,13 @@ def _force_spectrum(
     return np.asarray(spectrum * (FORCE_RMS_N / rms))
 
 
-def _disturbance(
-    noise: float, n_samples: int, rate: float, random: np.random.Generator
-) -> NDArray[np.float64]:
+def _disturbance(noise: float, n_samples: int, rate: float, random: _Random) -> NDArray[np.float64]:
     """Sensor noise, mains hum and offset of one sensor, m/s²."""
     phase = random.uniform(0.0, 2.0 * np.pi)
     offset = OFFSET_M_S2 * random.standard_normal()
     time = np.arange(n_samples) / rate
     hum = np.sqrt(2.0) * HUM_OVER_NOISE * noise * np.sin(2.0 * np.pi * HUM_HZ * time + phase)
     return np.asarray(noise * random.standard_normal(n_samples) + hum + offset)
-
-
-def _require_empty(folder: Path) -> None:
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(
-            str(folder),
-            "something is there already",
-            "a campaign is written into a new or empty folder",
-            "Choose another folder or remove this one",
-        )
 
 
 def _write_text(path: Path, text: str) -> None:
@@ -316,17 +274,9 @@ direction = "radial"
 
 
 def _truth(modes: tuple[TruthMode, ...], setup: Setup) -> str:
-    """What the recordings were made from, as TOML."""
-    options = "".join(f"{name} = {value}\n" for name, value in asdict(setup).items())
-    rows = "".join(
-        "\n[[modes]]\n"
-        + "".join(
-            f'{name} = "{value}"\n' if isinstance(value, str) else f"{name} = {value!r}\n"
-            for name, value in asdict(mode).items()
-        )
-        for mode in modes
-    )
-    return f"schema = 1\n\n[setup]\n{options}{rows}"
+    """Set-up and modes of the recordings, as TOML."""
+    rows = [asdict(mode) for mode in modes]
+    return tomlkit.dumps({"schema": 1, "setup": asdict(setup), "modes": rows})
 
 
 def _readme(folder: Path, names: list[str], setup: Setup) -> str:
@@ -337,7 +287,7 @@ def _readme(folder: Path, names: list[str], setup: Setup) -> str:
     options = "\n".join(f"- `{name}`: {value:g}" for name, value in asdict(setup).items())
     return f"""# Simulated campaign on a tyre {DESIGNATION}
 
-No lab has measured these recordings: `ringmodal simulate campaign` computed them from known modes.
+These recordings were not measured: `ringmodal simulate campaign` computed them from known modes.
 
 **Truth.** Orders 1 to 7 have the natural frequencies and damping ratios of Table 3 of the paper
 that ringmodal implements; orders 8 to {HIGHEST_ORDER} and the breathing mode are those of
@@ -362,11 +312,8 @@ has node {REFERENCE_NODE}. SHA-256:
 """
 
 
-SAMPLE = Path("sample_data") / "tyre_225_55R17"
-
-
 def sample_campaign(folder: Path) -> Path:
-    """The sample campaign of the project's folder; simulated into `folder` where not at hand."""
+    """The sample campaign of the project's folder; simulated into `folder` if that is missing."""
     for root in (Path.cwd(), Path(__file__).resolve().parents[2]):
         if (root / SAMPLE / "campaign.toml").is_file():
             return root / SAMPLE

@@ -1,4 +1,4 @@
-"""Inertance of the ring model: values with their unit, columns and peaks."""
+"""Responses of the ring model: inertance, cleat response, frequencies over load."""
 
 from __future__ import annotations
 
@@ -64,21 +64,27 @@ class SimulatedInertance:
     @property
     def columns(self) -> dict[str, NDArray[np.float64]]:
         """Columns of a table."""
-        return {
-            "frequency_hz": self.frequency_hz,
-            "real": self.values.real,
-            "imag": self.values.imag,
-            "magnitude": self.magnitude,
-            "phase_deg": self.phase_deg,
-        }
+        return _complex_columns(self.frequency_hz, self.values)
 
     @property
     def peaks(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Frequencies in Hz and heights of the peaks of the magnitude, on the given lines."""
+        """Frequencies in Hz and heights of the peaks of the magnitude."""
         inner = self.magnitude[1:-1]
         top = (inner > self.magnitude[:-2]) & (inner >= self.magnitude[2:])
         at = np.flatnonzero(top) + 1
         return self.frequency_hz[at], self.magnitude[at]
+
+
+def _complex_columns(
+    frequency_hz: NDArray[np.float64], values: NDArray[np.complex128]
+) -> dict[str, NDArray[np.float64]]:
+    return {
+        "frequency_hz": frequency_hz,
+        "real": values.real,
+        "imag": values.imag,
+        "magnitude": np.abs(values),
+        "phase_deg": np.rad2deg(np.angle(values)),
+    }
 
 
 def simulate_inertance(
@@ -89,7 +95,7 @@ def simulate_inertance(
     *,
     inextensional: bool = False,
 ) -> SimulatedInertance:
-    """Radial inertance between two angles; per unit of width where the belt width is unknown.
+    """Radial inertance between two angles; per unit of width if the belt width is unknown.
 
     Parameters
     ----------
@@ -99,13 +105,12 @@ def simulate_inertance(
     at_deg, force_deg : float
         Angles of response and force, degrees.
     inextensional : bool
-        Whether to take the belt as inextensible (eq 33).
+        Whether the belt is inextensible (eq 33).
     """
     per_width = forced.ring.belt_width_m is None
     form = inextensional_inertance if inextensional else inertance
-    values = form(
-        forced, frequency_hz, np.deg2rad(at_deg), float(np.deg2rad(force_deg)), per_width=per_width
-    )
+    angles = np.deg2rad(at_deg), float(np.deg2rad(force_deg))
+    values = form(forced, frequency_hz, *angles, per_width=per_width)
     unit = PER_LINE_FORCE if per_width else PER_FORCE
     return SimulatedInertance(np.asarray(frequency_hz), values.astype(complex), unit)
 
@@ -115,14 +120,14 @@ UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 
 @dataclass(frozen=True)
 class Observer:
-    """A point that watches, and what it reads.
+    """A point where a response is read.
 
     Parameters
     ----------
     at_deg : float
-        Angle, degrees: on the tyre, or in space.
+        Angle, degrees.
     frame : {"rotating", "absolute"}
-        Whether it stays on the tyre or in space.
+        Whether it is fixed to the tyre or in space.
     direction : {"radial", "circumferential"}
     quantity : {"displacement", "velocity", "acceleration"}
     """
@@ -134,19 +139,19 @@ class Observer:
 
     @property
     def unit(self) -> str:
-        """Unit of what it reads."""
+        """Unit of the quantity."""
         return UNITS[self.quantity]
 
 
 @dataclass(frozen=True, eq=False)
 class CleatResponse:
-    """Response to a blow in time and frequency.
+    """Response to an impact in time and frequency.
 
     Parameters
     ----------
     observer : Observer
     time_s : ndarray, shape (n_times,)
-        From the start of the blow, s.
+        From the start of the impact, s.
     response : ndarray, shape (n_times,)
         In the observer's unit.
     frequency_hz : ndarray, shape (n_frequencies,)
@@ -174,24 +179,18 @@ class CleatResponse:
     @property
     def spectrum_columns(self) -> dict[str, NDArray[np.float64]]:
         """Columns of a table over frequency."""
-        return {
-            "frequency_hz": self.frequency_hz,
-            "real": self.spectrum.real,
-            "imag": self.spectrum.imag,
-            "magnitude": np.abs(self.spectrum),
-            "phase_deg": np.rad2deg(np.angle(self.spectrum)),
-        }
+        return _complex_columns(self.frequency_hz, self.spectrum)
 
 
 def simulate_cleat(
     test: CleatTest, observer: Observer, times_s: ArrayLike, frequency_hz: ArrayLike
 ) -> CleatResponse:
-    """Response of the rolling tyre to a blow, exact for the harmonics summed.
+    """Response of the rolling tyre to an impact, exact for the harmonics summed.
 
     Parameters
     ----------
     test : CleatTest
-        Ring and blow.
+        Ring and impact.
     observer : Observer
     times_s : array_like, shape (n_times,)
         s.
@@ -199,30 +198,16 @@ def simulate_cleat(
         Hz.
     """
     angle = float(np.deg2rad(observer.at_deg))
-    response = test.response(
-        times_s,
-        angle,
-        frame=observer.frame,
-        direction=observer.direction,
-        quantity=observer.quantity,
-    )
+    frame, direction, quantity = observer.frame, observer.direction, observer.quantity
+    response = test.response(times_s, angle, frame=frame, direction=direction, quantity=quantity)
     spectrum = test.spectrum(
-        frequency_hz,
-        angle,
-        frame=observer.frame,
-        direction=observer.direction,
-        quantity=observer.quantity,
+        frequency_hz, angle, frame=frame, direction=direction, quantity=quantity
     )
-    return CleatResponse(
-        observer,
-        np.asarray(times_s),
-        response,
-        np.asarray(frequency_hz),
-        spectrum.astype(complex),
-    )
+    times, lines = np.asarray(times_s), np.asarray(frequency_hz)
+    return CleatResponse(observer, times, response, lines, spectrum.astype(complex))
 
 
-MOST_LOADS = 200  # each takes a tenth of a second and more: a state and its modes
+MOST_LOADS = 200  # each takes 0.1 s or more
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,7 +225,7 @@ class LoadedSweep:
     angle_deg : ndarray, shape (n_angles,)
         Angles from the contact, degrees.
     deflection_m : ndarray, shape (n_angles,)
-        Radial deflection by the largest load, against the inflated tyre, m.
+        Radial deflection by the largest load, relative to the inflated tyre, m.
     """
 
     load_n: NDArray[np.float64]
@@ -256,7 +241,7 @@ class LoadedSweep:
 
     @property
     def contact_deflection_m(self) -> float:
-        """Deflection towards the axle in the middle of the contact, at the largest load."""
+        """Deflection towards the axle in the middle of the contact at the largest load."""
         return 0.0 - float(self.deflection_m[np.argmin(np.abs(self.angle_deg))])
 
     @property
@@ -288,7 +273,7 @@ def simulate_loaded(
     load_n : array_like, shape (n_loads,)
         Vertical loads, N; 0 is the free tyre.
     n_modes : int
-        How many of the lowest modes.
+        Number of lowest modes.
     highest_order, pressure_load
         As `model.load_ring`.
     """
@@ -303,16 +288,12 @@ def simulate_loaded(
 def _deflection(
     ring: RingParameters, load_n: float, highest_order: int, pressure_load: PressureLoad
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Angles from −180° and the deflection against the inflated tyre there."""
+    """Angles from −180° and the deflection relative to the inflated tyre."""
     if load_n == 0:
         angle = np.arange(-180.0, 180.0)
         return angle, np.zeros(angle.size)
-    state = load_ring(
-        ring,
-        contact_patch(ring, load_n),
-        highest_order=highest_order,
-        pressure_load=pressure_load,
-    )
+    patch = contact_patch(ring, load_n)
+    state = load_ring(ring, patch, highest_order=highest_order, pressure_load=pressure_load)
     inflated = float(equilibrium(ring, pressure_load=pressure_load).radial_displacement_m)
     angle = np.remainder(np.rad2deg(state.angles_rad) + 180.0, 360.0) - 180.0
     rising = np.argsort(angle)

@@ -1,4 +1,4 @@
-"""The modes behind a simulated campaign, and the inertance that follows from them exactly."""
+"""Known modes of a simulated campaign, and their exact inertance."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class TruthMode:
     order : int
         Circumferential order n.
     member : str
-        Empty for an order whose two members coincide, ``"a"`` or ``"b"`` for one of a split pair.
+        Empty if the two members of the order coincide, ``"a"`` or ``"b"`` for one of a split pair.
     frequency_hz : float
         Undamped natural frequency, Hz.
     damping_ratio : float
@@ -67,13 +67,8 @@ def truth_modes(
         Distance between the two frequencies of each order n ≥ 1, percent of their mean. Without
         a split a force at 0° excites the cosine member alone.
     shaker_between : float
-        Where the force at 0° acts on a split order: 0 on an antinode of member a, 1 on one of
+        Place of the force at 0° on a split order: 0 on an antinode of member a, 1 on one of
         member b.
-
-    Returns
-    -------
-    tuple of TruthMode
-        Ascending in order.
     """
     orders = np.arange(HIGHEST_ORDER + 1)
     frequencies = natural_frequencies_hz(TABLE_4_RING, orders)
@@ -82,8 +77,8 @@ def truth_modes(
     ratios[TABLE_3_ORDERS] = TABLE_3_DAMPING_RATIOS
     masses = modal_mass_kg(TABLE_4_RING, orders)
     modes: list[TruthMode] = []
-    for row in zip(orders, frequencies, ratios, masses, strict=True):
-        order, (frequency, ratio, mass) = int(row[0]), map(float, row[1:])
+    rows = zip(frequencies.tolist(), ratios.tolist(), masses.tolist(), strict=True)
+    for order, (frequency, ratio, mass) in enumerate(rows):
         if order == 0 or split_percent == 0:
             modes.append(TruthMode(order, "", frequency, ratio, mass))
             continue
@@ -128,10 +123,10 @@ def modal_sum(
     *,
     sensor_mass_kg: float = 0.0,
 ) -> ModalSum:
-    """Solve the tyre with a sensor of some mass at each of `angles_deg`.
+    """Poles and residues of the tyre with a sensor of some mass at each of `angles_deg`.
 
-    The sensors add the same mass matrix in modal coordinates that they add in space, so poles and
-    residues are exact for the modes given; without mass they are those of the modes themselves.
+    The mass of the sensors is added in modal coordinates, so poles and residues are exact for the
+    modes given.
     """
     omega = 2.0 * np.pi * np.array([mode.frequency_hz for mode in modes])
     mass = np.array([mode.modal_mass_kg for mode in modes])

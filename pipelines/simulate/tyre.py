@@ -1,15 +1,25 @@
-"""The tyre that a simulation is about: a parameter set, or the one that comes as sample."""
+"""Tyre to simulate, and its natural frequencies: over speed, with a fixed or a free hub."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ema.core.errors import InputError
+from model import Bifurcation, HubResponse, bifurcation, free_hub_roots
+from model.coefficients import PressureLoad
 from model.errors import ParameterError
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.reference import DESIGNATION, TABLE_4_RING, TABLE_5_DAMPING
+from model.waves import WaveFrame
 from pipelines.library.library import read_source
+
+FORCES = ("force_x", "force_z", "moment_m")
+MOTIONS = ("x_m_n", "z_m_n", "rotation_rad_n")
 
 
 @dataclass(frozen=True)
@@ -19,12 +29,11 @@ class SimulatedTyre:
     Parameters
     ----------
     name : str
-        How messages call it.
+        Name in messages.
     ring : RingParameters
     damping : RingDamping or None
-        None where the parameter set holds none.
     wheel : Wheel or None
-        None where the parameter set holds none.
+        None if the parameter set has none.
     """
 
     name: str
@@ -36,20 +45,19 @@ class SimulatedTyre:
 def tyre_to_simulate(path: Path | None, *, accept_changes: bool = False) -> SimulatedTyre:
     """The tyre of a parameter set or result folder; without one the sample (Tables 4 and 5).
 
-    A file may be edited at will; a result folder must be as it was written.
+    A file may be edited; a result folder must be as it was written.
 
     Raises
     ------
     InputError
-        If there is no parameter set, or its values make no ring.
+        If there is no parameter set, or its values are no valid ring.
     """
     if path is None:
         return SimulatedTyre(f"the sample tyre {DESIGNATION}", TABLE_4_RING, TABLE_5_DAMPING)
     found = read_source(path, accept_changes=accept_changes, lone=False)
     try:
-        return SimulatedTyre(
-            str(path), found.ring_parameters, found.ring_damping, found.wheel_parameters
-        )
+        parts = found.ring_parameters, found.ring_damping, found.wheel_parameters
+        return SimulatedTyre(str(path), *parts)
     except ParameterError as error:
         raise InputError(f"{path}, {error.where}", error.found, error.rule, error.remedy) from error
 
@@ -61,7 +69,7 @@ def damping_of(tyre: SimulatedTyre, *, on_pretension: bool = True) -> RingDampin
     ----------
     tyre : SimulatedTyre
     on_pretension : bool
-        Whether the loss factor acts on the stiffness from hoop tension too.
+        Whether the loss factor also acts on the stiffness from hoop tension.
 
     Raises
     ------
@@ -69,13 +77,128 @@ def damping_of(tyre: SimulatedTyre, *, on_pretension: bool = True) -> RingDampin
         If its parameter set has none.
     """
     if tyre.damping is None:
-        raise InputError(
-            tyre.name,
-            "no section [damping]",
-            "forced vibration needs damping",
-            "Add radial_n_s_m3, circumferential_n_s_m3 and loss_factor",
-        )
-    damping = tyre.damping
-    return RingDamping(
-        damping.radial_n_s_m3, damping.circumferential_n_s_m3, damping.loss_factor, on_pretension
+        rule = "forced vibration needs damping"
+        remedy = "Add radial_n_s_m3, circumferential_n_s_m3 and loss_factor"
+        raise InputError(tyre.name, "no section [damping]", rule, remedy)
+    return replace(tyre.damping, on_pretension=on_pretension)
+
+
+def simulate_frequencies(
+    ring: RingParameters,
+    orders: ArrayLike,
+    speed_rad_s: ArrayLike,
+    frame: WaveFrame = "rotating",
+    *,
+    extensional: bool = False,
+    pressure_load: PressureLoad = "dead",
+) -> Bifurcation:
+    """Frequencies of both waves of each order over speed.
+
+    Parameters
+    ----------
+    ring : RingParameters
+    orders : array_like of int, shape (n_orders,)
+    speed_rad_s : array_like, shape (n_speeds,)
+    frame : {"rotating", "absolute", "stationary"}
+        In the stationary frame, which differs by order and speed, both waves of an order have the
+        same frequency.
+    extensional, pressure_load
+        As `model.bifurcation`.
+    """
+    seen = "rotating" if frame == "stationary" else frame
+    found = bifurcation(
+        ring, orders, speed_rad_s, frame=seen, extensional=extensional, pressure_load=pressure_load
     )
+    if frame != "stationary":
+        return found
+    return replace(found, regressive_hz=found.standing_hz, progressive_hz=found.standing_hz)
+
+
+def frequency_columns(found: Bifurcation) -> dict[str, NDArray[Any]]:
+    """Columns of a table, speed by speed and order by order."""
+    return {
+        "speed_rad_s": np.repeat(found.speed_rad_s, found.orders.size),
+        "order": np.tile(found.orders, found.speed_rad_s.size),
+        "regressive_hz": found.regressive_hz.T.ravel(),
+        "progressive_hz": found.progressive_hz.T.ravel(),
+        "growth_rate_1_s": found.growth_rate_1_s.T.ravel(),
+    }
+
+
+def frequency_lists(found: Bifurcation) -> dict[str, NDArray[Any]]:
+    """Content of ``--json``: one value per order, or one list over speed per order."""
+    single = found.speed_rad_s.size == 1
+    content: dict[str, NDArray[Any]] = {} if single else {"speed_rad_s": found.speed_rad_s}
+    content["orders"] = found.orders
+    for name in ("regressive_hz", "progressive_hz"):
+        values = getattr(found, name)
+        content[name] = values[:, 0] if single else values
+    return content
+
+
+def instabilities(found: Bifurcation) -> tuple[str, ...]:
+    """One sentence for each order that is unstable at some speed."""
+    sentences = []
+    for order, rates in zip(found.orders, found.growth_rate_1_s, strict=True):
+        unstable = np.flatnonzero(rates > 0)
+        if unstable.size:
+            first = found.speed_rad_s[unstable[0]]
+            sentences.append(
+                f"Order {order} is unstable at {first:g} rad/s, where it grows by "
+                f"{rates[unstable[0]]:.4g} 1/s: it has no frequency there."
+            )
+    return tuple(sentences)
+
+
+def hub_columns(found: HubResponse, *, free: bool) -> dict[str, NDArray[np.float64]]:
+    """Columns of a table: real and imaginary part of each force, and of each motion if free."""
+    columns = {"frequency_hz": found.frequency_hz}
+    for name in (*FORCES, *MOTIONS) if free else FORCES:
+        values = getattr(found, name)
+        columns[f"{name}_real"] = values.real
+        columns[f"{name}_imag"] = values.imag
+    return columns
+
+
+def largest_at_hub(found: HubResponse) -> dict[str, NDArray[Any]]:
+    """Largest magnitude of each force and of the moment, and its frequency."""
+    sizes = np.abs([getattr(found, name) for name in FORCES])
+    frequency_hz = found.frequency_hz[np.argmax(sizes, axis=1)]
+    largest = sizes.max(axis=1)
+    return {
+        "at the hub": np.array(FORCES),
+        "largest": largest,
+        "frequency_hz": np.where(largest > 0, frequency_hz, np.nan),
+    }
+
+
+def wheel_of(known: Wheel | None, mass_kg: float | None, inertia_kg_m2: float | None) -> Wheel:
+    """The wheel of a tyre's parameter set, replaced by values that are given.
+
+    Raises
+    ------
+    InputError
+        If mass or inertia is unknown.
+    """
+    mass = known.mass_kg if mass_kg is None and known else mass_kg
+    inertia = known.inertia_kg_m2 if inertia_kg_m2 is None and known else inertia_kg_m2
+    if mass is None or inertia is None:
+        found, rule = "no mass or no moment of inertia", "a free hub needs both"
+        remedy = "Give --wheel-mass-kg and --wheel-inertia-kg-m2, or add [wheel] to the tyre"
+        raise InputError("wheel", found, rule, remedy)
+    return Wheel(mass, inertia)
+
+
+def free_frequencies(
+    ring: RingParameters, wheel: Wheel, speed_rad_s: float
+) -> dict[str, NDArray[np.float64]]:
+    """Undamped roots of orders 0 and 1 with a free wheel in the rotating frame, ascending.
+
+    Order 0 rotates the wheel, order 1 displaces it: positive frequencies are regressive waves,
+    negative ones progressive. The rigid motions of the tyre are the double root 0 (order 0) and the
+    speed (order 1).
+    """
+    turning, moving = (free_hub_roots(ring, wheel, order, speed_rad_s).real for order in (0, 1))
+    orders = np.repeat([0, 1], [turning.size, moving.size])
+    frequencies = np.concatenate([turning, moving]) / (2.0 * np.pi)
+    return {"order": orders, "frequency_hz": np.round(frequencies, 6) + 0.0}

@@ -1,4 +1,4 @@
-"""A single file that is written whole or not at all."""
+"""Atomic writes of files, and the temporary names beside them."""
 
 from __future__ import annotations
 
@@ -17,43 +17,45 @@ from pipelines.storage.checksums import is_sealed
 
 @contextmanager
 def file_written_whole(path: Path) -> Iterator[Path]:
-    """Yield a name beside `path`; the file written there takes its place at the end.
+    """Yield a name beside `path`; the file written there replaces it at the end.
 
     A kill at any moment leaves the old file or the new one.
 
     Raises
     ------
     InputError
-        If it cannot be written, or is a file of a library, which never changes; the old file
-        stands and nothing is left behind.
+        If it cannot be written, or is a version in a library; the old file is kept and nothing is
+        left behind.
     """
     place = Path(os.path.realpath(path))  # a link to a file stays a link
     if is_sealed(place):
-        rule = "a version in a library never changes"
-        raise InputError(str(path), "a file of a library", rule, "Choose another place")
+        rule = "versions in a library never change"
+        raise InputError(str(path), "a file of a library", rule, "Choose another file")
     partial = partial_name(place)
     try:
         remove_abandoned(place)
         yield partial
         partial.replace(place)
     except OSError as error:
-        raise InputError(
-            str(path),
-            os.strerror(error.errno) if error.errno else str(error),
-            "the file could not be written",
-            "Check free space and permissions, or choose another place",
-        ) from error
+        raise not_written(path, error) from error
     finally:
-        with suppress(OSError):  # it took its place, or its folder is gone
+        with suppress(OSError):  # it was renamed, or its folder is gone
             partial.unlink()
 
 
+def not_written(path: Path, error: OSError) -> InputError:
+    """The error for a file or folder that could not be written."""
+    reason = os.strerror(error.errno) if error.errno else str(error)
+    remedy = "Check free space and permissions, or choose another place"
+    return InputError(str(path), reason, "it could not be written", remedy)
+
+
 _OWNER = r"(\d{1,9})-[0-9a-f]{8}"
-_HIDDEN = re.compile(rf"\..+\.\w+-{_OWNER}\.partial")  # of any place
+_ANY_PARTIAL = re.compile(rf"\..+\.\w+-{_OWNER}\.partial")
 
 
 def partial_name(place: Path) -> Path:
-    """A new hidden name beside `place`, which tells the machine and the process it belongs to."""
+    """A new hidden name beside `place` with the machine and the process it belongs to."""
     return _new_name(place, "partial")
 
 
@@ -63,7 +65,7 @@ def backup_name(place: Path) -> Path:
 
 
 def backups(place: Path) -> list[Path]:
-    """Folders that a process moved aside and did not put back or remove, on whichever machine.
+    """Folders moved aside by a process of any machine and neither put back nor removed.
 
     Raises
     ------
@@ -76,7 +78,7 @@ def backups(place: Path) -> list[Path]:
 
 
 def ended_backups(place: Path) -> list[Path]:
-    """Backups that no other process may still put back: its own, and those of the dead.
+    """Backups of this process and of ended ones, which nobody will put back.
 
     Raises
     ------
@@ -97,7 +99,7 @@ def ended_backups(place: Path) -> list[Path]:
 
 @contextmanager
 def partial_folder(place: Path) -> Iterator[Path]:
-    """Yield a new folder beside `place` that is gone at the end, unless it was renamed.
+    """Yield a new folder beside `place` that is removed at the end, unless it was renamed.
 
     What killed processes of this machine left beside `place` is removed first.
 
@@ -116,11 +118,10 @@ def partial_folder(place: Path) -> Iterator[Path]:
 
 
 def remove_abandoned(place: Path) -> None:
-    """Remove what processes that are gone left half-written beside `place`.
+    """Remove what ended processes left half-written beside `place`.
 
-    A process that runs, or runs on another machine, keeps what it has, and a folder with anything
-    in it that such a process does not write stays. On Windows nothing is removed: there is no
-    harmless question whether a process runs.
+    Files of running processes and of other machines stay, and folders with anything that this
+    program does not write. On Windows nothing is removed, as running processes cannot be probed.
 
     Raises
     ------
@@ -140,18 +141,17 @@ def remove_abandoned(place: Path) -> None:
 
 
 def _remove_flat(folder: Path) -> None:
-    """Remove a folder of files, unless it holds what no writer of this program makes."""
+    """Remove a folder of files, unless it holds what this program does not write."""
+
+    def is_ours(path: Path) -> bool:
+        visible = not path.name.startswith(".") or _ANY_PARTIAL.fullmatch(path.name)
+        return bool(visible) and path.is_file() and not path.is_symlink()
+
     entries = list(folder.iterdir())
-    if any(entry.is_symlink() or not entry.is_file() or _is_hidden(entry) for entry in entries):
-        return
-    for entry in entries:
-        entry.unlink()
-    folder.rmdir()
-
-
-def _is_hidden(path: Path) -> bool:
-    """Whether a file is hidden and no half-written one."""
-    return path.name.startswith(".") and not _HIDDEN.fullmatch(path.name)
+    if all(map(is_ours, entries)):
+        for entry in entries:
+            entry.unlink()
+        folder.rmdir()
 
 
 def _new_name(place: Path, ending: str) -> Path:
@@ -170,6 +170,6 @@ def _may_run(process: int) -> bool:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except PermissionError:  # somebody else's
-        return True
+    except PermissionError:  # of another user
+        pass
     return True

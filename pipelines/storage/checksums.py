@@ -1,4 +1,4 @@
-"""What this program wrote is known by content: a list of files with their checksums in a marker.
+"""Checksums: markers that list the files of a folder, and files of a library.
 
 A folder that the program wrote holds a marker, a JSON file. Its key ``files`` lists every other
 file with its SHA-256, its key ``content_sha256`` is the checksum of the marker's own content.
@@ -21,13 +21,14 @@ from ema.core.files import require_regular
 
 FILES = "files"
 OWN = "content_sha256"
-ACCEPTED = "accepted_changes"  # key of a provenance: what was taken although it had changed
+ACCEPTED = "accepted_changes"  # key of a provenance: changed files that were accepted
+KEY = "sha256"  # last key of a file of a library
 
 _OF_FILE_MANAGERS = ("Thumbs.db", "desktop.ini", ".DS_Store")
 
 
 class Fault(Enum):
-    """Why a marker does not vouch for its folder."""
+    """Why a marker does not confirm the files of its folder."""
 
     UNREADABLE = "it cannot be read"
     FOREIGN = "it lists no files"
@@ -42,11 +43,11 @@ class Marker:
     Parameters
     ----------
     content : dict
-        What it says besides the list.
+        Everything but the list.
     files : dict of str to str
-        SHA-256 of each file by its name; empty texts where there are only names.
+        SHA-256 of each file by its name; empty if unknown.
     fault : Fault or None
-        Why it does not vouch for the files; None where it does.
+        Why it does not confirm the files; None if it does.
     """
 
     content: dict[str, Any]
@@ -61,14 +62,14 @@ def sha256(path: Path) -> str:
 
 
 def content_sha256(content: Mapping[str, Any]) -> str:
-    """Checksum of content as JSON has it, whatever the order of its keys; `OWN` is left out."""
+    """Checksum of content as JSON, independent of the order of its keys; `OWN` is left out."""
     counted = {key: value for key, value in content.items() if key != OWN}
     text = json.dumps(counted, sort_keys=True, separators=(",", ":"), default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def write_marker(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a marker; it lists all other files of its folder and is therefore written last."""
+    """Write a marker. It lists all other files of its folder, so write it last."""
     files = {each.name: sha256(each) for each in sorted(path.parent.iterdir()) if each != path}
     full = json.loads(json.dumps({**content, FILES: files}, default=str))
     full[OWN] = content_sha256(full)
@@ -77,12 +78,12 @@ def write_marker(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def read_marker(path: Path) -> Marker:
-    """Read a marker, whatever became of it.
+    """Read a marker, however damaged it is.
 
     Raises
     ------
     OSError
-        If it is there and the drive does not let it be read.
+        If the drive does not permit reading it.
     """
     try:
         content = json.loads(require_regular(path).read_text(encoding="utf-8"))
@@ -90,23 +91,23 @@ def read_marker(path: Path) -> Marker:
         return Marker({}, {}, Fault.UNREADABLE)
     if not isinstance(content, dict) or FILES not in content:
         return Marker({}, {}, Fault.FOREIGN)
-    files, told = content[FILES], content.get(OWN)
+    files = content[FILES]
     about = {key: value for key, value in content.items() if key not in (FILES, OWN)}
     if isinstance(files, list) and all(isinstance(name, str) for name in files):
         return Marker(about, dict.fromkeys(files, ""), Fault.NO_CHECKSUMS)
     if not (isinstance(files, dict) and all(isinstance(sha, str) for sha in files.values())):
         return Marker(about, {}, Fault.CHANGED)
-    is_intact = told == content_sha256(content)
+    is_intact = content.get(OWN) == content_sha256(content)
     return Marker(about, files, None if is_intact else Fault.CHANGED)
 
 
 def is_litter(path: Path) -> bool:
-    """Whether a file manager left it: nobody misses it."""
+    """Whether a file manager left it."""
     return path.name in _OF_FILE_MANAGERS and is_plain_file(path)
 
 
 def is_plain_file(path: Path) -> bool:
-    """Whether it is a file itself, no link to one."""
+    """Whether it is a file and not a link to one."""
     return path.is_file() and not path.is_symlink()
 
 
@@ -118,31 +119,23 @@ def is_as_written(path: Path, files: Mapping[str, str]) -> bool:
 def unknown_entries(
     folder: Path, marker: str, accepted: Mapping[str, str] | None = None
 ) -> list[str]:
-    """Names in a folder that the program did not write, or that changed since.
+    """Names in a folder that the program did not write, or that were changed since, sorted.
 
     Parameters
     ----------
     folder : Path
     marker : str
-        Name of its marker, which is one of them where it does not vouch for the others.
+        Name of its marker, itself unknown if it does not confirm the files.
     accepted : mapping of str to str, optional
         Checksums, by name, of changed files that count as known.
-
-    Returns
-    -------
-    list of str
-        Sorted; hidden files, folders and links count, litter of file managers does not.
     """
     known = known_files(folder / marker, accepted)
-    return sorted(
-        path.name
-        for path in folder.iterdir()
-        if not (is_litter(path) or is_as_written(path, known))
-    )
+    paths = (path for path in folder.iterdir() if not is_litter(path))
+    return sorted(path.name for path in paths if not is_as_written(path, known))
 
 
 def known_files(marker: Path, accepted: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Checksums of the files that a marker vouches for, itself included; see `unknown_entries`."""
+    """Checksums of the files that a marker confirms, itself included; see `unknown_entries`."""
     extra = dict(accepted or {})
     if not is_plain_file(marker):
         return extra
@@ -152,13 +145,12 @@ def known_files(marker: Path, accepted: Mapping[str, str] | None = None) -> dict
     return {**found.files, marker.name: own, **extra}
 
 
-KEY = "sha256"
 _SEAL = re.compile(rf'\n{KEY} = "[0-9a-f]{{64}}"\s*\Z'.encode())
 _LONGEST_SEAL = 100  # bytes, with line ends of any kind
 
 
-class DamagedFile(InputError):  # noqa: N818 - said of a file, not of the program
-    """A file of the library is not what was written, or is gone."""
+class DamagedFile(InputError):  # noqa: N818 - it is about a file
+    """A file of the library was changed or is missing."""
 
 
 def sealed(text: str) -> str:
@@ -169,22 +161,12 @@ def sealed(text: str) -> str:
 
 
 def unsealed(path: Path) -> dict[str, Any]:
-    """Content of a sealed file.
-
-    Parameters
-    ----------
-    path : Path
-        Line ends may have been converted, as some version control systems do.
-
-    Returns
-    -------
-    dict
-        What the file tells, without its checksum.
+    """Content of a file of a library without its checksum; line ends may have been converted.
 
     Raises
     ------
     DamagedFile
-        If it is not what was written, or cannot be read.
+        If it was changed, or cannot be read.
     """
     if path.exists() and not path.is_file():
         raise damaged(path, "not a regular file")
@@ -193,39 +175,31 @@ def unsealed(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise damaged(path, error.strerror or "unreadable") from error
     except UnicodeDecodeError as error:
-        raise damaged(path, "bytes that are no text") from error
+        raise damaged(path, "not UTF-8 text") from error
     body, _, last = text.removesuffix("\n").rpartition("\n")
     body += "\n"
     if not last.startswith(f"{KEY} = "):
         raise damaged(path, f"no checksum in its last line ({len(text)} characters)")
     if last + "\n" != _seal(body):
-        raise damaged(path, "a checksum that does not fit its content")
+        raise damaged(path, "checksum does not match the content")
     try:
         return tomllib.loads(body)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise damaged(path, f"no TOML ({error})") from error
+        raise damaged(path, f"not TOML ({error})") from error
 
 
 def texts_of(
-    path: Path, told: dict[str, Any], required: Sequence[str], optional: Sequence[str] = ()
+    path: Path, content: dict[str, Any], required: Sequence[str], optional: Sequence[str] = ()
 ) -> dict[str, str]:
-    """Texts that a file of the library tells; what is told beside them is left.
-
-    Parameters
-    ----------
-    path : Path
-        For messages.
-    told : dict
-    required, optional : sequence of str
-        Keys.
+    """Values of keys of a file of the library that must be texts; other keys are ignored.
 
     Raises
     ------
     DamagedFile
-        If one that is required is not there, or one is no text.
+        If a required one is missing, or one is not a text.
     """
-    texts = {key: told.get(key) for key in required}
-    texts |= {key: told[key] for key in optional if key in told}
+    texts = {key: content.get(key) for key in required}
+    texts |= {key: content[key] for key in optional if key in content}
     for key, text in texts.items():
         if not isinstance(text, str):
             raise damaged(path, f"no {key}" if text is None else f"{key} = {text!r}")
@@ -233,7 +207,7 @@ def texts_of(
 
 
 def is_sealed(path: Path) -> bool:
-    """Whether a file is one of a library, whole or damaged; cheap for files of any size."""
+    """Whether a file is one of a library, damaged or not; reads the end of it only."""
     if path.suffix.lower() != ".toml" or not path.is_file():
         return False
     with path.open("rb") as file:
@@ -242,18 +216,15 @@ def is_sealed(path: Path) -> bool:
 
 
 def checksum(path: Path) -> str:
-    """Checksum that a sealed file carries; `unsealed` tells whether it holds."""
+    """Checksum in a file of a library; `unsealed` verifies it."""
     return path.read_text(encoding="utf-8").rstrip("\n").rpartition('= "')[2].rstrip('"')
 
 
 def damaged(path: Path, found: str) -> DamagedFile:
-    """The error for a file that is not what was written."""
-    return DamagedFile(
-        str(path),
-        found,
-        "files of a library never change once written",
-        "Restore this file from a backup; values are changed by adding a new version",
-    )
+    """The error for a file of a library that was changed or is missing."""
+    rule = "files of a library never change once written"
+    remedy = "Restore this file from a backup; add a new version to change values"
+    return DamagedFile(str(path), found, rule, remedy)
 
 
 def _seal(body: str) -> str:

@@ -1,9 +1,8 @@
-"""The place of a result: a kill at any moment leaves the old one there or the new one, complete.
+"""Atomic writes of result folders: a kill at any moment leaves the old result or the new one.
 
-A result is written into a hidden folder beside its place. An earlier result steps aside under a
-hidden name for an instant; a kill right then leaves the place empty until the next access puts it
-back. What is replaced is only what the program wrote and still knows by its checksums; see
-`pipelines.storage.checksums`.
+A result is written into a hidden folder beside its place. An earlier result is renamed to a hidden
+name for an instant; after a kill right then, the next access puts it back. Only files that the
+program wrote and that still have their checksum (`pipelines.storage.checksums`) are replaced.
 """
 
 from __future__ import annotations
@@ -17,7 +16,13 @@ from itertools import count
 from pathlib import Path
 
 from ema.core.errors import InputError
-from pipelines.storage.atomic import backup_name, backups, ended_backups, partial_folder
+from pipelines.storage.atomic import (
+    backup_name,
+    backups,
+    ended_backups,
+    not_written,
+    partial_folder,
+)
 from pipelines.storage.checksums import (
     Fault,
     is_as_written,
@@ -43,7 +48,7 @@ def require_free(
     marker: str | None = MARKER,
     accepted: Mapping[str, str] | None = None,
 ) -> None:
-    """Refuse a place where a result may not or cannot be written, before anything is computed.
+    """Refuse a folder where a result may not or cannot be written, before anything is computed.
 
     Parameters
     ----------
@@ -51,15 +56,15 @@ def require_free(
     force : bool
         Whether an earlier result may be replaced.
     marker : str, optional
-        File that lists the files of an earlier result; None where none may be replaced.
+        File that lists the files of an earlier result; None if none may be replaced.
     accepted : mapping of str to str, optional
         Checksums, by name, of changed files that may be replaced too.
 
     Raises
     ------
     InputError
-        For a file, a folder with other files, an earlier result without `force` or with files that
-        are not its own or were changed, and a place that is read-only, full or not there.
+        For a file, a folder with other files, an earlier result without `force` or with added or
+        changed files, and a drive that is read-only, full or missing.
     """
     with _as_input_error(folder):
         place = _resolved(folder)
@@ -67,7 +72,7 @@ def require_free(
         if marker is not None and (place / marker).is_file():
             for left in ended_backups(place):
                 _remove_backup(left, place, marker, None)
-        _refuse_occupied(folder, place, force=force, marker=marker, accepted=accepted)
+        _refuse_occupied(folder, place, force, marker, accepted)
         existing = next((path for path in place.parents if path.exists()), place.parent)
         with partial_folder(existing / place.name) as probe:
             (probe / "probe").write_bytes(bytes(_PROBE_BYTES))
@@ -81,10 +86,9 @@ def written_whole(
     marker: str | None = MARKER,
     accepted: Mapping[str, str] | None = None,
 ) -> Iterator[Path]:
-    """Yield a folder beside the wanted one, put into its place only when all is written.
+    """Yield a folder beside the wanted one; it is renamed to it when all is written.
 
-    Of two processes that write to the same place, the last one wins with `force`, and the first one
-    without.
+    If two processes write to the same folder, the last one wins with `force`, the first without.
 
     Parameters
     ----------
@@ -105,106 +109,92 @@ def written_whole(
             yield partial
             _to_disk(partial)
 
-            def check() -> None:
-                _refuse_occupied(folder, place, force=force, marker=marker, accepted=accepted)
-
-            backup = _put(partial, place, check)
+            backup = _put(
+                partial, place, lambda: _refuse_occupied(folder, place, force, marker, accepted)
+            )
             if backup is not None and marker is not None:
                 _remove_backup(backup, place, marker, accepted)
 
 
 def recover(folder: Path, marker: str | None = MARKER) -> None:
-    """Put an earlier result back that a killed process had moved aside; see this module's text."""
+    """Put an earlier result back that a killed process had moved aside."""
     place = _resolved(folder)
     if marker is None or place.exists():
         return
-    with suppress(OSError):  # another process did, or the drive is read-only
+    with suppress(OSError):  # another process did it, or the drive is read-only
         complete = [path for path in backups(place) if _is_complete(path, marker)]
         if complete:
             max(complete, key=lambda path: path.stat().st_mtime_ns).rename(place)
 
 
 def _is_complete(backup: Path, marker: str) -> bool:
-    """Whether nothing has been removed from a backup yet, as the list in it goes last."""
+    """Whether nothing has been removed from a backup yet; its list is removed last."""
     found = read_marker(backup / marker)
-    if not found.files:  # then nothing ever is
+    if not found.files:  # then nothing is ever removed
         return any(backup.iterdir())
     return all((backup / name).exists() for name in found.files)
 
 
 def _resolved(folder: Path) -> Path:
-    """The folder itself, where `folder` is a link to it: the link is to stay."""
+    """The folder itself if `folder` is a link to it: the link stays."""
     return Path(os.path.realpath(folder))
 
 
 def _refuse_occupied(
-    folder: Path,
-    place: Path,
-    *,
-    force: bool,
-    marker: str | None,
-    accepted: Mapping[str, str] | None,
+    folder: Path, place: Path, force: bool, marker: str | None, accepted: Mapping[str, str] | None
 ) -> None:
-    remedy = "Choose another folder"
+    def refusal(found: str, rule: str, remedy: str = "Choose another folder") -> InputError:
+        return InputError(str(folder), found, rule, remedy)
+
     if not os.path.lexists(place):
         return
     if not place.is_dir():
-        raise InputError(str(folder), "a file", "a result is a folder", remedy)
+        raise refusal("a file", "a result is a folder")
     if os.path.ismount(place):
         remedy = f"Choose a folder in it, such as {folder / 'result'}"
-        raise InputError(
-            str(folder), "a drive", "a result is renamed to its place, a drive cannot be", remedy
-        )
-    if all(is_litter(path) for path in place.iterdir()):
+        raise refusal("a drive", "a result is renamed to its place, a drive cannot be", remedy)
+    entries = sorted(path.name for path in place.iterdir() if not is_litter(path))
+    if not entries:
         return
     fault = None if marker is None else read_marker(place / marker).fault
     if marker is None or fault in (Fault.UNREADABLE, Fault.FOREIGN):
-        found = f"a folder with other files: {_first(place)}"
+        found = f"a folder with other files: {named(entries)}"
         if marker is not None and fault is not None and (place / marker).exists():
             found = f"{marker}: {fault.value}"
-        rule = "a result needs a folder of its own and replaces what such a list vouches for alone"
-        raise InputError(str(folder), found, rule, remedy)
+        raise refusal(found, "a result needs a new or empty folder, or replaces an earlier result")
     if not force:
         remedy = "Choose another folder, or replace it with --force"
-        raise InputError(
-            str(folder), "an earlier result", "only --force replaces an earlier result", remedy
-        )
+        raise refusal("an earlier result", "it already exists", remedy)
     if not os.access(place, os.W_OK):
-        raise InputError(
-            str(folder), "a read-only folder", "it is protected from being replaced", remedy
-        )
-    unknown = unknown_entries(place, marker, accepted)
-    if unknown:
-        rule = "not part of the earlier result as it was written, and would be lost with it"
+        raise refusal("a read-only folder", "it cannot be replaced")
+    if unknown := unknown_entries(place, marker, accepted):
+        rule = "added to the earlier result or changed, and would be lost"
         remedy = "Move it elsewhere, or choose another folder for the result"
-        raise InputError(str(folder), _named(unknown), rule, remedy)
+        raise refusal(named(unknown), rule, remedy)
 
 
-def _first(place: Path) -> str:
-    return _named(sorted(path.name for path in place.iterdir() if not is_litter(path)))
-
-
-def _named(names: list[str]) -> str:
+def named(names: list[str]) -> str:
+    """The first names in one text, and how many more there are."""
     more = f" and {len(names) - _MOST_NAMED} more" if names[_MOST_NAMED:] else ""
     return f"{', '.join(names[:_MOST_NAMED])}{more}"
 
 
 @contextmanager
 def _folders_above(place: Path) -> Iterator[None]:
-    """Make the folders above `place`, and remove them again if nothing comes of it."""
+    """Make the folders above `place`; remove them again after an error."""
     missing = [path for path in place.parents if not path.exists()]
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
         yield
     except BaseException:
         for path in missing:
-            with suppress(OSError):  # not made, or somebody uses it by now
+            with suppress(OSError):  # not made, or in use by now
                 path.rmdir()
         raise
 
 
 def _to_disk(folder: Path) -> None:
-    """Wait until all is on the disk: a full or vanished drive may only now say so."""
+    """Wait until all is on the disk; a full or missing drive may only fail now."""
     for path in folder.rglob("*"):
         if path.is_file():
             with path.open("rb+") as file:
@@ -212,10 +202,7 @@ def _to_disk(folder: Path) -> None:
 
 
 def _put(partial: Path, place: Path, check: Callable[[], None]) -> Path | None:
-    """Put `partial` into its place; returns where that is now which was there.
-
-    What is there is checked each time right before it is moved.
-    """
+    """Rename `partial` to `place`, checked right before each attempt; returns the backup."""
     for attempts_left in reversed(range(_ATTEMPTS)):
         try:
             check()
@@ -243,29 +230,21 @@ def _exchanged(partial: Path, place: Path) -> Path | None:
 
 
 def _remove_backup(
-    backup: Path,
-    place: Path,
-    marker: str,
-    accepted: Mapping[str, str] | None,
+    backup: Path, place: Path, marker: str, accepted: Mapping[str, str] | None
 ) -> None:
-    """Remove from a backup what the program wrote, its marker last; the rest stays in sight.
+    """Remove from a backup what the program wrote, its marker last; the rest becomes visible.
 
-    What somebody put there at the last moment moves to the new result, where its name is free.
-    What cannot be removed or moved stays hidden until the next time.
+    Files added at the last moment move to the new result if their names are free. What cannot be
+    removed or moved stays hidden until the next time.
     """
     with suppress(OSError):
-        _emptied(backup, place, marker, accepted)
+        _empty(backup, place, marker, accepted)
 
 
-def _emptied(
-    backup: Path,
-    place: Path,
-    marker: str,
-    accepted: Mapping[str, str] | None,
-) -> None:
-    known = known_files(backup / marker, accepted)
-    rest = []
+def _empty(backup: Path, place: Path, marker: str, accepted: Mapping[str, str] | None) -> None:
     own = backup / marker
+    known = known_files(own, accepted)
+    rest = []
     for path in [path for path in backup.iterdir() if path != own]:
         if is_litter(path) or is_as_written(path, known):
             path.unlink()
@@ -273,25 +252,18 @@ def _emptied(
             rest.append(path)
         else:
             path.rename(place / path.name)
-            _LOG.warning(
-                f"{path.name} was added while the result was replaced; it is in the new one."
-            )
+            text = f"{path.name} was added while the result was replaced; it is in the new one."
+            _LOG.warning(text)
     if not rest and is_as_written(own, known):
         own.unlink()
     if any(backup.iterdir()):
-        kept = _free_name(place)
+        names = (place.with_name(f"{place.name}.kept-{number}") for number in count(1))
+        kept = next(path for path in names if not os.path.lexists(path))
         backup.rename(kept)
-        _LOG.warning(
-            f"{kept}: files of the earlier result that were changed while it was replaced."
-        )
+        text = f"{kept}: files of the earlier result that were changed while it was replaced."
+        _LOG.warning(text)
     else:
         backup.rmdir()
-
-
-def _free_name(place: Path) -> Path:
-    """A visible name beside `place` that nobody has."""
-    names = (place.with_name(f"{place.name}.kept-{number}") for number in count(1))
-    return next(path for path in names if not os.path.lexists(path))
 
 
 @contextmanager
@@ -299,9 +271,4 @@ def _as_input_error(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise InputError(
-            str(folder),
-            os.strerror(error.errno) if error.errno else str(error),
-            "the result could not be written and nothing was left behind",
-            "Check free space and permissions, or choose another folder",
-        ) from error
+        raise not_written(folder, error) from error

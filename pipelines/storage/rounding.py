@@ -1,16 +1,30 @@
-"""Numbers as a report prints them: rounded by their uncertainty, a dash where unknown."""
+"""Numbers as a report prints them, rounded by their uncertainty; values as JSON has them."""
 
 from __future__ import annotations
 
 from math import isfinite
+from typing import Any
 
 from ema.core.display import DASH, number, value_with_std
 
-__all__ = ["DASH", "chance_text", "number", "plain", "signed", "value_with_std"]
+__all__ = ["DASH", "chance_text", "jsonable", "number", "plain", "signed", "value_with_std"]
+
+
+def jsonable(value: Any) -> Any:
+    """Values as JSON has them: without NaN, infinity, dates and numpy's numbers."""
+    if isinstance(value, dict):
+        return {key: jsonable(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [jsonable(entry) for entry in value]
+    if hasattr(value, "isoformat"):  # a date or time in TOML
+        return value.isoformat()
+    if hasattr(value, "item"):
+        value = value.item()
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def plain(value: float | None) -> str:
-    """Value as a person would have typed it, a dash where there is none."""
+    """Value as a person would type it, a dash if unknown."""
     return DASH if value is None or not isfinite(value) else f"{value:.10g}"
 
 

@@ -1,4 +1,4 @@
-"""Tables as files: pandas tables written as CSV and Parquet, Parquet read with checks."""
+"""Tables as files: pandas tables written as CSV and Parquet; Parquet read with checks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ema.core.errors import InputError, inert
 from ema.core.files import require_regular
 from pipelines.storage.atomic import file_written_whole
 
-# Columns that repeat few values; to look for repetitions in the others takes most of the time.
+# Columns that repeat few values; to look for repetitions in the others would take most of the time.
 _REPEATING = ("position_deg", "frequency_hz", "node", "order", "row")
 # No number of a result is as large in SI units, and its fourth power is still a double.
 LARGEST = 1e30
@@ -53,9 +53,12 @@ def write_table(path: Path, table: pd.DataFrame, metadata: Mapping[str, str] | N
 def write_csv(path: Path, table: pd.DataFrame) -> None:
     """Write a table as CSV; unknown values become empty cells, floats keep every digit.
 
-    Texts are inert: none is taken for a formula, and nothing in them acts on a terminal.
+    Texts are inert: a spreadsheet takes none for a formula, and a terminal for a command.
     """
-    cells = [column if _is_numeric(column) else _inert(column) for _, column in table.items()]
+    cells = [
+        column if _is_numeric(column) else pd.Series(map(inert, column), column.index, object)
+        for _, column in table.items()
+    ]
     shown = pd.concat(cells, axis=1).set_axis([inert(name) for name in table], axis=1)
     shown.to_csv(path, index=False, lineterminator="\n", encoding="utf-8")
 
@@ -88,11 +91,6 @@ def _is_numeric(column: pd.Series[Any]) -> bool:
     return bool(pd.api.types.is_numeric_dtype(column.dtype))
 
 
-def _inert(column: pd.Series[Any]) -> pd.Series[Any]:
-    """Cells of a column that is not numbers only; numbers in it stay what they are."""
-    return pd.Series([inert(cell) for cell in column], index=column.index, dtype=object)
-
-
 def _arrow(column: pd.Series[Any]) -> pa.Array:
     if isinstance(column.dtype, pd.CategoricalDtype):
         texts = pa.array(column.cat.categories.tolist(), pa.string())
@@ -109,7 +107,7 @@ def _is_number(kind: pa.DataType) -> bool:
 
 
 class Table:
-    """Columns of a Parquet file, each checked for what it must hold as it is taken.
+    """Columns of a Parquet file; taking one checks its type and values.
 
     Parameters
     ----------
@@ -118,7 +116,8 @@ class Table:
     Raises
     ------
     InputError
-        If it is no Parquet file, or is damaged.
+        If it is no Parquet file, or is damaged; from each method, if there is no such column or
+        its content is of another kind.
     """
 
     def __init__(self, path: Path) -> None:
@@ -140,83 +139,54 @@ class Table:
         return int(self._table.num_rows)
 
     def numbers(self, name: str, *, unknown: bool = False) -> NDArray[Any]:
-        """A column of numbers without gaps; NaN only where `unknown` permits it.
-
-        Raises
-        ------
-        InputError
-            If there is no such column, or it holds anything else or what no measurement gives.
-        """
+        """A column of numbers without gaps; NaN only where `unknown` permits it."""
         column = self._column(name)
-        kind = column.type
-        if not _is_number(kind) or column.null_count:
-            raise self.unusable(f"column {name} of {kind}", "the column holds numbers, none empty")
+        if not _is_number(column.type) or column.null_count:
+            raise self.unusable(f"column {name} of {column.type}", "it must hold numbers, no gaps")
         values = np.asarray(column.to_numpy())
         with np.errstate(invalid="ignore"):
             good = (np.abs(values) <= LARGEST) | (np.isnan(values) & unknown)
         if not np.all(good):
             found = f"{values[~good][0]:g} in column {name}"
-            raise self.unusable(found, f"numbers are finite and at most {LARGEST:g}")
+            raise self.unusable(found, f"numbers must be finite and at most {LARGEST:g}")
         return values
 
     def flags(self, name: str) -> NDArray[np.bool_]:
-        """A column of true and false.
-
-        Raises
-        ------
-        InputError
-            If there is no such column, or it holds anything else.
-        """
+        """A column of true and false."""
         column = self._column(name)
         if not pa.types.is_boolean(column.type) or column.null_count:
-            raise self.unusable(f"column {name} of {column.type}", "the column is true or false")
+            raise self.unusable(f"column {name} of {column.type}", "it must hold true and false")
         return np.asarray(column.to_numpy(zero_copy_only=False))
 
     def texts(self, name: str) -> tuple[NDArray[np.int_], list[str]]:
-        """A column of texts: for each row the index of its text, and the texts.
-
-        Raises
-        ------
-        InputError
-            If there is no such column, or it holds anything else.
-        """
+        """A column of texts: for each row the index of its text, and the texts."""
         column = self._column(name)
         if not pa.types.is_dictionary(column.type):
             column = column.dictionary_encode()
         if not pa.types.is_string(column.type.value_type) or column.null_count:
-            raise self.unusable(f"column {name} of {column.type}", "the column holds texts")
+            raise self.unusable(f"column {name} of {column.type}", "it must hold texts")
         try:
             return np.asarray(column.indices.to_numpy(), dtype=int), column.dictionary.to_pylist()
         except UnicodeDecodeError as error:
-            raise self.unusable(f"column {name}: {error}", "texts are UTF-8") from error
+            raise self.unusable(f"column {name}: {error}", "texts must be UTF-8") from error
 
-    def row_order(self, size: int = 1) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
-        """Rows in the order they were written in, and the number in column ``row`` of each.
-
-        Tables of version 0.1.0 have no such column: their rows count as they come, `size` at a
-        time.
-
-        Raises
-        ------
-        InputError
-            If the numbers are not 0, 1, 2 … with `size` rows each.
-        """
+    def row_order(self) -> NDArray[np.intp]:
+        """Rows in the order of column ``row``; as they come in tables of version 0.1.0."""
         if "row" not in self.names:
-            number = np.arange(self.n_rows) // size
-        else:
-            number = self.numbers("row").astype(int)
+            return np.arange(self.n_rows)
+        number = self.numbers("row").astype(int)
         order = np.argsort(number, kind="stable")
-        if not np.array_equal(number[order], np.arange(self.n_rows) // size):
-            rule = f"rows are numbered 0, 1, 2 …, {size} of each number"
+        if not np.array_equal(number[order], np.arange(self.n_rows)):
+            rule = "rows must be numbered 0, 1, 2 …"
             raise self.unusable("rows missing, doubled or misnumbered", rule)
-        return order, number[order]
+        return order
 
     def unusable(self, found: str, rule: str) -> InputError:
-        """The error for a table that is not what it must be."""
+        """The error for a table that is not as it was written."""
         return InputError(str(self.path), found, rule, "Process the recordings again")
 
     def _column(self, name: str) -> Any:
         if self.names.count(name) != 1:
-            raise self.unusable(f"columns {', '.join(self.names)}", f"it has one column {name}")
+            raise self.unusable(f"columns {', '.join(self.names)}", f"it needs one column {name}")
         column = self._table[name]
         return column.chunk(0) if column.num_chunks else column.combine_chunks()

@@ -26,7 +26,7 @@ from pipelines.compare.table import (
 )
 from pipelines.plots.chart import Chart
 from pipelines.report.comparison import comparison_sections, render_comparison, write_comparison
-from pipelines.storage.plain_values import plain
+from pipelines.storage.rounding import jsonable
 
 HOSTILE = '<script>alert("x")</script>' + "long" * 2500
 
@@ -126,7 +126,7 @@ def test_rows_fit_their_heads(rising):
 
 
 def test_the_record_is_json_with_everything_found(rising):
-    record = json.loads(json.dumps(plain(comparison_record(rising)), allow_nan=False))
+    record = json.loads(json.dumps(jsonable(comparison_record(rising)), allow_nan=False))
     first = record["modes"][0]
     assert first["frequency_hz"]["percent"] == pytest.approx(2.0)
     assert first["frequency_hz"]["status"] == "significant"

@@ -328,7 +328,7 @@ def test_evenly_spread_sensors_that_are_turned_need_no_typing(tmp_path):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"layout": Layout(120.0)}, "120° between 4 sensors; each sensor of a run has a place"),
+        ({"layout": Layout(120.0)}, "120° between 4 sensors"),
         ({"reference": "REF"}, "--reference: 'REF'; the recordings have a, b, c, d, force"),
     ],
 )

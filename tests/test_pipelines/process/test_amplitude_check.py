@@ -8,8 +8,7 @@ from results import ORDERS, ring_modes
 
 from model.parameters import RingParameters
 from model.ring import modal_mass_kg
-from pipelines.process.plausibility import amplitude_finding
-from pipelines.process.validate import ring_orders
+from pipelines.process.validate import amplitude_finding, ring_orders
 
 RING = RingParameters(
     mean_radius_m=0.33,

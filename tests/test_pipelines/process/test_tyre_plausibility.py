@@ -8,9 +8,8 @@ import pytest
 from results import ring_modes
 
 from ema.core.finding import OK, WARNING
-from pipelines.process.plausibility import PLAUSIBILITY, plausibility_finding
 from pipelines.process.run import process
-from pipelines.process.validate import ring_orders
+from pipelines.process.validate import PLAUSIBILITY, plausibility_finding, ring_orders
 from pipelines.results.options import Options
 from pipelines.simulate.campaign import simulate_campaign
 from pipelines.simulate.truth import truth_modes

@@ -34,7 +34,7 @@ from pipelines.report.page import as_json, breakable, drawings, render_page
 from pipelines.report.responses import shown_rows
 from pipelines.report.sketch import setup_sketch
 from pipelines.report.write import render_report, report_sections, write_report
-from pipelines.results.conditions import named
+from pipelines.results.labels import named
 from pipelines.storage.rounding import value_with_std
 
 HOSTILE = "<script>alert('x')</script>\"&{{ 7 * 7 }}"

@@ -214,7 +214,7 @@ def test_sensor_mass_is_in_the_manifest(tmp_path):
         ({"shaker_between": -1e308}, "shaker_between"),
         ({"drift_percent": float("inf")}, "drift_percent"),
         ({"seed": -1}, "seed"),
-        ({"file_format": "wav"}, "uff and csv"),
+        ({"file_format": "wav"}, "file_format"),
     ],
 )
 def test_refusals(tmp_path, options, rule):
@@ -224,5 +224,5 @@ def test_refusals(tmp_path, options, rule):
 
 
 def test_nothing_is_overwritten(folder):
-    with pytest.raises(InputError, match="something is there already"):
+    with pytest.raises(InputError, match="already exists"):
         simulate_campaign(folder)
