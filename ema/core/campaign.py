@@ -9,6 +9,7 @@ from ema.core.display import as_typed, counted, facts, number, table
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
 from ema.core.recording import Channel, Recording
+from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,9 @@ class Campaign:
     sensor_mass_kg : float or None
         Mass of one accelerometer.
     processing : Processing
-        What the manifest asks for.
+        Choices of the manifest.
+    identification, checks : IdentificationSettings, CheckSettings
+        Thresholds, changed by the manifest's ``[identification]`` and ``[checks]``.
     sources : tuple of Path
         Every file read, the manifest first.
     findings : tuple of Finding
@@ -129,6 +132,8 @@ class Campaign:
     reference_deg: float | None = None
     sensor_mass_kg: float | None = None
     processing: Processing = field(default_factory=Processing)
+    identification: IdentificationSettings = IDENTIFICATION
+    checks: CheckSettings = CHECKS
     sources: tuple[Path, ...] = ()
     findings: tuple[Finding, ...] = ()
 

@@ -92,6 +92,11 @@ def process(
     watch = Stopwatch(progress or (lambda name: None))
     with watch.stage("read", "Reading"):
         campaign = ema.read_campaign(source)
+        campaign = replace(
+            campaign,
+            identification=options.identification or campaign.identification,
+            checks=options.checks or campaign.checks,
+        )
         _require_ring_data(campaign, options)
         if options.strict:
             refuse_warnings(campaign.findings)
@@ -112,8 +117,8 @@ def process(
                 sensor_mass=_sensor_mass(campaign),
                 max_order=options.max_order,
                 method=options.method,
-                settings=options.identification,
-                checks=options.checks,
+                settings=campaign.identification,
+                checks=campaign.checks,
             )
         measured = _measured(campaign, estimated, found, band_hz)
         if options.strict:
@@ -121,7 +126,7 @@ def process(
         with watch.stage("ring", "Tuning the ring"):
             result = tune(measured, options)
     in_force = replace(processing, band_hz=band_hz)
-    record = provenance(campaign.name, inputs(), options, in_force, found.frf, watch)
+    record = provenance(campaign, inputs(), options, in_force, found.frf, watch)
     mass = _sensor_mass(campaign)
     record["corrections"] = {"sensor_mass_kg": None if mass is None else mass.mass_kg}
     return replace(result, provenance=record)
@@ -132,8 +137,11 @@ def _measured(
 ) -> Result:
     """Result before the ring steps, with the findings of all checks."""
     notes = (*found.model.notes, *_mass_note(campaign, found.model))
-    fixed = found.frf.reference
-    reference = None if fixed is None else check_reference(fixed, band_hz)
+    fixed, checks = found.frf.reference, campaign.checks
+    reference = None if fixed is None else check_reference(fixed, band_hz, checks)
+    compared: list[Finding] = []
+    if reference is not None:
+        compared = [reference_finding(reference, checks), *gain_findings(reference)]
     return Result(
         name=campaign.name,
         tyre=campaign.tyre,
@@ -151,11 +159,11 @@ def _measured(
             *estimated.findings,
             *averages_finding(estimated),
             *period_finding(estimated),
-            *coherence_findings(estimated, band_hz),
+            *coherence_findings(estimated, band_hz, checks),
             *found.findings,
-            *([reference_finding(reference), *gain_findings(reference)] if reference else []),
+            *compared,
             *drift_findings(found.model.drift),
-            *drive_point_finding(found.model, campaign.excitation_deg),
+            *drive_point_finding(found.model, campaign.excitation_deg, checks),
         ),
         opinions=found.opinions,
         notes=notes,
@@ -264,7 +272,7 @@ def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:
     """Band of a tyre; for any other structure the widest one that the force excites well."""
     if campaign.has_circle or campaign.tyre is not None:
         return TYRE_BAND_HZ[0], min(TYRE_BAND_HZ[1], float(frf.frequency_hz[-1]))
-    return coherent_band(frf)
+    return coherent_band(frf, campaign.checks)
 
 
 def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -> str:

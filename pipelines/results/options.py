@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from ema.core.campaign import Campaign, Processing
 from ema.core.errors import InputError
-from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
+from ema.core.settings import CheckSettings, IdentificationSettings
 
 TYRE_BAND_HZ = (20.0, 260.0)
 
@@ -37,10 +37,10 @@ class Options:
         Ring parameters known from elsewhere, by name, in SI.
     strict : bool
         Whether warnings about the recordings are errors.
-    identification : IdentificationSettings
-        Thresholds of poles, curve fit and pairs.
-    checks : CheckSettings
-        Thresholds of the checks on channels and sensors.
+    identification : IdentificationSettings, optional
+        Thresholds of poles, curve fit and pairs, instead of those of the manifest.
+    checks : CheckSettings, optional
+        Thresholds of the checks on channels and sensors, instead of those of the manifest.
 
     Examples
     --------
@@ -60,8 +60,8 @@ class Options:
     objective: str = "frequency"
     given: dict[str, float] = field(default_factory=dict)
     strict: bool = False
-    identification: IdentificationSettings = IDENTIFICATION
-    checks: CheckSettings = CHECKS
+    identification: IdentificationSettings | None = None
+    checks: CheckSettings | None = None
 
 
 def processing_in_force(campaign: Campaign, chosen: Processing) -> Processing:

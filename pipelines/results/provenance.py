@@ -13,7 +13,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from ema.core.campaign import Processing
+from ema.core.campaign import Campaign, Processing
 from ema.core.frf import FRF
 from pipelines.results.options import Options
 from pipelines.storage.checksums import sha256
@@ -40,23 +40,26 @@ class Stopwatch:
 
 
 def provenance(
-    campaign: str,
+    campaign: Campaign,
     inputs: list[dict[str, Any]],
     options: Options,
     processing: Processing,
     frf: FRF,
     watch: Stopwatch,
 ) -> dict[str, Any]:
-    """Content of ``provenance.json``: versions, inputs, options in force, stage times."""
+    """Content of ``provenance.json``: versions, inputs, options and settings in force, times."""
+    settings = {name: asdict(getattr(campaign, name)) for name in ("identification", "checks")}
+    chosen = {key: value for key, value in asdict(options).items() if key not in settings}
     return {
         "software": {"ringmodal": software_version(), **library_versions()},
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "campaign": campaign,
+        "campaign": campaign.name,
         "inputs": inputs,
         "options": {
-            **asdict(options),
+            **chosen,
             "processing": {**asdict(processing), **_blocks_in_force(frf)},
         },
+        "settings": settings,
         "stage_seconds": watch.seconds,
     }
 

@@ -197,6 +197,7 @@ class _Provenance:
     campaign: str
     inputs: list[_Input]
     options: _Options
+    settings: dict[str, dict[str, StrictFloat]] = field(default_factory=dict)
     stage_seconds: dict[str, float] = field(default_factory=dict)
     accepted_changes: dict[str, str] = field(default_factory=dict)
 

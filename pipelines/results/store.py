@@ -19,6 +19,7 @@ from ema.core.files import require_regular
 from ema.core.finding import WARNING, Finding
 from ema.core.frf import FRF
 from ema.core.modes import Drift, ModalModel, Mode, ResidualTerms
+from ema.core.settings import CheckSettings
 from ema.poles.stability import Cluster, StabilityDiagram
 from pipelines.results.check import CheckedResult, checked_result
 from pipelines.results.result import Result
@@ -152,13 +153,17 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
     if (folder / REFERENCE_NAME).is_file():
         frf = replace(frf, reference=_read_reference(folder / REFERENCE_NAME, stored.band_hz))
     model = _read_model(stored, frf, folder / RESIDUES_NAME)
+    recorded = record.get("settings", {}).get("checks", {})
+    known = (each.name for each in fields(CheckSettings))
+    checks = CheckSettings(**{name: recorded[name] for name in known if name in recorded})
+    fixed = frf.reference
     return Result(
         name=stored.name,
         tyre=stored.tyre,
         frf=frf,
         diagram=_read_diagram(stored, folder / "poles.parquet"),
         modal_model=model,
-        reference=None if frf.reference is None else check_reference(frf.reference, model.band_hz),
+        reference=None if fixed is None else check_reference(fixed, model.band_hz, checks),
         tuning=None,
         damping=None,
         validation=None,

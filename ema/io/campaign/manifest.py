@@ -179,6 +179,8 @@ class Manifest(_Section):
     grid: GridSection | None = None
     excitation: ExcitationSection = ExcitationSection()
     processing: ProcessingSection = ProcessingSection()
+    identification: dict[str, Any] = {}  # `settings_from` checks these two
+    checks: dict[str, Any] = {}
     runs: Annotated[tuple[RunSection, ...], Field(min_length=1)]
 
 

@@ -13,6 +13,7 @@ from ema.core.campaign import Campaign, Run
 from ema.core.errors import ManifestError, RecordingFormatError, nearest
 from ema.core.finding import EXCLUDED, Finding
 from ema.core.recording import Recording
+from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
 from ema.io.campaign import agreement
 from ema.io.campaign.calibration import calibrated
 from ema.io.campaign.manifest import (
@@ -124,6 +125,10 @@ def _with_manifest(path: Path) -> Campaign:
         excitation_deg=None if manifest.grid is None or angle is None else angle % 360.0,
         sensor_mass_kg=manifest.sensors.mass_kg,
         processing=manifest.processing.processing(),
+        identification=settings_from(
+            IdentificationSettings, manifest.identification, f"{path.name}, [identification]"
+        ),
+        checks=settings_from(CheckSettings, manifest.checks, f"{path.name}, [checks]"),
         sources=(path.resolve(), *files),
     )
     return _fill(campaign, contents, wanted)

@@ -1,0 +1,51 @@
+"""Thresholds of the manifest and of Python: used, recorded, read back."""
+
+import pytest
+
+from ema.core.errors import InputError
+from ema.core.settings import CheckSettings, IdentificationSettings
+from pipelines.process.run import process
+from pipelines.report.save import save
+from pipelines.results.options import Options
+from pipelines.results.store import load
+
+TABLES = "[identification]\npair_p_value = 1e-6\n\n[checks]\npoor_coherence = 1.1\n\n[grid]"
+
+
+def verdicts(result, check):
+    return {finding.verdict for finding in result.findings if finding.check == check}
+
+
+def test_those_of_the_manifest_are_used_and_recorded(campaign_copy, edit_manifest, tmp_path):
+    edit_manifest("[grid]", TABLES + "\n")
+    result = process(campaign_copy, Options(tune=False))
+    assert verdicts(result, "coherence") == {"warning"}
+    settings = result.provenance["settings"]
+    assert settings["identification"]["pair_p_value"] == 1e-6
+    assert settings["checks"]["poor_coherence"] == 1.1
+    save(result, tmp_path / "result", report=False)
+    assert load(tmp_path / "result").provenance["settings"] == settings
+
+
+def test_those_of_python_replace_those_of_the_manifest(campaign_copy, edit_manifest):
+    edit_manifest("[grid]", TABLES + "\n")
+    options = Options(tune=False, checks=CheckSettings(), identification=IdentificationSettings())
+    result = process(campaign_copy, options)
+    assert verdicts(result, "coherence") == {"ok"}
+    assert result.provenance["settings"]["identification"]["pair_p_value"] == 1e-4
+
+
+def test_a_loaded_reference_is_checked_with_the_recorded_threshold(short_campaign, tmp_path):
+    options = Options(tune=False, checks=CheckSettings(consistent_ratio=1e-3))
+    save(process(short_campaign, options), tmp_path / "result", report=False)
+    assert not load(tmp_path / "result").reference.consistent
+
+
+@pytest.mark.parametrize(
+    ("table", "line"), [("identification", "pair = 1"), ("checks", 'poor_coherence = "low"')]
+)
+def test_what_is_unknown_or_not_a_number_is_refused(campaign_copy, edit_manifest, table, line):
+    edit_manifest("[grid]", f"[{table}]\n{line}\n\n[grid]\n")
+    with pytest.raises(InputError) as caught:
+        process(campaign_copy)
+    assert f"[{table}]" in caught.value.where
