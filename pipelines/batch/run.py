@@ -23,8 +23,8 @@ from pipelines.batch.summary import write_summary
 from pipelines.batch.tables import tables_are_current, write_campaigns, write_modes_and_parameters
 from pipelines.batch.task import Task, carry_out, sweep
 from pipelines.batch.workers import in_this_process, on_this_machine
-from pipelines.results.check import PAGES, is_as_written
 from pipelines.results.options import Options
+from pipelines.results.provenance import PAGES, is_as_written
 
 Finished = Callable[[Record, int, int], None]
 

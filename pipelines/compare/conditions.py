@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipelines.compare.modes import LOWEST_MAC, MatchedMode
-from pipelines.results.check import accepted_notes
 from pipelines.results.labels import named, short
+from pipelines.results.provenance import accepted_notes
 from pipelines.results.result import Result
 from pipelines.storage.rounding import plain
 

@@ -14,7 +14,7 @@ from ema.core.errors import InputError
 from ema.core.files import require_regular
 from ema.io.uff.shape_sets import read_radial_shapes
 from pipelines.export.data import node_numbers
-from pipelines.results.check import accepted_notes
+from pipelines.results.provenance import accepted_notes
 from pipelines.results.result import Result
 from pipelines.results.store import load
 from pipelines.storage.result_folder import MARKER

@@ -15,7 +15,7 @@ from ema.core.modes import ModalModel, Mode
 from ema.io.uff.frf import SYNTHESISED
 from pipelines.export.data import BOTH, MEASURED, NONE, Geometry, ModalExport, geometry_of
 from pipelines.export.formats import FOLDER_MARKER, write_json, write_mat, write_tables, write_uff
-from pipelines.results.check import accepted_notes
+from pipelines.results.provenance import accepted_notes
 from pipelines.results.result import Result
 from pipelines.results.store import load
 from pipelines.storage.atomic import file_written_whole

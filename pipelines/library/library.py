@@ -13,13 +13,13 @@ from model.errors import ParameterError
 from pipelines.library.numbering import folder_in_use, folder_name, numbered_files, split_reference
 from pipelines.library.tyre import LibraryTyre
 from pipelines.library.version import Entry, Version, login_name, signed_now
-from pipelines.results.check import checked_result
 from pipelines.results.parameter_set import (
     CONDITION_NAMES,
     ParameterSet,
     accepted,
     read_parameter_set,
 )
+from pipelines.results.provenance import checked_result
 from pipelines.storage.checksums import DamagedFile, sha256
 
 VARIABLE = "RINGMODAL_LIBRARY"

@@ -168,8 +168,8 @@ def places_of(sources: Sequence[Source], reference: str | None) -> Places:
     if all(angle is not None and angle <= 360 for angle in degrees):
         return _places_at(sensors, degrees, NAMES)
     numbers = [_matched(_NUMBER, channel.name) for _, channel in sensors]
-    whole = [None if number is None else int(number) for number in numbers]
-    found = _places_by_number(sensors, whole, NAMES)
+    integers = [None if number is None else int(number) for number in numbers]
+    found = _places_by_number(sensors, integers, NAMES)
     return found if found.positions else Places()
 
 

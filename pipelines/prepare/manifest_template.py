@@ -31,7 +31,9 @@ from pipelines.prepare.guesses import (
     sources_of,
 )
 from pipelines.storage.atomic import file_written_whole
+from pipelines.storage.result_folder import named
 
+_MOST_NAMED = 6  # channels in a message
 _BARE_KEY = re.compile(r"^[A-Za-z0-9_-]+$")
 _TO_FILL_IN = """\
 # Template made from the recordings. Replace angle brackets by values and remove the # before those
@@ -114,7 +116,7 @@ def draft_manifest(
     if reference is not None:
         known = sorted({channel.name for run in runs for channel in run.channels})
         if reference not in known:
-            rule = f"the recordings have {_listed(known, 20)}"
+            rule = f"the recordings have {named(known, 20)}"
             raise InputError("--reference", repr(reference), rule, "Name one of them")
     elif series:
         reference = reference_of(runs)
@@ -180,12 +182,12 @@ def _missing(sketch: _Sketch) -> Iterator[str]:
         yield "[acquisition] sampling_rate_hz, which the files do not state"
     volts, unitless = _uncalibrated(sketch)
     if volts:
-        yield f"[calibration] sensitivity of {_listed(volts)}, in volts"
+        yield f"[calibration] sensitivity of {named(volts, _MOST_NAMED)}, in volts"
     if unitless:
-        yield f"[calibration] unit of {_listed(unitless)}; without one they are taken as SI"
+        yield f"[calibration] unit of {named(unitless, _MOST_NAMED)}; taken as SI without one"
     if _force_is_open(sketch):
         names = {channel.name for source in sketch.runs for channel in source.channels}
-        yield f"[excitation] channel, the force, one of {_listed(sorted(names))}"
+        yield f"[excitation] channel, the force, one of {named(sorted(names), _MOST_NAMED)}"
     if not sketch.places.known_from:
         yield (
             "[grid] positions, and positions_deg of each run, the angles of the sensors; for "
@@ -194,11 +196,6 @@ def _missing(sketch: _Sketch) -> Iterator[str]:
     elif sketch.places.is_guess and sketch.places.positions:
         known_from = sketch.places.known_from
         yield f"[grid] positions: {sketch.places.positions} is a guess from {known_from}"
-
-
-def _listed(names: Sequence[str], most: int = 6) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
 
 
 def _rates(sketch: _Sketch) -> list[float]:

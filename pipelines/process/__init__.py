@@ -1,4 +1,4 @@
-"""The whole story: a campaign becomes modes, the modes become a ring."""
+"""Processing: a campaign becomes modes, the modes become a ring."""
 
 from pipelines.process.run import process, retune, tune
 

@@ -149,9 +149,6 @@ def _measured(
         diagram=found.diagram,
         modal_model=replace(found.model, notes=notes),
         reference=reference,
-        tuning=None,
-        damping=None,
-        validation=None,
         excitation_deg=campaign.excitation_deg,
         reference_deg=campaign.reference_deg,
         findings=(
@@ -292,17 +289,7 @@ def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -
 
 
 def refuse_warnings(findings: Sequence[Finding]) -> None:
-    """Raise if a finding is a warning or reports something left out.
-
-    Parameters
-    ----------
-    findings : sequence of Finding
-
-    Raises
-    ------
-    InputError
-        Names the first findings and how many more there are.
-    """
+    """Raise `InputError` if a finding is a warning or reports something left out."""
     doubtful = [finding for finding in findings if finding.verdict != OK]
     if not doubtful:
         return
@@ -346,7 +333,7 @@ def retune(
     Raises
     ------
     InputError
-        If the folder is no result, or was changed.
+        If the folder is not a result, or was changed.
 
     Examples
     --------

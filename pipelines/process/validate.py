@@ -166,9 +166,7 @@ _UNITS = (
 
 
 def plausibility_finding(
-    orders: Sequence[RingOrder],
-    mass_per_area_kg_m2: float | None,
-    limits: TyreLimits | None = None,
+    orders: Sequence[RingOrder], mass_per_area_kg_m2: float | None, limits: TyreLimits | None = None
 ) -> Finding | None:
     """Compare the lowest ring mode and the tuned mass with those of tyres.
 
@@ -187,7 +185,7 @@ def plausibility_finding(
     """
     limits = limits or TyreLimits()
     first_hz = next((order.frequency_hz for order in orders if order.order == 1), None)
-    seen = _Seen(first_hz, mass_per_area_kg_m2)
+    seen = _Tyre(first_hz, mass_per_area_kg_m2)
     if first_hz is None and mass_per_area_kg_m2 is None:
         return None
     if seen.is_usual(limits):
@@ -197,18 +195,16 @@ def plausibility_finding(
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """Natural frequency of order 1, Hz, and mass per area, kg/m²; None where unknown."""
+class _Tyre:
+    """Natural frequency of order 1 and mass per area of a tyre; None if unknown."""
 
     first_hz: float | None
     mass: float | None
 
-    def scaled(self, *, rate: float = 1.0, pressure: float = 1.0) -> _Seen:
+    def scaled(self, *, rate: float = 1.0, pressure: float = 1.0) -> _Tyre:
         """Values with a rate and a pressure divided by these factors."""
-        return _Seen(
-            None if self.first_hz is None else self.first_hz / rate,
-            None if self.mass is None else self.mass * rate**2 / pressure,
-        )
+        first_hz = None if self.first_hz is None else self.first_hz / rate
+        return _Tyre(first_hz, None if self.mass is None else self.mass * rate**2 / pressure)
 
     def is_usual(self, limits: TyreLimits) -> bool:
         low_hz, high_hz = limits.lowest_order_1_hz, limits.highest_order_1_hz
@@ -217,52 +213,42 @@ class _Seen:
         return usual_hz and (self.mass is None or light <= self.mass <= heavy)
 
     def distance(self, limits: TyreLimits) -> float:
-        """Largest |log| of a ratio to a usual tyre."""
-        ratios = [
-            *([self.first_hz / limits.usual_hz] if self.first_hz else []),
-            # The mass scales with the square of the rate.
-            *([np.sqrt(self.mass / limits.usual_kg_m2)] if self.mass else []),
-        ]
+        """Largest |log| of a ratio to a usual tyre; the mass scales with the rate squared."""
+        ratios = [self.first_hz / limits.usual_hz] if self.first_hz else []
+        ratios += [np.sqrt(self.mass / limits.usual_kg_m2)] if self.mass else []
         return float(max(np.abs(np.log(ratios)), default=0.0))
 
-    def text(self) -> str:
-        words = []
-        if self.first_hz is not None:
-            words.append(f"order 1 at {self.first_hz:.4g} Hz")
-        if self.mass is not None:
-            words.append(f"a mass per area of {self.mass:.3g} kg/m²")
-        return " and ".join(words)
+    def text(
+        self, hz: str = "order 1 at {:.4g} Hz", mass: str = "a mass per area of {:.3g} kg/m²"
+    ) -> str:
+        """Known values in words."""
+        known = [(hz, self.first_hz), (mass, self.mass)]
+        return " and ".join(words.format(value) for words, value in known if value is not None)
 
 
-def _usual_text(limits: TyreLimits, seen: _Seen) -> str:
-    words = []
-    if seen.first_hz is not None:
-        words.append(f"{limits.lowest_order_1_hz:g} to {limits.highest_order_1_hz:g} Hz")
-    if seen.mass is not None:
-        words.append(f"{limits.lightest_kg_m2:g} to {limits.heaviest_kg_m2:g} kg/m²")
-    return " and ".join(words)
+def _usual_text(limits: TyreLimits, seen: _Tyre) -> str:
+    hz = f"{limits.lowest_order_1_hz:g} to {limits.highest_order_1_hz:g} Hz"
+    return seen.text(hz, f"{limits.lightest_kg_m2:g} to {limits.heaviest_kg_m2:g} kg/m²")
 
 
-def _cause(seen: _Seen, limits: TyreLimits) -> str:
+def _cause(seen: _Tyre, limits: TyreLimits) -> str:
     causes = {_rate_text(factor, seen): seen.scaled(rate=factor) for factor in _RATE_FACTORS}
     if seen.mass is not None:
-        causes |= {
-            f"the inflation pressure is wrong ({what})": seen.scaled(pressure=factor)
-            for factor, what in _PRESSURES
-        }
-    distance = {text: state.distance(limits) for text, state in causes.items()}
-    best = min(distance, key=lambda text: distance[text])
-    if distance[best] < np.log(_CAUSE_WITHIN):
+        for factor, what in _PRESSURES:
+            text = f"the inflation pressure is wrong ({what})"
+            causes[text] = seen.scaled(pressure=factor)
+    best = min(causes, key=lambda text: causes[text].distance(limits))
+    if causes[best].distance(limits) < np.log(_CAUSE_WITHIN):
         return f"Most likely {best}"
     return "Check the sampling rate, the inflation pressure and the mean radius"
 
 
-def _rate_text(factor: float, seen: _Seen) -> str:
-    right = seen.scaled(rate=factor)
+def _rate_text(factor: float, seen: _Tyre) -> str:
     high, times = ("high", factor) if factor > 1 else ("low", 1 / factor)
     return (
-        f"the sampling rate is too {high} by a factor of {times:.4g} (with the right one: "
-        f"{right.text()}). Compare sampling_rate_hz and the files' headers with the acquisition"
+        f"the sampling rate is too {high} by a factor of {times:.4g} (corrected: "
+        f"{seen.scaled(rate=factor).text()}). Compare sampling_rate_hz and the files' headers with "
+        "the acquisition"
     )
 
 

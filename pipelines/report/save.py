@@ -10,8 +10,8 @@ from pipelines.process.run import process
 from pipelines.report.paper import write_pdf
 from pipelines.report.write import write_report
 from pipelines.results import tables
-from pipelines.results.check import OPTIONAL_READ_BACK, READ_BACK
 from pipelines.results.parameter_set import from_tuning, write_parameter_set
+from pipelines.results.provenance import OPTIONAL_READ_BACK, READ_BACK
 from pipelines.results.result import Result
 from pipelines.results.store import write_identification
 from pipelines.simulate.campaign import sample_campaign

@@ -9,6 +9,7 @@ from itertools import takewhile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import isotonic_regression
 
 from ema.core.errors import visible_line
 from ema.core.frf import FRF
@@ -128,15 +129,9 @@ def spread(positions: ArrayLike, gap: float) -> NDArray[np.float64]:
         Smallest distance.
     """
     wanted = np.asarray(positions, dtype=float) - gap * np.arange(np.size(positions))
-    groups: list[list[float]] = []
-    for value in wanted:
-        groups.append([float(value)])
-        # Pool neighbours that are out of order: isotonic regression.
-        while len(groups) > 1 and np.mean(groups[-2]) > np.mean(groups[-1]):
-            last = groups.pop()
-            groups[-1].extend(last)
-    placed = [float(np.mean(group)) for group in groups for _ in group]
-    return np.asarray(np.array(placed) + gap * np.arange(np.size(positions)))
+    if not wanted.size:
+        return np.zeros(0)
+    return np.asarray(isotonic_regression(wanted).x + gap * np.arange(wanted.size))
 
 
 def sparse_labels(labels: Sequence[str], at_most: int = 13) -> tuple[list[int], list[str]]:

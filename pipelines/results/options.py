@@ -13,7 +13,7 @@ TYRE_BAND_HZ = (20.0, 260.0)
 
 @dataclass(frozen=True)
 class Options:
-    """Choices for a whole run; None leaves the manifest or a default in force.
+    """Options of a run; None leaves the value of the manifest or a default in force.
 
     Parameters
     ----------
@@ -83,8 +83,8 @@ def processing_in_force(campaign: Campaign, chosen: Processing) -> Processing:
         rule = "a band must rise from 0 Hz or above"
         raise InputError("band_hz", found, rule, "Correct the limits")
     manifest = campaign.processing
-    own = chosen.averages is not None or chosen.block_seconds is not None
-    lengths = chosen if own else manifest
+    has_length = chosen.averages is not None or chosen.block_seconds is not None
+    lengths = chosen if has_length else manifest
     return Processing(
         averages=lengths.averages,
         block_seconds=lengths.block_seconds,

@@ -44,7 +44,7 @@ LARGEST, SMALLEST = 1e15, 1e-15
 # These are raised to high powers and would overflow before.
 _LARGEST_OF = {"mean_radius_m": 10.0, "belt_width_m": 10.0, "loss_factor": 10.0}
 
-_OPTIONAL = ("damping", "wheel", "provenance")
+_OPTIONAL = ("damping", "wheel", "provenance", "version")
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class ParameterSet:
 
     @property
     def ring_damping(self) -> RingDamping | None:
-        """The damping; None where the set holds none."""
+        """The damping, if there is any."""
         if not self.damping:
             return None
         radial, circumferential, loss = (self.damping[name].value for name in DAMPING_NAMES)
@@ -105,7 +105,7 @@ class ParameterSet:
 
     @property
     def wheel_parameters(self) -> Wheel | None:
-        """The wheel; None where the set holds none."""
+        """The wheel, if there is one."""
         return Wheel(**self.wheel) if self.wheel else None
 
 
@@ -205,14 +205,16 @@ def read_parameter_set(
     """
     path = Path(path)
     try:
-        content = tomllib.loads(require_regular(path).read_text(encoding="utf-8"))
+        raw = require_regular(path).read_bytes()
     except OSError as error:
         reason, rule = error.strerror or "unreadable", "it must be a parameter set"
         raise InputError(str(path), reason, rule, "Check the path") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+    try:
+        content = tomllib.loads(raw.decode())
+    except (ValueError, RecursionError) as error:  # TOML, UTF-8, an endless number, nesting
         rule, remedy = "it must be TOML in UTF-8", "Correct the line"
         raise InputError(path.name, str(error), rule, remedy) from error
-    if KEY in _optional_section(path, content, "version"):
+    if KEY in _section(path, content, "version"):
         return parameter_set_of(path, unsealed(path))
     found = parameter_set_of(path, content)
     if not must_be_as_written or _is_as_written(content):
@@ -262,51 +264,50 @@ def parameter_set_of(path: Path, content: dict[str, Any]) -> ParameterSet:
     conditions = _section(path, content, "conditions")
     if "inflation_pressure_pa" not in conditions:
         raise _missing(path, "conditions", "inflation_pressure_pa")
-    for name in ("inflation_pressure_pa", *CONDITION_NAMES):
-        if name in conditions:
-            _require_number(path, "conditions", conditions, name)
     _refuse_misspelt(path, content)
     designation = content.get("designation", path.stem)
     if not isinstance(designation, str):
         where, rule = f"{path.name}, designation", "it must be text"
         raise InputError(where, repr(designation), rule, 'Write e.g. designation = "225/55R17"')
-    ring = _known_section(path, content, "ring", RING_NAMES, optional=("belt_width_m",))
-    damping, wheel = {}, {}
-    if "damping" in content:
-        damping = _known_section(path, content, "damping", DAMPING_NAMES)
-    if "wheel" in content:
-        wheel = _known_section(path, content, "wheel", WHEEL_NAMES)
-        for name in wheel:
-            _require_number(path, "wheel", wheel, name)
+    ring = _section(path, content, "ring", RING_NAMES, optional=("belt_width_m",))
+    damping = _section(path, content, "damping", DAMPING_NAMES)
+    wheel = _section(path, content, "wheel", WHEEL_NAMES)
+    for section, values in (("conditions", conditions), ("wheel", wheel)):
+        for key in ("inflation_pressure_pa", *CONDITION_NAMES, *WHEEL_NAMES):
+            if key in values:
+                _number(path, section, key, values[key])
+    provenance = _section(path, content, "provenance")
+    names = provenance.get(ACCEPTED, [])
+    if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
+        where, rule = f"{path.name}, [provenance] {ACCEPTED}", "it must be a list of file names"
+        raise InputError(where, repr(names), rule, "Correct or remove it")
     return ParameterSet(
         designation=designation,
         conditions=conditions,
         ring={key: _parameter(path, "ring", key, entry) for key, entry in ring.items()},
         damping={key: _parameter(path, "damping", key, entry) for key, entry in damping.items()},
         wheel=wheel,
-        provenance=_provenance(path, content),
+        provenance={key: value for key, value in provenance.items() if key != OWN},
     )
 
 
-def _provenance(path: Path, content: dict[str, Any]) -> dict[str, Any]:
-    """The provenance without the checksum, which belongs to the file."""
-    section = _optional_section(path, content, "provenance")
-    told = section.get(ACCEPTED, [])
-    if not (isinstance(told, list) and all(isinstance(name, str) for name in told)):
-        where, rule = f"{path.name}, [provenance] {ACCEPTED}", "it must be a list of file names"
-        raise InputError(where, repr(told), rule, "Correct or remove it")
-    return {key: value for key, value in section.items() if key != OWN}
-
-
-def _known_section(
+def _section(
     path: Path,
     content: dict[str, Any],
     name: str,
-    known: tuple[str, ...],
+    known: tuple[str, ...] = (),
     optional: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """A section with all of its keys and no other ones."""
-    section = _section(path, content, name)
+    """A section with all `known` keys and no others; an optional one may be missing."""
+    section = content.get(name, {} if name in _OPTIONAL else None)
+    if section is None:
+        found, rule = f"no section [{name}]", "a parameter set needs it"
+        raise InputError(path.name, found, rule, f"Add [{name}]")
+    if not isinstance(section, dict):
+        where, rule = f"{path.name}, {name}", "it must be a section"
+        raise InputError(where, repr(section), rule, f"Begin it with a line [{name}]")
+    if not known or name not in content:
+        return section
     for key in section:
         if key not in known:
             where, rule = f"{path.name}, [{name}]", f"known are {', '.join(known)}"
@@ -317,42 +318,9 @@ def _known_section(
     return section
 
 
-def _require_number(path: Path, name: str, section: dict[str, Any], key: str) -> None:
-    value = section[key]
-    where = f"{path.name}, [{name}] {key}"
-    if not (_is_number(value) and isfinite(value)):
-        rule = "it must be a finite number"
-        raise InputError(where, repr(value), rule, f"Write {key} = …, without quotes")
-    _require_size(where, key, value)
-
-
-def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
-    fields = entry if isinstance(entry, dict) else {"value": entry}
-    where, value, std = f"{path.name}, [{section}] {key}", fields.get("value"), fields.get("std")
-    if not _is_number(value) or not (std is None or _is_number(std)):
-        rule = "value and std must be numbers"
-        raise InputError(where, str(entry), rule, "Write { value = …, how = …, std = … }")
-    if isfinite(value):  # the ring refuses what is not
-        _require_size(where, key, value)
-    if std is not None and not 0 <= std <= LARGEST:
-        rule = f"a standard deviation must be finite, ≥ 0 and at most {LARGEST:g}"
-        raise InputError(where, f"std = {std:g}", rule, "Leave std out if it is not known")
-    how = fields.get("how", GIVEN)
-    if how not in HOWS:
-        rule = f"how must be one of {', '.join(HOWS)}"
-        raise InputError(where, f"how = {how!r}", rule, nearest(str(how), HOWS))
-    return Parameter(float(value), how, None if std is None else float(std))
-
-
-def _require_size(where: str, key: str, value: float) -> None:
-    largest = _LARGEST_OF.get(key, LARGEST)
-    if value != 0 and not SMALLEST <= abs(value) <= largest:
-        rule = f"numbers must be zero, or from {SMALLEST:g} to {largest:g}"
-        raise InputError(where, f"{value:g}", rule, "Check its exponent and its unit")
-
-
-def _is_number(value: object) -> TypeGuard[int | float]:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+def _missing(path: Path, section: str, key: str) -> InputError:
+    where, rule = f"{path.name}, [{section}]", "a parameter set needs it"
+    return InputError(where, f"no {key}", rule, f"Add {key} = …")
 
 
 def _refuse_misspelt(path: Path, content: dict[str, Any]) -> None:
@@ -366,21 +334,30 @@ def _refuse_misspelt(path: Path, content: dict[str, Any]) -> None:
             raise InputError(path.name, f"[{name}]", rule, remedy)
 
 
-def _optional_section(path: Path, content: dict[str, Any], name: str) -> dict[str, Any]:
-    return _section(path, content, name) if name in content else {}
+def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:
+    fields = entry if isinstance(entry, dict) else {"value": entry}
+    value, std = _number(path, section, key, fields.get("value")), fields.get("std")
+    where = f"{path.name}, [{section}] {key}"
+    if std is not None and not (_is_number(std) and 0 <= std <= LARGEST):
+        rule = f"a standard deviation must be a number, ≥ 0 and at most {LARGEST:g}"
+        raise InputError(where, f"std = {std!r}", rule, "Leave std out if it is not known")
+    how = fields.get("how", GIVEN)
+    if how not in HOWS:
+        rule = f"how must be one of {', '.join(HOWS)}"
+        raise InputError(where, f"how = {how!r}", rule, nearest(str(how), HOWS))
+    return Parameter(value, how, None if std is None else float(std))
 
 
-def _section(path: Path, content: dict[str, Any], name: str) -> dict[str, Any]:
-    section = content.get(name)
-    if section is None:
-        found, rule = f"no section [{name}]", "a parameter set needs it"
-        raise InputError(path.name, found, rule, f"Add [{name}]")
-    if not isinstance(section, dict):
-        where, rule = f"{path.name}, {name}", "it must be a section"
-        raise InputError(where, repr(section), rule, f"Begin it with a line [{name}]")
-    return section
+def _number(path: Path, section: str, key: str, value: Any) -> float:
+    """A finite number of a size that a tyre can have."""
+    where, largest = f"{path.name}, [{section}] {key}", _LARGEST_OF.get(key, LARGEST)
+    if not _is_number(value):
+        raise InputError(where, repr(value), "it must be a number", f"Write {key} = …")
+    if value != 0 and not SMALLEST <= abs(value) <= largest:
+        rule = f"it must be zero, or from {SMALLEST:g} to {largest:g}"
+        raise InputError(where, repr(value), rule, "Check its exponent and its unit")
+    return float(value)
 
 
-def _missing(path: Path, section: str, key: str) -> InputError:
-    where, rule = f"{path.name}, [{section}]", "a parameter set needs it"
-    return InputError(where, f"no {key}", rule, f"Add {key} = …")
+def _is_number(value: object) -> TypeGuard[int | float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)

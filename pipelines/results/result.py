@@ -62,7 +62,7 @@ class Result:
     name : str
         Campaign name.
     tyre : Tyre or None
-        Identity; None for a structure that is no tyre.
+        None for a structure that is not a tyre.
     frf : FRF
     diagram : StabilityDiagram
     modal_model : ModalModel
@@ -96,12 +96,12 @@ class Result:
     frf: FRF
     diagram: StabilityDiagram
     modal_model: ModalModel
-    reference: ReferenceCheck | None
-    tuning: TuningResult | None
-    damping: DampingResult | None
-    validation: Validation | None
-    excitation_deg: float | None
-    reference_deg: float | None
+    reference: ReferenceCheck | None = None
+    tuning: TuningResult | None = None
+    damping: DampingResult | None = None
+    validation: Validation | None = None
+    excitation_deg: float | None = None
+    reference_deg: float | None = None
     opinions: tuple[Opinion, ...] = ()
     findings: tuple[Finding, ...] = ()
     notes: tuple[str, ...] = ()

@@ -99,7 +99,7 @@ def read_identification_json(path: Path) -> Stored:
     Raises
     ------
     InputError
-        If it cannot be read or holds what no identification gives; names the place.
+        If it cannot be read or is not consistent; names the place.
     """
     try:
         text = require_regular(path).read_bytes()

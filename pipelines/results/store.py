@@ -1,4 +1,4 @@
-"""The result folder read back, and the part of the identification that its tables do not hold."""
+"""Reading a result folder, and the part of an identification that is not in its tables."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ema.core.frf import FRF
 from ema.core.modes import Drift, ModalModel, Mode, ResidualTerms
 from ema.core.settings import CheckSettings
 from ema.poles.stability import Cluster, StabilityDiagram
-from pipelines.results.check import CheckedResult, checked_result
+from pipelines.results.provenance import CheckedResult, checked_result
 from pipelines.results.result import Result
 from pipelines.results.schema import (
     REMEDY,
@@ -58,7 +58,7 @@ def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
     Raises
     ------
     InputError
-        If the folder is no result, is damaged, or a part of it was changed, is missing or was
+        If the folder is not a result, is damaged, or a part of it was changed, is missing or was
         added and is not accepted.
 
     Examples
@@ -164,9 +164,6 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
         diagram=_read_diagram(stored, folder / "poles.parquet"),
         modal_model=model,
         reference=None if fixed is None else check_reference(fixed, model.band_hz, checks),
-        tuning=None,
-        damping=None,
-        validation=None,
         excitation_deg=stored.excitation_deg,
         reference_deg=stored.reference_deg,
         findings=stored.findings,

@@ -58,7 +58,7 @@ class Setup:
     Parameters
     ----------
     seed : int
-        Seed of everything random.
+        Of the random numbers.
     duration_s, sampling_rate_hz : float
         Length of each run and sampling rate.
     snr_db : float

@@ -31,17 +31,7 @@ PER_LINE_FORCE = "(m/s²)/(N/m)"
 
 @dataclass(frozen=True, eq=False)
 class SimulatedInertance:
-    """Inertance over frequency.
-
-    Parameters
-    ----------
-    frequency_hz : ndarray, shape (n_frequencies,)
-        Hz.
-    values : ndarray of complex, shape (n_frequencies,)
-        Acceleration over force.
-    unit : str
-        ``"(m/s²)/N"``, or ``"(m/s²)/(N/m)"`` for a force per unit of belt width.
-    """
+    """Inertance over frequency: acceleration over force, in `PER_FORCE` or `PER_LINE_FORCE`."""
 
     frequency_hz: NDArray[np.float64]
     values: NDArray[np.complex128]
@@ -101,9 +91,8 @@ def simulate_inertance(
     ----------
     forced : ForcedRing
     frequency_hz : array_like, shape (n_frequencies,)
-        Hz.
     at_deg, force_deg : float
-        Angles of response and force, degrees.
+        Angles of response and force.
     inextensional : bool
         Whether the belt is inextensible (eq 33).
     """
@@ -125,7 +114,6 @@ class Observer:
     Parameters
     ----------
     at_deg : float
-        Angle, degrees.
     frame : {"rotating", "absolute"}
         Whether it is fixed to the tyre or in space.
     direction : {"radial", "circumferential"}
@@ -151,11 +139,10 @@ class CleatResponse:
     ----------
     observer : Observer
     time_s : ndarray, shape (n_times,)
-        From the start of the impact, s.
+        From the start of the impact.
     response : ndarray, shape (n_times,)
         In the observer's unit.
     frequency_hz : ndarray, shape (n_frequencies,)
-        Hz.
     spectrum : ndarray of complex, shape (n_frequencies,)
         ∫x(t)e^{−jωt}dt, in the observer's unit times s.
     """
@@ -185,18 +172,7 @@ class CleatResponse:
 def simulate_cleat(
     test: CleatTest, observer: Observer, times_s: ArrayLike, frequency_hz: ArrayLike
 ) -> CleatResponse:
-    """Response of the rolling tyre to an impact, exact for the harmonics summed.
-
-    Parameters
-    ----------
-    test : CleatTest
-        Ring and impact.
-    observer : Observer
-    times_s : array_like, shape (n_times,)
-        s.
-    frequency_hz : array_like, shape (n_frequencies,)
-        Hz.
-    """
+    """Response of the rolling tyre to an impact, exact for the harmonics summed."""
     angle = float(np.deg2rad(observer.at_deg))
     frame, direction, quantity = observer.frame, observer.direction, observer.quantity
     response = test.response(times_s, angle, frame=frame, direction=direction, quantity=quantity)
@@ -217,13 +193,12 @@ class LoadedSweep:
     Parameters
     ----------
     load_n : ndarray, shape (n_loads,)
-        N.
     frequency_hz : ndarray, shape (n_loads, n_modes)
-        Ascending, Hz.
+        Ascending.
     dominant_order : ndarray of int, shape (n_loads, n_modes)
         Order with the largest share of each shape.
     angle_deg : ndarray, shape (n_angles,)
-        Angles from the contact, degrees.
+        Angles from the contact.
     deflection_m : ndarray, shape (n_angles,)
         Radial deflection by the largest load, relative to the inflated tyre, m.
     """
@@ -271,7 +246,7 @@ def simulate_loaded(
     ring : RingParameters
         With belt width.
     load_n : array_like, shape (n_loads,)
-        Vertical loads, N; 0 is the free tyre.
+        0 is the free tyre.
     n_modes : int
         Number of lowest modes.
     highest_order, pressure_load

@@ -31,13 +31,12 @@ class TruthMode:
     member : str
         Empty if the two members of the order coincide, ``"a"`` or ``"b"`` for one of a split pair.
     frequency_hz : float
-        Undamped natural frequency, Hz.
+        Undamped natural frequency.
     damping_ratio : float
-        Damping ratio.
     modal_mass_kg : float
-        Modal mass for a unit amplitude of the shape, kg.
+        For a unit amplitude of the shape.
     orientation_deg : float
-        Angle of an antinode, degrees.
+        Angle of an antinode.
     """
 
     order: int

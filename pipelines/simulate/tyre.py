@@ -24,17 +24,7 @@ MOTIONS = ("x_m_n", "z_m_n", "rotation_rad_n")
 
 @dataclass(frozen=True)
 class SimulatedTyre:
-    """A tyre ready for the model.
-
-    Parameters
-    ----------
-    name : str
-        Name in messages.
-    ring : RingParameters
-    damping : RingDamping or None
-    wheel : Wheel or None
-        None if the parameter set has none.
-    """
+    """A tyre ready for the model; damping and wheel are None if its parameter set has none."""
 
     name: str
     ring: RingParameters
@@ -50,7 +40,7 @@ def tyre_to_simulate(path: Path | None, *, accept_changes: bool = False) -> Simu
     Raises
     ------
     InputError
-        If there is no parameter set, or its values are no valid ring.
+        If there is no parameter set, or its values are not a valid ring.
     """
     if path is None:
         return SimulatedTyre(f"the sample tyre {DESIGNATION}", TABLE_4_RING, TABLE_5_DAMPING)
@@ -63,13 +53,7 @@ def tyre_to_simulate(path: Path | None, *, accept_changes: bool = False) -> Simu
 
 
 def damping_of(tyre: SimulatedTyre, *, on_pretension: bool = True) -> RingDamping:
-    """Damping of a tyre, which forced vibration needs.
-
-    Parameters
-    ----------
-    tyre : SimulatedTyre
-    on_pretension : bool
-        Whether the loss factor also acts on the stiffness from hoop tension.
+    """Damping of a tyre; `on_pretension`: the loss factor also acts on the hoop tension.
 
     Raises
     ------

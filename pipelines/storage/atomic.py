@@ -1,4 +1,4 @@
-"""Atomic writes of files, and the temporary names beside them."""
+"""Atomic writes of files, and temporary names; functions raise `OSError` as the drive does."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def file_written_whole(path: Path) -> Iterator[Path]:
     """
     place = Path(os.path.realpath(path))  # a link to a file stays a link
     if is_sealed(place):
-        rule = "versions in a library never change"
+        rule = "a version in a library never changes"
         raise InputError(str(path), "a file of a library", rule, "Choose another file")
     partial = partial_name(place)
     try:
@@ -65,26 +65,14 @@ def backup_name(place: Path) -> Path:
 
 
 def backups(place: Path) -> list[Path]:
-    """Folders moved aside by a process of any machine and neither put back nor removed.
-
-    Raises
-    ------
-    OSError
-        If the folder of `place` cannot be listed.
-    """
+    """Folders moved aside by a process of any machine and neither put back nor removed."""
     ours = re.compile(rf"\.{re.escape(place.name)}(\.[\w-]+)?\.old")
     found = [path for path in place.parent.iterdir() if ours.fullmatch(path.name)]
     return sorted(path for path in found if path.is_dir() and not path.is_symlink())
 
 
 def ended_backups(place: Path) -> list[Path]:
-    """Backups of this process and of ended ones, which nobody will put back.
-
-    Raises
-    ------
-    OSError
-        If the folder of `place` cannot be listed.
-    """
+    """Backups of this process and of ended ones, which will not be put back."""
     theirs = re.compile(re.escape(_prefix(place)) + rf"{_OWNER}\.old")
     without_owner = f".{place.name}.old"  # as version 0.1.0 called it
 
@@ -102,11 +90,6 @@ def partial_folder(place: Path) -> Iterator[Path]:
     """Yield a new folder beside `place` that is removed at the end, unless it was renamed.
 
     What killed processes of this machine left beside `place` is removed first.
-
-    Raises
-    ------
-    OSError
-        If no folder can be made there.
     """
     remove_abandoned(place)
     partial = partial_name(place)
@@ -122,11 +105,6 @@ def remove_abandoned(place: Path) -> None:
 
     Files of running processes and of other machines stay, and folders with anything that this
     program does not write. On Windows nothing is removed, as running processes cannot be probed.
-
-    Raises
-    ------
-    OSError
-        If the folder of `place` cannot be listed.
     """
     ours = re.compile(re.escape(_prefix(place)) + rf"{_OWNER}\.partial")
     for path in place.parent.iterdir():
@@ -141,7 +119,7 @@ def remove_abandoned(place: Path) -> None:
 
 
 def _remove_flat(folder: Path) -> None:
-    """Remove a folder of files, unless it holds what this program does not write."""
+    """Remove a folder of files, unless it has entries that this program does not write."""
 
     def is_ours(path: Path) -> bool:
         visible = not path.name.startswith(".") or _ANY_PARTIAL.fullmatch(path.name)

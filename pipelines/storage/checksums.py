@@ -1,6 +1,6 @@
 """Checksums: markers that list the files of a folder, and files of a library.
 
-A folder that the program wrote holds a marker, a JSON file. Its key ``files`` lists every other
+A folder that the program wrote has a marker, a JSON file. Its key ``files`` lists every other
 file with its SHA-256, its key ``content_sha256`` is the checksum of the marker's own content.
 """
 
@@ -101,8 +101,8 @@ def read_marker(path: Path) -> Marker:
     return Marker(about, files, None if is_intact else Fault.CHANGED)
 
 
-def is_litter(path: Path) -> bool:
-    """Whether a file manager left it."""
+def is_system_file(path: Path) -> bool:
+    """Whether a file manager made it."""
     return path.name in _OF_FILE_MANAGERS and is_plain_file(path)
 
 
@@ -130,7 +130,7 @@ def unknown_entries(
         Checksums, by name, of changed files that count as known.
     """
     known = known_files(folder / marker, accepted)
-    paths = (path for path in folder.iterdir() if not is_litter(path))
+    paths = (path for path in folder.iterdir() if not is_system_file(path))
     return sorted(path.name for path in paths if not is_as_written(path, known))
 
 
@@ -155,7 +155,7 @@ class DamagedFile(InputError):  # noqa: N818 - it is about a file
 
 def sealed(text: str) -> str:
     """TOML text with its checksum as the last line, in its last table."""
-    encodable = text.encode("utf-8", "replace").decode()  # a command line may hold any bytes
+    encodable = text.encode("utf-8", "replace").decode()  # a command line may have any bytes
     body = encodable.rstrip("\n") + "\n"
     return f"{body}{_seal(body)}"
 
@@ -175,16 +175,16 @@ def unsealed(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise damaged(path, error.strerror or "unreadable") from error
     except UnicodeDecodeError as error:
-        raise damaged(path, "not UTF-8 text") from error
+        raise damaged(path, "binary data, no text") from error
     body, _, last = text.removesuffix("\n").rpartition("\n")
     body += "\n"
     if not last.startswith(f"{KEY} = "):
         raise damaged(path, f"no checksum in its last line ({len(text)} characters)")
     if last + "\n" != _seal(body):
-        raise damaged(path, "checksum does not match the content")
+        raise damaged(path, "a checksum that does not fit its content")
     try:
         return tomllib.loads(body)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # TOML, an endless number, nesting
         raise damaged(path, f"not TOML ({error})") from error
 
 

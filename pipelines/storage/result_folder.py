@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
@@ -26,27 +26,23 @@ from pipelines.storage.atomic import (
 from pipelines.storage.checksums import (
     Fault,
     is_as_written,
-    is_litter,
+    is_system_file,
     known_files,
     read_marker,
     unknown_entries,
 )
 
 MARKER = "provenance.json"  # every result folder has it
+Checksums = Mapping[str, str]
 
 _LOG = logging.getLogger(__name__)
 _PROBE_BYTES = 2**20
 _ATTEMPTS = 50  # other processes may be replacing or reading the same result
 _PAUSE_S = 0.01
-_MOST_NAMED = 3
 
 
 def require_free(
-    folder: Path,
-    *,
-    force: bool,
-    marker: str | None = MARKER,
-    accepted: Mapping[str, str] | None = None,
+    folder: Path, *, force: bool, marker: str | None = MARKER, accepted: Checksums | None = None
 ) -> None:
     """Refuse a folder where a result may not or cannot be written, before anything is computed.
 
@@ -84,7 +80,7 @@ def written_whole(
     *,
     force: bool = False,
     marker: str | None = MARKER,
-    accepted: Mapping[str, str] | None = None,
+    accepted: Checksums | None = None,
 ) -> Iterator[Path]:
     """Yield a folder beside the wanted one; it is renamed to it when all is written.
 
@@ -141,7 +137,7 @@ def _resolved(folder: Path) -> Path:
 
 
 def _refuse_occupied(
-    folder: Path, place: Path, force: bool, marker: str | None, accepted: Mapping[str, str] | None
+    folder: Path, place: Path, force: bool, marker: str | None, accepted: Checksums | None
 ) -> None:
     def refusal(found: str, rule: str, remedy: str = "Choose another folder") -> InputError:
         return InputError(str(folder), found, rule, remedy)
@@ -153,7 +149,7 @@ def _refuse_occupied(
     if os.path.ismount(place):
         remedy = f"Choose a folder in it, such as {folder / 'result'}"
         raise refusal("a drive", "a result is renamed to its place, a drive cannot be", remedy)
-    entries = sorted(path.name for path in place.iterdir() if not is_litter(path))
+    entries = sorted(path.name for path in place.iterdir() if not is_system_file(path))
     if not entries:
         return
     fault = None if marker is None else read_marker(place / marker).fault
@@ -173,10 +169,10 @@ def _refuse_occupied(
         raise refusal(named(unknown), rule, remedy)
 
 
-def named(names: list[str]) -> str:
-    """The first names in one text, and how many more there are."""
-    more = f" and {len(names) - _MOST_NAMED} more" if names[_MOST_NAMED:] else ""
-    return f"{', '.join(names[:_MOST_NAMED])}{more}"
+def named(names: Sequence[str], most: int = 3) -> str:
+    """The first `most` names in one text, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(names[:most])}{more}"
 
 
 @contextmanager
@@ -206,7 +202,7 @@ def _put(partial: Path, place: Path, check: Callable[[], None]) -> Path | None:
     for attempts_left in reversed(range(_ATTEMPTS)):
         try:
             check()
-            return _exchanged(partial, place)
+            return _swapped(partial, place)
         except OSError:
             if not attempts_left or not partial.exists():
                 raise
@@ -214,7 +210,7 @@ def _put(partial: Path, place: Path, check: Callable[[], None]) -> Path | None:
     return None
 
 
-def _exchanged(partial: Path, place: Path) -> Path | None:
+def _swapped(partial: Path, place: Path) -> Path | None:
     if not os.path.lexists(place):
         partial.rename(place)
         return None
@@ -229,9 +225,7 @@ def _exchanged(partial: Path, place: Path) -> Path | None:
     return backup
 
 
-def _remove_backup(
-    backup: Path, place: Path, marker: str, accepted: Mapping[str, str] | None
-) -> None:
+def _remove_backup(backup: Path, place: Path, marker: str, accepted: Checksums | None) -> None:
     """Remove from a backup what the program wrote, its marker last; the rest becomes visible.
 
     Files added at the last moment move to the new result if their names are free. What cannot be
@@ -241,12 +235,12 @@ def _remove_backup(
         _empty(backup, place, marker, accepted)
 
 
-def _empty(backup: Path, place: Path, marker: str, accepted: Mapping[str, str] | None) -> None:
+def _empty(backup: Path, place: Path, marker: str, accepted: Checksums | None) -> None:
     own = backup / marker
     known = known_files(own, accepted)
     rest = []
     for path in [path for path in backup.iterdir() if path != own]:
-        if is_litter(path) or is_as_written(path, known):
+        if is_system_file(path) or is_as_written(path, known):
             path.unlink()
         elif not known or os.path.lexists(place / path.name):
             rest.append(path)

@@ -16,19 +16,19 @@ from ema.core.errors import InputError, inert
 from ema.core.files import require_regular
 from pipelines.storage.atomic import file_written_whole
 
-# Columns that repeat few values; to look for repetitions in the others would take most of the time.
+# Columns that repeat few values; to search the others for repetitions takes most of the time.
 _REPEATING = ("position_deg", "frequency_hz", "node", "order", "row")
 # No number of a result is as large in SI units, and its fourth power is still a double.
 LARGEST = 1e30
 
 
 def table_of(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> pd.DataFrame:
-    """Table of rows whose cells stay as they are: whole numbers next to unknown ones too."""
+    """Table of rows with unchanged cells, such as whole numbers next to unknown ones."""
     return pd.DataFrame(list(rows), columns=list(columns), dtype=object)
 
 
 def plain_rows(table: pd.DataFrame) -> list[tuple[Any, ...]]:
-    """Rows of a table for JSON: Python's own types, None where a value is unknown."""
+    """Rows of a table for JSON: Python's own types, None for unknown values."""
     cells = table.astype(object)
     return list(cells.where(cells.notna(), None).itertuples(index=False, name=None))
 
@@ -116,7 +116,7 @@ class Table:
     Raises
     ------
     InputError
-        If it is no Parquet file, or is damaged; from each method, if there is no such column or
+        If it is not a Parquet file, or is damaged; from each method, if there is no such column or
         its content is of another kind.
     """
 

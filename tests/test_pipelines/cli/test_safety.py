@@ -79,7 +79,7 @@ def interrupting(number):
         "model.tune_ring",
         "pipelines.report.save.write_identification",
         "pipelines.report.save.write_report",
-        "pipelines.storage.result_folder._exchanged",
+        "pipelines.storage.result_folder._swapped",
     ],
 )
 def test_an_interrupt_at_any_stage(

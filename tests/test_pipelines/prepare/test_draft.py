@@ -195,7 +195,7 @@ def test_channels_without_units_are_named_and_taken_as_si(tmp_path):
     assert content["excitation"]["channel"] == "load cell"
     assert "[acquisition] sampling_rate_hz, which the files do not state" in draft.missing
     assert (
-        "[calibration] unit of load cell, 0deg, 120deg, 240deg; without one they are taken as SI"
+        "[calibration] unit of load cell, 0deg, 120deg, 240deg; taken as SI without one"
     ) in draft.missing
     campaign = filled_in(
         tmp_path, inflation_pressure_pa="2e5", mean_radius_m="0.3", sampling_rate_hz="500.0"

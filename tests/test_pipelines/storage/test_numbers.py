@@ -69,10 +69,7 @@ def read_back(text):
     return float(match[1].replace("−", "-")) * scale, float(match[2]) * scale
 
 
-@given(
-    st.floats(-1e12, 1e12, allow_nan=False),
-    st.floats(1e-9, 1e9, allow_nan=False),
-)
+@given(st.floats(-1e12, 1e12, allow_nan=False), st.floats(1e-9, 1e9, allow_nan=False))
 def test_what_is_printed_is_within_a_fifth_of_the_uncertainty(value, std):
     printed, printed_std = read_back(value_with_std(value, std))
     assert abs(printed - value) <= 0.2 * std + 1e-12 * abs(value)

@@ -19,8 +19,8 @@ from pipelines.batch.run import run_batch
 from pipelines.library.library import TyreLibrary
 from pipelines.process.run import retune
 from pipelines.report.save import save
-from pipelines.results.check import is_as_written
 from pipelines.results.options import Options
+from pipelines.results.provenance import is_as_written
 from pipelines.results.store import load
 from pipelines.storage.checksums import OWN, write_marker
 from pipelines.storage.result_folder import MARKER
