@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from dataclasses import dataclass, field
-from enum import Enum
 from pathlib import Path
 from typing import Any, get_args
 
@@ -257,9 +256,8 @@ class _Drawing:
         if param.metavar == "HZ,HZ,…":
             return ",".join(self._number(100.0) for _ in range(rng.choice((1, 2, 7))))
         kinds = set(_types(param.type_descriptor.annotation))
-        enums = [each for each in kinds if isinstance(each, type) and issubclass(each, Enum)]
-        if enums:
-            known = [str(member.value) for member in enums[0]]
+        known = [str(each) for each in param.type_descriptor.choices or ()]
+        if known:
             return (
                 rng.choice(known)
                 if rng.random() < 0.9

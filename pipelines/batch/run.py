@@ -1,4 +1,4 @@
-"""Many campaigns: each by itself, none twice, and tables over all of them."""
+"""A batch: every campaign under a folder, each by itself, and tables over all of them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from pathlib import Path
 
 from ema.core.errors import InputError
 from ema.core.numerics import available_cores
-from pipelines.batch.campaigns import CampaignFolder, find_campaigns
-from pipelines.batch.cluster import on_cluster
+from pipelines.batch.campaigns import CampaignFolder, Task, carry_out, find_campaigns, sweep
 from pipelines.batch.state import (
     BatchFolder,
     Record,
@@ -19,10 +18,13 @@ from pipelines.batch.state import (
     take_fingerprint,
     write_record,
 )
-from pipelines.batch.summary import write_summary
-from pipelines.batch.tables import tables_are_current, write_campaigns, write_modes_and_parameters
-from pipelines.batch.task import Task, carry_out, sweep
-from pipelines.batch.workers import in_this_process, on_this_machine
+from pipelines.batch.summary import (
+    tables_are_current,
+    write_campaigns,
+    write_modes_and_parameters,
+    write_summary,
+)
+from pipelines.batch.workers import in_this_process, on_cluster, on_this_machine
 from pipelines.results.options import Options
 from pipelines.results.provenance import PAGES, is_as_written
 
@@ -31,7 +33,7 @@ Finished = Callable[[Record, int, int], None]
 
 @dataclass(frozen=True)
 class Batch:
-    """What became of the campaigns under a folder.
+    """Outcome of the campaigns under a folder.
 
     Parameters
     ----------
@@ -70,7 +72,7 @@ def run_batch(
     reports: bool = False,
     retry_failed: bool = False,
     finished: Finished = lambda record, done, total: None,
-    say: Callable[[str], None] = lambda text: None,
+    announce: Callable[[str], None] = lambda text: None,
 ) -> Batch:
     """Process every campaign under a folder that is not done yet.
 
@@ -89,17 +91,16 @@ def run_batch(
         Address of a dask.distributed scheduler, whose workers see `root` and `out` under the same
         paths, instead of `jobs`.
     allow_unencrypted : bool
-        Whether `scheduler` may be on another machine and without TLS: whoever reaches it then can
-        run code in its workers and in this process.
+        Whether `scheduler` may be on another machine without TLS: anyone who reaches it can run
+        code in its workers and in this process.
     reports : bool
         Whether each result gets its ``report.html``.
     retry_failed : bool
-        Whether to try again what failed before and has not changed.
+        Whether to retry campaigns that failed and have not changed.
     finished : callable, optional
-        Called with the record of each campaign as it ends, how many of this run have ended, and
-        how many there are.
-    say : callable, optional
-        Called with what is waited for and what is risky.
+        Called with (record, done, total) as each campaign ends.
+    announce : callable, optional
+        Called with messages about waiting and about risks.
 
     Returns
     -------
@@ -108,79 +109,57 @@ def run_batch(
     Raises
     ------
     InputError
-        If there are no campaigns, `out` cannot be written, or there are no workers; what is wrong
-        with a campaign is in its record.
+        If there are no campaigns, `out` cannot be written, or there are no workers; an error of
+        a campaign is in its record.
     """
     options = options or Options()
     campaigns = find_campaigns(Path(root), Path(out))
     folder = prepared(Path(out))
-    standing = {
-        each.name: record
-        for each in campaigns
-        if (record := _standing(each, folder, options, reports, retry_failed)) is not None
-    }
-    tasks = [
-        Task(each, folder, options, reports) for each in campaigns if each.name not in standing
-    ]
+    tasks = [Task(each, folder, options, reports) for each in campaigns]
+    known = {each.campaign.name: _earlier(each, retry_failed=retry_failed) for each in tasks}
+    earlier = {name: record for name, record in known.items() if record is not None}
+    tasks = [each for each in tasks if each.campaign.name not in earlier]
     if jobs is not None and scheduler is not None:
-        raise _two_kinds_of_workers(jobs, scheduler)
+        where = f"--jobs {jobs} and --scheduler {scheduler}"
+        rule = "the workers are either on this machine or those of the scheduler"
+        raise InputError(where, "both", rule, "Leave one of them out")
     if scheduler is not None and tasks:
-        records = on_cluster(tasks, carry_out, scheduler, say, allow_unencrypted=allow_unencrypted)
+        records = on_cluster(
+            tasks, carry_out, scheduler, announce, allow_unencrypted=allow_unencrypted
+        )
+    elif len(tasks) < 2:  # a single one needs no worker process
+        records = in_this_process(tasks, carry_out)
     else:
-        records = _done_here(tasks, jobs or available_cores())
+        records = on_this_machine(tasks, carry_out, min(jobs or available_cores(), len(tasks)))
     fresh = _carried_out(tasks, records, finished)
-    every = standing | fresh
+    every = earlier | fresh
     batch = Batch(folder, tuple(every[each.name] for each in campaigns), frozenset(fresh))
     _write_overview(batch, campaigns)
     return batch
 
 
-def _standing(
-    campaign: CampaignFolder,
-    folder: BatchFolder,
-    options: Options,
-    reports: bool,
-    retry_failed: bool,
-) -> Record | None:
-    """The record of an earlier run, if it would come out the same today."""
-    path = folder.record(campaign.place)
-    record = read_record(path)
-    if record is None or record.campaign != campaign.name:
+def _earlier(task: Task, *, retry_failed: bool) -> Record | None:
+    """The record of an earlier run, if it would be the same today."""
+    record = read_record(task.record)
+    if record is None or record.campaign != task.campaign.name:
         return None
     files = record.fingerprint.files
-    fingerprint = take_fingerprint(campaign.path, choices(options), files)
+    fingerprint = take_fingerprint(task.campaign.path, choices(task.options), files)
     if fingerprint.digest != record.fingerprint.digest:
         return None
-    if fingerprint.files != files:  # touched, not changed: next time a look will do
+    if fingerprint.files != files:  # only times changed: next time the content need not be read
         record = replace(record, fingerprint=fingerprint)
-        write_record(record, path)
+        write_record(record, task.record)
     if not record.is_done:
         return None if retry_failed else record
-    result = folder.result(campaign.place)
-    is_complete = is_as_written(result) and (not reports or (result / PAGES[0]).is_file())
-    return record if is_complete else None
-
-
-def _two_kinds_of_workers(jobs: int, scheduler: str) -> InputError:
-    return InputError(
-        f"--jobs {jobs} and --scheduler {scheduler}",
-        "both",
-        "the workers are either this machine's or the scheduler's",
-        "Leave one of them out",
-    )
-
-
-def _done_here(tasks: Sequence[Task], jobs: int) -> Iterator[Record]:
-    """Records of tasks done by this machine; a single one needs no worker."""
-    if len(tasks) < 2:
-        return in_this_process(tasks, carry_out)
-    return on_this_machine(tasks, carry_out, min(jobs, len(tasks)))
+    is_complete = not task.report or (task.result / PAGES[0]).is_file()
+    return record if is_complete and is_as_written(task.result) else None
 
 
 def _carried_out(
     tasks: Sequence[Task], records: Iterator[Record], finished: Finished
 ) -> dict[str, Record]:
-    """Records by campaign; when this is cut short, half-written results are removed."""
+    """Records by campaign; after an interruption half-written results are removed."""
     fresh: dict[str, Record] = {}
     try:
         for record in records:
@@ -196,10 +175,8 @@ def _carried_out(
 
 
 def _write_overview(batch: Batch, campaigns: Sequence[CampaignFolder]) -> None:
-    """Write tables and summary, unless they already say the same; the campaigns' table last."""
-    if tables_are_current(batch.records, batch.folder):
-        return
-
-    write_modes_and_parameters(batch.records, batch.folder)
-    write_summary(batch.records, campaigns, batch.folder)
-    write_campaigns(batch.records, batch.folder)
+    """Write tables and summary unless they are current; the campaigns' table last."""
+    if not tables_are_current(batch.records, batch.folder):
+        write_modes_and_parameters(batch.records, batch.folder)
+        write_summary(batch.records, campaigns, batch.folder)
+        write_campaigns(batch.records, batch.folder)

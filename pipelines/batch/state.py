@@ -1,4 +1,4 @@
-"""What became of a campaign: a row of the batch's tables, remembered for the next run."""
+"""State of a batch on disk: records of campaigns, their fingerprints, and the folder of both."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ Row = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class Record:
-    """What became of a campaign.
+    """Outcome of a campaign: a row of the batch's tables, kept for the next run.
 
     Parameters
     ----------
     campaign : str
-        Name of the campaign.
+        Its name.
     status : {"done", "failed"}
     fingerprint : Fingerprint
         What it was processed from.
     message : str
         Why it failed; empty where it is done.
     traceback : str
-        Where it failed, for faults of the program only.
+        Where it failed, for internal errors only.
     seconds : float
         Wall time of the processing.
     designation : str
         The tyre's; empty where there is none.
     inflation_pressure_pa : float or None
     n_warnings : int
-        Findings that are warnings or tell that something was left out.
+        Findings that are not ok.
     modes : tuple of tuple
         Rows of ``modes.csv``.
     parameters : tuple of tuple
@@ -73,7 +73,7 @@ class Record:
 
 
 def write_record(record: Record, path: Path) -> None:
-    """Write a record, whole or not at all.
+    """Write a record atomically.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def write_record(record: Record, path: Path) -> None:
 
 
 def read_record(path: Path) -> Record | None:
-    """Read a record; None where there is none of this version that is whole."""
+    """Read a record; None if it is missing, damaged, or of another version."""
     try:
         content = json.loads(require_regular(path).read_text(encoding="utf-8"))
         if content.pop("schema") != SCHEMA:
@@ -107,13 +107,7 @@ _RECORDS, _RESULTS, _RECORD = "records", "results", "record.json"
 
 @dataclass(frozen=True)
 class BatchFolder:
-    """Where a batch keeps its results, what it remembers of them, and its tables.
-
-    Parameters
-    ----------
-    path : Path
-        Absolute: workers elsewhere use it too.
-    """
+    """The folder of a batch: results, records and tables. Its path is absolute, for workers."""
 
     path: Path
 
@@ -129,7 +123,7 @@ class BatchFolder:
 
     @property
     def campaigns(self) -> Path:
-        """What became of each campaign."""
+        """Outcome of each campaign."""
         return self.path / CAMPAIGNS
 
     @property
@@ -142,68 +136,57 @@ class BatchFolder:
         return self.path / _RESULTS / place
 
     def record(self, place: str) -> Path:
-        """What is remembered of a campaign, so that it need not be processed again."""
+        """Record of a campaign."""
         return self.path / _RECORDS / place / _RECORD
 
     def is_complete(self) -> bool:
-        """Whether all tables and the summary are there."""
+        """Whether all tables and the summary exist."""
         wanted = (self.modes, self.parameters, self.campaigns, self.summary)
         return all(path.is_file() for path in wanted)
 
 
 def prepared(out: Path) -> BatchFolder:
-    """Make the folder of a batch, or take the one of an earlier run.
+    """Make the folder of a batch, or open the one of an earlier run.
 
     Raises
     ------
     InputError
-        If it cannot be written, or holds other files.
+        If it cannot be written, or contains other files.
     """
     folder = BatchFolder(Path(os.path.realpath(out)))
     records = folder.path / _RECORDS
     try:
         if folder.path.is_dir() and not _is_of_a_batch(folder.path, records):
-            rule = "a batch needs a folder of its own"
+            rule = "a batch requires an empty folder or that of an earlier batch"
             raise InputError(str(out), "a folder with other files", rule, "Choose another folder")
         records.mkdir(parents=True, exist_ok=True)
+        with partial_folder(folder.path / "probe"):
+            pass
     except OSError as error:
-        raise _unwritable(out, error) from error
-    _require_writable(out, folder.path)
+        rule = "a batch writes its results there"
+        remedy = "Check free space and permissions, or choose another folder"
+        raise InputError(str(out), error.strerror or str(error), rule, remedy) from error
     return folder
 
 
 def _is_of_a_batch(folder: Path, records: Path) -> bool:
-    """Whether a folder is empty, just begun, or holds what an earlier batch remembers."""
+    """Whether a folder is empty, just begun, or has records of an earlier batch."""
     others = [path for path in folder.iterdir() if path.name not in (_RECORDS, _RESULTS)]
     return not others or any(path.is_file() for path in records.rglob(_RECORD))
 
 
-def _require_writable(out: Path, folder: Path) -> None:
-    try:
-        with partial_folder(folder / "probe"):
-            pass
-    except OSError as error:
-        raise _unwritable(out, error) from error
-
-
-def _unwritable(out: Path, error: OSError) -> InputError:
-    rule = "a batch writes its results there"
-    remedy = "Check free space and permissions, or choose another folder"
-    return InputError(str(out), error.strerror or str(error), rule, remedy)
-
-
 @dataclass(frozen=True)
 class FileState:
-    """An input file at a moment.
+    """State of an input file.
 
     Parameters
     ----------
     file : str
         Path in the campaign.
     n_bytes, modified_ns : int
-        Size and time of modification; −1 where there is no such file.
+        Size and time of modification; −1 if the file is missing.
     sha256 : str
-        Checksum; empty where the file cannot be read.
+        Checksum; empty if the file cannot be read.
     """
 
     file: str
@@ -211,21 +194,10 @@ class FileState:
     modified_ns: int = -1
     sha256: str = ""
 
-    def looks_like(self, other: FileState) -> bool:
-        """Whether size and time are the same, so that the content need not be read again."""
-        return (self.n_bytes, self.modified_ns) == (other.n_bytes, other.modified_ns)
-
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """What a campaign was processed from.
-
-    Parameters
-    ----------
-    digest : str
-        SHA-256 over the files' names and checksums, the options and the version.
-    files : tuple of FileState
-    """
+    """Input files, options and version of a result; the digest is the SHA-256 over all of them."""
 
     digest: str
     files: tuple[FileState, ...]
@@ -238,15 +210,9 @@ def choices(options: Options) -> str:
 
 
 def take_fingerprint(campaign: Path, chosen: str, known: Iterable[FileState] = ()) -> Fingerprint:
-    """Fingerprint of a campaign as it is now.
+    """Fingerprint of a campaign as it is now, with `choices` of options.
 
-    Parameters
-    ----------
-    campaign : Path
-    chosen : str
-        From `choices`.
-    known : iterable of FileState
-        From an earlier time: a file that still looks like that is not read.
+    Files with the size and time of a `known` state are not read again.
     """
     earlier = {state.file: state for state in known}
     return fingerprint_of(
@@ -262,12 +228,12 @@ def fingerprint_of(files: Iterable[FileState], chosen: str) -> Fingerprint:
 
 
 def glance(campaign: Path) -> tuple[FileState, ...]:
-    """Sizes and times of the manifest and of the files it names, in its order."""
+    """Sizes and times of the manifest and of the files it lists."""
     return tuple(_seen(campaign, name) for name in _inputs(campaign))
 
 
 def _inputs(campaign: Path) -> list[str]:
-    """Names of a campaign's files; of a faulty manifest alone, as it has to change first."""
+    """Names of a campaign's files; of a faulty manifest alone, which must change first."""
     manifest = campaign / MANIFEST_NAME
     try:
         names = [section.file for section in read_manifest(manifest).runs]
@@ -287,8 +253,9 @@ def _seen(campaign: Path, name: str) -> FileState:
 
 
 def _with_checksum(campaign: Path, state: FileState, known: Mapping[str, FileState]) -> FileState:
-    if state.file in known and state.looks_like(known[state.file]):
-        return known[state.file]
+    earlier = known.get(state.file, state)
+    if earlier.sha256 and replace(earlier, sha256="") == state:  # same size and time
+        return earlier
     try:
         return replace(state, sha256=sha256(campaign / state.file))
     except OSError:

@@ -1,19 +1,19 @@
-"""The summary page of a batch: what came out, what failed and why, all frequencies at a glance."""
+"""Tables over all campaigns of a batch, and its summary page."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass
-from statistics import median
+from collections.abc import Callable, Mapping, Sequence
+from operator import attrgetter
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from ema.core.files import require_regular
 from pipelines.batch.campaigns import CampaignFolder
 from pipelines.batch.state import BatchFolder, Record
 from pipelines.plots.chart import FREQUENCY, SERIES, Chart, as_text, axis, packed, printed
@@ -25,8 +25,86 @@ from pipelines.results.labels import literal, short
 from pipelines.results.tables import MODES
 from pipelines.storage.atomic import file_written_whole
 from pipelines.storage.rounding import number, plain
+from pipelines.storage.tables import write_table
 
 _FREQUENCY, _ORDER = MODES.index("frequency_hz"), MODES.index("order")
+PARAMETERS = ("parameter", "value", "std", "how")
+_OF_CAMPAIGN = {"campaign": "string", "designation": "string", "inflation_pressure_pa": "Float64"}
+_TEXT = ("member", "status", "pair", "parameter", "how")
+_WHOLE = ("mode", "order")
+_CAMPAIGNS = {
+    **_OF_CAMPAIGN,
+    "status": "string",
+    "message": "string",
+    "seconds": "Float64",
+    "n_modes": "Int32",
+    "n_warnings": "Int32",
+    "fingerprint": "string",
+    "traceback": "string",
+}
+
+
+def write_modes_and_parameters(records: Sequence[Record], folder: BatchFolder) -> None:
+    """Write ``modes.parquet`` and ``parameters.parquet``.
+
+    Raises
+    ------
+    InputError
+        If one cannot be written; the earlier one remains.
+    """
+    modes = [(*_campaign(each), *row) for each in records for row in each.modes]
+    parameters = [(*_campaign(each), *row) for each in records for row in each.parameters]
+    _write_rows(folder.modes, _types(MODES), modes)
+    _write_rows(folder.parameters, _types(PARAMETERS), parameters)
+
+
+def write_campaigns(records: Sequence[Record], folder: BatchFolder) -> None:
+    """Write ``campaigns.parquet``, from which a later run sees whether the tables are current.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written; the earlier one remains.
+    """
+    _write_rows(
+        folder.campaigns, _CAMPAIGNS, [tuple(each.values()) for each in campaign_rows(records)]
+    )
+
+
+def tables_are_current(records: Sequence[Record], folder: BatchFolder) -> bool:
+    """Whether tables and summary of exactly these records exist."""
+    if not folder.is_complete():
+        return False
+    try:
+        rows = pq.read_table(require_regular(folder.campaigns)).to_pylist()
+    except (OSError, ValueError):  # what pyarrow raises for a damaged file
+        return False
+    return bool(rows == campaign_rows(records))
+
+
+def campaign_rows(records: Sequence[Record]) -> list[dict[str, Any]]:
+    """Rows of ``campaigns.parquet`` with the names of their columns."""
+    derived: dict[str, Callable[[Record], Any]] = {
+        "n_modes": lambda record: len(record.modes),
+        "fingerprint": lambda record: record.fingerprint.digest,
+    }
+    return [
+        {name: derived.get(name, attrgetter(name))(record) for name in _CAMPAIGNS}
+        for record in records
+    ]
+
+
+def _campaign(record: Record) -> tuple[Any, ...]:
+    return record.campaign, record.designation, record.inflation_pressure_pa
+
+
+def _types(columns: Sequence[str]) -> dict[str, str]:
+    texts, whole = dict.fromkeys(_TEXT, "string"), dict.fromkeys(_WHOLE, "Int32")
+    return {**_OF_CAMPAIGN, **{name: (texts | whole).get(name, "Float64") for name in columns}}
+
+
+def _write_rows(path: Path, types: Mapping[str, str], rows: Sequence[tuple[Any, ...]]) -> None:
+    write_table(path, pd.DataFrame(rows, columns=list(types), dtype=object).astype(dict(types)))
 
 
 def write_summary(
@@ -34,27 +112,15 @@ def write_summary(
 ) -> None:
     """Write ``summary.html``, one file that needs no network.
 
-    Parameters
-    ----------
-    records : sequence of Record
-    campaigns : sequence of CampaignFolder
-        In the same order.
-    folder : BatchFolder
-
     Raises
     ------
     InputError
-        If it cannot be written; the earlier one stands then.
+        If it cannot be written; the earlier one remains.
     """
-    sections = (
-        _overview(records),
-        _failures(records),
-        _frequencies(records),
-        _campaigns(records, campaigns, folder),
-    )
-    page = render_page(
-        "Batch of campaigns", folder.path.name, tuple(each for each in sections if each.blocks)
-    )
+    first = (_overview(records), _failures(records), _frequencies(records))
+    sections = (*first, _campaigns(records, campaigns, folder))
+    shown = tuple(each for each in sections if each.blocks)
+    page = render_page("Batch of campaigns", folder.path.name, shown)
     with file_written_whole(folder.summary) as partial:
         partial.write_text(page, encoding="utf-8")
 
@@ -82,39 +148,28 @@ def _overview(records: Sequence[Record]) -> Section:
 def _failures(records: Sequence[Record]) -> Section:
     failed = [record for record in records if not record.is_done]
     items = tuple(f"{record.campaign}: {record.message}" for record in failed)
-    faults = [record for record in failed if record.traceback]
     blocks: list[Block] = [Listing(items, "warning")] if items else []
-    if faults:
-        blocks.append(
-            Paragraph(
-                "Please report internal errors; column traceback of campaigns.parquet says "
-                "where they happened."
-            )
-        )
+    if any(record.traceback for record in failed):
+        text = "Please report internal errors, with the column traceback of campaigns.parquet."
+        blocks.append(Paragraph(text))
     return Section("failures", "Failures", tuple(blocks))
 
 
 def _frequencies(records: Sequence[Record]) -> Section:
-    """All modes with an order, as a chart and tyre by tyre."""
-    found: dict[tuple[str, int], list[tuple[float, str]]] = defaultdict(list)
-    for record in records:
-        for mode in record.modes:
-            if mode[_ORDER] is not None:
-                value = (mode[_FREQUENCY], record.campaign)
-                found[tyre_of(record), mode[_ORDER]].append(value)
-    if not found:
+    """All modes with an order, as a chart and by tyre."""
+    points = _points(records)
+    if points.empty:
         return Section("frequencies", "Frequencies", ())
-    rows = tuple(_order_row(tyre, order, found[tyre, order]) for tyre, order in sorted(found))
+    rows = []
+    for (tyre, order), group in points.groupby(["tyre", "order"]):
+        ranked = sorted(zip(group.frequency_hz, group.campaign, strict=True))
+        (lowest, low), (highest, high) = ranked[0], ranked[-1]
+        counts = (str(tyre), str(order), str(len(group)), number(group.frequency_hz.median(), 5))
+        rows.append((*counts, number(lowest, 5), low, number(highest, 5), high))
     head = ("tyre", "order", "modes", "median / Hz", "lowest / Hz", "in", "highest / Hz", "in")
-    table = Table("Frequencies by tyre and order", head, rows, (0, 5, 7), folded=len(rows) > 30)
+    title, long = "Frequencies by tyre and order", len(rows) > 30
+    table = Table(title, head, tuple(rows), (0, 5, 7), folded=long)
     return Section("frequencies", "Frequencies", (frequencies_chart(records), table))
-
-
-def _order_row(tyre: str, order: int, values: list[tuple[float, str]]) -> tuple[str, ...]:
-    (lowest, low), (highest, high) = min(values), max(values)
-    middle = median(frequency_hz for frequency_hz, _ in values)
-    cells = (number(middle, 5), number(lowest, 5), low, number(highest, 5), high)
-    return (tyre, str(order), str(len(values)), *cells)
 
 
 def _campaigns(
@@ -149,38 +204,20 @@ def _linked(record: Record, campaign: CampaignFolder, folder: BatchFolder) -> Li
 _ROOM = 0.6  # share of the distance between two orders that the points of all tyres take
 
 
-@dataclass(frozen=True, eq=False)
-class TyrePoints:
-    """The modes with an order of all campaigns of one tyre.
-
-    Parameters
-    ----------
-    tyre : str
-        Designation.
-    order : ndarray of int, shape (n_modes,)
-    place : ndarray, shape (n_modes,)
-        The order, moved aside so that tyres stand side by side.
-    frequency_hz : ndarray, shape (n_modes,)
-    campaigns : tuple of str
-        Where each mode is from.
-    """
-
-    tyre: str
-    order: NDArray[np.int_]
-    place: NDArray[np.float64]
-    frequency_hz: NDArray[np.float64]
-    campaigns: tuple[str, ...]
-
-
-def points_by_tyre(records: Sequence[Record]) -> list[TyrePoints]:
-    """Modes with an order, tyre by tyre in alphabetical order."""
-    tyres = sorted({tyre_of(record) for record in records if record.is_done})
-    return [_points(records, tyre, (k + 0.5) / len(tyres) - 0.5) for k, tyre in enumerate(tyres)]
-
-
-def tyre_of(record: Record) -> str:
-    """Designation of a campaign's tyre as labels show it."""
-    return record.designation or "no tyre named"
+def _points(records: Sequence[Record]) -> pd.DataFrame:
+    """Modes with an order by tyre; `place` is the order, moved aside to show tyres side by side."""
+    rows = [
+        (record.designation or "no tyre named", record.campaign, mode[_ORDER], mode[_FREQUENCY])
+        for record in records
+        for mode in record.modes
+        if mode[_ORDER] is not None
+    ]
+    points = pd.DataFrame(rows, columns=["tyre", "campaign", "order", "frequency_hz"])
+    points = points.sort_values("tyre", kind="stable", ignore_index=True)
+    tyres = points.tyre.unique()
+    rank = points.tyre.map({tyre: place for place, tyre in enumerate(tyres)})
+    points["place"] = points.order + _ROOM * ((rank + 0.5) / max(len(tyres), 1) - 0.5)
+    return points
 
 
 def frequencies_chart(records: Sequence[Record]) -> Chart:
@@ -191,59 +228,40 @@ def frequencies_chart(records: Sequence[Record]) -> Chart:
     records : sequence of Record
         With at least one mode that has an order.
     """
-    shown = points_by_tyre(records)
-    count = sum(points.order.size for points in shown)
+    points = _points(records)
+    tyres = [(str(tyre), group) for tyre, group in points.groupby("tyre")]
     return Chart(
         "frequencies",
-        tuple(_trace(points, index, len(shown)) for index, points in enumerate(shown)),
+        tuple(_trace(*each, index, len(tyres)) for index, each in enumerate(tyres)),
         {
             "xaxis": axis("order n", dtick=1, zeroline=False),
             "yaxis": axis(FREQUENCY),
             "hovermode": "closest",
         },
-        f"Frequencies of {count} modes over their circumferential order, of {len(shown)} tyres.",
-        "Frequency of every mode over its order, tyres side by side. A campaign that leaves the "
-        "cloud of its tyre deserves a look: other pressure, other mounting, or a mode taken for "
-        "another.",
+        f"Frequencies of {len(points)} modes over circumferential order, of {len(tyres)} tyres.",
+        "Frequency of every mode over its order, tyres side by side. Check campaigns away from the "
+        "cloud of their tyre: other pressure, other mounting, or confused modes.",
         printed(_draw, records, size_cm=(17.0, 9.0), right=4.2),
         wide=True,
         height_px=460,
     )
 
 
-def _points(records: Sequence[Record], tyre: str, offset: float) -> TyrePoints:
-    found = [
-        (mode[_ORDER], mode[_FREQUENCY], record.campaign)
-        for record in records
-        if tyre_of(record) == tyre
-        for mode in record.modes
-        if mode[_ORDER] is not None
-    ]
-    order = np.array([number for number, _, _ in found], dtype=int)
-    return TyrePoints(
-        tyre,
-        order,
-        order + _ROOM * offset,
-        np.array([frequency_hz for _, frequency_hz, _ in found], dtype=float),
-        tuple(campaign for _, _, campaign in found),
-    )
-
-
-def _trace(points: TyrePoints, index: int, n_tyres: int) -> dict[str, Any]:
-    """Points of a tyre; where there are more tyres than colours, the last ones share one."""
+def _trace(tyre: str, points: pd.DataFrame, index: int, n_tyres: int) -> dict[str, Any]:
+    """Points of a tyre; if there are more tyres than colours, the last ones share one."""
     last = len(SERIES) - 1
     shares = n_tyres > len(SERIES) and index >= last
-    tyre = as_text(short(points.tyre, 18))
+    tyre = as_text(short(tyre, 18))
     return {
         "type": "scatter",
         "mode": "markers",
         "name": "others" if shares else tyre,
         "legendgroup": "others" if shares else f"{index}",
         "showlegend": not shares or index == last,
-        "x": packed(points.place),
-        "y": packed(points.frequency_hz),
+        "x": packed(points.place.to_numpy()),
+        "y": packed(points.frequency_hz.to_numpy()),
         "customdata": points.order.tolist(),
-        "text": [as_text(short(name, 60)) for name in points.campaigns],
+        "text": [as_text(short(name, 60)) for name in points.campaign],
         "marker": {"color": SERIES[min(index, last)], "size": 7, "opacity": 0.6},
         "hovertemplate": "%{text}, %{meta}<br>n = %{customdata}<br>%{y:.2f} Hz<extra></extra>",
         "meta": tyre,
@@ -255,31 +273,14 @@ def _draw(_figures: Any, records: Sequence[Record], ax: Any) -> None:
 
 
 def plot_frequencies(records: Sequence[Record], ax: Axes) -> Axes:
-    """Frequency over order, one point a mode, tyres side by side in their colours.
-
-    Parameters
-    ----------
-    records : sequence of Record
-    ax : matplotlib.axes.Axes
-
-    Returns
-    -------
-    Axes
-    """
-    shown = points_by_tyre(records)
-    for index, points in enumerate(shown):
-        named = index < len(STYLE_SERIES) - 1 or len(shown) == len(STYLE_SERIES)
-        style = series_style(min(index, len(STYLE_SERIES) - 1))
-        label = literal(short(points.tyre, 18)) if named else "others"
-        ax.plot(
-            points.place,
-            points.frequency_hz,
-            linestyle="",
-            alpha=0.5,
-            markeredgewidth=0,
-            label=label if named or index == len(STYLE_SERIES) - 1 else None,
-            **style,
-        )
+    """Draw the same chart with matplotlib."""
+    tyres = [(str(tyre), group) for tyre, group in _points(records).groupby("tyre")]
+    last = len(STYLE_SERIES) - 1
+    for index, (tyre, points) in enumerate(tyres):
+        named = index < last or len(tyres) == len(STYLE_SERIES)
+        label = literal(short(tyre, 18)) if named else "others" if index == last else None
+        look: dict[str, Any] = {"linestyle": "", "alpha": 0.5, "markeredgewidth": 0, "label": label}
+        ax.plot(points.place, points.frequency_hz, **look, **series_style(min(index, last)))
     ax.set_xlabel("order")
     ax.set_ylabel("frequency / Hz")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -2,107 +2,53 @@
 
 from __future__ import annotations
 
+import logging
 import sys
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import typer
 
+from ema.core.errors import FitError, InputError, file_trouble, is_drive_trouble, out_of_memory
+from model.errors import ParameterError
 from pipelines.cli import terminal
 from pipelines.cli.help import SETTINGS, Lazy, LazyGroup
+from pipelines.cli.interrupt import Interrupted
 
-# Loading all commands with all they need would take a second, for a page of help too.
-COMMANDS = (
-    Lazy(
-        "pipelines.cli.start",
-        "demo",
-        "First steps",
-        "Process the sample campaign and say where the report is.",
+# Module in pipelines.cli, function, summary. Loading all of them costs a second.
+_COMMANDS = {
+    "First steps": (
+        ("start", "demo", "Process the sample campaign and write its report."),
+        ("doctor", "doctor", "Check the installation: libraries, machine, and a small campaign."),
+        ("start", "inspect", "Show channels, units, rates and levels, and what looks wrong."),
+        ("start", "init", "Write a campaign.toml template from the recordings in a folder."),
     ),
-    Lazy(
-        "pipelines.cli.start",
-        "doctor",
-        "First steps",
-        "Check the installation: libraries, optional parts, machine, and a small campaign.",
+    "From recordings to a result": (
+        ("result", "process", "Recordings → FRFs → poles → modes → ring parameters → report."),
+        ("result", "tune", "Determine the ring parameters again, from the modes of a result."),
+        ("result", "report", "Write the report of a result again, as HTML and optionally PDF."),
+        ("compare", "compare", "Compare two results, with the significance of each difference."),
+        ("export", "export", "Write modes, shapes and FRFs of a result for other modal programs."),
+        ("compare", "compare_shapes", "Compare shapes with those of a model or program, by MAC."),
     ),
-    Lazy(
-        "pipelines.cli.start",
-        "inspect",
-        "First steps",
-        "Show channels, units, rates, lengths and levels of recordings, and what looks wrong.",
+    "Many campaigns": (
+        ("batch", "batch", "Process every campaign under a folder and collect the results."),
     ),
-    Lazy(
-        "pipelines.cli.start",
-        "init",
-        "First steps",
-        "Draft a campaign.toml from the recordings in a folder, and say what to fill in.",
+    "Ring model": (
+        ("simulate", "simulate", "Ring model: frequencies, responses, virtual measurements."),
+        ("paper", "paper", "Compute the tables and figures of the paper on the ring model."),
     ),
-    Lazy(
-        "pipelines.cli.result",
-        "process",
-        "From recordings to a result",
-        "Recordings → FRFs → poles → modes → ring parameters → validation → report.",
-    ),
-    Lazy(
-        "pipelines.cli.result",
-        "tune",
-        "From recordings to a result",
-        "Determine the ring's parameters again, from the modes of an earlier result.",
-    ),
-    Lazy(
-        "pipelines.cli.result",
-        "report",
-        "From recordings to a result",
-        "Write the report of an earlier result again, as HTML and where wanted as PDF.",
-    ),
-    Lazy(
-        "pipelines.cli.compare",
-        "compare",
-        "From recordings to a result",
-        "Compare two results: frequencies, damping, shapes and ring parameters, with significance.",
-    ),
-    Lazy(
-        "pipelines.cli.export",
-        "export",
-        "From recordings to a result",
-        "Write modes, shapes, geometry and FRFs of a result for other modal programs.",
-    ),
-    Lazy(
-        "pipelines.cli.export",
-        "compare_shapes",
-        "From recordings to a result",
-        "Compare shapes with those of a finite-element model or of another program, by MAC.",
-    ),
-    Lazy(
-        "pipelines.cli.batch",
-        "batch",
-        "Many campaigns",
-        "Process every campaign under a folder, each by itself, and gather modes and parameters.",
-    ),
-    Lazy(
-        "pipelines.cli.simulate",
-        "simulate",
-        "Ring model",
-        "The ring model at work: frequencies, forced vibration, virtual measurements.",
-    ),
-    Lazy(
-        "pipelines.cli.paper",
-        "paper",
-        "Ring model",
-        "Compute the tables and figures of the paper behind the ring model, beside what it prints.",
-    ),
-    Lazy(
-        "pipelines.cli.tyre",
-        "tyre",
-        "Parameter sets",
-        "Parameter sets of tyres: kept in a library, compared, handed to other programs.",
-    ),
-)
+    "Parameter sets": (("tyre", "tyre", "Parameter sets of tyres: versions, comparison, export."),),
+}
 
 
 class Program(LazyGroup):
     """``ringmodal``."""
 
-    lazy: ClassVar[dict[str, Lazy]] = {each.command: each for each in COMMANDS}
+    lazy: ClassVar[dict[str, Lazy]] = {
+        name.replace("_", "-"): Lazy(f"pipelines.cli.{module}", name, heading, summary)
+        for heading, commands in _COMMANDS.items()
+        for module, name, summary in commands
+    }
 
 
 app = typer.Typer(
@@ -128,11 +74,12 @@ app = typer.Typer(
 def _version(wanted: bool) -> None:
     if not wanted:
         return
+    # Loads numpy, which the help does without.
     from pipelines.results.provenance import library_versions, software_version
 
-    terminal.say(f"ringmodal {software_version()}")
+    terminal.echo(f"ringmodal {software_version()}")
     for name, version in library_versions().items():
-        terminal.say(f"  {name} {version}")
+        terminal.echo(f"  {name} {version}")
     raise typer.Exit
 
 
@@ -144,6 +91,9 @@ def common(
             "--debug", envvar="RINGMODAL_DEBUG", help="Show where an internal error happened."
         ),
     ] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Show what the packages log, with details.")
+    ] = False,
     version: Annotated[
         bool,
         typer.Option(
@@ -154,8 +104,32 @@ def common(
         ),
     ] = False,
 ) -> None:
-    """Choose what an internal error shows, before any command runs."""
+    """Apply the options that come before a command."""
     sys.excepthook = sys.__excepthook__ if debug else terminal.report_fault
+    if verbose:
+        terminal.show_logs(logging.INFO)
 
 
-__all__ = ["app"]
+def run() -> Any:
+    """Run the command line and return its exit code; an internal error is raised."""
+    terminal.show_logs()
+    sys.excepthook = terminal.report_fault  # until `--debug` is read
+    try:
+        app()
+    except SystemExit as ended:
+        return ended.code
+    except Interrupted as interrupted:
+        terminal.echo_error(f"Interrupted: {interrupted.outcome}.")
+        return interrupted.exit_code
+    except (InputError, FitError, ParameterError) as error:
+        terminal.echo_error(f"Error: {error}")
+        return 2
+    except OSError as error:
+        if not is_drive_trouble(error):
+            raise
+        terminal.echo_error(file_trouble(error))
+        return 2
+    except MemoryError as error:
+        terminal.echo_error(out_of_memory(error))
+        return 1
+    return 0

@@ -1,40 +1,35 @@
-"""The command line's ``ringmodal compare``."""
+"""``ringmodal compare`` and ``compare-shapes``."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-import typer
-
-from pipelines.cli import terminal
-from pipelines.cli.interrupt import stating_what_stands
-from pipelines.cli.options import FILES, AcceptChanges, Json, replacing
-from pipelines.cli.terminal import columns_of, print_table
+from pipelines.cli.interrupt import reporting_outcome
+from pipelines.cli.options import FILES, AcceptChanges, Json, argument, one_of, option, replacing
+from pipelines.cli.screen import columns_of, print_table
+from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.cli.values import choice
+from pipelines.compare import shape_comparison as shapes
 from pipelines.compare.compare import compare_folders
+from pipelines.compare.shape_source import Alignment
 from pipelines.compare.summary_text import findings
 from pipelines.compare.table import COMPARISON_HEAD, comparison_record, comparison_rows
+from pipelines.export.modal import require_free_file
 from pipelines.report.comparison import write_comparison
+from pipelines.report.shape_comparison import write_page
+from pipelines.storage.atomic import file_written_whole
 
-if TYPE_CHECKING:
-    from pipelines.compare.compare import Comparison
-
-_FIRST_TO_GO = ("MAC", "verdict on damping", "damping change / %", "second / Hz")
-_TEXTS = ("mode", "verdict", "verdict on damping")
+WAYS, DIRECTIONS = ("angle", "node"), ("radial", "x", "y", "z")
+PLACES = "Positions and directions"
 
 
 def compare(
-    first: Annotated[
-        Path, typer.Argument(metavar="FIRST", help="Folder of a result, the one to compare with.")
-    ],
-    second: Annotated[Path, typer.Argument(metavar="SECOND", help="Folder of another result.")],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", metavar="FILE", rich_help_panel=FILES, help="Page with all comparisons."
-        ),
-    ] = Path("comparison.html"),
+    first: Annotated[Path, argument("FIRST", "Folder of a result, the one to compare with.")],
+    second: Annotated[Path, argument("SECOND", "Folder of another result.")],
+    out: Annotated[Path, option("--out", "Page with all comparisons.", FILES, "FILE")] = Path(
+        "comparison.html"
+    ),
     force: Annotated[bool, replacing("an earlier page")] = False,
     accept_changes: AcceptChanges = False,
     as_json: Json = False,
@@ -48,22 +43,81 @@ def compare(
       ringmodal compare results/monday results/tuesday --out repeatability.html --force
     """  # noqa: D406, D407 - a heading of the help
     choice("--out", out.suffix or "(no ending)", (".html",))
-    with stating_what_stands(out):
+    with reporting_outcome(out):
         found = compare_folders(first, second, accept_changes=accept_changes)
         page = write_comparison(found, out, force=force)
     if as_json:
-        terminal.print_json({"report": str(page), **comparison_record(found)})
+        print_json({"report": str(page), **comparison_record(found)})
         return
-    _show(found)
-    terminal.say(f"Report: {page}")
-
-
-def _show(found: Comparison) -> None:
-
-    columns = columns_of(COMPARISON_HEAD, comparison_rows(found), _TEXTS, _TEXTS[1:])
-    output = terminal.screen()
-    print_table(output, " → ".join(found.names), columns, _FIRST_TO_GO)
+    texts = ("mode", "verdict", "verdict on damping")
+    columns = columns_of(COMPARISON_HEAD, comparison_rows(found), texts, texts[1:])
+    go_first = ("MAC", "verdict on damping", "damping change / %", "second / Hz")
+    print_table(" → ".join(found.names), columns, go_first)
     for doubt in found.doubts:
-        terminal.complain(f"Warning: {doubt}")
+        echo_error(f"Warning: {doubt}")
     for sentence in findings(found):
-        output.print(terminal.printable(sentence), markup=False)
+        echo(sentence)
+    echo(f"Report: {page}")
+
+
+def compare_shapes(
+    result: Annotated[Path, argument("RESULT", "Result folder.")],
+    other: Annotated[
+        Path,
+        argument("OTHER", "Universal file (55, 2414), another result, or a CSV table."),
+    ],
+    out: Annotated[
+        Path | None, option("--out", "Also write a table (.csv) or a page (.html).", FILES, "FILE")
+    ] = None,
+    force: Annotated[bool, replacing("an earlier file")] = False,
+    accept_changes: AcceptChanges = False,
+    by: Annotated[
+        str, one_of("--by", WAYS, "Match by angle or node. Default: angle if possible.", PLACES)
+    ] = "",
+    tolerance_deg: Annotated[
+        float, option("--tolerance-deg", "Largest difference of angles in degrees.", PLACES, "DEG")
+    ] = 2.0,
+    rotate_deg: Annotated[
+        float, option("--rotate-deg", "Add this to the angles of OTHER, in degrees.", PLACES, "DEG")
+    ] = 0.0,
+    mirror: Annotated[
+        bool, option("--mirror", "Reverse the angles of OTHER, before --rotate-deg.", PLACES)
+    ] = False,
+    direction: Annotated[
+        str,
+        one_of(
+            "--direction",
+            DIRECTIONS,
+            "Motion of OTHER: radial, x, y or z. Default: radial.",
+            PLACES,
+        ),
+    ] = "",
+    as_json: Json = False,
+) -> None:
+    """Compare shapes with those of a finite-element model or of another program, by MAC.
+
+    Nodes are matched by angle around the axle, or by number; the radial motion is compared.
+
+    Examples:
+      ringmodal compare-shapes results/tyre_7 model.unv
+      ringmodal compare-shapes results/tyre_7 model.unv --rotate-deg 90 --out shapes.html
+    """  # noqa: D406, D407 - a heading of the help
+    alignment = Alignment(by, tolerance_deg, rotate_deg, mirror, direction)
+    with reporting_outcome(out or result):
+        found = shapes.compare_shapes(result, other, alignment, accept_changes=accept_changes)
+        if out is not None:
+            writers = {".csv": shapes.write_table, ".html": write_page}
+            ending = choice("--out", out.suffix or "(no ending)", tuple(writers))
+            require_free_file(out, force=force)
+            with file_written_whole(out) as partial:
+                writers[ending](found, partial)
+    if as_json:
+        print_json(shapes.comparison_record(found))
+        return
+    columns = columns_of(shapes.MATCH_HEAD, shapes.match_rows(found), shapes.TEXTS)
+    go_first = ("difference / Hz", "other / Hz", "frequency / Hz")
+    print_table(f"{found.result.name} → {found.other.name}", columns, go_first)
+    for note in found.notes:
+        echo(f"Note: {note}.")
+    if out is not None:
+        echo(f"Written: {out}")

@@ -1,4 +1,4 @@
-"""Being asked to stop, by Ctrl-C or by the system: clean up, and say what stands."""
+"""Interrupts by Ctrl-C or by the system: clean up, and report what was written."""
 
 from __future__ import annotations
 
@@ -10,40 +10,30 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
-_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # not every system has all of them
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # where the system has them
 _REPEAT_S = 1.0  # a shell and a launcher may both pass on one Ctrl-C
 
 
 class Interrupted(BaseException):
-    """A signal asks to stop; no `Exception`, so that nothing on the way takes it for a failure.
-
-    Parameters
-    ----------
-    signal_number : int
-
-    Attributes
-    ----------
-    outcome : str
-        What the interrupted work left, in words.
-    """
+    """A signal to stop; not an `Exception`, so that no handler takes it for a failure."""
 
     def __init__(self, signal_number: int) -> None:
         super().__init__(signal_number)
         self.signal_number = signal_number
-        self.outcome = "nothing was written"
+        self.outcome = "nothing was written"  # for the message
 
     @property
     def exit_code(self) -> int:
-        """Exit code by the shells' convention: 130 for Ctrl-C, 143 for a termination."""
+        """Exit code by the convention of shells: 130 for Ctrl-C, 143 for a termination."""
         return 128 + self.signal_number
 
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Turn signals that ask to stop into `Interrupted` as long as the block lasts.
+    """Raise `Interrupted` for signals to stop while the block runs.
 
-    A signal that the parent process had ignored, as ``nohup`` does, stays ignored; repeats within
-    a second count once, so that cleaning up is not cut short. Outside the main thread signals
+    A signal that the parent process ignored, as ``nohup`` does, stays ignored. Repeats within a
+    second are ignored, so that the clean-up is not cut short. Outside the main thread signals
     cannot be caught and nothing changes.
     """
     if threading.current_thread() is not threading.main_thread():
@@ -66,7 +56,7 @@ def interruptible() -> Iterator[None]:
             signal.signal(number, stop)
         yield
     except Exception as error:
-        if received:  # a library took `Interrupted` for its own failure and stumbled later
+        if received:  # a library swallowed `Interrupted` and failed later
             raise Interrupted(received[0][1]) from error
         raise
     finally:
@@ -75,8 +65,8 @@ def interruptible() -> Iterator[None]:
 
 
 @contextmanager
-def stating_what_stands(place: Path) -> Iterator[None]:
-    """When the block is interrupted, look at `place` and let the message tell what is there."""
+def reporting_outcome(place: Path) -> Iterator[None]:
+    """If the block is interrupted, let the message state whether `place` was written."""
     before = _identity(place)
     try:
         yield
@@ -85,12 +75,12 @@ def stating_what_stands(place: Path) -> Iterator[None]:
         if after != before:
             interrupted.outcome = f"{place} is complete"
         elif after is not None:
-            interrupted.outcome = "the earlier result stands"
+            interrupted.outcome = "the earlier result is unchanged"
         raise
 
 
 def _identity(place: Path) -> tuple[int, int] | None:
-    """What distinguishes a file or folder from one that takes its place; None for nothing."""
+    """Identity of a file or folder; None if it is missing or an empty folder."""
     try:
         status = place.stat()
         if place.is_dir() and not any(place.iterdir()):

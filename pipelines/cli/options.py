@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import Annotated, Any
 
 import typer
 
@@ -15,104 +15,73 @@ from ema.core.errors import InputError
 from pipelines.cli import values as value
 from pipelines.results.options import Options
 
-if TYPE_CHECKING:
-    from pipelines.results.options import Options
-
+# Headings of the help
 FILES, PROCESSING = "Input and output", "Processing"
 POLES, RING, SCREEN = "Poles", "Ring", "Screen"
+LIBRARY = "Library"
+_VARIABLE = "RINGMODAL_LIBRARY"
+_HZ = "HZ,HZ,…"
 
 
-def one_of(values: Sequence[str], panel: str, text: str, *names: str) -> Any:
-    """An option that takes one of some names; the shell completes them."""
-    return typer.Option(
-        *names,
-        metavar="NAME",
-        rich_help_panel=panel,
-        autocompletion=value.completing(values),
-        help=text,
-    )
+def option(
+    name: str, text: str, panel: str | None = None, metavar: str | None = None, **more: Any
+) -> Any:
+    """An option of a command: its name, its help, and the heading that lists it."""
+    return typer.Option(name, help=text, rich_help_panel=panel, metavar=metavar, **more)
+
+
+def one_of(name: str, values: Sequence[str], text: str, panel: str) -> Any:
+    """An option that takes one of several names, which the shell completes."""
+    return option(name, text, panel, "NAME", autocompletion=value.completing(values))
 
 
 def replacing(what: str) -> Any:
-    """The option ``--force`` of a command, which replaces only when told to."""
-    return typer.Option("--force", rich_help_panel=FILES, help=f"Replace {what}.")
+    """The option ``--force`` of a command."""
+    return option("--force", f"Replace {what}.", FILES)
 
 
-ResultFolder = Annotated[
-    Path, typer.Argument(metavar="DIR", help="Folder of an earlier result.", show_default=False)
-]
-Out = Annotated[
-    Path,
-    typer.Option(
-        "--out",
-        metavar="DIR",
-        rich_help_panel=FILES,
-        help="Folder for the result; written atomically.",
-    ),
-]
+def argument(metavar: str, text: str) -> Any:
+    """An argument of a command."""
+    return typer.Argument(metavar=metavar, help=text, show_default=False)
+
+
+ResultFolder = Annotated[Path, argument("DIR", "Folder of an earlier result.")]
+Out = Annotated[Path, option("--out", "Folder for the result; written atomically.", FILES, "DIR")]
 Force = Annotated[bool, replacing("an earlier result")]
-NoReport = Annotated[
-    bool, typer.Option("--no-report", rich_help_panel=FILES, help="Stop before the report.")
-]
+NoReport = Annotated[bool, option("--no-report", "Stop before the report.", FILES)]
 Figures = Annotated[
     Path | None,
-    typer.Option(
-        "--figures",
-        metavar="DIR",
-        rich_help_panel=FILES,
-        help="Write each figure of the report there too, as PNG and SVG.",
-    ),
+    option("--figures", "Write each figure of the report as PNG and SVG.", FILES, "DIR"),
 ]
-Pdf = Annotated[
-    bool,
-    typer.Option(
-        "--pdf",
-        rich_help_panel=FILES,
-        help="Write report.pdf into the result too; needs the optional part pdf.",
-    ),
-]
+Pdf = Annotated[bool, option("--pdf", "Also write report.pdf; needs the optional part pdf.", FILES)]
 AcceptChanges = Annotated[
     bool,
-    typer.Option(
-        "--accept-changes",
-        rich_help_panel=FILES,
-        help="Use a result although files in it were changed after it was written; recorded.",
-    ),
+    option("--accept-changes", "Use a result whose files were changed later; recorded.", FILES),
 ]
 Strict = Annotated[
-    bool,
-    typer.Option(
-        "--strict",
-        rich_help_panel=FILES,
-        help="Refuse recordings that give any warning; write nothing.",
-    ),
+    bool, option("--strict", "Refuse recordings that give any warning; write nothing.", FILES)
 ]
-Json = Annotated[
-    bool,
-    typer.Option(
-        "--json", rich_help_panel=SCREEN, help="Print the result as JSON on standard output."
-    ),
-]
+Json = Annotated[bool, option("--json", "Print the result as JSON on standard output.", SCREEN)]
 Quiet = Annotated[
-    bool, typer.Option("--quiet", rich_help_panel=SCREEN, help="No progress messages.")
+    bool, option("--quiet", "Print only errors and, on standard output, the result.", SCREEN)
 ]
 Objective = Annotated[
     str,
     one_of(
+        "--objective",
         value.OBJECTIVES,
-        RING,
         "What the tuning minimises: frequency (relative errors) or paper (eq. 18).",
+        RING,
     ),
 ]
 Given = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         "--given",
-        metavar="NAME=VALUE",
-        rich_help_panel=RING,
+        "A known ring parameter in SI units, such as mass_per_area_kg_m2=19.7; may be repeated.",
+        RING,
+        "NAME=VALUE",
         autocompletion=value.ring_parameter_names,
-        help="A ring parameter known from elsewhere, in SI, such as mass_per_area_kg_m2=19.7; "
-        "may be repeated.",
     ),
 ]
 
@@ -121,94 +90,71 @@ def processing_options(
     *,
     band_hz: Annotated[
         tuple[float, float] | None,
-        typer.Option(
-            metavar="FROM TO",
-            rich_help_panel=PROCESSING,
-            help="Band in Hz in which modes are sought. Default for a tyre: 20 260.",
+        option(
+            "--band-hz",
+            "Band in Hz in which modes are identified. Default for a tyre: 20 260.",
+            PROCESSING,
+            "FROM TO",
         ),
     ] = None,
     averages: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="N",
-            rich_help_panel=PROCESSING,
-            help="Number of averages; sets the block length.",
-        ),
+        int | None, option("--averages", "Averages; sets the block length.", PROCESSING, "N", min=1)
     ] = None,
     block_seconds: Annotated[
         float | None,
-        typer.Option(
-            metavar="S",
-            rich_help_panel=PROCESSING,
-            help="Block length in s. Default: 4, or a quarter of a shorter recording.",
+        option(
+            "--block-seconds",
+            "Block length in s. Default: 4, or a quarter of a shorter recording.",
+            PROCESSING,
+            "S",
         ),
     ] = None,
     window: Annotated[
         str | None,
         one_of(
+            "--window",
             value.WINDOWS,
+            "hann, boxcar or any window of scipy. Default: hann.",
             PROCESSING,
-            "hann, boxcar, flattop or any other window of scipy. Default: hann.",
         ),
     ] = None,
     overlap: Annotated[
         float | None,
-        typer.Option(
+        option(
+            "--overlap",
+            "Overlap as a share of a block. Default: 0.5; for boxcar 0.",
+            PROCESSING,
+            "SHARE",
             min=0.0,
             max=0.95,
-            metavar="SHARE",
-            rich_help_panel=PROCESSING,
-            help="Overlap as a share of a block. Default: 0.5; for boxcar 0.",
         ),
     ] = None,
     estimator: Annotated[
-        str,
-        one_of(value.ESTIMATORS, PROCESSING, "FRF estimator: H1, H2 or Hv."),
+        str, one_of("--estimator", value.ESTIMATORS, "FRF estimator: H1, H2 or Hv.", PROCESSING)
     ] = "H1",
     max_order: Annotated[
-        int,
-        typer.Option(
-            min=4,
-            max=200,
-            metavar="N",
-            rich_help_panel=POLES,
-            help="Highest model order of the stability diagram.",
-        ),
+        int, option("--max-order", "Highest model order of the poles.", POLES, "N", min=4, max=200)
     ] = 60,
     method: Annotated[
         str,
-        one_of(
-            value.METHODS, POLES, "Pole estimator, lsce or plscf; the other is the cross-check."
-        ),
+        one_of("--method", value.METHODS, "lsce or plscf; the other is the cross-check.", POLES),
     ] = "lsce",
     pin: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="HZ,HZ,…",
-            rich_help_panel=POLES,
-            help="Take the modes next to these frequencies in Hz, and no others. May be repeated.",
-        ),
+        option("--pin", "Take only modes at these frequencies in Hz; repeatable.", POLES, _HZ),
     ] = None,
     exclude: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="HZ,HZ,…",
-            rich_help_panel=POLES,
-            help="Leave out the modes at these frequencies in Hz. May be repeated.",
-        ),
+        option("--exclude", "Leave out modes at these frequencies in Hz; repeatable.", POLES, _HZ),
     ] = None,
     objective: Objective = "frequency",
     given: Given = None,
     no_tune: Annotated[
-        bool,
-        typer.Option(
-            "--no-tune", rich_help_panel=RING, help="Stop at the modes: no ring parameters."
-        ),
+        bool, option("--no-tune", "Stop at the modes: no ring parameters.", RING)
     ] = False,
     strict: Strict = False,
 ) -> Options:
-    """What the command line chose for the processing of a campaign."""
+    """Options for the processing of a campaign, from the command line."""
     return Options(
         processing=Processing(averages, block_seconds, window, overlap, band_hz),
         estimator=value.choice("--estimator", estimator, value.ESTIMATORS),
@@ -224,16 +170,9 @@ def processing_options(
 
 
 def with_processing_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options of the processing; they reach it as one, named ``options``."""
-    shared = inspect.signature(processing_options).parameters
-    own = [
-        each for each in inspect.signature(command).parameters.values() if each.name != "options"
-    ]
-    known = {"Options": object}  # importing it would load numpy for every ``--help``
-    hints = {
-        **get_type_hints(command, localns=known, include_extras=True),
-        **get_type_hints(processing_options, localns=known, include_extras=True),
-    }
+    """Replace the parameter ``options`` of a command by those of `processing_options`."""
+    shared = inspect.signature(processing_options, eval_str=True).parameters
+    own = inspect.signature(command, eval_str=True).parameters
 
     @wraps(command)
     def taking(**values: Any) -> None:
@@ -241,71 +180,37 @@ def with_processing_options(command: Callable[..., None]) -> Callable[..., None]
         command(options=options, **values)
 
     parameters = [
-        each.replace(annotation=hints[each.name], kind=inspect.Parameter.KEYWORD_ONLY)
-        for each in (*own, *shared.values())
+        each.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        for each in (*own.values(), *shared.values())
+        if each.name != "options"
     ]
     taking.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     taking.__annotations__ = {each.name: each.annotation for each in parameters}
     return taking
 
 
-LIBRARY_PANEL = "Library"
-_VARIABLE = "RINGMODAL_LIBRARY"
-
 Library = Annotated[
-    Path | None,
-    typer.Option(
-        "--library",
-        metavar="DIR",
-        envvar=_VARIABLE,
-        rich_help_panel=LIBRARY_PANEL,
-        help="Folder of the library.",
-    ),
+    Path | None, option("--library", "Folder of the library.", LIBRARY, "DIR", envvar=_VARIABLE)
 ]
-Name = Annotated[
-    str,
-    typer.Argument(
-        metavar="NAME",
-        help="Tyre: its name in `tyre list`, or its designation.",
-        show_default=False,
-    ),
-]
+Name = Annotated[str, argument("NAME", "Tyre: its name in `tyre list`, or its designation.")]
 Reference = Annotated[
     str,
-    typer.Argument(
-        metavar="NAME[@VERSION]",
-        help="Tyre and version, e.g. 225-55R17@3; without version the approved one, else the "
-        "newest.",
-        show_default=False,
-    ),
+    argument("NAME[@VERSION]", "E.g. 225-55R17@3. Default: the approved version, or the newest."),
 ]
-AnySet = typer.Argument(
-    metavar="SET", help="NAME@VERSION, a result folder or a tyre.toml.", show_default=False
-)
-Note = Annotated[
-    str,
-    typer.Option(
-        "--note", metavar="TEXT", rich_help_panel=LIBRARY_PANEL, help="Why; kept with it."
-    ),
-]
-Author = Annotated[
-    str,
-    typer.Option(
-        "--author", metavar="NAME", rich_help_panel=LIBRARY_PANEL, help="Default: your login name."
-    ),
-]
+AnySet = argument("SET", "NAME@VERSION, a result folder or a tyre.toml.")
+Note = Annotated[str, option("--note", "Reason; stored with it.", LIBRARY, "TEXT")]
+Author = Annotated[str, option("--author", "Default: your login name.", LIBRARY, "NAME")]
 
 
 def library_folder(given: Path | None) -> Path:
-    """The library that was named by option or environment.
+    """The folder of the library from option or environment.
 
     Raises
     ------
     InputError
-        If none was.
+        If neither is set.
     """
     if given is None:
-        rule = "the folder of the library must be known"
-        remedy = f"Give --library DIR, or set {_VARIABLE} once and for all"
-        raise InputError("--library", "nothing", rule, remedy)
+        rule = "the folder of the library is required"
+        raise InputError("--library", "not given", rule, f"Use --library DIR, or set {_VARIABLE}")
     return given

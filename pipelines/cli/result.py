@@ -1,15 +1,16 @@
-"""The command line from recordings to a result: ``process``, ``tune``, ``report``."""
+"""From recordings to a result: ``process``, ``tune``, ``report``, and what they print."""
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import Annotated, Any
 
 from ema.core.errors import InputError
-from pipelines.cli import show_result, terminal, values
-from pipelines.cli.interrupt import stating_what_stands
+from ema.core.finding import OK
+from model import TuningResult
+from pipelines.cli import values
+from pipelines.cli.interrupt import reporting_outcome
 from pipelines.cli.options import (
     AcceptChanges,
     Figures,
@@ -23,29 +24,31 @@ from pipelines.cli.options import (
     Quiet,
     ResultFolder,
     Strict,
+    argument,
     replacing,
     with_processing_options,
 )
-from pipelines.cli.progress import shown
+from pipelines.cli.screen import columns_of, print_table, shown, warn
+from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.process.run import process as run
 from pipelines.process.run import retune
 from pipelines.report.figure_files import write_figures
 from pipelines.report.paper import printing_library
 from pipelines.report.save import PDF, has_pdf, save
+from pipelines.results.options import Options
+from pipelines.results.result import Result
 from pipelines.storage.result_folder import require_free
+from pipelines.storage.rounding import value_with_std
+from pipelines.storage.tables import plain_rows
 
-if TYPE_CHECKING:
-    from pipelines.results.options import Options
-    from pipelines.results.result import Result
+REPORT = "report.html"
+_LOG = logging.getLogger(__name__)
 
 
 @with_processing_options
 def process(
     campaign: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="CAMPAIGN…", help="Campaign folder, its campaign.toml, or recordings."
-        ),
+        list[Path], argument("CAMPAIGN…", "Campaign folder, its campaign.toml, or recordings.")
     ],
     out: Out,
     options: Options,
@@ -67,18 +70,19 @@ def process(
       ringmodal process tyre_7 --out result --pdf --figures pictures
     """  # noqa: D406, D407 - a heading of the help
     source = campaign[0] if len(campaign) == 1 else campaign
-    with stating_what_stands(out):
+    with reporting_outcome(out):
         require_free(out, force=force)
-        require_pictures(figures, out, force=force)
-        require_pdf(pdf=pdf)
+        _require_possible(figures, out, pdf=pdf, force=force)
         with shown(quiet=quiet) as progress:
             result = run(source, options, progress.stage, progress.step)
             progress.stage("Writing the result …")
             save(result, out, report=not no_report, pdf=pdf, force=force)
             if figures is not None:
                 progress.stage("Drawing the figures …")
-                _draw(result, figures, force=force)
-        show_result.show(result, out, as_json=as_json, report=not no_report)
+                write_figures(result, figures, force=force)
+        for stage, seconds in result.provenance.get("stage_seconds", {}).items():
+            _LOG.info("%s took %.2f s", stage, seconds)
+        show(result, out, as_json=as_json, report=not no_report, quiet=quiet)
 
 
 def tune(
@@ -90,7 +94,7 @@ def tune(
     accept_changes: AcceptChanges = False,
     as_json: Json = False,
 ) -> None:
-    """Determine the ring's parameters again, from the modes of an earlier result.
+    """Determine the ring parameters again, from the modes of an earlier result.
 
     Examples:
       ringmodal tune result --objective paper
@@ -98,13 +102,13 @@ def tune(
     """  # noqa: D406, D407 - a heading of the help
     objective = values.choice("--objective", objective, values.OBJECTIVES)
     known = values.ring_parameters("--given", given)
-    with stating_what_stands(result_folder):
+    with reporting_outcome(result_folder):
         result = retune(
             result_folder, objective, known, strict=strict, accept_changes=accept_changes
         )
         pdf = has_pdf(result_folder) and not no_report
         save(result, result_folder, report=not no_report, pdf=pdf, force=True)
-        show_result.show(result, result_folder, as_json=as_json, report=not no_report)
+        show(result, result_folder, as_json=as_json, report=not no_report)
 
 
 def report(
@@ -115,69 +119,127 @@ def report(
     accept_changes: AcceptChanges = False,
     as_json: Json = False,
 ) -> None:
-    """Write the report of an earlier result again, as HTML and where wanted as PDF.
+    """Write the report of an earlier result again, as HTML and optionally as PDF.
 
     Examples:
       ringmodal report result
       ringmodal report result --pdf --figures pictures
     """  # noqa: D406, D407 - a heading of the help
     pdf = pdf or has_pdf(result_folder)
-    with stating_what_stands(result_folder):
-        require_pictures(figures, result_folder, force=force)
-        require_pdf(pdf=pdf)
-
+    with reporting_outcome(result_folder):
+        _require_possible(figures, result_folder, pdf=pdf, force=force)
         result = retune(result_folder, accept_changes=accept_changes)
         save(result, result_folder, pdf=pdf, force=True)
         if figures is not None:
-            _draw(result, figures, force=force)
+            write_figures(result, figures, force=force)
     if as_json:
-        terminal.print_json(show_result.summary(result, result_folder, report=True))
-        return
-    terminal.say(f"Report: {result_folder / show_result.REPORT}")
+        print_json(_summary(result, result_folder, report=True))
+    else:
+        _say_files(result_folder, report=True)
+
+
+def _require_possible(figures: Path | None, result_folder: Path, *, pdf: bool, force: bool) -> None:
+    """Check before the processing that figures and PDF can be written after it.
+
+    Raises
+    ------
+    InputError
+        If the figures' folder is inside the result's, or has pictures that may not be replaced, or
+        the library that makes a PDF is missing.
+    """
+    if figures is not None:
+        where = f"--figures {figures}"
+        if figures.resolve().is_relative_to(result_folder.resolve()):
+            rule = "that folder holds only the files of the result"
+            raise InputError(where, "inside the result's folder", rule, "Use a folder beside it")
+        if not force and any(any(figures.glob(f"*.{ending}")) for ending in ("png", "svg")):
+            remedy = "Choose another folder, or use --force to replace them"
+            raise InputError(where, "earlier pictures", "they already exist", remedy)
     if pdf:
-        terminal.say(f"PDF: {result_folder / PDF}")
+        printing_library("--pdf")
 
 
-def _draw(result: Result, folder: Path, *, force: bool) -> None:
-
-    write_figures(result, folder, force=force)
-
-
-def require_pictures(figures: Path | None, result_folder: Path, *, force: bool) -> None:
-    """Refuse a folder for figures before an hour of processing, not after.
-
-    Raises
-    ------
-    InputError
-        If it lies in the result's own folder, or holds pictures and may not be replaced.
-    """
-    if figures is None:
+def show(result: Result, folder: Path, *, as_json: bool, report: bool, quiet: bool = False) -> None:
+    """Print a result; unless `quiet`, its warnings and notes go to standard error."""
+    if as_json:
+        print_json(_summary(result, folder, report=report))
         return
-    if figures.resolve().is_relative_to(result_folder.resolve()):
-        raise InputError(
-            f"--figures {figures}",
-            "inside the result's folder",
-            "that holds the files of the result alone",
-            "Choose a folder beside it",
+    _show_modes(result)
+    if result.tuning is not None:
+        ring = _ring(result.tuning).items()
+        rows = [(name, value_with_std(p["value"], p["std"]), p["how"]) for name, p in ring]
+        texts = ("parameter", "obtained")
+        columns = columns_of(("parameter", "value", "obtained"), rows, texts, texts[1:])
+        print_table("Ring", columns, least_width=len("identified"))
+    if not quiet:
+        for text in warnings(result):
+            warn(text)
+        for note in result.notes:
+            echo_error(f"Note: {note}")
+    echo(f"Result: {folder}")
+    _say_files(folder, report=report)
+
+
+def _say_files(folder: Path, *, report: bool) -> None:
+    if report:
+        echo(f"Report: {folder / REPORT}")
+    if (folder / PDF).is_file():
+        echo(f"PDF: {folder / PDF}")
+
+
+def _show_modes(result: Result) -> None:
+    modes = result.modal_model.modes
+    rows = [
+        (
+            str(number),
+            "" if m.order is None else f"{m.order}{m.member}",
+            value_with_std(m.frequency_hz, m.frequency_std_hz),
+            value_with_std(100 * m.damping_ratio, 100 * m.damping_std),
+            "" if m.order is None else f"{m.order_purity:.3f}",
+            m.pair.value,
+            m.status,
         )
-    if not force and any(any(figures.glob(f"*.{ending}")) for ending in ("png", "svg")):
-        raise InputError(
-            f"--figures {figures}",
-            "earlier pictures",
-            "already exist",
-            "Choose another folder, or replace them with --force",
-        )
+        for number, m in enumerate(modes, 1)
+    ]
+    head = ("mode", "order", "frequency / Hz", "damping / %", "purity", "pair", "status")
+    columns = columns_of(head, rows, head[5:], head[5:])
+    # modes.csv has the columns that a narrow screen leaves out.
+    print_table(f"Modes of {result.name}", columns, first_to_go=("purity", "mode"))
 
 
-def require_pdf(*, pdf: bool) -> None:
-    """Refuse to make a PDF where what prints it is missing.
+def warnings(result: Result) -> list[str]:
+    """Findings that are not ok, one line for each check with any."""
+    by_check: dict[str, list[str]] = {}
+    for finding in result.findings:
+        if finding.verdict != OK:
+            place = (finding.run, finding.channel if finding.channel != finding.check else "")
+            where = " ".join(filter(None, place))
+            text = f"{where}: {finding.detail}" if where else finding.detail
+            by_check.setdefault(finding.check, []).append(text)
+    return [
+        f"{check}: {found[-1]}"
+        + (f" (and {len(found) - 1} more, see quality.csv)" if len(found) > 1 else "")
+        for check, found in by_check.items()
+    ]
 
-    Raises
-    ------
-    InputError
-        Says what to install.
-    """
-    if not pdf:
-        return
 
-    printing_library("--pdf")
+def _ring(tuning: TuningResult) -> dict[str, dict[str, Any]]:
+    return {
+        name: {"value": getattr(tuning.ring, name), "how": how, "std": tuning.std.get(name)}
+        for name, how in tuning.how.items()
+    }
+
+
+def _summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
+    """Content of ``--json``."""
+    table = result.modal_model.to_frame()
+    ring = {} if result.tuning is None else _ring(result.tuning)
+    return {
+        "result": str(folder),
+        "report": str(folder / REPORT) if report else None,
+        "pdf": str(folder / PDF) if (folder / PDF).is_file() else None,
+        "modes": [dict(zip(table.columns, row, strict=True)) for row in plain_rows(table)],
+        "ring": ring,
+        "warnings": [f.detail for f in result.findings if f.verdict != OK],
+        "notes": list(result.notes),
+    }

@@ -1,72 +1,67 @@
-"""What the command line says of the library of parameter sets."""
+"""What the command line prints about the library of parameter sets."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pipelines.cli.terminal import (
-    Column,
-    columns_of,
-    complain,
-    print_json,
-    print_table,
-    say,
-    screen,
-)
-from pipelines.export.tir_update import RingFromTir, TirChange, TirUpdate
-from pipelines.library.version import values_of
+from pipelines.cli.screen import columns_of, print_table
+from pipelines.cli.terminal import echo, echo_error, print_json
+from pipelines.library.history import SetDifference, TyreHistory
+from pipelines.library.series import Series
+from pipelines.library.version import Version, values_of
 from pipelines.report.pressure_series import headings, trend_row
-from pipelines.storage.rounding import DASH, chance_text, number, signed, value_with_std
-
-if TYPE_CHECKING:
-    from pipelines.library.history import SetDifference, TyreHistory
-    from pipelines.library.series import Series
-    from pipelines.library.version import Version
-    from pipelines.results.parameter_set import ParameterSet
+from pipelines.results.parameter_set import ParameterSet
+from pipelines.storage.rounding import chance_text, number, signed, value_with_std
 
 
 def show_version(version: Version, standing: str, *, as_json: bool) -> None:
-    """Print a version: what it is, its conditions, its parameters and where they come from."""
-    if as_json:
-        print_json(_version_content(version) | {"standing": standing})
-        return
+    """Print a version: its origin, conditions and parameters."""
     own, entry = version.parameters, version.entry
-    say(f"{version.reference}: {' '.join(filter(None, (own.designation, entry.tyre_id)))}")
-    say(f"Standing: {standing}")
-    say(f"Added: {entry.created} by {entry.author}{f': {entry.note}' if entry.note else ''}")
-    say(f"Source: {own.provenance.get('campaign', 'no campaign stated')}, {entry.source}")
+    if as_json:
+        about = {"tyre": version.tyre, "version": version.number, "sha256": version.sha256}
+        parts = {key: part for key, part in asdict(own).items() if part}
+        print_json({**about, **parts, "entry": asdict(entry), "standing": standing})
+        return
+    echo(f"{version.reference}: {' '.join(filter(None, (own.designation, entry.tyre_id)))}")
+    echo(f"Standing: {standing}")
+    echo(f"Added: {entry.created} by {entry.author}{f': {entry.note}' if entry.note else ''}")
+    echo(f"Source: {own.provenance.get('campaign', 'campaign not stated')}, {entry.source}")
     show_parameters(own)
 
 
 def show_parameters(parameters: ParameterSet) -> None:
     """Print conditions and parameters, each with its ± and how it was obtained."""
     for name, value in parameters.conditions.items():
-        say(f"Condition: {name} = {_stated(value)}")
-    found = values_of(parameters)
-    columns = (
-        Column("parameter", list(found), is_text=True),
-        Column("value", [value_with_std(each.value, each.std) for each in found.values()]),
-        Column("obtained", [each.how for each in found.values()], is_text=True),
-    )
-    print_table(screen(), "", columns)
+        echo(f"Condition: {name} = {_stated(value)}")
+    rows = [
+        (name, value_with_std(each.value, each.std), each.how)
+        for name, each in values_of(parameters).items()
+    ]
+    head = ("parameter", "value", "obtained")
+    print_table("", columns_of(head, rows, ("parameter", "obtained")))
 
 
 def show_rows(rows: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:
-    """Print the parameters of all versions one beneath the other."""
+    """Print the parameters of all versions one below the other."""
     if as_json:
         print_json(rows)
         return
-    columns = (
-        Column("tyre", [f"{row['tyre']}@{row['version']}" for row in rows], is_text=True),
-        Column("approved", ["yes" if row["approved"] else "" for row in rows], is_text=True),
-        Column("parameter", [row["parameter"] for row in rows], is_text=True),
-        Column("value", [value_with_std(row["value"], row["std"]) for row in rows]),
-        Column("obtained", [row["how"] for row in rows], is_text=True),
-    )
-    print_table(screen(), "", columns, first_to_go=("approved",))
+    cells = [
+        (
+            f"{row['tyre']}@{row['version']}",
+            "yes" if row["approved"] else "",
+            row["parameter"],
+            value_with_std(row["value"], row["std"]),
+            row["how"],
+        )
+        for row in rows
+    ]
+    head = ("tyre", "approved", "parameter", "value", "obtained")
+    texts = [name for name in head if name != "value"]
+    print_table("", columns_of(head, cells, texts), first_to_go=("approved",))
 
 
 def show_tyres(histories: Sequence[TyreHistory], *, as_json: bool) -> None:
@@ -74,64 +69,79 @@ def show_tyres(histories: Sequence[TyreHistory], *, as_json: bool) -> None:
     if as_json:
         print_json([_tyre_content(each) for each in histories])
         return
-    columns = (
-        Column("tyre", [each.tyre.name for each in histories], is_text=True),
-        Column("designation", [_designation(each) for each in histories], is_text=True),
-        Column("versions", [str(each.tyre.newest) for each in histories]),
-        Column("approved", [_approved(each) for each in histories]),
-        Column("pressures in bar", [_pressures(each) for each in histories], True, folds=True),
-        Column("last added", [_last(each) for each in histories], is_text=True),
-    )
-    if histories:
-        print_table(screen(), "", columns, first_to_go=("designation",))
-    else:
-        say("No tyres yet. `ringmodal tyre add RESULT` adds one.")
+    if not histories:
+        echo("No tyres yet. `ringmodal tyre add RESULT` adds one.")
+        return
+    rows = [
+        (
+            each.tyre.name,
+            _designation(each),
+            str(each.tyre.newest),
+            str(each.approved.number) if each.approved else "none",
+            ", ".join(number(pressure, 3) for pressure in each.pressures_bar),
+            each.lines[-1].version.entry.created[:10] if each.lines else "",
+        )
+        for each in histories
+    ]
+    head = ("tyre", "designation", "versions", "approved", "pressures in bar", "last added")
+    texts = ("tyre", "designation", "pressures in bar", "last added")
+    columns = columns_of(head, rows, texts, ("pressures in bar",))
+    print_table("", columns, first_to_go=("designation",))
 
 
 def show_history(history: TyreHistory, *, as_json: bool) -> None:
     """Print a tyre's versions: when, by whom, why, and what changed most."""
     if as_json:
-        print_json(_tyre_content(history) | {"history": [_line(each) for each in history.lines]})
+        lines = [
+            {
+                "version": line.version.number,
+                "created": line.version.entry.created,
+                "author": line.version.entry.author,
+                "note": line.version.entry.note,
+                "approval": line.approval,
+                "changed_most": line.change,
+            }
+            for line in history.lines
+        ]
+        print_json(_tyre_content(history) | {"history": lines})
         return
-    lines = history.lines
-    entries = [line.version.entry for line in lines]
-    columns = (
-        Column("version", [str(line.version.number) for line in lines]),
-        Column("date (UTC)", [entry.created[:16].replace("T", " ") for entry in entries], True),
-        Column("author", [entry.author for entry in entries], is_text=True),
-        Column("approved", [line.approval for line in lines], is_text=True),
-        Column("changed most", [line.change for line in lines], is_text=True, folds=True),
-        Column("note", [entry.note for entry in entries], is_text=True, folds=True),
-    )
-    print_table(screen(), history.tyre.name, columns, first_to_go=("author",))
+    rows = [
+        (
+            str(line.version.number),
+            line.version.entry.created[:16].replace("T", " "),
+            line.version.entry.author,
+            line.approval,
+            line.change,
+            line.version.entry.note,
+        )
+        for line in history.lines
+    ]
+    head = ("version", "date (UTC)", "author", "approved", "changed most", "note")
+    columns = columns_of(head, rows, head[1:], head[4:])
+    print_table(history.tyre.name, columns, first_to_go=("author",))
 
 
 def show_difference(found: SetDifference, *, as_json: bool) -> None:
     """Print two parameter sets side by side, with the significance of each difference."""
     if as_json:
-        print_json(_difference_content(found))
+        conditions = [
+            {"name": name, "first": one, "second": two} for name, one, two in found.conditions
+        ]
+        changes = [_change(each, independent=found.independent) for each in found.changes]
+        content = {"first": found.first.name, "second": found.second.name}
+        about = {"conditions": conditions, "parameters": changes, "notes": found.notes}
+        print_json({**content, **about})
         return
-    changes = found.changes
-    deltas, tested = [change.difference for change in changes], _tested(found)
-    first = [value_with_std(each.difference.first, each.first_std) for each in changes]
-    second = [value_with_std(each.difference.second, each.second_std) for each in changes]
-    columns = (
-        Column("parameter", [change.name for change in changes], is_text=True),
-        Column("A", first),
-        Column("B", second),
-        Column("B − A", [value_with_std(each.value, each.std) for each in deltas]),
-        Column("in %", [signed(each.percent, 1) for each in deltas]),
-        Column("z", [signed(each.z, 1) if known else "" for each, known in tested]),
-        Column("p", [chance_text(each.p_value) if known else "" for each, known in tested]),
-        Column("verdict", [_verdict(change, found) for change in changes], True, folds=True),
-    )
-    say(f"A: {found.first.name}")
-    say(f"B: {found.second.name}")
+    echo(f"A: {found.first.name}")
+    echo(f"B: {found.second.name}")
     for name, one, two in found.conditions:
-        say(f"Condition: {name}: {_stated(one)} in A, {_stated(two)} in B")
-    print_table(screen(), "", columns, first_to_go=("B − A", "p", "A"))
+        echo(f"Condition: {name}: {_stated(one)} in A, {_stated(two)} in B")
+    head = ("parameter", "A", "B", "B − A", "in %", "z", "p", "verdict")
+    rows = [_change_cells(each, independent=found.independent) for each in found.changes]
+    columns = columns_of(head, rows, ("parameter", "verdict"), ("verdict",))
+    print_table("", columns, first_to_go=("B − A", "p", "A"))
     for note in found.notes:
-        complain(f"Note: {note}")
+        echo_error(f"Note: {note}")
 
 
 def show_series(series: Series, unit: str, *, as_json: bool) -> None:
@@ -142,21 +152,9 @@ def show_series(series: Series, unit: str, *, as_json: bool) -> None:
         rows = [trend_row(trend, unit) for trend in series.trends]
         columns = columns_of(headings(unit), rows, ("parameter", "versions"))
         title = f"{series.tyre} over inflation pressure"
-        print_table(screen(), title, columns, first_to_go=("versions", "scatter / σ"))
+        print_table(title, columns, first_to_go=("versions", "scatter / σ"))
     for note in series.notes:
-        complain(f"Note: {note}")
-
-
-def _verdict(change: Any, found: SetDifference) -> str:
-    if change.is_tested:
-        return str(change.status) if found.independent else "not tested (same recordings)"
-    return f"{change.status} ({change.hows})"
-
-
-def _tested(found: SetDifference) -> list[tuple[Any, bool]]:
-    return [
-        (each.difference, each.is_tested and isfinite(each.difference.z)) for each in found.changes
-    ]
+        echo_error(f"Note: {note}")
 
 
 def _stated(value: Any) -> str:
@@ -167,24 +165,6 @@ def _stated(value: Any) -> str:
 
 def _designation(history: TyreHistory) -> str:
     return history.lines[-1].version.parameters.designation if history.lines else ""
-
-
-def _approved(history: TyreHistory) -> str:
-    return str(history.approved.number) if history.approved else "none"
-
-
-def _last(history: TyreHistory) -> str:
-    return history.lines[-1].version.entry.created[:10] if history.lines else ""
-
-
-def _pressures(history: TyreHistory) -> str:
-    return ", ".join(number(pressure, 3) for pressure in history.pressures_bar)
-
-
-def _version_content(version: Version) -> dict[str, Any]:
-    told = {"tyre": version.tyre, "version": version.number, "sha256": version.sha256}
-    parts = {key: part for key, part in asdict(version.parameters).items() if part}
-    return {**told, **parts, "entry": asdict(version.entry)}
 
 
 def _tyre_content(history: TyreHistory) -> dict[str, Any]:
@@ -198,28 +178,22 @@ def _tyre_content(history: TyreHistory) -> dict[str, Any]:
     }
 
 
-def _line(line: Any) -> dict[str, Any]:
-    entry = line.version.entry
-    return {
-        "version": line.version.number,
-        "created": entry.created,
-        "author": entry.author,
-        "note": entry.note,
-        "approval": line.approval,
-        "changed_most": line.change,
-    }
-
-
-def _difference_content(found: SetDifference) -> Mapping[str, Any]:
-    return {
-        "first": found.first.name,
-        "second": found.second.name,
-        "conditions": [
-            {"name": name, "first": one, "second": two} for name, one, two in found.conditions
-        ],
-        "parameters": [_change(each, independent=found.independent) for each in found.changes],
-        "notes": found.notes,
-    }
+def _change_cells(change: Any, *, independent: bool) -> tuple[str, ...]:
+    delta = change.difference
+    has_test = change.is_tested and isfinite(delta.z)
+    verdict = f"{change.status} ({change.hows})"
+    if change.is_tested:
+        verdict = str(change.status) if independent else "not tested (same recordings)"
+    return (
+        change.name,
+        value_with_std(delta.first, change.first_std),
+        value_with_std(delta.second, change.second_std),
+        value_with_std(delta.value, delta.std),
+        signed(delta.percent, 1),
+        signed(delta.z, 1) if has_test else "",
+        chance_text(delta.p_value) if has_test else "",
+        verdict,
+    )
 
 
 def _change(change: Any, *, independent: bool) -> dict[str, Any]:
@@ -258,86 +232,4 @@ def _trend(trend: Any) -> dict[str, Any]:
             "slope_per_pa_std": line.slope_std,
             "scatter": line.scatter,
         },
-    }
-
-
-def show_update(update: TirUpdate, source: str) -> None:
-    """Print old and new values in the file's units, what stays, and why."""
-    changes = update.changes
-    columns = (
-        Column("key", [change.key for change in changes], is_text=True),
-        Column("line", [str(change.line or "new") for change in changes]),
-        Column("old", [_shown(change.old) for change in changes]),
-        Column("new", [_shown(change.new) for change in changes]),
-        Column("±", [_shown(change.std, 2) for change in changes]),
-        Column("in %", [_percent(change) for change in changes]),
-        Column("unit", [change.unit for change in changes], is_text=True),
-        Column("from", [change.basis for change in changes], is_text=True, folds=True),
-    )
-    say(f"{update.before.name} from {source}:")
-    if changes:
-        print_table(screen(), "", columns)
-    if update.unchanged:
-        say(f"Up to date: {', '.join(update.unchanged)}")
-    if update.missing:
-        say(f"Not in the file: {', '.join(update.missing)}; --add adds them")
-    for key, reason in update.open_ones.items():
-        say(f"Not determined: {key}: {reason}")
-    for reason, keys in update.left_alone.items():
-        say(f"Left alone: {', '.join(keys)}: {reason}")
-    for note in update.notes:
-        complain(f"Note: {note}")
-
-
-def update_content(update: TirUpdate, source: str) -> dict[str, Any]:
-    """An update for programs."""
-    return {
-        "source": source,
-        "changes": [_change_content(change) for change in update.changes],
-        "unchanged": update.unchanged,
-        "missing": update.missing,
-        "not_determined": dict(update.open_ones),
-        "left_alone": {key: why for why, keys in update.left_alone.items() for key in keys},
-        "notes": update.notes,
-    }
-
-
-def show_ring(made: RingFromTir, out: str | None, *, as_json: bool) -> None:
-    """Print the parameters of a ring out of a tyre property file."""
-    if as_json:
-        ring = {
-            name: {"value": entry.value, "how": entry.how}
-            for name, entry in made.parameters.ring.items()
-        }
-        content = {"conditions": made.parameters.conditions, "ring": ring, "notes": made.notes}
-        print_json({"file": out, "designation": made.parameters.designation, **content})
-        return
-    show_parameters(made.parameters)
-    for note in made.notes:
-        complain(f"Note: {note}")
-    if out:
-        say(f"Written: {out}")
-
-
-def _shown(value: float | None, digits: int = 6) -> str:
-    """A value much as it stands in the file."""
-    return DASH if value is None else f"{value:.{digits}g}"
-
-
-def _percent(change: TirChange) -> str:
-    return DASH if change.percent is None else signed(change.percent, 1)
-
-
-def _change_content(change: TirChange) -> dict[str, Any]:
-    return {
-        "key": change.key,
-        "section": change.section,
-        "line": change.line,
-        "old": change.old,
-        "new": change.new,
-        "std": change.std,
-        "percent": change.percent,
-        "unit": change.unit,
-        "from": change.basis,
-        "not_identified": change.doubts,
     }

@@ -1,28 +1,31 @@
-"""The command line's ``ringmodal simulate``."""
+"""``ringmodal simulate``: the ring model and virtual measurements."""
 
 from __future__ import annotations
 
 import math
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from model import Cleat, CleatTest, ForcedRing, hub_response
-from pipelines.cli import simulate_options, simulate_show, terminal
+from model.cleat import Quantity
+from model.coefficients import PressureLoad
+from model.forced import Direction
+from model.waves import Frame, WaveFrame
+from pipelines.cli import simulate_show
 from pipelines.cli.help import Command, Group
-from pipelines.cli.interrupt import stating_what_stands
-from pipelines.cli.options import AcceptChanges
-from pipelines.cli.simulate_options import (
-    Directions,
-    Frames,
-    Hubs,
-    PressureLoads,
-    Quantities,
-    WaveFrames,
+from pipelines.cli.interrupt import reporting_outcome
+from pipelines.cli.options import AcceptChanges, Json, argument, option
+from pipelines.cli.simulate_show import Targets, announced
+from pipelines.cli.terminal import echo, print_json
+from pipelines.cli.values import (
+    FIGURE_ENDINGS,
+    TABLE_ENDINGS,
+    orders_of,
+    require_target,
+    values_of,
 )
-from pipelines.cli.simulate_ranges import orders_of, values_of
 from pipelines.simulate.campaign import simulate_campaign
 from pipelines.simulate.responses import (
     MOST_LOADS,
@@ -35,29 +38,59 @@ from pipelines.simulate.tyre import damping_of, simulate_frequencies, wheel_of
 
 simulate = typer.Typer(
     cls=Group,
-    help="The ring model at work: frequencies, forced vibration, virtual measurements.",
+    help="Ring model: frequencies, forced vibration, virtual measurements.",
     no_args_is_help=True,
+    add_completion=False,
     rich_markup_mode=None,
 )
 
 
-class FileFormat(StrEnum):
-    """Format of simulated recordings."""
+def _table(path: Path | None) -> Path | None:
+    return None if path is None else require_target(path, TABLE_ENDINGS)
 
-    uff = "uff"
-    csv = "csv"
+
+def _figure(path: Path | None) -> Path | None:
+    return None if path is None else require_target(path, FIGURE_ENDINGS)
+
+
+_RANGE = "FROM:TO:STEP"
+Tyre = Annotated[
+    Path | None,
+    option("--tyre", "A tyre.toml or a result folder. Default: the sample tyre, a 225/55R17."),
+]
+Out = Annotated[Path | None, option("--out", "Table: .csv or .parquet.", callback=_table)]
+FigureFile = Annotated[Path | None, option("--figure", "Picture: .png or .svg.", callback=_figure)]
+Speed = Annotated[float, option("--speed-rad-s", "Angular speed of the tyre in rad/s.")]
+Frequencies = Annotated[str, option("--frequency-hz", "Frequencies in Hz.", metavar=_RANGE)]
+AtAngle = Annotated[float, option("--at-deg", "Angle of the response in degrees.")]
+ForceAngle = Annotated[float, option("--force-deg", "Angle of the force in degrees.")]
+Harmonics = Annotated[
+    int, option("--harmonics", "Sum harmonics −N … N of the circumference.", min=1, max=2000)
+]
+Pressure = Annotated[
+    PressureLoad,
+    option("--pressure-load", "Pressure as the paper's dead load, or normal to the belt."),
+]
+PretensionLoss = Annotated[
+    bool,
+    option(
+        "--pretension-loss/--no-pretension-loss",
+        "Whether the loss factor also acts on the stiffness from hoop tension.",
+    ),
+]
 
 
 @simulate.command(cls=Command)
 def campaign(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
+    folder: Annotated[Path, argument("DIR", "New or empty folder.")],
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same bytes.")] = 1,
     duration_s: Annotated[float, typer.Option(help="Length of each of the six runs in s.")] = 20.0,
     sampling_rate_hz: Annotated[float, typer.Option(help="Sampling rate in Hz.")] = 2000.0,
     snr_db: Annotated[float, typer.Option(help="Mean response over sensor noise in dB.")] = 34.0,
     file_format: Annotated[
-        FileFormat, typer.Option("--format", help="Universal files (58b) or tables of text.")
-    ] = FileFormat.uff,
+        Literal["uff", "csv"],
+        typer.Option("--format", help="Universal files (58b) or tables of text."),
+    ] = "uff",
     split_percent: Annotated[
         float, typer.Option(help="Split of each order into a pair, percent of its frequency.")
     ] = 0.0,
@@ -68,47 +101,49 @@ def campaign(
     drift_percent: Annotated[
         float, typer.Option(help="Rise of all frequencies from run to run in percent.")
     ] = 0.0,
-    as_json: simulate_options.Json = False,
+    as_json: Json = False,
 ) -> None:
-    """Write a whole virtual campaign on a tyre with known modes; the truth lies beside it.
+    """Write a virtual campaign on a tyre with known modes, which are in truth.toml.
 
     Example:
       ringmodal simulate campaign virtual --duration-s 60 --snr-db 20
     """
-    with stating_what_stands(folder):
+    with reporting_outcome(folder):
         written = simulate_campaign(
             folder,
             seed=seed,
             duration_s=duration_s,
             sampling_rate_hz=sampling_rate_hz,
             snr_db=snr_db,
-            file_format=file_format.value,
+            file_format=file_format,
             split_percent=split_percent,
             shaker_between=shaker_between,
             sensor_mass_kg=sensor_mass_kg,
             drift_percent=drift_percent,
         )
     if as_json:
-        terminal.print_json({"campaign": str(written)})
+        print_json({"campaign": str(written)})
         return
-    terminal.say(f"Campaign: {written}")
-    terminal.say(f"Next: ringmodal process {written} --out result")
+    echo(f"Campaign: {written}")
+    echo(f"Next: ringmodal process {written} --out result")
 
 
 @simulate.command(cls=Command)
 def frequencies(
-    tyre: simulate_options.Tyre = None,
+    tyre: Tyre = None,
     accept_changes: AcceptChanges = False,
     orders: Annotated[str, typer.Option(metavar="FROM:TO", help="Orders n ≥ 1.")] = "1:7",
     speed_rad_s: Annotated[
         str, typer.Option(metavar="FROM:TO:STEP", help="Angular speed in rad/s, one or several.")
     ] = "0",
-    frame: Annotated[WaveFrames, typer.Option(help="Where the observer is.")] = WaveFrames.rotating,
-    extensional: Annotated[bool, typer.Option(help="The extensional waves instead.")] = False,
-    pressure_load: simulate_options.PressureLoad = PressureLoads.dead,
-    out: simulate_options.Out = None,
-    figure: simulate_options.FigureFile = None,
-    as_json: simulate_options.Json = False,
+    frame: Annotated[WaveFrame, typer.Option(help="Where the observer is.")] = "rotating",
+    extensional: Annotated[
+        bool, typer.Option(help="Extensional instead of bending waves.")
+    ] = False,
+    pressure_load: Pressure = "dead",
+    out: Out = None,
+    figure: FigureFile = None,
+    as_json: Json = False,
 ) -> None:
     """Frequencies in Hz of the regressive and the progressive wave of each order, over speed.
 
@@ -116,121 +151,114 @@ def frequencies(
       ringmodal simulate frequencies --speed-rad-s 0:100:1 --orders 1:4 --out waves.csv
     """
     found = simulate_frequencies(
-        simulate_show.announced(tyre, accept_changes=accept_changes).ring,
+        announced(tyre, accept_changes=accept_changes).ring,
         orders_of("--orders", orders),
         values_of("--speed-rad-s", speed_rad_s),
-        frame.value,
+        frame,
         extensional=extensional,
-        pressure_load=pressure_load.value,
+        pressure_load=pressure_load,
     )
-    simulate_show.frequencies(found, frame.value, simulate_show.Targets(out, figure, as_json))
+    simulate_show.frequencies(found, frame, Targets(out, figure, as_json))
 
 
 @simulate.command(cls=Command)
 def inertance(
-    tyre: simulate_options.Tyre = None,
+    tyre: Tyre = None,
     accept_changes: AcceptChanges = False,
-    at_deg: simulate_options.AtAngle = 100.0,
-    force_deg: simulate_options.ForceAngle = 0.0,
-    speed_rad_s: simulate_options.Speed = 0.0,
-    frequency_hz: simulate_options.FrequencyRange = "20:300:0.1",
-    harmonics: simulate_options.Harmonics = 200,
+    at_deg: AtAngle = 100.0,
+    force_deg: ForceAngle = 0.0,
+    speed_rad_s: Speed = 0.0,
+    frequency_hz: Frequencies = "20:300:0.1",
+    harmonics: Harmonics = 200,
     frame: Annotated[
-        Frames, typer.Option(help="Whether force and response stay on the tyre or in space.")
-    ] = Frames.rotating,
+        Frame, typer.Option(help="Whether force and response stay on the tyre or in space.")
+    ] = "rotating",
     inextensional: Annotated[bool, typer.Option(help="Take the belt as inextensible.")] = False,
-    pretension_loss: simulate_options.PretensionLoss = True,
-    pressure_load: simulate_options.PressureLoad = PressureLoads.dead,
-    out: simulate_options.Out = None,
-    figure: simulate_options.FigureFile = None,
-    as_json: simulate_options.Json = False,
+    pretension_loss: PretensionLoss = True,
+    pressure_load: Pressure = "dead",
+    out: Out = None,
+    figure: FigureFile = None,
+    as_json: Json = False,
 ) -> None:
     """Radial inertance between two angles in (m/s²)/N; in (m/s²)/(N/m) without a belt width.
 
     Example:
       ringmodal simulate inertance --at-deg 100 --speed-rad-s 67.3 --out inertance.csv
     """
-    chosen = simulate_show.announced(tyre, accept_changes=accept_changes)
+    chosen = announced(tyre, accept_changes=accept_changes)
     forced = ForcedRing(
         chosen.ring,
         damping_of(chosen, on_pretension=pretension_loss),
         speed_rad_s,
-        pressure_load=pressure_load.value,
+        pressure_load=pressure_load,
         highest_order=harmonics,
-        frame=frame.value,
+        frame=frame,
     )
     lines = values_of("--frequency-hz", frequency_hz)
     found = simulate_inertance(forced, lines, at_deg, force_deg, inextensional=inextensional)
-    simulate_show.inertance(found, chosen, simulate_show.Targets(out, figure, as_json))
+    simulate_show.inertance(found, chosen, Targets(out, figure, as_json))
 
 
 @simulate.command(cls=Command)
 def cleat(
-    tyre: simulate_options.Tyre = None,
+    tyre: Tyre = None,
     accept_changes: AcceptChanges = False,
-    at_deg: simulate_options.AtAngle = 100.0,
+    at_deg: AtAngle = 100.0,
     frame: Annotated[
-        Frames, typer.Option(help="Whether the point watched stays on the tyre or in space.")
-    ] = Frames.rotating,
-    direction: Annotated[Directions, typer.Option(help="Component.")] = Directions.radial,
-    quantity: Annotated[Quantities, typer.Option(help="m, m/s or m/s².")] = Quantities.acceleration,
-    speed_rad_s: simulate_options.Speed = 67.3,
+        Frame, typer.Option(help="Whether the observed point stays on the tyre or in space.")
+    ] = "rotating",
+    direction: Annotated[Direction, typer.Option(help="Component.")] = "radial",
+    quantity: Annotated[Quantity, typer.Option(help="m, m/s or m/s².")] = "acceleration",
+    speed_rad_s: Speed = 67.3,
     contact_deg: Annotated[float, typer.Option(help="Angle of the contact in degrees.")] = 0.0,
     radial_n_s: Annotated[
-        float, typer.Option(help="Radial momentum of the blow in N s, outwards positive.")
+        float, typer.Option(help="Radial momentum of the impact in N s, outwards positive.")
     ] = -1.0,
     circumferential_n_s: Annotated[
-        float, typer.Option(help="Circumferential momentum of the blow in N s.")
+        float, typer.Option(help="Circumferential momentum of the impact in N s.")
     ] = 0.0,
     duration_s: Annotated[
         float, typer.Option(help="Length of the half-sine in s; 0 for an ideal impulse.")
     ] = 0.004,
     force_frame: Annotated[
-        Frames, typer.Option(help="Whether the blow stays on the tread it hits or in space.")
-    ] = Frames.rotating,
+        Frame, typer.Option(help="Whether the impact stays on the tread or in space.")
+    ] = "rotating",
     times_s: Annotated[str, typer.Option(metavar="FROM:TO:STEP", help="Times in s.")] = (
         "0:0.3:0.0005"
     ),
-    frequency_hz: simulate_options.FrequencyRange = "0:300:0.5",
-    harmonics: simulate_options.Harmonics = 200,
-    pretension_loss: simulate_options.PretensionLoss = True,
-    out: simulate_options.Out = None,
-    spectrum: simulate_options.SpectrumFile = None,
-    figure: simulate_options.FigureFile = None,
-    as_json: simulate_options.Json = False,
+    frequency_hz: Frequencies = "0:300:0.5",
+    harmonics: Harmonics = 200,
+    pretension_loss: PretensionLoss = True,
+    out: Out = None,
+    spectrum: Annotated[
+        Path | None, option("--spectrum", "Spectrum: .csv or .parquet.", callback=_table)
+    ] = None,
+    figure: FigureFile = None,
+    as_json: Json = False,
 ) -> None:
-    """What a point of the rolling tyre feels when it runs over a cleat, in time and frequency.
+    """Response of a point of the rolling tyre to a cleat, in time and frequency.
 
     Example:
       ringmodal simulate cleat --at-deg 90 --frame absolute --figure cleat.png
     """
-    chosen = simulate_show.announced(tyre, accept_changes=accept_changes)
+    chosen = announced(tyre, accept_changes=accept_changes)
     forced = ForcedRing(
         chosen.ring,
         damping_of(chosen, on_pretension=pretension_loss),
         speed_rad_s,
         highest_order=harmonics,
-        frame=force_frame.value,
+        frame=force_frame,
     )
-    blow = Cleat(radial_n_s, circumferential_n_s, duration_s, math.radians(contact_deg))
-    observer = Observer(
-        at_deg,
-        frame.value,
-        direction.value,
-        quantity.value,
-    )
-    found = simulate_cleat(
-        CleatTest(forced, blow),
-        observer,
-        values_of("--times-s", times_s),
-        values_of("--frequency-hz", frequency_hz),
-    )
-    simulate_show.cleat(found, simulate_show.Targets(out, figure, as_json), spectrum)
+    impact = Cleat(radial_n_s, circumferential_n_s, duration_s, math.radians(contact_deg))
+    observer = Observer(at_deg, frame, direction, quantity)
+    times, lines = values_of("--times-s", times_s), values_of("--frequency-hz", frequency_hz)
+    found = simulate_cleat(CleatTest(forced, impact), observer, times, lines)
+    simulate_show.cleat(found, Targets(out, figure, as_json), spectrum)
 
 
 @simulate.command(cls=Command)
 def loaded(
-    tyre: simulate_options.Tyre = None,
+    tyre: Tyre = None,
     accept_changes: AcceptChanges = False,
     load_n: Annotated[
         str, typer.Option(metavar="FROM:TO:STEP", help="Vertical loads in N; 0 is the free tyre.")
@@ -239,51 +267,51 @@ def loaded(
     harmonics: Annotated[
         int, typer.Option(min=8, max=200, help="Harmonics of the deflected shape.")
     ] = 60,
-    pressure_load: simulate_options.PressureLoad = PressureLoads.dead,
-    out: simulate_options.Out = None,
-    figure: simulate_options.FigureFile = None,
-    as_json: simulate_options.Json = False,
+    pressure_load: Pressure = "dead",
+    out: Out = None,
+    figure: FigureFile = None,
+    as_json: Json = False,
 ) -> None:
-    """Natural frequencies in Hz of the standing tyre pressed on the road, over vertical load.
+    """Natural frequencies in Hz of the standing tyre on the road, over vertical load.
 
     Example:
       ringmodal simulate loaded --load-n 0:4000:500 --figure loaded.svg
     """
     found = simulate_loaded(
-        simulate_show.announced(tyre, accept_changes=accept_changes).ring,
+        announced(tyre, accept_changes=accept_changes).ring,
         values_of("--load-n", load_n, MOST_LOADS),
         modes,
         highest_order=harmonics,
-        pressure_load=pressure_load.value,
+        pressure_load=pressure_load,
     )
-    simulate_show.loaded(found, simulate_show.Targets(out, figure, as_json))
+    simulate_show.loaded(found, Targets(out, figure, as_json))
 
 
 @simulate.command(cls=Command)
 def hub(
-    tyre: simulate_options.Tyre = None,
+    tyre: Tyre = None,
     accept_changes: AcceptChanges = False,
-    hub: Annotated[Hubs, typer.Option(help="Whether the wheel can move.")] = Hubs.fixed,
+    hub: Annotated[
+        Literal["fixed", "free"], typer.Option(help="Whether the wheel can move.")
+    ] = "fixed",
     wheel_mass_kg: Annotated[
-        float | None, typer.Option(help="Mass of the wheel in kg, in place of the tyre's own.")
+        float | None, typer.Option(help="Mass of the wheel in kg, instead of that of --tyre.")
     ] = None,
     wheel_inertia_kg_m2: Annotated[
         float | None,
-        typer.Option(help="Its moment of inertia in kg m², in place of the tyre's own."),
+        typer.Option(help="Its moment of inertia in kg m², instead of that of --tyre."),
     ] = None,
-    force_deg: simulate_options.ForceAngle = 0.0,
-    direction: Annotated[
-        Directions, typer.Option(help="Direction of the force.")
-    ] = Directions.radial,
-    speed_rad_s: simulate_options.Speed = 0.0,
-    frequency_hz: simulate_options.FrequencyRange = "1:300:0.25",
+    force_deg: ForceAngle = 0.0,
+    direction: Annotated[Direction, typer.Option(help="Direction of the force.")] = "radial",
+    speed_rad_s: Speed = 0.0,
+    frequency_hz: Frequencies = "1:300:0.25",
     frame: Annotated[
-        Frames, typer.Option(help="Whether force and axes stay on the tyre or in space.")
-    ] = Frames.absolute,
-    pretension_loss: simulate_options.PretensionLoss = True,
-    out: simulate_options.Out = None,
-    figure: simulate_options.FigureFile = None,
-    as_json: simulate_options.Json = False,
+        Frame, typer.Option(help="Whether force and axes stay on the tyre or in space.")
+    ] = "absolute",
+    pretension_loss: PretensionLoss = True,
+    out: Out = None,
+    figure: FigureFile = None,
+    as_json: Json = False,
 ) -> None:
     """Forces in N/N and moment in N m/N at the hub per unit of force on the belt.
 
@@ -292,21 +320,16 @@ def hub(
     Example:
       ringmodal simulate hub --hub free --wheel-mass-kg 12 --wheel-inertia-kg-m2 0.6
     """
-    chosen = simulate_show.announced(tyre, accept_changes=accept_changes)
-    wheel = None
-    if hub is Hubs.free:
-        wheel = wheel_of(chosen.wheel, wheel_mass_kg, wheel_inertia_kg_m2)
+    chosen = announced(tyre, accept_changes=accept_changes)
+    given = (wheel_mass_kg, wheel_inertia_kg_m2)
+    wheel = wheel_of(chosen.wheel, *given) if hub == "free" else None
     forced = ForcedRing(
         chosen.ring,
         damping_of(chosen, on_pretension=pretension_loss),
         speed_rad_s,
         wheel,
-        frame=frame.value,
+        frame=frame,
     )
-    found = hub_response(
-        forced,
-        values_of("--frequency-hz", frequency_hz),
-        math.radians(force_deg),
-        force_direction=direction.value,
-    )
-    simulate_show.hub(found, forced, simulate_show.Targets(out, figure, as_json))
+    lines, angle = values_of("--frequency-hz", frequency_hz), math.radians(force_deg)
+    found = hub_response(forced, lines, angle, force_direction=direction)
+    simulate_show.hub(found, forced, Targets(out, figure, as_json))

@@ -1,72 +1,50 @@
-"""The command line's first steps: ``demo``, ``doctor``, ``inspect``, ``init``."""
+"""First steps: ``demo``, ``inspect`` with its tables, ``init``."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from pipelines.cli import terminal
-from pipelines.cli.doctor import PROBLEM, examine, show_checks
-from pipelines.cli.interrupt import stating_what_stands
-from pipelines.cli.options import Json, replacing
-from pipelines.cli.progress import shown
-from pipelines.cli.show_channels import show_inspection
-from pipelines.cli.show_result import show
+from ema.core.finding import Finding
+from ema.core.frf import FRF
+from ema.signals.signal_checks import SignalSummary
+from pipelines.cli.interrupt import reporting_outcome
+from pipelines.cli.options import Json, argument, option, replacing
+from pipelines.cli.result import show
+from pipelines.cli.screen import columns_of, print_table
+from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.prepare.guesses import Layout
-from pipelines.prepare.inspection import inspect_files
+from pipelines.prepare.inspection import ChannelReport, FileReport, Inspection, inspect_files
 from pipelines.prepare.manifest_template import draft_manifest, write_draft
 from pipelines.report.save import run_demo
 
-PLACES = "Places of the sensors"
+PLACES = "Sensor positions"
 
 
 def demo(
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for the demonstration.")
-    ] = Path("demo"),
+    out: Annotated[Path, option("--out", "Folder to write.", metavar="DIR")] = Path("demo"),
     as_json: Json = False,
 ) -> None:
-    """Process the sample campaign and say where the report is.
+    """Process the sample campaign and write its report.
 
     Example:
       ringmodal demo --out demo
     """
-    with stating_what_stands(out / "result"):
+    with reporting_outcome(out / "result"):
         result, folder = run_demo(out)
     show(result, folder, as_json=as_json, report=True)
 
 
-def doctor(as_json: Json = False) -> None:
-    """Check the installation: libraries, optional parts, machine, and a small campaign.
-
-    Ends with code 0 if there is no problem, with 1 otherwise; advice is no problem.
-
-    Example:
-      ringmodal doctor
-    """
-    pass
-
-    with shown(quiet=as_json) as progress:
-        progress.stage("Checking the installation …")
-        checks = examine()
-    show_checks(checks, as_json=as_json)
-    if any(check.verdict == PROBLEM for check in checks):
-        raise typer.Exit(1)
-
-
 def inspect(
     files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE…", help="Recordings, folders of recordings, or a campaign.toml."
-        ),
+        list[Path], argument("FILE…", "Recordings, folders of recordings, or a campaign.toml.")
     ],
-    headers: Annotated[bool, typer.Option("--headers", help="Read headers only.")] = False,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit code 2 if anything looks wrong.")
-    ] = False,
+    headers: Annotated[bool, option("--headers", "Read headers only.")] = False,
+    strict: Annotated[bool, option("--strict", "Exit code 2 if anything looks wrong.")] = False,
     as_json: Json = False,
 ) -> None:
     """Show channels, units, rates, lengths and levels of recordings, and what looks wrong.
@@ -79,61 +57,233 @@ def inspect(
     if inspection.files:
         show_inspection(inspection, as_json=as_json)
     for error in inspection.errors:
-        terminal.complain(f"Error: {error}")
+        echo_error(f"Error: {error}")
     if inspection.errors or (strict and inspection.looks_wrong):
         raise typer.Exit(2)
 
 
 def init(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with recordings.")],
+    folder: Annotated[Path, argument("FOLDER", "Folder with recordings.")],
     spacing_deg: Annotated[
         float | None,
-        typer.Option(
+        option(
             "--spacing-deg",
-            metavar="DEG",
-            rich_help_panel=PLACES,
-            help="Evenly spread sensors: degrees from one to the next, in the order of their "
-            "channels. The first one of the first run is at 0.",
+            "Evenly spaced sensors: degrees from one to the next, in the order of their channels. "
+            "The first one of the first run is at 0.",
+            PLACES,
+            "DEG",
         ),
     ] = None,
     step_deg: Annotated[
-        float,
-        typer.Option(
-            "--step-deg",
-            metavar="DEG",
-            rich_help_panel=PLACES,
-            help="Degrees by which they are turned from run to run.",
-        ),
+        float, option("--step-deg", "Degrees that the sensors move from run to run.", PLACES, "DEG")
     ] = 0.0,
     reference: Annotated[
         str | None,
-        typer.Option(
-            metavar="CHANNEL",
-            rich_help_panel=PLACES,
-            help="The sensor that stays in place in all runs. Default: one called REF or alike.",
+        option(
+            "--reference", "Sensor that stays in place. Default: REF or similar.", PLACES, "CHANNEL"
         ),
     ] = None,
     force: Annotated[bool, replacing("an existing manifest")] = False,
     as_json: Json = False,
 ) -> None:
-    """Draft a campaign.toml from the recordings in a folder, and say what to fill in.
+    """Write a campaign.toml template from the recordings in a folder, and list what to fill in.
 
     Examples:
       ringmodal init measurements/tyre_7
       ringmodal init measurements/tyre_7 --spacing-deg 30 --step-deg 5 --reference A13
     """  # noqa: D406, D407 - a heading of the help
     if step_deg and spacing_deg is None:
-        raise typer.BadParameter("--step-deg goes with --spacing-deg. Give both.")
+        raise typer.BadParameter("--step-deg requires --spacing-deg. Use both.")
     layout = None if spacing_deg is None else Layout(spacing_deg, step_deg)
     draft = draft_manifest(folder, layout=layout, reference=reference)
     for text in draft.left_out:
-        terminal.complain(f"Left out: {text}")
+        echo_error(f"Left out: {text}")
     path = write_draft(folder, draft, force=force)
     if as_json:
-        content = {"draft": str(path), "to_fill_in": draft.missing, "left_out": draft.left_out}
-        terminal.print_json(content)
+        print_json({"draft": str(path), "to_fill_in": draft.missing, "left_out": draft.left_out})
         return
-    terminal.say(f"Draft: {path}")
+    echo(f"Template: {path}")
     for text in draft.missing:
-        terminal.say(f"To fill in: {text}")
-    terminal.say(f"Next: check {path}, then ringmodal process {folder} --out result")
+        echo(f"To fill in: {text}")
+    echo(f"Next: check {path}, then ringmodal process {folder} --out result")
+
+
+_SHOWN_NAMES = 6  # channels that one message lists
+
+
+def show_inspection(inspection: Inspection, *, as_json: bool) -> None:
+    """Print what is in recordings and what looks wrong, file by file."""
+    if as_json:
+        print_json([row for report in inspection.files for row in _rows(report)])
+        return
+    for report in inspection.files:
+        echo(_heading(report))
+        if report.channels:
+            _print_channels(report.channels)
+        if report.frf is not None:
+            _print_frfs(report.frf, report.frf_names)
+        for line in _lines("Looks wrong", report.wrong) + _lines("Note", report.notes):
+            echo(line)
+        echo("")
+    if any(row.signal for report in inspection.files for row in report.channels):
+        echo("Levels in m/s^2, N, m/s, m or V; rms and crest factor are about the mean (DC).")
+
+
+def _heading(report: FileReport) -> str:
+    kind = report.path.name.removesuffix(".gz").rpartition(".")[2].upper()
+    parts = [f"{kind}, {_size(report.size_bytes)}"]
+    if report.channels:
+        n_samples, rate_hz = report.channels[0].channel.n_samples, report.sampling_rate_hz
+        parts.append(f"{_count(len(report.channels), 'channel')} of {n_samples} samples")
+        if rate_hz > 0:
+            parts[-1] += f" at {rate_hz:.10g} Hz, {n_samples / rate_hz:.6g} s"
+    if report.frf is not None:
+        lines_hz, frfs = report.frf.frequency_hz, _count(report.frf.n_positions, "FRF")
+        band = f"{lines_hz[0]:.4g} to {lines_hz[-1]:.4g} Hz"
+        parts.append(f"{frfs} of {lines_hz.size} lines, {band}")
+    if len(parts) == 1:
+        parts.append("neither time series nor FRFs")
+    return f"{report.path}: {'; '.join(parts)}"
+
+
+def _count(n: int, noun: str) -> str:
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+
+
+def _size(n_bytes: int) -> str:
+    for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if n_bytes >= size:
+            return f"{n_bytes / size:.3g} {unit}"
+    return f"{n_bytes} bytes"
+
+
+def _number(value: float, form: str = ".4g") -> str:
+    return "" if math.isnan(value) else f"{value:{form}}"
+
+
+def _share(value: float) -> str:
+    return f"{100 * value:.2g} %" if value else ""
+
+
+def _node(node: int | None) -> str:
+    return "" if node is None or node < 0 else str(node)
+
+
+def _angle(angle_deg: float | None) -> str:
+    return "" if angle_deg is None or math.isnan(angle_deg) else f"{angle_deg:.4g}°"
+
+
+def _hum(signal: SignalSummary) -> str:
+    if signal.hum is None:
+        return ""
+    return f"{signal.hum.frequency_hz:g} Hz {_share(signal.hum.rms / signal.rms_ac)}"
+
+
+_LEVELS: dict[str, Callable[[SignalSummary], str]] = {
+    "rms\n(SI)": lambda signal: _number(signal.rms_ac),
+    "peak\n(SI)": lambda signal: _number(signal.peak),
+    "crest": lambda signal: _number(signal.crest_factor, ".1f"),
+    "DC\n(SI)": lambda signal: _number(signal.mean),
+    "clipped": lambda signal: _share(signal.clipped_share),
+    "hum": _hum,
+    "missing": lambda signal: str(signal.n_missing or ""),
+}
+# On a narrow screen; the unit tells the quantity.
+_FIRST_TO_GO = ("quantity", "crest", "peak\n(SI)", "DC\n(SI)", "clipped", "angle", "hum")
+
+
+def _print_channels(rows: Sequence[ChannelReport]) -> None:
+    numbered = any(row.channel.node for row in rows)  # node 0 everywhere: not numbered
+    cells = [
+        (
+            row.channel.name,
+            row.channel.quantity,
+            row.channel.unit,
+            _node(row.channel.node) if numbered else "",
+            _angle(row.channel.angle_deg),
+            *("" if row.signal is None else tell(row.signal) for tell in _LEVELS.values()),
+        )
+        for row in rows
+    ]
+    texts = ("channel", "quantity", "unit in\nthe file")
+    columns = columns_of((*texts, "node", "angle", *_LEVELS), cells, texts, texts[:1])
+    print_table("", columns, _FIRST_TO_GO)
+
+
+def _print_frfs(frf: FRF, names: Sequence[str]) -> None:
+    places = zip(names, frf.node, frf.position_deg, strict=True)
+    cells = [(name, _node(int(node)), _angle(float(angle))) for name, node, angle in places]
+    print_table("", columns_of(("FRF", "node", "angle"), cells, ("FRF",), ("FRF",)))
+
+
+def _lines(title: str, findings: Sequence[Finding]) -> list[str]:
+    """Findings as lines, one for all channels with the same finding."""
+    channels: dict[tuple[str, str], list[str]] = {}
+    for finding in findings:
+        names = channels.setdefault((finding.check, finding.detail), [])
+        if finding.channel:
+            names.append(finding.channel)
+    lines = []
+    for (check, detail), names in channels.items():
+        more = f" and {len(names) - _SHOWN_NAMES} more" if len(names) > _SHOWN_NAMES else ""
+        where = f"{', '.join(names[:_SHOWN_NAMES])}{more}: " if names else ""
+        lines.append(f"{title}: {where}{check}: {detail}")
+    return lines
+
+
+def _rows(report: FileReport) -> list[dict[str, Any]]:
+    """Rows of ``--json``: channels and FRFs, and the file itself where it has findings."""
+    file = {"file": report.path.name, "path": str(report.path)}
+    rows = [file | _channel_row(row, report.sampling_rate_hz) for row in report.channels]
+    rows += [file | row for row in _frf_rows(report)]
+    if report.findings or not rows:
+        about = {"kind": "file", "channel": None, "size_bytes": report.size_bytes}
+        rows.append(file | about | {"findings": _as_json(report.findings)})
+    return rows
+
+
+def _channel_row(row: ChannelReport, rate_hz: float) -> dict[str, Any]:
+    channel, signal = row.channel, row.signal
+    content: dict[str, Any] = {
+        "kind": "time series",
+        "channel": channel.name,
+        **{name: getattr(channel, name) for name in ("node", "angle_deg", "quantity", "unit")},
+        "sampling_rate_hz": rate_hz,
+        "n_samples": channel.n_samples,
+    }
+    if signal is not None:
+        names = (
+            *("rms", "rms_ac", "peak", "crest_factor", "mean", "lowest", "highest"),
+            *("clipped_share", "n_missing", "first_missing", "longest_hold"),
+        )
+        content |= {name: getattr(signal, name) for name in names}
+        content["hum_hz"] = None if signal.hum is None else signal.hum.frequency_hz
+        content["hum_rms"] = None if signal.hum is None else signal.hum.rms
+    return content | {"findings": _as_json(row.findings)}
+
+
+def _frf_rows(report: FileReport) -> list[dict[str, Any]]:
+    frf = report.frf
+    if frf is None:
+        return []
+    return [
+        {
+            "kind": "FRF",
+            "channel": name,
+            "node": None if node < 0 else node,
+            "angle_deg": angle,
+            "quantity": "inertance",
+            "unit": "(m/s^2)/N",
+            "n_lines": frf.frequency_hz.size,
+            "lowest_hz": frf.frequency_hz[0],
+            "highest_hz": frf.frequency_hz[-1],
+            "findings": [],
+        }
+        for name, node, angle in zip(report.frf_names, frf.node, frf.position_deg, strict=True)
+    ]
+
+
+def _as_json(findings: Sequence[Finding]) -> list[dict[str, str]]:
+    return [
+        {"check": each.check, "verdict": each.verdict, "detail": each.detail} for each in findings
+    ]

@@ -1,4 +1,4 @@
-"""Standard output and error that cannot end a command: a result never hangs on who listens."""
+"""Standard output and error that survive closed pipes, full drives and poor encodings."""
 
 from __future__ import annotations
 
@@ -11,26 +11,21 @@ from contextlib import suppress
 from typing import Any
 
 _STANDARD = ("stdout", "stderr")
-# A reader that ended has seen what it wanted; Windows calls the same EINVAL.
+# The reader of a pipe has ended, which is not an error; Windows reports EINVAL.
 _READER_ENDED = (errno.EPIPE, errno.EINVAL) if os.name == "nt" else (errno.EPIPE,)
 
 
 class _Tolerant(io.RawIOBase):
-    """A stream that takes everything; what went wrong is kept.
-
-    Parameters
-    ----------
-    stream : TextIOWrapper
-        The text stream it takes the place of; kept, as it would close its bytes when it goes.
-    """
+    """A stream that accepts everything and keeps the first error."""
 
     def __init__(self, stream: io.TextIOWrapper) -> None:
+        # The stream is kept: when it is deleted it closes its bytes.
         self._stream, self._raw = stream, _raw(stream)
         self.error: OSError | None = None
 
     @property
     def name(self) -> Any:
-        """That of the stream beneath."""
+        """That of the underlying stream."""
         return self._raw.name
 
     def writable(self) -> bool:
@@ -38,15 +33,15 @@ class _Tolerant(io.RawIOBase):
         return True
 
     def fileno(self) -> int:
-        """That of the stream beneath."""
+        """That of the underlying stream."""
         return int(self._raw.fileno())
 
     def isatty(self) -> bool:
-        """As the stream beneath."""
+        """That of the underlying stream."""
         return bool(self._raw.isatty())
 
     def write(self, data: Any) -> int | None:
-        """Write as much as can be written now; after an error, nothing any more."""
+        """Write as much as possible now; after an error, nothing."""
         if self.error is None:
             try:
                 return self._raw.write(data)  # type: ignore[no-any-return]
@@ -56,10 +51,7 @@ class _Tolerant(io.RawIOBase):
 
 
 def make_tolerant() -> None:
-    """Put streams beneath `print` that survive closed ones, full drives and readers that end.
-
-    Streams of a notebook or a test are left alone.
-    """
+    """Replace the standard streams by tolerant ones, except those of a notebook or a test."""
     _fill_gaps()
     for number, name in enumerate(_STANDARD, 1):
         stream = getattr(sys, name)
@@ -71,7 +63,7 @@ def make_tolerant() -> None:
 
 
 def output_trouble() -> OSError | None:
-    """What kept standard output from being written; nothing where the reader ended by itself."""
+    """The error that kept standard output from being written, if any."""
     for name in _STANDARD:
         with suppress(OSError, ValueError):  # a stream that is not ours
             getattr(sys, name).flush()
@@ -81,10 +73,9 @@ def output_trouble() -> OSError | None:
 
 
 def _fill_gaps() -> None:
-    """Open a device that takes everything in place of closed streams.
+    """Open the null device in place of closed streams.
 
-    Otherwise the next file that is opened gets their number, and what a library says of an error
-    ends in it.
+    Otherwise the next file that is opened gets their number, and messages of libraries go into it.
     """
     while True:
         number = os.open(os.devnull, os.O_RDWR)
@@ -118,24 +109,12 @@ def _wrapped(stream: io.TextIOWrapper, number: int) -> io.TextIOWrapper:
 _HANDLER = "ringmodal"
 _SUPERSCRIPTS = "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"
 _AS_DIGITS = str.maketrans(_SUPERSCRIPTS, "-0123456789")
-_OTHERWISE = {
-    "−": "-",
-    "±": "+/-",
-    "×": "x",
-    "→": "->",
-    "…": "...",
-    "–": "-",
-    "≥": ">=",
-    "≤": "<=",
-    "°": " deg",
-    "²": "^2",
-    "³": "^3",
-    "─": "-",
-}
+_SIGNS = ("−-", "±+/-", "×x", "→->", "…...", "–-", "≥>=", "≤<=", "° deg", "²^2", "³^3", "─-")
+_OTHERWISE = {each[0]: each[1:] for each in _SIGNS}
 
 
 def tolerant_output() -> None:
-    """Let standard output and error replace what their encoding lacks."""
+    """Replace characters that the encoding of standard output or error lacks."""
     codecs.register_error(_HANDLER, _replaced)
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)  # a notebook's streams have none
@@ -145,19 +124,12 @@ def tolerant_output() -> None:
 
 def lacking(encoding: str, characters: str = "±×→−⁶°²") -> str:
     """Characters of results that an encoding lacks."""
-    return "".join(sign for sign in characters if not _has(encoding, sign))
-
-
-def _has(encoding: str, sign: str) -> bool:
-    try:
-        sign.encode(encoding)
-    except UnicodeEncodeError:
-        return False
-    return True
+    encoded = (sign.encode(encoding, "ignore") for sign in characters)
+    return "".join(sign for sign, there in zip(characters, encoded, strict=True) if not there)
 
 
 def _replaced(error: UnicodeError) -> tuple[str, int]:
-    """Write the signs that cannot be encoded with others: an exponent stays an exponent."""
+    """Replace signs that cannot be encoded; a superscript stays an exponent."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     signs = error.object[error.start : error.end]

@@ -1,19 +1,19 @@
-"""The command line's ``ringmodal tyre``: the library of parameter sets."""
+"""``ringmodal tyre``: the library of parameter sets."""
 
 from __future__ import annotations
 
-from enum import StrEnum
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any, Literal
 
 import typer
 
 from ema.core.errors import InputError
-from pipelines.cli import show_tyre, terminal
+from pipelines.cli import show_tyre
 from pipelines.cli.help import Command, Group
 from pipelines.cli.options import (
     FILES,
-    LIBRARY_PANEL,
+    LIBRARY,
     AcceptChanges,
     AnySet,
     Author,
@@ -22,8 +22,11 @@ from pipelines.cli.options import (
     Name,
     Note,
     Reference,
+    argument,
     library_folder,
+    option,
 )
+from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.cli.tyre_tir import from_tir, modal_targets, update_tir
 from pipelines.cli.values import TABLE_ENDINGS, require_target
 from pipelines.library.export import export as write
@@ -32,65 +35,43 @@ from pipelines.library.history import all_damage, difference, history_of
 from pipelines.library.library import TyreLibrary, conditions_of, resolve
 from pipelines.library.numbering import require_version, split_reference
 from pipelines.library.series import pressure_series
-from pipelines.library.version import login_name
+from pipelines.library.version import Version, login_name
 from pipelines.report.pressure_series import ENDINGS, write_series
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from ema.core.errors import InputError
-    from pipelines.library.library import TyreLibrary
-    from pipelines.library.version import Version
 
 tyre = typer.Typer(
     cls=Group,
-    help="""Parameter sets of tyres: kept in a library, compared, handed to other programs.
+    help="""Parameter sets of tyres: versions, comparison, export to other programs.
 
     A library is a folder, e.g. on a network drive. Each tyre in it has numbered versions, which
-    never change once written. Option --library or the variable RINGMODAL_LIBRARY names the folder.
+    never change once written. Option --library or the variable RINGMODAL_LIBRARY gives the folder.
 
     Examples:
       ringmodal tyre add results/tyre_7 --library parameters --note "new contour"
       ringmodal tyre history 225-55R17 --library parameters
     """,
     no_args_is_help=True,
+    add_completion=False,
     rich_markup_mode=None,
 )
 
 
-class PressureUnit(StrEnum):
-    """Unit of pressures that are shown."""
-
-    bar = "bar"
-    kilopascal = "kPa"
-    pascal = "Pa"
-    psi = "psi"
-
-
 @tyre.command(cls=Command)
 def add(
-    result: Annotated[
-        Path,
-        typer.Argument(metavar="RESULT", help="Result folder, or a tyre.toml.", show_default=False),
-    ],
+    result: Annotated[Path, argument("RESULT", "Result folder, or a tyre.toml.")],
     library: Library = None,
     tyre_id: Annotated[
         str,
-        typer.Option(
-            "--tyre",
-            metavar="NAME",
-            rich_help_panel=LIBRARY_PANEL,
-            help="Tells tyres of the same designation apart, e.g. winter-A.",
-        ),
+        option("--tyre", "Name among tyres of one designation, e.g. winter-A.", LIBRARY, "NAME"),
     ] = "",
     note: Note = "",
     author: Author = "",
     condition: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE",
-            rich_help_panel=LIBRARY_PANEL,
-            help="What else it was measured under, in SI, e.g. temperature_c=21.5 or load_n=4000.",
+        option(
+            "--condition",
+            "A condition of the measurement in SI, e.g. load_n=4000.",
+            LIBRARY,
+            "NAME=VALUE",
         ),
     ] = None,
     accept_changes: AcceptChanges = False,
@@ -98,8 +79,8 @@ def add(
 ) -> None:
     """Add the parameter set of a result as a new version of its tyre.
 
-    The first version of the first tyre makes the library's folder. Several people may add at the
-    same time: each gets a number of their own.
+    The first version of the first tyre creates the library's folder. Several people may add at the
+    same time: each version gets its own number.
 
     Example:
       ringmodal tyre add results/tyre_7 --library parameters --note "new contour"
@@ -131,7 +112,7 @@ def list_tyres(library: Library = None, as_json: Json = False) -> None:
 def show(name: Reference, library: Library = None, as_json: Json = False) -> None:
     """Show a version: conditions, parameters with ±, where they come from.
 
-    Without a version it is the approved one, and the newest where none is approved.
+    The default is the approved version, or the newest if none is approved.
 
     Example:
       ringmodal tyre show 225-55R17 --library parameters
@@ -164,32 +145,28 @@ def diff(
 ) -> None:
     """Compare two parameter sets, with the significance of each difference.
 
-    z is the difference over its standard deviation, p the chance of one as large from noise alone.
-    Tested are parameters that both sets identified; the verdict allows for testing several.
+    z is the difference over its standard deviation, p the p-value. Only parameters that both sets
+    identified are tested; the verdict allows for testing several.
 
     Example:
       ringmodal tyre diff 225-55R17@1 225-55R17@2 --library parameters
       ringmodal tyre diff 225-55R17 results/tyre_7 --library parameters
     """
     one, two = (resolve(each, library, accept_changes=accept_changes) for each in (first, second))
-    found = difference(one, two)
-    show_tyre.show_difference(found, as_json=as_json)
+    show_tyre.show_difference(difference(one, two), as_json=as_json)
 
 
 @tyre.command(cls=Command)
 def approve(
-    name: Annotated[
-        str,
-        typer.Argument(metavar="NAME@VERSION", help="E.g. 225-55R17@3.", show_default=False),
-    ],
+    name: Annotated[str, argument("NAME@VERSION", "E.g. 225-55R17@3.")],
     library: Library = None,
     note: Note = "",
     author: Author = "",
     as_json: Json = False,
 ) -> None:
-    """Make a version the approved one, which `show` and `export` take from now on.
+    """Approve a version, which `show` and `export` use from now on.
 
-    The version itself does not change: who approved it, when and why is written down beside it.
+    The version itself does not change: who approved it, when and why is recorded beside it.
 
     Example:
       ringmodal tyre approve 225-55R17@3 --library parameters --note "checked on the road"
@@ -204,11 +181,7 @@ def approve(
 def rollback(
     name: Annotated[
         str,
-        typer.Argument(
-            metavar="NAME[@VERSION]",
-            help="Tyre, and the version to go back to. Default: the one approved before.",
-            show_default=False,
-        ),
+        argument("NAME[@VERSION]", "Tyre and version. Default: the version approved before."),
     ],
     library: Library = None,
     note: Note = "",
@@ -218,7 +191,7 @@ def rollback(
     """Go back to a version that was approved earlier.
 
     Nothing is deleted or changed: that version becomes the approved one again, and who went back,
-    when and why is written down. Later versions stay and can be approved again.
+    when and why is recorded. Later versions stay and can be approved again.
 
     Example:
       ringmodal tyre rollback 225-55R17 --library parameters --note "contour was not released"
@@ -233,17 +206,9 @@ def rollback(
 @tyre.command(cls=Command)
 def export(
     name: Annotated[str, AnySet],
-    out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", rich_help_panel=FILES, help="File to write.")
-    ],
+    out: Annotated[Path, option("--out", "File to write.", FILES, "FILE")],
     file_format: Annotated[
-        str,
-        typer.Option(
-            "--format",
-            metavar="FORMAT",
-            rich_help_panel=FILES,
-            help="toml, json, csv, … Default: the ending of FILE.",
-        ),
+        str, option("--format", "toml, json, csv, … Default: by FILE.", FILES, "FORMAT")
     ] = "",
     library: Library = None,
     accept_changes: AcceptChanges = False,
@@ -257,35 +222,22 @@ def export(
     """
     found = resolve(name, library, accept_changes=accept_changes)
     written = write(found.parameters, out, file_format)
-    _say_file(out, as_json=as_json, told={"set": found.name, "format": written})
+    _say_file(out, as_json=as_json, set=found.name, format=written)
 
 
 @tyre.command(cls=Command)
 def table(
-    names: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="[NAME]…", help="Tyres. Default: all.", show_default=False),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="FILE", rich_help_panel=FILES, help="A name in .parquet or .csv."
-        ),
-    ] = None,
+    names: Annotated[list[str] | None, argument("[NAME]…", "Tyres. Default: all.")] = None,
+    out: Annotated[Path | None, option("--out", "Table: .parquet or .csv.", FILES, "FILE")] = None,
     wide: Annotated[
-        bool,
-        typer.Option(
-            "--wide",
-            rich_help_panel=FILES,
-            help="One row per version. Default: one per version and parameter.",
-        ),
+        bool, option("--wide", "One row per version, not per parameter.", FILES)
     ] = False,
     library: Library = None,
     as_json: Json = False,
 ) -> None:
     """Write all versions as one table, for pandas or a spreadsheet; without --out, show them.
 
-    Versions whose files are damaged are left out and named; the exit code is 2 then.
+    Versions with damaged files are left out and named; the exit code is 2 then.
 
     Example:
       ringmodal tyre table --library parameters --out parameters.parquet --wide
@@ -299,7 +251,7 @@ def table(
         show_tyre.show_rows(rows, as_json=as_json)
     else:
         write_table(out, rows, wide=wide)
-        _say_file(out, as_json=as_json, told={"rows": len(rows)})
+        _say_file(out, as_json=as_json, rows=len(rows))
     _complain_of(damage)
 
 
@@ -307,42 +259,39 @@ def table(
 def series(
     name: Name,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="FILE", rich_help_panel=FILES, help="A plot, in .png, .svg or .html."
-        ),
+        Path | None, option("--out", "Plot: .png, .svg or .html.", FILES, "FILE")
     ] = None,
     parameter: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Only this parameter; may be repeated."),
+        option("--parameter", "Only this parameter; may be repeated.", metavar="NAME"),
     ] = None,
     pressure_unit: Annotated[
-        PressureUnit, typer.Option(help="Unit of the pressure.")
-    ] = PressureUnit.bar,
+        Literal["bar", "kPa", "Pa", "psi"], option("--pressure-unit", "Unit of the pressure.")
+    ] = "bar",
     library: Library = None,
     as_json: Json = False,
 ) -> None:
     """Follow the parameters of a tyre over inflation pressure, with a straight line for each.
 
-    Versions identified at two different pressures or more are needed; of several from the same
-    recordings the newest counts. Lines are weighted with 1/σ².
+    Versions identified at two or more pressures are required; of several from the same recordings
+    the newest is used. Lines are weighted with 1/σ².
 
     Example:
       ringmodal tyre series 225-55R17 --library parameters --out series.png
     """
     if out is not None:
         require_target(out, ENDINGS)
-    meant = _library(library).tyre(name)
-    versions, damage = meant.versions()
+    wanted = _library(library).tyre(name)
+    versions, damage = wanted.versions()
     try:
-        found = pressure_series(versions or [meant.latest_intact()], parameter or ())
-    except InputError as error:  # what is damaged may be what is missing
+        found = pressure_series(versions or [wanted.latest_intact()], parameter or ())
+    except InputError as error:  # a damaged file may be the missing one
         raise (damage[0] if damage else error) from error
-    show_tyre.show_series(found, pressure_unit.value, as_json=as_json)
+    show_tyre.show_series(found, pressure_unit, as_json=as_json)
     if out is not None:
-        write_series(out, found, pressure_unit.value)
+        write_series(out, found, pressure_unit)
         if not as_json:
-            terminal.say(f"Plot: {out}")
+            echo(f"Plot: {out}")
     _complain_of(damage)
 
 
@@ -351,30 +300,27 @@ for command in (update_tir, from_tir, modal_targets):
 
 
 def _library(given: Path | None) -> TyreLibrary:
-
     return TyreLibrary(library_folder(given))
 
 
 def _say_what_is_done(done: str, version: Version, *, as_json: bool) -> None:
     if as_json:
-        told = {"tyre": version.tyre, "version": version.number}
-        terminal.print_json({**told, "author": version.entry.author, "sha256": version.sha256})
+        about = {"tyre": version.tyre, "version": version.number}
+        print_json({**about, "author": version.entry.author, "sha256": version.sha256})
     else:
-        terminal.say(f"{done}: {version.reference}")
+        echo(f"{done}: {version.reference}")
 
 
-def _say_file(path: Path, *, as_json: bool, told: dict[str, object]) -> None:
+def _say_file(path: Path, *, as_json: bool, **about: Any) -> None:
     if as_json:
-        terminal.print_json({"file": str(path), **told})
+        print_json({"file": str(path), **about})
     else:
-        terminal.say(
-            f"Written: {path} ({', '.join(f'{key} {value}' for key, value in told.items())})"
-        )
+        echo(f"Written: {path} ({', '.join(f'{key} {value}' for key, value in about.items())})")
 
 
 def _complain_of(damage: Sequence[InputError]) -> None:
-    """Report damaged files after what could be read; the exit code tells of them too."""
+    """Report damaged files after the output, and end with exit code 2."""
     for error in damage:
-        terminal.complain(f"Error: {error}")
+        echo_error(f"Error: {error}")
     if damage:
         raise typer.Exit(2)

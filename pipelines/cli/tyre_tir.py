@@ -1,39 +1,35 @@
-"""The command line's ``ringmodal tyre update-tir``, ``from-tir`` and ``modal-targets``."""
+"""``ringmodal tyre update-tir``, ``from-tir`` and ``modal-targets``."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
 from ema.core.errors import InputError
-from pipelines.cli import show_tyre, terminal
-from pipelines.cli.options import FILES, AcceptChanges, AnySet, Json, Library
+from pipelines.cli.options import FILES, AcceptChanges, AnySet, Json, Library, argument, option
+from pipelines.cli.screen import columns_of, print_table
+from pipelines.cli.show_tyre import show_parameters
+from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.export.belt import measured_modes, write_modal_targets
 from pipelines.export.tir_file import read_tir, save_tir
-from pipelines.export.tir_update import plan_update, ring_from_tir
+from pipelines.export.tir_update import TirChange, TirUpdate, plan_update, ring_from_tir
 from pipelines.library.export import export
 from pipelines.library.library import resolve
 from pipelines.storage.atomic import file_written_whole
-
-if TYPE_CHECKING:
-    from pipelines.export.tir_update import TirUpdate
+from pipelines.storage.rounding import DASH, signed
 
 VALUES = "Values"
-
-TirArgument = Annotated[
-    Path,
-    typer.Argument(metavar="FILE", help="Tyre property file (.tir).", show_default=False),
-]
+TirArgument = Annotated[Path, argument("FILE", "Tyre property file (.tir).")]
 BeltWidth = Annotated[
     float | None,
-    typer.Option(
+    option(
         "--belt-width-m",
-        metavar="B",
-        rich_help_panel=VALUES,
-        help="Width of the belt in m, not that of the section. Default: that of the set.",
+        "Width of the belt in m, not of the section. Default: that of the set.",
+        VALUES,
+        "B",
     ),
 ]
 
@@ -41,35 +37,24 @@ BeltWidth = Annotated[
 def update_tir(
     file: TirArgument,
     source: Annotated[
-        str,
-        typer.Option("--from", metavar="SET", help="NAME@VERSION, a result folder or a tyre.toml."),
+        str, option("--from", "NAME@VERSION, a result folder or a tyre.toml.", metavar="SET")
     ],
     belt_width_m: BeltWidth = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="FILE", rich_help_panel=FILES, help="Write there. Default: in place."
-        ),
+        Path | None, option("--out", "File to write. Default: replace FILE.", FILES, "FILE")
     ] = None,
-    add: Annotated[
-        bool,
-        typer.Option("--add", rich_help_panel=VALUES, help="Add keys that are not in the file."),
-    ] = False,
-    yes: Annotated[
-        bool, typer.Option("--yes", rich_help_panel=FILES, help="Do not ask before writing.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", rich_help_panel=FILES, help="Show only, write nothing.")
-    ] = False,
+    add: Annotated[bool, option("--add", "Add keys that are not in the file.", VALUES)] = False,
+    yes: Annotated[bool, option("--yes", "Do not ask before writing.", FILES)] = False,
+    dry_run: Annotated[bool, option("--dry-run", "Show only, write nothing.", FILES)] = False,
     library: Library = None,
     accept_changes: AcceptChanges = False,
     as_json: Json = False,
 ) -> None:
-    """Bring a tyre property file (.tir) up to date with a parameter set.
+    """Update a tyre property file (.tir) with a parameter set.
 
     Changes the values that the ring determines, in the units of the file: BELT_MASS, BELT_IYY,
-    FREQ_LONG, FREQ_WINDUP, DAMP_LONG, DAMP_WINDUP and INFLPRES. Every other byte stays. What stood
-    there is kept as FILE.bak, FILE.bak2, …
+    FREQ_LONG, FREQ_WINDUP, DAMP_LONG, DAMP_WINDUP and INFLPRES. All other bytes stay. The earlier
+    file is kept as FILE.bak, FILE.bak2, …
 
     Examples:
       ringmodal tyre update-tir tyre.tir --from result --dry-run
@@ -81,19 +66,19 @@ def update_tir(
     found = resolve(source, library, accept_changes=accept_changes)
     update = plan_update(tir, found.parameters, belt_width_m, add=add)
     if not as_json:
-        show_tyre.show_update(update, found.name)
+        _show_update(update, found.name)
     written, backup = False, None
     if not dry_run and (update.changes or out is not None):
         if not yes:
             _require_consent(target, asks=not as_json)
-        written, backup = True, _save(update, target)
+        written, backup = True, save_tir(update.after, target)
     if as_json:
-        told = {"file": str(target), "written": written, "backup": backup and str(backup)}
-        terminal.print_json({**told, **show_tyre.update_content(update, found.name)})
+        about = {"file": str(target), "written": written, "backup": backup and str(backup)}
+        print_json({**about, **_update_content(update, found.name)})
         return
     if backup is not None:
-        terminal.say(f"Kept: {backup}")
-    terminal.say(f"Written: {target}" if written else "Nothing was written.")
+        echo(f"Kept: {backup}")
+    echo(f"Written: {target}" if written else "Nothing was written.")
 
 
 def from_tir(
@@ -101,50 +86,51 @@ def from_tir(
     belt_width_m: BeltWidth = None,
     like: Annotated[
         str | None,
-        typer.Option(
-            metavar="SET",
-            rich_help_panel=VALUES,
-            help="Set that gives K, D and the belt width, which such a file does not hold: "
-            "NAME@VERSION, a result folder or a tyre.toml.",
+        option(
+            "--like",
+            "Set with K, D and the belt width, which the file lacks: NAME@VERSION, a result "
+            "folder or a tyre.toml.",
+            VALUES,
+            "SET",
         ),
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            rich_help_panel=FILES,
-            help="Write the set there, e.g. as TOML.",
-        ),
+        Path | None, option("--out", "Write the set to this file, e.g. as TOML.", FILES, "FILE")
     ] = None,
     library: Library = None,
     accept_changes: AcceptChanges = False,
     as_json: Json = False,
 ) -> None:
-    """Find the ring in a tyre property file (.tir): mass per area, k_r and k_θ.
+    """Derive ring parameters from a tyre property file (.tir): mass per area, k_r and k_θ.
 
-    From BELT_MASS, BELT_IYY, FREQ_LONG, FREQ_WINDUP and INFLPRES. K and D are not in such a file:
-    they are assumed, or taken from --like.
+    From BELT_MASS, BELT_IYY, FREQ_LONG, FREQ_WINDUP and INFLPRES. K and D are not in the file: they
+    are assumed, or taken from --like.
 
     Examples:
       ringmodal tyre from-tir tyre.tir --belt-width-m 0.19
       ringmodal tyre from-tir tyre.tir --like result --out from_tir.toml
     """  # noqa: D406, D407 - a heading of the help
-    known = None
-    if like:
-        known = resolve(like, library, accept_changes=accept_changes).parameters
+    known = resolve(like, library, accept_changes=accept_changes).parameters if like else None
     made = ring_from_tir(read_tir(file), belt_width_m, known)
+    parameters = made.parameters
     if out is not None:
-        export(made.parameters, out)
-    show_tyre.show_ring(made, str(out) if out else None, as_json=as_json)
+        export(parameters, out)
+    if as_json:
+        ring = {name: {"value": p.value, "how": p.how} for name, p in parameters.ring.items()}
+        about = {"file": out and str(out), "designation": parameters.designation}
+        content = {"conditions": parameters.conditions, "ring": ring, "notes": made.notes}
+        print_json({**about, **content})
+        return
+    show_parameters(parameters)
+    for note in made.notes:
+        echo_error(f"Note: {note}")
+    if out is not None:
+        echo(f"Written: {out}")
 
 
 def modal_targets(
     source: Annotated[str, AnySet],
-    out: Annotated[
-        Path,
-        typer.Option("--out", metavar="FILE", rich_help_panel=FILES, help="Text file to write."),
-    ],
+    out: Annotated[Path, option("--out", "Text file to write.", FILES, "FILE")],
     library: Library = None,
     accept_changes: AcceptChanges = False,
     as_json: Json = False,
@@ -152,7 +138,7 @@ def modal_targets(
     """Write modal targets for an FTire-style parameter fit.
 
     In-plane rotation, translation and the first two bendings of the belt, with frequencies and
-    damping ratios of the ring; where SET is a result folder, measured ones beside them.
+    damping ratios of the ring; if SET is a result folder, with the measured ones as well.
 
     Examples:
       ringmodal tyre modal-targets result --out targets.txt
@@ -163,31 +149,73 @@ def modal_targets(
     with file_written_whole(out) as partial:
         targets = write_modal_targets(found.parameters, partial, measured)
     if as_json:
-        terminal.print_json({"file": str(out), "targets": [vars(target) for target in targets]})
+        print_json({"file": str(out), "targets": [vars(target) for target in targets]})
     else:
-        terminal.say(f"Written: {out}")
+        echo(f"Written: {out}")
 
 
 def _require_consent(target: Path, *, asks: bool) -> None:
-    """Ask before an existing file is replaced; nobody there to ask is bad usage.
+    """Ask before an existing file is replaced; a no ends the command.
 
     Raises
     ------
     InputError
-        Where nobody can be asked.
-    Exit
-        On a no, with nothing written.
+        If there is no terminal to ask on.
     """
     if not target.exists():
         return
     if not (asks and sys.stdin.isatty()):
-        rule = "confirmation required"
-        raise InputError(str(target), "no --yes", rule, "Give --yes, or --dry-run to only look")
+        remedy = "Use --yes in scripts, or --dry-run to write nothing"
+        raise InputError(str(target), "no --yes", "confirmation required", remedy)
     if not typer.confirm(f"Write {target}?"):
-        terminal.say("Nothing was written.")
+        echo("Nothing was written.")
         raise typer.Exit
 
 
-def _save(update: TirUpdate, target: Path) -> Path | None:
+def _show_update(update: TirUpdate, source: str) -> None:
+    """Print old and new values in the file's units, what stays, and why."""
+    echo(f"{update.before.name} from {source}:")
+    if update.changes:
+        head = ("key", "line", "old", "new", "±", "in %", "unit", "from")
+        texts = ("key", "unit", "from")
+        print_table(
+            "", columns_of(head, [_cells(each) for each in update.changes], texts, ("from",))
+        )
+    if update.unchanged:
+        echo(f"Up to date: {', '.join(update.unchanged)}")
+    if update.missing:
+        echo(f"Not in the file: {', '.join(update.missing)}; use --add to add them")
+    for key, reason in update.open_ones.items():
+        echo(f"Not determined: {key}: {reason}")
+    for reason, keys in update.left_alone.items():
+        echo(f"Left alone: {', '.join(keys)}: {reason}")
+    for note in update.notes:
+        echo_error(f"Note: {note}")
 
-    return save_tir(update.after, target)
+
+def _cells(change: TirChange) -> tuple[str, ...]:
+    def shown(value: float | None, digits: int = 6) -> str:
+        return DASH if value is None else f"{value:.{digits}g}"
+
+    percent = DASH if change.percent is None else signed(change.percent, 1)
+    numbers = (shown(change.old), shown(change.new), shown(change.std, 2), percent)
+    return (change.key, str(change.line or "new"), *numbers, change.unit, change.basis)
+
+
+def _update_content(update: TirUpdate, source: str) -> dict[str, Any]:
+    """Content of ``--json``."""
+    return {
+        "source": source,
+        "changes": [_change_content(change) for change in update.changes],
+        "unchanged": update.unchanged,
+        "missing": update.missing,
+        "not_determined": dict(update.open_ones),
+        "left_alone": {key: why for why, keys in update.left_alone.items() for key in keys},
+        "notes": update.notes,
+    }
+
+
+def _change_content(change: TirChange) -> dict[str, Any]:
+    names = ("key", "section", "line", "old", "new", "std", "percent", "unit")
+    content = {name: getattr(change, name) for name in names}
+    return {**content, "from": change.basis, "not_identified": change.doubts}

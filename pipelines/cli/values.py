@@ -1,39 +1,42 @@
-"""Values that options take: read, checked, and completed by the shell."""
+"""Values of options: parsed, checked, and completed by the shell."""
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ema.core.errors import InputError
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.errors import InputError, unknown
 from model.tuning_problem import PARAMETERS
 
 ESTIMATORS = ("H1", "H2", "Hv")
 METHODS = ("lsce", "plscf")
 OBJECTIVES = ("frequency", "paper")
-WINDOWS = (  # those that are common for shaker tests; any other of scipy is taken as well
+WINDOWS = (  # completed by the shell; any other window of scipy is accepted as well
     *("boxcar", "hann", "hamming", "blackman", "blackmanharris", "flattop"),
     *("bartlett", "bohman", "cosine", "nuttall", "parzen", "triang", "tukey"),
 )
+TABLE_ENDINGS = (".csv", ".parquet")
+FIGURE_ENDINGS = (".png", ".svg")
+# A simulation of one line or instant takes seconds and less than 200 MB for this many values.
+MOST_VALUES = 100_000
+MOST_ORDERS = 2000  # as many harmonics as are ever summed
 
 
 def ring_parameter_names(incomplete: str) -> list[str]:
-    """What the shell offers for NAME=VALUE."""
+    """Completions of NAME=VALUE."""
     return [f"{name}=" for name in PARAMETERS if name.startswith(incomplete)]
 
 
 def completing(values: Sequence[str]) -> Callable[[str], list[str]]:
-    """What the shell offers for an option that takes one of some values."""
-
-    def offers(incomplete: str) -> list[str]:
-        return [value for value in values if value.startswith(incomplete)]
-
-    return offers
+    """Completions of an option that takes one of some values."""
+    return lambda incomplete: [value for value in values if value.startswith(incomplete)]
 
 
 def choice(option: str, value: str, known: Sequence[str]) -> str:
-    """The known value that is meant, in whatever case it was typed.
+    """The known value, in whatever case it was typed.
 
     Raises
     ------
@@ -43,10 +46,7 @@ def choice(option: str, value: str, known: Sequence[str]) -> str:
     for each in known:
         if each.casefold() == value.casefold():
             return each
-
-    similar = difflib.get_close_matches(value, known, n=1)
-    remedy = f"Did you mean {similar[0]!r}?" if similar else "Choose one of them"
-    raise InputError(option, repr(value), f"it must be one of {', '.join(known)}", remedy)
+    raise unknown(option, value, f"it must be one of {', '.join(known)}", known)
 
 
 def numbers(option: str, texts: Sequence[str] | None) -> tuple[float, ...]:
@@ -55,44 +55,93 @@ def numbers(option: str, texts: Sequence[str] | None) -> tuple[float, ...]:
     Raises
     ------
     InputError
-        If it holds anything else.
+        If a part is not a number.
     """
-    parts = [part for text in texts or () for part in text.split(",") if part.strip()]
+    text = ",".join(texts or ())
     try:
-        return tuple(float(part) for part in parts)
+        return tuple(float(part) for part in text.split(",") if part.strip())
     except ValueError as error:
-        raise InputError(
-            option,
-            repr(",".join(texts or ())),
-            "it must be numbers separated by commas",
-            "Write e.g. 78.7,100.3",
-        ) from error
+        rule = "it must be numbers separated by commas"
+        raise InputError(option, repr(text), rule, "Write e.g. 78.7,100.3") from error
 
 
 def ring_parameters(option: str, texts: Sequence[str] | None) -> dict[str, float]:
-    """Values of a repeated NAME=VALUE option; names are those of the ring's parameters.
+    """Values of a repeated NAME=VALUE option, by the names of ring parameters.
 
     Raises
     ------
     InputError
-        If a text is none, or there is no such parameter.
+        For any other text or name.
     """
     values = {}
     for text in texts or ():
         name, _, value = text.partition("=")
-        name = name.strip()
         try:
             number = float(value)
         except ValueError as error:
-            raise InputError(
-                option, repr(text), "it must be NAME=NUMBER", "Write e.g. mass_per_area_kg_m2=19.7"
-            ) from error
-        values[choice(option, name, PARAMETERS)] = number
+            remedy = "Write e.g. mass_per_area_kg_m2=19.7"
+            raise InputError(option, repr(text), "it must be NAME=NUMBER", remedy) from error
+        values[choice(option, name.strip(), PARAMETERS)] = number
     return values
 
 
-TABLE_ENDINGS = (".csv", ".parquet")
-FIGURE_ENDINGS = (".png", ".svg")
+def values_of(option: str, text: str, most: int = MOST_VALUES) -> NDArray[np.float64]:
+    """Numbers from ``A``, ``A,B,C``, ``START:STOP`` or ``START:STOP:STEP``.
+
+    Parameters
+    ----------
+    option : str
+        Name of the option, for messages.
+    text : str
+        A range has a step of 1 unless it gives one, and includes its end where a whole number of
+        steps leads there.
+    most : int
+        Largest number of values.
+
+    Returns
+    -------
+    ndarray, shape (n_values,)
+
+    Raises
+    ------
+    InputError
+        For anything else, for a range that runs backwards, or for too many values.
+    """
+    try:
+        parts = [float(part) for part in text.replace(":", ",").split(",")]
+    except ValueError:
+        parts = []
+    is_range = ":" in text
+    if not (parts and np.all(np.isfinite(parts))) or (is_range and ("," in text or len(parts) > 3)):
+        rule = "it must be numbers separated by commas, or START:STOP:STEP"
+        raise InputError(option, repr(text), rule, "Write e.g. 67.3, or 1,2,5, or 0:100:0.5")
+    if not is_range:
+        return np.array(parts)
+    start, stop, step = (*parts, 1.0)[:3]
+    if not (step > 0 and stop >= start):
+        rule = "the step must be > 0 and the end must not be below the start"
+        raise InputError(option, repr(text), rule, "Write e.g. 0:100:0.5")
+    steps = (stop - start) / step
+    if not steps < most:
+        found, remedy = f"{text!r}, {steps:.3g} values", "Use a larger step or a narrower range"
+        raise InputError(option, found, f"at most {most} values are accepted", remedy)
+    return np.asarray(np.round(start + step * np.arange(int(steps + 1e-6) + 1), 12))
+
+
+def orders_of(option: str, text: str) -> NDArray[np.int_]:
+    """Whole numbers in the same notation.
+
+    Raises
+    ------
+    InputError
+        As `values_of`, and for numbers that are not whole.
+    """
+    values = values_of(option, text, MOST_ORDERS)
+    whole = np.rint(values)
+    if np.any(whole != values):
+        rule = "circumferential orders must be whole numbers"
+        raise InputError(option, repr(text), rule, "Write e.g. 1:7")
+    return whole.astype(int)
 
 
 def require_target(path: Path, endings: tuple[str, ...]) -> Path:
@@ -104,13 +153,9 @@ def require_target(path: Path, endings: tuple[str, ...]) -> Path:
         For another ending, or a folder that does not exist.
     """
     if path.suffix.lower() not in endings:
-        raise InputError(
-            str(path),
-            f"the ending {path.suffix!r}",
-            f"it must be {' or '.join(endings)}",
-            "Choose another name",
-        )
+        rule = f"it must be {' or '.join(endings)}"
+        raise InputError(str(path), f"the ending {path.suffix!r}", rule, "Choose another name")
     if path.is_dir() or not path.absolute().parent.is_dir():
-        found = "a folder" if path.is_dir() else "a place in a folder that does not exist"
-        raise InputError(str(path), found, "it must be a new or old file", "Choose another place")
+        found = "a folder" if path.is_dir() else "in a folder that does not exist"
+        raise InputError(str(path), found, "it must be a file", "Choose another place")
     return path

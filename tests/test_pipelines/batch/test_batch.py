@@ -10,8 +10,8 @@ import pytest
 from fleets import BROKEN, GOOD, NAMES, QUICK, edit, write_campaign, write_fleet
 
 from ema.core.errors import InputError
+from pipelines.batch import campaigns as batch_task
 from pipelines.batch import run as batch
-from pipelines.batch import task as batch_task
 from pipelines.batch.run import run_batch
 from pipelines.batch.state import choices, take_fingerprint
 from pipelines.batch.workers import in_this_process

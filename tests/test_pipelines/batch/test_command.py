@@ -7,8 +7,8 @@ import pytest
 from fleets import BROKEN, write_fleet
 from matplotlib.figure import Figure
 
+from pipelines.batch import campaigns as batch_task
 from pipelines.batch import run as batch
-from pipelines.batch import task as batch_task
 from pipelines.batch.campaigns import CampaignFolder
 from pipelines.batch.state import (
     DONE,
@@ -23,7 +23,7 @@ from pipelines.batch.summary import plot_frequencies, write_summary
 from pipelines.batch.workers import in_this_process
 
 ONCE = ("--jobs", 1, "--no-tune", "--max-order", 20)
-MODE = (1, 2, "", 100.3, 0.04, 0.03, 0.0003, 0.99, 0.7, 0.99, "", 0.001, 1e-5)
+MODE = (1, 2, "", 100.3, 0.04, 0.03, 0.0003, 0.99, 0.7, 0.99, "ok", "one member seen", 0.001, 1e-5)
 
 
 @pytest.fixture(autouse=True)
@@ -77,7 +77,7 @@ def test_it_says_what_became_of_each_campaign_and_ends_well(ringmodal, root, tmp
     assert code == 0
     assert output == (
         f"Nothing to do: 0 done, 0 failed (see {page}), 2 already done, "
-        "6 failed before (--retry-failed tries them again)\n"
+        "6 failed before (use --retry-failed to retry them)\n"
     )
 
 

@@ -15,10 +15,9 @@ from fleets import QUICK, edit, write_campaign
 
 from ema.core.errors import InputError
 from pipelines.batch import run as batch
-from pipelines.batch.campaigns import CampaignFolder
+from pipelines.batch.campaigns import CampaignFolder, Task
 from pipelines.batch.run import run_batch
 from pipelines.batch.state import BatchFolder, read_record
-from pipelines.batch.task import Task
 from pipelines.batch.workers import in_this_process, on_this_machine
 from pipelines.results.options import Options
 

@@ -44,8 +44,9 @@ def assert_refused(outcome, out, *says):
 
 
 def test_process_writes_a_result_and_says_where(ringmodal, short_campaign, out):
-    code, output, errors = ringmodal("process", short_campaign, "--out", out)
+    code, output, errors = ringmodal("--verbose", "process", short_campaign, "--out", out)
     assert code == 0
+    assert re.search(r"^frf took \d+\.\d\d s$", errors, re.MULTILINE)
     assert f"Result: {out}" in output
     assert f"Report: {out / 'report.html'}" in output
     assert (out / "report.html").is_file()
@@ -184,10 +185,21 @@ def test_two_results_are_compared(ringmodal, processed, tmp_path):
 
 
 def test_what_the_data_do_not_tell_is_a_warning(ringmodal, short_campaign, out):
-    arguments = ("--averages", 1, "--no-report", "--quiet", "--no-tune")
-    code, _, errors = ringmodal("process", short_campaign, "--out", out, *arguments)
+    arguments = (
+        "process",
+        short_campaign,
+        "--out",
+        out,
+        "--averages",
+        1,
+        "--no-report",
+        "--no-tune",
+    )
+    code, output, errors = ringmodal(*arguments)
     assert code == 0
     assert "Warning: averages: a single average" in errors
+    code, quiet_output, errors = ringmodal(*arguments, "--force", "--quiet")
+    assert (code, quiet_output, errors) == (0, output, "")
 
 
 def test_an_existing_result_asks_for_force(ringmodal, short_campaign, processed):

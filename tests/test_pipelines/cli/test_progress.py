@@ -8,8 +8,8 @@ import pytest
 from rich.console import Console
 
 import ema
-from pipelines.cli import progress
-from pipelines.cli.progress import Lines, bars_on, duration, shown
+from pipelines.cli import screen as progress
+from pipelines.cli.screen import Lines, bars_on, duration, shown
 
 
 @pytest.fixture

@@ -17,8 +17,9 @@ from results import tyre_result
 from ema.core.errors import InputError
 from ema.core.finding import WARNING, Finding
 from pipelines.cli import main as cli
-from pipelines.cli import show_result, terminal
-from pipelines.cli.interrupt import Interrupted, interruptible, stating_what_stands
+from pipelines.cli import result as cli_result
+from pipelines.cli import terminal
+from pipelines.cli.interrupt import Interrupted, interruptible, reporting_outcome
 from pipelines.report.save import save
 from pipelines.results.store import MARKER, load
 from pipelines.storage import result_folder
@@ -89,7 +90,7 @@ def test_an_interrupt_at_any_stage(
         monkeypatch.setattr("pipelines.process.run.process", lambda *_: short_result)
     monkeypatch.setattr(stage, interrupting(signal.SIGINT))
     outcome = ringmodal("process", short_campaign, "--out", earlier, "--force", "--quiet")
-    assert outcome == (130, "", "Interrupted: the earlier result stands.\n")
+    assert outcome == (130, "", "Interrupted: the earlier result is unchanged.\n")
     assert names(earlier.parent) == ["result"]
     assert read_marker(earlier / MARKER).content == {"campaign": "earlier"}
 
@@ -102,7 +103,7 @@ def test_a_termination_is_an_interrupt(ringmodal, short_campaign, out, monkeypat
 
 
 def test_an_interrupt_after_the_result_is_there(ringmodal, short_campaign, out, monkeypatch):
-    monkeypatch.setattr("pipelines.cli.show_result.show", interrupting(signal.SIGINT))
+    monkeypatch.setattr("pipelines.cli.result.show", interrupting(signal.SIGINT))
     outcome = ringmodal("process", short_campaign, "--out", out, "--quiet", "--no-report")
     assert outcome == (130, "", f"Interrupted: {out} is complete.\n")
     assert names(out.parent) == ["result"]
@@ -168,7 +169,7 @@ def test_what_nohup_ignores_stays_ignored():
 
 def test_an_empty_folder_is_no_earlier_result(out):
     out.mkdir()
-    with pytest.raises(Interrupted) as stopped, stating_what_stands(out):
+    with pytest.raises(Interrupted) as stopped, reporting_outcome(out):
         raise Interrupted(signal.SIGINT)
     assert stopped.value.outcome == "nothing was written"
 
@@ -352,8 +353,8 @@ def test_names_from_files_are_texts_on_a_terminal(capsys, monkeypatch, name):
     monkeypatch.delenv("COLUMNS", raising=False)
     finding = Finding(name, name, None, "hum", WARNING, name)
     result = tyre_result(name=name, findings=(finding,), notes=(name,))
-    show_result.show(result, Path("result"), as_json=False, report=True)
-    terminal.complain(str(InputError(name, name, name, name)))
+    cli_result.show(result, Path("result"), as_json=False, report=True)
+    terminal.echo_error(str(InputError(name, name, name, name)))
     output, errors = capsys.readouterr()
     shown = terminal.printable(name)
     assert f"Modes of {shown}" in output

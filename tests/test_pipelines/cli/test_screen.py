@@ -12,8 +12,8 @@ import pytest
 
 from ema.core.finding import WARNING, Finding
 from pipelines.cli import streams, terminal
-from pipelines.cli.show_result import show, warnings
-from pipelines.cli.terminal import Column, print_table
+from pipelines.cli.result import show, warnings
+from pipelines.cli.screen import Column, print_table, screen
 
 COLUMNS = (
     Column("mode", ["1", "2"]),
@@ -33,21 +33,21 @@ def printed(monkeypatch, capsys):
             monkeypatch.delenv("COLUMNS", raising=False)
         else:
             monkeypatch.setenv("COLUMNS", str(columns))
-        print_on(terminal.screen())
+        print_on()
         return [line.rstrip() for line in capsys.readouterr().out.splitlines()]
 
     return lines
 
 
 def test_a_wide_screen_shows_all_columns_that_have_content(printed):
-    lines = printed(120, lambda screen: print_table(screen, "Modes", COLUMNS, ("purity", "mode")))
+    lines = printed(120, lambda: print_table("Modes", COLUMNS, ("purity", "mode")))
     assert lines[0] == "Modes"
     assert lines[2].split() == ["mode", "frequency", "in", "Hz", "status", "purity"]
     assert not any("Not shown" in line for line in lines)
 
 
 def test_columns_go_in_the_stated_order_and_are_named(printed):
-    lines = printed(40, lambda screen: print_table(screen, "", COLUMNS, ("purity", "mode")))
+    lines = printed(40, lambda: print_table("", COLUMNS, ("purity", "mode")))
     assert lines[1].split() == ["mode", "frequency", "in", "Hz", "status"]
     assert "Not shown, the screen is too narrow: purity." in " ".join(lines)
     assert "pair not" in " ".join(" ".join(lines).split())
@@ -56,7 +56,7 @@ def test_columns_go_in_the_stated_order_and_are_named(printed):
 @pytest.mark.parametrize("columns", [20, 30, 60, 80, 120])
 def test_nothing_is_cut_off(printed, columns):
     """Where no more columns may go, cells take several lines."""
-    lines = printed(columns, lambda screen: print_table(screen, "", COLUMNS, ("purity", "mode")))
+    lines = printed(columns, lambda: print_table("", COLUMNS, ("purity", "mode")))
     assert max(map(len, lines)) <= columns
     letters = "".join("".join(lines).split())
     assert "…" not in letters
@@ -66,7 +66,7 @@ def test_nothing_is_cut_off(printed, columns):
 
 @pytest.mark.parametrize("columns", [60, 80, 120])
 def test_a_result_fits_the_screen(printed, sample_result, columns):
-    lines = printed(columns, lambda _: show(sample_result, Path("r"), as_json=False, report=True))
+    lines = printed(columns, lambda: show(sample_result, Path("r"), as_json=False, report=True))
     assert max(map(len, lines)) <= columns
     letters = "".join(" ".join(lines).split())
     for value in ("78.728±", "(7.48±", "notidentified", "Report:r"):
@@ -76,18 +76,18 @@ def test_a_result_fits_the_screen(printed, sample_result, columns):
 
 def test_a_pipe_has_no_edge(printed, monkeypatch):
     long_text = "word " * 60
-    lines = printed(None, lambda screen: screen.print(long_text))
+    lines = printed(None, lambda: screen().print(long_text))
     assert len(lines) == 1
 
 
 def test_colours_are_for_terminals_and_those_who_ask(monkeypatch):
     for name in ("NO_COLOR", "FORCE_COLOR"):
         monkeypatch.delenv(name, raising=False)
-    assert terminal.screen().color_system is None
+    assert screen().color_system is None
     monkeypatch.setenv("FORCE_COLOR", "1")
-    assert terminal.screen().is_terminal
+    assert screen().is_terminal
     monkeypatch.setenv("NO_COLOR", "1")
-    assert terminal.screen().no_color
+    assert screen().no_color
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_characters_that_a_console_lacks_are_written_otherwise(monkeypatch, text
         raw = io.BytesIO()
         monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding=encoding))
         streams.tolerant_output()
-        terminal.say(text)
+        terminal.echo(text)
         sys.stdout.flush()
         assert raw.getvalue().rstrip() == expected
 

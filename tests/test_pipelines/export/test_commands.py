@@ -101,7 +101,7 @@ def test_without_a_terminal_confirmation_needs_an_option(tyre, tir, toml):
     for more in ((), ("--json",)):
         code, _, errors = tyre("update-tir", tir, "--from", toml, *more)
         assert code == 2
-        assert "Give --yes, or --dry-run to only look" in errors
+        assert "no --yes" in errors and "--dry-run" in errors
     assert tir.read_bytes() == content(in_mm=True)
 
 
@@ -127,7 +127,7 @@ def test_bad_input_is_refused(tyre, tir, toml):
         expected = (f"--belt-width-m: {width} m", "at most 2 m", "e.g. 0.19")
         assert_refused(tyre("update-tir", tir, "--from", toml, *width_m, "--yes"), *expected)
         assert_refused(tyre("from-tir", tir, *width_m), *expected)
-    assert_refused(tyre("update-tir", tir, "--form", toml), "Did you mean --from?")
+    assert_refused(tyre("update-tir", tir, "--form", toml), "--from")
     tir.write_bytes(content().replace(b"'newton'", b"'newtn'"))
     assert_refused(tyre("update-tir", tir, "--from", toml), "FORCE", "Did you mean 'newton'?")
 

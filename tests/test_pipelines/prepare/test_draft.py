@@ -243,7 +243,7 @@ def test_a_broken_file_is_named_and_the_others_drafted(ringmodal, bare):
     code, output, errors = ringmodal("init", bare)
     assert code == 0
     assert re.fullmatch(r"Left out: config_3.uff, dataset \d+: .+ truncated\. .+\n", errors)
-    assert "Draft: " in output
+    assert "Template: " in output
     manifest = read_manifest(bare / "campaign.toml")
     assert [run.file for run in manifest.runs] == [f"config_{k}.uff" for k in (1, 2, 4, 5, 6)]
     assert '# file = "config_3.uff"' in (bare / "campaign.toml").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipelines.cli.show_channels import show_inspection
+from pipelines.cli.start import show_inspection
 from pipelines.prepare.inspection import inspect_files
 
 DATA = Path(__file__).parents[4] / "shared" / "data"

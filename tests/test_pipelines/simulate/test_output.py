@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ema.core.errors import InputError
-from pipelines.cli.simulate_show import print_json, write_columns, write_figure
+from pipelines.cli.simulate_show import print_arrays, write_columns, write_figure
 from pipelines.plots.figures import styled_figure
 
 COLUMNS = {"frequency_hz": np.array([1.0, 2.5]), "order": np.array([1, 2])}
@@ -47,7 +47,7 @@ def test_the_same_figure_gives_the_same_bytes(tmp_path, name):
 
 
 def test_json_has_no_nan(capsys):
-    print_json({"unit": "m/s²", "x": [1.0, np.nan, np.inf], "n": np.array([1]), "y": 2.5})
+    print_arrays({"unit": "m/s²", "x": [1.0, np.nan, np.inf], "n": np.array([1]), "y": 2.5})
     printed = capsys.readouterr().out
     assert printed.isascii()  # which every console can show
     content = json.loads(printed, parse_constant=pytest.fail)
