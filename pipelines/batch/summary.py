@@ -10,18 +10,16 @@ from urllib.parse import quote
 
 import pandas as pd
 import pyarrow.parquet as pq
-from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 
 from ema.core.files import require_regular
 from pipelines.batch.campaigns import CampaignFolder
 from pipelines.batch.state import BatchFolder, Record
-from pipelines.plots.chart import FREQUENCY, SERIES, Chart, as_text, axis, packed, printed
-from pipelines.plots.style import SERIES as STYLE_SERIES
-from pipelines.plots.style import series_style
+from pipelines.plots.chart import Chart
+from pipelines.plots.measurement import SYMBOLS
+from pipelines.plots.plot import FREQUENCY, ORDER, SERIES, Axis, Curve, Margins, Panel, Plot
 from pipelines.report.blocks import Block, Facts, Link, Listing, Paragraph, Section, Table
-from pipelines.report.write import render_page
-from pipelines.results.labels import literal, short
+from pipelines.report.page import render_page
+from pipelines.results.labels import short
 from pipelines.results.tables import MODES
 from pipelines.storage.atomic import file_written_whole
 from pipelines.storage.rounding import number, plain
@@ -230,59 +228,35 @@ def frequencies_chart(records: Sequence[Record]) -> Chart:
     """
     points = _points(records)
     tyres = [(str(tyre), group) for tyre, group in points.groupby("tyre")]
+    curves = tuple(_curve(*each, index, len(tyres)) for index, each in enumerate(tyres))
+    across = Axis(ORDER, ticks=range(int(points.order.min()), int(points.order.max()) + 1))
+    panel = Panel(curves, across, Axis(FREQUENCY), legend="beside")
     return Chart(
         "frequencies",
-        tuple(_trace(*each, index, len(tyres)) for index, each in enumerate(tyres)),
-        {
-            "xaxis": axis("order n", dtick=1, zeroline=False),
-            "yaxis": axis(FREQUENCY),
-            "hovermode": "closest",
-        },
+        Plot((panel,), (17.0, 9.0), margins=Margins(right=4.2)),
         f"Frequencies of {len(points)} modes over circumferential order, of {len(tyres)} tyres.",
         "Frequency of every mode over its order, tyres side by side. Check campaigns away from the "
         "cloud of their tyre: other pressure, other mounting, or confused modes.",
-        printed(_draw, records, size_cm=(17.0, 9.0), right=4.2),
         wide=True,
         height_px=460,
     )
 
 
-def _trace(tyre: str, points: pd.DataFrame, index: int, n_tyres: int) -> dict[str, Any]:
+def _curve(tyre: str, points: pd.DataFrame, index: int, n_tyres: int) -> Curve:
     """Points of a tyre; if there are more tyres than colours, the last ones share one."""
     last = len(SERIES) - 1
     shares = n_tyres > len(SERIES) and index >= last
-    tyre = as_text(short(tyre, 18))
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "name": "others" if shares else tyre,
-        "legendgroup": "others" if shares else f"{index}",
-        "showlegend": not shares or index == last,
-        "x": packed(points.place.to_numpy()),
-        "y": packed(points.frequency_hz.to_numpy()),
-        "customdata": points.order.tolist(),
-        "text": [as_text(short(name, 60)) for name in points.campaign],
-        "marker": {"color": SERIES[min(index, last)], "size": 7, "opacity": 0.6},
-        "hovertemplate": "%{text}, %{meta}<br>n = %{customdata}<br>%{y:.2f} Hz<extra></extra>",
-        "meta": tyre,
-    }
-
-
-def _draw(_figures: Any, records: Sequence[Record], ax: Any) -> None:
-    plot_frequencies(records, ax)
-
-
-def plot_frequencies(records: Sequence[Record], ax: Axes) -> Axes:
-    """Draw the same chart with matplotlib."""
-    tyres = [(str(tyre), group) for tyre, group in _points(records).groupby("tyre")]
-    last = len(STYLE_SERIES) - 1
-    for index, (tyre, points) in enumerate(tyres):
-        named = index < last or len(tyres) == len(STYLE_SERIES)
-        label = literal(short(tyre, 18)) if named else "others" if index == last else None
-        look: dict[str, Any] = {"linestyle": "", "alpha": 0.5, "markeredgewidth": 0, "label": label}
-        ax.plot(points.place, points.frequency_hz, **look, **series_style(min(index, last)))
-    ax.set_xlabel("order")
-    ax.set_ylabel("frequency / Hz")
-    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
-    return ax
+    tyre = short(tyre, 18)
+    return Curve(
+        points.place.to_numpy(),
+        points.frequency_hz.to_numpy(),
+        SERIES[min(index, last)],
+        "others" if shares else tyre,
+        marker=SYMBOLS[min(index, last)],
+        opacity=0.6,
+        hover="%{text}<br>n = %{customdata}<br>%{y:.2f} Hz",
+        texts=[f"{short(name, 60)}, {tyre}" for name in points.campaign],
+        values=points.order.to_numpy(),
+        listed=not shares or index == last,
+        group="others" if shares else f"{index}",
+    )

@@ -16,8 +16,7 @@ from pipelines.compare.shape_source import Alignment
 from pipelines.compare.summary_text import findings
 from pipelines.compare.table import COMPARISON_HEAD, comparison_record, comparison_rows
 from pipelines.export.modal import require_free_file
-from pipelines.report.comparison import write_comparison
-from pipelines.report.shape_comparison import write_page
+from pipelines.report.comparison import write_comparison, write_shape_comparison
 from pipelines.storage.atomic import file_written_whole
 
 WAYS, DIRECTIONS = ("angle", "node"), ("radial", "x", "y", "z")
@@ -106,7 +105,7 @@ def compare_shapes(
     with reporting_outcome(out or result):
         found = shapes.compare_shapes(result, other, alignment, accept_changes=accept_changes)
         if out is not None:
-            writers = {".csv": shapes.write_table, ".html": write_page}
+            writers = {".csv": shapes.write_table, ".html": write_shape_comparison}
             ending = choice("--out", out.suffix or "(no ending)", tuple(writers))
             require_free_file(out, force=force)
             with file_written_whole(out) as partial:

@@ -32,9 +32,8 @@ from pipelines.cli.screen import columns_of, print_table, shown, warn
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.process.run import process as run
 from pipelines.process.run import retune
-from pipelines.report.figure_files import write_figures
-from pipelines.report.paper import printing_library
 from pipelines.report.save import PDF, has_pdf, save
+from pipelines.report.write import printing_library, write_figures
 from pipelines.results.options import Options
 from pipelines.results.result import Result
 from pipelines.storage.result_folder import require_free

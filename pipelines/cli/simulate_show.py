@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from model import Bifurcation, ForcedRing, HubResponse
 from pipelines.cli.screen import Column, print_table
 from pipelines.cli.terminal import echo, echo_error, print_json
-from pipelines.plots import forced as figures_forced
-from pipelines.plots import waves as figures_waves
-from pipelines.plots.style import Margins, figure_bytes, styled_figure
+from pipelines.plots import simulated
+from pipelines.plots.draw import draw_plot
+from pipelines.plots.plot import Plot
+from pipelines.plots.style import figure_bytes
 from pipelines.simulate.responses import (
     PER_LINE_FORCE,
     CleatResponse,
@@ -74,12 +75,7 @@ def frequencies(found: Bifurcation, frame: str, targets: Targets) -> None:
         shown = {name: columns[name] for name in list(columns)[:4]}
         places = {"speed_rad_s": 2, "regressive_hz": 3, "progressive_hz": 3}
         _print_rows(f"Frequencies, {frame} frame", shown, places)
-    if targets.figure is not None:
-        several = found.speed_rad_s.size > 1
-        plot = figures_waves.plot_bifurcation if several else figures_waves.plot_wave_frequencies
-        with styled_figure(14, 10, margins=Margins(right=1.3)) as (figure, ax):
-            plot(found, ax)
-        _write_picture(targets, figure)
+    _write_picture(targets, simulated.frequencies_plot(found))
 
 
 def inertance(found: SimulatedInertance, tyre: SimulatedTyre, targets: Targets) -> None:
@@ -96,12 +92,7 @@ def inertance(found: SimulatedInertance, tyre: SimulatedTyre, targets: Targets) 
         else:
             peaks = dict(zip(("frequency_hz", "magnitude"), found.peaks, strict=True))
             _print_rows(f"Peaks of the inertance, {found.unit}", peaks, places)
-    if targets.figure is not None:
-        with styled_figure(15, 11, 2, sharex=True, height_ratios=(3, 2)) as (figure, (top, below)):
-            figures_forced.plot_inertances({"inertance": found}, top)
-            top.set_xlabel("")
-            figures_forced.plot_phase(found, below)
-        _write_picture(targets, figure)
+    _write_picture(targets, simulated.inertance_plot(found))
 
 
 def cleat(found: CleatResponse, targets: Targets, spectrum: Path | None) -> None:
@@ -117,12 +108,7 @@ def cleat(found: CleatResponse, targets: Targets, spectrum: Path | None) -> None
         ends = np.array([np.argmin(found.response), np.argmax(found.response)])
         rows = {"time_s": found.time_s[ends], quantity: found.response[ends]}
         _print_rows(f"Extremes of the {quantity}, {unit}", rows, {"time_s": 4, quantity: 6})
-    if targets.figure is not None:
-        room = Margins(between_rows=1.4)
-        with styled_figure(15, 12, 2, margins=room) as (figure, (top, below)):
-            figures_forced.plot_cleat_response(found, top)
-            figures_forced.plot_cleat_spectrum(found, below)
-        _write_picture(targets, figure)
+    _write_picture(targets, simulated.cleat_plot(found))
 
 
 def loaded(found: LoadedSweep, targets: Targets) -> None:
@@ -134,12 +120,7 @@ def loaded(found: LoadedSweep, targets: Targets) -> None:
         echo(f"Deflection in the contact at {found.load_n.max():g} N: {deflection_mm:.2f} mm")
     if targets.screen:
         _print_rows("Frequencies over load", found.columns, {"frequency_hz": 3})
-    if targets.figure is not None:
-        room = Margins(right=2.2, between_rows=1.9)
-        with styled_figure(15, 14, 2, margins=room) as (figure, (top, below)):
-            figures_forced.plot_loaded_frequencies(found, top)
-            figures_forced.plot_deflection(found, below)
-        _write_picture(targets, figure)
+    _write_picture(targets, simulated.loaded_plot(found))
 
 
 def hub(found: HubResponse, forced: ForcedRing, targets: Targets) -> None:
@@ -153,10 +134,7 @@ def hub(found: HubResponse, forced: ForcedRing, targets: Targets) -> None:
         if wheel is not None:
             roots = free_frequencies(forced.ring, wheel, forced.speed_rad_s)
             _print_rows("Undamped, with the free wheel, seen from the tyre", roots, places)
-    if targets.figure is not None:
-        with styled_figure(15, 9) as (figure, ax):
-            figures_forced.plot_transmissibility(found, ax)
-        _write_picture(targets, figure)
+    _write_picture(targets, simulated.hub_plot(found))
 
 
 def _write(targets: Targets, columns: Columns, content: Mapping[str, Any], note: str = "") -> None:
@@ -167,9 +145,9 @@ def _write(targets: Targets, columns: Columns, content: Mapping[str, Any], note:
         print_arrays(content)
 
 
-def _write_picture(targets: Targets, figure: Figure) -> None:
+def _write_picture(targets: Targets, plot: Plot) -> None:
     if targets.figure is not None:
-        write_figure(targets.figure, figure)
+        write_figure(targets.figure, draw_plot(plot))
         _name(targets, "Figure", targets.figure)
 
 

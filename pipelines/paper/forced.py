@@ -12,8 +12,7 @@ from model import Bifurcation, ForcedRing, bifurcation
 from model.parameters import RingDamping
 from model.reference import TABLE_3_ORDERS, TABLE_4_RING, TABLE_5_DAMPING
 from pipelines.paper import parts as paper_printed
-from pipelines.paper.damping import refitted
-from pipelines.paper.identification import response_row
+from pipelines.paper.identification import refitted, response_row
 from pipelines.paper.parts import (
     FORCE_DEG,
     HIGHEST_HZ,
@@ -21,16 +20,14 @@ from pipelines.paper.parts import (
     SPEED_RAD_S,
     Chapter,
     Column,
-    Drawing,
     NumberTable,
     Statement,
-    drawing,
     places,
     verdict,
 )
-from pipelines.plots import figures
-from pipelines.plots import forced as figures_forced
-from pipelines.plots.style import FITTED, MEASURED, RING
+from pipelines.plots.chart import Chart
+from pipelines.plots.plot import FITTED, MEASURED, RING, Margins, Plot
+from pipelines.plots.simulated import inertances
 from pipelines.report.blocks import Paragraph
 from pipelines.results.result import Result
 from pipelines.simulate.responses import PER_FORCE, SimulatedInertance, simulate_inertance
@@ -110,22 +107,21 @@ def _figure_11(
     measured: SimulatedInertance,
     printed: Mapping[str, SimulatedInertance],
     refit: Mapping[str, SimulatedInertance],
-) -> Drawing:
+) -> Chart:
+    # Drawn one over the other: the thin measured curve stays visible on the thick one.
     curves = {
-        "measured (sample campaign)": measured,
         "ring, damping of Table 5": printed[AT_REST],
         "ring, damping refitted to Table 3": refit[AT_REST],
+        "measured (sample campaign)": measured,
     }
     looks = (
-        {"color": MEASURED, "linestyle": "--", "linewidth": 0.9, "zorder": 3},
-        {"color": FITTED, "linestyle": "-."},
-        {"color": RING, "linestyle": "-", "linewidth": 1.8},
+        {"colour": FITTED, "dash": "dashdot"},
+        {"colour": RING, "dash": "solid", "width": 2.8},
+        {"colour": MEASURED, "dash": "solid", "width": 1.0},
     )
-    with figures.styled_figure(19, 10) as (figure, ax):
-        figures_forced.plot_inertances(curves, ax, dict(zip(curves, looks, strict=True)))
-    return drawing(
+    return Chart(
         "figure_11",
-        figure,
+        Plot((inertances(curves, dict(zip(curves, looks, strict=True))),), (19, 10)),
         "Inertance at 100° at rest: measured, and of the ring with two sets of damping.",
         "Fig. 11: transfer inertance from a radial force at 0° to the radial acceleration at 100°, "
         "tyre at rest. With Table 5 the peaks are too low and too broad; with the damping refitted "
@@ -135,20 +131,14 @@ def _figure_11(
 
 def _figure_12(
     printed: Mapping[str, SimulatedInertance], refit: Mapping[str, SimulatedInertance]
-) -> Drawing:
-    with figures.styled_figure(
-        19, 15, 2, sharex=True, margins=figures.Margins(between_rows=1.1)
-    ) as (figure, axes):
-        for ax, curves, title in (
-            (axes[0], printed, "(a) damping of Table 5, as in the paper"),
-            (axes[1], refit, "(b) damping refitted to Table 3"),
-        ):
-            figures_forced.plot_inertances(curves, ax)
-            ax.set_title(title)
-        axes[0].set_xlabel("")
-    return drawing(
+) -> Chart:
+    panels = (
+        inertances(printed, title="(a) damping of Table 5, as in the paper", across=""),
+        inertances(refit, title="(b) damping refitted to Table 3"),
+    )
+    return Chart(
         "figure_12",
-        figure,
+        Plot(panels, (19, 15), margins=Margins(between_rows=1.1)),
         "Inertance at 100° at rest and at 67.3 rad/s, with two sets of damping.",
         "Fig. 12: the same inertance at rest and rolling, in the rotating frame. With Table 5 "
         "rotation moves the peaks but parts none; with the damping that Table 3 asks for, several "

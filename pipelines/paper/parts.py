@@ -1,26 +1,24 @@
-"""What a reproduction is made of: tables of numbers, drawings, and statements put to the test."""
+"""Parts of the reproduction: tables of numbers, statements and their verdicts, the page."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from model.reference import DESIGNATION
-from pipelines.plots.style import data_uri, png
+from pipelines.plots.chart import Chart
+from pipelines.plots.style import data_uri
 from pipelines.report.blocks import Block, Listing, Paragraph, Picture, Section, Table
 from pipelines.report.closing import origin
-from pipelines.report.write import render_page
+from pipelines.report.page import render_page
 from pipelines.results.result import Result
 from pipelines.storage.rounding import DASH, number, signed, value_with_std
 
 AGREES, DIFFERS, OWN_DATA = "agrees", "differs", "agrees on simulated data"
-
-
 Values = Sequence[Any] | NDArray[Any]
 
 
@@ -109,31 +107,6 @@ class NumberTable:
 
 
 @dataclass(frozen=True)
-class Drawing:
-    """A figure, with a name under which it becomes a file.
-
-    Parameters
-    ----------
-    name : str
-        Name of its PNG file without ending.
-    content : bytes
-        PNG.
-    alternative, caption : str
-        What it shows, and what to look for.
-    """
-
-    name: str
-    content: bytes
-    alternative: str
-    caption: str
-
-    @property
-    def block(self) -> Picture:
-        """The figure on the page."""
-        return Picture(data_uri(self.content), self.alternative, self.caption, wide=True)
-
-
-@dataclass(frozen=True)
 class Statement:
     """A sentence of the paper, and what the computation says to it.
 
@@ -161,13 +134,8 @@ class Chapter:
 
     anchor: str
     title: str
-    parts: tuple[Paragraph | NumberTable | Drawing, ...]
+    parts: tuple[Paragraph | NumberTable | Chart, ...]
     statements: tuple[Statement, ...]
-
-
-def drawing(name: str, figure: Figure, alternative: str, caption: str) -> Drawing:
-    """Take a figure as it is drawn now."""
-    return Drawing(name, png(figure), alternative, caption)
 
 
 def verdict(holds: bool, *, own_data: bool = False) -> str:
@@ -218,18 +186,20 @@ def statements_table(chapters: Sequence[Chapter]) -> NumberTable:
     )
 
 
-def paper_page(chapters: Sequence[Chapter], result: Result) -> str:
-    """The whole page as self-contained HTML.
+def paper_page(chapters: Sequence[Chapter], result: Result, pictures: Mapping[str, bytes]) -> str:
+    """The page as self-contained HTML.
 
     Parameters
     ----------
     chapters : sequence of Chapter
     result : Result
-        The processed campaign that stands for the paper's recordings.
+        The processed campaign in place of the paper's recordings.
+    pictures : mapping of str to bytes
+        Each figure by its name, as PNG.
     """
     sections = (
         _summary(chapters),
-        *(_section(chapter) for chapter in chapters),
+        *(_section(chapter, pictures) for chapter in chapters),
         origin(result),
     )
     return render_page(KIND, SUBJECT, sections)
@@ -260,9 +230,14 @@ def _summary(chapters: Sequence[Chapter]) -> Section:
     return Section("summary", "Summary", (*blocks, statements_table(chapters).block))
 
 
-def _section(chapter: Chapter) -> Section:
-    blocks = tuple(part if isinstance(part, Paragraph) else part.block for part in chapter.parts)
-    return Section(chapter.anchor, chapter.title, blocks)
+def _section(chapter: Chapter, pictures: Mapping[str, bytes]) -> Section:
+    def block(part: Paragraph | NumberTable | Chart) -> Block:
+        if isinstance(part, Chart):
+            picture = data_uri(pictures[part.name])
+            return Picture(picture, part.alternative, part.caption, wide=True)
+        return part.block if isinstance(part, NumberTable) else part
+
+    return Section(chapter.anchor, chapter.title, tuple(map(block, chapter.parts)))
 
 
 #: Order whose waves Figs. 5, 7, 8 and 10 show.

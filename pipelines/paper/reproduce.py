@@ -6,12 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pipelines.paper.damping import damping
 from pipelines.paper.forced import forced_response
-from pipelines.paper.identification import identification
-from pipelines.paper.parts import Chapter, Drawing, NumberTable, paper_page, statements_table
+from pipelines.paper.identification import damping, identification
+from pipelines.paper.parts import Chapter, NumberTable, paper_page, statements_table
 from pipelines.paper.tuning import tuning
 from pipelines.paper.waves import waves
+from pipelines.plots.chart import Chart
+from pipelines.plots.style import png
 from pipelines.process.run import process
 from pipelines.results.result import Result
 from pipelines.simulate.campaign import sample_campaign
@@ -36,7 +37,7 @@ def reproduce_paper(
     force : bool
         Replace an earlier reproduction.
     progress : callable, optional
-        Told the name of each stage as it starts.
+        Called with the name of each stage as it starts.
 
     Returns
     -------
@@ -65,7 +66,7 @@ def paper_chapters(result: Result) -> tuple[Chapter, ...]:
 def write_paper(
     chapters: tuple[Chapter, ...], result: Result, folder: Path, *, force: bool = False
 ) -> None:
-    """Write page, tables and figures; the folder appears whole or not at all.
+    """Write page, tables and figures; the folder is written atomically.
 
     Raises
     ------
@@ -73,13 +74,15 @@ def write_paper(
         If the folder exists and may not be replaced, or cannot be written.
     """
     parts = [part for chapter in chapters for part in chapter.parts]
+    pictures = {part.name: png(part.draw()) for part in parts if isinstance(part, Chart)}
     with written_whole(folder, force=force, marker=FOLDER_MARKER) as partial:
         for part in (*parts, statements_table(chapters)):
             if isinstance(part, NumberTable):
                 rows = table_of(part.file_columns, part.file_rows)
                 write_csv(partial / f"{part.name}.csv", rows)
-            if isinstance(part, Drawing):
-                (partial / f"{part.name}.png").write_bytes(part.content)
-        (partial / PAGE).write_text(paper_page(chapters, result), encoding="utf-8", newline="\n")
+        for name, picture in pictures.items():
+            (partial / f"{name}.png").write_bytes(picture)
+        page = paper_page(chapters, result, pictures)
+        (partial / PAGE).write_text(page, encoding="utf-8", newline="\n")
         about = {key: result.provenance[key] for key in ("software", "created")}
         write_marker(partial / FOLDER_MARKER, about)

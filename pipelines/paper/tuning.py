@@ -14,16 +14,17 @@ from pipelines.paper import parts as paper_printed
 from pipelines.paper.parts import (
     Chapter,
     Column,
-    Drawing,
     NumberTable,
     Statement,
-    drawing,
     places,
     verdict,
     with_sign,
     with_unit,
 )
-from pipelines.plots import figures
+from pipelines.plots.chart import Chart
+from pipelines.plots.modes import mac_chart
+from pipelines.plots.plot import Margins, Plot
+from pipelines.plots.ring import scatter_chart
 from pipelines.report.blocks import Paragraph
 from pipelines.results.result import Result
 from pipelines.storage.rounding import plain
@@ -132,7 +133,7 @@ def _frequencies(
     return NumberTable("table_4_frequencies", caption, tuple(columns))
 
 
-def _figure_4(result: Result) -> tuple[Drawing, ...]:
+def _figure_4(result: Result) -> tuple[Chart, ...]:
     found = result.validation
     if found is None:
         return ()
@@ -145,20 +146,14 @@ def _figure_4(result: Result) -> tuple[Drawing, ...]:
         mac=found.mac[np.ix_(shown, shown)],
     )
     names = [str(order) for order in paper.order]
-    with figures.styled_figure(19, 9, 1, 2, figures.Margins(between_columns=1.8)) as (
-        figure,
-        (scatter, shapes),
-    ):
-        figures.plot_frequency_scatter(paper, scatter)
-        figures.plot_mac(paper.mac, names, names, shapes)
-        scatter.set_title("(a)")
-        shapes.set_title("(b) MAC")
-        shapes.set_xlabel("ring model, order n")
-        shapes.set_ylabel("identified, order n")
+    titles = "identified, order n", "ring model, order n"
+    (scatter,) = scatter_chart(paper).plot.panels
+    (shapes,) = mac_chart(paper.mac, names, names, titles=titles).plot.panels
+    panels = replace(scatter, title="(a)"), replace(shapes, title="(b) MAC")
     return (
-        drawing(
+        Chart(
             "figure_4",
-            figure,
+            Plot(panels, (19, 9), 2, margins=Margins(between_columns=1.8)),
             "Frequencies of the ring of Table 4 against identified ones, and MAC of the shapes.",
             "Fig. 4: (a) frequencies of the ring of Table 4 over the identified ones with the ±1 % "
             "band; the first mode stands off as in the paper. (b) MAC of identified and model "

@@ -15,15 +15,14 @@ from pipelines.paper.parts import (
     WAVE_ORDER,
     Chapter,
     Column,
-    Drawing,
     NumberTable,
     Statement,
-    drawing,
     places,
     verdict,
 )
-from pipelines.plots import figures
-from pipelines.plots import waves as figures_waves
+from pipelines.plots.chart import Chart
+from pipelines.plots.plot import Margins, Plot
+from pipelines.plots.simulated import waves_over_speed, waves_plot
 from pipelines.report.blocks import Paragraph
 from pipelines.storage.rounding import signed
 
@@ -37,7 +36,6 @@ SEQUENCES: tuple[tuple[int, float, WaveFrame], ...] = (
 _DRAWN_SPEEDS = np.arange(0.0, 150.1, 1.0)
 _SOUGHT_SPEEDS = np.arange(0.0, 800.0, 0.5)
 _INSTANTS = 9  # per cycle, both ends included
-_SEQUENCE_MARGINS = figures.Margins(left=0.2, right=2.4, between_columns=1.8)
 INTRODUCTION = (
     "Two waves of one order run around the ring in opposite directions. Their superposition "
     "pulses with the mean of the two frequencies while its pattern turns; the tables give how far "
@@ -73,16 +71,14 @@ def cycle_s(pair: WavePair) -> float:
     return float(4.0 * np.pi / (pair.regressive_rad_s + pair.progressive_rad_s))
 
 
-def _figure_6() -> Drawing:
-    room = figures.Margins(right=1.4, between_columns=2.6)
-    with figures.styled_figure(19, 9, 1, 2, room) as (figure, axes):
-        for ax, orders, letter in zip(axes, FIGURE_6_ORDERS, "ab", strict=True):
-            figures_waves.plot_bifurcation(bifurcation(TABLE_4_RING, orders, _DRAWN_SPEEDS), ax)
-            ax.axvline(SPEED_RAD_S, color="#BBBBBB", linewidth=0.8, zorder=0)
-            ax.set_title(f"({letter})")
-    return drawing(
+def _figure_6() -> Chart:
+    panels = tuple(
+        waves_over_speed(bifurcation(TABLE_4_RING, orders, _DRAWN_SPEEDS), title, SPEED_RAD_S)
+        for orders, title in zip(FIGURE_6_ORDERS, ("(a)", "(b)"), strict=True)
+    )
+    return Chart(
         "figure_6",
-        figure,
+        Plot(panels, (19, 9), 2, margins=Margins(right=1.4, between_columns=2.6)),
         "Frequencies of orders 1 to 4 over speed; each splits into two branches.",
         "Fig. 6: bifurcation of the inextensional frequencies in the rotating frame. The grey line "
         "is 67.3 rad/s (80 km/h).",
@@ -148,23 +144,15 @@ def _table_of_sequences() -> NumberTable:
     )
 
 
-def _sequence(number: int, speed_rad_s: float, frame: WaveFrame) -> Drawing:
+def _sequence(number: int, speed_rad_s: float, frame: WaveFrame) -> Chart:
     pair = wave_pair(TABLE_4_RING, WAVE_ORDER, speed_rad_s)
     angles = np.linspace(0.0, 2.0 * np.pi, 361)
     times = np.linspace(0.0, cycle_s(pair), _INSTANTS)
-    field = pair.radial(angles, times, frame) / 4.0
-    with figures.styled_figure(20, 8, 1, 2, _SEQUENCE_MARGINS, width_ratios=(1, 1.5)) as (
-        figure,
-        (circle, unrolled),
-    ):
-        ends = (f"{1e3 * times[0]:.0f} ms", f"{1e3 * times[-1]:.2f} ms")
-        figures_waves.plot_waves_on_circle(angles, field[:, [0, -1]], ends, circle)
-        figures_waves.plot_waves_unrolled(angles, times, field, unrolled)
     turn = turn_per_cycle_deg(pair, frame)
-    moves = "stands" if turn < 0.01 else f"turns by {turn:.1f}° per cycle"
-    return drawing(
+    moves = "does not move" if turn < 0.01 else f"turns by {turn:.1f}° per cycle"
+    return Chart(
         f"figure_{number}",
-        figure,
+        waves_plot(angles, times, pair.radial(angles, times, frame) / 4.0),
         f"Superposed waves of order {WAVE_ORDER} at {speed_rad_s:g} rad/s, {frame} frame.",
         f"Fig. {number}: superposed waves, n = {WAVE_ORDER}, Ω = {speed_rad_s:g} rad/s, {frame} "
         f"reference system. The pattern {moves}. Left: beginning (solid) and end (dashed) of a "

@@ -1,81 +1,51 @@
-"""Interactive charts as data: traces and layout for the page, and the same drawn for paper."""
+"""Charts: a plot with its words, as data for the page's script and as a figure for paper."""
 
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+
+from pipelines.plots.plot import Axis, Band, Bars, Curve, Flags, Map, Note, Panel, Plot, Rule, Span
+from pipelines.results.labels import spread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Colours are names of the page's style (``report.css``), so that they follow light and dark.
-MEASURED, FITTED, RING, KEPT, DROPPED, FAINT = (
-    "--measured",
-    "--fitted",
-    "--ring",
-    "--kept",
-    "--dropped",
-    "--faint",
-)
-SERIES = tuple(f"--series-{number}" for number in range(1, 8))
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A figure as it is printed: nothing in it moves.
-
-    Parameters
-    ----------
-    name : str
-        Unique in the page; the name of its file.
-    alternative, caption : str
-        What it shows, and what to look for.
-    draw : callable
-        Gives a matplotlib figure.
-    wide : bool
-        Whether it needs the whole width of the page.
-    """
-
-    name: str
-    alternative: str
-    caption: str
-    draw: Callable[[], Figure]
-    wide: bool = False
-
-
-@runtime_checkable
-class Drawn(Protocol):
-    """A block that moves on the page and is drawn for paper."""
-
-    @property
-    def drawings(self) -> tuple[Drawing, ...]:
-        """The block in print."""
+Trace = dict[str, Any]
+NO_COLOUR = "rgba(0, 0, 0, 0)"
+SHADES = {"--ring": "0, 114, 178", "--fitted": "213, 94, 0"}  # what bands are filled with
+#: Colour scales for any colour vision; two of them follow the page into the dark,
+#: and numbers can be read on every colour of these.
+SCALES: dict[str, Any] = {
+    "map": "Viridis",
+    "share": [[0, "--paper"], [1, "--cell-above"]],
+    "signed": [[0, "--cell-below"], [0.5, "--paper"], [1, "--cell-above"]],
+}
+THIN = {"width": 1}
+FLAG_GAP = 1 / 38  # smallest distance of two names, as a share of the axis
+GAP = 0.06  # between panels, as a share of the height
 
 
 @dataclass(frozen=True)
 class Chart:
-    """A figure that zooms and shows values, with its caption and its picture for paper.
+    """A figure that zooms and shows values on the page, and is drawn for paper.
 
     Parameters
     ----------
     name : str
         Unique in the page, for anchors and file names: letters and hyphens.
-    data : tuple of mapping
-        Traces as Plotly's JSON describes them; arrays from `packed`; colours such as `RING`.
-    layout : mapping
-        Layout in the same form; fonts, margins and colours of paper and axes come from the page.
+    plot : Plot
+        The page shows one panel, or several that share their x axis, one below the other.
     alternative : str
         What the chart shows, for readers who cannot see it, with its main finding.
     caption : str
         What to look for.
-    draw : callable
-        Draws the same in print: gives a matplotlib figure.
     wide : bool
         Whether it needs the whole width of the page.
     height_px : int
@@ -83,24 +53,52 @@ class Chart:
     """
 
     name: str
-    data: tuple[Mapping[str, Any], ...]
-    layout: Mapping[str, Any]
-    alternative: str
-    caption: str
-    draw: Callable[[], Figure]
+    plot: Plot
+    alternative: str = ""
+    caption: str = ""
     wide: bool = False
     height_px: int = 340
     kind: ClassVar[str] = "chart"
 
-    @property
-    def drawings(self) -> tuple[Drawing, ...]:
+    def printed(self) -> tuple[Chart, ...]:
         """The chart in print."""
-        return (Drawing(self.name, self.alternative, self.caption, self.draw, self.wide),)
+        return (self,)
+
+    def draw(self) -> Figure:
+        """The chart as a figure of matplotlib."""
+        # A page on a screen does not wait for matplotlib.
+        from pipelines.plots.draw import draw_plot
+
+        return draw_plot(self.plot)
+
+    @property
+    def data(self) -> list[Trace]:
+        """Traces as Plotly's JSON describes them."""
+        axes = _vertical(self.plot)
+        return [
+            trace
+            for panel, sides in zip(self.plot.panels, axes, strict=True)
+            for series in panel.series
+            for trace in _traces(series, panel, sides[0])
+        ]
+
+    @property
+    def layout(self) -> dict[str, Any]:
+        """Layout in the same form; fonts and margins come from the page."""
+        return _layout(self.plot)
 
     @property
     def specification(self) -> dict[str, Any]:
         """What the page's script reads."""
         return {"data": self.data, "layout": self.layout}
+
+
+@runtime_checkable
+class Drawn(Protocol):
+    """A block that moves on the page and is drawn for paper."""
+
+    def printed(self) -> tuple[Chart, ...]:
+        """The block in print."""
 
 
 def packed(values: ArrayLike) -> dict[str, str]:
@@ -112,62 +110,236 @@ def packed(values: ArrayLike) -> dict[str, str]:
     return found
 
 
-FREQUENCY = "frequency / Hz"
-INERTANCE = "|inertance| / ((m/s²)/N)"
-NO_COLOUR = "rgba(0, 0, 0, 0)"
-#: Colour scales for any colour vision; two of them follow the page into the dark,
-#: and numbers can be read on every colour of these.
-MAP_SCALE = "Viridis"
-SHARE_SCALE = [[0, "--paper"], [1, "--cell-above"]]
-SIGNED_SCALE = [[0, "--cell-below"], [0.5, "--paper"], [1, "--cell-above"]]
-
-
-def axis(title: str, **options: Any) -> dict[str, Any]:
-    """An axis with its title; `options` as Plotly names them."""
-    return {"title": {"text": title}, **options}
-
-
-def log_axis(title: str, **options: Any) -> dict[str, Any]:
-    """A logarithmic axis with plain numbers."""
-    return axis(title, type="log", tickformat="~g", dtick=1, **options)
-
-
-def as_text(text: str) -> str:
-    """A text from a file as it stands: nothing in it is taken for markup."""
+def _text(text: str) -> str:
+    """A text from a file as it is: nothing in it is taken for markup."""
     return escape(text, quote=False)
 
 
-def printed(
-    plot: Callable[..., Any],
-    *data: Any,
-    size_cm: tuple[float, float],
-    rows: int = 1,
-    **margins_cm: float,
-) -> Callable[[], Figure]:
-    """How a chart is drawn on paper, in the common style.
+def _numbers(values: ArrayLike) -> Any:
+    array = np.asarray(values)
+    whole = array.size == 0 or np.issubdtype(array.dtype, np.integer)
+    return array.tolist() if whole else packed(array)
 
-    Parameters
-    ----------
-    plot : callable
-        Called with the module `pipelines.plots.figures`, the data and the axis; with the axes as an
-        array where there are several.
-    data
-        Passed on to `plot`.
-    size_cm : tuple of float
-        Width and height.
-    rows : int
-        Axes one below the other, over one frequency.
-    margins_cm
-        Margins that differ from the usual ones.
-    """
 
-    def draw() -> Figure:
-        # Loaded here alone: a page on a screen does not wait for it.
-        from pipelines.plots import figures
+def _named(values: ArrayLike, axis: Axis) -> Any:
+    """Values along an axis: where it has categories, their names."""
+    if not axis.names:
+        return _numbers(values)
+    return [_text(axis.names[index]) for index in np.asarray(values, dtype=int)]
 
-        margins = figures.Margins(**margins_cm)
-        with figures.styled_figure(*size_cm, rows, margins=margins, sharex=True) as (figure, ax):
-            plot(figures, *data, ax)
-        return figure
 
-    return draw
+def _along(x: NDArray[Any]) -> Trace:
+    """The x values of a line; evenly spaced ones are given by start and step."""
+    if x.size > 2:
+        step = (x[-1] - x[0]) / (x.size - 1)
+        if np.allclose(np.diff(x), step, rtol=1e-6, atol=0):
+            return {"x0": float(x[0]), "dx": float(step)}
+    return {"x": _numbers(x)}
+
+
+def _hover(template: str) -> Trace:
+    if not template:
+        return {"hoverinfo": "skip"}
+    box = "" if "<extra>" in template else "<extra></extra>"
+    return {"hovertemplate": template + box}
+
+
+def _vertical(plot: Plot) -> list[tuple[str, str]]:
+    """Names of the left and the right axis of each panel; the right one is at the back."""
+    if plot.panels[0].right is not None:
+        return [("y2", "y")]
+    return [("y" if k == 0 else f"y{k + 1}",) * 2 for k in range(len(plot.panels))]
+
+
+def _traces(series: Any, panel: Panel, left: str) -> Iterator[Trace]:
+    place = {} if left == "y" else {"yaxis": left}
+    match series:
+        case Curve():
+            at = {} if series.right else place
+            yield _curve(series, panel) | at
+        case Band(x, low, high, colour, name, opacity):
+            line = {"type": "scatter", "mode": "lines", "x": _numbers(x), "hoverinfo": "skip"}
+            edge = {"line": {"color": NO_COLOUR, "width": 0}, "showlegend": False, **place}
+            yield {**line, **edge, "name": "", "y": _numbers(low)}
+            fill = {"fill": "tonexty", "fillcolor": f"rgba({SHADES[colour]}, {opacity})"}
+            shown = {"showlegend": bool(name), "name": _text(name)}
+            yield {**line, **edge, **fill, **shown, "y": _numbers(high)}
+        case Bars(x, y, colour, width, half, hover):
+            bars: Trace = {"type": "bar", "x": _numbers(x), "y": _numbers(y), "width": width}
+            if half is not None:
+                bars["error_y"] = _error(half) | {"color": "--measured"}
+            yield {
+                **bars,
+                "marker": {"color": colour},
+                "showlegend": False,
+                **_hover(hover),
+            } | place
+        case Map():
+            yield _map(series, panel) | place
+
+
+def _curve(curve: Curve, panel: Panel) -> Trace:
+    modes = (("lines", curve.width), ("markers", curve.marker), ("text", curve.labelled))
+    x = np.asarray(curve.x)
+    trace: Trace = {
+        "type": "scatter",
+        "mode": "+".join(name for name, there in modes if there),
+        "name": _text(curve.name),
+        "showlegend": bool(curve.listed and curve.name),
+        **({"x": _named(x, panel.x)} if curve.marker or panel.x.names else _along(x)),
+        "y": _numbers(curve.y),
+        **_hover(curve.hover),
+    }
+    if curve.width:
+        trace["line"] = {"color": curve.colour, "width": curve.width}
+        if curve.dash != "solid":
+            trace["line"]["dash"] = curve.dash
+    if curve.marker:
+        trace["marker"] = {"color": curve.colour, "size": curve.size, "symbol": curve.marker}
+        if curve.marker.endswith("-open"):
+            trace["marker"]["line"] = THIN if "thin" in curve.marker else {"width": 1.5}
+    optional: tuple[tuple[str, Any], ...] = (
+        ("opacity", curve.opacity if curve.opacity != 1 else None),
+        ("legendgroup", _text(curve.group) or None),
+        ("text", list(map(_text, curve.texts)) or None),
+        ("textposition", "top left" if curve.labelled else None),
+        ("customdata", None if curve.values is None else _numbers(curve.values)),
+        ("error_x", None if curve.x_bars is None else _error(curve.x_bars)),
+        ("error_y", None if curve.y_bars is None else _error(curve.y_bars)),
+    )
+    return trace | {key: value for key, value in optional if value is not None}
+
+
+def _error(half: NDArray[np.float64]) -> Trace:
+    """Error bars; none where the uncertainty is unknown."""
+    return {"type": "data", "array": np.nan_to_num(half, nan=0.0).tolist(), "thickness": 1.5}
+
+
+def _map(shown: Map, panel: Panel) -> Trace:
+    rows, columns = (np.arange(size) for size in shown.z.shape)
+    title = {"title": {"text": shown.label}} if shown.label else {}
+    trace: Trace = {
+        "type": "heatmap",
+        "x": _named(columns, panel.x) if shown.x is None else packed(shown.x),
+        "y": _named(rows, panel.y),
+        "z": packed(shown.z),
+        "zmin": shown.low,
+        "zmax": shown.high,
+        "colorscale": SCALES[shown.scale],
+        "colorbar": {**title, "thickness": 12},
+        **_hover(shown.hover),
+    }
+    if shown.x is None:
+        trace |= {"xgap": 1, "ygap": 1}
+    if shown.cells:
+        trace |= {"text": [list(row) for row in shown.cells], "texttemplate": "%{text}"}
+    return trace
+
+
+def _layout(plot: Plot) -> dict[str, Any]:
+    layout: dict[str, Any] = {
+        "hovermode": "x" if plot.together else "closest",
+        "shapes": [],
+        "annotations": [],
+    }
+    shares = np.array(plot.heights or [1.0] * len(plot.panels))
+    low_ends = 1 - np.cumsum(shares / shares.sum())
+    for k, (panel, (left, right)) in enumerate(zip(plot.panels, _vertical(plot), strict=True)):
+        key = left.replace("y", "yaxis")
+        layout[key] = _axis(panel.y, panel)
+        if len(plot.panels) > 1:
+            top = 1.0 if k == 0 else float(low_ends[k - 1]) - GAP
+            layout[key]["domain"] = [round(max(0.0, float(low_ends[k])), 3), round(top, 3)]
+        if panel.right is not None:
+            layout[key] |= {"side": "left", "overlaying": right}
+            layout["yaxis"] = _axis(panel.right, panel) | {"side": "right", "showgrid": False}
+        for series in panel.series:
+            layout["shapes"] += _shapes(series, left)
+            layout["annotations"] += _annotations(series, panel, left)
+    last = plot.panels[-1]
+    layout["xaxis"] = _axis(last.x, last)
+    if len(plot.panels) > 1:
+        layout["xaxis"]["anchor"] = _vertical(plot)[-1][0]
+    if last.equal:
+        layout["xaxis"]["constrain"] = "domain"
+        layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
+    if last.bare:
+        layout["margin"] = {"l": 4, "r": 4, "t": 26, "b": 4}
+        layout["legend"] = {"y": -0.01, "yanchor": "top"}
+    return {key: value for key, value in layout.items() if value != []}
+
+
+def _axis(axis: Axis, panel: Panel) -> dict[str, Any]:
+    """An axis as Plotly names its parts."""
+    found: dict[str, Any] = {"title": {"text": _text(axis.title)}}
+    if panel.bare:
+        found["visible"] = False
+    if axis.log:
+        # Ticks at 1, 10, …, and at 2 and 5 as well where the range is small.
+        many = axis.range is None or axis.range[1] / axis.range[0] > 50
+        found |= {"type": "log", "tickformat": "~g", "dtick": 1 if many else "D2"}
+    if axis.range is not None:
+        found["range"] = [float(np.log10(end)) if axis.log else float(end) for end in axis.range]
+    if axis.names:
+        names = list(map(_text, axis.names))
+        in_order = {"categoryorder": "array", "categoryarray": names}
+        found |= {"type": "category", "tick0": 0, "dtick": axis.every, **in_order}
+        if any(isinstance(each, Map) for each in panel.series):
+            found["showgrid"] = False
+    if len(axis.ticks):
+        found |= {"tickvals": list(axis.ticks), "zeroline": False}
+    if len(axis.labels):
+        found["ticktext"] = list(map(_text, axis.labels))
+    if axis.reverse:
+        found["autorange"] = "reversed"
+    if axis.from_zero:
+        found["rangemode"] = "tozero"
+    return found
+
+
+def _shapes(series: Any, left: str) -> list[dict[str, Any]]:
+    """Lines and shaded ranges, which have no values of their own."""
+    match series:
+        case Rule():
+            line = {"color": series.colour, "width": series.width, "dash": series.dash}
+            ends = {"x0": 0, "x1": 1, "y0": series.at, "y1": series.at, "xref": "paper"}
+            if series.upright:
+                ends = {"x0": series.at, "x1": series.at, "y0": 0, "y1": 1}
+            yref = f"{left} domain" if series.upright else left
+            return [{"type": "line", "yref": yref, **ends, "line": line}]
+        case Span(start, stop):
+            ends = {
+                "x0": start,
+                "x1": stop,
+                "y0": 0,
+                "y1": 1,
+                "xref": "x",
+                "yref": f"{left} domain",
+            }
+            look = {"fillcolor": "--faint", "opacity": 0.12, "line": {"width": 0}}
+            return [{"type": "rect", **ends, **look, "layer": "below"}]
+        case Flags(at, _, height):
+            look = {"line": {"color": "--kept", "width": 0.8}, "layer": "below"}
+            ends = {"y0": 0, "y1": height + 0.03, "xref": "x", "yref": f"{left} domain"}
+            return [{"type": "line", "x0": x, "x1": x, **ends, **look} for x in at]
+    return []
+
+
+def _annotations(series: Any, panel: Panel, left: str) -> list[dict[str, Any]]:
+    match series:
+        case Note(x, y, text, colour, align):
+            side = {"left": "left", "right": "right"}.get(align, "center")
+            place = {"x": x, "y": y, "xref": "x", "yref": left, "xanchor": side}
+            look = {"showarrow": False, "font": {"color": colour}}
+            return [{**place, "text": _text(text), **look}]
+        case Flags(at, names, height) if panel.x.range and panel.y.range:
+            (low, high), top = panel.x.range, panel.y.range[1]
+            places = spread(at, gap=FLAG_GAP * (high - low))
+            ends = {"y": (height + 0.03) * top, "ay": (height + 0.06) * top}
+            look = {"arrowhead": 0, "arrowwidth": 0.8, "arrowcolor": "--kept", "textangle": -90}
+            refs = {"yref": left, "axref": "x", "ayref": left, "yanchor": "bottom"}
+            return [
+                {"x": x, "ax": float(place), "text": _text(name), **ends, **refs, **look}
+                for x, place, name in zip(at, places, names, strict=True)
+            ]
+    return []

@@ -1,262 +1,388 @@
-"""Figures of the identification: stability diagram, FRFs, shapes, how alike they are."""
+"""Plots of the identification: stability diagram, measured and fitted FRFs, shapes, MAC."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from html import escape
 
 import numpy as np
-from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode
-from ema.poles.stability import Cluster, StabilityDiagram
-from pipelines.plots.style import DROPPED, FAINT, FITTED, KEPT, MEASURED, RING, log_axis, phase_axes
+from ema.poles.stability import StabilityDiagram
+from pipelines.plots.chart import Chart
+from pipelines.plots.measurement import on_circle
+from pipelines.plots.plot import (
+    DROPPED,
+    FAINT,
+    FITTED,
+    FREQUENCY,
+    INERTANCE,
+    KEPT,
+    MEASURED,
+    PHASE,
+    RING,
+    SHOWN_DECADES,
+    Axis,
+    Bars,
+    Curve,
+    Flags,
+    Map,
+    Margins,
+    Panel,
+    Plot,
+    Rule,
+    Span,
+    log_axis,
+    magnitude_and_phase,
+)
 from pipelines.results.labels import (
     in_band,
     mode_name,
-    place_name,
     pole_marks,
+    row_names,
+    signed_cell,
     sparse_labels,
-    spread,
-    wrapped_phase_deg,
 )
 
+HIGHEST = 0.82  # share of the stability diagram below the frequencies of the modes
+LOWEST_FRAC = 0.9
 DEFLECTION = 0.3  # largest drawn deflection, in radii
-POLE_STYLES: dict[str, dict[str, Any]] = {
-    "not stable": {"marker": "+", "color": FAINT, "alpha": 0.6},
-    "stable, not in a mode": {"marker": "x", "color": DROPPED},
-    "in a mode, not stable": {"marker": "o", "color": KEPT, "markerfacecolor": "white"},
-    "in a mode": {"marker": "o", "color": KEPT},
+WRITTEN_CELLS = 15  # rows and columns up to which every number has room in its cell
+FEW_CELLS = 9  # rows and columns up to which small numbers of a MAC are written too
+#: Colour and width; drawn in this order: the thin curve stays visible on the thick one.
+FRF_LOOKS = {"fitted": (FITTED, 3.0), "ring": (RING, 1.6), "measured": (MEASURED, 1.0)}
+POLE_LOOKS = {
+    "not stable": ("cross-thin-open", FAINT, 5),
+    "stable, not in a mode": ("x-thin-open", DROPPED, 6),
+    "in a mode, not stable": ("circle-open", KEPT, 6),
+    "in a mode": ("circle", KEPT, 6),
 }
 
 
-def plot_stability(diagram: StabilityDiagram, ax: Axes) -> Axes:
-    """Draw the stability diagram over the mode indicator function.
+def stability_chart(diagram: StabilityDiagram) -> Chart:
+    """Poles over frequency and model order, in front of the mode indicator.
 
     Parameters
     ----------
     diagram : StabilityDiagram
-    ax : Axes
-
-    Returns
-    -------
-    Axes
-        The axis of the poles; the indicator has its own behind it.
     """
     low, high = diagram.band_hz
-    _draw_indicator(diagram, ax)
-    for label, chosen in pole_marks(diagram).items():
-        ax.plot(
+    kept = sorted(
+        c.frequency_hz for c in diagram.clusters if c.kept and low <= c.frequency_hz <= high
+    )
+    names = [f"{frequency:.1f}" for frequency in kept]
+    reasons = {-1: "in no cluster", **{c.label: c.reason for c in diagram.clusters}}
+    inside = in_band(diagram.indicator_hz, diagram.band_hz)
+    unit = "RMS inertance / ((m/s²)/N)"
+    indicator = Curve(
+        diagram.indicator_hz[inside],
+        diagram.indicator[inside],
+        FAINT,
+        "RMS inertance",
+        width=1.5,
+        opacity=0.8,
+        hover="%{x:.2f} Hz<br>RMS inertance %{y:.3g} (m/s²)/N",
+        right=True,
+    )
+    # One series for each mark, so that the legend hides and shows it.
+    poles = tuple(
+        Curve(
             diagram.frequency_hz[chosen],
             diagram.model_order[chosen],
-            linestyle="none",
-            markersize=3.0,
-            markeredgewidth=0.7,
-            label=label,
-            **POLE_STYLES[label],
+            POLE_LOOKS[name][1],
+            name,
+            marker=POLE_LOOKS[name][0],
+            size=POLE_LOOKS[name][2],
+            hover="%{x:.2f} Hz, damping %{customdata:.2f} %<br>model order %{y}, "
+            f"{name}<br>%{{text}}",
+            texts=[reasons.get(int(label), "") for label in diagram.cluster[chosen]],
+            values=100 * diagram.damping_ratio[chosen],
         )
-    ax.set_xlim(low, high)
-    ax.set_ylim(bottom=0)
-    ax.set_xlabel("frequency / Hz")
-    ax.set_ylabel("model order")
-    in_band = [cluster for cluster in diagram.clusters if low <= cluster.frequency_hz <= high]
-    _name_clusters([cluster for cluster in in_band if cluster.kept], ax)
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4, handletextpad=0.2)
-    return ax
+        for name, chosen in pole_marks(diagram).items()
+    )
+    highest = float(diagram.model_order.max(initial=1)) / HIGHEST
+    panel = Panel(
+        (indicator, Flags(kept, names, HIGHEST), *poles),
+        Axis(FREQUENCY, diagram.band_hz),
+        Axis("model order", (0, highest), ticks=range(0, int(highest * HIGHEST) + 1, 10)),
+        _below_names(log_axis(unit, indicator.y)),
+        legend="below",
+    )
+    found = f", at {', '.join(names)} Hz" if names else ""
+    return Chart(
+        "stability",
+        Plot((panel,), (17.5, 10.5), margins=Margins(right=1.6, bottom=1.7)),
+        f"Stability diagram with {diagram.poles.size} poles; {len(kept)} columns were taken for "
+        f"modes{found}.",
+        "Poles of all model orders over the RMS inertance of all positions (line). A mode is a "
+        "straight column of stable poles, best at a peak; the frequencies in Hz at the top are "
+        "the clusters taken for modes. Columns that lean or break off are not modes.",
+        wide=True,
+        height_px=540,
+    )
 
 
-def plot_frf_magnitude(frf: FRF, model: ModalModel, row: int, ax: Axes) -> Axes:
-    """Magnitude of one FRF, measured (dashed) and fitted (solid).
+def _below_names(axis: Axis) -> Axis:
+    """The axis, extended so that its curve stays below the names of the modes."""
+    low, high = np.log10(axis.range or (0.1, 10.0))
+    return Axis(axis.title, (10**low, 10 ** (low + (high - low) / HIGHEST)), log=True)
+
+
+def shown_band_hz(model: ModalModel) -> tuple[float, float]:
+    """The band of interest and what was fitted."""
+    low, high = zip(model.band_hz, model.fit_band_hz, strict=True)
+    return min(low), max(high)
+
+
+def fitted_curves(
+    frf: FRF, model: ModalModel, row: int
+) -> dict[str, tuple[NDArray[np.float64], NDArray[np.complex128]]]:
+    """Frequencies and inertances of one FRF: what was fitted, and what was measured."""
+    inside = in_band(frf.frequency_hz, model.fit_band_hz)
+    shown = in_band(frf.frequency_hz, shown_band_hz(model))
+    fitted_hz = frf.frequency_hz[inside]
+    return {
+        "fitted": (fitted_hz, np.asarray(model.synthesise(fitted_hz, frf.run)[row])),
+        "measured": (frf.frequency_hz[shown], frf.values[row, shown]),
+    }
+
+
+def frf_plot(
+    frf: FRF,
+    model: ModalModel,
+    curves: Mapping[str, tuple[NDArray[np.float64], NDArray[np.complex128]]],
+    title: str = "",
+) -> Plot:
+    """Magnitude and phase of one FRF; grey is what was fitted outside the band of interest.
 
     Parameters
     ----------
     frf : FRF
+        All FRFs: their levels give the range of the axis, so that positions can be compared.
     model : ModalModel
-    row : int
-        Row of `frf`.
-    ax : Axes
-
-    Returns
-    -------
-    Axes
+    curves : mapping of str to (ndarray, ndarray)
+        Frequencies in Hz and inertances, by the names of `FRF_LOOKS`; the page fills in what is
+        empty.
+    title : str
     """
-    shown, fitted = _shown_lines(frf, model)
-    measured = np.abs(frf.values[row, shown])
-    synthesis = np.abs(_fitted(frf, model, row, fitted))
-    ax.plot(frf.frequency_hz[fitted], synthesis, color=FITTED, label="fitted", lw=2.0)
-    ax.plot(frf.frequency_hz[shown], measured, "--", color=MEASURED, label="measured", lw=0.8)
-    log_axis(ax)
-    _shade_outside(model.band_hz, ax)
-    ax.set_title(place_name(int(frf.node[row]), float(frf.position_deg[row])))
-    ax.set_ylabel("|inertance| / ((m/s²)/N)")
-    ax.legend(loc="lower right")
-    return ax
+    low, high = shown_band_hz(model)
+    level = np.abs(frf.values[:, in_band(frf.frequency_hz, (low, high))])
+    top = 1.25 * float(np.max(level, initial=1e-12, where=np.isfinite(level)))
+    sides = ((low, model.band_hz[0]), (model.band_hz[1], high))
+    shaded = tuple(Span(start, stop) for start, stop in sides if stop > start)
+    # Drawn one over the other, in this order: the thin one stays visible on the thick one.
+    pairs = [
+        magnitude_and_phase(*curves[name], colour, name, width=width, dash=dash, at="")
+        for name, (colour, width) in FRF_LOOKS.items()
+        if name in curves
+        for dash in ["dash" if name == "ring" else "solid"]
+    ]
+    levels = Axis(INERTANCE, (top / 10**SHOWN_DECADES, top), log=True)
+    magnitude = tuple(pair[0] for pair in pairs)
+    phase = tuple(pair[1] for pair in pairs)
+    return Plot(
+        (
+            Panel(
+                (*shaded, *magnitude), Axis(range=(low, high)), levels, None, title, "lower right"
+            ),
+            Panel((*shaded, *phase), Axis(FREQUENCY, (low, high)), PHASE),
+        ),
+        (13, 10),
+        heights=(3, 2),
+        together=True,
+    )
 
 
-def plot_frf_phase(frf: FRF, model: ModalModel, row: int, ax: Axes) -> Axes:
-    """Phase of one FRF, measured (dashed) and fitted (solid), between −180° and 180°.
+def position_names(of: FRF | ModalModel) -> list[str]:
+    """Names of the positions as a sentence needs them."""
+    names = row_names(of, np.arange(of.position_deg.size))
+    on_circle = np.isfinite(of.position_deg)
+    return [n if known else f"node {n}" for n, known in zip(names, on_circle, strict=True)]
+
+
+def frac_chart(model: ModalModel) -> Chart:
+    """FRAC of every position; a click on one shows its FRFs above.
 
     Parameters
     ----------
-    frf : FRF
     model : ModalModel
-    row : int
-        Row of `frf`.
-    ax : Axes
-
-    Returns
-    -------
-    Axes
     """
-    shown, fitted = _shown_lines(frf, model)
-    measured = wrapped_phase_deg(frf.values[row, shown])
-    synthesis = wrapped_phase_deg(_fitted(frf, model, row, fitted))
-    ax.plot(frf.frequency_hz[fitted], synthesis, color=FITTED, lw=2.0)
-    ax.plot(frf.frequency_hz[shown], measured, "--", color=MEASURED, lw=0.8)
-    _shade_outside(model.band_hz, ax)
-    phase_axes(ax)
-    return ax
+    names = position_names(model)
+    worst = int(np.argmin(model.frac))
+    lowest = f"{model.frac[worst]:.4f} at {names[worst]}"
+    on_circle = bool(np.isfinite(model.position_deg).all())
+    ticks, labels = sparse_labels(row_names(model, np.arange(model.frac.size)))
+    series = (
+        Curve(
+            model.position_deg if on_circle else np.arange(1.0, model.frac.size + 1),
+            model.frac,
+            RING,
+            width=0.8,
+            marker="circle",
+            size=7 if model.frac.size <= 150 else 4,
+            hover="%{text}<br>FRAC %{y:.4f}",
+            texts=names,
+        ),
+        # The page fills it in when a position is chosen.
+        Curve([], [], FITTED, "shown above", marker="circle-open", size=13),
+        Rule(LOWEST_FRAC, FITTED, "dash"),
+    )
+    across = Axis("node", ticks=[tick + 1 for tick in ticks], labels=labels)
+    if on_circle:
+        across = Axis("position / °", (-5, 365), ticks=range(0, 361, 60))
+    floor = max(0.0, min(float(model.frac.min()) - 0.03, 0.85))
+    return Chart(
+        "frac",
+        Plot((Panel(series, across, Axis("FRAC", (floor, 1.01)), legend=""),), (13, 7)),
+        f"FRAC of all positions; the lowest is {lowest}.",
+        f"FRAC, measured against fitted, at every position; the lowest is {lowest} (dashed: "
+        f"{LOWEST_FRAC}). Click a point to see its FRFs above. A single low value points to a "
+        "faulty sensor, many of them to missing modes.",
+        wide=True,
+        height_px=260,
+    )
 
 
-def plot_shape_on_circle(mode: Mode, position_deg: ArrayLike, ax: Axes) -> Axes:
-    """Draw a shape on the circle: undeformed (grey), deformed, half a period later (dotted).
+def shape_panel(mode: Mode, position_deg: ArrayLike) -> Panel:
+    """A shape on the circle: undeformed (grey), deformed, half a period later (dotted).
 
     Parameters
     ----------
     mode : Mode
     position_deg : array_like, shape (n_positions,)
         Angles of the shape's values, counter-clockwise from the right.
-    ax : Axes
-
-    Returns
-    -------
-    Axes
     """
-    angles = np.deg2rad(np.asarray(position_deg, dtype=float))
+    angles = np.asarray(position_deg, dtype=float)
     rows = np.argsort(angles)
     closed = np.append(rows, rows[0])
     deflection = DEFLECTION * mode.shape.real
-    circle = np.linspace(0, 2 * np.pi, 181)
-    ax.plot(np.cos(circle), np.sin(circle), color=FAINT, linewidth=0.8)
-    for sign, style in ((-1, ":"), (1, "-")):
-        radius = 1 + sign * deflection
-        x, y = radius * np.cos(angles), radius * np.sin(angles)
-        ax.plot(x[closed], y[closed], style, color=RING, linewidth=0.9 if sign < 0 else 1.4)
-    ax.plot(x, y, ".", color=RING, markersize=2.5)
-    limit = 1.05 + DEFLECTION
-    ax.set_xlim(-limit, limit)
-    ax.set_ylim(-limit, limit)
-    ax.set_aspect("equal")
-    ax.set_axis_off()
-    ax.set_title(mode_name(mode), loc="center", pad=2)
-    return ax
+    series = (
+        Curve(*on_circle(np.linspace(0, 360, 181), 1.0), FAINT, width=1.1),
+        *(
+            Curve(*on_circle(angles[closed], 1 + part[closed]), RING, width=width, dash=dash)
+            for part, width, dash in ((-deflection, 1.3, "dot"), (deflection, 2.0, "solid"))
+        ),
+        Curve(*on_circle(angles, 1 + deflection), RING, marker="circle", size=3),
+    )
+    limits = Axis(range=(-1.05 - DEFLECTION, 1.05 + DEFLECTION))
+    return Panel(series, limits, limits, title=mode_name(mode), equal=True, bare=True)
 
 
-def plot_shape_by_node(mode: Mode, names: Sequence[str], ax: Axes) -> Axes:
-    """Draw a shape as bars over its nodes, where there is no circle to draw it on.
+def shape_by_node_panel(mode: Mode, names: Sequence[str]) -> Panel:
+    """A shape as bars over its nodes, where there is no circle to draw it on.
 
     Parameters
     ----------
     mode : Mode
     names : sequence of str, length n_positions
         Names of the nodes.
-    ax : Axes
-
-    Returns
-    -------
-    Axes
     """
-    ax.bar(np.arange(len(names)), mode.shape.real, color=RING, width=0.7)
-    ax.axhline(0, color="black", linewidth=0.6)
-    ax.set_xticks(*sparse_labels(names))
-    ax.set_ylim(-1.1, 1.1)
-    ax.set_yticks([-1, 0, 1])
-    ax.grid(visible=False, axis="x")
-    ax.set_title(mode_name(mode), loc="center", pad=2)
-    return ax
+    indices, _ = sparse_labels(names)
+    every = indices[1] if len(indices) > 1 else 1
+    bars = Bars(np.arange(len(names)), mode.shape.real, RING, width=0.7)
+    across, up = Axis(names=names, every=every), Axis(range=(-1.1, 1.1), ticks=(-1, 0, 1))
+    return Panel((bars, Rule(0, MEASURED)), across, up, title=mode_name(mode))
 
 
-def plot_frac(model: ModalModel, ax: Axes) -> Axes:
-    """FRAC of measured against fitted FRFs, position by position.
+def shapes_plot(model: ModalModel) -> Plot:
+    """All shapes, on the circle where the positions have angles."""
+    circular = bool(np.isfinite(model.position_deg).all())
+    columns = min(4, len(model.modes))
+    rows = -(-len(model.modes) // columns)
+    if circular:
+        margins = Margins(0.1, 0.1, 0.1, 0.6, between_columns=0.2, between_rows=0.6)
+        panels = tuple(shape_panel(mode, model.position_deg) for mode in model.modes)
+    else:
+        margins = Margins(0.8, 0.1, 0.6, 0.6, between_columns=0.8, between_rows=1.2)
+        names = row_names(model, np.arange(model.node.size))
+        panels = tuple(shape_by_node_panel(mode, names) for mode in model.modes)
+    return Plot(panels, (17.5, (4.6 if circular else 3.6) * rows), columns, margins=margins)
+
+
+def mac_chart(
+    values: ArrayLike,
+    rows: Sequence[str],
+    columns: Sequence[str],
+    *,
+    name: str = "mac",
+    titles: tuple[str, str] = ("", ""),
+    alternative: str = "",
+    caption: str = "",
+) -> Chart:
+    """A MAC matrix, 0 (pale) to 1 (dark).
 
     Parameters
     ----------
-    model : ModalModel
-    ax : Axes
-
-    Returns
-    -------
-    Axes
+    values : array_like, shape (n_rows, n_columns)
+        Between 0 and 1.
+    rows, columns : sequence of str
+        Names; each is used once.
+    name : str
+        Of the chart, unique in the page.
+    titles : tuple of str
+        What rows and columns are: titles of the vertical and of the horizontal axis.
+    alternative, caption : str
+        What it shows, for readers who cannot see it; and what to look for.
     """
-    on_circle = bool(np.isfinite(model.position_deg).all())
-    nodes = np.where(model.node >= 0, model.node, np.arange(1, model.node.size + 1))
-    where = model.position_deg if on_circle else nodes
-    ax.plot(where, model.frac, "o-", color=RING, linewidth=0.6)
-    ax.axhline(0.9, color=FITTED, linewidth=0.8, linestyle="--")
-    ax.set_ylim(max(0.0, np.floor(10 * min(model.frac.min(), 0.85) - 0.5) / 10), 1.01)
-    if on_circle:
-        ax.set_xlim(-5, 365)
-        ax.set_xticks(range(0, 361, 60))
-    ax.set_xlabel("position / °" if on_circle else "node")
-    ax.set_ylabel("FRAC")
-    return ax
+    matrix = np.asarray(values, dtype=float)
+    # In large matrices the small values would only be noise to the eye.
+    least = 0.0 if max(matrix.shape, default=0) <= FEW_CELLS else 0.1
+
+    def cell(value: float) -> str:
+        return f"{value:.2f}" if value >= least else ""
+
+    plot = _matrix(matrix, (rows, columns), titles, cell, "MAC %{z:.3f}", (0.0, 1.0), "share")
+    return Chart(name, plot, alternative, caption, height_px=420)
 
 
-def _draw_indicator(diagram: StabilityDiagram, ax: Axes) -> None:
-    inside = in_band(diagram.indicator_hz, diagram.band_hz)
-    behind = ax.twinx()
-    behind.plot(
-        diagram.indicator_hz[inside], diagram.indicator[inside], color="#9DB7CC", linewidth=1.4
+def signed_chart(
+    values: ArrayLike,
+    rows: Sequence[str],
+    columns: Sequence[str],
+    *,
+    name: str,
+    titles: tuple[str, str],
+    quantity: str,
+    alternative: str,
+    caption: str,
+) -> Chart:
+    """A matrix whose values have a sign: blue above zero, orange below.
+
+    Parameters
+    ----------
+    values : array_like, shape (n_rows, n_columns)
+    rows, columns, name, titles, alternative, caption
+        As for `mac_chart`.
+    quantity : str
+        What a value is.
+    """
+    matrix = np.asarray(values, dtype=float)
+    largest = max(float(np.abs(matrix).max(initial=0.0)), 1e-3)
+    ends, hover = (-largest, largest), f"{quantity} %{{z:+.3f}}"
+    plot = _matrix(matrix, (rows, columns), titles, signed_cell, hover, ends, "signed")
+    return Chart(name, plot, alternative, caption, height_px=420)
+
+
+def _matrix(
+    matrix: NDArray[np.float64],
+    names: tuple[Sequence[str], Sequence[str]],
+    titles: tuple[str, str],
+    cell: Callable[[float], str],
+    hover: str,
+    ends: tuple[float, float],
+    scale: str,
+) -> Plot:
+    """A matrix with the value in each cell, as far as there is room; rows run from the top."""
+    written = max(matrix.shape, default=0) <= WRITTEN_CELLS
+    shown = Map(
+        matrix,
+        *ends,
+        scale,
+        f"{escape(titles[0])}: %{{y}}<br>{escape(titles[1])}: %{{x}}<br>{hover}",
+        label="MAC" if scale == "share" else "",
+        cells=[[cell(value) for value in row] for row in matrix] if written else (),
     )
-    log_axis(behind)
-    behind.set_ylabel("RMS inertance / ((m/s²)/N)", color="#557A95")
-    behind.tick_params(axis="y", colors="#557A95", which="both")
-    behind.grid(visible=False)
-    behind.spines["right"].set_visible(True)
-    ax.set_zorder(behind.get_zorder() + 1)
-    ax.patch.set_visible(False)
-
-
-def _name_clusters(kept: Sequence[Cluster], ax: Axes) -> None:
-    """Write the frequency of each kept cluster above the diagram, side by side."""
-    low, high = ax.get_xlim()
-    frequencies = sorted(cluster.frequency_hz for cluster in kept)
-    places = spread(frequencies, gap=(high - low) / 45)
-    for frequency, place in zip(frequencies, places, strict=True):
-        ax.axvline(frequency, color=KEPT, linewidth=0.6, alpha=0.6)
-        ax.annotate(
-            f"{frequency:.1f}",
-            xy=(frequency, 1.0),
-            xytext=(place, 1.045),
-            xycoords=("data", "axes fraction"),
-            textcoords=("data", "axes fraction"),
-            rotation=90,
-            ha="center",
-            va="bottom",
-            fontsize=7.5,
-            arrowprops={"arrowstyle": "-", "color": KEPT, "linewidth": 0.6, "shrinkA": 0},
-        )
-
-
-def _shown_lines(frf: FRF, model: ModalModel) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Lines to draw as measured (the band and what was fitted) and as fitted."""
-    low = min(model.band_hz[0], model.fit_band_hz[0])
-    high = max(model.band_hz[1], model.fit_band_hz[1])
-    return in_band(frf.frequency_hz, (low, high)), in_band(frf.frequency_hz, model.fit_band_hz)
-
-
-def _shade_outside(band_hz: tuple[float, float], ax: Axes) -> None:
-    """Grey what was fitted for the sake of the band only."""
-    left, right = ax.dataLim.intervalx
-    ax.set_xlim(left, right)
-    for start, stop in ((left, band_hz[0]), (band_hz[1], right)):
-        if stop > start:
-            ax.axvspan(start, stop, color="#EEEEEE", linewidth=0)
-
-
-def _fitted(
-    frf: FRF, model: ModalModel, row: int, lines: NDArray[np.bool_]
-) -> NDArray[np.complex128]:
-    return np.asarray(model.synthesise(frf.frequency_hz[lines], frf.run)[row])
+    rows, columns = Axis(titles[0], names=names[0], reverse=True), Axis(titles[1], names=names[1])
+    return Plot((Panel((shown,), columns, rows),), (9.5, 9))

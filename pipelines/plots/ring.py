@@ -1,152 +1,321 @@
-"""Figures of the ring model beside the measurement."""
+"""Plots of the ring model: against the measurement, its parameters, and these over pressure."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from math import isfinite
 
 import numpy as np
-from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 
-from pipelines.plots.style import FAINT, MEASURED, RING
+from model.identifiability import Correlation, Sensitivity
+from model.parameters import DAMPING_NAMES, RING_NAMES
+from pipelines.library.series import UNITS_PA, Series, Trend
+from pipelines.plots.chart import Chart
+from pipelines.plots.modes import signed_chart
+from pipelines.plots.plot import (
+    FAINT,
+    FITTED,
+    FREQUENCY,
+    MEASURED,
+    ORDER,
+    RING,
+    Axis,
+    Band,
+    Bars,
+    Curve,
+    Margins,
+    Panel,
+    Plot,
+    Rule,
+)
 from pipelines.results.result import Validation
+from pipelines.storage.rounding import signed
 
-BARS: dict[str, Any] = {"fmt": "none", "elinewidth": 1.0, "capsize": 2.0}
+TOLERANCE_PERCENT = 1.0
+TOLERANCE = f"±{TOLERANCE_PERCENT:g} %"
+WITH_BARS = "Bars: ± 2 standard deviations of the measurement"
+WEAK = 0.02  # % change of frequency for 1 % of a parameter that hardly moves anything
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def plot_frequency_scatter(
-    validation: Validation, ax: Axes, std_hz: NDArray[np.float64] | None = None
-) -> Axes:
-    """Model against measured frequencies, with the ±1 % band.
+def scatter_chart(found: Validation, std_hz: NDArray[np.float64] | None = None) -> Chart:
+    """Frequencies of the ring over the measured ones.
 
     Parameters
     ----------
-    validation : Validation
-    ax : Axes
+    found : Validation
     std_hz : ndarray, shape (n_orders,), optional
-        Standard deviations of the measured frequencies; drawn twofold as bars.
-
-    Returns
-    -------
-    Axes
+        Standard deviations of the measured frequencies; NaN where unknown.
     """
-    every = np.concatenate([validation.measured_hz, validation.model_hz])
+    every = np.concatenate([found.measured_hz, found.model_hz])
     margin = 0.08 * (every.max() - every.min()) + 1.0
     ends = np.array([every.min() - margin, every.max() + margin])
-    ax.fill_between(ends, 0.99 * ends, 1.01 * ends, color="#CFE3F1", label="±1 %")
-    ax.plot(ends, ends, color=FAINT, linewidth=0.8)
-    ax.plot(validation.measured_hz, validation.model_hz, "o", color=RING)
-    if std_hz is not None:
-        bars = {"color": RING, **BARS}
-        ax.errorbar(validation.measured_hz, validation.model_hz, xerr=2 * std_hz, **bars)
-    for order, x, y in zip(
-        validation.order, validation.measured_hz, validation.model_hz, strict=True
-    ):
-        ax.annotate(str(order), (x, y), xytext=(-6, 4), textcoords="offset points", ha="right")
-    ax.set_xlim(*ends)
-    ax.set_ylim(*ends)
-    ax.set_aspect("equal")
-    ax.set_xlabel("measured / Hz")
-    ax.set_ylabel("ring model / Hz")
-    ax.legend(loc="lower right")
-    return ax
-
-
-def plot_frequency_error(
-    validation: Validation, ax: Axes, std_hz: NDArray[np.float64] | None = None
-) -> Axes:
-    """Deviation of the model's frequencies, order by order, with the ±1 % band.
-
-    Parameters
-    ----------
-    validation : Validation
-    ax : Axes
-    std_hz : ndarray, shape (n_orders,), optional
-        Standard deviations of the measured frequencies; drawn twofold as bars.
-
-    Returns
-    -------
-    Axes
-    """
-    error = validation.error_percent
-    ax.axhspan(-1, 1, color="#CFE3F1")
-    ax.axhline(0, color=FAINT, linewidth=0.8)
-    ax.vlines(validation.order, 0, error, color=RING)
-    ax.plot(validation.order, error, "o", color=RING)
-    if std_hz is not None:
-        half = 200 * std_hz / validation.measured_hz
-        ax.errorbar(validation.order, error, yerr=half, color=MEASURED, **BARS)
-    limit = 1.15 * max(1.0, float(np.abs(error).max()))
-    ax.set_ylim(-limit, limit)
-    ax.set_xticks(validation.order)
-    ax.set_xlabel("order n")
-    ax.set_ylabel("deviation / %")
-    return ax
-
-
-def plot_dispersion(
-    validation: Validation, orders: ArrayLike, ring_hz: ArrayLike, ax: Axes
-) -> Axes:
-    """Frequency over order: what was measured and the curve of the ring.
-
-    Parameters
-    ----------
-    validation : Validation
-    orders, ring_hz : array_like, shape (n_orders,)
-        The ring's frequencies, also at orders that were not measured.
-    ax : Axes
-
-    Returns
-    -------
-    Axes
-    """
-    ax.plot(orders, ring_hz, "-", marker=".", color=RING, label="ring model")
-    ax.plot(
-        validation.order,
-        validation.measured_hz,
-        "o",
-        color=MEASURED,
-        markerfacecolor="none",
-        markersize=7,
-        label="measured",
+    half = TOLERANCE_PERCENT / 100 * ends
+    orders = Curve(
+        found.measured_hz,
+        found.model_hz,
+        RING,
+        "orders",
+        marker="circle",
+        size=9,
+        hover="n = %{text}<br>measured %{x:.2f} Hz<br>ring %{y:.2f} Hz (%{customdata:+.2f} %)",
+        texts=[f"{order}" for order in found.order],
+        labelled=True,
+        values=found.error_percent,
+        x_bars=None if std_hz is None else 2 * std_hz,
+        listed=False,
     )
-    ax.set_xticks(np.asarray(orders))
-    ax.set_xlabel("order n")
-    ax.set_ylabel("frequency / Hz")
-    ax.legend(loc="upper left")
-    return ax
+    panel = Panel(
+        (
+            Band(ends, ends - half, ends + half, RING, TOLERANCE),
+            Curve(ends, ends, FAINT, width=1),
+            orders,
+        ),
+        Axis("measured / Hz", (ends[0], ends[1])),
+        Axis("ring model / Hz", (ends[0], ends[1])),
+        legend="lower right",
+        equal=True,
+    )
+    within = int(np.sum(np.abs(found.error_percent) <= TOLERANCE_PERCENT))
+    return Chart(
+        "frequency-scatter",
+        Plot((panel,), (9.5, 9)),
+        f"Frequencies of the ring against measured ones; {within} of {found.order.size} orders "
+        f"lie within {TOLERANCE}.",
+        f"Frequencies of the ring over measured ones, labelled by order; {within} of "
+        f"{found.order.size} lie in the {TOLERANCE} band. The lowest order leaves it first where "
+        f"the foundation is not well determined. {WITH_BARS}.",
+        height_px=420,
+    )
 
 
-def plot_damping(validation: Validation, ax: Axes, std: NDArray[np.float64] | None = None) -> Axes:
+def deviation_chart(found: Validation, std_hz: NDArray[np.float64] | None = None) -> Chart:
+    """Deviation of the ring's frequencies over the order.
+
+    Parameters
+    ----------
+    found : Validation
+    std_hz : ndarray, shape (n_orders,), optional
+        Standard deviations of the measured frequencies; NaN where unknown.
+    """
+    error = found.error_percent
+    ends = np.array([found.order.min() - 0.5, found.order.max() + 0.5])
+    half = np.full(2, TOLERANCE_PERCENT)
+    bars = Bars(
+        found.order,
+        error,
+        RING,
+        y_bars=None if std_hz is None else 200 * std_hz / found.measured_hz,
+        hover="n = %{x}<br>deviation %{y:+.2f} %",
+    )
+    limit = 1.3 * max(TOLERANCE_PERCENT, float(np.abs(error).max()))
+    panel = Panel(
+        (Band(ends, -half, half, RING, TOLERANCE), Rule(0), bars),
+        _orders(found.order, (ends[0], ends[1])),
+        Axis("deviation / %", (-limit, limit)),
+        legend="upper right",
+    )
+    worst = int(np.argmax(np.abs(error)))
+    largest = f"{signed(error[worst], 2)} % at n = {found.order[worst]}"
+    return Chart(
+        "frequency-deviation",
+        Plot((panel,), (9.5, 7.5)),
+        f"Deviation of the ring's frequencies by order; the largest is {largest}.",
+        f"Deviation of the ring's frequencies with the {TOLERANCE} band; the largest is {largest}. "
+        "Deviations that alternate in sign are scatter, a trend over the order is the model. "
+        f"{WITH_BARS}: deviations well beyond them are not noise.",
+        height_px=420,
+    )
+
+
+def dispersion_chart(
+    found: Validation,
+    orders: ArrayLike,
+    ring_hz: ArrayLike,
+    std_hz: NDArray[np.float64] | None = None,
+) -> Chart:
+    """Frequency over order: the measured modes and the ring's dispersion curve.
+
+    Parameters
+    ----------
+    found : Validation
+    orders, ring_hz : array_like, shape (n_shown,)
+        The ring's frequencies, also at orders that were not measured.
+    std_hz : ndarray, shape (n_orders,), optional
+        Standard deviations of the measured frequencies; NaN where unknown.
+    """
+    shown = np.asarray(orders, dtype=int)
+    half = None if std_hz is None else 2 * std_hz
+    series = (
+        _ring_curve(shown, ring_hz, "Hz"),
+        _measured(found.order, found.measured_hz, half, "Hz"),
+    )
+    return Chart(
+        "dispersion",
+        Plot((Panel(series, _orders(shown), Axis(FREQUENCY), legend="upper left"),), (17.5, 7.5)),
+        f"Frequency over order: {found.order.size} measured modes, {found.measured_hz.min():.1f} "
+        f"to {found.measured_hz.max():.1f} Hz, and the dispersion curve of the ring.",
+        "Frequency over order. The measured modes should follow the ring's dispersion curve; one "
+        "far from it has a wrong order or is not a mode of the belt (cavity, wheel, rig). "
+        f"{WITH_BARS}, mostly smaller than the marks.",
+        wide=True,
+        height_px=380,
+    )
+
+
+def damping_chart(found: Validation, std: NDArray[np.float64] | None = None) -> Chart:
     """Damping ratio over order, measured and of the ring.
 
     Parameters
     ----------
-    validation : Validation
-    ax : Axes
+    found : Validation
+        With damping of the model.
     std : ndarray, shape (n_orders,), optional
-        Standard deviations of the measured damping ratios; drawn twofold as bars.
-
-    Returns
-    -------
-    Axes
+        Standard deviations of the measured damping ratios; NaN where unknown.
     """
-    measured, ring = 100 * validation.measured_damping, 100 * validation.model_damping
-    ax.plot(validation.order, ring, "-", marker=".", color=RING, label="ring model")
-    ax.plot(
-        validation.order,
-        measured,
-        "o",
-        color=MEASURED,
-        markerfacecolor="none",
-        markersize=7,
-        label="measured",
+    apart = np.abs(found.model_damping / found.measured_damping - 1)
+    worst = int(np.nanargmax(apart))
+    largest = f"{100 * apart[worst]:.0f} % of the measured value at n = {found.order[worst]}"
+    half = None if std is None else 200 * std
+    series = (
+        _ring_curve(found.order, 100 * found.model_damping, "%"),
+        _measured(found.order, 100 * found.measured_damping, half, "%"),
     )
-    if std is not None:
-        ax.errorbar(validation.order, measured, yerr=200 * std, color=MEASURED, **BARS)
-    ax.set_ylim(0, 1.15 * float(np.nanmax(np.concatenate([measured, ring]))))
-    ax.set_xticks(validation.order)
-    ax.set_xlabel("order n")
-    ax.set_ylabel("damping ratio / %")
-    ax.legend(loc="lower left")
-    return ax
+    axes = _orders(found.order), Axis("damping ratio / %", from_zero=True)
+    return Chart(
+        "damping",
+        Plot((Panel(series, *axes, legend="lower left"),), (9.5, 7.5)),
+        f"Damping ratio over order, measured and of the ring; they differ most, by {largest}.",
+        "Damping ratio over order, measured and of the ring; the largest difference is "
+        f"{largest}. The ring has three damping parameters for all orders: an order far from its "
+        f"curve loses more or less energy than belt and sidewall explain. {WITH_BARS}.",
+        height_px=420,
+    )
+
+
+def _orders(orders: NDArray[np.int_], ends: tuple[float, float] | None = None) -> Axis:
+    return Axis(ORDER, ends, ticks=orders.tolist())
+
+
+def _ring_curve(orders: NDArray[np.int_], values: ArrayLike, unit: str) -> Curve:
+    """The ring, known at whole orders, joined to guide the eye."""
+    hover = f"n = %{{x}}<br>ring %{{y:.2f}} {unit}"
+    return Curve(orders, values, RING, "ring model", width=2, marker="circle", size=5, hover=hover)
+
+
+def _measured(
+    orders: NDArray[np.int_],
+    values: NDArray[np.float64],
+    half: NDArray[np.float64] | None,
+    unit: str,
+) -> Curve:
+    look, hover = "circle-open", f"n = %{{x}}<br>measured %{{y:.2f}} {unit}"
+    return Curve(
+        orders, values, MEASURED, "measured", marker=look, size=10, hover=hover, y_bars=half
+    )
+
+
+def sensitivity_chart(found: Sensitivity, symbols: Mapping[str, str]) -> Chart:
+    """Change of each frequency in percent for one percent of each parameter.
+
+    Parameters
+    ----------
+    found : Sensitivity
+    symbols : mapping of str to str
+        Field of the ring → symbol.
+    """
+    names = [symbols[name] for name in found.parameters]
+    strongest = np.max(np.abs(found.values), axis=0)
+    weak = [name for name, most in zip(names, strongest, strict=True) if most < WEAK]
+    finding = f"{' and '.join(weak)} hardly move any frequency" if weak else "all move some"
+    return signed_chart(
+        found.values,
+        [f"{order}" for order in found.orders],
+        names,
+        name="sensitivity",
+        titles=(ORDER, "parameter"),
+        quantity="d ln f / d ln p",
+        alternative=f"Sensitivity of {found.orders.size} frequencies to {len(names)} parameters; "
+        f"{finding}.",
+        caption="Sensitivity d ln f / d ln p: change of a frequency in % for 1 % of a parameter, "
+        "the others held. A pale column is a parameter that these frequencies cannot determine "
+        f"({finding}); columns alike in all orders cannot be told from each other.",
+    )
+
+
+def correlation_chart(found: Correlation, symbols: Mapping[str, str]) -> Chart:
+    """Correlation coefficients of the identified parameters.
+
+    Parameters
+    ----------
+    found : Correlation
+        Finite, of two parameters or more.
+    symbols : mapping of str to str
+        Field of the ring → symbol.
+    """
+    names = [symbols[name] for name in found.parameters]
+    beside = np.abs(found.values - np.diag(np.diag(found.values)))
+    row, column = np.unravel_index(int(np.argmax(beside)), beside.shape)
+    strongest = f"{names[row]} with {names[column]}, {signed(found.values[row, column], 2)}"
+    return signed_chart(
+        found.values,
+        names,
+        names,
+        name="parameter-correlation",
+        titles=("parameter", "parameter"),
+        quantity="correlation",
+        alternative=f"Correlation of {len(names)} parameters; the strongest is {strongest}.",
+        caption=f"Correlation of the parameters; the strongest is {strongest}. Near ±1 the "
+        "measurement fixes a combination of two parameters much better than each by itself: give "
+        "one of them to sharpen the other.",
+    )
+
+
+def pressure_plot(series: Series, unit: str) -> Plot:
+    """Every parameter of a series over pressure, two beside each other.
+
+    Parameters
+    ----------
+    series : Series
+    unit : str
+        Of the pressure; a key of `UNITS_PA`.
+    """
+    columns = min(2, len(series.trends))
+    rows = -(-len(series.trends) // columns)
+    room = Margins(1.5, 0.35, 1.15, 0.75, between_columns=1.7, between_rows=1.9)
+    panels = tuple(_trend(trend, unit) for trend in series.trends)
+    return Plot(panels, (8.2 * columns, 5.6 * rows), columns, margins=room)
+
+
+def _trend(trend: Trend, unit: str) -> Panel:
+    """One parameter: values with ± σ, the line and its ± σ band."""
+    name, symbol, value_unit = (RING_NAMES | DAMPING_NAMES)[trend.name]
+    power = _power(trend)
+    scale, per_unit = 10.0**-power, 1 / UNITS_PA[unit]
+    ends = np.array([trend.pressure_pa.min(), trend.pressure_pa.max()])
+    margin = 0.12 * (ends[1] - ends[0])
+    across = np.linspace(ends[0] - margin, ends[1] + margin, 60)
+    line, std = scale * trend.line.at(across), scale * trend.line.std_at(across)
+    shown, values = trend.pressure_pa * per_unit, scale * trend.value
+    band = (Band(across * per_unit, line - std, line + std, FITTED, opacity=0.15),)
+    points = Curve(shown, values, MEASURED, marker="circle", size=8, y_bars=scale * trend.std)
+    factor = f"10{str(power).translate(SUPERSCRIPTS)}" if power else ""
+    of = " ".join(part for part in (factor, "" if value_unit == "1" else value_unit) if part)
+    return Panel(
+        (
+            Curve(across * per_unit, line, FITTED, width=1.7),
+            *(band if isfinite(trend.line.slope_std) else ()),
+            points,
+        ),
+        Axis(f"inflation pressure / {unit}"),
+        Axis(f"{symbol} / ({of})" if of else symbol),
+        title=name,
+    )
+
+
+def _power(trend: Trend) -> int:
+    """Power of ten, a multiple of three, that leaves readable numbers on the axis."""
+    largest = float(np.abs(trend.value).max())
+    exponent = int(np.floor(np.log10(largest))) if largest else 0
+    return 0 if -2 <= exponent <= 3 else 3 * (exponent // 3)

@@ -1,30 +1,41 @@
-"""One style for every figure: colours for all eyes, legible on paper, no global state."""
+"""The style of figures on paper, and figures as bytes."""
 
 from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-# Okabe & Ito (2008): told apart with any colour vision, and in grey by their brightness.
-MEASURED = "#000000"
-FITTED = "#D55E00"
-RING = "#0072B2"
-KEPT = "#009E73"
-DROPPED = "#B5651D"
-FAINT = "#8C8C8C"
-SERIES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#000000")
+from pipelines.plots.plot import Margins
+
 DOTS_PER_INCH = 150
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+FILE_DOTS_PER_INCH = 300  # what printers ask for; a screen gets half
+#: The page's colours in print. Okabe & Ito (2008): told apart with any colour vision, and in grey
+#: by their brightness.
+PAPER = {
+    "--measured": "#000000",
+    "--fitted": "#D55E00",
+    "--ring": "#0072B2",
+    "--kept": "#009E73",
+    "--dropped": "#B5651D",
+    "--faint": "#8C8C8C",
+    "--soft": "#55616B",
+    "--paper": "#FFFFFF",
+    "--cell-above": "#8CC4EA",
+    "--cell-below": "#F5B183",
+    "--series-1": "#0072B2",
+    "--series-2": "#E69F00",
+    "--series-3": "#009E73",
+    "--series-4": "#CC79A7",
+    "--series-5": "#56B4E9",
+    "--series-6": "#D55E00",
+    "--series-7": "#000000",
+}
 
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
@@ -47,18 +58,6 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "savefig.facecolor": "white",
 }
-
-
-@dataclass(frozen=True)
-class Margins:
-    """Room around and between axes in cm, for tick labels, axis labels and titles."""
-
-    left: float = 1.6
-    right: float = 0.3
-    bottom: float = 1.15
-    top: float = 0.55
-    between_columns: float = 1.0
-    between_rows: float = 0.5
 
 
 @contextmanager
@@ -118,50 +117,9 @@ def svg(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def png_uri(figure: Figure) -> str:
-    """The figure as a data URI that stands in an HTML file."""
-    return data_uri(png(figure))
-
-
 def data_uri(picture: bytes) -> str:
-    """A picture in PNG as a data URI."""
+    """A picture in PNG as a data URI, which is part of an HTML file."""
     return "data:image/png;base64," + b64encode(picture).decode("ascii")
-
-
-def log_axis(ax: Axes, decades: float = 4.0) -> None:
-    """Make the y axis logarithmic with plain numbers, at most `decades` below its largest value."""
-    ax.set_yscale("log")
-    bottom, top = ax.get_ylim()
-    bottom = max(bottom, top / 10**decades)
-    ax.set_ylim(bottom, top)
-    steps = (1.0,) if top / bottom > 50 else (1.0, 2.0, 5.0)
-    ax.yaxis.set_major_locator(LogLocator(subs=steps))
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.yaxis.set_minor_locator(NullLocator())
-
-
-def phase_axes(ax: Axes) -> None:
-    """Name the axes of a phase over frequency, from −180° to 180°."""
-    ax.set_ylim(-190, 190)
-    ax.set_yticks([-180, -90, 0, 90, 180])
-    ax.set_xlabel("frequency / Hz")
-    ax.set_ylabel("phase / °")
-
-
-def series_style(index: int) -> dict[str, Any]:
-    """Colour and marker of the `index`-th of several like things."""
-    return {
-        "color": SERIES[index % len(SERIES)],
-        "marker": MARKERS[index % len(MARKERS)],
-    }
-
-
-def shades(count: int) -> list[Any]:
-    """Colours from dark to light for a sequence, all visible on white."""
-    return [mpl.colormaps["viridis"](share) for share in np.linspace(0.0, 0.92, count)]
-
-
-FILE_DOTS_PER_INCH = 300  # what printers ask for; a screen gets half
 
 
 def figure_bytes(figure: Figure, file_format: str) -> bytes:

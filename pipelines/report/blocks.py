@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from pipelines.plots.chart import Chart, Drawing
+from pipelines.plots.chart import Chart
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,8 @@ class Chooser:
         Index of what is shown first.
     content : mapping
         What the page draws from.
-    drawings : tuple of Drawing
-        What stands on paper instead.
+    printed : callable
+        Gives the charts that are printed instead.
     """
 
     chart: Chart
@@ -124,7 +124,7 @@ class Chooser:
     options: tuple[str, ...]
     chosen: int
     content: Mapping[str, Any]
-    drawings: tuple[Drawing, ...]
+    printed: Callable[[], tuple[Chart, ...]]
     kind: ClassVar[str] = "chooser"
 
 
@@ -142,71 +142,19 @@ class Animation:
         What the page draws from.
     caption : str
         What to look for.
-    drawings : tuple of Drawing
-        What stands on paper instead.
+    printed : callable
+        Gives the charts that are printed instead.
     """
 
     name: str
     options: tuple[str, ...]
     content: Mapping[str, Any]
     caption: str
-    drawings: tuple[Drawing, ...]
+    printed: Callable[[], tuple[Chart, ...]]
     kind: ClassVar[str] = "animation"
 
 
-@dataclass(frozen=True)
-class Mark:
-    """A kind of mark in a sketch: where it stands, and how the legend shows it.
-
-    Parameters
-    ----------
-    name : str
-    path : str
-        Outlines in the sketch, as SVG describes paths.
-    colour : str
-        Name of a colour of the page's style.
-    symbol : str
-        A single outline around the origin.
-    """
-
-    name: str
-    path: str
-    colour: str
-    symbol: str
-
-
-@dataclass(frozen=True)
-class Sketch:
-    """A sketch of a circle with marks.
-
-    Parameters
-    ----------
-    name : str
-        Unique in the page.
-    box : str
-        The part of the plane that is shown, as SVG's viewBox; the circle has the radius 1.
-    marks, legend : tuple of Mark
-        What is drawn, and what the legend names.
-    labels : tuple of (str, float, float)
-        Texts and their places.
-    alternative, caption : str
-        What it shows, and what to look for.
-    drawings : tuple of Drawing
-        What stands on paper instead.
-    """
-
-    name: str
-    box: str
-    marks: tuple[Mark, ...]
-    legend: tuple[Mark, ...]
-    labels: tuple[tuple[str, float, float], ...]
-    alternative: str
-    caption: str
-    drawings: tuple[Drawing, ...]
-    kind: ClassVar[str] = "sketch"
-
-
-Alone = Paragraph | Listing | Facts | Table | Picture | Chart | Chooser | Animation | Sketch
+Alone = Paragraph | Listing | Facts | Table | Picture | Chart | Chooser | Animation
 
 
 @dataclass(frozen=True)

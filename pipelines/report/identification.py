@@ -1,18 +1,33 @@
-"""Sections on what was identified: poles and modes."""
+"""Sections on what was identified: poles, modes and shapes."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from ema.core.modes import ModalModel
+from ema.core.mac import auto_mac
+from ema.core.modes import ModalModel, Mode
 from ema.poles.stability import Cluster
-from pipelines.plots import charts_stability
-from pipelines.report.blocks import Block, Paragraph, Section, Table
+from pipelines.plots.chart import Chart, packed
+from pipelines.plots.modes import mac_chart, shapes_plot, stability_chart
+from pipelines.report.blocks import Animation, Beside, Block, Paragraph, Section, Table
 from pipelines.report.closing import listed
+from pipelines.results.labels import mode_name, row_names
 from pipelines.results.result import Result
 from pipelines.storage.rounding import DASH, number, value_with_std
 
 NO_MODE = "No mode was found in the band."
+ON_CIRCLE = (
+    "Deflection around the tyre: undeformed (grey), deformed (blue) with a dot at each measured "
+    "position, nodes of the standing part (open circles), force (arrow); 0° is on the right. An "
+    "order n shows n waves; a kink at one position is a faulty sensor, not a shape. A standing "
+    "wave keeps its nodes, a travelling one moves them around."
+)
+BY_NODE = (
+    "Deflection over the nodes, scaled to a largest part of 1. Neighbours should change smoothly; "
+    "a single reversed value points to a wrong sign or node."
+)
 
 
 def stability(result: Result) -> Section:
@@ -24,7 +39,7 @@ def stability(result: Result) -> Section:
     dropped = [cluster for cluster in inside if not cluster.kept]
     beyond = [cluster for cluster in diagram.clusters if cluster not in inside]
     head = ("frequency / Hz", "damping ratio / %", "model orders", "verdict", "reason")
-    blocks: list[Block] = [charts_stability.stability_chart(diagram)]
+    blocks: list[Block] = [stability_chart(diagram)]
     for caption, clusters in (
         ("Clusters kept", kept),
         ("Clusters dropped", dropped),
@@ -52,6 +67,15 @@ def modes(result: Result) -> Section:
     )
     blocks: tuple[Block, ...] = (table, Paragraph(_fit_text(model)), *listed(model.notes))
     return Section("modes", "Modes", (*blocks, *_orders(model), *_opinions(result)))
+
+
+def shapes(result: Result) -> Section:
+    """Show the shapes and how alike they are among each other."""
+    if not result.modal_model.modes:
+        return Section("shapes", "Shapes", (Paragraph(NO_MODE),))
+    if result.frf.n_positions == 1:
+        return Section("shapes", "Shapes", (Paragraph("A single position holds no shape."),))
+    return Section("shapes", "Shapes", (Beside((_animation(result), _auto_mac(result))),))
 
 
 def _cluster_row(cluster: Cluster) -> tuple[str, ...]:
@@ -135,3 +159,66 @@ def _fit_text(model: ModalModel) -> str:
         f"{text} The fit leaves {number(model.misfit, 3)} times the variance of the noise (1 is "
         "noise alone); the standard deviations contain what exceeds it."
     )
+
+
+def _animation(result: Result) -> Animation:
+    model = result.modal_model
+    on_circle = _on_circle(model)
+    caption = ON_CIRCLE if on_circle else BY_NODE
+    names = tuple(map(mode_name, model.modes))
+    content = {
+        "angle_deg": packed(model.position_deg) if on_circle else None,
+        "names": row_names(result.frf, np.arange(result.frf.n_positions)),
+        "force_deg": result.excitation_deg if on_circle else None,
+        "modes": [_mode_content(mode) for mode in model.modes],
+    }
+    words = f"Shapes of the modes {'; '.join(names)}.", f"{caption} Dotted: half a period later."
+
+    def printed() -> tuple[Chart, ...]:
+        return (Chart("shapes", shapes_plot(model), *words, wide=True),)
+
+    return Animation("shapes", names, content, caption, printed)
+
+
+def _mode_content(mode: Mode) -> dict[str, Any]:
+    said = (
+        f"{mode_name(mode)}: damping ratio {number(100 * mode.damping_ratio, 3)} %, "
+        f"MPC {mode.mpc:.3f}, MPD {mode.mpd_deg:.1f}°"
+    )
+    return {"said": said, "real": packed(mode.shape.real), "imag": packed(mode.shape.imag)}
+
+
+def _auto_mac(result: Result) -> Chart:
+    modes = result.modal_model.modes
+    names = _labels(modes)
+    values = auto_mac(np.stack([mode.residues for mode in modes]))
+    title = "order n" if _on_circle(result.modal_model) else "frequency / Hz"
+    largest = f"{np.max(values - np.eye(len(names))):.2f}"
+    return mac_chart(
+        values,
+        names,
+        names,
+        name="auto-mac",
+        titles=(title, title),
+        alternative=f"AutoMAC of {len(names)} modes; the largest value off the diagonal is "
+        f"{largest}.",
+        caption="AutoMAC, measured shapes among themselves; the largest value off the diagonal is "
+        f"{largest}. Large values off the diagonal mean that the positions do not tell two modes "
+        "apart, or that one mode was found twice.",
+    )
+
+
+def _labels(modes: tuple[Mode, ...]) -> list[str]:
+    """Short names of the modes, each once."""
+    short = [
+        f"{mode.frequency_hz:.0f}" if mode.order is None else f"{mode.order}{mode.member}"
+        for mode in modes
+    ]
+    return [
+        name if short.count(name) == 1 else f"{name} ({index})"
+        for index, name in enumerate(short, 1)
+    ]
+
+
+def _on_circle(model: ModalModel) -> bool:
+    return bool(np.isfinite(model.position_deg).all())

@@ -11,10 +11,15 @@ from ema.checks.quality import ReferenceCheck
 from ema.core.finding import EXCLUDED, OK, WARNING, Finding
 from ema.core.frf import FRF
 from ema.core.modes import Drift
-from pipelines.plots import charts_data
 from pipelines.plots.chart import Chart
+from pipelines.plots.measurement import (
+    coherence_chart,
+    drive_point_chart,
+    drive_point_row,
+    reference_chart,
+    setup_chart,
+)
 from pipelines.report.blocks import Beside, Block, Facts, Paragraph, Section, Table
-from pipelines.report.sketch import setup_sketch
 from pipelines.results.labels import KNOWN, in_band, named
 from pipelines.results.result import Result
 from pipelines.storage.rounding import DASH, number, plain, value_with_std
@@ -28,7 +33,10 @@ def setup(result: Result) -> Section:
     """Say where force and sensors sat and how recordings became FRFs."""
     facts = Facts(_setup_rows(result))
     on_circle = bool(np.isfinite(result.frf.position_deg).any())
-    blocks: list[Block] = [Beside((setup_sketch(result), facts)) if on_circle else facts]
+    blocks: list[Block] = [facts]
+    if on_circle:
+        places = result.excitation_deg, result.reference_deg
+        blocks = [Beside((setup_chart(result.frf, *places), facts))]
     options = flatten(result.provenance.get("options", {}))
     if options:
         rows = tuple(options.items())
@@ -127,20 +135,20 @@ def _coherence(result: Result) -> tuple[Chart, ...]:
     unknown = not np.isfinite(result.frf.coherence[:, inside]).any()
     if unknown or result.frf.n_effective <= 1:
         return ()
-    return (charts_data.coherence_chart(result.frf, band_hz),)
+    return (coherence_chart(result.frf, band_hz),)
 
 
 def _reference(check: ReferenceCheck | None) -> tuple[Chart, ...]:
-    return () if check is None else (charts_data.reference_chart(check),)
+    return () if check is None else (reference_chart(check),)
 
 
 def _drive_point(result: Result) -> tuple[Chart, ...]:
-    row = charts_data.drive_point_row(result.frf, result.excitation_deg)
+    row = drive_point_row(result.frf, result.excitation_deg)
     if row is None:
         return ()
     found = (each for each in result.findings if each.check == "drive point")
     band_hz, finding = result.diagram.band_hz, next(found, None)
-    return (charts_data.drive_point_chart(result.frf, row, band_hz, finding),)
+    return (drive_point_chart(result.frf, row, band_hz, finding),)
 
 
 def _verdicts(result: Result) -> tuple[Paragraph, ...]:

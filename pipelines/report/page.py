@@ -16,7 +16,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from markupsafe import Markup
 
 from ema.core.errors import visible
-from pipelines.plots.chart import Drawing, Drawn
+from pipelines.plots.chart import Chart, Drawn
 from pipelines.report.blocks import Alone, Beside, Block, Picture, Section
 
 LONG_WORD, PIECE = 32, 16  # characters: a checksum breaks, a file name does not
@@ -78,14 +78,14 @@ def on_paper(sections: tuple[Section, ...]) -> tuple[Section, ...]:
     )
 
 
-def drawings(sections: tuple[Section, ...]) -> tuple[Drawing, ...]:
+def drawings(sections: tuple[Section, ...]) -> tuple[Chart, ...]:
     """Every figure of the sections as it is printed, in the order of the page."""
     return tuple(
         drawing
         for section in sections
         for block in inside(section)
         if isinstance(block, Drawn)
-        for drawing in block.drawings
+        for drawing in block.printed()
     )
 
 
@@ -135,10 +135,10 @@ def _printed(block: Block) -> tuple[Block, ...]:
 
 
 def _still(block: Alone) -> tuple[Alone, ...]:
-    return tuple(map(_picture, block.drawings)) if isinstance(block, Drawn) else (block,)
+    return tuple(map(_picture, block.printed())) if isinstance(block, Drawn) else (block,)
 
 
-def _picture(drawing: Drawing) -> Picture:
+def _picture(drawing: Chart) -> Picture:
     buffer = BytesIO()
     drawing.draw().savefig(buffer, format="svg")
     source = "data:image/svg+xml;base64," + b64encode(buffer.getvalue()).decode("ascii")

@@ -6,10 +6,11 @@ from math import isfinite
 from pathlib import Path
 
 from pipelines.library.series import UNITS_PA, Series, Trend
-from pipelines.plots.pressure import draw_series
-from pipelines.plots.style import figure_bytes, png_uri
+from pipelines.plots.draw import draw_plot
+from pipelines.plots.ring import pressure_plot
+from pipelines.plots.style import data_uri, figure_bytes, png
 from pipelines.report.blocks import Block, Listing, Paragraph, Picture, Section, Table
-from pipelines.report.write import render_page
+from pipelines.report.page import render_page
 from pipelines.storage.atomic import file_written_whole
 from pipelines.storage.rounding import DASH, number, value_with_std
 
@@ -32,9 +33,9 @@ def write_series(path: Path, series: Series, unit: str) -> None:
         Of the pressure; a key of `UNITS_PA`.
     """
     ending = path.suffix.lower().lstrip(".")
-    figure = draw_series(series, unit)
+    figure = draw_plot(pressure_plot(series, unit))
     if ending == "html":
-        content = _page(series, unit, png_uri(figure)).encode()
+        content = _page(series, unit, data_uri(png(figure))).encode()
     else:
         content = figure_bytes(figure, ending)
     with file_written_whole(path) as partial:

@@ -1,52 +1,39 @@
-"""The section on FRFs: measured, fitted and of the ring, at any position, and FRAC."""
+"""The section on FRFs: measured, fitted and of the ring, at any position, and FRAC.
+
+In the page measured FRFs are 16-bit numbers. Fitted ones and those of the ring follow there from
+poles, residues and the ring's matrices, which are far smaller than the curves.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from base64 import b64encode
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from ema.core.frf import FRF
 from ema.core.modes import ModalModel
-from pipelines.plots.chart import (
-    FAINT,
-    FITTED,
-    MEASURED,
-    RING,
-    Chart,
-    Drawing,
-    as_text,
-    axis,
-    packed,
-    printed,
+from model.forced import inertance
+from model.transfer import ForcedRing
+from pipelines.plots.chart import Chart, packed
+from pipelines.plots.modes import (
+    fitted_curves,
+    frac_chart,
+    frf_plot,
+    position_names,
+    shown_band_hz,
 )
-from pipelines.plots.charts_data import frf_axes
 from pipelines.report.blocks import Block, Chooser, Paragraph, Section
-from pipelines.report.responses_data import (
-    MOST_VALUES,
-    fitted_data,
-    kept_lines,
-    kept_positions,
-    measured_data,
-    ring_data,
-)
-from pipelines.results.labels import row_names, short, sparse_labels
+from pipelines.results.labels import in_band, place_name, short
 from pipelines.results.result import Result
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 NO_MODE = "No mode was found in the band."
 SHOWN_ANGLE_DEG = 100.0  # the angle from the force that the literature on this test shows
-LOWEST_FRAC = 0.9
-LEVEL, PHASE = "%{y:.4~g} (m/s²)/N", "%{y:.1f}°"
-SHOWN_DECADES = 4.0  # below the largest value in the band
-# Drawn one over the other, in this order: the thin one stays visible on the thick one.
-LINES: dict[str, dict[str, Any]] = {
-    "fitted": {"color": FITTED, "width": 3},
-    "ring": {"color": RING, "width": 1.6, "dash": "dash"},
-    "measured": {"color": MEASURED, "width": 1},
-}
+MOST_POSITIONS = 600
+MOST_VALUES = 450_000  # of all positions: some 2.4 MB in the page
+STEPS_PER_UNIT = 100  # 0.01 dB and 0.01°
+EVEN_SHARE = 0.5  # share of thinned lines that is spread evenly; the others crowd around the modes
 
 
 def responses(result: Result) -> Section:
@@ -58,7 +45,7 @@ def responses(result: Result) -> Section:
     if (why := _why_no_ring(result)) is not None:
         blocks.append(Paragraph(why))
     if result.frf.n_positions > 1:
-        blocks.append(frac_chart(result))
+        blocks.append(frac_chart(result.modal_model))
     return Section("frf", title, tuple(blocks))
 
 
@@ -75,73 +62,15 @@ def shown_rows(result: Result) -> tuple[int, ...]:
     return tuple(dict.fromkeys([*rows, int(np.argmin(result.modal_model.frac))]))
 
 
-def frac_chart(result: Result) -> Chart:
-    """FRAC of every position; a click on one shows its FRFs above."""
-    model = result.modal_model
-    names = _position_names(result)
-    worst = int(np.argmin(model.frac))
-    lowest = f"{model.frac[worst]:.4f} at {names[worst]}"
-    floor = max(0.0, min(float(model.frac.min()) - 0.03, 0.85))
-    return Chart(
-        "frac",
-        (_frac_dots(model, names), _FRAC_CHOSEN),
-        {
-            "xaxis": _position_axis(result),
-            "yaxis": axis("FRAC", range=[floor, 1.01]),
-            "shapes": [_line_at(LOWEST_FRAC)],
-            "hovermode": "closest",
-        },
-        f"FRAC of all positions; the lowest is {lowest}.",
-        f"FRAC, measured against fitted, at every position; the lowest is {lowest} (dashed: "
-        f"{LOWEST_FRAC}). Click a point to see its FRFs above. A single low value points to a "
-        "faulty sensor, many of them to missing modes.",
-        printed(_draw_frac, model, size_cm=(13, 7)),
-        wide=True,
-        height_px=260,
-    )
-
-
-#: The page fills it in when a position is chosen.
-_FRAC_CHOSEN: dict[str, Any] = {
-    "type": "scatter",
-    "mode": "markers",
-    "x": [],
-    "y": [],
-    "marker": {"color": FITTED, "size": 13, "symbol": "circle-open", "line": {"width": 2.5}},
-    "hoverinfo": "skip",
-    "name": "shown above",
-    "showlegend": True,
-}
-
-
-def _frac_dots(model: ModalModel, names: Sequence[str]) -> dict[str, Any]:
-    on_circle = bool(np.isfinite(model.position_deg).all())
-    where = model.position_deg if on_circle else np.arange(1, model.frac.size + 1)
-    return {
-        "type": "scatter",
-        "mode": "lines+markers",
-        "x": packed(where),
-        "y": packed(model.frac),
-        "text": list(map(as_text, names)),
-        "line": {"color": RING, "width": 0.8},
-        "marker": {"color": RING, "size": 7 if model.frac.size <= 150 else 4},
-        "hovertemplate": "%{text}<br>FRAC %{y:.4f}<extra></extra>",
-        "showlegend": False,
-    }
-
-
 def _chooser(result: Result) -> Chooser:
     frf, model = result.frf, result.modal_model
     rows = kept_positions(frf.n_positions, shown_rows(result))
-    low = min(model.band_hz[0], model.fit_band_hz[0])
-    high = max(model.band_hz[1], model.fit_band_hz[1])
-    band = np.flatnonzero((frf.frequency_hz >= low) & (frf.frequency_hz <= high))
+    band = np.flatnonzero(in_band(frf.frequency_hz, shown_band_hz(model)))
     poles = np.array([mode.pole for mode in model.modes])
     lines = band[kept_lines(frf.frequency_hz[band], poles, MOST_VALUES // rows.size)]
     ring = ring_data(result, rows)
-    names = _position_names(result)
+    names = position_names(frf)
     options = tuple(_option(result, names[row], int(row)) for row in rows)
-    first = shown_rows(result)[:2][-1]
     content = {
         "rows": rows.tolist(),
         "frequency_hz": packed(frf.frequency_hz[lines]),
@@ -149,112 +78,67 @@ def _chooser(result: Result) -> Chooser:
         "fitted": fitted_data(frf, model, rows),
         "ring": ring,
     }
-    left_out = _left_out(lines.size, band.size, rows.size, frf.n_positions)
-    chart = _response_chart(result, ring is not None, left_out)
-    drawings = tuple(_drawing(result, row) for row in shown_rows(result))
-    return Chooser(chart, "Position", options, int(np.searchsorted(rows, first)), content, drawings)
-
-
-def _response_chart(result: Result, with_ring: bool, left_out: str) -> Chart:
-    model = result.modal_model
-    names = [name for name in LINES if with_ring or name != "ring"]
-    first = tuple(_curve(name, "y", LEVEL) for name in names)
-    second = tuple(_curve(name, "y2", PHASE) for name in names)
-    ring = " Dashed: the tuned ring, radial force and response." if with_ring else ""
-    shaded = " Shaded: fitted, but outside the band of interest." if _outside(model) else ""
-    axes = frf_axes(phase_share=0.3)
-    axes["xaxis"]["range"], axes["yaxis"]["range"] = _frequency_range(model), _level_range(result)
-    return Chart(
+    empty = np.empty(0), np.empty(0, dtype=complex)
+    curves = dict.fromkeys(("fitted", "measured", *(["ring"] if ring else [])), empty)
+    chart = Chart(
         "frf",
-        first + second,
-        {
-            **axes,
-            "shapes": _outside(model),
-            "hovermode": "x",
-        },
+        frf_plot(frf, model, curves),
         "Magnitude and phase of the inertance, measured and fitted.",
-        "Inertance of the position chosen. The fitted curve should pass through the measured one "
-        "at peaks and between them; a shift between peaks points to a missing mode."
-        f"{shaded}{ring}{left_out}",
-        lambda: _draw_response(result, shown_rows(result)[0]),
+        f"Inertance of the position chosen. {_what_to_look_for(result)}"
+        f"{_left_out(lines.size, band.size, rows.size, frf.n_positions)}",
         wide=True,
         height_px=470,
     )
+    first = int(np.searchsorted(rows, shown_rows(result)[:2][-1]))
+    return Chooser(chart, "Position", options, first, content, lambda: _printed(result))
 
 
-def _curve(name: str, y_axis: str, hover: str) -> dict[str, Any]:
-    """A curve that the page fills in; the legend switches magnitude and phase together."""
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "x": [],
-        "y": [],
-        "yaxis": y_axis,
-        "name": name,
-        "legendgroup": name,
-        "showlegend": y_axis == "y",
-        "line": LINES[name] | {"simplify": False},
-        "hovertemplate": f"{hover}<extra>{name}</extra>",
-    }
+def _what_to_look_for(result: Result) -> str:
+    model = result.modal_model
+    ring = " Dashed: the tuned ring, radial force and response." if _has_curve(result) else ""
+    outside = shown_band_hz(model) != model.band_hz
+    shaded = " Shaded: fitted, but outside the band of interest." if outside else ""
+    return (
+        "The fitted curve should pass through the measured one at peaks and between them; a shift "
+        f"between peaks points to a missing mode.{shaded}{ring}"
+    )
 
 
-def _frequency_range(model: ModalModel) -> list[float]:
-    return [
-        min(model.band_hz[0], model.fit_band_hz[0]),
-        max(model.band_hz[1], model.fit_band_hz[1]),
-    ]
+def _printed(result: Result) -> tuple[Chart, ...]:
+    frf, model = result.frf, result.modal_model
+    names, angles = position_names(frf), frf.position_deg
+    charts = []
+    for row in shown_rows(result):
+        curves = fitted_curves(frf, model, row)
+        if _has_curve(result):
+            curves["ring"] = (curves["measured"][0], _ring_inertance(result, row))
+        charts.append(
+            Chart(
+                f"frf-{row + 1}",
+                frf_plot(frf, model, curves, place_name(int(frf.node[row]), float(angles[row]))),
+                f"Magnitude and phase of the inertance at {names[row]}, measured and fitted.",
+                f"Inertance at {names[row]}, FRAC {model.frac[row]:.4f}. "
+                f"{_what_to_look_for(result)}",
+            )
+        )
+    return tuple(charts)
 
 
-def _level_range(result: Result) -> list[float]:
-    """Decades shown, the same for all positions so that they can be compared."""
-    low, high = _frequency_range(result.modal_model)
-    inside = (result.frf.frequency_hz >= low) & (result.frf.frequency_hz <= high)
-    levels = np.abs(result.frf.values[:, inside])
-    top = float(np.log10(np.max(levels, initial=1e-12, where=np.isfinite(levels)))) + 0.1
-    return [top - SHOWN_DECADES, top]
+def _has_curve(result: Result) -> bool:
+    """Whether the absolute inertance of the ring is known."""
+    tuning = result.tuning
+    return (
+        result.damping is not None and tuning is not None and tuning.ring.belt_width_m is not None
+    )
 
 
-def _outside(model: ModalModel) -> list[dict[str, Any]]:
-    """Shade what was fitted for the sake of the band only."""
-    low, high = _frequency_range(model)
-    sides = ((low, model.band_hz[0]), (model.band_hz[1], high))
-    return [
-        {
-            "type": "rect",
-            "xref": "x",
-            "yref": "paper",
-            "x0": start,
-            "x1": stop,
-            "y0": 0,
-            "y1": 1,
-            "fillcolor": FAINT,
-            "opacity": 0.12,
-            "line": {"width": 0},
-            "layer": "below",
-        }
-        for start, stop in sides
-        if stop > start
-    ]
-
-
-def _line_at(value: float) -> dict[str, Any]:
-    line = {"color": FITTED, "width": 1, "dash": "dash"}
-    return {
-        "type": "line",
-        "xref": "paper",
-        "x0": 0,
-        "x1": 1,
-        "y0": value,
-        "y1": value,
-        "line": line,
-    }
-
-
-def _position_axis(result: Result) -> dict[str, Any]:
-    if np.isfinite(result.frf.position_deg).all():
-        return axis("position / °", range=[-5, 365], dtick=60)
-    ticks, labels = sparse_labels(row_names(result.frf, np.arange(result.frf.n_positions)))
-    return axis("node", tickvals=[tick + 1 for tick in ticks], ticktext=labels)
+def _ring_inertance(result: Result, row: int) -> NDArray[np.complex128]:
+    """Inertance of the ring over the lines that are drawn of a position."""
+    assert result.tuning is not None and result.damping is not None
+    shown = in_band(result.frf.frequency_hz, shown_band_hz(result.modal_model))
+    angle = np.deg2rad(result.frf.position_deg[row] - (result.excitation_deg or 0.0))
+    forced = ForcedRing(result.tuning.ring, result.damping.damping)
+    return np.ravel(inertance(forced, result.frf.frequency_hz[shown], float(angle)))
 
 
 def _option(result: Result, name: str, row: int) -> str:
@@ -262,13 +146,6 @@ def _option(result: Result, name: str, row: int) -> str:
     frf = result.frf
     parts = (name, short(frf.run[row]), short(frf.channel[row]))
     return " · ".join([*filter(None, parts), f"FRAC {result.modal_model.frac[row]:.4f}"])
-
-
-def _position_names(result: Result) -> list[str]:
-    """Names of the positions as a sentence needs them."""
-    names = row_names(result.frf, np.arange(result.frf.n_positions))
-    on_circle = np.isfinite(result.frf.position_deg)
-    return [n if known else f"node {n}" for n, known in zip(names, on_circle, strict=True)]
 
 
 def _left_out(n_lines: int, all_lines: int, n_positions: int, all_positions: int) -> str:
@@ -297,35 +174,127 @@ def _why_no_ring(result: Result) -> str | None:
     return None
 
 
-def _draw_frac(figures: Any, model: ModalModel, ax: Any) -> None:
-    figures.plot_frac(model, ax)
-
-
 def _nearest(angles: np.ndarray, angle: float) -> int:
     return int(np.argmin(np.abs((angles - angle + 180) % 360 - 180)))
 
 
-def _drawing(result: Result, row: int) -> Drawing:
-    name = _position_names(result)[row]
-    return Drawing(
-        f"frf-{row + 1}",
-        f"Magnitude and phase of the inertance at {name}, measured and fitted.",
-        f"Inertance at {name}, FRAC {result.modal_model.frac[row]:.4f}. The fitted curve should "
-        "pass through the measured one at peaks and between them; a shift between peaks points to "
-        "a missing mode. Grey: fitted, but outside the band of interest.",
-        lambda: _draw_response(result, row),
-    )
+def kept_positions(n_positions: int, wanted: tuple[int, ...]) -> NDArray[np.int_]:
+    """Rows whose FRFs go into the page: all, or evenly chosen ones and those that are wanted."""
+    if n_positions <= MOST_POSITIONS:
+        return np.arange(n_positions)
+    even = np.linspace(0, n_positions - 1, MOST_POSITIONS - len(wanted)).astype(int)
+    return np.unique([*even, *wanted])
 
 
-def _draw_response(result: Result, row: int) -> Figure:
-    # Loads matplotlib, which the page on a screen does without.
-    from pipelines.plots import figures
+def kept_lines(
+    frequency_hz: NDArray[np.float64], poles: NDArray[np.complex128], at_most: int
+) -> NDArray[np.int_]:
+    """Indices of the lines to draw: all where there is room, else closer at the resonances.
 
-    frf, model = result.frf, result.modal_model
-    with figures.styled_figure(13, 10, 2, sharex=True, height_ratios=(3, 2)) as (
-        figure,
-        (top, low),
-    ):
-        figures.plot_frf_magnitude(frf, model, row, top)
-        figures.plot_frf_phase(frf, model, row, low)
-    return figure
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n_lines,)
+        Ascending.
+    poles : ndarray of complex, shape (n_modes,)
+        rad/s.
+    at_most : int
+
+    Returns
+    -------
+    ndarray of int, shape (n_kept,)
+        Ascending; n_kept ≤ `at_most`.
+    """
+    if frequency_hz.size <= at_most:
+        return np.arange(frequency_hz.size)
+    centre_hz = poles.imag[:, None] / (2 * np.pi)
+    width_hz = -poles.real[:, None] / np.pi
+    near = np.sum(width_hz / ((frequency_hz - centre_hz) ** 2 + width_hz**2), axis=0)
+    density = EVEN_SHARE / frequency_hz.size + (1 - EVEN_SHARE) * near / near.sum()
+    reached = np.cumsum(density)
+    steps = np.linspace(reached[0], reached[-1], at_most)
+    return np.unique(np.minimum(np.searchsorted(reached, steps), frequency_hz.size - 1))
+
+
+def measured_data(values: NDArray[np.complex128]) -> dict[str, str]:
+    """Magnitude in dB and phase in degrees, in hundredths, 16 bit each, base64.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (n_positions, n_lines)
+        (m/s²)/N. What is zero or not finite is marked by the lowest number, and not drawn.
+    """
+    known = np.isfinite(values) & (values != 0)
+    safe = np.where(known, values, 1.0)
+    level_db = np.where(known, 20 * np.log10(np.abs(safe)), -np.inf)
+    return {"level_db": _hundredths(level_db), "phase_deg": _hundredths(np.angle(safe, deg=True))}
+
+
+def fitted_data(frf: FRF, model: ModalModel, rows: NDArray[np.int_]) -> dict[str, Any]:
+    """Poles, residues and residual terms, and each position's factor of the poles (drift).
+
+    Parameters
+    ----------
+    frf : FRF
+        Measured, (m/s²)/N; tells the run of each position.
+    model : ModalModel
+        Its poles are in rad/s.
+    rows : ndarray of int, shape (n_shown,)
+        Positions that go into the page.
+    """
+    everything = model.modes + model.guard_modes
+    poles = np.array([mode.pole for mode in everything])
+    residues = np.stack([mode.residues[rows] for mode in everything], axis=1)
+    return {
+        "band_hz": list(model.fit_band_hz),
+        "poles": _parts(poles),
+        "residues": {"real": packed(residues.real), "imag": packed(residues.imag)},
+        "lower": packed(model.residual_terms.lower[rows]),
+        "upper": packed(model.residual_terms.upper[rows]),
+        "drift": [model.drift.factor(frf.run[row]) for row in rows],
+    }
+
+
+def ring_data(result: Result, rows: NDArray[np.int_]) -> dict[str, Any] | None:
+    """Matrices of the tuned ring, order by order, and the angles from the force; None without ring.
+
+    Inertance = −ω²/(2πab) Σ_n M22/(M11·M22 − C²) e^{inθ} with M11 = a_n + jωc_r − ρω²,
+    M22 = b_n + jωc_θ − ρω² and C = c_n: the sum over all orders n of the ring at rest
+    (`model.inertance`).
+
+    Parameters
+    ----------
+    result : Result
+    rows : ndarray of int, shape (n_shown,)
+        Positions that go into the page.
+    """
+    tuning, damping = result.tuning, result.damping
+    if tuning is None or damping is None or tuning.ring.belt_width_m is None:
+        return None
+    ring = tuning.ring
+    forced = ForcedRing(ring, damping.damping)
+    terms = forced.terms(np.arange(forced.highest_order + 1))
+    width = tuning.ring.belt_width_m
+    return {
+        "m11": _parts(terms.m11),
+        "m22": _parts(terms.m22),
+        "coupling": _parts(terms.c),
+        "mass_per_area_kg_m2": ring.mass_per_area_kg_m2,
+        "radial_n_s_m3": damping.damping.radial_n_s_m3,
+        "circumferential_n_s_m3": damping.damping.circumferential_n_s_m3,
+        "area_m2": 2 * np.pi * ring.mean_radius_m * width,
+        "angle_rad": [
+            float(angle)
+            for angle in np.deg2rad(result.frf.position_deg[rows] - (result.excitation_deg or 0.0))
+        ],
+    }
+
+
+def _hundredths(values: NDArray[np.float64]) -> str:
+    lowest = np.iinfo(np.int16).min
+    scaled = np.clip(np.round(STEPS_PER_UNIT * values), lowest, -(lowest + 1))
+    return b64encode(scaled.astype("<i2").tobytes()).decode("ascii")
+
+
+def _parts(values: ArrayLike) -> dict[str, list[float]]:
+    array = np.asarray(values, dtype=complex)
+    return {"real": array.real.tolist(), "imag": array.imag.tolist()}

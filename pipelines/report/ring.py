@@ -12,8 +12,16 @@ from model.identifiability import AT_BOUND, GIVEN, NOT_IDENTIFIED
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from model.ring import natural_frequencies_hz
 from model.tuning import TuningResult
-from pipelines.plots import charts_matrix, charts_parameters, charts_ring
 from pipelines.plots.chart import Chart
+from pipelines.plots.modes import mac_chart
+from pipelines.plots.ring import (
+    correlation_chart,
+    damping_chart,
+    deviation_chart,
+    dispersion_chart,
+    scatter_chart,
+    sensitivity_chart,
+)
 from pipelines.process.validate import ring_orders
 from pipelines.report.blocks import Beside, Block, Paragraph, Section, Table
 from pipelines.report.closing import listed, remaining_notes
@@ -31,9 +39,9 @@ def validation(result: Result) -> Section:
     found = result.validation
     std_hz, damping_std = _measured_std(result, found.order)
     blocks: tuple[Block, ...] = (
-        Beside((charts_ring.scatter_chart(found, std_hz), _mac(found))),
+        Beside((scatter_chart(found, std_hz), _mac(found))),
         _dispersion(found, std_hz, result.tuning),
-        Beside((charts_ring.deviation_chart(found, std_hz), *_damping(found, damping_std))),
+        Beside((deviation_chart(found, std_hz), *_damping(found, damping_std))),
         _validation_table(found),
     )
     return Section("validation", title, blocks)
@@ -88,7 +96,7 @@ def _measured_std(
 def _mac(found: Validation) -> Chart:
     names = [str(order) for order in found.order]
     lowest = float(np.min(np.diag(found.mac)))
-    return charts_matrix.mac_chart(
+    return mac_chart(
         found.mac,
         names,
         names,
@@ -105,13 +113,13 @@ def _mac(found: Validation) -> Chart:
 def _dispersion(found: Validation, std_hz: NDArray[np.float64], tuning: TuningResult) -> Chart:
     orders = np.arange(1, int(found.order.max()) + 3)
     ring_hz = natural_frequencies_hz(tuning.ring, orders)
-    return charts_ring.dispersion_chart(found, std_hz, orders, ring_hz)
+    return dispersion_chart(found, orders, ring_hz, std_hz)
 
 
 def _damping(found: Validation, std: NDArray[np.float64]) -> tuple[Chart, ...]:
     if not np.isfinite(found.model_damping).any():
         return ()
-    return (charts_ring.damping_chart(found, std),)
+    return (damping_chart(found, std),)
 
 
 def _validation_table(found: Validation) -> Table:
@@ -188,8 +196,8 @@ def _undetermined(tuning: TuningResult) -> tuple[Paragraph, ...]:
 def _influence(tuning: TuningResult) -> Beside:
     """Sensitivities, and correlations where they are known."""
     symbols = {name: symbol for name, (_, symbol, _) in RING_NAMES.items()}
-    charts = [charts_parameters.sensitivity_chart(tuning.sensitivity, symbols)]
+    charts = [sensitivity_chart(tuning.sensitivity, symbols)]
     found = tuning.correlation
     if len(found.parameters) >= 2 and np.isfinite(found.values).all():
-        charts.append(charts_parameters.correlation_chart(found, symbols))
+        charts.append(correlation_chart(found, symbols))
     return Beside(tuple(charts))

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pipelines.process.run import process
-from pipelines.report.paper import write_pdf
-from pipelines.report.write import write_report
+from pipelines.report.write import write_pdf, write_report
 from pipelines.results import tables
 from pipelines.results.parameter_set import from_tuning, write_parameter_set
 from pipelines.results.provenance import OPTIONAL_READ_BACK, READ_BACK

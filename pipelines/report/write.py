@@ -1,50 +1,50 @@
-"""The report: one HTML file that needs no network.
+"""The report as files: HTML that needs no network, PDF, and each figure by itself.
 
 Sections are built in Python from a `Result`, block by block; the template only sets them.
 """
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
-from pipelines.report import (
-    animation,
-    closing,
-    identification,
-    measurement,
-    responses,
-    ring,
-)
-from pipelines.report import measurement as identity
-from pipelines.report.blocks import Section
-from pipelines.report.page import render_page
+from ema.core.errors import InputError, visible
+from pipelines.plots.chart import Chart
+from pipelines.report import closing, identification, measurement, responses, ring
+from pipelines.report.blocks import Beside, Block, Paragraph, Picture, Section, Table
+from pipelines.report.page import drawings, on_paper, render_page
+from pipelines.results.labels import short
 from pipelines.results.result import Result
-
-__all__ = [
-    "KIND",
-    "SECTIONS",
-    "render_page",
-    "render_report",
-    "report_sections",
-    "subject_of",
-    "write_report",
-]
+from pipelines.storage.atomic import file_written_whole
 
 KIND = "Modal report"
 SECTIONS = (
     closing.summary,
-    identity.identity,
+    measurement.identity,
     measurement.setup,
     measurement.quality,
     identification.stability,
     identification.modes,
     responses.responses,
-    animation.shapes,
+    identification.shapes,
     ring.validation,
     ring.parameters,
     closing.warnings,
     closing.origin,
     closing.definitions,
+)
+STYLE = Path(__file__).parent / "paper.css"
+MOST_FOLDED_ROWS = 30  # of a table that is folded on the screen: longer ones are not printed
+FORMATS = ("png", "svg")
+INSTALL = (
+    'Install it with pip install "ringmodal[pdf]"; it needs the library Pango as well: on Windows '
+    "from MSYS2 (pacman -S mingw-w64-ucrt-x86_64-pango), on macOS brew install pango, on Debian "
+    "and Ubuntu apt install libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0. Without it, "
+    "open the HTML report and print it to a PDF"
 )
 
 
@@ -88,3 +88,188 @@ def write_report(result: Result, path: str | Path) -> Path:
     target = Path(path)
     target.write_text(render_report(result), encoding="utf-8")
     return target
+
+
+def write_pdf(result: Result, path: str | Path) -> Path:
+    """Write the report as PDF, A4, with a line for the signature.
+
+    Parameters
+    ----------
+    result : Result
+    path : path
+        Written whole or not at all; an earlier file is replaced.
+
+    Returns
+    -------
+    Path
+        `path`.
+
+    Raises
+    ------
+    InputError
+        Where WeasyPrint or what it needs is not installed, or the file cannot be written.
+    """
+    target = Path(path)
+    weasyprint = printing_library(str(target))
+    sections = tuple(map(_for_paper, on_paper(report_sections(result))))
+    page = render_page(KIND, subject_of(result), sections, signed=True)
+    with file_written_whole(target) as partial:
+        partial.write_bytes(_printed(weasyprint, page, _running_texts(result)))
+    return target
+
+
+def printing_library(where: str) -> Any:
+    """Load what prints pages.
+
+    Parameters
+    ----------
+    where : str
+        File or option that needs it, for the message.
+
+    Raises
+    ------
+    InputError
+        Where it is not installed; a library that it needs in turn is missed as an OSError.
+    """
+    try:
+        return import_module("weasyprint")
+    except (ImportError, OSError) as error:
+        found = f"no PDF can be made ({str(error).splitlines()[0]})"
+        raise InputError(where, found, "WeasyPrint makes it", INSTALL) from error
+
+
+def write_figures(
+    result: Result,
+    folder: str | Path,
+    formats: Sequence[str] = FORMATS,
+    *,
+    force: bool = False,
+) -> list[Path]:
+    """Write each figure of the report as files, such as ``stability.png``.
+
+    Parameters
+    ----------
+    result : Result
+    folder : path
+        Made where it is missing; other files in it stay.
+    formats : sequence of {"png", "svg"}
+        PNG with 300 dots per inch; texts in SVG stay texts.
+    force : bool
+        Replace existing files of the same names.
+
+    Returns
+    -------
+    list of Path
+        The files, figure by figure in the order of the report.
+
+    Raises
+    ------
+    InputError
+        For an unknown format, for a file that exists without `force`, and where nothing can be
+        written.
+    """
+    target = Path(folder)
+    _require_known(formats)
+    figures = drawings(report_sections(result))
+    if not force:
+        _require_free(target, figures, formats)
+    _make_folder(target)
+    return [path for figure in figures for path in _write_figure(figure, target, formats)]
+
+
+def _printed(weasyprint: Any, page: str, style: str) -> bytes:
+    # Everything is inside the page: no other address is ever asked.
+    inside = weasyprint.URLFetcher(allowed_protocols=["data"])
+    document = weasyprint.HTML(string=page, url_fetcher=inside)
+    sheets = [weasyprint.CSS(filename=STYLE), weasyprint.CSS(string=style)]
+    return bytes(document.write_pdf(stylesheets=sheets, pdf_tags=True))
+
+
+def _for_paper(section: Section) -> Section:
+    blocks = (shown for block in section.blocks for shown in _rearranged(block))
+    return replace(section, blocks=tuple(blocks))
+
+
+def _rearranged(block: Block) -> tuple[Block, ...]:
+    """A long table becomes a sentence where the screen folds it; wide pictures get a row each."""
+    if isinstance(block, Table) and block.folded and len(block.rows) > MOST_FOLDED_ROWS:
+        return (Paragraph(f"{block.caption}: the {len(block.rows)} rows are in the HTML report."),)
+    if isinstance(block, Beside):
+        wide = tuple(one for one in block.blocks if isinstance(one, Picture) and one.wide)
+        narrow = tuple(one for one in block.blocks if one not in wide)
+        return (*wide, *((Beside(narrow),) if narrow else ()))
+    return (block,)
+
+
+def _running_texts(result: Result) -> str:
+    """Style with the texts at the head and foot of each page."""
+    created = str(result.provenance.get("created", ""))[:10]
+    version = result.provenance.get("software", {}).get("ringmodal", "")
+    title = f"{KIND} – {short(subject_of(result), 60)}"
+    return (
+        "@page {"
+        f" @top-left {{ content: {_quoted(title)} }}"
+        f" @top-right {{ content: {_quoted(created)} }}"
+        f" @bottom-left {{ content: {_quoted(f'ringmodal {version}'.strip())} }}"
+        " }"
+    )
+
+
+def _quoted(text: Any) -> str:
+    """A text as CSS writes it: whatever it holds, nothing of it is taken for style."""
+    return '"' + "".join(f"\\{ord(character):06x}" for character in visible(text)) + '"'
+
+
+def _write_figure(chart: Chart, folder: Path, formats: Sequence[str]) -> list[Path]:
+    # Loads matplotlib, which the page does without; the checks come first.
+    from pipelines.plots.style import figure_bytes
+
+    figure = chart.draw()
+    paths = []
+    for file_format in formats:
+        path = _path(folder, chart, file_format)
+        with file_written_whole(path) as partial:
+            partial.write_bytes(figure_bytes(figure, file_format))
+        paths.append(path)
+    return paths
+
+
+def _path(folder: Path, chart: Chart, file_format: str) -> Path:
+    return folder / f"{chart.name}.{file_format}"
+
+
+def _require_known(formats: Sequence[str]) -> None:
+    for file_format in formats:
+        if file_format not in FORMATS:
+            raise InputError(
+                "figures",
+                f"format {file_format!r}",
+                f"known are {', '.join(FORMATS)}",
+                "Choose one of them",
+            )
+
+
+def _require_free(folder: Path, figures: Sequence[Chart], formats: Sequence[str]) -> None:
+    """Refuse before the first figure is drawn, not after half of them are replaced."""
+    for chart in figures:
+        for file_format in formats:
+            path = _path(folder, chart, file_format)
+            if path.exists():
+                raise InputError(
+                    str(path),
+                    "the file already exists",
+                    "figures are replaced with --force only",
+                    "Choose another folder, or use --force",
+                )
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            str(folder),
+            os.strerror(error.errno) if error.errno else str(error),
+            "the folder for the figures could not be made",
+            "Check permissions, or choose another place",
+        ) from error

@@ -13,7 +13,7 @@ from scipy.optimize import isotonic_regression
 
 from ema.core.errors import visible_line
 from ema.core.frf import FRF
-from ema.core.modes import Mode
+from ema.core.modes import ModalModel, Mode
 from ema.poles.stability import StabilityDiagram
 from pipelines.storage.rounding import signed
 
@@ -66,8 +66,8 @@ def place_name(node: int, position_deg: float) -> str:
     return ", ".join(where) or "unnamed position"
 
 
-def row_names(frf: FRF, rows: NDArray[np.int_]) -> list[str]:
-    """Names of rows of some FRFs, each once: the angle, else the node, else the row's number."""
+def row_names(frf: FRF | ModalModel, rows: NDArray[np.int_]) -> list[str]:
+    """Names of rows of FRFs or shapes, each once: the angle, else the node or the row's number."""
     names = [
         f"{frf.position_deg[row]:g}°"
         if np.isfinite(frf.position_deg[row])

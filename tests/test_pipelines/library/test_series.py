@@ -7,7 +7,8 @@ from library import DESIGNATION, SET, varied, written
 from ema.core.errors import InputError
 from pipelines.library.library import TyreLibrary
 from pipelines.library.series import fit_line, pressure_series
-from pipelines.plots.pressure import draw_series
+from pipelines.plots.draw import draw_plot
+from pipelines.plots.ring import pressure_plot
 from pipelines.report.pressure_series import write_series
 
 PRESSURES_PA = (1.8e5, 2.2e5, 2.6e5)
@@ -115,7 +116,7 @@ def test_an_unknown_parameter_gets_the_nearest_one(series_of):
 @pytest.mark.parametrize(("unit", "middle"), [("bar", 2.2), ("kPa", 220.0), ("psi", 31.9)])
 def test_the_plot_shows_each_parameter_in_the_chosen_unit(series_of, unit, middle):
     found = pressure_series(series_of(*at_pressures(*PRESSURES_PA)))
-    axes = [ax for ax in draw_series(found, unit).axes if ax.get_visible()]
+    axes = [ax for ax in draw_plot(pressure_plot(found, unit)).axes if ax.axison]
     assert len(axes) == len(found.trends)
     (radial,) = (ax for ax in axes if ax.get_title(loc="left") == "radial stiffness")
     assert radial.get_xlabel() == f"inflation pressure / {unit}"

@@ -11,8 +11,9 @@ from model import bifurcation, natural_frequencies_hz, wave_pair
 from model.reference import TABLE_3_FREQUENCIES_HZ, TABLE_3_ORDERS, TABLE_4_RING
 from pipelines.paper import reproduce as paper
 from pipelines.paper.forced import pairs_apart
-from pipelines.paper.parts import AGREES, DIFFERS, OWN_DATA, Column, Drawing, NumberTable
+from pipelines.paper.parts import AGREES, DIFFERS, OWN_DATA, Column, NumberTable
 from pipelines.paper.waves import cycle_s, turn_per_cycle_deg
+from pipelines.plots.chart import Chart
 from pipelines.simulate.responses import SimulatedInertance
 
 FIGURES = {f"figure_{number}" for number in (3, 4, 5, 6, 7, 8, 10, 11, 12)}
@@ -50,7 +51,7 @@ def verdicts(chapters):
 
 def test_every_figure_and_table_is_there(chapters):
     parts = [part for chapter in chapters for part in chapter.parts]
-    assert {part.name for part in parts if isinstance(part, Drawing)} == FIGURES
+    assert {part.name for part in parts if isinstance(part, Chart)} == FIGURES
     tables = {part.name for part in parts if isinstance(part, NumberTable)}
     assert {"table_3", "table_4", "table_5"} < tables
 

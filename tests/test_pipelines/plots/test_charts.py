@@ -17,13 +17,7 @@ from ema.core.finding import EXCLUDED, OK, WARNING, Finding
 from model.ring import natural_frequencies_hz
 from pipelines.batch import summary as charts_batch
 from pipelines.batch.state import DONE, FAILED, Fingerprint, Record
-from pipelines.plots import (
-    charts_data,
-    charts_matrix,
-    charts_parameters,
-    charts_ring,
-    charts_stability,
-)
+from pipelines.plots import measurement, modes, ring
 from pipelines.plots.chart import Chart
 from pipelines.report.blocks import Beside, Paragraph, Table
 from pipelines.report.write import report_sections
@@ -56,7 +50,9 @@ def charts_of(result):
 
 
 def unpacked(packed):
-    """Numbers of a packed array, as Plotly reads them."""
+    """Numbers of a packed array, as Plotly reads them; whole numbers are listed."""
+    if isinstance(packed, list):
+        return np.array(packed)
     assert packed["dtype"] == "f4"
     values = np.frombuffer(b64decode(packed["bdata"]), dtype="<f4")
     shape = packed.get("shape")
@@ -103,12 +99,8 @@ def test_every_axis_has_a_title_and_every_hover_its_own_text(charts):
 
 
 def test_charts_load_nothing_that_draws():
-    program = (
-        "import sys, pipelines.plots.charts_data, pipelines.plots.charts_stability, "
-        "pipelines.plots.charts_matrix, pipelines.plots.charts_parameters, "
-        "pipelines.plots.charts_ring; "
-        "sys.exit('matplotlib' in sys.modules)"
-    )
+    modules = ", ".join(f"pipelines.plots.{name}" for name in ("comparison", "modes", "ring"))
+    program = f"import sys, {modules}; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
 
 
@@ -140,14 +132,14 @@ def test_stability_names_kept_clusters_and_reasons(tyre, charts):
 
 
 def test_stability_without_poles_has_its_indicator(tyre):
-    chart = charts_stability.stability_chart(without_poles(tyre.diagram))
+    chart = modes.stability_chart(without_poles(tyre.diagram))
     assert "0 columns" in chart.alternative
     assert unpacked(chart.data[0]["y"]).size > 100
 
 
 def test_coherence_map_is_sorted_by_position_and_holds_the_values(tyre):
     shuffled = tyre.frf.rows(np.random.default_rng(3).permutation(72))
-    trace = charts_data.coherence_chart(shuffled, (40.0, 250.0)).data[0]
+    trace = measurement.coherence_chart(shuffled, (40.0, 250.0)).data[0]
     lines = (tyre.frf.frequency_hz >= 40) & (tyre.frf.frequency_hz <= 250)
     np.testing.assert_allclose(unpacked(trace["z"]), tyre.frf.coherence[:, lines], rtol=1e-6)
     np.testing.assert_allclose(unpacked(trace["x"]), tyre.frf.frequency_hz[lines])
@@ -155,8 +147,8 @@ def test_coherence_map_is_sorted_by_position_and_holds_the_values(tyre):
 
 
 def test_a_large_coherence_map_is_averaged_and_says_so(tyre, monkeypatch):
-    monkeypatch.setattr(charts_data, "MOST_CELLS", 72 * 100)
-    chart = charts_data.coherence_chart(tyre.frf, (40.0, 250.0))
+    monkeypatch.setattr(measurement, "MOST_CELLS", 72 * 100)
+    chart = measurement.coherence_chart(tyre.frf, (40.0, 250.0))
     values = unpacked(chart.data[0]["z"])
     lines = (tyre.frf.frequency_hz >= 40) & (tyre.frf.frequency_hz <= 250)
     assert values.size <= 72 * 100
@@ -169,13 +161,13 @@ def test_coherence_names_the_worst_position(tyre):
     coherence = np.array(tyre.frf.coherence)
     coherence[7] = 0.25
     coherence[8] = np.nan
-    chart = charts_data.coherence_chart(replace(tyre.frf, coherence=coherence), (40.0, 250.0))
+    chart = measurement.coherence_chart(replace(tyre.frf, coherence=coherence), (40.0, 250.0))
     assert "0.250 at 35°" in chart.alternative
 
 
 def test_positions_of_one_name_keep_a_row_each(tyre):
     twice = replace(tyre.frf, position_deg=np.repeat(np.arange(36.0), 2))
-    names = charts_data.coherence_chart(twice, (40.0, 250.0)).data[0]["y"]
+    names = measurement.coherence_chart(twice, (40.0, 250.0)).data[0]["y"]
     assert len(set(names)) == 72
 
 
@@ -190,7 +182,7 @@ def test_reference_has_a_curve_for_each_run(tyre, charts):
 
 def test_names_from_files_are_no_markup(tyre):
     runs = tuple('<a href="">&' for _ in tyre.reference.run)
-    chart = charts_data.reference_chart(replace(tyre.reference, run=runs))
+    chart = measurement.reference_chart(replace(tyre.reference, run=runs))
     assert {trace["name"] for trace in chart.data} == {'&lt;a href=""&gt;&amp;'}
 
 
@@ -200,27 +192,27 @@ def test_names_from_files_are_no_markup(tyre):
 )
 def test_the_verdict_on_the_reference_stands_in_the_alternative(tyre, ratio, consistent, words):
     check = replace(tyre.reference, ratio=ratio, consistent=consistent)
-    assert words in charts_data.reference_chart(check).alternative
+    assert words in measurement.reference_chart(check).alternative
 
 
 def test_drive_point_is_the_row_at_the_force(tyre):
-    assert charts_data.drive_point_row(tyre.frf, 0.0) == 0
-    assert charts_data.drive_point_row(tyre.frf, 359.0) == 0
-    assert charts_data.drive_point_row(tyre.frf, None) is None
+    assert measurement.drive_point_row(tyre.frf, 0.0) == 0
+    assert measurement.drive_point_row(tyre.frf, 359.0) == 0
+    assert measurement.drive_point_row(tyre.frf, None) is None
     away = tyre.frf.rows(np.arange(10, 30))
-    assert charts_data.drive_point_row(away, 0.0) is None
-    assert charts_data.drive_point_row(structure_result().frf, 0.0) is None
+    assert measurement.drive_point_row(away, 0.0) is None
+    assert measurement.drive_point_row(structure_result().frf, 0.0) is None
 
 
 def test_a_drive_point_of_the_wrong_sign_shows(tyre):
     band_hz = (70.0, 230.0)  # well above the noise
-    right = charts_data.share_taken_out(tyre.frf, 0, band_hz)
+    right = measurement.share_taken_out(tyre.frf, 0, band_hz)
     turned = replace(tyre.frf, values=-tyre.frf.values)
-    wrong = charts_data.share_taken_out(turned, 0, band_hz)
+    wrong = measurement.share_taken_out(turned, 0, band_hz)
     assert right < 0.05
     assert wrong > 0.9
     finding = Finding("", "force", 0.0, "drive point", WARNING, "wrong sign")
-    chart = charts_data.drive_point_chart(turned, 0, band_hz, finding)
+    chart = measurement.drive_point_chart(turned, 0, band_hz, finding)
     assert "Verdict: warning, wrong sign." in chart.caption
     lines = (turned.frequency_hz >= 70) & (turned.frequency_hz <= 230)
     np.testing.assert_allclose(
@@ -242,9 +234,9 @@ def test_scatter_and_deviation_have_bars_of_two_standard_deviations(tyre, charts
 def test_an_unknown_uncertainty_has_no_bar(tyre):
     unknown = np.full(7, np.nan)
     for chart in (
-        charts_ring.scatter_chart(tyre.validation, unknown),
-        charts_ring.deviation_chart(tyre.validation, unknown),
-        charts_ring.damping_chart(tyre.validation, unknown),
+        ring.scatter_chart(tyre.validation, unknown),
+        ring.deviation_chart(tyre.validation, unknown),
+        ring.damping_chart(tyre.validation, unknown),
     ):
         json.dumps(chart.specification, allow_nan=False)
         chart.draw()
@@ -268,7 +260,7 @@ def test_damping_is_in_percent_and_names_the_largest_difference(tyre, charts):
 
 
 def test_mac_keeps_rows_and_columns_apart():
-    chart = charts_matrix.mac_chart(
+    chart = modes.mac_chart(
         [[1.0, 0.25, 0.0], [0.5, 0.98, 0.1]],
         ["<1>", "2"],
         ["a", "b", "c"],
@@ -299,7 +291,7 @@ def test_correlation_names_the_strongest_pair(tyre):
         parameters=("a", "b", "c"),
         values=np.array([[1, 0.2, -0.9], [0.2, 1, 0.1], [-0.9, 0.1, 1]]),
     )
-    chart = charts_parameters.correlation_chart(found, {"a": "A", "b": "B", "c": "C"})
+    chart = ring.correlation_chart(found, {"a": "A", "b": "B", "c": "C"})
     assert "the strongest is A with C, −0.90" in chart.alternative
     assert chart.data[0]["text"][0] == ["+1.00", "+0.20", "−0.90"]
 
@@ -362,7 +354,7 @@ def test_a_batch_shows_every_mode_with_an_order_and_its_campaign():
     for k, trace in enumerate(chart.data):
         np.testing.assert_allclose(unpacked(trace["y"]), [100.0, 120.0])
         np.testing.assert_array_equal(np.round(unpacked(trace["x"])), trace["customdata"])
-        assert trace["text"] == [f"run &lt;{k}&gt;"] * 2
+        assert trace["text"] == [f"run &lt;{k}&gt;, tyre {k:02d}"] * 2
     assert "6 modes" in chart.alternative
     assert chart.draw().axes
 
@@ -371,4 +363,5 @@ def test_more_tyres_than_colours_share_the_last_and_one_entry_of_the_legend():
     data = charts_batch.frequencies_chart(batch_of(12)).data
     listed = [trace["name"] for trace in data if trace["showlegend"]]
     assert listed == [*(f"tyre {k:02d}" for k in range(6)), "others"]
-    assert {trace["meta"] for trace in data} == {f"tyre {k:02d}" for k in range(12)}
+    said = {text.rpartition(", ")[2] for trace in data for text in trace["text"]}
+    assert said == {f"tyre {k:02d}" for k in range(12)}

@@ -13,12 +13,10 @@ from matplotlib.image import imread
 from results import structure_result, tyre_result
 
 from ema.core.errors import InputError
-from pipelines.report import figure_files as figure_export
-from pipelines.report import paper
+from pipelines.report import write
 from pipelines.report.blocks import Beside, Paragraph, Picture, Section, Table
-from pipelines.report.figure_files import write_figures
 from pipelines.report.page import drawings
-from pipelines.report.write import report_sections
+from pipelines.report.write import report_sections, write_figures
 
 
 @pytest.fixture(scope="module")
@@ -61,15 +59,15 @@ def test_names_of_the_figures_of_a_tyre_are_unique():
     assert {"coherence", "reference", "drive-point", "mac", "sensitivity"} <= set(names)
 
 
-def only(monkeypatch, module, result, *anchors):
-    """Let `module` see a short report."""
+def only(monkeypatch, result, *anchors):
+    """Write a short report."""
     chosen = tuple(each for each in report_sections(result) if each.anchor in anchors)
     assert len(chosen) == len(anchors)
-    monkeypatch.setattr(module, "report_sections", lambda _: chosen)
+    monkeypatch.setattr(write, "report_sections", lambda _: chosen)
 
 
 def test_existing_files_are_replaced_only_when_asked(structure, tmp_path, monkeypatch):
-    only(monkeypatch, figure_export, structure, "stability")
+    only(monkeypatch, structure, "stability")
     (tmp_path / "stability.svg").write_text("mine")
     (tmp_path / "notes.txt").write_text("mine too")
     with pytest.raises(InputError, match=r"stability\.svg: .*--force"):
@@ -93,12 +91,12 @@ def test_a_file_in_the_way_of_the_folder_is_named(structure, tmp_path):
 
 def test_the_pdf_holds_its_texts_and_leads_to_its_sections(structure, tmp_path, monkeypatch):
     try:
-        paper.printing_library("this test")
+        write.printing_library("this test")
     except InputError as error:
         pytest.skip(str(error))
-    only(monkeypatch, paper, structure, "summary", "notes")
+    only(monkeypatch, structure, "summary", "notes")
     name = "plate <b> (1)"
-    target = paper.write_pdf(replace(structure, name=name), tmp_path / "report.pdf")
+    target = write.write_pdf(replace(structure, name=name), tmp_path / "report.pdf")
     content = target.read_bytes()
     assert content.startswith(b"%PDF-")
     assert content.rstrip().endswith(b"%%EOF")
@@ -123,16 +121,16 @@ def test_a_missing_library_is_said_before_anything_is_computed(
     def fail(name):
         raise missing
 
-    monkeypatch.setattr(paper, "import_module", fail)
+    monkeypatch.setattr(write, "import_module", fail)
     with pytest.raises(InputError, match=r"ringmodal\[pdf\].*Windows.*MSYS2") as caught:
-        paper.write_pdf(structure, tmp_path / "report.pdf")
+        write.write_pdf(structure, tmp_path / "report.pdf")
     assert str(missing) in str(caught.value)
     assert not list(tmp_path.iterdir())
 
 
 def test_running_texts_are_texts(structure):
     hostile = '"; } body { display: none } /* \\ é'
-    style = paper._running_texts(
+    style = write._running_texts(
         replace(structure, name=hostile, provenance={"created": "2025-01-01T00:00:00+00:00"})
     )
     assert "display" not in style
@@ -148,7 +146,7 @@ def test_long_folded_tables_stay_on_the_screen():
         Table("Short", ("a",), rows[:5], folded=True),
         Table("Open", ("a",), rows),
     )
-    blocks = paper._for_paper(Section("some", "Some", tables)).blocks
+    blocks = write._for_paper(Section("some", "Some", tables)).blocks
     assert blocks[0] == Paragraph("Long: the 40 rows are in the HTML report.")
     assert blocks[1:] == tables[1:]
 
@@ -157,6 +155,6 @@ def test_a_wide_picture_stands_by_itself():
     wide, one, two = (
         Picture("data:,", name, name, wide=name == "wide") for name in ["wide", "one", "two"]
     )
-    blocks = paper._for_paper(Section("some", "Some", (Beside((wide, one)), Beside((two,))))).blocks
+    blocks = write._for_paper(Section("some", "Some", (Beside((wide, one)), Beside((two,))))).blocks
     assert blocks == (wide, Beside((one,)), Beside((two,)))
-    assert paper._for_paper(Section("some", "Some", (Beside((wide,)),))).blocks == (wide,)
+    assert write._for_paper(Section("some", "Some", (Beside((wide,)),))).blocks == (wide,)

@@ -91,7 +91,6 @@ def test_coherence_map_has_a_row_per_position_and_keeps_the_mean(tyre):
     picture = ax.images[0].get_array()
     inside = (tyre.frf.frequency_hz >= 40) & (tyre.frf.frequency_hz <= 250)
     assert picture.shape[0] == 72
-    assert picture.shape[1] <= 500
     np.testing.assert_allclose(picture.mean(), tyre.frf.coherence[:, inside].mean(), rtol=2e-3)
 
 

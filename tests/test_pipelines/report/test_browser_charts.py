@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from browser import contrast, luminance
 
-from pipelines.plots.chart import FITTED, MEASURED, Chart, packed
+from pipelines.plots.chart import Chart
+from pipelines.plots.plot import FITTED, MEASURED, Axis, Curve, Map, Panel, Plot
 from pipelines.report.blocks import Paragraph, Section
 from pipelines.report.write import render_page
 
@@ -17,33 +19,24 @@ STROKE = "#chart-curve .scatterlayer .trace .js-line"
 RANGE = "return document.getElementById('chart-curve').layout.xaxis.range"
 
 
-def never_drawn():
-    raise AssertionError("the page needs no drawing for paper")
-
-
-def chart(name, *data):
-    layout = {"xaxis": {"title": {"text": "frequency / Hz"}}, "yaxis": {"title": {"text": "m"}}}
-    return Chart(name, data, layout, f"The {name}.", "Look here.", never_drawn, wide=True)
+def chart(name, *series):
+    panel = Panel(series, Axis("frequency / Hz"), Axis("m"))
+    return Chart(name, Plot((panel,)), f"The {name}.", "Look here.", wide=True)
 
 
 @pytest.fixture(scope="session")
 def charts_file(tmp_path_factory):
     """A page of a curve and a map, and of a chart far below that nobody has scrolled to."""
-    curve = {
-        "type": "scatter",
-        "mode": "lines+markers",
-        "x": packed([20.0, 100.0, 180.0]),
-        "y": packed([1.0, 7.25, 3.0]),
-        "line": {"color": MEASURED},
-        "marker": {"color": FITTED, "size": 9},
-        "hovertemplate": "%{x:.1f} Hz: %{y:.2f} m<extra></extra>",
-    }
-    grid = {"type": "heatmap", "z": packed([[0.0, 1.0], [2.0, 3.0]]), "showscale": False}
+    x, y = np.array([20.0, 100.0, 180.0]), np.array([1.0, 7.25, 3.0])
+    line = Curve(x, y, MEASURED, width=2)
+    marks = Curve(x, y, FITTED, marker="circle", size=9, hover="%{x:.1f} Hz: %{y:.2f} m")
+    grid = Map(np.array([[0.0, 1.0], [2.0, 3.0]]), 0, 3, "share", "")
+    curve = (line, marks)
     blocks = (
-        chart("curve", curve),
+        chart("curve", *curve),
         chart("map", grid),
         *(Paragraph("Far below.") for _ in range(200)),
-        chart("far", curve),
+        chart("far", *curve),
     )
     page = render_page("Charts", "Charts", (Section("charts", "Charts", blocks),))
     path = tmp_path_factory.mktemp("charts") / "charts.html"

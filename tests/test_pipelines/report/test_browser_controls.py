@@ -10,7 +10,7 @@ import pytest
 from results import ring_modes, tyre_result
 
 from model import ForcedRing, inertance
-from pipelines.report import animation
+from pipelines.report import identification
 from pipelines.report.write import render_page
 
 SELECT, SAID = "#frf .chooser select", "#frf .chooser .said"
@@ -200,7 +200,7 @@ def test_travelling_wave_turns_and_keeps_its_height(browser, tmp_path):
     model = ring_modes(np.arange(72) * 5.0)
     waves = np.exp(-2j * np.deg2rad(model.position_deg))
     travelling = replace(model, modes=(replace(model.modes[1], residues=waves),))
-    section = animation.shapes(tyre_result(modal_model=travelling))
+    section = identification.shapes(tyre_result(modal_model=travelling))
     path = tmp_path / "travelling.html"
     path.write_text(render_page("Shapes", "A travelling wave", (section,)), encoding="utf-8")
     browser.open(path)

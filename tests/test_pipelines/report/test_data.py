@@ -10,7 +10,7 @@ from results import ring_modes, structure_result, tyre_result
 from ema.core.frf import FRF
 from ema.core.modes import synthesise
 from model import ForcedRing, inertance
-from pipelines.report.responses_data import kept_lines, kept_positions, ring_data
+from pipelines.report.responses import kept_lines, kept_positions, ring_data
 from pipelines.report.write import render_report
 
 

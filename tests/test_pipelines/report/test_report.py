@@ -26,13 +26,14 @@ from ema.core.finding import EXCLUDED, Finding
 from ema.core.modes import NO_DRIFT, Drift, ModalModel, ResidualTerms
 from ema.io.campaign.manifest import TyreSection
 from pipelines.plots.chart import Chart
+from pipelines.plots.measurement import setup_chart
+from pipelines.plots.plot import Curve
 from pipelines.report import measurement
 from pipelines.report import write as report
 from pipelines.report.blocks import Facts, Paragraph, Section, Table
 from pipelines.report.measurement import identity
 from pipelines.report.page import as_json, breakable, drawings, render_page
 from pipelines.report.responses import shown_rows
-from pipelines.report.sketch import setup_sketch
 from pipelines.report.write import render_report, report_sections, write_report
 from pipelines.results.labels import named
 from pipelines.storage.rounding import value_with_std
@@ -342,19 +343,21 @@ def test_the_manifest_takes_what_a_lab_writes_down_and_the_report_shows_it(tyre)
 
 
 def test_the_sketch_has_a_mark_for_every_position_and_names_every_run(tyre):
-    sketch = setup_sketch(tyre)
-    runs = [mark for mark in sketch.marks if mark.name.endswith(".uff")]
+    chart = setup_chart(tyre.frf, tyre.excitation_deg, tyre.reference_deg)
+    runs = [curve for curve in curves_of(chart) if curve.name.endswith(".uff")]
     assert len(runs) == 6
-    assert sum(mark.path.count("M") for mark in runs) == 72
-    assert [mark.name for mark in sketch.legend[-2:]] == ["force", "reference"]
-    first = re.findall(r"(-?[\d.]+) (-?[\d.]+)", runs[0].path.split("Z")[0])
-    centre = np.mean(np.array(first, dtype=float), axis=0)
-    np.testing.assert_allclose(centre, [1.0, 0.0], atol=1e-3)
+    assert sum(curve.x.size for curve in runs) == 72
+    listed = [trace["name"] for trace in chart.data if trace["showlegend"]]
+    assert listed[-2:] == ["force", "reference"]
+    assert (runs[0].x[0], runs[0].y[0]) == pytest.approx((1.0, 0.0))
 
 
-def test_angles_run_counter_clockwise_although_the_drawing_s_axis_runs_down(tyre):
-    quarter = setup_sketch(replace(tyre, excitation_deg=90.0))
-    arrow = next(mark.path for mark in quarter.marks if mark.name == "force")
-    x, y = np.array(re.findall(r"(-?[\d.]+) (-?[\d.]+)", arrow), dtype=float).T
-    assert np.all(np.abs(x) < 0.1)
-    assert np.all(y < -1)
+def test_angles_run_counter_clockwise(tyre):
+    quarter = setup_chart(tyre.frf, 90.0)
+    arrow = next(curve for curve in curves_of(quarter) if curve.name == "force")
+    assert np.all(np.abs(arrow.x) < 0.1)
+    assert np.all(arrow.y > 1)
+
+
+def curves_of(chart):
+    return [each for each in chart.plot.panels[0].series if isinstance(each, Curve)]

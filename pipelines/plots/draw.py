@@ -1,0 +1,276 @@
+"""Plots drawn by matplotlib, for files and paper."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.colors import Colormap, LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+from pipelines.plots.plot import (
+    KEPT,
+    MEASURED,
+    Axis,
+    Band,
+    Bars,
+    Curve,
+    Flags,
+    Map,
+    Note,
+    Panel,
+    Plot,
+    Rule,
+    Span,
+)
+from pipelines.plots.style import PAPER, styled_figure
+from pipelines.results.labels import literal, spread
+
+POINTS_PER_PX = 0.7  # of a line: thinner in print than on the screen
+MARKER_POINTS_PER_PX = 0.55
+DASHES = {"solid": "-", "dash": "--", "dot": ":", "dashdot": "-."}
+#: Plotly's symbols → matplotlib's.
+MARKERS = {
+    "circle": "o",
+    "circle-open": "o",
+    "cross-thin-open": "+",
+    "x-thin-open": "x",
+    "square": "s",
+    "triangle-up": "^",
+    "diamond": "D",
+    "triangle-down": "v",
+    "cross": "P",
+    "x": "X",
+    "star": "*",
+}
+UNKNOWN = "#C8C8C8"  # cells of a map without a value
+BARS: dict[str, Any] = {"fmt": "none", "elinewidth": 1.0, "capsize": 2.0}
+FLAG_GAP = 1 / 42  # smallest distance of two names, as a share of the axis
+LONG_NAMES = 34  # letters of all names together that stand side by side
+
+
+def draw_plot(plot: Plot) -> Figure:
+    """Draw all panels of a plot as a new figure in the common style."""
+    rows = -(-len(plot.panels) // plot.columns)
+    ratios: dict[str, Any] = {
+        "height_ratios": plot.heights or None,
+        "width_ratios": plot.widths or None,
+    }
+    # Panels one below the other share an axis that only the last one names.
+    shared = plot.columns == 1 and not plot.panels[0].x.title and rows > 1
+    with styled_figure(
+        *plot.size_cm, rows, plot.columns, plot.margins, squeeze=False, sharex=shared, **ratios
+    ) as (figure, axes):
+        for ax in axes.flat[len(plot.panels) :]:
+            ax.set_axis_off()
+        for panel, ax in zip(plot.panels, axes.flat, strict=False):
+            draw(panel, ax)
+    return figure
+
+
+def draw(panel: Panel, ax: Axes) -> Axes:
+    """Draw a panel on an axis of matplotlib and return it."""
+    behind = _axis_behind(panel.right, ax) if panel.right is not None else ax
+    for each in panel.series:
+        _draw(each, behind if isinstance(each, Curve) and each.right else ax)
+    if panel.bare:
+        ax.set_axis_off()
+    if any(isinstance(each, Map) for each in panel.series):
+        ax.grid(visible=False)
+    _set_axis(panel.x, ax, "x")
+    _set_axis(panel.y, ax, "y")
+    if panel.right is not None:
+        _set_axis(panel.right, behind, "y")
+    if panel.equal:
+        ax.set_aspect("equal")
+    if panel.title:
+        where: dict[str, Any] = {"loc": "center", "pad": 2} if panel.bare else {}
+        ax.set_title(literal(panel.title), **where)
+    for flags in (each for each in panel.series if isinstance(each, Flags)):
+        _name_flags(flags, ax)
+    _set_legend(panel, ax)
+    return ax
+
+
+def _draw(series: Any, ax: Axes) -> None:
+    match series:
+        case Curve():
+            _draw_curve(series, ax)
+        case Band(x, low, high, colour, name, opacity):
+            look: dict[str, Any] = {"color": _hex(colour), "alpha": opacity, "linewidth": 0}
+            ax.fill_between(np.asarray(x), low, high, label=_label(name), **look)
+        case Bars(x, y, colour, width, half):
+            ax.bar(x, y, color=_hex(colour), width=width)
+            if half is not None:
+                ax.errorbar(x, y, yerr=np.nan_to_num(half), color=_hex(MEASURED), **BARS)
+        case Rule():
+            line = ax.axvline if series.upright else ax.axhline
+            width = POINTS_PER_PX * series.width
+            line(series.at, color=_hex(series.colour), lw=width, ls=DASHES[series.dash], zorder=1)
+        case Span(start, stop):
+            ax.axvspan(start, stop, color="#EEEEEE", linewidth=0, zorder=0)
+        case Note(x, y, text, colour, align):
+            ax.text(x, y, literal(text), color=_hex(colour), ha=align, va="center")
+        case Map():
+            _draw_map(series, ax)
+
+
+def _draw_curve(curve: Curve, ax: Axes) -> None:
+    colour = _hex(curve.colour)
+    x, y = np.asarray(curve.x), np.asarray(curve.y, dtype=float)
+    (line,) = ax.plot(
+        x,
+        y,
+        color=colour,
+        alpha=None if curve.opacity == 1 else curve.opacity,
+        linewidth=POINTS_PER_PX * curve.width,
+        linestyle=DASHES[curve.dash] if curve.width else "none",
+        marker=MARKERS[curve.marker] if curve.marker else "",
+        markersize=MARKER_POINTS_PER_PX * curve.size,
+        label=_label(curve.name if curve.listed else ""),
+    )
+    if curve.marker.endswith("-open"):
+        line.set(markerfacecolor="none", markeredgewidth=0.8)
+    elif curve.opacity < 1:
+        line.set(markeredgewidth=0)
+    for error, half in (("xerr", curve.x_bars), ("yerr", curve.y_bars)):
+        if half is not None:
+            bars: dict[str, Any] = {error: np.nan_to_num(half), "color": colour}
+            ax.errorbar(x, y, **bars, **BARS)
+    if curve.labelled:
+        for left, up, text in zip(x, y, curve.texts, strict=True):
+            offset = (-6, 4)  # points
+            ax.annotate(literal(text), (left, up), offset, textcoords="offset points", ha="right")
+
+
+def _draw_map(shown: Map, ax: Axes) -> None:
+    n_rows, n_columns = shown.z.shape
+    left, right = -0.5, n_columns - 0.5
+    if shown.x is not None:
+        half = (shown.x[-1] - shown.x[0]) / max(2 * (n_columns - 1), 1)
+        left, right = shown.x[0] - half, shown.x[-1] + half
+    image = ax.imshow(
+        np.ma.masked_invalid(shown.z),
+        aspect="auto",
+        origin="lower",
+        vmin=shown.low,
+        vmax=shown.high,
+        cmap=_colours(shown.scale).with_extremes(bad=UNKNOWN),
+        interpolation="none",
+        extent=(left, right, -0.5, n_rows - 0.5),
+    )
+    if not shown.cells:
+        ax.figure.colorbar(image, ax=ax, label=shown.label, pad=0.02)
+    size = 7.5 if max(shown.z.shape) <= 9 else 5.5
+    for row, cells in enumerate(shown.cells):
+        for column, text in enumerate(cells):
+            if text:
+                ax.text(column, row, text, ha="center", va="center", fontsize=size)
+
+
+def _colours(scale: str) -> Colormap:
+    if scale == "map":
+        return colormaps["viridis"]
+    ends = ["--paper", "--cell-above"] if scale == "share" else []
+    names = ends or ["--cell-below", "--paper", "--cell-above"]
+    return LinearSegmentedColormap.from_list(scale, [_hex(name) for name in names])
+
+
+def _axis_behind(right: Axis, ax: Axes) -> Axes:
+    """A second axis at the back, with its labels on the right."""
+    behind = ax.twinx()
+    behind.tick_params(axis="y", colors=_hex("--soft"), which="both")
+    behind.grid(visible=False)
+    behind.spines["right"].set_visible(True)
+    ax.set_zorder(behind.get_zorder() + 1)
+    ax.patch.set_visible(False)
+    return behind
+
+
+def _set_axis(axis: Axis, ax: Axes, which: str) -> None:
+    own = ax.xaxis if which == "x" else ax.yaxis
+    ends = ax.set_xlim if which == "x" else ax.set_ylim
+    if axis.title:
+        own.set_label_text(_typeset(axis.title))
+    if axis.log:
+        _set_log(axis, ax)
+    if axis.range is not None:
+        ends(*axis.range)
+    elif which == "x" and not axis.names and not axis.ticks:
+        ax.margins(x=0.02)
+    if axis.from_zero:
+        ends(0, 1.15 * ax.dataLim.max[1])
+    if axis.names:
+        shown = range(0, len(axis.names), axis.every)
+        names = [literal(axis.names[k]) for k in shown]
+        own.set_ticks(list(shown), names)
+        if which == "x" and sum(map(len, names)) > LONG_NAMES:
+            ax.tick_params(axis="x", rotation=90)
+    elif len(axis.ticks):
+        own.set_ticks(list(axis.ticks), list(axis.labels) or None)
+    if axis.reverse:
+        own.set_inverted(True)
+
+
+def _set_log(axis: Axis, ax: Axes) -> None:
+    """Plain numbers at 1, 10, …, and at 2 and 5 as well where the range is small."""
+    ax.set_yscale("log")
+    low, high = axis.range or ax.get_ylim()
+    ax.yaxis.set_major_locator(LogLocator(subs=(1.0,) if high / low > 50 else (1.0, 2.0, 5.0)))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.yaxis.set_minor_locator(NullLocator())
+
+
+def _name_flags(flags: Flags, ax: Axes) -> None:
+    low, high = ax.get_xlim()
+    line = {"color": _hex(KEPT), "linewidth": 0.6}
+    places = spread(flags.at, gap=FLAG_GAP * (high - low))
+    for at, place, name in zip(flags.at, places, flags.names, strict=True):
+        ax.axvline(at, 0, flags.height + 0.03, alpha=0.6, **line)
+        ax.annotate(
+            name,
+            xy=(at, flags.height + 0.03),
+            xytext=(place, flags.height + 0.06),
+            xycoords=("data", "axes fraction"),
+            textcoords=("data", "axes fraction"),
+            rotation=90,
+            ha="center",
+            va="bottom",
+            fontsize=7.5,
+            arrowprops={"arrowstyle": "-", "shrinkA": 0, **line},
+        )
+
+
+def _set_legend(panel: Panel, ax: Axes) -> None:
+    handles, _ = ax.get_legend_handles_labels()
+    if not handles or not panel.legend:
+        return
+    place: dict[str, Any] = {"loc": panel.legend}
+    if panel.legend == "below":
+        anchor = (0.5, -0.14)
+        place = {"loc": "upper center", "bbox_to_anchor": anchor, "ncols": 4, "handletextpad": 0.2}
+    elif panel.legend == "beside":
+        place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "handlelength": 1.2}
+    elif panel.legend == "center":
+        place |= {"bbox_to_anchor": (0, 0), "bbox_transform": ax.transData, "labelspacing": 0.3}
+    elif len(handles) > 4:
+        place["ncols"] = 2 if len(handles) <= 8 else 4
+    ax.legend(**place)
+
+
+def _hex(colour: str) -> str:
+    """A colour of the page in print; any other colour as it is."""
+    return PAPER.get(colour, colour)
+
+
+def _label(name: str) -> str | None:
+    return literal(name) or None
+
+
+def _typeset(title: str) -> str:
+    """A title in which the index of a symbol such as k_θ is set low."""
+    return re.sub(r"(?<!\w)([^\W\d_])_([^\W\d_])(?!\w)", r"\1$_{\2}$", literal(title))

@@ -1,0 +1,293 @@
+"""Plots of the measurement: set-up, coherence, reference sensor, FRF at the force."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.checks.quality import ReferenceCheck
+from ema.core.finding import Finding
+from ema.core.frf import FRF
+from pipelines.plots.chart import Chart
+from pipelines.plots.plot import (
+    DASHES,
+    FAINT,
+    FITTED,
+    FREQUENCY,
+    INERTANCE,
+    MEASURED,
+    PHASE,
+    SERIES,
+    Axis,
+    Curve,
+    Map,
+    Margins,
+    Note,
+    Panel,
+    Plot,
+    Rule,
+    log_axis,
+    magnitude_and_phase,
+)
+from pipelines.results.labels import (
+    apart,
+    coherence_map,
+    in_band,
+    place_name,
+    sparse_labels,
+)
+
+MOST_CELLS = 120_000  # of a map: more would only make the page heavy
+MOST_NAMED_RUNS = 14
+#: A sensor that far from the force counts as being at the force.
+FARTHEST_DEG = 5.0
+CLEAR = 2.0  # standard deviations below zero that are not noise
+SYMBOLS = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross", "x")
+
+
+def setup_chart(
+    frf: FRF, excitation_deg: float | None = None, reference_deg: float | None = None
+) -> Chart:
+    """The tyre from the side: measured positions by run, the force and the reference sensor.
+
+    Parameters
+    ----------
+    frf : FRF
+        Its `position_deg` and `run` give the positions and their colours.
+    excitation_deg, reference_deg : float, optional
+        Where the force and the reference sensor are.
+    """
+    runs = list(dict.fromkeys(frf.run))
+    at = np.asarray(frf.position_deg, dtype=float)
+    circle = np.linspace(0, 360, 181)
+    series: list[Any] = [
+        Curve(*on_circle(circle, radius), FAINT, width=width)
+        for radius, width in ((1.0, 3.0), (0.55, 1.0))
+    ]
+    for index, (run, name) in enumerate(zip(runs, apart(runs), strict=True)):
+        x, y = on_circle(at[np.array([each == run for each in frf.run])], 1.0)
+        look = SYMBOLS[index % len(SYMBOLS)]
+        size = 8 if frf.n_positions <= 150 else 5
+        colour, listed = SERIES[index % len(SERIES)], index < MOST_NAMED_RUNS
+        name = name if run else "positions"
+        series.append(Curve(x, y, colour, name, marker=look, size=size, listed=listed))
+    series += [Note(*on_circle(angle, 0.72), f"{angle}°") for angle in (0, 90, 180, 270)]
+    limits = np.array([[-1.12, 1.12], [-1.12, 1.12]])
+    if excitation_deg is not None:
+        series += _force(excitation_deg)
+        limits = _widened(limits, *on_circle(excitation_deg, 1.6))
+    if reference_deg is not None:
+        place = on_circle([reference_deg], 0.87)
+        series.append(Curve(*place, MEASURED, "reference", marker="star", size=14))
+    (left, right), (bottom, top) = limits
+    unnamed = max(0, len(runs) - MOST_NAMED_RUNS)
+    more = f" {unnamed} further runs are drawn, but not named." if unnamed else ""
+    panel = Panel(
+        tuple(series),
+        Axis(range=(left, right)),
+        Axis(range=(bottom, top)),
+        legend="center",
+        equal=True,
+        bare=True,
+    )
+    return Chart(
+        "setup",
+        Plot((panel,), (11.5, 9.5), margins=Margins(0.1, 0.1, 0.1, 0.1)),
+        f"Circle with {frf.n_positions} measured positions of {len(runs)} runs"
+        f"{_at(', the force', excitation_deg)}{_at(', the reference sensor', reference_deg)}.",
+        "Measured positions by run, seen from the side; angles run counter-clockwise. Look for "
+        "gaps: they lower the highest order that can be told from lower ones, which has fewer "
+        f"than half as many waves as there are positions.{more}",
+        height_px=430,
+    )
+
+
+def coherence_chart(frf: FRF, band_hz: tuple[float, float]) -> Chart:
+    """Map of the coherence, position by position over frequency.
+
+    Parameters
+    ----------
+    frf : FRF
+    band_hz : tuple of float
+        Band shown.
+    """
+    shown = coherence_map(frf, band_hz, max(1, MOST_CELLS // frf.n_positions))
+    known = [row[np.isfinite(row)] for row in shown.values]
+    medians = np.array([np.median(row) if row.size else np.inf for row in known])
+    indices, _ = sparse_labels(shown.names)
+    what = "position" if np.isfinite(frf.position_deg).all() else "node"
+    series: list[Any] = [
+        Map(
+            shown.values,
+            0,
+            1,
+            "map",
+            f"{what} %{{y}}, %{{x:.2f}} Hz<br>coherence %{{z:.3f}}",
+            shown.frequency_hz,
+            "γ²",
+        )
+    ]
+    words = "Map of the coherence; it is unknown.", "The coherence is unknown."
+    if np.isfinite(medians).any():
+        middle = float(np.median(np.concatenate(known)))
+        worst = shown.names[int(np.argmin(medians))]
+        width = shown.averaged
+        averaged = f" Each cell is the mean of {width} lines." if width > 1 else ""
+        words = (
+            f"Map of the coherence over positions and frequency; median {middle:.3f}, lowest "
+            f"median of a {what} {medians.min():.3f} at {worst}.",
+            f"Coherence γ², {what} by {what}; the median over the band is {middle:.3f}, the lowest "
+            f"median of a {what} is {medians.min():.3f} at {worst}. Dark rows are sensors that did "
+            "not follow the force, dark columns are frequencies without excitation; dark spots "
+            f"along the nodal lines of a mode are natural.{averaged}",
+        )
+    else:
+        series.append(Note(float(np.mean(band_hz)), len(shown.names) / 2, "coherence unknown"))
+    panel = Panel(
+        tuple(series),
+        Axis(FREQUENCY),
+        Axis(what, names=shown.names, every=indices[1] if len(indices) > 1 else 1),
+    )
+    plot = Plot((panel,), (17.5, 9), margins=Margins(right=0.9))
+    return Chart("coherence", plot, *words, wide=True, height_px=400)
+
+
+def reference_chart(check: ReferenceCheck, band_hz: tuple[float, float] | None = None) -> Chart:
+    """The reference sensor's inertances of all runs, one over the other.
+
+    Parameters
+    ----------
+    check : ReferenceCheck
+    band_hz : tuple of float, optional
+        Band shown; all lines otherwise.
+    """
+    low, high = band_hz or (check.frequency_hz[0], check.frequency_hz[-1])
+    inside = in_band(check.frequency_hz, (low, high))
+    hover = "%{x:.2f} Hz<br>%{y:.3g} (m/s²)/N<extra>%{fullData.name}</extra>"
+    curves = tuple(
+        Curve(
+            check.frequency_hz[inside],
+            np.abs(values[inside]),
+            SERIES[index % len(SERIES)],
+            name,
+            width=1.3,
+            # From the eighth run on the colours come again, dashed.
+            dash=DASHES[index // len(SERIES) % len(DASHES)],
+            hover=hover,
+        )
+        for index, (name, values) in enumerate(zip(apart(check.run), check.values, strict=True))
+    )
+    axes = Axis(FREQUENCY, (low, high)), log_axis(INERTANCE, *(curve.y for curve in curves))
+    return Chart(
+        "reference",
+        Plot((Panel(curves, *axes, legend="lower right"),)),
+        f"Inertance at the reference sensor of {len(check.run)} runs, one over the other; "
+        f"{reference_verdict(check)}.",
+        "Inertance at the sensor that stayed in place, run by run. The curves should coincide; "
+        "peaks that move point to a tyre that warmed up, lost pressure or was remounted.",
+        height_px=400,
+    )
+
+
+def reference_verdict(check: ReferenceCheck) -> str:
+    """Verdict of the check in a few words."""
+    if not np.isfinite(check.ratio):
+        return "whether they differ by more than noise is unknown"
+    verdict = "one tyre" if check.consistent else "the runs differ"
+    return f"they differ {check.ratio:.2f} times as much as noise explains: {verdict}"
+
+
+def drive_point_row(frf: FRF, excitation_deg: float | None) -> int | None:
+    """Row of the FRF at the force; None where no sensor was there."""
+    if excitation_deg is None or not np.isfinite(frf.position_deg).any():
+        return None
+    distance = np.abs((frf.position_deg - excitation_deg + 180) % 360 - 180)
+    nearest = int(np.nanargmin(distance))
+    return nearest if distance[nearest] <= FARTHEST_DEG else None
+
+
+def share_taken_out(frf: FRF, row: int, band_hz: tuple[float, float]) -> float:
+    """Share of the lines at which the structure would feed power into the shaker.
+
+    At the force the real part of the mobility, hence the imaginary part of the inertance, is not
+    negative. Counted are lines where it is, by more than two standard deviations.
+
+    Parameters
+    ----------
+    frf : FRF
+    row : int
+        From `drive_point_row`.
+    band_hz : tuple of float
+    """
+    lines = in_band(frf.frequency_hz, band_hz)
+    noise = np.nan_to_num(frf.std[row, lines], nan=0.0)
+    return float(np.mean(frf.values[row, lines].imag < -CLEAR * noise))
+
+
+def drive_point_chart(
+    frf: FRF, row: int, band_hz: tuple[float, float], finding: Finding | None = None
+) -> Chart:
+    """Magnitude and phase of the FRF at the force.
+
+    Parameters
+    ----------
+    frf : FRF
+    row : int
+        From `drive_point_row`.
+    band_hz : tuple of float
+        Band shown.
+    finding : Finding, optional
+        Of the check of the place of the force.
+    """
+    lines = in_band(frf.frequency_hz, band_hz)
+    top, low = magnitude_and_phase(frf.frequency_hz[lines], frf.values[row, lines], MEASURED)
+    limits = tuple(Rule(limit, MEASURED, "dot") for limit in (0, 180))
+    panels = (
+        Panel((top,), Axis(range=band_hz), log_axis(INERTANCE, top.y)),
+        Panel((low, *limits), Axis(FREQUENCY, band_hz), PHASE),
+    )
+    name = place_name(int(frf.node[row]), float(frf.position_deg[row]))
+    outside = f"{100 * share_taken_out(frf, row, band_hz):.1f} %"
+    verdict = f" Verdict: {finding.verdict}, {finding.detail}." if finding is not None else ""
+    return Chart(
+        "drive-point",
+        Plot(panels, heights=(3, 2)),
+        f"Magnitude and phase of the inertance at the force ({name}); at {outside} of the lines "
+        "the phase leaves 0° to 180° by more than noise.",
+        f"Inertance at the force ({name}). Its phase has to stay between 0° and 180° (dotted), "
+        "and an antiresonance has to lie between each two resonances; a phase outside means a "
+        f"wrong sign or another place. By more than noise it is outside at {outside} of the "
+        f"lines.{verdict}",
+        height_px=400,
+    )
+
+
+def on_circle(angle_deg: Any, radius: Any) -> tuple[Any, Any]:
+    """Points of a circle around the origin; angles run counter-clockwise from the right."""
+    angle = np.deg2rad(angle_deg)
+    return radius * np.cos(angle), radius * np.sin(angle)
+
+
+def _force(angle_deg: float) -> list[Any]:
+    """An arrow from outside onto the tread."""
+    tip, tail = on_circle(angle_deg, 1.06), on_circle(angle_deg, 1.42)
+    sides = [
+        tuple(np.add(on_circle(angle_deg, 1.17), on_circle(angle_deg + turn, 0.045)))
+        for turn in (90, -90)
+    ]
+    x, y = np.array([tail, tip, sides[0], tip, sides[1]]).T
+    arrow = Curve(x, y, FITTED, "force", width=3)
+    return [arrow, Note(*on_circle(angle_deg, 1.5), "F", MEASURED)]
+
+
+def _widened(limits: NDArray[np.float64], x: float, y: float) -> NDArray[np.float64]:
+    ends = np.array([[x, x], [y, y]])
+    return np.column_stack(
+        [np.minimum(limits[:, 0], ends[:, 0]), np.maximum(limits[:, 1], ends[:, 1])]
+    )
+
+
+def _at(what: str, angle_deg: float | None) -> str:
+    return "" if angle_deg is None else f"{what} at {angle_deg:g}°"

@@ -1,0 +1,230 @@
+"""Plots of what the ring model predicts: free waves, inertance, cleat test, hub, road."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model import Bifurcation, HubResponse
+from pipelines.plots.measurement import on_circle
+from pipelines.plots.plot import (
+    DASHES,
+    FAINT,
+    FITTED,
+    FREQUENCY,
+    KEPT,
+    MEASURED,
+    ORDER,
+    PHASE,
+    RING,
+    SERIES,
+    Axis,
+    Curve,
+    Margins,
+    Note,
+    Panel,
+    Plot,
+    Rule,
+    log_axis,
+)
+from pipelines.results.labels import wrapped_phase_deg
+from pipelines.simulate.responses import CleatResponse, LoadedSweep, SimulatedInertance
+
+DEFLECTION = 0.25  # drawn deflection of a wave of unit amplitude, in radii
+#: Colours from dark to light for a sequence, all visible on white: viridis in ten steps.
+SHADES = (
+    "#440154", "#482475", "#414487", "#355f8d", "#2a788e",
+    "#21918c", "#22a884", "#44bf70", "#7ad151", "#bddf26",
+)  # fmt: skip
+
+
+def waves_over_speed(found: Bifurcation, title: str = "", marked: float | None = None) -> Panel:
+    """Frequencies over speed: regressive waves solid, progressive ones dashed.
+
+    Parameters
+    ----------
+    found : Bifurcation
+        At several speeds.
+    title : str
+    marked : float, optional
+        A speed to mark, rad/s.
+    """
+    series: list[Any] = [] if marked is None else [Rule(marked, upright=True)]
+    for row, order in enumerate(found.orders):
+        colour = SERIES[row % len(SERIES)]
+        for values, dash in ((found.regressive_hz, "solid"), (found.progressive_hz, "dash")):
+            series.append(Curve(found.speed_rad_s, values[row], colour, width=1.7, dash=dash))
+        known = np.flatnonzero(np.isfinite(found.regressive_hz[row]))
+        if known.size:
+            end = float(found.speed_rad_s[known[-1]]), float(found.standing_hz[row, known[-1]])
+            series.append(Note(*end, f"  n = {order}", colour, align="left"))
+    series += [
+        Curve([], [], MEASURED, name, width=1.7, dash=dash)
+        for name, dash in (("regressive", "solid"), ("progressive", "dash"))
+    ]
+    across, up = Axis("speed Ω / (rad/s)"), Axis(FREQUENCY)
+    return Panel(tuple(series), across, up, title=title, legend="upper left")
+
+
+def frequencies_plot(found: Bifurcation) -> Plot:
+    """Frequencies over speed, or over the order where there is one speed only."""
+    room = Margins(right=1.3)
+    if found.speed_rad_s.size > 1:
+        return Plot((waves_over_speed(found),), (14, 10), margins=room)
+    series = tuple(
+        Curve(found.orders, values[:, 0], colour, name, width=1.7, dash=dash, marker=marker)
+        for values, colour, name, dash, marker in (
+            (found.regressive_hz, RING, "regressive", "solid", "circle"),
+            (found.progressive_hz, FITTED, "progressive", "dash", "square"),
+        )
+    )
+    axes = Axis(ORDER, ticks=found.orders.tolist()), Axis(FREQUENCY)
+    title = f"Ω = {found.speed_rad_s[0]:g} rad/s"
+    return Plot((Panel(series, *axes, title=title, legend="upper left"),), (14, 10), margins=room)
+
+
+def waves_plot(angles_rad: ArrayLike, times_s: ArrayLike, field: NDArray[np.float64]) -> Plot:
+    """The ring at both ends of a cycle, and its radial displacement at every instant.
+
+    Parameters
+    ----------
+    angles_rad : array_like, shape (n_angles,)
+        A closed turn: first and last angle meet.
+    times_s : array_like, shape (n_times,)
+    field : ndarray, shape (n_angles, n_times)
+        Radial displacement, the largest value being 1.
+    """
+    angles, times_ms = np.rad2deg(np.asarray(angles_rad)), 1e3 * np.asarray(times_s)
+    ring = [Curve(*on_circle(angles, 1.0), FAINT, width=1)]
+    for index, places, colour, dash in ((0, 0, MEASURED, "solid"), (-1, 2, FITTED, "dash")):
+        curve = on_circle(angles, 1.0 + DEFLECTION * field[:, index])
+        name = f"{times_ms[index]:.{places}f} ms"
+        ring.append(Curve(*curve, colour, name, width=2.0, dash=dash))
+    unrolled = tuple(
+        Curve(angles, curve, shade, f"{time:.1f} ms", width=1.4)
+        for shade, time, curve in zip(_shades(times_ms.size), times_ms, field.T, strict=True)
+    )
+    across = Axis("angle / °", (0, 360), ticks=range(0, 361, 60))
+    up = Axis("radial displacement / its maximum")
+    panels = (
+        Panel(tuple(ring), legend="center", equal=True, bare=True),
+        Panel(unrolled, across, up, legend="beside"),
+    )
+    room = Margins(left=0.2, right=2.4, between_columns=1.8)
+    return Plot(panels, (20, 8), 2, widths=(1, 1.5), margins=room)
+
+
+def inertances(
+    curves: Mapping[str, SimulatedInertance],
+    looks: Mapping[str, Mapping[str, Any]] | None = None,
+    *,
+    title: str = "",
+    across: str = FREQUENCY,
+) -> Panel:
+    """Magnitudes of inertances on a logarithmic axis.
+
+    Parameters
+    ----------
+    curves : mapping of str to SimulatedInertance
+        By name; all in one unit.
+    looks : mapping of str to mapping, optional
+        Properties of a `Curve` by name in place of the usual ones.
+    title : str
+    across : str
+        Title of the frequency axis; empty where a panel below has it.
+    """
+    several = len(curves) > 1
+    series = tuple(
+        Curve(
+            curve.frequency_hz,
+            curve.magnitude,
+            name=name,
+            listed=several,
+            **{
+                "colour": SERIES[index % len(SERIES)],
+                "width": 1.7,
+                "dash": DASHES[index % len(DASHES)],
+                **(looks or {}).get(name, {}),
+            },
+        )
+        for index, (name, curve) in enumerate(curves.items())
+    )
+    unit = next(iter(curves.values())).unit
+    levels = log_axis(f"|inertance| / ({unit})", *(curve.y for curve in series))
+    return Panel(series, Axis(across), levels, title=title, legend="lower right")
+
+
+def inertance_plot(found: SimulatedInertance) -> Plot:
+    """Magnitude and phase of an inertance."""
+    phase = Curve(found.frequency_hz, wrapped_phase_deg(found.values), RING, width=1.7)
+    panels = inertances({"inertance": found}, across=""), Panel((phase,), Axis(FREQUENCY), PHASE)
+    return Plot(panels, (15, 11), heights=(3, 2))
+
+
+def cleat_plot(found: CleatResponse) -> Plot:
+    """The response of a point after the blow, over time and over frequency."""
+    time = Curve(1e3 * found.time_s, found.response, RING, width=1.7)
+    spectrum = Curve(found.frequency_hz, np.abs(found.spectrum), RING, width=1.7)
+    observer = found.observer
+    levels = log_axis(f"|spectrum| / ({observer.unit}·s)", spectrum.y)
+    panels = (
+        Panel((time,), Axis("time / ms"), Axis(f"{observer.quantity} / ({observer.unit})")),
+        Panel((spectrum,), Axis(FREQUENCY), levels),
+    )
+    return Plot(panels, (15, 12), margins=Margins(between_rows=1.4))
+
+
+def hub_plot(found: HubResponse) -> Plot:
+    """Forces and moment on the hub per unit of force on the belt."""
+    series = tuple(
+        Curve(found.frequency_hz, np.abs(values), colour, name, width=1.7, dash=dash)
+        for values, name, colour, dash in (
+            (found.force_x, "force x / N", RING, "solid"),
+            (found.force_z, "force z / N", FITTED, "dash"),
+            (found.moment_m, "moment / (N m)", KEPT, "dashdot"),
+        )
+        if np.abs(values).max() > 0
+    )
+    levels = log_axis("at the hub per N on the belt", *(curve.y for curve in series))
+    return Plot((Panel(series, Axis(FREQUENCY), levels),), (15, 9))
+
+
+def loaded_plot(found: LoadedSweep) -> Plot:
+    """Change of each frequency with the load, and the deflection by the largest load."""
+    rising = np.argsort(found.load_n)
+    orders = found.dominant_order[rising[-1]]
+    shades = _shades(int(orders.max()) + 1)
+    changes = []
+    for mode, order in enumerate(orders):
+        second = bool(np.any(orders[:mode] == order))
+        frequency_hz = found.frequency_hz[rising, mode]
+        changes.append(
+            Curve(
+                found.load_n[rising],
+                100.0 * (frequency_hz / frequency_hz[0] - 1.0),
+                shades[order],
+                f"n = {order}",
+                width=1.7,
+                dash="dash" if second else "solid",
+                marker="circle",
+                size=4,
+                listed=not second,
+            )
+        )
+    deflection = Curve(found.angle_deg, 1e3 * found.deflection_m, RING, width=1.7)
+    around = Axis("angle from the contact / °", (-180, 180), ticks=range(-180, 181, 60))
+    load, change = Axis("vertical load / N"), Axis("change of frequency / %")
+    title = f"load {found.load_n.max():g} N"
+    panels = (
+        Panel(tuple(changes), load, change, legend="beside"),
+        Panel((deflection,), around, Axis("radial deflection / mm"), title=title),
+    )
+    return Plot(panels, (15, 14), margins=Margins(right=2.2, between_rows=1.9))
+
+
+def _shades(count: int) -> Sequence[str]:
+    places = np.linspace(0, len(SHADES) - 1, count).round().astype(int)
+    return [SHADES[place] for place in places]
