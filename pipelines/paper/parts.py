@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from model.reference import DESIGNATION
 from pipelines.plots.chart import Chart
@@ -24,27 +24,13 @@ Values = Sequence[Any] | NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """A column of a table, as numbers for a file and as text for a page.
+    """A column of a table, as numbers for a file and as text for a page."""
 
-    Parameters
-    ----------
-    title : str
-        Its title on the page, with the unit.
-    name : str
-        Its name in the file.
-    values : sequence or ndarray
-        Numbers or texts.
-    std : sequence of float, optional
-        Standard deviations; a column of their own in the file.
-    show : callable
-        Turns a number into text, unless it is whole or has a standard deviation.
-    """
-
-    title: str
-    name: str
+    title: str  # on the page, with the unit
+    name: str  # in the file
     values: Values
-    std: Sequence[float] | None = None
-    show: Callable[[float], str] = number
+    std: Sequence[float] | None = None  # standard deviations; a separate column in the file
+    show: Callable[[float], str] = number  # where there is no standard deviation
 
     @property
     def cells(self) -> tuple[str, ...]:
@@ -62,18 +48,15 @@ class Column:
         return any(isinstance(value, str) and value != DASH for value in self.values)
 
 
+def deviation(name: str, found: ArrayLike, printed: ArrayLike, digits: int) -> Column:
+    """A column of deviations from what is printed, in percent."""
+    percent = 100.0 * (np.asarray(found) / np.asarray(printed) - 1.0)
+    return Column("deviation / %", name, percent, show=with_sign(digits))
+
+
 @dataclass(frozen=True)
 class NumberTable:
-    """A table, with a name under which it becomes a file.
-
-    Parameters
-    ----------
-    name : str
-        Name of its CSV file without ending.
-    caption : str
-    columns : tuple of Column
-        Of equal length.
-    """
+    """A table, with a name under which it becomes a CSV file; its columns have one length."""
 
     name: str
     caption: str
@@ -108,24 +91,12 @@ class NumberTable:
 
 @dataclass(frozen=True)
 class Statement:
-    """A sentence of the paper, and what the computation says to it.
+    """A statement of the paper, and what was computed."""
 
-    Parameters
-    ----------
-    place : str
-        Section, table or figure.
-    printed : str
-        What is printed there.
-    found : str
-        What was computed.
-    verdict : str
-        ``"agrees"``, ``"differs"`` or ``"agrees on simulated data"``.
-    """
-
-    place: str
+    place: str  # section, table or figure
     printed: str
     found: str
-    verdict: str
+    verdict: str  # AGREES, DIFFERS or OWN_DATA
 
 
 @dataclass(frozen=True)
@@ -187,16 +158,7 @@ def statements_table(chapters: Sequence[Chapter]) -> NumberTable:
 
 
 def paper_page(chapters: Sequence[Chapter], result: Result, pictures: Mapping[str, bytes]) -> str:
-    """The page as self-contained HTML.
-
-    Parameters
-    ----------
-    chapters : sequence of Chapter
-    result : Result
-        The processed campaign in place of the paper's recordings.
-    pictures : mapping of str to bytes
-        Each figure by its name, as PNG.
-    """
+    """The page as self-contained HTML; `pictures` are the figures as PNG by name."""
     sections = (
         _summary(chapters),
         *(_section(chapter, pictures) for chapter in chapters),
@@ -256,24 +218,3 @@ LOWEST_MAC = 0.8
 FIGURE_6_ORDERS = ((1, 2), (3, 4))
 #: Upper end of the frequency range of interest, Hz (section 2).
 HIGHEST_HZ = 300.0
-
-# What the text says, in few words.
-MODES = "seven modes between 78.73 and 224.40 Hz with damping ratios from 0.039 to 0.018"
-PRELOAD = "the preload by the inflation pressure matters much for the dynamics"
-GROWTH = "the steady radial displacement grows with the speed"
-TUNED = "the tuned frequencies are within 1 % of the identified ones; mode 1 is 3 Hz off"
-OPTIMAL = "the values are optimal"
-MINIMISED = "the values minimise the sum of squares of eq 18"
-SHAPES = "MAC above 0.8 for all seven modes"
-LINEAR = "the bifurcation of n = 1 is linear"
-RISING = "the frequencies of the regressive waves always grow with the speed"
-MINIMUM = "for n > 1 those of the progressive waves have a minimum"
-STANDING = "at rest the two waves form a standing wave; a cycle of n = 3 ends at 0.008 s"
-RATIOS_ALIKE = "B of the regressive and of the progressive wave are very similar"
-ROTATES = "seen from the rolling tyre the pattern turns"
-ABSOLUTE = "seen from space it turns as well"
-STANDS = "seen from the stationary reference system it stands"
-DAMPING = "the damping is estimated from the modal analysis"
-MATCHING = "the ring's inertance matches the measured one well in frequency and amplitude"
-HIDDEN = "the bifurcation is hardly seen: damping couples the frequencies"
-LOW_PEAKS = "rotation raises the peaks at low frequencies"

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from model import WavePair, bifurcation, natural_frequencies_hz, wave_pair
 from model.reference import TABLE_4_RING
 from model.waves import WaveFrame
-from pipelines.paper import parts as paper_printed
 from pipelines.paper.parts import (
+    CYCLE_S,
     FIGURE_6_ORDERS,
     SPEED_RAD_S,
     WAVE_ORDER,
@@ -174,13 +174,13 @@ def _on_bifurcation() -> tuple[Statement, ...]:
     return (
         Statement(
             "Section 5.1, Fig. 6",
-            paper_printed.LINEAR,
+            "the bifurcation of n = 1 is linear",
             f"Up to 150 rad/s it stays within {bend:.4f} Hz of f ± Ω/2π.",
             verdict(bend < 0.01),
         ),
         Statement(
             "Section 5.1, Fig. 6",
-            paper_printed.RISING,
+            "the frequencies of the regressive waves always grow with the speed",
             "So they do for n = 1 to 4 up to 150 rad/s."
             if rising
             else "They do not everywhere up to 150 rad/s.",
@@ -188,7 +188,7 @@ def _on_bifurcation() -> tuple[Statement, ...]:
         ),
         Statement(
             "Section 5.1, Fig. 6",
-            paper_printed.MINIMUM,
+            "for n > 1 those of the progressive waves have a minimum",
             f"The minima lie at {listed} rad/s; that of n = 2 is beyond any road speed.",
             verdict(inside),
         ),
@@ -200,9 +200,9 @@ def _on_standing(pair: WavePair) -> Statement:
     stands = turn_per_cycle_deg(pair, "rotating") < 0.01
     return Statement(
         "Section 5.1, Fig. 5",
-        paper_printed.STANDING,
+        "at rest the two waves form a standing wave; a cycle of n = 3 ends at 0.008 s",
         f"The pattern stands; a cycle of order 3 takes {1e3 * cycle:.2f} ms.",
-        verdict(stands and round(cycle, 3) == paper_printed.CYCLE_S),
+        verdict(stands and round(cycle, 3) == CYCLE_S),
     )
 
 
@@ -214,26 +214,26 @@ def _on_rotating(pair: WavePair) -> tuple[Statement, ...]:
     return (
         Statement(
             "Section 5.1",
-            paper_printed.RATIOS_ALIKE,
+            "B of the regressive and of the progressive wave are very similar",
             f"B is {pair.regressive_ratio:.4f} and {pair.progressive_ratio:.4f} for n = 3 at 67.3 "
             f"rad/s: {100.0 * apart:.2g} % apart.",
             verdict(apart < 0.05),
         ),
         Statement(
             "Section 5.1, Fig. 7",
-            paper_printed.ROTATES,
+            "seen from the rolling tyre the pattern turns",
             f"It turns by {turns['rotating']:.1f}° per cycle in the rotating frame.",
             verdict(turns["rotating"] > 1.0),
         ),
         Statement(
             "Section 5.2, Fig. 8",
-            paper_printed.ABSOLUTE,
+            "seen from space it turns as well",
             f"It turns by {turns['absolute']:.1f}° per cycle in the absolute frame.",
             verdict(turns["absolute"] > 1.0),
         ),
         Statement(
             "Section 5.2, Fig. 10",
-            paper_printed.STANDS,
+            "seen from the stationary reference system it stands",
             f"It turns by {turns['stationary']:.1g}° per cycle in the frame that turns with "
             f"β = {signed(pair.beta_rad_s, 2)} rad/s.",
             verdict(turns["stationary"] < 0.01),

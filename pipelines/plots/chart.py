@@ -34,29 +34,15 @@ GAP = 0.06  # between panels, as a share of the height
 
 @dataclass(frozen=True)
 class Chart:
-    """A figure that zooms and shows values on the page, and is drawn for paper.
+    """A figure that zooms and shows values on the page, and is drawn for paper."""
 
-    Parameters
-    ----------
-    name : str
-        Unique in the page, for anchors and file names: letters and hyphens.
-    plot : Plot
-        The page shows one panel, or several that share their x axis, one below the other.
-    alternative : str
-        What the chart shows, for readers who cannot see it, with its main finding.
-    caption : str
-        What to look for.
-    wide : bool
-        Whether it needs the whole width of the page.
-    height_px : int
-        Height in the page.
-    """
-
-    name: str
-    plot: Plot
-    alternative: str = ""
-    caption: str = ""
-    wide: bool = False
+    name: str  # unique in the page, for anchors and file names: letters and hyphens
+    plot: Plot  # the page shows one panel, or several over one x axis
+    alternative: str = (
+        ""  # what the chart shows, for readers who cannot see it, with its main finding
+    )
+    caption: str = ""  # what to look for
+    wide: bool = False  # whether it needs the full width of the page
     height_px: int = 340
     kind: ClassVar[str] = "chart"
 

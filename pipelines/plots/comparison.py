@@ -36,18 +36,7 @@ BARS = "Bars: ± 2 standard deviations of the difference"
 def change_chart(
     name: str, quantity: str, modes: Sequence[MatchedMode], differences: Sequence[Difference]
 ) -> Chart:
-    """Relative change of each mode with its error bar; filled where it is significant.
-
-    Parameters
-    ----------
-    name : str
-        Of the chart, unique in the page.
-    quantity : str
-        ``"frequency"`` or ``"damping ratio"``.
-    modes : sequence of MatchedMode
-    differences : sequence of Difference
-        One for each mode.
-    """
+    """Relative change of a `quantity`, one for each mode; filled where it is significant."""
     significant = np.array([each.is_significant for each in differences])
     percent = np.array([each.percent for each in differences])
     std = np.array([each.percent_std for each in differences])
@@ -105,14 +94,7 @@ def cross_mac_chart(comparison: Comparison) -> Chart | None:
 
 
 def frf_charts(comparison: Comparison, angles_deg: Sequence[float]) -> tuple[Chart, ...]:
-    """FRFs of both results overlaid, at positions that both have.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    angles_deg : sequence of float
-        Wanted angles from the force; each gives the nearest common position.
-    """
+    """FRFs of both results overlaid at the common positions nearest to angles from the force."""
     first, second = comparison.first, comparison.second
     here, there = common_positions(first.frf.position_deg, second.frf.position_deg)
     force_deg = first.excitation_deg

@@ -31,13 +31,7 @@ from pipelines.plots.plot import (
     log_axis,
     magnitude_and_phase,
 )
-from pipelines.results.labels import (
-    apart,
-    coherence_map,
-    in_band,
-    place_name,
-    sparse_labels,
-)
+from pipelines.results.labels import apart, coherence_map, in_band, place_name, sparse_labels
 
 MOST_CELLS = 120_000  # of a map: more would only make the page heavy
 MOST_NAMED_RUNS = 14
@@ -50,15 +44,7 @@ SYMBOLS = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross
 def setup_chart(
     frf: FRF, excitation_deg: float | None = None, reference_deg: float | None = None
 ) -> Chart:
-    """The tyre from the side: measured positions by run, the force and the reference sensor.
-
-    Parameters
-    ----------
-    frf : FRF
-        Its `position_deg` and `run` give the positions and their colours.
-    excitation_deg, reference_deg : float, optional
-        Where the force and the reference sensor are.
-    """
+    """The tyre from the side: measured positions by run, the force and the reference sensor."""
     runs = list(dict.fromkeys(frf.run))
     at = np.asarray(frf.position_deg, dtype=float)
     circle = np.linspace(0, 360, 181)
@@ -105,14 +91,7 @@ def setup_chart(
 
 
 def coherence_chart(frf: FRF, band_hz: tuple[float, float]) -> Chart:
-    """Map of the coherence, position by position over frequency.
-
-    Parameters
-    ----------
-    frf : FRF
-    band_hz : tuple of float
-        Band shown.
-    """
+    """Map of the coherence, position by position over frequency."""
     shown = coherence_map(frf, band_hz, max(1, MOST_CELLS // frf.n_positions))
     known = [row[np.isfinite(row)] for row in shown.values]
     medians = np.array([np.median(row) if row.size else np.inf for row in known])
@@ -155,14 +134,7 @@ def coherence_chart(frf: FRF, band_hz: tuple[float, float]) -> Chart:
 
 
 def reference_chart(check: ReferenceCheck, band_hz: tuple[float, float] | None = None) -> Chart:
-    """The reference sensor's inertances of all runs, one over the other.
-
-    Parameters
-    ----------
-    check : ReferenceCheck
-    band_hz : tuple of float, optional
-        Band shown; all lines otherwise.
-    """
+    """The reference sensor's inertances of all runs, one over the other."""
     low, high = band_hz or (check.frequency_hz[0], check.frequency_hz[-1])
     inside = in_band(check.frequency_hz, (low, high))
     hover = "%{x:.2f} Hz<br>%{y:.3g} (m/s²)/N<extra>%{fullData.name}</extra>"
@@ -213,13 +185,6 @@ def share_taken_out(frf: FRF, row: int, band_hz: tuple[float, float]) -> float:
 
     At the force the real part of the mobility, hence the imaginary part of the inertance, is not
     negative. Counted are lines where it is, by more than two standard deviations.
-
-    Parameters
-    ----------
-    frf : FRF
-    row : int
-        From `drive_point_row`.
-    band_hz : tuple of float
     """
     lines = in_band(frf.frequency_hz, band_hz)
     noise = np.nan_to_num(frf.std[row, lines], nan=0.0)
@@ -229,18 +194,7 @@ def share_taken_out(frf: FRF, row: int, band_hz: tuple[float, float]) -> float:
 def drive_point_chart(
     frf: FRF, row: int, band_hz: tuple[float, float], finding: Finding | None = None
 ) -> Chart:
-    """Magnitude and phase of the FRF at the force.
-
-    Parameters
-    ----------
-    frf : FRF
-    row : int
-        From `drive_point_row`.
-    band_hz : tuple of float
-        Band shown.
-    finding : Finding, optional
-        Of the check of the place of the force.
-    """
+    """Magnitude and phase of the FRF at the force; `finding` is of the check of its place."""
     lines = in_band(frf.frequency_hz, band_hz)
     top, low = magnitude_and_phase(frf.frequency_hz[lines], frf.values[row, lines], MEASURED)
     limits = tuple(Rule(limit, MEASURED, "dot") for limit in (0, 180))

@@ -62,12 +62,7 @@ POLE_LOOKS = {
 
 
 def stability_chart(diagram: StabilityDiagram) -> Chart:
-    """Poles over frequency and model order, in front of the mode indicator.
-
-    Parameters
-    ----------
-    diagram : StabilityDiagram
-    """
+    """Poles over frequency and model order, in front of the mode indicator."""
     low, high = diagram.band_hz
     kept = sorted(
         c.frequency_hz for c in diagram.clusters if c.kept and low <= c.frequency_hz <= high
@@ -157,15 +152,8 @@ def frf_plot(
 ) -> Plot:
     """Magnitude and phase of one FRF; grey is what was fitted outside the band of interest.
 
-    Parameters
-    ----------
-    frf : FRF
-        All FRFs: their levels give the range of the axis, so that positions can be compared.
-    model : ModalModel
-    curves : mapping of str to (ndarray, ndarray)
-        Frequencies in Hz and inertances, by the names of `FRF_LOOKS`; the page fills in what is
-        empty.
-    title : str
+    `curves` has frequencies in Hz and inertances by the names of `FRF_LOOKS`; the page fills in
+    what is empty. The levels of all FRFs give the range of the axis: positions can be compared.
     """
     low, high = shown_band_hz(model)
     level = np.abs(frf.values[:, in_band(frf.frequency_hz, (low, high))])
@@ -203,12 +191,7 @@ def position_names(of: FRF | ModalModel) -> list[str]:
 
 
 def frac_chart(model: ModalModel) -> Chart:
-    """FRAC of every position; a click on one shows its FRFs above.
-
-    Parameters
-    ----------
-    model : ModalModel
-    """
+    """FRAC of every position; a click on one shows its FRFs above."""
     names = position_names(model)
     worst = int(np.argmin(model.frac))
     lowest = f"{model.frac[worst]:.4f} at {names[worst]}"
@@ -246,14 +229,7 @@ def frac_chart(model: ModalModel) -> Chart:
 
 
 def shape_panel(mode: Mode, position_deg: ArrayLike) -> Panel:
-    """A shape on the circle: undeformed (grey), deformed, half a period later (dotted).
-
-    Parameters
-    ----------
-    mode : Mode
-    position_deg : array_like, shape (n_positions,)
-        Angles of the shape's values, counter-clockwise from the right.
-    """
+    """A shape on the circle: undeformed (grey), deformed, half a period later (dotted)."""
     angles = np.asarray(position_deg, dtype=float)
     rows = np.argsort(angles)
     closed = np.append(rows, rows[0])
@@ -271,14 +247,7 @@ def shape_panel(mode: Mode, position_deg: ArrayLike) -> Panel:
 
 
 def shape_by_node_panel(mode: Mode, names: Sequence[str]) -> Panel:
-    """A shape as bars over its nodes, where there is no circle to draw it on.
-
-    Parameters
-    ----------
-    mode : Mode
-    names : sequence of str, length n_positions
-        Names of the nodes.
-    """
+    """A shape as bars over the names of its nodes, where there is no circle to draw it on."""
     indices, _ = sparse_labels(names)
     every = indices[1] if len(indices) > 1 else 1
     bars = Bars(np.arange(len(names)), mode.shape.real, RING, width=0.7)
@@ -311,20 +280,9 @@ def mac_chart(
     alternative: str = "",
     caption: str = "",
 ) -> Chart:
-    """A MAC matrix, 0 (pale) to 1 (dark).
+    """A MAC matrix, 0 (pale) to 1 (dark); names of rows and of columns are used once.
 
-    Parameters
-    ----------
-    values : array_like, shape (n_rows, n_columns)
-        Between 0 and 1.
-    rows, columns : sequence of str
-        Names; each is used once.
-    name : str
-        Of the chart, unique in the page.
-    titles : tuple of str
-        What rows and columns are: titles of the vertical and of the horizontal axis.
-    alternative, caption : str
-        What it shows, for readers who cannot see it; and what to look for.
+    `titles` are those of the vertical and of the horizontal axis.
     """
     matrix = np.asarray(values, dtype=float)
     # In large matrices the small values would only be noise to the eye.
@@ -348,16 +306,7 @@ def signed_chart(
     alternative: str,
     caption: str,
 ) -> Chart:
-    """A matrix whose values have a sign: blue above zero, orange below.
-
-    Parameters
-    ----------
-    values : array_like, shape (n_rows, n_columns)
-    rows, columns, name, titles, alternative, caption
-        As for `mac_chart`.
-    quantity : str
-        What a value is.
-    """
+    """A matrix whose values, a `quantity`, have a sign: blue above zero, orange below."""
     matrix = np.asarray(values, dtype=float)
     largest = max(float(np.abs(matrix).max(initial=0.0)), 1e-3)
     ends, hover = (-largest, largest), f"{quantity} %{{z:+.3f}}"

@@ -26,91 +26,41 @@ SHOWN_DECADES = 4.0  # of a logarithmic axis, below its largest value
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis.
-
-    Parameters
-    ----------
-    title : str
-        Quantity and unit.
-    range : tuple of float, optional
-        Its ends; they follow from the data otherwise.
-    log : bool
-        Whether it is logarithmic.
-    ticks, labels : sequence
-        Where ticks stand, and their labels where these are not numbers.
-    names : sequence of str
-        Categories at 0, 1, 2, …; each is used once.
-    every : int
-        Which of the categories are labelled.
-    reverse : bool
-        Whether it runs down.
-    from_zero : bool
-        Whether it begins at zero.
-    """
+    """An axis: its title has quantity and unit; without a range its ends follow from the data."""
 
     title: str = ""
     range: tuple[float, float] | None = None
     log: bool = False
     ticks: Sequence[float] = ()
-    labels: Sequence[str] = ()
-    names: Sequence[str] = ()
-    every: int = 1
-    reverse: bool = False
+    labels: Sequence[str] = ()  # of the ticks, where these are not numbers
+    names: Sequence[str] = ()  # categories at 0, 1, 2, …; each is used once
+    every: int = 1  # which of the categories are labelled
+    reverse: bool = False  # whether it runs down
     from_zero: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Values over x: a line, markers, or both.
-
-    Parameters
-    ----------
-    x, y : array_like, shape (n,)
-        A gap where `y` is NaN.
-    colour : str
-        A name of the page's style, or one fixed colour as ``"#rrggbb"``.
-    name : str
-        In the legend, if `listed`.
-    width : float
-        Of the line; none where 0.
-    dash : str
-        One of `DASHES`.
-    marker : str
-        A symbol of Plotly such as ``"circle-open"``; none where empty.
-    size : float
-        Of the markers.
-    hover : str
-        What the page shows of a point, as a template of Plotly; nothing where empty.
-    texts : sequence of str
-        One for each point, for `hover`; written beside the points where `labelled`.
-    values : array_like, optional
-        One more number for each point, for `hover`.
-    x_bars, y_bars : ndarray, optional
-        Half the lengths of error bars; NaN where unknown.
-    group : str
-        Curves of a group are switched together.
-    right : bool
-        Whether it belongs to the axis on the right.
-    """
+    """Values over x, shape (n,): a line, markers, or both; a gap where `y` is NaN."""
 
     x: ArrayLike
     y: ArrayLike
-    colour: str
-    name: str = ""
-    width: float = 0.0
-    dash: str = "solid"
-    marker: str = ""
-    size: float = 7.0
+    colour: str  # a name of the page's style, or one fixed colour such as "#rrggbb"
+    name: str = ""  # in the legend, if `listed`
+    width: float = 0.0  # of the line; none where 0
+    dash: str = "solid"  # one of `DASHES`
+    marker: str = ""  # a symbol of Plotly such as "circle-open"; none where empty
+    size: float = 7.0  # of the markers
     opacity: float = 1.0
-    hover: str = ""
-    texts: Sequence[str] = ()
+    hover: str = ""  # what the page shows of a point, as a template of Plotly
+    texts: Sequence[str] = ()  # one for each point, for `hover`; beside them where `labelled`
     labelled: bool = False
-    values: ArrayLike | None = None
-    x_bars: NDArray[np.float64] | None = None
+    values: ArrayLike | None = None  # one more number for each point, for `hover`
+    x_bars: NDArray[np.float64] | None = None  # half the lengths of error bars; NaN: unknown
     y_bars: NDArray[np.float64] | None = None
     listed: bool = True
-    group: str = ""
-    right: bool = False
+    group: str = ""  # curves of a group are switched together
+    right: bool = False  # whether it belongs to the axis on the right
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,12 +110,12 @@ class Span:
 class Flags:
     """Places of x marked by lines and named above the data, side by side.
 
-    The panel needs the ranges of both axes; `height` is the share of it below the names.
+    The panel needs the ranges of both axes.
     """
 
     at: Sequence[float]
     names: Sequence[str]
-    height: float
+    height: float  # share of the panel below the names
 
 
 @dataclass(frozen=True)
@@ -181,34 +131,16 @@ class Note:
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """A matrix in colours.
-
-    Parameters
-    ----------
-    z : ndarray, shape (n_rows, n_columns)
-        NaN where unknown.
-    low, high : float
-        Ends of the scale.
-    scale : str
-        ``"map"``, ``"share"`` (pale to dark) or ``"signed"`` (orange, white, blue).
-    hover : str
-        As for a `Curve`.
-    x : ndarray, shape (n_columns,), optional
-        Evenly spaced; without it the columns are the categories of the axis.
-    label : str
-        Of the scale.
-    cells : sequence of sequence of str
-        Texts in the cells.
-    """
+    """A matrix in colours, shape (n_rows, n_columns); NaN where unknown."""
 
     z: NDArray[np.float64]
-    low: float
+    low: float  # ends of the scale
     high: float
-    scale: str
-    hover: str
-    x: NDArray[np.float64] | None = None
-    label: str = ""
-    cells: Sequence[Sequence[str]] = ()
+    scale: str  # "map", "share" (pale to dark) or "signed" (orange, white, blue)
+    hover: str  # as for a `Curve`
+    x: NDArray[np.float64] | None = None  # evenly spaced; else columns are categories
+    label: str = ""  # of the scale
+    cells: Sequence[Sequence[str]] = ()  # texts in the cells
 
 
 Series = Curve | Band | Bars | Rule | Span | Flags | Note | Map
@@ -216,32 +148,16 @@ Series = Curve | Band | Bars | Rule | Span | Flags | Note | Map
 
 @dataclass(frozen=True)
 class Panel:
-    """Series over one pair of axes.
-
-    Parameters
-    ----------
-    series : tuple of Series
-        What comes later is drawn in front.
-    x, y : Axis
-    right : Axis, optional
-        A second vertical axis, of the curves at the back.
-    title : str
-    legend : str
-        Where a figure has it: a place of matplotlib, ``"below"`` or ``"beside"`` the panel.
-    equal : bool
-        Whether both axes have one scale.
-    bare : bool
-        Whether axes and grid are left out.
-    """
+    """Series over one pair of axes; what comes later is drawn in front."""
 
     series: tuple[Series, ...]
     x: Axis = field(default_factory=Axis)
     y: Axis = field(default_factory=Axis)
-    right: Axis | None = None
+    right: Axis | None = None  # a second vertical axis, of the curves at the back
     title: str = ""
-    legend: str = "best"
-    equal: bool = False
-    bare: bool = False
+    legend: str = "best"  # in a figure: a place of matplotlib, "below", "beside", or none
+    equal: bool = False  # whether both axes have one scale
+    bare: bool = False  # whether axes and grid are left out
 
 
 @dataclass(frozen=True)
@@ -258,29 +174,18 @@ class Margins:
 
 @dataclass(frozen=True)
 class Plot:
-    """Panels in rows and columns.
+    """Panels row by row.
 
-    Parameters
-    ----------
-    panels : tuple of Panel
-        Row by row. Panels one below the other share their x axis where only the last names it.
-    size_cm : tuple of float
-        Width and height in print.
-    columns : int
-    heights, widths : tuple of float
-        Shares of rows and columns, where they differ.
-    margins : Margins
-    together : bool
-        Whether the page shows the values of all curves at the frequency pointed at.
+    Panels one below the other share their x axis where only the last one names it.
     """
 
     panels: tuple[Panel, ...]
-    size_cm: tuple[float, float] = (10, 8)
+    size_cm: tuple[float, float] = (10, 8)  # width and height in print
     columns: int = 1
-    heights: tuple[float, ...] = ()
+    heights: tuple[float, ...] = ()  # shares of the rows, where they differ
     widths: tuple[float, ...] = ()
     margins: Margins = Margins()
-    together: bool = False
+    together: bool = False  # whether the page shows all curves at the frequency pointed at
 
 
 def log_axis(title: str, *values: ArrayLike) -> Axis:
@@ -308,17 +213,9 @@ def magnitude_and_phase(
     dash: str = "solid",
     at: str = "%{x:.2f} Hz<br>",
 ) -> tuple[Curve, Curve]:
-    """Curves of one FRF for two panels, switched together.
+    """Curves of one FRF, shape (n_frequencies,), for two panels, switched together.
 
-    Parameters
-    ----------
-    frequency_hz : ndarray, shape (n_frequencies,)
-    inertance : ndarray, shape (n_frequencies,)
-        In (m/s²)/N.
-    colour, name, width, dash
-        As of a `Curve`.
-    at : str
-        Begins the texts that the page shows of a point.
+    `at` begins the texts that the page shows of a point.
     """
     box = "<extra>%{fullData.name}</extra>" if name else ""
     level, phase = np.abs(inertance), wrapped_phase_deg(inertance)

@@ -40,14 +40,7 @@ SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def scatter_chart(found: Validation, std_hz: NDArray[np.float64] | None = None) -> Chart:
-    """Frequencies of the ring over the measured ones.
-
-    Parameters
-    ----------
-    found : Validation
-    std_hz : ndarray, shape (n_orders,), optional
-        Standard deviations of the measured frequencies; NaN where unknown.
-    """
+    """Frequencies of the ring over the measured ones, with bars of 2 `std_hz` (NaN: unknown)."""
     every = np.concatenate([found.measured_hz, found.model_hz])
     margin = 0.08 * (every.max() - every.min()) + 1.0
     ends = np.array([every.min() - margin, every.max() + margin])
@@ -91,14 +84,7 @@ def scatter_chart(found: Validation, std_hz: NDArray[np.float64] | None = None) 
 
 
 def deviation_chart(found: Validation, std_hz: NDArray[np.float64] | None = None) -> Chart:
-    """Deviation of the ring's frequencies over the order.
-
-    Parameters
-    ----------
-    found : Validation
-    std_hz : ndarray, shape (n_orders,), optional
-        Standard deviations of the measured frequencies; NaN where unknown.
-    """
+    """Deviation of the ring's frequencies over the order, with bars of 2 `std_hz`."""
     error = found.error_percent
     ends = np.array([found.order.min() - 0.5, found.order.max() + 0.5])
     half = np.full(2, TOLERANCE_PERCENT)
@@ -137,13 +123,7 @@ def dispersion_chart(
 ) -> Chart:
     """Frequency over order: the measured modes and the ring's dispersion curve.
 
-    Parameters
-    ----------
-    found : Validation
-    orders, ring_hz : array_like, shape (n_shown,)
-        The ring's frequencies, also at orders that were not measured.
-    std_hz : ndarray, shape (n_orders,), optional
-        Standard deviations of the measured frequencies; NaN where unknown.
+    The ring's frequencies `ring_hz` are known at `orders`, also at such that were not measured.
     """
     shown = np.asarray(orders, dtype=int)
     half = None if std_hz is None else 2 * std_hz
@@ -165,15 +145,7 @@ def dispersion_chart(
 
 
 def damping_chart(found: Validation, std: NDArray[np.float64] | None = None) -> Chart:
-    """Damping ratio over order, measured and of the ring.
-
-    Parameters
-    ----------
-    found : Validation
-        With damping of the model.
-    std : ndarray, shape (n_orders,), optional
-        Standard deviations of the measured damping ratios; NaN where unknown.
-    """
+    """Damping ratio over order, measured and of the ring, with bars of 2 `std`."""
     apart = np.abs(found.model_damping / found.measured_damping - 1)
     worst = int(np.nanargmax(apart))
     largest = f"{100 * apart[worst]:.0f} % of the measured value at n = {found.order[worst]}"
@@ -217,14 +189,7 @@ def _measured(
 
 
 def sensitivity_chart(found: Sensitivity, symbols: Mapping[str, str]) -> Chart:
-    """Change of each frequency in percent for one percent of each parameter.
-
-    Parameters
-    ----------
-    found : Sensitivity
-    symbols : mapping of str to str
-        Field of the ring → symbol.
-    """
+    """Change of each frequency in percent for one percent of each parameter."""
     names = [symbols[name] for name in found.parameters]
     strongest = np.max(np.abs(found.values), axis=0)
     weak = [name for name, most in zip(names, strongest, strict=True) if most < WEAK]
@@ -245,15 +210,7 @@ def sensitivity_chart(found: Sensitivity, symbols: Mapping[str, str]) -> Chart:
 
 
 def correlation_chart(found: Correlation, symbols: Mapping[str, str]) -> Chart:
-    """Correlation coefficients of the identified parameters.
-
-    Parameters
-    ----------
-    found : Correlation
-        Finite, of two parameters or more.
-    symbols : mapping of str to str
-        Field of the ring → symbol.
-    """
+    """Correlation coefficients, all finite, of two or more identified parameters."""
     names = [symbols[name] for name in found.parameters]
     beside = np.abs(found.values - np.diag(np.diag(found.values)))
     row, column = np.unravel_index(int(np.argmax(beside)), beside.shape)
@@ -273,14 +230,7 @@ def correlation_chart(found: Correlation, symbols: Mapping[str, str]) -> Chart:
 
 
 def pressure_plot(series: Series, unit: str) -> Plot:
-    """Every parameter of a series over pressure, two beside each other.
-
-    Parameters
-    ----------
-    series : Series
-    unit : str
-        Of the pressure; a key of `UNITS_PA`.
-    """
+    """Every parameter of a series over pressure in `unit`, two beside each other."""
     columns = min(2, len(series.trends))
     rows = -(-len(series.trends) // columns)
     room = Margins(1.5, 0.35, 1.15, 0.75, between_columns=1.7, between_rows=1.9)

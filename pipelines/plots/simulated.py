@@ -44,13 +44,7 @@ SHADES = (
 def waves_over_speed(found: Bifurcation, title: str = "", marked: float | None = None) -> Panel:
     """Frequencies over speed: regressive waves solid, progressive ones dashed.
 
-    Parameters
-    ----------
-    found : Bifurcation
-        At several speeds.
-    title : str
-    marked : float, optional
-        A speed to mark, rad/s.
+    A line marks the speed `marked`, rad/s.
     """
     series: list[Any] = [] if marked is None else [Rule(marked, upright=True)]
     for row, order in enumerate(found.orders):
@@ -89,13 +83,8 @@ def frequencies_plot(found: Bifurcation) -> Plot:
 def waves_plot(angles_rad: ArrayLike, times_s: ArrayLike, field: NDArray[np.float64]) -> Plot:
     """The ring at both ends of a cycle, and its radial displacement at every instant.
 
-    Parameters
-    ----------
-    angles_rad : array_like, shape (n_angles,)
-        A closed turn: first and last angle meet.
-    times_s : array_like, shape (n_times,)
-    field : ndarray, shape (n_angles, n_times)
-        Radial displacement, the largest value being 1.
+    `field`, shape (n_angles, n_times), is the radial displacement, the largest value being 1; the
+    angles are a closed turn.
     """
     angles, times_ms = np.rad2deg(np.asarray(angles_rad)), 1e3 * np.asarray(times_s)
     ring = [Curve(*on_circle(angles, 1.0), FAINT, width=1)]
@@ -124,17 +113,10 @@ def inertances(
     title: str = "",
     across: str = FREQUENCY,
 ) -> Panel:
-    """Magnitudes of inertances on a logarithmic axis.
+    """Magnitudes of inertances in one unit on a logarithmic axis.
 
-    Parameters
-    ----------
-    curves : mapping of str to SimulatedInertance
-        By name; all in one unit.
-    looks : mapping of str to mapping, optional
-        Properties of a `Curve` by name in place of the usual ones.
-    title : str
-    across : str
-        Title of the frequency axis; empty where a panel below has it.
+    `looks` are properties of a `Curve` by name, in place of the usual ones; `across` is empty
+    where a panel below has the title of the frequency axis.
     """
     several = len(curves) > 1
     series = tuple(

@@ -123,11 +123,5 @@ def data_uri(picture: bytes) -> str:
 
 
 def figure_bytes(figure: Figure, file_format: str) -> bytes:
-    """A figure as the bytes of a file; the same figure gives the same bytes.
-
-    Parameters
-    ----------
-    figure : Figure
-    file_format : {"png", "svg"}
-    """
+    """A figure as the bytes of a file, "png" or "svg"; the same figure gives the same bytes."""
     return png(figure, FILE_DOTS_PER_INCH) if file_format == "png" else svg(figure)

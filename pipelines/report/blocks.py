@@ -11,17 +11,10 @@ from pipelines.plots.chart import Chart
 
 @dataclass(frozen=True)
 class Paragraph:
-    """A paragraph of text.
-
-    Parameters
-    ----------
-    text : str
-    tone : str
-        ``"plain"``, ``"good"`` (a verdict in favour) or ``"warning"``.
-    """
+    """A paragraph of text."""
 
     text: str
-    tone: str = "plain"
+    tone: str = "plain"  # "plain", "good" (a verdict in favour) or "warning"
     kind: ClassVar[str] = "paragraph"
 
 
@@ -52,105 +45,49 @@ class Link:
 
 @dataclass(frozen=True)
 class Table:
-    """A table.
-
-    Parameters
-    ----------
-    caption : str
-        What the table holds.
-    head : tuple of str
-        Column titles with units.
-    rows : tuple of tuple of str or Link
-        Cells, as printed.
-    words : tuple of int
-        Columns with words, set flush left; all others hold numbers.
-    folded : bool
-        Whether it is shown on demand only; what is open is printed.
-    """
+    """A table of cells as printed; column titles have units."""
 
     caption: str
     head: tuple[str, ...]
     rows: tuple[tuple[str | Link, ...], ...]
-    words: tuple[int, ...] = ()
-    folded: bool = False
+    words: tuple[int, ...] = ()  # columns with words, set flush left; all others hold numbers
+    folded: bool = False  # shown on demand only; what is open is printed
     kind: ClassVar[str] = "table"
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with its caption.
+    """A figure with its caption, which says what to look for."""
 
-    Parameters
-    ----------
-    source : str
-        Data URI.
-    alternative : str
-        What the picture shows, for readers who cannot see it.
-    caption : str
-        What to look for.
-    wide : bool
-        Whether it needs the whole width of the page.
-    """
-
-    source: str
-    alternative: str
+    source: str  # data URI
+    alternative: str  # what the picture shows, for readers who cannot see it
     caption: str
-    wide: bool = False
+    wide: bool = False  # whether it needs the full width of the page
     kind: ClassVar[str] = "picture"
 
 
 @dataclass(frozen=True)
 class Chooser:
-    """A chart whose curves follow a choice.
-
-    Parameters
-    ----------
-    chart : Chart
-        Its traces are filled in by the page.
-    label : str
-        What is chosen.
-    options : tuple of str
-        What there is to choose from.
-    chosen : int
-        Index of what is shown first.
-    content : mapping
-        What the page draws from.
-    printed : callable
-        Gives the charts that are printed instead.
-    """
+    """A chart whose curves follow a choice; the page fills them in from `content`."""
 
     chart: Chart
-    label: str
+    label: str  # what is chosen
     options: tuple[str, ...]
-    chosen: int
+    chosen: int  # index of what is shown first
     content: Mapping[str, Any]
-    printed: Callable[[], tuple[Chart, ...]]
+    printed: Callable[[], tuple[Chart, ...]]  # gives the charts for paper
     kind: ClassVar[str] = "chooser"
 
 
 @dataclass(frozen=True)
 class Animation:
-    """Shapes that move.
+    """Shapes that move; the page draws them from `content`."""
 
-    Parameters
-    ----------
-    name : str
-        Unique in the page.
-    options : tuple of str
-        Names of the shapes.
-    content : mapping
-        What the page draws from.
-    caption : str
-        What to look for.
-    printed : callable
-        Gives the charts that are printed instead.
-    """
-
-    name: str
-    options: tuple[str, ...]
+    name: str  # unique in the page
+    options: tuple[str, ...]  # names of the shapes
     content: Mapping[str, Any]
     caption: str
-    printed: Callable[[], tuple[Chart, ...]]
+    printed: Callable[[], tuple[Chart, ...]]  # gives the charts for paper
     kind: ClassVar[str] = "animation"
 
 

@@ -75,14 +75,7 @@ def comparison_sections(comparison: Comparison) -> tuple[Section, ...]:
 
 
 def render_comparison(comparison: Comparison, *, paper: bool = False) -> str:
-    """Render a comparison as one self-contained HTML page.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    paper : bool
-        Whether charts are replaced by their drawings, so that no script is needed.
-    """
+    """Render a comparison as one HTML page; on `paper` charts are drawings."""
     subject = " → ".join(comparison.names)
     sections = comparison_sections(comparison)
     return render_page("Comparison of two results", subject, sections, paper=paper, signed=True)
@@ -125,9 +118,7 @@ def _summary(comparison: Comparison) -> Section:
     )
     doubts = (Listing(comparison.doubts, "warning"),) if comparison.doubts else ()
     return Section(
-        "summary",
-        "Summary",
-        (facts, *doubts, Listing(findings(comparison)), Paragraph(CAUTION)),
+        "summary", "Summary", (facts, *doubts, Listing(findings(comparison)), Paragraph(CAUTION))
     )
 
 

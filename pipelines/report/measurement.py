@@ -215,13 +215,7 @@ def _rows_with(findings: tuple[Finding, ...], verdict: str) -> tuple[tuple[str, 
 
 def _finding_row(finding: Finding) -> tuple[str, ...]:
     position = DASH if finding.position_deg is None else f"{finding.position_deg:g}°"
-    return (
-        finding.run or DASH,
-        finding.channel or DASH,
-        position,
-        finding.check,
-        finding.detail,
-    )
+    return (finding.run or DASH, finding.channel or DASH, position, finding.check, finding.detail)
 
 
 CHECKSUM_DIGITS = 12  # enough to compare by eye; the whole ones stand with software and inputs

@@ -38,22 +38,8 @@ def render_page(
 ) -> str:
     """Render sections as one self-contained HTML page.
 
-    Parameters
-    ----------
-    kind : str
-        What sort of page it is, above its title.
-    subject : str
-        Its title.
-    sections : tuple of Section
-    paper : bool
-        Whether everything that moves is replaced by its drawing, so that no script is needed.
-    signed : bool
-        Whether the printed page ends with lines for name, date and signature.
-
-    Returns
-    -------
-    str
-        HTML; texts appear as text.
+    `kind` is shown above the title `subject`. On `paper` each block that needs a script is
+    replaced by its drawing; a `signed` page ends in print with lines for name, date and signature.
     """
     chosen = on_paper(sections) if paper else sections
     moving = any(isinstance(block, Drawn) for section in chosen for block in inside(section))
@@ -111,13 +97,7 @@ def shown(value: Any) -> Any:
 
 
 def as_json(value: Any) -> Markup:
-    """JSON that can stand inside a script element whatever its texts are.
-
-    Raises
-    ------
-    ValueError
-        For a number that is not finite: JSON has none.
-    """
+    """JSON that can stand inside a script element whatever its texts are; NaN is a ValueError."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return Markup(visible(JSON_ESCAPE.sub(_named, text)).translate(ESCAPED))
 

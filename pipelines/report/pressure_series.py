@@ -23,15 +23,7 @@ _EXPLANATION = (
 
 
 def write_series(path: Path, series: Series, unit: str) -> None:
-    """Write a series as PNG, SVG or HTML, by the ending of `path`; whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-    series : Series
-    unit : str
-        Of the pressure; a key of `UNITS_PA`.
-    """
+    """Write a series as PNG, SVG or HTML, by the ending of `path`; written atomically."""
     ending = path.suffix.lower().lstrip(".")
     figure = draw_plot(pressure_plot(series, unit))
     if ending == "html":

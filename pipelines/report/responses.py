@@ -17,13 +17,7 @@ from ema.core.modes import ModalModel
 from model.forced import inertance
 from model.transfer import ForcedRing
 from pipelines.plots.chart import Chart, packed
-from pipelines.plots.modes import (
-    fitted_curves,
-    frac_chart,
-    frf_plot,
-    position_names,
-    shown_band_hz,
-)
+from pipelines.plots.modes import fitted_curves, frac_chart, frf_plot, position_names, shown_band_hz
 from pipelines.report.blocks import Block, Chooser, Paragraph, Section
 from pipelines.results.labels import in_band, place_name, short
 from pipelines.results.result import Result
@@ -52,7 +46,7 @@ def responses(result: Result) -> Section:
 def shown_rows(result: Result) -> tuple[int, ...]:
     """Rows of the FRFs worth showing: at the force, at 100° from it, and the worst fitted.
 
-    Without a circle of sensors the first row stands for the first two.
+    Without a circle of sensors the first row replaces the first two.
     """
     angles = result.frf.position_deg
     rows = [0]
@@ -191,18 +185,7 @@ def kept_lines(
 ) -> NDArray[np.int_]:
     """Indices of the lines to draw: all where there is room, else closer at the resonances.
 
-    Parameters
-    ----------
-    frequency_hz : ndarray, shape (n_lines,)
-        Ascending.
-    poles : ndarray of complex, shape (n_modes,)
-        rad/s.
-    at_most : int
-
-    Returns
-    -------
-    ndarray of int, shape (n_kept,)
-        Ascending; n_kept ≤ `at_most`.
+    Frequencies ascend, shape (n_lines,); poles in rad/s. At most `at_most` indices, ascending.
     """
     if frequency_hz.size <= at_most:
         return np.arange(frequency_hz.size)
@@ -218,10 +201,7 @@ def kept_lines(
 def measured_data(values: NDArray[np.complex128]) -> dict[str, str]:
     """Magnitude in dB and phase in degrees, in hundredths, 16 bit each, base64.
 
-    Parameters
-    ----------
-    values : ndarray of complex, shape (n_positions, n_lines)
-        (m/s²)/N. What is zero or not finite is marked by the lowest number, and not drawn.
+    Zero or not finite values are given by the lowest number, and not drawn.
     """
     known = np.isfinite(values) & (values != 0)
     safe = np.where(known, values, 1.0)
@@ -230,17 +210,7 @@ def measured_data(values: NDArray[np.complex128]) -> dict[str, str]:
 
 
 def fitted_data(frf: FRF, model: ModalModel, rows: NDArray[np.int_]) -> dict[str, Any]:
-    """Poles, residues and residual terms, and each position's factor of the poles (drift).
-
-    Parameters
-    ----------
-    frf : FRF
-        Measured, (m/s²)/N; tells the run of each position.
-    model : ModalModel
-        Its poles are in rad/s.
-    rows : ndarray of int, shape (n_shown,)
-        Positions that go into the page.
-    """
+    """Poles in rad/s, residues, residual terms, and each position's factor of the poles (drift)."""
     everything = model.modes + model.guard_modes
     poles = np.array([mode.pole for mode in everything])
     residues = np.stack([mode.residues[rows] for mode in everything], axis=1)
@@ -260,12 +230,6 @@ def ring_data(result: Result, rows: NDArray[np.int_]) -> dict[str, Any] | None:
     Inertance = −ω²/(2πab) Σ_n M22/(M11·M22 − C²) e^{inθ} with M11 = a_n + jωc_r − ρω²,
     M22 = b_n + jωc_θ − ρω² and C = c_n: the sum over all orders n of the ring at rest
     (`model.inertance`).
-
-    Parameters
-    ----------
-    result : Result
-    rows : ndarray of int, shape (n_shown,)
-        Positions that go into the page.
     """
     tuning, damping = result.tuning, result.damping
     if tuning is None or damping is None or tuning.ring.belt_width_m is None:

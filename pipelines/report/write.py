@@ -119,17 +119,9 @@ def write_pdf(result: Result, path: str | Path) -> Path:
 
 
 def printing_library(where: str) -> Any:
-    """Load what prints pages.
+    """Load WeasyPrint; `where` is the file or option that needs it, for the message.
 
-    Parameters
-    ----------
-    where : str
-        File or option that needs it, for the message.
-
-    Raises
-    ------
-    InputError
-        Where it is not installed; a library that it needs in turn is missed as an OSError.
+    A library that WeasyPrint needs in turn is missed as an OSError.
     """
     try:
         return import_module("weasyprint")
@@ -139,11 +131,7 @@ def printing_library(where: str) -> Any:
 
 
 def write_figures(
-    result: Result,
-    folder: str | Path,
-    formats: Sequence[str] = FORMATS,
-    *,
-    force: bool = False,
+    result: Result, folder: str | Path, formats: Sequence[str] = FORMATS, *, force: bool = False
 ) -> list[Path]:
     """Write each figure of the report as files, such as ``stability.png``.
 
