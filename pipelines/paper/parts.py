@@ -65,12 +65,10 @@ class NumberTable:
     @property
     def block(self) -> Table:
         """The table on the page."""
-        return Table(
-            self.caption,
-            tuple(column.title for column in self.columns),
-            tuple(zip(*(column.cells for column in self.columns), strict=True)),
-            words=tuple(k for k, column in enumerate(self.columns) if column.is_text),
-        )
+        titles = tuple(column.title for column in self.columns)
+        rows = tuple(zip(*(column.cells for column in self.columns), strict=True))
+        words = tuple(k for k, column in enumerate(self.columns) if column.is_text)
+        return Table(self.caption, titles, rows, words)
 
     @property
     def file_columns(self) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -53,6 +53,13 @@ class Table:
     words: tuple[int, ...] = ()  # columns with words, set flush left; all others hold numbers
     folded: bool = False  # shown on demand only; what is open is printed
     kind: ClassVar[str] = "table"
+
+    @classmethod
+    def of_columns(
+        cls, caption: str, columns: Mapping[str, Iterable[str]], words: tuple[int, ...] = ()
+    ) -> Table:
+        """A table from its columns by their titles."""
+        return cls(caption, tuple(columns), tuple(zip(*columns.values(), strict=True)), words)
 
 
 @dataclass(frozen=True)

@@ -55,30 +55,30 @@ REFERENCES = (
 
 
 def summary(result: Result) -> Section:
-    """Say in a few lines what came out."""
-    rows = [("Modes", _modes_found(result)), ("Fit", _fit_quality(result))]
+    """The main results in a few lines."""
+    frac = result.modal_model.frac
+    fit = f"median FRAC {np.median(frac):.4f}, lowest {np.min(frac):.4f}"
+    rows = [("Modes", _modes_found(result)), ("Fit", fit)]
     if result.reference is not None:
         rows.append(("Reference sensor", _reference_verdict(result.reference)))
+    ring = "left out"
     if result.validation is not None:
         error = np.abs(result.validation.error_percent)
         worst = int(np.argmax(error))
-        found = f"largest deviation {error[worst]:.2f} % at n = {result.validation.order[worst]}"
-        rows.append(("Ring model", found))
-    else:
-        rows.append(("Ring model", "left out"))
-    rows.append(("Attention", _attention(result)))
+        ring = f"largest deviation {error[worst]:.2f} % at n = {result.validation.order[worst]}"
+    rows += [("Ring model", ring), ("Attention", _attention(result))]
     return Section("summary", "Summary", (Facts(tuple(rows)),))
 
 
 def warnings(result: Result) -> Section:
-    """Collect what a reader of the numbers must know."""
+    """Notes that no other section has."""
     listing = listed(remaining_notes(result))
-    none = Paragraph("Nothing beyond the notes that stand with modes, ring and data quality.")
+    none = Paragraph("Nothing beyond the notes on modes, ring and data quality.")
     return Section("notes", "Warnings and notes", listing or (none,))
 
 
 def origin(result: Result) -> Section:
-    """Say which software and which files the numbers come from."""
+    """Software and input files."""
     provenance = result.provenance
     created = (("Processed", str(provenance["created"])),) if "created" in provenance else ()
     software = tuple(flatten(provenance.get("software", {})).items())
@@ -90,11 +90,12 @@ def origin(result: Result) -> Section:
         input_files(result),
         Table("Time of each stage", ("stage", "time / s"), times, (0,), folded=True),
     )
-    return Section("origin", "Software and inputs", tuple(filter(_filled, blocks)))
+    filled = (each for each in blocks if not isinstance(each, Facts | Table) or each.rows)
+    return Section("origin", "Software and inputs", tuple(filled))
 
 
 def input_files(result: Result) -> Table:
-    """List the files that were read; no rows where they are not known."""
+    """The files that were read; no rows where they are not known."""
     rows = tuple(
         (str(entry["file"]), str(entry["bytes"]), str(entry["sha256"]))
         for entry in result.provenance.get("inputs", ())
@@ -102,12 +103,8 @@ def input_files(result: Result) -> Table:
     return Table("Input files", ("file", "bytes", "SHA-256"), rows, (0, 2))
 
 
-def _filled(block: Block) -> bool:
-    return not isinstance(block, Facts | Table) or bool(block.rows)
-
-
 def definitions(_result: Result) -> Section:
-    """Explain the words and name the sources."""
+    """Terms and references."""
     return Section(
         "definitions", "Definitions and references", (Facts(DEFINITIONS), Listing(REFERENCES))
     )
@@ -124,14 +121,9 @@ def _modes_found(result: Result) -> str:
     return f"{text}, orders {', '.join(map(str, orders))}" if orders else text
 
 
-def _fit_quality(result: Result) -> str:
-    frac = result.modal_model.frac
-    return f"median FRAC {np.median(frac):.4f}, lowest {np.min(frac):.4f}"
-
-
 def _reference_verdict(check: ReferenceCheck) -> str:
     if not np.isfinite(check.ratio):
-        return "not judged, its noise is unknown"
+        return "not assessed, its noise is unknown"
     verdict = "one and the same tyre in all runs" if check.consistent else "the runs differ"
     return f"{verdict} ({number(check.ratio, 3)} times the noise)"
 
@@ -143,7 +135,7 @@ def _attention(result: Result) -> str:
         ("channels or runs excluded", verdicts.count(EXCLUDED)),
         ("modes with a remark", sum(mode.doubtful for mode in result.modal_model.modes)),
     )
-    return "; ".join(f"{what}: {count}" for what, count in parts if count) or "nothing stands out"
+    return "; ".join(f"{what}: {count}" for what, count in parts if count) or "nothing"
 
 
 def listed(notes: Sequence[str]) -> tuple[Listing, ...]:

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.errors import InputError
 from pipelines.compare.compare import Comparison
 from pipelines.compare.modes import MatchedMode
 from pipelines.compare.shape_comparison import (
@@ -32,6 +31,7 @@ from pipelines.compare.table import (
     frequency_rows,
     parameter_rows,
 )
+from pipelines.export.modal import require_free_file
 from pipelines.plots.chart import Chart
 from pipelines.plots.comparison import change_chart, cross_mac_chart, frf_charts
 from pipelines.plots.modes import mac_chart
@@ -46,10 +46,9 @@ SHOWN_ANGLES_DEG = (0.0, 100.0)  # at the force, and where the literature on thi
 WORDS = ("Order n", "Pole, frequency, damping ratio", "Inertance", "MAC, AutoMAC", "±")
 
 _MOST_SHOWN = 30  # more columns cannot be read
-_WORTH_SHOWING = 0.1
-
+_WORTH_SHOWING = 0.1  # MAC
 HOW_TO_READ = (
-    "Frequency differences are other minus result. A scale, sign or phase of a whole shape does "
+    "Frequency differences are other minus result. A scale, sign or phase of a shape does "
     "not matter to the MAC, nor whether shapes are real or complex.",
     "MAC with pair: the modes of a symmetric ring come in pairs of one frequency, and a model may "
     "turn them around the tyre at will. Each shape is then compared with the best sum of the "
@@ -60,15 +59,16 @@ HOW_TO_READ = (
 
 def comparison_sections(comparison: Comparison) -> tuple[Section, ...]:
     """All sections of the page in their order; none is empty."""
+    words = tuple((word, text) for word, text in DEFINITIONS if word in WORDS)
     sections = (
         _summary(comparison),
         _compared(comparison),
         _frequencies(comparison),
         _damping(comparison),
         _shapes(comparison),
-        _responses(comparison),
+        Section("responses", "Measured FRFs", frf_charts(comparison, SHOWN_ANGLES_DEG)),
         _parameters(comparison),
-        _method(),
+        Section("method", "How differences are tested", (Listing(METHOD), Facts(words))),
         _origin(comparison),
     )
     return tuple(section for section in sections if section.blocks)
@@ -82,7 +82,7 @@ def render_comparison(comparison: Comparison, *, paper: bool = False) -> str:
 
 
 def write_comparison(comparison: Comparison, path: Path | str, *, force: bool = False) -> Path:
-    """Write the page to `path`, whole or not at all, and return the path.
+    """Write the page to `path`, atomically, and return the path.
 
     Raises
     ------
@@ -90,13 +90,7 @@ def write_comparison(comparison: Comparison, path: Path | str, *, force: bool = 
         If the file exists and may not be replaced, or cannot be written.
     """
     target = Path(path)
-    if target.exists() and not force:
-        raise InputError(
-            str(target),
-            "exists already",
-            "a page is replaced only where that is asked for",
-            "Choose another name or add --force",
-        )
+    require_free_file(target, force=force)
     page = render_comparison(comparison)
     with file_written_whole(target) as partial:
         partial.write_text(page, encoding="utf-8")
@@ -105,15 +99,15 @@ def write_comparison(comparison: Comparison, path: Path | str, *, force: bool = 
 
 def _summary(comparison: Comparison) -> Section:
     first, second = comparison.names
+    counts = (
+        f"{len(comparison.modes)} in both, {len(comparison.only_first)} in the first only, "
+        f"{len(comparison.only_second)} in the second only"
+    )
     facts = Facts(
         (
             ("First", _described(first, comparison.first.provenance.get("created"))),
             ("Second", _described(second, comparison.second.provenance.get("created"))),
-            (
-                "Modes",
-                f"{len(comparison.modes)} in both, {len(comparison.only_first)} in the first only, "
-                f"{len(comparison.only_second)} in the second only",
-            ),
+            ("Modes", counts),
         )
     )
     doubts = (Listing(comparison.doubts, "warning"),) if comparison.doubts else ()
@@ -127,38 +121,35 @@ def _described(name: str, created: object) -> str:
 
 
 def _compared(comparison: Comparison) -> Section:
-    conditions = ("tyre and conditions", *CONTRAST_HEAD[1:])
-    choices = ("processing", *CONTRAST_HEAD[1:])
-    every_word = (0, 1, 2, 3)
     alike = not any(each.differs for each in comparison.processing)
-    blocks: list[Block] = [
-        Table(
-            "Tyre, conditions and set-up",
-            conditions,
-            contrast_rows(comparison.conditions),
-            every_word,
-        ),
-        Table(
-            "Processing" + (": the same for both" if alike else ""),
-            choices,
-            contrast_rows(comparison.processing),
-            every_word,
-            folded=alike,
-        ),
-    ]
-    return Section("compared", "What is compared", tuple(blocks))
+    blocks = tuple(
+        Table(caption, (what, *CONTRAST_HEAD[1:]), contrast_rows(rows), (0, 1, 2, 3), folded)
+        for caption, what, rows, folded in (
+            (
+                "Tyre, conditions and set-up",
+                "tyre and conditions",
+                comparison.conditions,
+                False,
+            ),
+            (
+                f"Processing{': the same for both' if alike else ''}",
+                "processing",
+                comparison.processing,
+                alike,
+            ),
+        )
+    )
+    return Section("compared", "What is compared", blocks)
 
 
 def _frequencies(comparison: Comparison) -> Section:
     modes = comparison.modes
     if not modes:
         return Section("frequencies", "Frequencies", ())
-    differences = [mode.frequency for mode in modes]
     table = Table("Frequencies", _with_unit("Hz"), frequency_rows(comparison), words=(0, 7))
-    chart = change_chart("frequency-change", "frequency", modes, differences)
-    return Section(
-        "frequencies", "Frequencies", (chart, table, *_remarks(modes), *_unmatched(comparison))
-    )
+    chart = change_chart("frequency-change", "frequency", modes, [m.frequency for m in modes])
+    blocks: tuple[Block, ...] = (chart, table, *_remarks(modes), *_unmatched(comparison))
+    return Section("frequencies", "Frequencies", blocks)
 
 
 def _damping(comparison: Comparison) -> Section:
@@ -190,11 +181,10 @@ def _remarks(modes: Sequence[MatchedMode]) -> tuple[Listing, ...]:
 
 
 def _unmatched(comparison: Comparison) -> tuple[Table, ...]:
+    only = comparison.only_first, comparison.only_second
     rows = tuple(
         (name, mode.name, f"{mode.mode.frequency_hz:.2f}", mode.reason)
-        for name, modes in zip(
-            comparison.names, (comparison.only_first, comparison.only_second), strict=True
-        )
+        for name, modes in zip(comparison.names, only, strict=True)
         for mode in modes
     )
     head = ("only in", "mode", "frequency / Hz", "why the other may lack it")
@@ -207,28 +197,18 @@ def _shapes(comparison: Comparison) -> Section:
     return Section("shapes", "Shapes", (block,))
 
 
-def _responses(comparison: Comparison) -> Section:
-    charts = frf_charts(comparison, SHOWN_ANGLES_DEG)
-    return Section("responses", "Measured FRFs", charts)
-
-
 def _parameters(comparison: Comparison) -> Section:
     title = "Ring parameters"
     if not comparison.parameters:
-        text = "One result or both hold no ring parameters: there is nothing to compare."
+        text = "One or both results have no ring parameters: there is nothing to compare."
         return Section("parameters", title, (Paragraph(text),))
-    rows = parameter_rows(comparison)
-    table = Table("Ring and damping parameters", PARAMETER_HEAD, rows, words=(0, 6))
+    caption, rows = "Ring and damping parameters", parameter_rows(comparison)
+    table = Table(caption, PARAMETER_HEAD, rows, words=(0, 6))
     note = Paragraph(
         "Given parameters and those that the frequencies do not determine are shown but not "
         "tested. All stiffnesses, masses and damping values are per unit of belt width."
     )
     return Section("parameters", title, (table, note))
-
-
-def _method() -> Section:
-    words = tuple((word, text) for word, text in DEFINITIONS if word in WORDS)
-    return Section("method", "How differences are judged", (Listing(METHOD), Facts(words)))
 
 
 def _origin(comparison: Comparison) -> Section:
@@ -256,29 +236,19 @@ def write_shape_comparison(found: ShapeComparison, path: Path) -> None:
 
 def shape_sections(found: ShapeComparison) -> tuple[Section, ...]:
     """All sections of the page in their order."""
+    result, other = found.result.name, found.other.name
+    same = sum(match.verdict is Likeness.SAME_SHAPE for match in found.matches)
+    count = f"{same} of {len(found.matches)} modes of {result} have the same shape as a mode of"
+    words = tuple(place for place, heading in enumerate(MATCH_HEAD) if heading in TEXTS)
+    caption = f"Each mode of {result} with the shape of {other} most like it."
+    matches = Table(caption, MATCH_HEAD, tuple(match_rows(found)), words)
+    places = Listing(tuple(f"{note}." for note in found.notes))
     return (
-        Section("matches", "Best matches", (Paragraph(_verdict(found)), _best_matches(found))),
+        Section("matches", "Best matches", (Paragraph(f"{count} {other}."), matches)),
         Section("matrix", "MAC of all shapes", (_matrix(found),)),
-        Section(
-            "places", "Places and directions", (Listing(tuple(f"{note}." for note in found.notes)),)
-        ),
+        Section("places", "Places and directions", (places,)),
         Section("reading", "How to read it", (Listing(HOW_TO_READ),)),
     )
-
-
-def _verdict(found: ShapeComparison) -> str:
-    """How many modes have a counterpart, in a sentence."""
-    same = sum(match.verdict is Likeness.SAME_SHAPE for match in found.matches)
-    return (
-        f"{same} of {len(found.matches)} modes of {found.result.name} have the same shape as a "
-        f"mode of {found.other.name}."
-    )
-
-
-def _best_matches(found: ShapeComparison) -> Table:
-    words = tuple(place for place, heading in enumerate(MATCH_HEAD) if heading in TEXTS)
-    caption = f"Each mode of {found.result.name} with the shape of {found.other.name} most like it."
-    return Table(caption, MATCH_HEAD, tuple(match_rows(found)), words)
 
 
 def _matrix(found: ShapeComparison) -> Chart:
@@ -303,7 +273,5 @@ def _columns(found: ShapeComparison) -> NDArray[np.intp]:
     best = found.mac.max(axis=0)
     if best.size <= _MOST_SHOWN:
         return np.arange(best.size)
-    chosen = np.flatnonzero(best >= _WORTH_SHOWING)
-    if chosen.size > _MOST_SHOWN:
-        chosen = np.sort(chosen[np.argsort(-best[chosen])[:_MOST_SHOWN]])
-    return chosen
+    highest = np.argsort(-best)[:_MOST_SHOWN]
+    return np.sort(highest[best[highest] >= _WORTH_SHOWING])

@@ -31,19 +31,19 @@ BY_NODE = (
 
 
 def stability(result: Result) -> Section:
-    """Show every pole, and why clusters of them were kept or dropped."""
+    """Every pole, and why clusters of poles were kept or dropped."""
     diagram = result.diagram
     low, high = diagram.band_hz
     inside = [cluster for cluster in diagram.clusters if low <= cluster.frequency_hz <= high]
-    kept = [cluster for cluster in inside if cluster.kept]
-    dropped = [cluster for cluster in inside if not cluster.kept]
-    beyond = [cluster for cluster in diagram.clusters if cluster not in inside]
     head = ("frequency / Hz", "damping ratio / %", "model orders", "verdict", "reason")
     blocks: list[Block] = [stability_chart(diagram)]
     for caption, clusters in (
-        ("Clusters kept", kept),
-        ("Clusters dropped", dropped),
-        ("Clusters outside the band; those kept support the fit, not the result", beyond),
+        ("Clusters kept", [each for each in inside if each.kept]),
+        ("Clusters dropped", [each for each in inside if not each.kept]),
+        (
+            "Clusters outside the band; those kept support the fit, not the result",
+            [each for each in diagram.clusters if each not in inside],
+        ),
     ):
         if clusters:
             rows = tuple(map(_cluster_row, clusters))
@@ -53,28 +53,25 @@ def stability(result: Result) -> Section:
 
 
 def modes(result: Result) -> Section:
-    """List the modes."""
+    """Frequencies, damping and shapes of the modes, their pairs, and the cross-check."""
     model = result.modal_model
     if not model.modes:
-        found: Block = Paragraph(NO_MODE, "warning")
-        return Section("modes", "Modes", (found, *listed(model.notes)))
+        return Section("modes", "Modes", (Paragraph(NO_MODE, "warning"), *listed(model.notes)))
     columns = {
         title: cells for title, cells in _mode_columns(model).items() if set(cells) != {DASH}
     }
-    rows = tuple(zip(*columns.values(), strict=True))
-    table = Table(
-        "Identified modes", tuple(columns), rows, words=(len(columns) - 2, len(columns) - 1)
-    )
+    words = len(columns) - 2, len(columns) - 1
+    table = Table.of_columns("Identified modes", columns, words)
     blocks: tuple[Block, ...] = (table, Paragraph(_fit_text(model)), *listed(model.notes))
-    return Section("modes", "Modes", (*blocks, *_orders(model), *_opinions(result)))
+    return Section("modes", "Modes", (*blocks, *_orders(model), *_cross_check(result)))
 
 
 def shapes(result: Result) -> Section:
-    """Show the shapes and how alike they are among each other."""
+    """The shapes and how alike they are."""
     if not result.modal_model.modes:
         return Section("shapes", "Shapes", (Paragraph(NO_MODE),))
     if result.frf.n_positions == 1:
-        return Section("shapes", "Shapes", (Paragraph("A single position holds no shape."),))
+        return Section("shapes", "Shapes", (Paragraph("A single position has no shape."),))
     return Section("shapes", "Shapes", (Beside((_animation(result), _auto_mac(result))),))
 
 
@@ -123,27 +120,25 @@ def _orders(model: ModalModel) -> tuple[Block, ...]:
     text = (
         "Every order n ≥ 1 of a tyre is a pair of modes, of which one shaker sees one combination. "
         "Each order's own FRFs (the part that goes with cos nθ and sin nθ) are tested for a second "
-        "pole and identified by themselves, independently of the table above."
+        "pole and identified separately, independently of the table above."
     )
     return (Paragraph(text), Table("Orders one by one", head, rows, words=(1, 4)))
 
 
-def _opinions(result: Result) -> tuple[Block, ...]:
+def _cross_check(result: Result) -> tuple[Block, ...]:
     if not result.opinions:
         return ()
     name = {"plscf": "p-LSCF", "lsce": "LSCE"}[result.opinions[0].method]
     apart = [opinion for opinion in result.opinions if not opinion.agrees]
     if not apart:
-        text = (
-            f"A second estimator ({name}) finds the same modes, within 0.5 % and 10 % of damping."
-        )
-        return (Paragraph(text, "good"),)
+        same = "finds the same modes, within 0.5 % and 10 % of damping."
+        return (Paragraph(f"A second estimator ({name}) {same}", "good"),)
     head = ("mode / Hz", f"{name}: frequency / Hz", f"{name}: damping / %")
     rows = tuple(
         (number(o.mode_hz, 5), number(o.frequency_hz, 5), number(100 * o.damping_ratio, 3))
         for o in apart
     )
-    text = f"A second estimator ({name}) disagrees on {len(apart)} modes; look at these twice."
+    text = f"A second estimator ({name}) disagrees on {len(apart)} modes; check these."
     return (Paragraph(text, "warning"), Table("Where the estimators disagree", head, rows))
 
 
@@ -210,14 +205,8 @@ def _auto_mac(result: Result) -> Chart:
 
 def _labels(modes: tuple[Mode, ...]) -> list[str]:
     """Short names of the modes, each once."""
-    short = [
-        f"{mode.frequency_hz:.0f}" if mode.order is None else f"{mode.order}{mode.member}"
-        for mode in modes
-    ]
-    return [
-        name if short.count(name) == 1 else f"{name} ({index})"
-        for index, name in enumerate(short, 1)
-    ]
+    short = [f"{m.frequency_hz:.0f}" if m.order is None else f"{m.order}{m.member}" for m in modes]
+    return [name if short.count(name) == 1 else f"{name} ({k})" for k, name in enumerate(short, 1)]
 
 
 def _on_circle(model: ModalModel) -> bool:

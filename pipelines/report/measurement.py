@@ -27,14 +27,17 @@ from pipelines.storage.rounding import DASH, number, plain, value_with_std
 FINDING_HEAD = ("run", "channel", "position", "check", "detail")
 MOST_NAMED_RUNS = 12
 FINDING_WORDS = (0, 1, 3, 4)
+CHECKSUM_DIGITS = 12  # enough to compare by eye; all of them are in the section on inputs
+MOST_FILES = 8
+#: Keys without which a test cannot be repeated.
+WANTED = ("serial", "rim", "load_n", "temperature_c", "boundary", "operator", "date")
 
 
 def setup(result: Result) -> Section:
-    """Say where force and sensors sat and how recordings became FRFs."""
+    """Positions of force and sensors, and how recordings became FRFs."""
     facts = Facts(_setup_rows(result))
-    on_circle = bool(np.isfinite(result.frf.position_deg).any())
     blocks: list[Block] = [facts]
-    if on_circle:
+    if np.isfinite(result.frf.position_deg).any():
         places = result.excitation_deg, result.reference_deg
         blocks = [Beside((setup_chart(result.frf, *places), facts))]
     options = flatten(result.provenance.get("options", {}))
@@ -45,11 +48,15 @@ def setup(result: Result) -> Section:
 
 
 def quality(result: Result) -> Section:
-    """Say how far the data can be trusted."""
-    beside = (*_reference(result.reference), *_drive_point(result))
+    """Coherence, reference sensor, drive point, drift and the findings of the checks."""
+    band_hz, check = result.diagram.band_hz, result.reference
+    beside = [] if check is None else [reference_chart(check)]
+    if (row := drive_point_row(result.frf, result.excitation_deg)) is not None:
+        found = (each for each in result.findings if each.check == "drive point")
+        beside.append(drive_point_chart(result.frf, row, band_hz, next(found, None)))
     blocks: list[Block] = [
         *_coherence(result),
-        *([Beside(beside)] if beside else []),
+        *([Beside(tuple(beside))] if beside else []),
         *_verdicts(result),
         *_drift(result.modal_model.drift),
         *_findings(result.findings),
@@ -132,31 +139,19 @@ def _degrees(angle: float | None) -> str:
 def _coherence(result: Result) -> tuple[Chart, ...]:
     band_hz = result.diagram.band_hz
     inside = in_band(result.frf.frequency_hz, band_hz)
-    unknown = not np.isfinite(result.frf.coherence[:, inside]).any()
-    if unknown or result.frf.n_effective <= 1:
-        return ()
-    return (coherence_chart(result.frf, band_hz),)
-
-
-def _reference(check: ReferenceCheck | None) -> tuple[Chart, ...]:
-    return () if check is None else (reference_chart(check),)
-
-
-def _drive_point(result: Result) -> tuple[Chart, ...]:
-    row = drive_point_row(result.frf, result.excitation_deg)
-    if row is None:
-        return ()
-    found = (each for each in result.findings if each.check == "drive point")
-    band_hz, finding = result.diagram.band_hz, next(found, None)
-    return (drive_point_chart(result.frf, row, band_hz, finding),)
+    known = np.isfinite(result.frf.coherence[:, inside]).any()
+    once = result.frf.n_effective <= 1  # where the number is unknown, the map is shown
+    return () if once or not known else (coherence_chart(result.frf, band_hz),)
 
 
 def _verdicts(result: Result) -> tuple[Paragraph, ...]:
     verdicts = []
     if result.frf.n_effective <= 1:
-        verdicts.append(Paragraph("The coherence of a single average is 1 and tells nothing."))
+        verdicts.append(
+            Paragraph("The coherence of a single average is always 1: it carries no information.")
+        )
     elif not np.isfinite(result.frf.coherence).any():
-        verdicts.append(Paragraph("The coherence is unknown: noise could not be judged."))
+        verdicts.append(Paragraph("The coherence is unknown: the noise cannot be assessed."))
     if len(result.frf.run_names) > 1:
         judged = bool(result.modal_model.drift.run)
         verdicts.append(_reference_verdict(result.reference, judged_by_modes=judged))
@@ -165,12 +160,10 @@ def _verdicts(result: Result) -> tuple[Paragraph, ...]:
 
 def _reference_verdict(check: ReferenceCheck | None, *, judged_by_modes: bool) -> Paragraph:
     if check is None:
-        says = "drift between runs was not checked"
-        if judged_by_modes:
-            says = "whether the tyre changed between the runs is judged by its modes alone"
-        return Paragraph(f"No reference sensor stayed in place: {says}.")
+        how = "is assessed by the modes alone" if judged_by_modes else "was not checked"
+        return Paragraph(f"No reference sensor stayed in place: drift between runs {how}.")
     if not np.isfinite(check.ratio):
-        text = "The noise at the reference sensor is unknown: drift between runs was not judged."
+        text = "The noise at the reference sensor is unknown: drift between runs was not assessed."
         return Paragraph(text, "warning")
     found = (
         f"At the reference sensor the runs differ {number(check.ratio, 3)} times as much as noise "
@@ -210,24 +203,22 @@ def _findings(findings: tuple[Finding, ...]) -> list[Block]:
 
 
 def _rows_with(findings: tuple[Finding, ...], verdict: str) -> tuple[tuple[str, ...], ...]:
-    return tuple(_finding_row(finding) for finding in findings if finding.verdict == verdict)
-
-
-def _finding_row(finding: Finding) -> tuple[str, ...]:
-    position = DASH if finding.position_deg is None else f"{finding.position_deg:g}°"
-    return (finding.run or DASH, finding.channel or DASH, position, finding.check, finding.detail)
-
-
-CHECKSUM_DIGITS = 12  # enough to compare by eye; the whole ones stand with software and inputs
-MOST_FILES = 8
-#: Keys without which a test cannot be repeated.
-WANTED = ("serial", "rim", "load_n", "temperature_c", "boundary", "operator", "date")
+    return tuple(
+        (
+            each.run or DASH,
+            each.channel or DASH,
+            DASH if each.position_deg is None else f"{each.position_deg:g}°",
+            each.check,
+            each.detail,
+        )
+        for each in findings
+        if each.verdict == verdict
+    )
 
 
 def identity(result: Result) -> Section:
-    """Say which tyre or structure was tested, how, and from which files the numbers come."""
-    rows = (*_object_rows(result), *_origin_rows(result))
-    return Section("identity", "Identity", (Facts(rows),))
+    """The tyre or structure tested, how, and the files."""
+    return Section("identity", "Identity", (Facts((*_object_rows(result), *_origin_rows(result))),))
 
 
 def _object_rows(result: Result) -> tuple[tuple[str, str], ...]:
@@ -259,17 +250,12 @@ def _origin_rows(result: Result) -> tuple[tuple[str, str], ...]:
     record = result.provenance
     rows = []
     if "created" in record:
-        rows.append(
-            ("Processed", str(record["created"]).replace("T", " ").replace("+00:00", " UTC"))
-        )
+        created = str(record["created"]).replace("T", " ").replace("+00:00", " UTC")
+        rows.append(("Processed", created))
     if version := record.get("software", {}).get("ringmodal"):
         rows.append(("Software", f"ringmodal {version}"))
-    inputs = record.get("inputs", ())
-    if inputs:
-        named_files = [
-            f"{entry['file']} {str(entry['sha256'])[:CHECKSUM_DIGITS]}"
-            for entry in inputs[:MOST_FILES]
-        ]
-        more = [f"and {len(inputs) - MOST_FILES} more"] if len(inputs) > MOST_FILES else []
-        rows.append(("Files (SHA-256 begins with)", ", ".join(named_files + more)))
+    if inputs := record.get("inputs", ()):
+        files = [f"{each['file']} {str(each['sha256'])[:CHECKSUM_DIGITS]}" for each in inputs]
+        more = [f"and {len(files) - MOST_FILES} more"] if len(files) > MOST_FILES else []
+        rows.append(("Files (SHA-256 begins with)", ", ".join(files[:MOST_FILES] + more)))
     return tuple(rows)

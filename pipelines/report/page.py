@@ -22,9 +22,9 @@ from pipelines.report.blocks import Alone, Beside, Block, Picture, Section
 LONG_WORD, PIECE = 32, 16  # characters: a checksum breaks, a file name does not
 LIBRARY = "vendor/plotly-cartesian.min.js"
 SCRIPTS = ("charts.js", "responses.js", "animation.js")  # in the order they run
-# In JSON these stand inside strings only; written so, no text of a file can end the script.
+# In JSON these are in strings only; escaped, no text of a file can end the script.
 ESCAPED = str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&"})
-# A backslash that stands for itself, or an escape of JSON for what is not seen.
+# An escaped backslash, or an escape of JSON for an invisible character.
 JSON_ESCAPE = re.compile(r"\\\\|\\u(00[01][0-9a-f])|\\([bf])")
 
 
@@ -43,17 +43,9 @@ def render_page(
     """
     chosen = on_paper(sections) if paper else sections
     moving = any(isinstance(block, Drawn) for section in chosen for block in inside(section))
-    return (
-        _environment()
-        .get_template("report.html")
-        .render(
-            kind=kind,
-            subject=subject,
-            sections=chosen,
-            signed=signed,
-            scripts=_scripts() if moving else (),
-        )
-    )
+    scripts = tuple(Markup(_text(name)) for name in (LIBRARY, *SCRIPTS)) if moving else ()
+    page = _environment().get_template("report.html")
+    return page.render(kind=kind, subject=subject, sections=chosen, signed=signed, scripts=scripts)
 
 
 def on_paper(sections: tuple[Section, ...]) -> tuple[Section, ...]:
@@ -76,7 +68,7 @@ def drawings(sections: tuple[Section, ...]) -> tuple[Chart, ...]:
 
 
 def inside(section: Section) -> Iterator[Alone]:
-    """The blocks of a section, those that stand side by side one by one."""
+    """The blocks of a section; those side by side one after the other."""
     for block in section.blocks:
         yield from block.blocks if isinstance(block, Beside) else (block,)
 
@@ -92,7 +84,7 @@ def breakable(text: str) -> Markup:
 
 
 def shown(value: Any) -> Any:
-    """A text in which what acts without being seen is named; anything else as it is."""
+    """A text with its invisible characters named; anything else as it is."""
     return visible(value) if type(value) is str else value
 
 
@@ -123,10 +115,6 @@ def _picture(drawing: Chart) -> Picture:
     drawing.draw().savefig(buffer, format="svg")
     source = "data:image/svg+xml;base64," + b64encode(buffer.getvalue()).decode("ascii")
     return Picture(source, drawing.alternative, drawing.caption, drawing.wide)
-
-
-def _scripts() -> tuple[Markup, ...]:
-    return tuple(Markup(_text(name)) for name in (LIBRARY, *SCRIPTS))
 
 
 @cache

@@ -17,7 +17,7 @@ from pipelines.storage.rounding import DASH, number, value_with_std
 ENDINGS = (".png", ".svg", ".html")
 _EXPLANATION = (
     "Points are versions with their standard deviation, the line is fitted with weights 1/σ², the "
-    "band is its own ± σ. Scatter / σ above 1 says that the points leave the line by more than "
+    "band is its ± σ. Scatter / σ above 1: the points deviate from the line by more than "
     "their σ; the line's ± is raised by it."
 )
 
@@ -49,14 +49,11 @@ def trend_row(trend: Trend, unit: str) -> tuple[str, ...]:
 
 def headings(unit: str) -> tuple[str, ...]:
     """Headings over the cells of `trend_row`."""
-    return (
-        *("parameter", "value (SI)", f"at / {unit}", f"slope per {unit}"),
-        *("scatter / σ", "versions"),
-    )
+    about_unit = f"at / {unit}", f"slope per {unit}"
+    return ("parameter", "value (SI)", *about_unit, "scatter / σ", "versions")
 
 
 def _page(series: Series, unit: str, picture: str) -> str:
-
     rows = tuple(trend_row(trend, unit) for trend in series.trends)
     about = f"Ring parameters of {series.tyre} over inflation pressure"
     blocks: list[Block] = [

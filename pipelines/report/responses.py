@@ -31,7 +31,7 @@ EVEN_SHARE = 0.5  # share of thinned lines that is spread evenly; the others cro
 
 
 def responses(result: Result) -> Section:
-    """Show measured, fitted and the ring's FRFs of any position, and how alike they are."""
+    """FRFs of any position, measured, fitted and of the ring, and how alike they are."""
     title = "Measured and fitted FRFs"
     if not result.modal_model.modes:
         return Section("frf", title, (Paragraph(NO_MODE),))
@@ -120,38 +120,35 @@ def _printed(result: Result) -> tuple[Chart, ...]:
 
 def _has_curve(result: Result) -> bool:
     """Whether the absolute inertance of the ring is known."""
-    tuning = result.tuning
-    return (
-        result.damping is not None and tuning is not None and tuning.ring.belt_width_m is not None
-    )
+    return result.tuning is not None and _why_no_ring(result) is None
 
 
 def _ring_inertance(result: Result, row: int) -> NDArray[np.complex128]:
     """Inertance of the ring over the lines that are drawn of a position."""
     assert result.tuning is not None and result.damping is not None
     shown = in_band(result.frf.frequency_hz, shown_band_hz(result.modal_model))
-    angle = np.deg2rad(result.frf.position_deg[row] - (result.excitation_deg or 0.0))
+    angle = _from_force_rad(result)[row]
     forced = ForcedRing(result.tuning.ring, result.damping.damping)
     return np.ravel(inertance(forced, result.frf.frequency_hz[shown], float(angle)))
 
 
 def _option(result: Result, name: str, row: int) -> str:
-    """What identifies a position to who mounted the sensors."""
+    """Name of a position, its run, channel and FRAC."""
     frf = result.frf
     parts = (name, short(frf.run[row]), short(frf.channel[row]))
     return " · ".join([*filter(None, parts), f"FRAC {result.modal_model.frac[row]:.4f}"])
 
 
 def _left_out(n_lines: int, all_lines: int, n_positions: int, all_positions: int) -> str:
-    """Say what does not fit in the page; the files of the result hold everything."""
-    parts = []
-    if n_positions < all_positions:
-        parts.append(f"{n_positions} of {all_positions} positions")
-    if n_lines < all_lines:
-        parts.append(f"{n_lines} of {all_lines} lines, closest around the modes")
+    """What does not fit in the page; the files of the result have everything."""
+    counts = (
+        (n_positions, all_positions, "positions"),
+        (n_lines, all_lines, "lines, closest around the modes"),
+    )
+    parts = [f"{shown} of {every} {what}" for shown, every, what in counts if shown < every]
     if not parts:
         return ""
-    return f" The page holds {' and '.join(parts)}; frf.parquet holds all."
+    return f" The page has {' and '.join(parts)}; frf.parquet has all."
 
 
 def _why_no_ring(result: Result) -> str | None:
@@ -161,10 +158,8 @@ def _why_no_ring(result: Result) -> str | None:
     if result.damping is None:
         return "The ring has no curve: its damping is not known."
     if result.tuning.ring.belt_width_m is None:
-        return (
-            "The ring has no curve: absolute amplitudes need the belt's width. Add belt_width_m "
-            "to [tyre] in the manifest."
-        )
+        text = "The ring has no curve: absolute amplitudes need the belt's width."
+        return f"{text} Add belt_width_m to [tyre] in the manifest."
     return None
 
 
@@ -237,7 +232,6 @@ def ring_data(result: Result, rows: NDArray[np.int_]) -> dict[str, Any] | None:
     ring = tuning.ring
     forced = ForcedRing(ring, damping.damping)
     terms = forced.terms(np.arange(forced.highest_order + 1))
-    width = tuning.ring.belt_width_m
     return {
         "m11": _parts(terms.m11),
         "m22": _parts(terms.m22),
@@ -245,12 +239,13 @@ def ring_data(result: Result, rows: NDArray[np.int_]) -> dict[str, Any] | None:
         "mass_per_area_kg_m2": ring.mass_per_area_kg_m2,
         "radial_n_s_m3": damping.damping.radial_n_s_m3,
         "circumferential_n_s_m3": damping.damping.circumferential_n_s_m3,
-        "area_m2": 2 * np.pi * ring.mean_radius_m * width,
-        "angle_rad": [
-            float(angle)
-            for angle in np.deg2rad(result.frf.position_deg[rows] - (result.excitation_deg or 0.0))
-        ],
+        "area_m2": 2 * np.pi * ring.mean_radius_m * tuning.ring.belt_width_m,
+        "angle_rad": _from_force_rad(result)[rows].tolist(),
     }
+
+
+def _from_force_rad(result: Result) -> NDArray[np.float64]:
+    return np.asarray(np.deg2rad(result.frf.position_deg - (result.excitation_deg or 0.0)))
 
 
 def _hundredths(values: NDArray[np.float64]) -> str:

@@ -32,23 +32,27 @@ HEAD = ("parameter", "symbol", "value", "unit", "how obtained")
 
 
 def validation(result: Result) -> Section:
-    """Compare the ring model with the measured modes."""
+    """The ring model compared with the measured modes."""
     title = "Ring model against measurement"
     if result.validation is None or result.tuning is None:
         return Section("validation", title, _left_out(result))
     found = result.validation
     std_hz, damping_std = _measured_std(result, found.order)
+    damped = np.isfinite(found.model_damping).any()
+    damping = (damping_chart(found, damping_std),) if damped else ()
+    orders = np.arange(1, int(found.order.max()) + 3)
+    ring_hz = natural_frequencies_hz(result.tuning.ring, orders)
     blocks: tuple[Block, ...] = (
         Beside((scatter_chart(found, std_hz), _mac(found))),
-        _dispersion(found, std_hz, result.tuning),
-        Beside((deviation_chart(found, std_hz), *_damping(found, damping_std))),
+        dispersion_chart(found, orders, ring_hz, std_hz),
+        Beside((deviation_chart(found, std_hz), *damping)),
         _validation_table(found),
     )
     return Section("validation", title, blocks)
 
 
 def parameters(result: Result) -> Section:
-    """List the parameters of the ring and how each was obtained."""
+    """The parameters of the ring and how each was obtained."""
     title = "Ring parameters"
     tuning = result.tuning
     if tuning is None:
@@ -110,50 +114,17 @@ def _mac(found: Validation) -> Chart:
     )
 
 
-def _dispersion(found: Validation, std_hz: NDArray[np.float64], tuning: TuningResult) -> Chart:
-    orders = np.arange(1, int(found.order.max()) + 3)
-    ring_hz = natural_frequencies_hz(tuning.ring, orders)
-    return dispersion_chart(found, orders, ring_hz, std_hz)
-
-
-def _damping(found: Validation, std: NDArray[np.float64]) -> tuple[Chart, ...]:
-    if not np.isfinite(found.model_damping).any():
-        return ()
-    return (damping_chart(found, std),)
-
-
 def _validation_table(found: Validation) -> Table:
-    head = (
-        "order n",
-        "measured / Hz",
-        "ring / Hz",
-        "deviation / %",
-        "measured damping / %",
-        "ring damping / %",
-        "MAC",
-    )
-    rows = tuple(
-        (
-            str(order),
-            f"{measured:.2f}",
-            f"{ring:.2f}",
-            signed(error, 2),
-            number(100 * measured_damping, 3),
-            number(100 * ring_damping, 3),
-            f"{mac:.3f}",
-        )
-        for order, measured, ring, error, measured_damping, ring_damping, mac in zip(
-            found.order,
-            found.measured_hz,
-            found.model_hz,
-            found.error_percent,
-            found.measured_damping,
-            found.model_damping,
-            np.diag(found.mac),
-            strict=True,
-        )
-    )
-    return Table("Measured modes and the tuned ring", head, rows)
+    columns = {
+        "order n": map(str, found.order),
+        "measured / Hz": [f"{value:.2f}" for value in found.measured_hz],
+        "ring / Hz": [f"{value:.2f}" for value in found.model_hz],
+        "deviation / %": [signed(value, 2) for value in found.error_percent],
+        "measured damping / %": [number(100 * value, 3) for value in found.measured_damping],
+        "ring damping / %": [number(100 * value, 3) for value in found.model_damping],
+        "MAC": [f"{value:.3f}" for value in np.diag(found.mac)],
+    }
+    return Table.of_columns("Measured modes and the tuned ring", columns)
 
 
 def _parameter_table(
@@ -167,7 +138,9 @@ def _parameter_table(
         (
             title,
             symbol,
-            _value(getattr(values, name), std.get(name), how.get(name, "")),
+            plain(getattr(values, name))
+            if how.get(name) == GIVEN
+            else value_with_std(getattr(values, name), std.get(name)),
             unit,
             how.get(name, DASH),
         )
@@ -177,20 +150,16 @@ def _parameter_table(
     return Table(caption, HEAD, rows, words=(0, 1, 3, 4))
 
 
-def _value(value: float, std: float | None, how: str) -> str:
-    return plain(value) if how == GIVEN else value_with_std(value, std)
-
-
 def _undetermined(tuning: TuningResult) -> tuple[Paragraph, ...]:
-    """Name what the measurement did not give, and what to do about it."""
+    """Parameters that the measurement does not determine, and the remedy."""
     missing = [RING_NAMES[name][0] for name, how in tuning.how.items() if how == NOT_IDENTIFIED]
     bound = [RING_NAMES[name][0] for name, how in tuning.how.items() if how == AT_BOUND]
     if not missing and not bound:
-        return (Paragraph("Every parameter that was sought is identified.", "good"),)
-    said = [f"Not identified: {', '.join(missing)}."] if missing else []
-    said += [f"At bound: {', '.join(bound)}."] if bound else []
+        return (Paragraph("Every parameter to be identified is identified.", "good"),)
+    parts = (("Not identified", missing), ("At bound", bound))
+    found = [f"{what}: {', '.join(names)}." for what, names in parts if names]
     advice = "Modes of higher order, or a value known from elsewhere (--given), would help."
-    return (Paragraph(" ".join([*said, advice]), "warning"),)
+    return (Paragraph(" ".join([*found, advice]), "warning"),)
 
 
 def _influence(tuning: TuningResult) -> Beside:

@@ -18,6 +18,8 @@ from pipelines.storage.checksums import ACCEPTED, write_marker
 from pipelines.storage.result_folder import MARKER, written_whole
 from pipelines.storage.tables import write_csv, write_parquet
 
+PDF = "report.pdf"
+
 
 def save(
     result: Result,
@@ -33,7 +35,7 @@ def save(
     ----------
     result : Result
     folder : path
-        Appears whole or not at all.
+        Written atomically.
     report : bool
         Whether to write ``report.html``.
     pdf : bool
@@ -71,9 +73,6 @@ def has_pdf(folder: Path | str) -> bool:
     return (Path(folder) / PDF).is_file()
 
 
-PDF = "report.pdf"
-
-
 def _write_tables(result: Result, folder: Path) -> None:
     for name, table in tables.csv_tables(result).items():
         write_csv(folder / name, table)
@@ -103,16 +102,16 @@ def _write_tyre(result: Result, path: Path) -> None:
 
 
 def _replaceable(result: Result) -> dict[str, str]:
-    """Checksums of changed parts that live on in a result: they may be replaced by it."""
+    """Checksums of changed parts that the result contains: it may replace them."""
     accepted = result.provenance.get(ACCEPTED, {})
-    lives_on = (MARKER, *READ_BACK, *OPTIONAL_READ_BACK)
-    return {name: sha for name, sha in accepted.items() if name in lives_on and sha}
+    kept = (MARKER, *READ_BACK, *OPTIONAL_READ_BACK)
+    return {name: sha for name, sha in accepted.items() if name in kept and sha}
 
 
 def run_demo(out: Path) -> tuple[Result, Path]:
     """Process the sample campaign into ``out/result``.
 
-    The campaign comes from the project's folder; where that is not at hand it is written to
+    The campaign comes from the project's folder; where that is missing it is written to
     ``out/campaign`` first.
 
     Parameters

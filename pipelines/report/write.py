@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ema.core.errors import InputError, visible
+from pipelines.export.modal import require_free_file
 from pipelines.plots.chart import Chart
 from pipelines.report import closing, identification, measurement, responses, ring
 from pipelines.report.blocks import Beside, Block, Paragraph, Picture, Section, Table
@@ -97,7 +98,7 @@ def write_pdf(result: Result, path: str | Path) -> Path:
     ----------
     result : Result
     path : path
-        Written whole or not at all; an earlier file is replaced.
+        Written atomically; an earlier file is replaced.
 
     Returns
     -------
@@ -159,14 +160,18 @@ def write_figures(
     target = Path(folder)
     _require_known(formats)
     figures = drawings(report_sections(result))
-    if not force:
-        _require_free(target, figures, formats)
+    paths = [[target / f"{figure.name}.{ending}" for ending in formats] for figure in figures]
     _make_folder(target)
-    return [path for figure in figures for path in _write_figure(figure, target, formats)]
+    # Refused before the first figure is drawn, not after half of them are replaced.
+    for path in (each for several in paths for each in several):
+        require_free_file(path, force=force)
+    for figure, several in zip(figures, paths, strict=True):
+        _write_figure(figure, several)
+    return [each for several in paths for each in several]
 
 
 def _printed(weasyprint: Any, page: str, style: str) -> bytes:
-    # Everything is inside the page: no other address is ever asked.
+    # Everything is inside the page: no other address is fetched.
     inside = weasyprint.URLFetcher(allowed_protocols=["data"])
     document = weasyprint.HTML(string=page, url_fetcher=inside)
     sheets = [weasyprint.CSS(filename=STYLE), weasyprint.CSS(string=style)]
@@ -204,51 +209,25 @@ def _running_texts(result: Result) -> str:
 
 
 def _quoted(text: Any) -> str:
-    """A text as CSS writes it: whatever it holds, nothing of it is taken for style."""
+    """A text as CSS writes it: nothing in it is taken for style."""
     return '"' + "".join(f"\\{ord(character):06x}" for character in visible(text)) + '"'
 
 
-def _write_figure(chart: Chart, folder: Path, formats: Sequence[str]) -> list[Path]:
+def _write_figure(chart: Chart, paths: Sequence[Path]) -> None:
     # Loads matplotlib, which the page does without; the checks come first.
     from pipelines.plots.style import figure_bytes
 
     figure = chart.draw()
-    paths = []
-    for file_format in formats:
-        path = _path(folder, chart, file_format)
+    for path in paths:
         with file_written_whole(path) as partial:
-            partial.write_bytes(figure_bytes(figure, file_format))
-        paths.append(path)
-    return paths
-
-
-def _path(folder: Path, chart: Chart, file_format: str) -> Path:
-    return folder / f"{chart.name}.{file_format}"
+            partial.write_bytes(figure_bytes(figure, path.suffix.lstrip(".")))
 
 
 def _require_known(formats: Sequence[str]) -> None:
-    for file_format in formats:
-        if file_format not in FORMATS:
-            raise InputError(
-                "figures",
-                f"format {file_format!r}",
-                f"known are {', '.join(FORMATS)}",
-                "Choose one of them",
-            )
-
-
-def _require_free(folder: Path, figures: Sequence[Chart], formats: Sequence[str]) -> None:
-    """Refuse before the first figure is drawn, not after half of them are replaced."""
-    for chart in figures:
-        for file_format in formats:
-            path = _path(folder, chart, file_format)
-            if path.exists():
-                raise InputError(
-                    str(path),
-                    "the file already exists",
-                    "figures are replaced with --force only",
-                    "Choose another folder, or use --force",
-                )
+    for name in formats:
+        if name not in FORMATS:
+            known = f"known are {', '.join(FORMATS)}"
+            raise InputError("figures", f"format {name!r}", known, "Choose one of them")
 
 
 def _make_folder(folder: Path) -> None:

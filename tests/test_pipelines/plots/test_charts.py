@@ -324,7 +324,7 @@ def test_the_report_says_what_is_not_identified(tyre):
         )
         return [block.text for block in section.blocks if isinstance(block, Paragraph)]
 
-    assert "Every parameter that was sought is identified." in words(how)
+    assert "Every parameter to be identified is identified." in words(how)
     missing = how | {"bending_stiffness_n_m": "not identified", "mass_per_area_kg_m2": "at bound"}
     found = next(text for text in words(missing) if text.startswith("Not identified: b"))
     assert "bending stiffness" in found

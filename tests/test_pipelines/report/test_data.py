@@ -94,7 +94,7 @@ def test_a_large_campaign_fits_into_the_page_and_the_page_says_what_it_leaves_ou
     )
     html = render_report(replace(tyre, frf=frf, modal_model=model))
     assert len(html.encode()) < 6e6
-    assert "The page holds 900 of 3071 lines, closest around the modes" in html
+    assert "The page has 900 of 3071 lines, closest around the modes" in html
 
 
 def test_of_very_many_positions_those_worth_showing_stay():

@@ -161,7 +161,7 @@ def test_a_result_without_modes_says_so(tyre):
     [
         (1.0, True, "they show one and the same tyre"),
         (9.0, False, "the tyre or the set-up changed between runs"),
-        (nan, True, "drift between runs was not judged"),
+        (nan, True, "drift between runs was not assessed"),
     ],
 )
 def test_the_verdict_on_the_reference_is_in_words(tyre, ratio, consistent, words):
@@ -172,7 +172,7 @@ def test_the_verdict_on_the_reference_is_in_words(tyre, ratio, consistent, words
 
 @pytest.mark.parametrize(
     ("drift", "words"),
-    [(False, "drift between runs was not checked"), (True, "judged by its modes alone")],
+    [(False, "drift between runs was not checked"), (True, "assessed by the modes alone")],
 )
 def test_without_a_reference_sensor_it_is_said_what_judges_the_runs(tyre, drift, words):
     seen = Drift(tyre.reference.run, [0.0] * 6, [0.0] * 6) if drift else NO_DRIFT
@@ -186,7 +186,7 @@ def test_the_coherence_of_a_single_average_is_not_shown(tyre):
     once = replace(tyre, frf=replace(tyre.frf, n_effective=1.0))
     charts = [block.name for block in measurement.quality(once).blocks if isinstance(block, Chart)]
     assert "coherence" not in charts
-    assert "tells nothing" in Page(render_report(once)).text
+    assert "carries no information" in Page(render_report(once)).text
 
 
 def test_a_long_list_of_runs_leaves_out_its_middle(tyre):
@@ -306,7 +306,7 @@ def test_a_single_position_has_no_shape_and_no_shape_numbers():
         model.position_deg[:1],
     )
     page = Page(render_report(replace(result, modal_model=one, frf=result.frf.rows([0]))))
-    assert "A single position holds no shape." in page.text
+    assert "A single position has no shape." in page.text
     assert "MPD / °" not in page.text
 
 
