@@ -21,7 +21,6 @@ from pipelines.paper.parts import (
     Column,
     NumberTable,
     Statement,
-    places,
     verdict,
 )
 from pipelines.plots.chart import Chart
@@ -31,6 +30,7 @@ from pipelines.report.blocks import Paragraph
 from pipelines.results.result import Result
 from pipelines.simulate.responses import PER_FORCE, SimulatedInertance, simulate_inertance
 
+Curves = Mapping[str, SimulatedInertance]  # at rest and rolling
 AT_REST, ROLLING = "Ω = 0", "Ω = 67.3 rad/s"
 _LINES_HZ = np.arange(40.0, HIGHEST_HZ + 0.05, 0.1)
 _ORDERS_SEEN = np.arange(1, 13)  # up to beyond the highest line
@@ -66,7 +66,7 @@ def forced_response(result: Result) -> Chapter:
 
 
 def pairs_apart(waves: Bifurcation, curve: SimulatedInertance) -> tuple[int, ...]:
-    """Orders of which a curve shows both waves by a peak of its own.
+    """Orders of which a curve shows both waves, each by a peak.
 
     Each peak counts for the wave whose frequency is nearest.
     """
@@ -102,11 +102,7 @@ def _measured(result: Result) -> SimulatedInertance:
     return SimulatedInertance(frf.frequency_hz[shown], frf.values[row, shown], PER_FORCE)
 
 
-def _figure_11(
-    measured: SimulatedInertance,
-    printed: Mapping[str, SimulatedInertance],
-    refit: Mapping[str, SimulatedInertance],
-) -> Chart:
+def _figure_11(measured: SimulatedInertance, printed: Curves, refit: Curves) -> Chart:
     # Drawn one over the other: the thin measured curve stays visible on the thick one.
     curves = {
         "ring, damping of Table 5": printed[AT_REST],
@@ -128,9 +124,7 @@ def _figure_11(
     )
 
 
-def _figure_12(
-    printed: Mapping[str, SimulatedInertance], refit: Mapping[str, SimulatedInertance]
-) -> Chart:
+def _figure_12(printed: Curves, refit: Curves) -> Chart:
     panels = (
         inertances(printed, title="(a) damping of Table 5, as in the paper", across=""),
         inertances(refit, title="(b) damping refitted to Table 3"),
@@ -140,23 +134,15 @@ def _figure_12(
         Plot(panels, (19, 15), margins=Margins(between_rows=1.1)),
         "Inertance at 100° at rest and at 67.3 rad/s, with two sets of damping.",
         "Fig. 12: the same inertance at rest and rolling, in the rotating frame. With Table 5 "
-        "rotation moves the peaks but parts none; with the damping that Table 3 asks for, several "
+        "rotation moves the peaks but parts none; with the damping of Table 3, several "
         "orders show both of their waves.",
     )
 
 
-def _likeness(
-    measured: SimulatedInertance,
-    printed: Mapping[str, SimulatedInertance],
-    refit: Mapping[str, SimulatedInertance],
-) -> NumberTable:
+def _likeness(measured: SimulatedInertance, printed: Curves, refit: Curves) -> NumberTable:
     """How alike the ring's inertance at rest and the measured one are."""
-    curves = np.array(
-        [
-            np.interp(measured.frequency_hz, curve.frequency_hz, curve.values)
-            for curve in (printed[AT_REST], refit[AT_REST])
-        ]
-    )
+    lines_hz, rest = measured.frequency_hz, (printed[AT_REST], refit[AT_REST])
+    curves = np.array([np.interp(lines_hz, each.frequency_hz, each.values) for each in rest])
     both = np.tile(measured.values, (2, 1))
     level = np.sqrt(np.mean(np.abs(curves) ** 2, axis=1) / np.mean(measured.magnitude**2))
     return NumberTable(
@@ -164,18 +150,13 @@ def _likeness(
         "Fig. 11: the ring's inertance beside the measured one",
         (
             Column("damping", "damping", ("Table 5", "refitted to Table 3")),
-            Column("FRAC", "frac", frac(both, curves), show=places(3)),
-            Column("RMS level, ring over measured", "level", level, show=places(2)),
+            Column("FRAC", "frac", frac(both, curves), show=3),
+            Column("RMS level, ring over measured", "level", level, show=2),
         ),
     )
 
 
-def _table_of_peaks(
-    name: str,
-    state: str,
-    printed: Mapping[str, SimulatedInertance],
-    refit: Mapping[str, SimulatedInertance],
-) -> NumberTable:
+def _table_of_peaks(name: str, state: str, printed: Curves, refit: Curves) -> NumberTable:
     """Peaks of both curves in one state, side by side."""
     lists = [values for curves in (printed, refit) for values in curves[state].peaks]
     rows = max(values.size for values in lists)
@@ -184,19 +165,15 @@ def _table_of_peaks(
         name,
         f"Peaks of the inertance at 100°, {state}",
         (
-            Column("Table 5: peak / Hz", "table_5_hz", padded[0], show=places(1)),
-            Column(f"height / ({PER_FORCE})", "table_5_height", padded[1], show=places(2)),
-            Column("refitted: peak / Hz", "refitted_hz", padded[2], show=places(1)),
-            Column(f"height / ({PER_FORCE})", "refitted_height", padded[3], show=places(2)),
+            Column("Table 5: peak / Hz", "table_5_hz", padded[0], show=1),
+            Column(f"height / ({PER_FORCE})", "table_5_height", padded[1], show=2),
+            Column("refitted: peak / Hz", "refitted_hz", padded[2], show=1),
+            Column(f"height / ({PER_FORCE})", "refitted_height", padded[3], show=2),
         ),
     )
 
 
-def _table_of_waves(
-    waves: Bifurcation,
-    printed: Mapping[str, SimulatedInertance],
-    refit: Mapping[str, SimulatedInertance],
-) -> NumberTable:
+def _table_of_waves(waves: Bifurcation, printed: Curves, refit: Curves) -> NumberTable:
     columns = [Column("order n", "order", TABLE_3_ORDERS)]
     rows = np.isin(waves.orders, TABLE_3_ORDERS)
     by_curve = (_peaks_by_wave(waves, curves[ROLLING])[rows] for curves in (printed, refit))
@@ -204,15 +181,9 @@ def _table_of_waves(
     names = (("wave", "wave"), ("peak, Table 5", "table_5"), ("peak, refitted", "refitted"))
     for (title, name), values in zip(names, tables, strict=True):
         for side, direction in enumerate(("progressive", "regressive")):
-            columns.append(
-                Column(
-                    f"{direction} {title} / Hz",
-                    f"{name}_{direction}_hz",
-                    values[:, side],
-                    show=places(1),
-                )
-            )
-    caption = "Fig. 12, rolling: each wave's frequency, and the peak that stands for it (if any)"
+            head, field = f"{direction} {title} / Hz", f"{name}_{direction}_hz"
+            columns.append(Column(head, field, values[:, side], show=1))
+    caption = "Fig. 12, rolling: each wave's frequency, and its peak (if any)"
     return NumberTable("figure_12_waves", caption, tuple(columns))
 
 
@@ -240,19 +211,11 @@ def _on_matching(likeness: NumberTable) -> Statement:
     )
 
 
-def _on_bifurcation(
-    waves: Bifurcation,
-    printed: Mapping[str, SimulatedInertance],
-    refit: Mapping[str, SimulatedInertance],
-) -> tuple[Statement, ...]:
+def _on_bifurcation(waves: Bifurcation, printed: Curves, refit: Curves) -> tuple[Statement, ...]:
     hidden, shown = (pairs_apart(waves, curves[ROLLING]) for curves in (printed, refit))
     first = [float(curve.peaks[1][0]) for curve in printed.values()]
-    listed = ", ".join(map(str, shown))
-    with_table_5 = (
-        f"orders {', '.join(map(str, hidden))} show two peaks"
-        if hidden
-        else "no order shows two peaks"
-    )
+    listed, orders = (", ".join(map(str, each)) for each in (shown, hidden))
+    with_table_5 = f"orders {orders} show two peaks" if hidden else "no order shows two peaks"
     return (
         Statement(
             "Section 5.3, Fig. 12",

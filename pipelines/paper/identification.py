@@ -23,7 +23,6 @@ from pipelines.paper.parts import (
     NumberTable,
     Statement,
     deviation,
-    places,
     verdict,
     with_unit,
 )
@@ -36,10 +35,10 @@ from pipelines.results.result import Result
 from pipelines.storage.rounding import plain
 
 ORIGIN = (
-    "The recordings behind the paper are not published. In their place stands the sample "
+    "The recordings behind the paper are not published. They are replaced by the sample "
     "campaign: simulated recordings of a tyre that has the frequencies and damping ratios of "
     "Table 3, with noise, processed like any other campaign. Table 3 and Fig. 3 therefore test the "
-    "identification: it has to find again what is printed."
+    "identification: it has to reproduce what is printed."
 )
 
 TABLE_5_NAMES = ("circumferential_n_s_m3", "radial_n_s_m3", "loss_factor")
@@ -81,10 +80,10 @@ def _table_3(found: tuple[RingOrder | None, ...]) -> NumberTable:
         "Table 3: natural frequencies and damping ratios, printed and identified",
         (
             Column("mode n", "order", TABLE_3_ORDERS),
-            Column("printed / Hz", "printed_hz", TABLE_3_FREQUENCIES_HZ, show=places(2)),
+            Column("printed / Hz", "printed_hz", TABLE_3_FREQUENCIES_HZ, show=2),
             Column("identified / Hz", "identified_hz", frequency, frequency_std),
             deviation("deviation_percent", np.array(frequency), TABLE_3_FREQUENCIES_HZ, 3),
-            Column("printed ζ", "printed_damping", TABLE_3_DAMPING_RATIOS, show=places(3)),
+            Column("printed ζ", "printed_damping", TABLE_3_DAMPING_RATIOS, show=3),
             Column("identified ζ", "identified_damping", damping, damping_std),
             deviation("damping_deviation_percent", np.array(damping), TABLE_3_DAMPING_RATIOS, 2),
         ),
@@ -189,17 +188,16 @@ def _table_of_ratios() -> NumberTable:
     )
     fitted, fitted_starred = (refitted(on_pretension=on).model for on in (True, False))
     times = printed / TABLE_3_DAMPING_RATIOS
-    show = places(4)
     return NumberTable(
         "table_5_ratios",
         "Damping ratios: of Table 3, and of the ring with each set of parameters",
         (
             Column("mode n", "order", TABLE_3_ORDERS),
-            Column("Table 3", "printed", TABLE_3_DAMPING_RATIOS, show=places(3)),
-            Column("Table 5", "table_5", printed, show=show),
-            Column("Table 5 over Table 3", "table_5_over_table_3", times, show=places(2)),
-            Column("refitted", "refitted", fitted, show=show),
-            Column("Table 5*", "table_5_no_pretension", starred, show=show),
-            Column("refitted*", "refitted_no_pretension", fitted_starred, show=show),
+            Column("Table 3", "printed", TABLE_3_DAMPING_RATIOS, show=3),
+            Column("Table 5", "table_5", printed, show=4),
+            Column("Table 5 over Table 3", "table_5_over_table_3", times, show=2),
+            Column("refitted", "refitted", fitted, show=4),
+            Column("Table 5*", "table_5_no_pretension", starred, show=4),
+            Column("refitted*", "refitted_no_pretension", fitted_starred, show=4),
         ),
     )

@@ -30,17 +30,21 @@ class Column:
     name: str  # in the file
     values: Values
     std: Sequence[float] | None = None  # standard deviations; a separate column in the file
-    show: Callable[[float], str] = number  # where there is no standard deviation
+    show: Callable[[float], str] | int = number  # or digits after the point; not used with std
 
     @property
     def cells(self) -> tuple[str, ...]:
         """The column on the page."""
         if self.std is not None:
             return tuple(map(value_with_std, self.values, self.std))
-        return tuple(
-            str(value) if isinstance(value, str | int | np.integer) else self.show(float(value))
-            for value in self.values
-        )
+        return tuple(map(self._cell, self.values))
+
+    def _cell(self, value: Any) -> str:
+        if isinstance(value, str | int | np.integer):
+            return str(value)
+        if not isinstance(self.show, int):
+            return self.show(float(value))
+        return f"{value:.{self.show}f}" if np.isfinite(value) else DASH
 
     @property
     def is_text(self) -> bool:
@@ -108,15 +112,10 @@ class Chapter:
 
 
 def verdict(holds: bool, *, own_data: bool = False) -> str:
-    """Verdict on a statement; `own_data` where simulated data stand for the paper's."""
+    """Verdict on a statement; `own_data` where simulated data replace the paper's."""
     if not holds:
         return DIFFERS
     return OWN_DATA if own_data else AGREES
-
-
-def places(count: int) -> Callable[[float], str]:
-    """Show numbers with `count` digits after the point."""
-    return lambda value: f"{value:.{count}f}" if np.isfinite(value) else DASH
 
 
 def with_unit(name: tuple[str, str, str]) -> str:
@@ -136,7 +135,7 @@ INTRODUCTION = (
     "“A theoretical model for investigating the structural dynamics of a rolling tyre”: every "
     "table and figure with results, computed with the equations as corrected in the documentation "
     "of the model and set beside what is printed. The paper's figures are not reproduced here; "
-    "what its text says about them is put to the test."
+    "what its text says about them is tested."
 )
 
 
@@ -145,7 +144,7 @@ def statements_table(chapters: Sequence[Chapter]) -> NumberTable:
     every = [statement for chapter in chapters for statement in chapter.statements]
     return NumberTable(
         "statements",
-        "What the paper states, and what the computation says",
+        "Statements of the paper, and what was computed",
         (
             Column("place", "place", [one.place for one in every]),
             Column("the paper", "paper", [one.printed for one in every]),
@@ -206,12 +205,6 @@ WAVE_ORDER = 3
 SPEED_RAD_S = 67.3
 #: Angles of force and response in Figs. 3, 11 and 12, degrees; the response is at node 20.
 FORCE_DEG, RESPONSE_DEG = 0.0, 100.0
-#: End of the cycle in Fig. 5, s.
-CYCLE_S = 0.008
-#: Largest deviation of the tuned frequencies, percent, and the exception, Hz (section 4).
-FREQUENCY_LIMIT_PERCENT, FIRST_MODE_OFF_HZ = 1.0, 3.0
-#: Lowest MAC of the seven modes (section 4, Fig. 4b).
-LOWEST_MAC = 0.8
 #: Orders in Fig. 6a and 6b.
 FIGURE_6_ORDERS = ((1, 2), (3, 4))
 #: Upper end of the frequency range of interest, Hz (section 2).

@@ -59,7 +59,7 @@ def reproduce_paper(
 
 
 def paper_chapters(result: Result) -> tuple[Chapter, ...]:
-    """All that is computed, from a campaign that stands for the paper's recordings."""
+    """All that is computed, from a campaign in place of the paper's recordings."""
     return (identification(result), tuning(result), waves(), damping(), forced_response(result))
 
 

@@ -11,18 +11,13 @@ from model import TuningResult, equilibrium, natural_frequencies_hz, tune_ring
 from model.parameters import RING_NAMES
 from model.reference import TABLE_3_FREQUENCIES_HZ, TABLE_3_ORDERS, TABLE_4_RING
 from pipelines.paper.parts import (
-    FIRST_MODE_OFF_HZ,
-    FREQUENCY_LIMIT_PERCENT,
-    LOWEST_MAC,
     SPEED_RAD_S,
     Chapter,
     Column,
     NumberTable,
     Statement,
     deviation,
-    places,
     verdict,
-    with_sign,
     with_unit,
 )
 from pipelines.plots.chart import Chart
@@ -40,6 +35,10 @@ TABLE_4_NAMES = (
     "axial_stiffness_n_m",
     "bending_stiffness_n_m",
 )
+#: Largest deviation of the tuned frequencies, percent, and the exception, Hz (section 4).
+FREQUENCY_LIMIT_PERCENT, FIRST_MODE_OFF_HZ = 1.0, 3.0
+#: Lowest MAC of the seven modes (section 4, Fig. 4b).
+LOWEST_MAC = 0.8
 ASSUMED = (
     "The paper does not print the inflation pressure. With 2.2 bar the parameters of Table 4 give "
     "back its frequencies, so 2.2 bar is taken throughout; K follows k_r by eq 16 with the radial "
@@ -48,7 +47,7 @@ ASSUMED = (
 OBJECTIVE = (
     "The residual of eq 18 weighs mode 7 about 200 times as much as mode 1: that is why the "
     "paper's first mode is 3 Hz off. Squared relative deviations of the frequencies bring all "
-    "seven modes into agreement and ask for a k_θ nearly three times as large. With eq 18 k_θ and "
+    "seven modes into agreement and give a k_θ nearly three times as large. With eq 18 k_θ and "
     "D are not identified: their standard deviations, which follow from the misfit, exceed half "
     "their values."
 )
@@ -116,17 +115,16 @@ def _frequencies(
 ) -> NumberTable:
     columns = [
         Column("mode n", "order", TABLE_3_ORDERS),
-        Column("Table 3 / Hz", "measured_hz", TABLE_3_FREQUENCIES_HZ, show=places(2)),
+        Column("Table 3 / Hz", "measured_hz", TABLE_3_FREQUENCIES_HZ, show=2),
     ]
     for title, name, model_hz in (
         ("Table 4", "table_4", printed_hz),
         ("eq 18", "equation_18", paper.model_hz),
         ("relative", "relative", relative.model_hz),
     ):
-        error = 100.0 * (model_hz / TABLE_3_FREQUENCIES_HZ - 1.0)
         columns += [
-            Column(f"{title} / Hz", f"{name}_hz", model_hz, show=places(2)),
-            Column("deviation / %", f"{name}_percent", error, show=with_sign(2)),
+            Column(f"{title} / Hz", f"{name}_hz", model_hz, show=2),
+            deviation(f"{name}_percent", model_hz, TABLE_3_FREQUENCIES_HZ, 2),
         ]
     caption = "Frequencies of the ring at rest with these parameters"
     return NumberTable("table_4_frequencies", caption, tuple(columns))
@@ -155,7 +153,7 @@ def _figure_4(result: Result) -> tuple[Chart, ...]:
             Plot(panels, (19, 9), 2, margins=Margins(between_columns=1.8)),
             "Frequencies of the ring of Table 4 against identified ones, and MAC of the shapes.",
             "Fig. 4: (a) frequencies of the ring of Table 4 over the identified ones with the ±1 % "
-            "band; the first mode stands off as in the paper. (b) MAC of identified and model "
+            "band; the first mode is outside it as in the paper. (b) MAC of identified and model "
             "shapes. The shapes of the sample campaign are those of a uniform ring, so its MAC is "
             "close to 1 by construction; on a real tyre the paper prints more than 0.8.",
         ),

@@ -9,7 +9,6 @@ from model import WavePair, bifurcation, natural_frequencies_hz, wave_pair
 from model.reference import TABLE_4_RING
 from model.waves import WaveFrame
 from pipelines.paper.parts import (
-    CYCLE_S,
     FIGURE_6_ORDERS,
     SPEED_RAD_S,
     WAVE_ORDER,
@@ -17,7 +16,6 @@ from pipelines.paper.parts import (
     Column,
     NumberTable,
     Statement,
-    places,
     verdict,
 )
 from pipelines.plots.chart import Chart
@@ -35,6 +33,8 @@ SEQUENCES: tuple[tuple[int, float, WaveFrame], ...] = (
 )
 _DRAWN_SPEEDS = np.arange(0.0, 150.1, 1.0)
 _SOUGHT_SPEEDS = np.arange(0.0, 800.0, 0.5)
+#: End of the cycle in Fig. 5, s.
+CYCLE_S = 0.008
 _INSTANTS = 9  # per cycle, both ends included
 INTRODUCTION = (
     "Two waves of one order run around the ring in opposite directions. Their superposition "
@@ -94,21 +94,17 @@ def _minima() -> tuple[NDArray[np.int_], NDArray[np.float64], NDArray[np.float64
 
 def _table_of_minima() -> NumberTable:
     orders, speed_rad_s, lowest_hz = _minima()
+    at_rest_hz = natural_frequencies_hz(TABLE_4_RING, orders)
     speed_km_h = 3.6 * speed_rad_s * TABLE_4_RING.mean_radius_m
     return NumberTable(
         "figure_6_minima",
         "Fig. 6: where the frequency of the progressive wave is lowest",
         (
             Column("order n", "order", orders),
-            Column("at / (rad/s)", "speed_rad_s", speed_rad_s, show=places(1)),
-            Column("at / (km/h)", "speed_km_h", speed_km_h, show=places(0)),
-            Column("lowest / Hz", "lowest_hz", lowest_hz, show=places(2)),
-            Column(
-                "at rest / Hz",
-                "at_rest_hz",
-                natural_frequencies_hz(TABLE_4_RING, orders),
-                show=places(2),
-            ),
+            Column("at / (rad/s)", "speed_rad_s", speed_rad_s, show=1),
+            Column("at / (km/h)", "speed_km_h", speed_km_h, show=0),
+            Column("lowest / Hz", "lowest_hz", lowest_hz, show=2),
+            Column("at rest / Hz", "at_rest_hz", at_rest_hz, show=2),
         ),
     )
 
@@ -117,6 +113,8 @@ def _table_of_sequences() -> NumberTable:
     pairs = [wave_pair(TABLE_4_RING, WAVE_ORDER, speed) for _, speed, _ in SEQUENCES]
     frames = [frame for _, _, frame in SEQUENCES]
     seen = list(zip(pairs, frames, strict=True))
+    patterns = [pair.pattern_speed_rad_s(frame) for pair, frame in seen]
+    turns = [turn_per_cycle_deg(pair, frame) for pair, frame in seen]
     speeds = np.array([pair.propagation_speeds_rad_s(frame) for pair, frame in seen])
     return NumberTable(
         "waves",
@@ -125,21 +123,11 @@ def _table_of_sequences() -> NumberTable:
             Column("figure", "figure", [str(number) for number, _, _ in SEQUENCES]),
             Column("Ω / (rad/s)", "speed_rad_s", [speed for _, speed, _ in SEQUENCES]),
             Column("frame", "frame", frames),
-            Column("c₁ / (rad/s)", "regressive_rad_s", speeds[:, 0], show=places(2)),
-            Column("c₂ / (rad/s)", "progressive_rad_s", speeds[:, 1], show=places(2)),
-            Column("cycle / ms", "cycle_ms", [1e3 * cycle_s(p) for p in pairs], show=places(3)),
-            Column(
-                "pattern / (rad/s)",
-                "pattern_rad_s",
-                [pair.pattern_speed_rad_s(frame) for pair, frame in seen],
-                show=places(2),
-            ),
-            Column(
-                "turn per cycle / °",
-                "turn_deg",
-                [turn_per_cycle_deg(pair, frame) for pair, frame in seen],
-                show=places(2),
-            ),
+            Column("c₁ / (rad/s)", "regressive_rad_s", speeds[:, 0], show=2),
+            Column("c₂ / (rad/s)", "progressive_rad_s", speeds[:, 1], show=2),
+            Column("cycle / ms", "cycle_ms", [1e3 * cycle_s(p) for p in pairs], show=3),
+            Column("pattern / (rad/s)", "pattern_rad_s", patterns, show=2),
+            Column("turn per cycle / °", "turn_deg", turns, show=2),
         ),
     )
 
@@ -197,12 +185,12 @@ def _on_bifurcation() -> tuple[Statement, ...]:
 
 def _on_standing(pair: WavePair) -> Statement:
     cycle = cycle_s(pair)
-    stands = turn_per_cycle_deg(pair, "rotating") < 0.01
+    still = turn_per_cycle_deg(pair, "rotating") < 0.01
     return Statement(
         "Section 5.1, Fig. 5",
         "at rest the two waves form a standing wave; a cycle of n = 3 ends at 0.008 s",
-        f"The pattern stands; a cycle of order 3 takes {1e3 * cycle:.2f} ms.",
-        verdict(stands and round(cycle, 3) == CYCLE_S),
+        f"The pattern does not move; a cycle of order 3 takes {1e3 * cycle:.2f} ms.",
+        verdict(still and round(cycle, 3) == CYCLE_S),
     )
 
 
@@ -233,7 +221,7 @@ def _on_rotating(pair: WavePair) -> tuple[Statement, ...]:
         ),
         Statement(
             "Section 5.2, Fig. 10",
-            "seen from the stationary reference system it stands",
+            "seen from the stationary reference system it does not move",
             f"It turns by {turns['stationary']:.1g}° per cycle in the frame that turns with "
             f"β = {signed(pair.beta_rad_s, 2)} rad/s.",
             verdict(turns["stationary"] < 0.01),
