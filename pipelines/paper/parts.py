@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from model.reference import DESIGNATION
@@ -75,20 +76,14 @@ class NumberTable:
         return Table(self.caption, titles, rows, words)
 
     @property
-    def file_columns(self) -> tuple[str, ...]:
-        """Column names of the file."""
-        names: list[str] = []
+    def frame(self) -> pd.DataFrame:
+        """The table for a file; standard deviations are separate columns."""
+        columns: dict[str, Values] = {}
         for column in self.columns:
-            names += [column.name] if column.std is None else [column.name, f"{column.name}_std"]
-        return tuple(names)
-
-    @property
-    def file_rows(self) -> list[tuple[Any, ...]]:
-        """Rows of the file."""
-        values: list[Values] = []
-        for column in self.columns:
-            values += [column.values] if column.std is None else [column.values, column.std]
-        return list(zip(*(np.asarray(one).tolist() for one in values), strict=True))
+            columns[column.name] = column.values
+            if column.std is not None:
+                columns[f"{column.name}_std"] = column.std
+        return pd.DataFrame(columns)
 
 
 @dataclass(frozen=True)

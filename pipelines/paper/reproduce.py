@@ -18,7 +18,7 @@ from pipelines.results.result import Result
 from pipelines.simulate.campaign import sample_campaign
 from pipelines.storage.checksums import write_marker
 from pipelines.storage.result_folder import require_free, written_whole
-from pipelines.storage.tables import table_of, write_csv
+from pipelines.storage.tables import write_csv
 
 PAGE = "paper.html"
 FOLDER_MARKER = "paper.json"  # lists the files, by which an earlier reproduction is known
@@ -78,8 +78,7 @@ def write_paper(
     with written_whole(folder, force=force, marker=FOLDER_MARKER) as partial:
         for part in (*parts, statements_table(chapters)):
             if isinstance(part, NumberTable):
-                rows = table_of(part.file_columns, part.file_rows)
-                write_csv(partial / f"{part.name}.csv", rows)
+                write_csv(partial / f"{part.name}.csv", part.frame)
         for name, picture in pictures.items():
             (partial / f"{name}.png").write_bytes(picture)
         page = paper_page(chapters, result, pictures)

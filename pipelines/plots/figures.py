@@ -15,32 +15,12 @@ from ema.poles.stability import StabilityDiagram
 from pipelines.plots import measurement, modes, ring
 from pipelines.plots.chart import Chart
 from pipelines.plots.draw import draw
-from pipelines.plots.plot import Margins, Plot
-from pipelines.plots.style import png, styled_figure
-from pipelines.results.labels import mode_name, place_name
+from pipelines.plots.plot import Margins as Margins
+from pipelines.plots.plot import Plot
+from pipelines.plots.style import png as png
+from pipelines.plots.style import styled_figure as styled_figure
+from pipelines.results.labels import place_name
 from pipelines.results.result import Validation
-
-__all__ = [
-    "Margins",
-    "mode_name",
-    "place_name",
-    "plot_coherence",
-    "plot_damping",
-    "plot_dispersion",
-    "plot_frac",
-    "plot_frequency_error",
-    "plot_frequency_scatter",
-    "plot_frf_magnitude",
-    "plot_frf_phase",
-    "plot_mac",
-    "plot_reference",
-    "plot_setup",
-    "plot_shape_by_node",
-    "plot_shape_on_circle",
-    "plot_stability",
-    "png",
-    "styled_figure",
-]
 
 
 def plot_setup(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.checks.quality import ReferenceCheck
 from ema.core.finding import Finding
@@ -60,20 +59,19 @@ def setup_chart(
         name = name if run else "positions"
         series.append(Curve(x, y, colour, name, marker=look, size=size, listed=listed))
     series += [Note(*on_circle(angle, 0.72), f"{angle}°") for angle in (0, 90, 180, 270)]
-    limits = np.array([[-1.12, 1.12], [-1.12, 1.12]])
+    x, y = 0.0, 0.0
     if excitation_deg is not None:
         series += _force(excitation_deg)
-        limits = _widened(limits, *on_circle(excitation_deg, 1.6))
+        x, y = on_circle(excitation_deg, 1.6)
     if reference_deg is not None:
         place = on_circle([reference_deg], 0.87)
         series.append(Curve(*place, MEASURED, "reference", marker="star", size=14))
-    (left, right), (bottom, top) = limits
     unnamed = max(0, len(runs) - MOST_NAMED_RUNS)
     more = f" {unnamed} further runs are drawn, but not named." if unnamed else ""
     panel = Panel(
         tuple(series),
-        Axis(range=(left, right)),
-        Axis(range=(bottom, top)),
+        Axis(range=(min(-1.12, x), max(1.12, x))),
+        Axis(range=(min(-1.12, y), max(1.12, y))),
         legend="center",
         equal=True,
         bare=True,
@@ -234,13 +232,6 @@ def _force(angle_deg: float) -> list[Any]:
     x, y = np.array([tail, tip, sides[0], tip, sides[1]]).T
     arrow = Curve(x, y, FITTED, "force", width=3)
     return [arrow, Note(*on_circle(angle_deg, 1.5), "F", MEASURED)]
-
-
-def _widened(limits: NDArray[np.float64], x: float, y: float) -> NDArray[np.float64]:
-    ends = np.array([[x, x], [y, y]])
-    return np.column_stack(
-        [np.minimum(limits[:, 0], ends[:, 0]), np.maximum(limits[:, 1], ends[:, 1])]
-    )
 
 
 def _at(what: str, angle_deg: float | None) -> str:
