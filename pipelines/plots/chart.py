@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipelines.plots.plot import Axis, Band, Bars, Curve, Flags, Map, Note, Panel, Plot, Rule, Span
-from pipelines.results.labels import spread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,7 +27,6 @@ SCALES: dict[str, Any] = {
     "signed": [[0, "--cell-below"], [0.5, "--paper"], [1, "--cell-above"]],
 }
 THIN = {"width": 1}
-FLAG_GAP = 1 / 38  # smallest distance of two names, as a share of the axis
 GAP = 0.06  # between panels, as a share of the height
 
 
@@ -141,8 +139,7 @@ def _traces(series: Any, panel: Panel, left: str) -> Iterator[Trace]:
     place = {} if left == "y" else {"yaxis": left}
     match series:
         case Curve():
-            at = {} if series.right else place
-            yield _curve(series, panel) | at
+            yield _curve(series, panel) | ({} if series.right else place)
         case Band(x, low, high, colour, name, opacity):
             line = {"type": "scatter", "mode": "lines", "x": _numbers(x), "hoverinfo": "skip"}
             edge = {"line": {"color": NO_COLOUR, "width": 0}, "showlegend": False, **place}
@@ -154,12 +151,7 @@ def _traces(series: Any, panel: Panel, left: str) -> Iterator[Trace]:
             bars: Trace = {"type": "bar", "x": _numbers(x), "y": _numbers(y), "width": width}
             if half is not None:
                 bars["error_y"] = _error(half) | {"color": "--measured"}
-            yield {
-                **bars,
-                "marker": {"color": colour},
-                "showlegend": False,
-                **_hover(hover),
-            } | place
+            yield bars | {"marker": {"color": colour}, "showlegend": False} | _hover(hover) | place
         case Map():
             yield _map(series, panel) | place
 
@@ -223,11 +215,8 @@ def _map(shown: Map, panel: Panel) -> Trace:
 
 
 def _layout(plot: Plot) -> dict[str, Any]:
-    layout: dict[str, Any] = {
-        "hovermode": "x" if plot.together else "closest",
-        "shapes": [],
-        "annotations": [],
-    }
+    mode = "x" if plot.together else "closest"
+    layout: dict[str, Any] = {"hovermode": mode, "shapes": [], "annotations": []}
     shares = np.array(plot.heights or [1.0] * len(plot.panels))
     low_ends = 1 - np.cumsum(shares / shares.sum())
     for k, (panel, (left, right)) in enumerate(zip(plot.panels, _vertical(plot), strict=True)):
@@ -294,17 +283,10 @@ def _shapes(series: Any, left: str) -> list[dict[str, Any]]:
             yref = f"{left} domain" if series.upright else left
             return [{"type": "line", "yref": yref, **ends, "line": line}]
         case Span(start, stop):
-            ends = {
-                "x0": start,
-                "x1": stop,
-                "y0": 0,
-                "y1": 1,
-                "xref": "x",
-                "yref": f"{left} domain",
-            }
+            ends = {"x0": start, "x1": stop, "y0": 0, "y1": 1, "yref": f"{left} domain"}
             look = {"fillcolor": "--faint", "opacity": 0.12, "line": {"width": 0}}
-            return [{"type": "rect", **ends, **look, "layer": "below"}]
-        case Flags(at, _, height):
+            return [{"type": "rect", "xref": "x", **ends, **look, "layer": "below"}]
+        case Flags(at, _, _, height):
             look = {"line": {"color": "--kept", "width": 0.8}, "layer": "below"}
             ends = {"y0": 0, "y1": height + 0.03, "xref": "x", "yref": f"{left} domain"}
             return [{"type": "line", "x0": x, "x1": x, **ends, **look} for x in at]
@@ -314,18 +296,16 @@ def _shapes(series: Any, left: str) -> list[dict[str, Any]]:
 def _annotations(series: Any, panel: Panel, left: str) -> list[dict[str, Any]]:
     match series:
         case Note(x, y, text, colour, align):
-            side = {"left": "left", "right": "right"}.get(align, "center")
-            place = {"x": x, "y": y, "xref": "x", "yref": left, "xanchor": side}
+            place = {"x": x, "y": y, "xref": "x", "yref": left, "xanchor": align}
             look = {"showarrow": False, "font": {"color": colour}}
             return [{**place, "text": _text(text), **look}]
-        case Flags(at, names, height) if panel.x.range and panel.y.range:
-            (low, high), top = panel.x.range, panel.y.range[1]
-            places = spread(at, gap=FLAG_GAP * (high - low))
+        case Flags(at, names, places, height) if panel.y.range:
+            top = panel.y.range[1]
             ends = {"y": (height + 0.03) * top, "ay": (height + 0.06) * top}
             look = {"arrowhead": 0, "arrowwidth": 0.8, "arrowcolor": "--kept", "textangle": -90}
             refs = {"yref": left, "axref": "x", "ayref": left, "yanchor": "bottom"}
             return [
-                {"x": x, "ax": float(place), "text": _text(name), **ends, **refs, **look}
+                {"x": x, "ax": place, "text": _text(name), **ends, **refs, **look}
                 for x, place, name in zip(at, places, names, strict=True)
             ]
     return []

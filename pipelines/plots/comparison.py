@@ -28,7 +28,7 @@ from pipelines.plots.plot import (
     log_axis,
     magnitude_and_phase,
 )
-from pipelines.results.labels import in_band, short
+from pipelines.results.labels import each_once, in_band, short
 
 BARS = "Bars: ± 2 standard deviations of the difference"
 
@@ -57,7 +57,7 @@ def change_chart(
         )
         if chosen.any()
     ]
-    names = _each_once([mode.name for mode in modes])
+    names = each_once([mode.name for mode in modes])
     panel = Panel((*series, Rule(0)), Axis("mode", names=names), Axis(f"change of {quantity} / %"))
     count = int(significant.sum())
     return Chart(
@@ -76,7 +76,7 @@ def cross_mac_chart(comparison: Comparison) -> Chart | None:
     if comparison.mac.size == 0 or not np.isfinite(comparison.mac).all():
         return None
     rows, columns = (
-        _each_once([mode_name(k, mode) for k, mode in enumerate(result.modal_model.modes, start=1)])
+        each_once([mode_name(k, mode) for k, mode in enumerate(result.modal_model.modes, start=1)])
         for result in (comparison.first, comparison.second)
     )
     first, second = comparison.names
@@ -103,14 +103,6 @@ def frf_charts(comparison: Comparison, angles_deg: Sequence[float]) -> tuple[Cha
     from_force = (first.frf.position_deg[here] - force_deg + 180) % 360 - 180
     chosen = {int(np.argmin(np.abs(from_force - wanted))) for wanted in angles_deg}
     return tuple(_frf_chart(comparison, int(here[k]), int(there[k])) for k in sorted(chosen))
-
-
-def _each_once(names: Sequence[str]) -> list[str]:
-    """Names of which no two are the same: an axis would draw them at one place."""
-    return [
-        name if names.index(name) == k else f"{name} ({names[: k + 1].count(name)})"
-        for k, name in enumerate(names)
-    ]
 
 
 def _frf_chart(comparison: Comparison, here: int, there: int) -> Chart:

@@ -28,7 +28,7 @@ from pipelines.plots.plot import (
     Span,
 )
 from pipelines.plots.style import PAPER, styled_figure
-from pipelines.results.labels import literal, spread
+from pipelines.results.labels import literal
 
 POINTS_PER_PX = 0.7  # of a line: thinner in print than on the screen
 MARKER_POINTS_PER_PX = 0.55
@@ -49,7 +49,6 @@ MARKERS = {
 }
 UNKNOWN = "#C8C8C8"  # cells of a map without a value
 BARS: dict[str, Any] = {"fmt": "none", "elinewidth": 1.0, "capsize": 2.0}
-FLAG_GAP = 1 / 42  # smallest distance of two names, as a share of the axis
 LONG_NAMES = 34  # letters of all names together that stand side by side
 
 
@@ -226,10 +225,8 @@ def _set_log(axis: Axis, ax: Axes) -> None:
 
 
 def _name_flags(flags: Flags, ax: Axes) -> None:
-    low, high = ax.get_xlim()
     line = {"color": _hex(KEPT), "linewidth": 0.6}
-    places = spread(flags.at, gap=FLAG_GAP * (high - low))
-    for at, place, name in zip(flags.at, places, flags.names, strict=True):
+    for at, place, name in zip(flags.at, flags.places, flags.names, strict=True):
         ax.axvline(at, 0, flags.height + 0.03, alpha=0.6, **line)
         ax.annotate(
             name,

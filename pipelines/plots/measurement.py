@@ -54,7 +54,7 @@ def setup_chart(
     for index, (run, name) in enumerate(zip(runs, apart(runs), strict=True)):
         x, y = on_circle(at[np.array([each == run for each in frf.run])], 1.0)
         look = SYMBOLS[index % len(SYMBOLS)]
-        size = 8 if frf.n_positions <= 150 else 5
+        size = 9 if frf.n_positions <= 150 else 5
         colour, listed = SERIES[index % len(SERIES)], index < MOST_NAMED_RUNS
         name = name if run else "positions"
         series.append(Curve(x, y, colour, name, marker=look, size=size, listed=listed))
@@ -65,7 +65,7 @@ def setup_chart(
         x, y = on_circle(excitation_deg, 1.6)
     if reference_deg is not None:
         place = on_circle([reference_deg], 0.87)
-        series.append(Curve(*place, MEASURED, "reference", marker="star", size=14))
+        series.append(Curve(*place, MEASURED, "reference", marker="star", size=17))
     unnamed = max(0, len(runs) - MOST_NAMED_RUNS)
     more = f" {unnamed} further runs are drawn, but not named." if unnamed else ""
     panel = Panel(

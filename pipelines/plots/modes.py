@@ -44,8 +44,10 @@ from pipelines.results.labels import (
     row_names,
     signed_cell,
     sparse_labels,
+    spread,
 )
 
+NAMES_ACROSS = 40  # names of modes that fit side by side
 HIGHEST = 0.82  # share of the stability diagram below the frequencies of the modes
 LOWEST_FRAC = 0.9
 DEFLECTION = 0.3  # largest drawn deflection, in radii
@@ -68,6 +70,7 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
         c.frequency_hz for c in diagram.clusters if c.kept and low <= c.frequency_hz <= high
     )
     names = [f"{frequency:.1f}" for frequency in kept]
+    places = spread(kept, gap=(high - low) / NAMES_ACROSS).tolist()
     reasons = {-1: "in no cluster", **{c.label: c.reason for c in diagram.clusters}}
     inside = in_band(diagram.indicator_hz, diagram.band_hz)
     unit = "RMS inertance / ((m/s²)/N)"
@@ -99,7 +102,7 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
     )
     highest = float(diagram.model_order.max(initial=1)) / HIGHEST
     panel = Panel(
-        (indicator, Flags(kept, names, HIGHEST), *poles),
+        (indicator, Flags(kept, names, places, HIGHEST), *poles),
         Axis(FREQUENCY, diagram.band_hz),
         Axis("model order", (0, highest), ticks=range(0, int(highest * HIGHEST) + 1, 10)),
         _below_names(log_axis(unit, indicator.y)),

@@ -110,11 +110,12 @@ class Span:
 class Flags:
     """Places of x marked by lines and named above the data, side by side.
 
-    The panel needs the ranges of both axes.
+    The panel needs the range of its vertical axis.
     """
 
     at: Sequence[float]
     names: Sequence[str]
+    places: Sequence[float]  # of the names, so that none covers another
     height: float  # share of the panel below the names
 
 

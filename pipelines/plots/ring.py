@@ -233,7 +233,7 @@ def pressure_plot(series: Series, unit: str) -> Plot:
     """Every parameter of a series over pressure in `unit`, two beside each other."""
     columns = min(2, len(series.trends))
     rows = -(-len(series.trends) // columns)
-    room = Margins(1.5, 0.35, 1.15, 0.75, between_columns=1.7, between_rows=1.9)
+    room = Margins(1.7, 0.35, 1.15, 0.75, between_columns=1.7, between_rows=1.9)
     panels = tuple(_trend(trend, unit) for trend in series.trends)
     return Plot(panels, (8.2 * columns, 5.6 * rows), columns, margins=room)
 

@@ -13,7 +13,7 @@ from pipelines.plots.chart import Chart, packed
 from pipelines.plots.modes import mac_chart, shapes_plot, stability_chart
 from pipelines.report.blocks import Animation, Beside, Block, Paragraph, Section, Table
 from pipelines.report.closing import listed
-from pipelines.results.labels import mode_name, row_names
+from pipelines.results.labels import each_once, mode_name, row_names
 from pipelines.results.result import Result
 from pipelines.storage.rounding import DASH, number, value_with_std
 
@@ -185,7 +185,9 @@ def _mode_content(mode: Mode) -> dict[str, Any]:
 
 def _auto_mac(result: Result) -> Chart:
     modes = result.modal_model.modes
-    names = _labels(modes)
+    names = each_once(
+        [f"{m.frequency_hz:.0f}" if m.order is None else f"{m.order}{m.member}" for m in modes]
+    )
     values = auto_mac(np.stack([mode.residues for mode in modes]))
     title = "order n" if _on_circle(result.modal_model) else "frequency / Hz"
     largest = f"{np.max(values - np.eye(len(names))):.2f}"
@@ -201,12 +203,6 @@ def _auto_mac(result: Result) -> Chart:
         f"{largest}. Large values off the diagonal mean that the positions do not tell two modes "
         "apart, or that one mode was found twice.",
     )
-
-
-def _labels(modes: tuple[Mode, ...]) -> list[str]:
-    """Short names of the modes, each once."""
-    short = [f"{m.frequency_hz:.0f}" if m.order is None else f"{m.order}{m.member}" for m in modes]
-    return [name if short.count(name) == 1 else f"{name} ({k})" for k, name in enumerate(short, 1)]
 
 
 def _on_circle(model: ModalModel) -> bool:

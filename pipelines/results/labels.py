@@ -74,12 +74,17 @@ def row_names(frf: FRF | ModalModel, rows: NDArray[np.int_]) -> list[str]:
         else str(frf.node[row] if frf.node[row] >= 0 else row + 1)
         for row in rows
     ]
+    return each_once(names)
+
+
+def each_once(names: Sequence[str]) -> list[str]:
+    """Names of which no two are the same: a second one is followed by (2)."""
     seen: Counter[str] = Counter()
-    for index, name in enumerate(names):
+    found = []
+    for name in names:
         seen[name] += 1
-        if seen[name] > 1:
-            names[index] = f"{name} ({seen[name]})"
-    return names
+        found.append(f"{name} ({seen[name]})" if seen[name] > 1 else name)
+    return found
 
 
 def mode_name(mode: Mode) -> str:
