@@ -49,7 +49,7 @@ class Column:
 
     @property
     def is_text(self) -> bool:
-        """Whether it holds words."""
+        """Whether it has words."""
         return any(isinstance(value, str) and value != DASH for value in self.values)
 
 

@@ -49,7 +49,7 @@ MARKERS = {
 }
 UNKNOWN = "#C8C8C8"  # cells of a map without a value
 BARS: dict[str, Any] = {"fmt": "none", "elinewidth": 1.0, "capsize": 2.0}
-LONG_NAMES = 34  # letters of all names together that stand side by side
+LONG_NAMES = 34  # letters of all names together that fit side by side
 
 
 def draw_plot(plot: Plot) -> Figure:

@@ -82,8 +82,8 @@ def setup_chart(
         f"Circle with {frf.n_positions} measured positions of {len(runs)} runs"
         f"{_at(', the force', excitation_deg)}{_at(', the reference sensor', reference_deg)}.",
         "Measured positions by run, seen from the side; angles run counter-clockwise. Look for "
-        "gaps: they lower the highest order that can be told from lower ones, which has fewer "
-        f"than half as many waves as there are positions.{more}",
+        "gaps: they lower the highest order that can be distinguished from lower ones, which has "
+        f"fewer than half as many waves as there are positions.{more}",
         height_px=430,
     )
 

@@ -205,7 +205,7 @@ def sensitivity_chart(found: Sensitivity, symbols: Mapping[str, str]) -> Chart:
         f"{finding}.",
         caption="Sensitivity d ln f / d ln p: change of a frequency in % for 1 % of a parameter, "
         "the others held. A pale column is a parameter that these frequencies cannot determine "
-        f"({finding}); columns alike in all orders cannot be told from each other.",
+        f"({finding}); columns alike in all orders cannot be distinguished.",
     )
 
 

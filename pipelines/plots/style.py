@@ -15,7 +15,7 @@ from pipelines.plots.plot import Margins
 
 DOTS_PER_INCH = 150
 FILE_DOTS_PER_INCH = 300  # what printers ask for; a screen gets half
-#: The page's colours in print. Okabe & Ito (2008): told apart with any colour vision, and in grey
+#: The page's colours in print. Okabe & Ito (2008): distinct for any colour vision, and in grey
 #: by their brightness.
 PAPER = {
     "--measured": "#000000",

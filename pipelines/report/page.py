@@ -89,7 +89,7 @@ def shown(value: Any) -> Any:
 
 
 def as_json(value: Any) -> Markup:
-    """JSON that can stand inside a script element whatever its texts are; NaN is a ValueError."""
+    """JSON that is safe inside a script element whatever its texts are; NaN is a ValueError."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return Markup(visible(JSON_ESCAPE.sub(_named, text)).translate(ESCAPED))
 

@@ -69,7 +69,7 @@ def save(
 
 
 def has_pdf(folder: Path | str) -> bool:
-    """Whether a result holds the report as PDF: then it is written again with the others."""
+    """Whether a result has the report as PDF: then it is written again with the others."""
     return (Path(folder) / PDF).is_file()
 
 

@@ -201,7 +201,7 @@ def test_command_writes_and_names_the_page(ringmodal, tmp_path):
 def test_a_folder_with_other_files_is_refused_before_anything_is_computed(tmp_path, monkeypatch):
     monkeypatch.setattr(paper, "paper_chapters", lambda result: pytest.fail("was computed"))
     (tmp_path / "letter.txt").write_text("dear", encoding="utf-8")
-    with pytest.raises(InputError, match="letter.txt"):
+    with pytest.raises(InputError, match=r"letter\.txt"):
         paper.reproduce_paper(tmp_path, force=True)
 
 
