@@ -5,7 +5,6 @@ import re
 
 import pytest
 from fleets import BROKEN, write_fleet
-from matplotlib.figure import Figure
 
 from pipelines.batch import campaigns as batch_task
 from pipelines.batch import run as batch
@@ -19,7 +18,7 @@ from pipelines.batch.state import (
     read_record,
     write_record,
 )
-from pipelines.batch.summary import plot_frequencies, write_summary
+from pipelines.batch.summary import frequencies_chart, write_summary
 from pipelines.batch.workers import in_this_process
 
 ONCE = ("--jobs", 1, "--no-tune", "--max-order", 20)
@@ -157,9 +156,9 @@ def test_the_page_tells_where_the_extremes_of_an_order_are(tmp_path):
 
 def test_the_figure_shows_every_mode_with_an_order_once():
     without = (1, None, *MODE[2:])
-    ax = Figure().subplots()
     tyres = [f"tyre {k}" for k in range(9)]
-    plot_frequencies([record(t, t, (MODE, without)) for t in tyres] + [failed("x", "no")], ax)
+    chart = frequencies_chart([record(t, t, (MODE, without)) for t in tyres] + [failed("x", "no")])
+    (ax,) = chart.draw().axes
     assert sum(line.get_xdata().size for line in ax.lines) == len(tyres)
     assert {y for line in ax.lines for y in line.get_ydata()} == {100.3}
     x = sorted(float(line.get_xdata()[0]) for line in ax.lines)
