@@ -17,8 +17,10 @@ MERGED_SPLIT = 0.5
 # … and two driven members must be told apart from this many on. In between, one mode has no
 # damping to be compared with.
 RESOLVABLE_SPLIT = 1.0
-# A row belongs to a mode up to this share of its frequency.
+# A row belongs to an order up to this share of its frequency …
 REACH = 0.015
+# … and to a mode of rim, sidewall or air, or to one cut by the band's end, up to this share.
+OTHER_REACH = 0.005
 
 
 @dataclass(frozen=True)
@@ -166,12 +168,12 @@ def score(
         left = [row for row in left if row not in [match.row for match in found]]
     edge = [m for m in modes if m.kind == "ring"]  # orders cut by the end of the band
     outside = [_target(m.order, "", m.pole) for m in edge if m.order not in _numbers(orders)]
-    for row, target in [(row, target) for row in left for target in [*others, *outside]]:
-        if row in left and abs(row.frequency_hz / target.frequency_hz - 1) < REACH:
-            nearest = min([*others, *outside], key=lambda t: abs(t.frequency_hz - row.frequency_hz))
-            if target is nearest:
-                matches.append(Match(target, row))
-                left.remove(row)
+    for row in list(left):
+        nearest = min([*others, *outside], key=lambda t: abs(t.frequency_hz - row.frequency_hz))
+        free = nearest not in [match.target for match in matches]
+        if free and abs(row.frequency_hz / nearest.frequency_hz - 1) < OTHER_REACH:
+            matches.append(Match(nearest, row))
+            left.remove(row)
     return Score(matches, missed, left)
 
 

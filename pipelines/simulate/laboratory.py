@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from scipy.fft import irfft
 
 from ema.core.campaign import Campaign, Response, Run, Tyre
 from ema.core.recording import ACCELERATION, FORCE, Channel, Recording
+from ema.io.uff.write import write_time_series
+from pipelines.simulate.campaign import require_empty
 from pipelines.simulate.laboratory_chain import (
     Mounting,
     force_spectrum,
@@ -22,12 +25,13 @@ from pipelines.simulate.laboratory_chain import (
     responses,
     with_shaker,
 )
-from pipelines.simulate.laboratory_effects import Effects
+from pipelines.simulate.laboratory_effects import Effects, describe_effects
 from pipelines.simulate.laboratory_truth import (
     POSITIONS,
     LaboratoryMode,
     Truth,
     modes_of,
+    truth_content,
 )
 from pipelines.simulate.laboratory_tyre import (
     Complexes,
@@ -37,6 +41,7 @@ from pipelines.simulate.laboratory_tyre import (
     System,
     random_ring,
 )
+from pipelines.storage.result_folder import written_whole
 
 REFERENCE_DEG = 2.5
 REFERENCE = "REF"
@@ -261,6 +266,112 @@ class Laboratory:
     def bare_modes(self, run: int) -> tuple[LaboratoryMode, ...]:
         """Exact modes of the bare tyre half-way through a run."""
         return self.modes(self.tyre.solve(self.state(run), self.drive))
+
+
+def simulate_laboratory(folder: Path | str, effects: Effects) -> Path:
+    """Write the campaign of a laboratory: universal files, manifest and truth.
+
+    Parameters
+    ----------
+    folder : Path or str
+        New or empty folder. Gets ``run_1.uff`` …, ``campaign.toml``, ``README.md`` and
+        ``truth.json``, which the processing never reads; all of them or nothing.
+    effects : Effects
+        Same effects, same bytes.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    InputError
+        If the folder is not empty or cannot be written.
+
+    Examples
+    --------
+    >>> from pipelines.simulate.laboratory import simulate_laboratory
+    >>> from pipelines.simulate.laboratory_effects import Effects
+    >>> folder = simulate_laboratory("hammer_test", Effects(excitation="hammer", duration_s=10.0))
+    >>> sorted(path.name for path in folder.iterdir())[:3]
+    ['README.md', 'campaign.toml', 'run_1.uff']
+    """
+    folder = Path(folder)
+    require_empty(folder)
+    laboratory = Laboratory(effects)
+    with written_whole(folder, marker=None) as partial:
+        for run in range(effects.runs):
+            file = partial / f"run_{run + 1}.uff"
+            write_time_series(file, laboratory.channels(run), effects.sampling_rate_hz)
+        texts = {
+            "campaign.toml": _manifest(laboratory),
+            "truth.json": json.dumps(truth_content(laboratory.truth), indent=1) + "\n",
+            "README.md": _readme(effects),
+        }
+        for name, text in texts.items():
+            (partial / name).write_text(text, encoding="utf-8", newline="\n")
+    return folder
+
+
+def _manifest(laboratory: Laboratory) -> str:
+    """The campaign as the laboratory declares it, errors not included."""
+    effects, ring = laboratory.effects, laboratory.tyre.ring
+    declared = effects.sensor_mass_kg > 0 and effects.declare_mass
+    sensors = f"\n[sensors]\nmass_kg = {effects.sensor_mass_kg}\n" if declared else ""
+    runs = ""
+    for run in range(effects.runs):
+        mounting = laboratory.mounting(run)
+        places = ", ".join(
+            f"{name} = {float(angle)}"
+            for name, angle in zip(mounting.names, mounting.declared_deg, strict=True)
+        )
+        runs += f"""
+[[runs]]
+file = "run_{run + 1}.uff"
+reference = "{REFERENCE}"
+positions_deg = {{ {places} }}
+"""
+    return f"""schema = 1
+
+[tyre]
+designation = "laboratory tyre {effects.seed}"
+inflation_pressure_pa = {ring.inflation_pressure_pa}
+mean_radius_m = {ring.mean_radius_m}
+belt_width_m = {ring.belt_width_m}
+origin = "simulated, see README.md"
+
+[acquisition]
+sampling_rate_hz = {effects.sampling_rate_hz}
+{sensors}
+[grid]
+positions = {POSITIONS}
+
+[excitation]
+channel = "force"
+position_deg = {effects.force_deg}
+direction = "radial"
+{runs}"""
+
+
+def _readme(effects: Effects) -> str:
+    known = {name: (unit, text) for name, _, unit, text in describe_effects()}
+    listed = "".join(
+        f"| `{name}` | {value} | {known[name][0]} | {known[name][1]} |\n"
+        for name, value in effects.switched_on.items()
+    )
+    return f"""# Simulated campaign of a laboratory
+
+No lab has measured these recordings: they were computed from the mass, damping and stiffness
+matrices of a ring on an elastic foundation. `truth.json` has the exact modes: `modes` of the bare
+tyre in the state of the first run half-way through, `as_tested_first_run` with everything that
+hung on it. The processing never reads it.
+
+Effects that differ from an ideal test of an ideal tyre:
+
+| effect | value | unit | meaning |
+|---|---|---|---|
+{listed}"""
 
 
 def _angles_deg(effects: Effects, run: int) -> tuple[Floats, Floats]:

@@ -224,8 +224,7 @@ def recorded_force(force: Floats, effects: Effects, random: np.random.Generator)
 def recorded_responses(clean: Floats, effects: Effects, random: np.random.Generator) -> Floats:
     """Accelerations as the sensors record them: noise, hum, offset, clipping and converter."""
     count, samples = clean.shape
-    deviations = np.std(clean, axis=1)
-    mean = float(deviations.mean())
+    mean = float(np.std(clean, axis=1).mean())
     noise = mean * 10 ** (-effects.snr_db / 20)
     seen = clean + noise * random.standard_normal(clean.shape)
     if effects.floor:
@@ -238,8 +237,7 @@ def recorded_responses(clean: Floats, effects: Effects, random: np.random.Genera
     seen += np.sqrt(2) * effects.hum * mean * np.sin(2 * np.pi * HUM_HZ * time + phase)
     seen += OFFSET_M_S2 * random.standard_normal((count, 1))
     if effects.clip:
-        limit = effects.clip * deviations[:, None]
-        seen = np.clip(seen, -limit, limit)
+        seen = np.clip(seen, -effects.clip * mean, effects.clip * mean)
     return _converted(seen, effects.bits)
 
 

@@ -118,7 +118,9 @@ class Effects:
     force_snr_db: float = _effect(80.0, "dB", "force over load-cell noise, rms", -40.0, 300.0)
     hum: float = _effect(0.0, "–", "50 Hz hum, share of the mean response", 0.0, 10.0)
     bits: int = _effect(0, "–", "bits of the converter; 0 does not quantise", 0, 32)
-    clip: float = _effect(0.0, "–", "sensors clip at this multiple of their rms; 0: never", 0.0, 99)
+    clip: float = _effect(
+        0.0, "–", "sensors clip at this multiple of their mean rms; 0: never", 0.0, 99
+    )
 
     def __post_init__(self) -> None:
         for entry in fields(self):

@@ -11,7 +11,7 @@ from ema.core.errors import InputError
 from model import damping_ratios, natural_frequencies_hz, torsion_frequency_hz
 from model.parameters import RingDamping
 from model.reference import REFITTED_DAMPING, TABLE_4_RING
-from pipelines.simulate.laboratory import Laboratory
+from pipelines.simulate.laboratory import Laboratory, simulate_laboratory
 from pipelines.simulate.laboratory_chain import (
     SETTLING_S,
     Mounting,
@@ -333,6 +333,24 @@ def test_truth_round_trip(tmp_path):
     for old, new in zip(truth.modes, again.modes, strict=True):
         assert new.pole == pytest.approx(old.pole)
         assert new.shape == pytest.approx(old.shape, abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    "options", [{"sensor_mass_kg": 0.003}, {"circle_deg": (0.0, 165.0), "runs": 1, "sensors": 12}]
+)
+def test_files_hold_what_the_campaign_in_memory_holds(tmp_path, options):
+    effects = Effects(**SHORT | options)
+    folder = simulate_laboratory(tmp_path / "virtual", effects)
+    read, made = ema.read_campaign(folder), Laboratory(effects).campaign()
+    assert read.sensor_mass_kg == made.sensor_mass_kg
+    assert (read.excitation_deg, read.reference_deg) == (made.excitation_deg, made.reference_deg)
+    assert [run.name for run in read.runs] == [run.name for run in made.runs]
+    first, second = ema.estimate_frf(read), ema.estimate_frf(made)
+    assert first.position_deg == pytest.approx(second.position_deg)
+    assert first.values == pytest.approx(second.values)
+    assert read_truth(folder / "truth.json").effects == effects
+    with pytest.raises(InputError, match="empty folder"):
+        simulate_laboratory(folder, effects)
 
 
 def test_effects_are_checked():
