@@ -50,7 +50,7 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "tilt 3°": {"tilt_deg": 3.0},
     "gains 2 %, delays 20 µs": {"gain_error": 0.02, "delay_us": 20.0},
     "12 bits": {"bits": 12},
-    "clipped at 3 rms": {"clip": 3.0},
+    "clipped at 5 rms": {"clip": 5.0},
     "4 g sensors, declared": {"sensor_mass_kg": 0.004},
     "4 g sensors, not declared": {"sensor_mass_kg": 0.004, "declare_mass": False},
     "10 g live mass": {"live_mass_kg": 0.01},
@@ -67,8 +67,9 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "pink force": {"excitation": "pink"},
     "bursts": {"excitation": "burst"},
     "sweeps": {"excitation": "sweep"},
-    "hammer, 10 hits": {"excitation": "hammer"},
-    "hammer with double hits": {"excitation": "hammer", "double_hits": 0.2},
+    "hammer, hit every 2 s": {"excitation": "hammer", "hits": 15},
+    "hammer, hit every 5 s": {"excitation": "hammer", "hits": 6},
+    "hammer with double hits": {"excitation": "hammer", "hits": 15, "double_hits": 0.2},
     "half circle": {"circle_deg": (0.0, 165.0), "runs": 1},
     "turned the other way": {"mirrored_step": True},
     "sensors counted the other way": {"reversed_sequence": True},
@@ -85,6 +86,9 @@ EFFECTS: dict[str, dict[str, Any]] = {
     },
 }  # fmt: skip
 
+#: Name under which `random_options` joins the table.
+RANDOM = "random campaigns"
+
 # Sensors that these effects damage are not healthy.
 DAMAGED = ("clip",)
 
@@ -100,6 +104,39 @@ class Result:
     seconds: float = float("nan")
     error: str = ""
     listed: list[str] = field(default_factory=list)
+
+
+def random_options(seed: int) -> dict[str, Any]:
+    """A realistic campaign with several effects at once."""
+    random = np.random.default_rng([seed, 99])
+
+    def maybe(share: float, value: Any) -> Any:
+        return value if random.uniform() < share else type(value)()
+
+    return {
+        "splice": maybe(0.7, random.uniform(0, 0.01)),
+        "stiffness_variation": float(np.exp(random.uniform(np.log(0.001), np.log(0.03)))),
+        "mass_variation": maybe(0.7, random.uniform(0, 0.01)),
+        "damping_variation": maybe(0.7, random.uniform(0, 0.3)),
+        "rim_hz": maybe(0.2, (random.uniform(35, 50), random.uniform(50, 65))),
+        "lateral_hz": maybe(0.3, (random.uniform(40, 55), random.uniform(120, 140))),
+        "cavity_coupling": maybe(0.3, random.uniform(0.02, 0.12)),
+        "temperature_drift": maybe(0.3, random.normal(0, 0.003)),
+        "pressure_drift": maybe(0.3, random.normal(0, 0.005)),
+        "excitation": random.choice(["random", "pink", "burst", "hammer"], p=[0.7, 0.1, 0.1, 0.1]),
+        "hits": int(random.integers(8, 20)),
+        "shaker": maybe(0.5, True),
+        "sensor_mass_kg": maybe(0.5, random.uniform(0.001, 0.005)),
+        "angle_error_deg": maybe(0.5, random.uniform(0, 0.5)),
+        "tilt_deg": maybe(0.5, random.uniform(0, 3)),
+        "gain_error": maybe(0.5, random.uniform(0, 0.02)),
+        "delay_us": maybe(0.5, random.uniform(0, 20)),
+        "snr_db": random.uniform(20, 55),
+        "force_snr_db": random.uniform(30, 80),
+        "floor": maybe(0.5, random.uniform(0, 0.05)),
+        "hum": maybe(0.5, random.uniform(0, 0.1)),
+        "bits": int(random.choice([12, 16, 24])),
+    }
 
 
 def measure(options: dict[str, Any], seed: int, duration_s: float, *, toolbox: bool) -> Result:
@@ -281,19 +318,20 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3, help="seeds of each effect")
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--duration-s", type=float, default=30.0, help="length of each run")
-    parser.add_argument("--only", nargs="+", choices=EFFECTS, metavar="EFFECT", help="effects")
+    parser.add_argument(
+        "--only", nargs="+", choices=[*EFFECTS, RANDOM], metavar="EFFECT", help="effects"
+    )
     parser.add_argument("--no-toolbox", action="store_true", help="leave the toolbox out")
     parser.add_argument("--list", action="store_true", help="list every error below the table")
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     print(HEADER, flush=True)
     listed = []
-    for name in options.only or EFFECTS:
+    for name in options.only or [*EFFECTS, RANDOM]:
         results = []
         for seed in range(options.first_seed, options.first_seed + options.seeds):
-            result = measure(
-                EFFECTS[name], seed, options.duration_s, toolbox=not options.no_toolbox
-            )
+            chosen = random_options(seed) if name == RANDOM else EFFECTS[name]
+            result = measure(chosen, seed, options.duration_s, toolbox=not options.no_toolbox)
             results.append(result)
             if result.error:
                 print(f"{name}, seed {seed}: {result.error}", file=sys.stderr)
