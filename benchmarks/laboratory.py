@@ -10,6 +10,7 @@ installed, otherwise from the program's own p-LSCF.
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 import time
 import warnings
@@ -31,6 +32,8 @@ from pipelines.simulate.laboratory_truth import LaboratoryMode
 
 BAND_HZ = (20.0, 260.0)
 LARGE_Z = 5.0
+# Reach around the true frequency of the toolbox's poles, and shares up to which they agree.
+COLUMN, STABLE_FREQUENCY, STABLE_DAMPING = 0.003, 0.001, 0.05
 UNCHANGED = 1e-6  # relative change of a row that is no change
 
 UNEVEN = {"splice": 0.002, "stiffness_variation": 0.005, "mass_variation": 0.003}
@@ -227,26 +230,33 @@ def mean_modes(laboratory: Laboratory) -> tuple[LaboratoryMode, ...]:
 
 
 def _picked(frf: FRF, orders: list[Order]) -> Score:
-    """One pole per order, picked at the true frequency."""
-    targets = [one.main for one in orders]
-    true_hz = [target.frequency_hz for target in targets]
+    """One pole per order at its true frequency: the one that most model orders agree on."""
     try:
-        from peer import closest_poles
+        from peer import poles_of_orders
     except ImportError:
-        found = _own_poles(frf, true_hz)
+        diagram = ema.build_stability(frf, BAND_HZ, max_order=60, method="plscf")
+        poles = [diagram.poles[diagram.model_order == n] for n in np.unique(diagram.model_order)]
     else:
-        found = [Row(m.frequency_hz, m.damping_ratio) for m in closest_poles(frf, "lscf", true_hz)]
-    nearest = [min(found, key=lambda r: abs(r.frequency_hz - hz), default=None) for hz in true_hz]
-    pairs = zip(targets, nearest, strict=True)
-    return Score([Match(target, row) for target, row in pairs if row is not None])
+        poles = poles_of_orders(frf, "lscf")
+    stable = np.concatenate(
+        [now[_agreeing(now, before) > 0] for before, now in itertools.pairwise(poles)]
+    )
+    pairs = []
+    for target in [one.main for one in orders]:
+        off = np.abs(np.abs(stable) / (2 * np.pi * target.frequency_hz) - 1)
+        column = stable[off < COLUMN]
+        if column.size:
+            pole = column[np.argmax(_agreeing(column, column))]
+            pairs.append(Match(target, Row(abs(pole) / (2 * np.pi), -pole.real / abs(pole))))
+    return Score(pairs)
 
 
-def _own_poles(frf: FRF, true_hz: list[float]) -> list[Row]:
-    """Poles of the highest order of our own p-LSCF, the nearest to each frequency."""
-    diagram = ema.build_stability(frf, BAND_HZ, max_order=60, method="plscf")
-    poles = diagram.poles[diagram.stable_frequency & diagram.stable_damping]
-    rows = [Row(abs(pole) / (2 * np.pi), -pole.real / abs(pole)) for pole in poles]
-    return [min(rows, key=lambda row: abs(row.frequency_hz - hz)) for hz in true_hz]
+def _agreeing(poles: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """For each pole, how many others agree with it."""
+    size, ratio = np.abs(poles)[:, None], (-poles.real / np.abs(poles))[:, None]
+    near = np.abs(np.abs(others) / size - 1) < STABLE_FREQUENCY
+    alike = np.abs(-others.real / np.abs(others) / ratio - 1) < STABLE_DAMPING
+    return np.count_nonzero(near & alike & (ratio > 0), axis=1)
 
 
 HEADER = (
