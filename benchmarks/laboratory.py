@@ -230,7 +230,7 @@ def mean_modes(laboratory: Laboratory) -> tuple[LaboratoryMode, ...]:
 
 
 def _picked(frf: FRF, orders: list[Order]) -> Score:
-    """One pole per order at its true frequency: the one that most model orders agree on."""
+    """One pole per order at its true frequency: the one that most high model orders agree on."""
     try:
         from peer import poles_of_orders
     except ImportError:
@@ -238,6 +238,7 @@ def _picked(frf: FRF, orders: list[Order]) -> Score:
         poles = [diagram.poles[diagram.model_order == n] for n in np.unique(diagram.model_order)]
     else:
         poles = poles_of_orders(frf, "lscf")
+    poles = poles[len(poles) // 2 :]  # low orders are biased
     stable = np.concatenate(
         [now[_agreeing(now, before) > 0] for before, now in itertools.pairwise(poles)]
     )
