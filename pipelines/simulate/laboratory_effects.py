@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from pathlib import Path
@@ -252,6 +252,32 @@ def parse_effect(text: str) -> tuple[str, Any]:
         return name.strip(), tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
         return name.strip(), value.strip()
+
+
+def effects_of(
+    file: Path | None, texts: Sequence[str], defaults: Mapping[str, Any]
+) -> Effects | None:
+    """Effects of a file and of ``name=value`` texts, which go before; None without either.
+
+    Parameters
+    ----------
+    file : Path or None
+        TOML file.
+    texts : sequence of str
+        ``name=value`` each.
+    defaults : mapping
+        Values of effects that neither names.
+
+    Raises
+    ------
+    InputError
+        If an effect is unknown or a value unsuitable.
+    """
+    if file is None and not texts:
+        return None
+    stated = {} if file is None else read_effects(file)
+    stated |= dict(parse_effect(text) for text in texts)
+    return effects_from({**defaults, **stated}, "--effect" if file is None else str(file))
 
 
 def describe_effects() -> list[tuple[str, Any, str, str]]:

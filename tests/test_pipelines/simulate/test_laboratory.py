@@ -353,6 +353,39 @@ def test_files_hold_what_the_campaign_in_memory_holds(tmp_path, options):
         simulate_laboratory(folder, effects)
 
 
+def test_effects_on_the_command_line(ringmodal, tmp_path):
+    file = tmp_path / "effects.toml"
+    file.write_text('excitation = "hammer"\nhits = 3\nruns = 4\n', encoding="utf-8")
+    code, output, errors = ringmodal(
+        *("simulate", "campaign", tmp_path / "virtual", "--effects", file),
+        *("--effect", "runs=1", "--effect", "rim_hz=[42, 60]", "--duration-s", 5, "--json"),
+    )
+    assert (code, errors) == (0, "")
+    folder = tmp_path / "virtual"
+    assert json.loads(output) == {"campaign": str(folder)}
+    effects = read_truth(folder / "truth.json").effects
+    expected = {"excitation": "hammer", "hits": 3, "runs": 1, "rim_hz": (42.0, 60.0)}
+    assert effects == Effects(duration_s=5.0, snr_db=34.0, **expected)
+    assert (folder / "run_1.uff").is_file()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--effect", "spice=1"), "known effects"),
+        (("--effect", "splice"), "name=value"),
+        (("--effect", "splice=much"), "a number"),
+        (("--effects", "absent.toml"), "file not found"),
+        (("--effect", "splice=0.01", "--split-percent", 1), "stiffness_variation"),
+    ],
+)
+def test_unsuitable_effects_on_the_command_line(ringmodal, tmp_path, options, message):
+    code, _, errors = ringmodal("simulate", "campaign", tmp_path / "virtual", *options)
+    assert code == 2
+    assert message in " ".join(errors.split())
+    assert not (tmp_path / "virtual").exists()
+
+
 def test_effects_are_checked():
     with pytest.raises(InputError, match="splice"):
         Effects(splice=2.0)
