@@ -24,7 +24,7 @@ import ema
 from ema.circumference.mass_loading import sensors_of_runs, unloaded
 from ema.core.campaign import Campaign
 from ema.core.errors import FitError, InputError
-from ema.core.finding import EXCLUDED, OK
+from ema.core.finding import OK
 from ema.core.frf import FRF
 from pipelines.simulate.laboratory import Laboratory
 from pipelines.simulate.laboratory_effects import Effects
@@ -74,6 +74,10 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "hammer, hit every 5 s": {"excitation": "hammer", "hits": 6},
     "hammer with double hits": {"excitation": "hammer", "hits": 15, "double_hits": 0.2},
     "half circle": {"circle_deg": (0.0, 165.0), "runs": 1},
+    "a dead sensor": {"dead_sensor": 4},
+    "a sensor of wrong sign": {"flipped_sensor": 4},
+    "a sensor that reads half": {"scaled_sensor": 4},
+    "two sensors swapped": {"swapped_sensor": 4},
     "turned the other way": {"mirrored_step": True},
     "sensors counted the other way": {"reversed_sequence": True},
     "run 2 off by 5°": {"offset_deg": 5.0},
@@ -103,6 +107,8 @@ class Result:
     ours: Score
     toolbox: Score
     touched: int = 0
+    faulty: int = 0
+    named: int = 0
     warnings: int = 0
     seconds: float = float("nan")
     error: str = ""
@@ -150,6 +156,7 @@ def measure(options: dict[str, Any], seed: int, duration_s: float, *, toolbox: b
     frf = ema.estimate_frf(campaign)
     truth = laboratory.truth.modes
     result = Result(Score(), Score())
+    faulty = {f"A{number:02d}" for number in effects.faulty_sensors}
     start = time.perf_counter()
     try:
         found = ema.identify_modes(frf, BAND_HZ, sensor_mass=_sensor_mass(campaign))
@@ -170,7 +177,9 @@ def measure(options: dict[str, Any], seed: int, duration_s: float, *, toolbox: b
         result.ours = score(truth, rows, BAND_HZ)
         result.warnings = sum(finding.verdict != OK for finding in found.findings)
         if not any(getattr(effects, name) for name in DAMAGED):
-            result.touched = touched(campaign, frf, found)
+            result.touched = touched(campaign, frf, found, faulty)
+        named = {finding.channel for finding in found.findings if finding.verdict != OK}
+        result.faulty, result.named = len(faulty), len(faulty & named)
     result.seconds = time.perf_counter() - start
     result.listed = complaints(result.ours)
     if toolbox:
@@ -179,24 +188,19 @@ def measure(options: dict[str, Any], seed: int, duration_s: float, *, toolbox: b
     return result
 
 
-def touched(campaign: Campaign, frf: FRF, found: ema.Identification) -> int:
-    """Channels that were excluded, or whose FRF in the result is not the measured one."""
+def touched(campaign: Campaign, frf: FRF, found: ema.Identification, faulty: set[str]) -> int:
+    """Healthy channels whose FRF is absent from the result or is not the measured one."""
     expected = frf
     mass = _sensor_mass(campaign)
     if mass is not None:
         expected = unloaded(frf, mass.sensors_deg, mass.mass_kg, mass.excitation_deg)
-    excluded = {
-        (finding.run, finding.channel)
-        for finding in found.findings
-        if finding.channel and finding.verdict == EXCLUDED
-    }
     angles = {float(angle): row for row, angle in enumerate(found.frf.position_deg)}
-    changed = sum(
-        not _is_same(expected.values[row], found.frf.values[angles[angle]])
-        for row, angle in enumerate(expected.position_deg.tolist())
-        if angle in angles
+    healthy = [row for row, name in enumerate(frf.channel) if name not in faulty]
+    places = [(row, angles.get(float(expected.position_deg[row]))) for row in healthy]
+    return sum(
+        place is None or not _is_same(expected.values[row], found.frf.values[place])
+        for row, place in places
     )
-    return max(len(excluded), expected.n_positions - found.frf.n_positions) + changed
 
 
 def _is_same(first: np.ndarray, second: np.ndarray) -> bool:
@@ -261,11 +265,12 @@ def _agreeing(poles: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 HEADER = (
-    "| effect | missed | invented (doubted) | mislabelled | healthy channels touched | warnings "
+    "| effect | missed | invented (doubted) | mislabelled | healthy channels touched "
+    "| faulty named | warnings "
     "| frequency error, %: worst, median | damping error, %: worst, median "
     "| 95 % cover: f, ζ | largest error/σ "
     "| toolbox frequency: worst, median | toolbox damping: worst, median | s |\n"
-    + "|---" * 13
+    + "|---" * 14
     + "|"
 )
 
@@ -283,6 +288,7 @@ def table_row(name: str, results: list[Result]) -> str:
         f"{len(invented)} ({sum(row.doubtful for row in invented)})",
         str(sum(match.is_mislabelled for match in matches)),
         str(sum(result.touched for result in results)),
+        f"{sum(result.named for result in results)} of {sum(result.faulty for result in results)}",
         str(sum(result.warnings for result in results)),
         *_errors(matches),
         ", ".join(f"{np.mean(part[np.isfinite(part)] < 1.96):.0%}" for part in z.T)

@@ -18,7 +18,7 @@ MERGED_SPLIT = 0.5
 # damping to be compared with.
 RESOLVABLE_SPLIT = 1.0
 # A row belongs to an order up to this share of its frequency …
-REACH = 0.015
+REACH = 0.01
 # … and to a mode of rim, sidewall or air, or to one cut by the band's end, up to this share.
 OTHER_REACH = 0.005
 

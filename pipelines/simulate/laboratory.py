@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -186,7 +187,7 @@ class Laboratory:
             shift = shift + rates[:, None] * effects.pressure_drift_within * time
         return np.asarray(shift)
 
-    @property
+    @cached_property
     def _usual_level(self) -> float:
         """Level of the first run, rms over its time."""
         effects, mounting, system = self.effects, self.mounting(0), self.system(0)
@@ -241,7 +242,7 @@ class Laboratory:
             sensor_mass_kg=effects.sensor_mass_kg if declared else None,
         )
 
-    @property
+    @cached_property
     def truth(self) -> Truth:
         """The exact modes."""
         modes = [self.bare_modes(run) for run in range(self.effects.runs)]

@@ -18,6 +18,7 @@ from pipelines.simulate.laboratory_tyre import Complexes, Floats, System
 
 SETTLING_S = 3.0  # kept before the recording; the slowest mode decays to e^-12 and less
 HUM_HZ = 50.0
+DEAD = 1e-4  # of the signal is left of a dead sensor
 OFFSET_M_S2 = 0.2
 RANGE_OVER_PEAK = 1.25  # full scale of the converter over the largest sample
 
@@ -221,10 +222,27 @@ def recorded_force(force: Floats, effects: Effects, random: np.random.Generator)
     return _converted(force + preload + noise * random.standard_normal(force.size), effects.bits)
 
 
+def with_faults(clean: Floats, effects: Effects) -> Floats:
+    """Accelerations with the sensors that are dead, of wrong sign, too quiet or swapped."""
+    found = clean.copy()
+    for number, factor in (
+        (effects.dead_sensor, DEAD),
+        (effects.flipped_sensor, -1.0),
+        (effects.scaled_sensor, 0.5),
+    ):
+        if number:
+            found[number - 1] *= factor
+    if effects.swapped_sensor:
+        place = effects.swapped_sensor
+        found[[place - 1, place]] = found[[place, place - 1]]
+    return found
+
+
 def recorded_responses(clean: Floats, effects: Effects, random: np.random.Generator) -> Floats:
     """Accelerations as the sensors record them: noise, hum, offset, clipping and converter."""
     count, samples = clean.shape
     mean = float(np.std(clean, axis=1).mean())
+    clean = with_faults(clean, effects)
     noise = mean * 10 ** (-effects.snr_db / 20)
     seen = clean + noise * random.standard_normal(clean.shape)
     if effects.floor:

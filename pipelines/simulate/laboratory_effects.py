@@ -112,6 +112,10 @@ class Effects:
     offset_deg: float = _effect(0.0, "deg", "sensors of one run sit this far off", -180.0, 180.0)
     offset_run: int = _effect(2, "–", "run with the offset, from 1; 0 means all", 0, 36)
     force_offset_deg: float = _effect(0.0, "deg", "force acts this far off", -180.0, 180.0)
+    dead_sensor: int = _effect(0, "–", "number of a sensor that gives noise only; 0: none", 0, 72)
+    flipped_sensor: int = _effect(0, "–", "number of a sensor of wrong sign; 0: none", 0, 72)
+    scaled_sensor: int = _effect(0, "–", "number of a sensor that reads half; 0: none", 0, 72)
+    swapped_sensor: int = _effect(0, "–", "number of a sensor swapped with the next", 0, 71)
     # Noise and conversion.
     snr_db: float = _effect(60.0, "dB", "mean response over sensor noise, rms", -40.0, 300.0)
     floor: float = _effect(0.0, "–", "low-frequency noise (1/f), share of the mean response")
@@ -134,6 +138,10 @@ class Effects:
                 "two ascending angles",
             ),
             "rim_hz": (len(self.rim_hz) in (0, 2), "no frequency or two, of x and z"),
+            "sensors": (
+                max(self.faulty_sensors, default=0) <= self.sensors,
+                "faulty sensors are among them",
+            ),
             "bits": (self.bits == 0 or self.bits >= 4, "0, or 4 and more"),
         }
         for name, (holds, rule) in rules.items():
@@ -154,6 +162,13 @@ class Effects:
     def band_hz(self) -> tuple[float, float]:
         """Band of the force, as far as its time course is free."""
         return LOWEST_EXCITED_HZ, HIGHEST_EXCITED * self.sampling_rate_hz
+
+    @property
+    def faulty_sensors(self) -> frozenset[int]:
+        """Numbers of the sensors with a fault."""
+        lone = (self.dead_sensor, self.flipped_sensor, self.scaled_sensor)
+        both = (self.swapped_sensor, self.swapped_sensor + 1) if self.swapped_sensor else ()
+        return frozenset((*lone, *both)) - {0}
 
     @property
     def switched_on(self) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from pipelines.simulate.laboratory_chain import (
     moving_responses,
     period_samples,
     responses,
+    with_faults,
 )
 from pipelines.simulate.laboratory_effects import Effects, effects_from, parse_effect
 from pipelines.simulate.laboratory_truth import read_truth, truth_content
@@ -294,6 +295,17 @@ def test_clipping_and_gain_and_delay():
     late = Laboratory(Effects(**SHORT, delay_us=5000.0)).signals(0)[1]
     assert np.std(late) == pytest.approx(np.std(plain), rel=0.05)
     assert np.std(late - plain) > 0.1 * np.std(plain)
+
+
+def test_faulty_sensors():
+    effects = Effects(**SHORT, dead_sensor=1, flipped_sensor=2, scaled_sensor=3, swapped_sensor=4)
+    assert effects.faulty_sensors == {1, 2, 3, 4, 5}
+    good = Laboratory(Effects(**SHORT)).signals(0)[1]
+    bad = with_faults(good, effects)
+    assert np.std(bad[0]) < 1e-3 * np.std(good[0])
+    assert bad[1] == pytest.approx(-good[1])
+    assert bad[2] == pytest.approx(good[2] / 2)
+    assert bad[[3, 4]] == pytest.approx(good[[4, 3]])
 
 
 def test_one_effect_leaves_the_random_rest_alone():
