@@ -83,7 +83,7 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "run 2 off by 5°": {"offset_deg": 5.0},
     "force off by 5°": {"force_offset_deg": 5.0},
     "8 s, one run": {"duration_s": 8.0, "runs": 1, "snr_db": 70.0},
-    "stiff tyre, rate 1024 Hz": {"sampling_rate_hz": 1024.0},
+    "stiff tyre, rate 1024 Hz": {"stiffness": 1.44, "sampling_rate_hz": 1024.0},
     "many at once": {
         "splice": 0.004, "stiffness_variation": 0.01, "damping_variation": 0.3,
         "mass_variation": 0.005, "lateral_hz": (48.0, 131.0), "cavity_coupling": 0.1,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -35,6 +35,7 @@ from pipelines.simulate.laboratory_truth import (
     truth_content,
 )
 from pipelines.simulate.laboratory_tyre import (
+    STIFFNESSES,
     Complexes,
     Floats,
     LaboratoryTyre,
@@ -69,6 +70,8 @@ class Laboratory:
 
     def __post_init__(self) -> None:
         ring, damping = random_ring(self.effects.seed)
+        factor = self.effects.stiffness
+        ring = replace(ring, **{name: factor * getattr(ring, name) for name in STIFFNESSES})
         object.__setattr__(self, "tyre", LaboratoryTyre(ring, damping, self.effects))
 
     @property

@@ -186,14 +186,16 @@ def moving_responses(
     found = irfft(rest.inertance(rows, omega) * spectrum, period, axis=1)
     force, force_rate = irfft(spectrum, period), irfft(1j * omega * spectrum, period)
     lines = np.concatenate([omega[:-1], -omega[:0:-1]])
-    residues = system.residues(rows)
-    for mode in moving:
+    second = np.empty((moving.size, period), dtype=complex)
+    for place, mode in enumerate(moving):
         own = growth[mode] - (growth[mode].real.max() + growth[mode].real.min()) / 2
+        grown = np.exp(own)
         pole, now = system.poles[mode] + mean[mode], system.poles[mode] + shift[mode]
-        amplitude = np.exp(own) * ifft(fft(np.exp(-own) * force) / (1j * lines - pole))
+        amplitude = grown * ifft(fft(force / grown) / (1j * lines - pole))
         # x = 2 Re(A q) with q' = s q + f, differentiated twice.
-        second = (now**2 + np.gradient(now, step)) * amplitude + now * force + force_rate
-        found += 2 * np.real(residues[:, [mode]] * second)
+        second[place] = (now**2 + np.gradient(now, step)) * amplitude + now * force + force_rate
+    residues = system.residues(rows)[:, moving]
+    found += 2 * (residues.real @ second.real - residues.imag @ second.imag)
     return np.asarray(irfft(_seen(rfft(found, axis=1), omega, mounting), period, axis=1))
 
 

@@ -75,6 +75,9 @@ class Effects:
     preload_n: float = _effect(50.0, "N", "static force; none with a hammer", 0.0, 1e3)
     shaker: bool = _effect(False, "–", "shaker moves with the tyre: force drops at resonances")
     # The tyre.
+    stiffness: float = _effect(
+        1.0, "–", "factor on pressure and all stiffness of the tyre that the seed draws", 0.2, 5.0
+    )
     splice: float = _effect(0.0, "–", "share of the belt's mass added in a splice", 0.0, 0.1)
     stiffness_variation: float = _effect(0.0, "–", "rms of the stiffness over the angle", 0.0, 0.2)
     damping_variation: float = _effect(0.0, "–", "rms of the damping over the angle", 0.0, 0.4)

@@ -41,6 +41,13 @@ DAMPING_RANGES = {
     "circumferential_n_s_m3": (400.0, 900.0),
     "loss_factor": (0.018, 0.032),
 }
+STIFFNESSES = (
+    "radial_stiffness_n_m3",
+    "circumferential_stiffness_n_m3",
+    "axial_stiffness_n_m",
+    "bending_stiffness_n_m",
+    "inflation_pressure_pa",
+)
 HIGHEST_ORDER_7_HZ = 255.0  # order 7 stays clear of the default band's end
 
 RIM_DAMPING = 0.03  # damping ratio of the fixture

@@ -104,6 +104,12 @@ def test_an_uneven_tyre_splits_its_pairs_and_has_complex_modes():
     assert min(phases) < 0.9999
 
 
+def test_stiffness_moves_all_frequencies():
+    soft, stiff = (Laboratory(Effects(stiffness=k)).truth.modes for k in (1.0, 1.44))
+    for order, hz in ring_hz(soft).items():
+        assert ring_hz(stiff)[order] == pytest.approx(1.2 * np.array(hz), rel=1e-6)
+
+
 def test_pressure_moves_high_orders_and_leaves_order_1():
     laboratory = Laboratory(Effects(pressure_drift=0.02))
     first, last = (ring_hz(laboratory.bare_modes(run)) for run in (0, 5))
