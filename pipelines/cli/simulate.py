@@ -120,11 +120,10 @@ def campaign(
     With effects, the tyre and its test are those of a real laboratory; the documentation lists them
     ("A virtual laboratory").
 
-    Examples
-    --------
+    Examples:
       ringmodal simulate campaign virtual --duration-s 60 --snr-db 20
       ringmodal simulate campaign hammer --effect excitation=hammer --effect splice=0.004
-    """
+    """  # noqa: D406, D407 - a heading of the help
     common: dict[str, Any] = {
         "seed": seed,
         "duration_s": duration_s,
