@@ -33,7 +33,7 @@ from pipelines.simulate.laboratory_truth import LaboratoryMode
 BAND_HZ = (20.0, 260.0)
 LARGE_Z = 5.0
 # Reach around the true frequency of the toolbox's poles, and shares up to which they agree.
-COLUMN, STABLE_FREQUENCY, STABLE_DAMPING = 0.003, 0.001, 0.05
+COLUMN, STABLE_FREQUENCY, STABLE_DAMPING = 0.006, 0.001, 0.05
 UNCHANGED = 1e-6  # relative change of a row that is no change
 
 UNEVEN = {"splice": 0.002, "stiffness_variation": 0.005, "mass_variation": 0.003}
@@ -234,7 +234,7 @@ def mean_modes(laboratory: Laboratory) -> tuple[LaboratoryMode, ...]:
 
 
 def _picked(frf: FRF, orders: list[Order]) -> Score:
-    """One pole per order at its true frequency: the one that most high model orders agree on."""
+    """One pole per order: nearest to the true frequency of those that model orders agree on."""
     try:
         from peer import poles_of_orders
     except ImportError:
@@ -251,7 +251,9 @@ def _picked(frf: FRF, orders: list[Order]) -> Score:
         off = np.abs(np.abs(stable) / (2 * np.pi * target.frequency_hz) - 1)
         column = stable[off < COLUMN]
         if column.size:
-            pole = column[np.argmax(_agreeing(column, column))]
+            support = _agreeing(column, column)
+            column = column[support >= 0.8 * support.max()]
+            pole = column[np.argmin(np.abs(np.abs(column) / (2 * np.pi) - target.frequency_hz))]
             pairs.append(Match(target, Row(abs(pole) / (2 * np.pi), -pole.real / abs(pole))))
     return Score(pairs)
 
