@@ -115,10 +115,10 @@ def campaign(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a virtual campaign on a tyre with known modes, which are in truth.toml or truth.json.
+    """Write a virtual campaign on a tyre with known modes, which are in truth.toml.
 
-    With effects, the tyre and its test are those of a real laboratory; the documentation lists them
-    ("A virtual laboratory").
+    With effects, tyre and test are those of a real laboratory and the modes are in truth.json. The
+    documentation lists the effects ("A virtual laboratory").
 
     Examples:
       ringmodal simulate campaign virtual --duration-s 60 --snr-db 20
@@ -146,7 +146,7 @@ def campaign(
             if (file_format, split_percent, drift_percent) != ("uff", 0.0, 0.0):
                 raise InputError(
                     "--effect",
-                    "--format, --split-percent or --drift-percent beside it",
+                    "given with --format csv, --split-percent or --drift-percent",
                     "effects are written as universal files and have their own pairs and drift",
                     "Use the effects stiffness_variation, temperature_drift or pressure_drift",
                 )
