@@ -54,6 +54,17 @@ _STEP = 1e-3  # relative step of the pressure for its effect on the poles
 class Laboratory:
     """A tyre on the test stand; everything follows from the effects and their seed.
 
+    Parameters
+    ----------
+    effects : Effects
+
+    Attributes
+    ----------
+    tyre : LaboratoryTyre
+        The structure, bare.
+    truth : Truth
+        Its exact modes.
+
     Examples
     --------
     >>> from pipelines.simulate.laboratory import Laboratory
@@ -119,7 +130,8 @@ class Laboratory:
         """The tyre as tested in a run, with everything that hangs on it."""
         effects, mounting = self.effects, self.mounting(run)
         extra = self.tyre.hung(self.drive[None, :], effects.live_mass_kg)
-        for tilt in (0.0, 90.0):  # a mass pulls radially and tangentially
+        # The stinger decouples its mass from tangential motion; sensors have both inertias.
+        for tilt in (0.0, 90.0):
             rows = self.tyre.surface(mounting.actual_deg, tilt)
             extra += self.tyre.hung(rows, effects.sensor_mass_kg)
         return self.tyre.solve(self.state(run), self.drive, extra)
