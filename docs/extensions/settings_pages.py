@@ -1,4 +1,4 @@
-"""The table of thresholds, from the settings classes themselves."""
+"""Tables of thresholds and of simulated effects, from the classes that define them."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from ema.core.settings import CheckSettings, IdentificationSettings
+from pipelines.simulate.laboratory_effects import describe_effects
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
 PAGE = "dev/thresholds"
+EFFECTS_PAGE = "howto/virtual-laboratory"
 _TABLES = {"identification": IdentificationSettings, "checks": CheckSettings}
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Append the tables to the page of thresholds as it is read."""
+    """Append the tables to their pages as they are read."""
     app.connect("source-read", _append_tables)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -24,6 +26,8 @@ def setup(app: Sphinx) -> dict[str, bool]:
 def _append_tables(app: Sphinx, page: str, source: list[str]) -> None:
     if page == PAGE:
         source[0] += "\n".join(tables())
+    elif page == EFFECTS_PAGE:
+        source[0] += "\n".join(effects_table())
 
 
 def tables() -> Iterator[str]:
@@ -36,3 +40,11 @@ def tables() -> Iterator[str]:
             effect = about["effect"].replace("|", r"\|")
             cells = f"`{each.name}`", f"{each.default:g}", about["unit"], effect, about["source"]
             yield f"| {' | '.join(cells)} |"
+
+
+def effects_table() -> Iterator[str]:
+    """Effects of a simulated laboratory."""
+    yield "\n| name | default | unit | meaning |\n|---|---|---|---|"
+    for name, default, unit, meaning in describe_effects():
+        shown = str(default).lower() if isinstance(default, bool) else f"{default}"
+        yield f"| `{name}` | {shown} | {unit} | {meaning} |"

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
+from ema.core.errors import InputError
 from model import Cleat, CleatTest, ForcedRing, hub_response
 from model.cleat import Quantity
 from model.coefficients import PressureLoad
@@ -27,6 +28,8 @@ from pipelines.cli.values import (
     values_of,
 )
 from pipelines.simulate.campaign import simulate_campaign
+from pipelines.simulate.laboratory import simulate_laboratory
+from pipelines.simulate.laboratory_effects import effects_of
 from pipelines.simulate.responses import (
     MOST_LOADS,
     Observer,
@@ -101,26 +104,53 @@ def campaign(
     drift_percent: Annotated[
         float, typer.Option(help="Rise of all frequencies from run to run in percent.")
     ] = 0.0,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE", help="Effect of a real laboratory, e.g. splice=0.004; repeatable."
+        ),
+    ] = None,
+    effects: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="TOML file with such effects.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Write a virtual campaign on a tyre with known modes, which are in truth.toml.
 
-    Example:
+    With effects, tyre and test are those of a real laboratory and the modes are in truth.json. The
+    documentation lists the effects ("A virtual laboratory").
+
+    Examples:
       ringmodal simulate campaign virtual --duration-s 60 --snr-db 20
-    """
+      ringmodal simulate campaign hammer --effect excitation=hammer --effect splice=0.004
+    """  # noqa: D406, D407 - a heading of the help
+    common: dict[str, Any] = {
+        "seed": seed,
+        "duration_s": duration_s,
+        "sampling_rate_hz": sampling_rate_hz,
+        "snr_db": snr_db,
+        "sensor_mass_kg": sensor_mass_kg,
+    }
+    laboratory = effects_of(effects, effect or (), common)
     with reporting_outcome(folder):
-        written = simulate_campaign(
-            folder,
-            seed=seed,
-            duration_s=duration_s,
-            sampling_rate_hz=sampling_rate_hz,
-            snr_db=snr_db,
-            file_format=file_format,
-            split_percent=split_percent,
-            shaker_between=shaker_between,
-            sensor_mass_kg=sensor_mass_kg,
-            drift_percent=drift_percent,
-        )
+        if laboratory is None:
+            written = simulate_campaign(
+                folder,
+                **common,
+                file_format=file_format,
+                split_percent=split_percent,
+                shaker_between=shaker_between,
+                drift_percent=drift_percent,
+            )
+        else:
+            if (file_format, split_percent, drift_percent) != ("uff", 0.0, 0.0):
+                raise InputError(
+                    "--effect",
+                    "given with --format csv, --split-percent or --drift-percent",
+                    "effects are written as universal files and have their own pairs and drift",
+                    "Use the effects stiffness_variation, temperature_drift or pressure_drift",
+                )
+            written = simulate_laboratory(folder, laboratory)
     if as_json:
         print_json({"campaign": str(written)})
         return

@@ -159,9 +159,7 @@ def simulate_campaign(
     if file_format not in ("uff", "csv"):
         rule = "must be uff or csv"
         raise InputError("file_format", repr(file_format), rule, "Choose one of them")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        rule = "a campaign needs a new or empty folder"
-        raise InputError(str(folder), "it already exists", rule, "Choose another folder")
+    require_empty(folder)
     modes = truth_modes(split_percent=split_percent, shaker_between=shaker_between)
     write = write_time_series if file_format == "uff" else write_csv
     with written_whole(folder, marker=None) as partial:
@@ -236,6 +234,13 @@ def _disturbance(noise: float, n_samples: int, rate: float, random: _Random) -> 
     time = np.arange(n_samples) / rate
     hum = np.sqrt(2.0) * HUM_OVER_NOISE * noise * np.sin(2.0 * np.pi * HUM_HZ * time + phase)
     return np.asarray(noise * random.standard_normal(n_samples) + hum + offset)
+
+
+def require_empty(folder: Path) -> None:
+    """Refuse a folder that is not empty."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        rule = "a campaign needs a new or empty folder"
+        raise InputError(str(folder), "it already exists", rule, "Choose another folder")
 
 
 def _write_text(path: Path, text: str) -> None:

@@ -1,0 +1,406 @@
+"""A campaign of a laboratory: a tyre with effects, its recordings and the exact truth."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from scipy.fft import irfft
+
+from ema.core.campaign import Campaign, Response, Run, Tyre
+from ema.core.recording import ACCELERATION, FORCE, Channel, Recording
+from ema.io.uff.write import write_time_series
+from pipelines.simulate.campaign import require_empty
+from pipelines.simulate.laboratory_chain import (
+    Mounting,
+    force_spectrum,
+    frequencies,
+    level_over_time,
+    moving_responses,
+    period_samples,
+    recorded_force,
+    recorded_responses,
+    responses,
+    with_shaker,
+)
+from pipelines.simulate.laboratory_effects import Effects, describe_effects
+from pipelines.simulate.laboratory_truth import (
+    POSITIONS,
+    LaboratoryMode,
+    Truth,
+    modes_of,
+    truth_content,
+)
+from pipelines.simulate.laboratory_tyre import (
+    STIFFNESSES,
+    Complexes,
+    Floats,
+    LaboratoryTyre,
+    State,
+    System,
+    random_ring,
+)
+from pipelines.storage.result_folder import written_whole
+
+REFERENCE_DEG = 2.5
+REFERENCE = "REF"
+_STEP = 1e-3  # relative step of the pressure for its effect on the poles
+
+
+@dataclass(frozen=True, eq=False)
+class Laboratory:
+    """A tyre on the test stand; everything follows from the effects and their seed.
+
+    Parameters
+    ----------
+    effects : Effects
+
+    Attributes
+    ----------
+    tyre : LaboratoryTyre
+        The structure, bare.
+    truth : Truth
+        Its exact modes.
+
+    Examples
+    --------
+    >>> from pipelines.simulate.laboratory import Laboratory
+    >>> from pipelines.simulate.laboratory_effects import Effects
+    >>> laboratory = Laboratory(Effects(duration_s=2.0, runs=2, splice=0.01))
+    >>> laboratory.campaign()
+    <Campaign laboratory: 2 runs with 24 responses, tyre laboratory tyre 1>
+    >>> laboratory.truth.modes[1].kind
+    'ring'
+    """
+
+    effects: Effects
+    tyre: LaboratoryTyre = field(init=False)
+
+    def __post_init__(self) -> None:
+        ring, damping = random_ring(self.effects.seed)
+        factor = self.effects.stiffness
+        ring = replace(ring, **{name: factor * getattr(ring, name) for name in STIFFNESSES})
+        object.__setattr__(self, "tyre", LaboratoryTyre(ring, damping, self.effects))
+
+    @property
+    def drive(self) -> Floats:
+        """Row of the coordinates at the force."""
+        return np.asarray(self.tyre.surface(np.array([self.force_deg]))[0])
+
+    @property
+    def force_deg(self) -> float:
+        """Where the force really acts."""
+        return self.effects.force_deg + self.effects.force_offset_deg
+
+    def progress(self, run: int) -> float:
+        """How far the campaign's drift has come half-way through a run: 0 first, 1 last."""
+        if self.effects.runs == 1:
+            return 0.0
+        steps = np.random.default_rng([self.effects.seed, 2]).uniform(0.5, 1.5, self.effects.runs)
+        return float(np.sum(steps[1 : run + 1]) / np.sum(steps[1:]))
+
+    def state(self, run: int) -> State:
+        """State of the tyre half-way through a run."""
+        effects, progress = self.effects, self.progress(run)
+        return State(
+            1 + effects.pressure_drift * progress,
+            1 + effects.temperature_drift * progress,
+            1 + effects.temperature_damping * progress,
+        )
+
+    def mounting(self, run: int) -> Mounting:
+        """Sensors of a run."""
+        effects = self.effects
+        declared, actual = _angles_deg(effects, run)
+        fixed = np.random.default_rng([effects.seed, 3])
+        gain = 1 + effects.gain_error * fixed.standard_normal(declared.size)
+        delay = 1e-6 * effects.delay_us * fixed.uniform(0, 1, declared.size)
+        reference = fixed.uniform(-1, 1) * effects.angle_error_deg, fixed.standard_normal()
+        moved = np.random.default_rng([effects.seed, 4, run])
+        errors = effects.angle_error_deg * moved.uniform(-1, 1, declared.size)
+        tilt = effects.tilt_deg * moved.standard_normal(declared.size)
+        errors[-1], tilt[-1] = reference[0], effects.tilt_deg * reference[1]
+        names = (*(f"A{k + 1:02d}" for k in range(effects.sensors)), REFERENCE)
+        return Mounting(names, declared, actual + errors, tilt, gain, delay)
+
+    def system(self, run: int) -> System:
+        """The tyre as tested in a run, with everything that hangs on it."""
+        effects, mounting = self.effects, self.mounting(run)
+        extra = self.tyre.hung(self.drive[None, :], effects.live_mass_kg)
+        # The stinger decouples its mass from tangential motion; sensors have both inertias.
+        for tilt in (0.0, 90.0):
+            rows = self.tyre.surface(mounting.actual_deg, tilt)
+            extra += self.tyre.hung(rows, effects.sensor_mass_kg)
+        return self.tyre.solve(self.state(run), self.drive, extra)
+
+    def recordings(self, run: int) -> tuple[Floats, Floats]:
+        """Force in N, shape (n_samples,), and accelerations in m/s², (n_sensors, n_samples)."""
+        force, found = self.signals(run)
+        random = np.random.default_rng([self.effects.seed, 6, run])
+        return (
+            recorded_force(force, self.effects, random),
+            recorded_responses(found, self.effects, random),
+        )
+
+    def signals(self, run: int) -> tuple[Floats, Floats]:
+        """What a perfect chain would record: force and accelerations of a run."""
+        effects, mounting, system = self.effects, self.mounting(run), self.system(run)
+        period = period_samples(effects)
+        omega = frequencies(effects, period)
+        spectrum = force_spectrum(effects, np.random.default_rng([effects.seed, 5, run]))
+        spectrum *= 10 ** (effects.level_step_db / 20 * run / max(effects.runs - 1, 1))
+        if effects.shaker:
+            drive = system.inertance(self.drive[None, :], omega)[0]
+            spectrum = with_shaker(spectrum, omega, drive)
+        rows = self.tyre.surface(mounting.actual_deg, mounting.tilt_deg)
+        found = None
+        if not self._moves:
+            found = responses(system, rows, spectrum, omega, mounting)
+        else:
+            shift = self._shift(run, system, rows, spectrum, omega, mounting)
+            found = moving_responses(system, shift, rows, spectrum, omega, mounting)
+        kept = slice(period - effects.n_samples, None)
+        return irfft(spectrum, period)[kept], found[:, kept]
+
+    @property
+    def _moves(self) -> bool:
+        effects = self.effects
+        return bool(effects.pressure_drift_within or effects.drift_within or effects.softening)
+
+    def _shift(
+        self,
+        run: int,
+        system: System,
+        rows: Floats,
+        spectrum: Complexes,
+        omega: Floats,
+        mounting: Mounting,
+    ) -> Complexes:
+        """Change of the excited poles over the period, against half-way through the run."""
+        effects = self.effects
+        poles = system.poles[np.abs(system.poles) < 2 * np.pi * effects.band_hz[1]]
+        period = period_samples(effects)
+        time = (np.arange(period) - period + effects.n_samples / 2) / effects.n_samples
+        factor = effects.drift_within * time
+        if effects.softening:
+            level = level_over_time(
+                responses(system, rows, spectrum, omega, mounting), effects.sampling_rate_hz
+            )
+            factor = factor - effects.softening * (level / self._usual_level - 1)
+        shift = poles[:, None] * factor
+        if effects.pressure_drift_within:
+            state = self.state(run)
+            up, down = (
+                State(state.pressure + sign * _STEP, state.frequency, state.damping)
+                for sign in (1, -1)
+            )
+            slope = (self.tyre.stiffness(up) - self.tyre.stiffness(down)) / (2 * _STEP)
+            rates = system.pole_rates(slope)[: poles.size]
+            shift = shift + rates[:, None] * effects.pressure_drift_within * time
+        return np.asarray(shift)
+
+    @cached_property
+    def _usual_level(self) -> float:
+        """Level of the first run, rms over its time."""
+        effects, mounting, system = self.effects, self.mounting(0), self.system(0)
+        omega = frequencies(effects, period_samples(effects))
+        spectrum = force_spectrum(effects, np.random.default_rng([effects.seed, 5, 0]))
+        if effects.shaker:
+            drive = system.inertance(self.drive[None, :], omega)[0]
+            spectrum = with_shaker(spectrum, omega, drive)
+        rows = self.tyre.surface(mounting.actual_deg, mounting.tilt_deg)
+        found = responses(system, rows, spectrum, omega, mounting)
+        return float(np.sqrt(np.mean(found**2)))
+
+    def channels(self, run: int) -> list[Channel]:
+        """Channels of a run in single precision: the force, the turned sensors, the reference."""
+        force, found = self.recordings(run)
+        mounting, step = self.mounting(run), 360.0 / POSITIONS
+        channels = [Channel("force", FORCE, "N", force.astype(np.float32))]
+        for name, angle, signal in zip(mounting.names, mounting.declared_deg, found, strict=True):
+            node = 999 if name == REFERENCE else round(float(angle) / step)
+            samples = signal.astype(np.float32)
+            channels.append(Channel(name, ACCELERATION, "m/s^2", samples, node=node))
+        return channels
+
+    def campaign(self) -> Campaign:
+        """The campaign in memory, as `ema.estimate_frf` takes it."""
+        effects = self.effects
+        runs = []
+        for run in range(effects.runs):
+            channels = self.channels(run)
+            name = f"run_{run + 1}.uff"
+            angles = self.mounting(run).declared_deg
+            sensors = tuple(
+                Response(channel, channel.node, float(angle))
+                for channel, angle in zip(channels[1:-1], angles, strict=False)
+            )
+            recording = Recording(Path(name), effects.sampling_rate_hz, tuple(channels))
+            runs.append(Run(name, recording, channels[0], sensors, channels[-1]))
+        ring = self.tyre.ring
+        declared = effects.sensor_mass_kg > 0 and effects.declare_mass
+        return Campaign(
+            "laboratory",
+            tuple(runs),
+            tyre=Tyre(
+                f"laboratory tyre {effects.seed}",
+                ring.inflation_pressure_pa,
+                ring.mean_radius_m,
+                ring.belt_width_m,
+            ),
+            positions=POSITIONS,
+            excitation_deg=effects.force_deg,
+            reference_deg=REFERENCE_DEG,
+            sensor_mass_kg=effects.sensor_mass_kg if declared else None,
+        )
+
+    @cached_property
+    def truth(self) -> Truth:
+        """The exact modes."""
+        modes = [self.bare_modes(run) for run in range(self.effects.runs)]
+        ring_hz = [
+            np.array([m.frequency_hz for m in run if m.kind == "ring" and 1 <= m.order <= 7])
+            for run in modes
+        ]
+        percent = tuple(
+            float(100 * np.mean(now / ring_hz[0] - 1)) if now.size == ring_hz[0].size else np.nan
+            for now in ring_hz
+        )
+        tested = self.modes(self.system(0))
+        tyre = self.tyre
+        return Truth(
+            self.effects, tyre.ring, tyre.damping, self.force_deg, modes[0], tested, percent
+        )
+
+    def modes(self, system: System) -> tuple[LaboratoryMode, ...]:
+        """Modes of a system, see `modes_of`."""
+        return modes_of(self.tyre, system, self.force_deg)
+
+    def bare_modes(self, run: int) -> tuple[LaboratoryMode, ...]:
+        """Exact modes of the bare tyre half-way through a run."""
+        return self.modes(self.tyre.solve(self.state(run), self.drive))
+
+
+def simulate_laboratory(folder: Path | str, effects: Effects) -> Path:
+    """Write the campaign of a laboratory: universal files, manifest and truth.
+
+    Parameters
+    ----------
+    folder : Path or str
+        New or empty folder. Gets ``run_1.uff`` …, ``campaign.toml``, ``README.md`` and
+        ``truth.json``, which the processing never reads; all of them or nothing.
+    effects : Effects
+        Same effects, same bytes.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    InputError
+        If the folder is not empty or cannot be written.
+
+    Examples
+    --------
+    >>> from pipelines.simulate.laboratory import simulate_laboratory
+    >>> from pipelines.simulate.laboratory_effects import Effects
+    >>> folder = simulate_laboratory("hammer_test", Effects(excitation="hammer", duration_s=10.0))
+    >>> sorted(path.name for path in folder.iterdir())[:3]
+    ['README.md', 'campaign.toml', 'run_1.uff']
+    """
+    folder = Path(folder)
+    require_empty(folder)
+    laboratory = Laboratory(effects)
+    with written_whole(folder, marker=None) as partial:
+        for run in range(effects.runs):
+            file = partial / f"run_{run + 1}.uff"
+            write_time_series(file, laboratory.channels(run), effects.sampling_rate_hz)
+        texts = {
+            "campaign.toml": _manifest(laboratory),
+            "truth.json": json.dumps(truth_content(laboratory.truth), indent=1) + "\n",
+            "README.md": _readme(effects),
+        }
+        for name, text in texts.items():
+            (partial / name).write_text(text, encoding="utf-8", newline="\n")
+    return folder
+
+
+def _manifest(laboratory: Laboratory) -> str:
+    """The campaign as the laboratory declares it, errors not included."""
+    effects, ring = laboratory.effects, laboratory.tyre.ring
+    declared = effects.sensor_mass_kg > 0 and effects.declare_mass
+    sensors = f"\n[sensors]\nmass_kg = {effects.sensor_mass_kg}\n" if declared else ""
+    runs = ""
+    for run in range(effects.runs):
+        mounting = laboratory.mounting(run)
+        places = ", ".join(
+            f"{name} = {float(angle)}"
+            for name, angle in zip(mounting.names, mounting.declared_deg, strict=True)
+        )
+        runs += f"""
+[[runs]]
+file = "run_{run + 1}.uff"
+reference = "{REFERENCE}"
+positions_deg = {{ {places} }}
+"""
+    return f"""schema = 1
+
+[tyre]
+designation = "laboratory tyre {effects.seed}"
+inflation_pressure_pa = {ring.inflation_pressure_pa}
+mean_radius_m = {ring.mean_radius_m}
+belt_width_m = {ring.belt_width_m}
+origin = "simulated, see README.md"
+
+[acquisition]
+sampling_rate_hz = {effects.sampling_rate_hz}
+{sensors}
+[grid]
+positions = {POSITIONS}
+
+[excitation]
+channel = "force"
+position_deg = {effects.force_deg}
+direction = "radial"
+{runs}"""
+
+
+def _readme(effects: Effects) -> str:
+    known = {name: (unit, text) for name, _, unit, text in describe_effects()}
+    listed = "".join(
+        f"| `{name}` | {value} | {known[name][0]} | {known[name][1]} |\n"
+        for name, value in effects.switched_on.items()
+    )
+    return f"""# Simulated campaign of a laboratory
+
+No lab has measured these recordings: they were computed from the mass, damping and stiffness
+matrices of a ring on an elastic foundation. `truth.json` has the exact modes: `modes` of the bare
+tyre in the state of the first run half-way through, `as_tested_first_run` with everything that
+hung on it. The processing never reads it.
+
+Effects that differ from an ideal test of an ideal tyre:
+
+| effect | value | unit | meaning |
+|---|---|---|---|
+{listed}"""
+
+
+def _angles_deg(effects: Effects, run: int) -> tuple[Floats, Floats]:
+    """Angles of the sensors of a run as declared and as they are, the reference last."""
+    first, last = effects.circle_deg
+    gaps = effects.sensors if effects.is_full_circle else effects.sensors - 1
+    spacing = (last - first) / gaps
+    places = first + spacing * np.arange(effects.sensors)
+    step = spacing / effects.runs * run
+    declared = places + step
+    actual = places + (-step if effects.mirrored_step else step)
+    if effects.reversed_sequence:
+        actual = -places + step
+    if effects.offset_run in (0, run + 1):
+        actual = actual + effects.offset_deg
+    return np.append(declared, REFERENCE_DEG), np.append(actual, REFERENCE_DEG)

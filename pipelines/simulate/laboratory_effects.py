@@ -1,0 +1,306 @@
+"""Effects of a laboratory campaign: what differs from an ideal tyre measured ideally."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from ema.core.errors import InputError
+
+
+class Excitation(StrEnum):
+    """Time course of the force."""
+
+    RANDOM = "random"
+    PINK = "pink"
+    BURST = "burst"
+    SWEEP = "sweep"
+    HAMMER = "hammer"
+
+
+MOST_SAMPLES = 4_000_000  # per channel and run; a run is computed in memory
+LOWEST_EXCITED_HZ = 10.0
+HIGHEST_EXCITED = 0.45  # of the sampling rate
+
+
+def _effect(default: Any, unit: str, help_text: str, least: float = 0.0, most: float = 1.0) -> Any:
+    """A field with unit, limits and explanation."""
+    metadata = {"unit": unit, "help": help_text, "least": least, "most": most}
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class Effects:
+    """Options of a laboratory campaign; the defaults are an ideal test of an ideal tyre.
+
+    Every field has its unit, limits and explanation in its metadata, see `describe_effects`.
+    Shares and relative changes are fractions: 0.01 is 1 %.
+
+    Raises
+    ------
+    InputError
+        If a value has the wrong type or is out of its limits.
+
+    Examples
+    --------
+    >>> from pipelines.simulate.laboratory_effects import Effects
+    >>> Effects(seed=3, splice=0.02, angle_error_deg=0.5).switched_on
+    {'seed': 3, 'splice': 0.02, 'angle_error_deg': 0.5}
+    """
+
+    seed: int = _effect(1, "–", "seed of everything random, the tyre included", 0, 2**31)
+    # The test.
+    duration_s: float = _effect(20.0, "s", "length of each run", 1.0, 1000.0)
+    sampling_rate_hz: float = _effect(2000.0, "Hz", "sampling rate", 600.0, 20_000.0)
+    runs: int = _effect(6, "–", "number of runs", 1, 36)
+    sensors: int = _effect(12, "–", "turned sensors of a run", 3, 72)
+    circle_deg: tuple[float, ...] = _effect(
+        (0.0, 360.0), "deg", "first and last angle of the sensors; 0, 360 is the circle", 0.0, 360.0
+    )
+    force_deg: float = _effect(0.0, "deg", "angle of the force as declared", 0.0, 360.0)
+    # The force.
+    excitation: Excitation = field(
+        default=Excitation.RANDOM,
+        metadata={"unit": "–", "help": f"time course of the force: {', '.join(Excitation)}"},
+    )
+    force_rms_n: float = _effect(10.0, "N", "rms of the force without shaker interaction", 0.1, 1e3)
+    level_step_db: float = _effect(0.0, "dB", "rise of the force from first to last run", -40, 40)
+    event_s: float = _effect(4.0, "s", "length of a burst with its pause, or of a sweep", 1.0, 100)
+    hits: int = _effect(10, "–", "hammer hits in a run, timed by hand", 1, 200)
+    double_hits: float = _effect(0.0, "–", "share of hits that bounce")
+    preload_n: float = _effect(50.0, "N", "static force; none with a hammer", 0.0, 1e3)
+    shaker: bool = _effect(False, "–", "shaker moves with the tyre: force drops at resonances")
+    # The tyre.
+    stiffness: float = _effect(
+        1.0, "–", "factor on pressure and all stiffness of the tyre that the seed draws", 0.2, 5.0
+    )
+    splice: float = _effect(0.0, "–", "share of the belt's mass added in a splice", 0.0, 0.1)
+    stiffness_variation: float = _effect(0.0, "–", "rms of the stiffness over the angle", 0.0, 0.2)
+    damping_variation: float = _effect(0.0, "–", "rms of the damping over the angle", 0.0, 0.4)
+    mass_variation: float = _effect(0.0, "–", "rms of the mass over the angle", 0.0, 0.2)
+    rim_hz: tuple[float, ...] = _effect(
+        (), "Hz", "frequencies of the rim on its fixture, x and z; fixed if empty", 1.0, 1e4
+    )
+    rim_mass_kg: float = _effect(12.0, "kg", "mass of the rim on its fixture", 0.1, 1e3)
+    rim_turning_hz: float = _effect(0.0, "Hz", "rim turning on its fixture; 0 is fixed", 0.0, 1e4)
+    lateral_hz: tuple[float, ...] = _effect(
+        (), "Hz", "lateral modes, seen weakly by radial sensors", 1.0, 1e4
+    )
+    cavity_coupling: float = _effect(0.0, "–", "coupling of the air's first mode", 0.0, 0.3)
+    # Changes of the tyre.
+    pressure_drift: float = _effect(0.0, "–", "pressure, last against first run", -0.3, 0.3)
+    pressure_drift_within: float = _effect(0.0, "–", "pressure, change in each run", -0.3, 0.3)
+    temperature_drift: float = _effect(
+        0.0, "–", "all frequencies by temperature, last against first run", -0.1, 0.1
+    )
+    temperature_damping: float = _effect(
+        0.0, "–", "all damping ratios by temperature, last against first run", -0.5, 0.5
+    )
+    drift_within: float = _effect(0.0, "–", "all frequencies, change in each run", -0.1, 0.1)
+    softening: float = _effect(0.0, "–", "fall of all frequencies if the level doubles", -0.1, 0.1)
+    # Sensors and load cell.
+    sensor_mass_kg: float = _effect(0.0, "kg", "mass of each sensor", 0.0, 0.1)
+    declare_mass: bool = _effect(True, "–", "sensor mass is in the manifest")
+    live_mass_kg: float = _effect(0.0, "kg", "mass between load cell and tyre", 0.0, 1.0)
+    angle_error_deg: float = _effect(0.0, "deg", "largest error of a sensor's angle", 0.0, 10.0)
+    tilt_deg: float = _effect(0.0, "deg", "rms tilt: sensors see tangential motion", 0.0, 30.0)
+    gain_error: float = _effect(0.0, "–", "rms error of the sensitivities", 0.0, 0.2)
+    delay_us: float = _effect(0.0, "µs", "largest delay of a sensor's channel", 0.0, 1e4)
+    mirrored_step: bool = _effect(False, "–", "tyre turned the other way from run to run")
+    reversed_sequence: bool = _effect(False, "–", "sensors count the other way round")
+    offset_deg: float = _effect(0.0, "deg", "sensors of one run sit this far off", -180.0, 180.0)
+    offset_run: int = _effect(2, "–", "run with the offset, from 1; 0 means all", 0, 36)
+    force_offset_deg: float = _effect(0.0, "deg", "force acts this far off", -180.0, 180.0)
+    dead_sensor: int = _effect(0, "–", "number of a sensor that gives noise only; 0: none", 0, 72)
+    flipped_sensor: int = _effect(0, "–", "number of a sensor of wrong sign; 0: none", 0, 72)
+    scaled_sensor: int = _effect(0, "–", "number of a sensor that reads half; 0: none", 0, 72)
+    swapped_sensor: int = _effect(0, "–", "number of a sensor swapped with the next", 0, 71)
+    # Noise and conversion.
+    snr_db: float = _effect(60.0, "dB", "mean response over sensor noise, rms", -40.0, 300.0)
+    floor: float = _effect(0.0, "–", "low-frequency noise (1/f), share of the mean response")
+    force_snr_db: float = _effect(80.0, "dB", "force over load-cell noise, rms", -40.0, 300.0)
+    hum: float = _effect(0.0, "–", "50 Hz hum, share of the mean response", 0.0, 10.0)
+    bits: int = _effect(0, "–", "bits of the converter; 0 does not quantise", 0, 32)
+    clip: float = _effect(
+        0.0, "–", "sensors clip at this multiple of their mean rms; 0: never", 0.0, 99
+    )
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            value = _converted(entry.name, getattr(self, entry.name))
+            object.__setattr__(self, entry.name, value)
+        samples = self.n_samples
+        rules = {
+            "duration_s": (samples <= MOST_SAMPLES, f"a run has at most {MOST_SAMPLES} samples"),
+            "circle_deg": (
+                len(self.circle_deg) == 2 and self.circle_deg[0] < self.circle_deg[1],
+                "two ascending angles",
+            ),
+            "rim_hz": (len(self.rim_hz) in (0, 2), "no frequency or two, of x and z"),
+            "sensors": (
+                max(self.faulty_sensors, default=0) <= self.sensors,
+                "faulty sensors are among them",
+            ),
+            "bits": (self.bits == 0 or self.bits >= 4, "0, or 4 and more"),
+        }
+        for name, (holds, rule) in rules.items():
+            if not holds:
+                raise InputError(name, f"{getattr(self, name)}", rule, "Correct the value")
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of each channel in a run."""
+        return round(self.duration_s * self.sampling_rate_hz)
+
+    @property
+    def is_full_circle(self) -> bool:
+        """Whether the sensors cover the circle."""
+        return self.circle_deg[1] - self.circle_deg[0] == 360.0
+
+    @property
+    def band_hz(self) -> tuple[float, float]:
+        """Band of the force, as far as its time course is free."""
+        return LOWEST_EXCITED_HZ, HIGHEST_EXCITED * self.sampling_rate_hz
+
+    @property
+    def faulty_sensors(self) -> frozenset[int]:
+        """Numbers of the sensors with a fault."""
+        lone = (self.dead_sensor, self.flipped_sensor, self.scaled_sensor)
+        both = (self.swapped_sensor, self.swapped_sensor + 1) if self.swapped_sensor else ()
+        return frozenset((*lone, *both)) - {0}
+
+    @property
+    def switched_on(self) -> dict[str, Any]:
+        """Options that are not at their default."""
+        return {
+            entry.name: getattr(self, entry.name)
+            for entry in fields(self)
+            if getattr(self, entry.name) != entry.default
+        }
+
+
+_ENTRIES = {entry.name: entry for entry in fields(Effects)}
+
+
+def _converted(name: str, value: Any) -> Any:
+    """The value in the type of its default, within its limits."""
+    entry = _ENTRIES[name]
+    default = entry.default
+    if isinstance(default, StrEnum):
+        try:
+            return Excitation(value)
+        except ValueError as error:
+            rule = f"one of {', '.join(Excitation)}"
+            raise InputError(name, repr(value), rule, "Choose one of them") from error
+    if isinstance(default, bool):
+        if not isinstance(value, bool):
+            raise InputError(name, repr(value), "true or false", "Correct the value")
+        return value
+    numbers = (
+        tuple(value) if isinstance(default, tuple) and isinstance(value, list | tuple) else (value,)
+    )
+    least, most = entry.metadata["least"], entry.metadata["most"]
+    kinds = int if isinstance(default, int) else (int, float)
+    for number in numbers:
+        if isinstance(number, bool) or not isinstance(number, kinds):
+            kind = "a whole number" if isinstance(default, int) else "a number"
+            raise InputError(name, repr(number), f"it must be {kind}", "Correct the value")
+        if not least <= number <= most:
+            rule = f"it must lie between {least:g} and {most:g}"
+            raise InputError(name, f"{number:g}", rule, "Correct the value")
+    if isinstance(default, tuple):
+        return tuple(float(number) for number in numbers)
+    return float(value) if isinstance(default, float) else value
+
+
+def effects_from(table: Mapping[str, Any], place: str = "effects") -> Effects:
+    """Effects from a table of names and values.
+
+    Parameters
+    ----------
+    table : mapping
+        Names of `Effects` and their values.
+    place : str
+        Where the table comes from, for messages.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or a value unsuitable.
+    """
+    for name in table:
+        if name not in _ENTRIES:
+            rule = f"known effects: {', '.join(_ENTRIES)}"
+            raise InputError(place, repr(name), rule, "Correct or remove it")
+    return Effects(**table)
+
+
+def read_effects(path: Path) -> dict[str, Any]:
+    """Table of effects in a TOML file, as `effects_from` takes it.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(str(path), "file not found", "a TOML file", "Check the path") from error
+    except (OSError, ValueError) as error:
+        raise InputError(str(path), str(error), "a TOML file", "Fix it") from error
+
+
+def parse_effect(text: str) -> tuple[str, Any]:
+    """Name and value of ``name=value``, the value as in TOML or a plain word.
+
+    Raises
+    ------
+    InputError
+        If there is no equals sign.
+    """
+    name, separator, value = text.partition("=")
+    if not separator:
+        raise InputError("--effect", repr(text), "name=value", "Give for example splice=0.02")
+    try:
+        return name.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return name.strip(), value.strip()
+
+
+def effects_of(
+    file: Path | None, texts: Sequence[str], defaults: Mapping[str, Any]
+) -> Effects | None:
+    """Effects of a file and of ``name=value`` texts, which go before; None without either.
+
+    Parameters
+    ----------
+    file : Path or None
+        TOML file.
+    texts : sequence of str
+        ``name=value`` each.
+    defaults : mapping
+        Values of effects that neither names.
+
+    Raises
+    ------
+    InputError
+        If an effect is unknown or a value unsuitable.
+    """
+    if file is None and not texts:
+        return None
+    stated = {} if file is None else read_effects(file)
+    stated |= dict(parse_effect(text) for text in texts)
+    return effects_from({**defaults, **stated}, "--effect" if file is None else str(file))
+
+
+def describe_effects() -> list[tuple[str, Any, str, str]]:
+    """Name, default, unit and explanation of every effect."""
+    return [
+        (name, entry.default, entry.metadata["unit"], entry.metadata["help"])
+        for name, entry in _ENTRIES.items()
+    ]

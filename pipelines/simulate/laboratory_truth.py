@@ -1,0 +1,195 @@
+"""The truth of a laboratory campaign: exact modes, as objects and as ``truth.json``."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ema.core.errors import InputError
+from model.parameters import RingDamping, RingParameters
+from pipelines.simulate.laboratory_effects import Effects
+from pipelines.simulate.laboratory_tyre import Complexes, LaboratoryTyre, System
+
+POSITIONS = 72
+TRUTH_DEG = np.arange(POSITIONS) * 360.0 / POSITIONS
+HIGHEST_TRUTH_HZ = 600.0
+_SAME_POLE = 1e-7  # relative distance below which two poles are one
+
+
+@dataclass(frozen=True, eq=False)
+class LaboratoryMode:
+    """A mode of the truth.
+
+    Parameters
+    ----------
+    kind : str
+        ``"ring"``, ``"torsion"``, ``"extensional"``, ``"rim"``, ``"lateral"`` or ``"cavity"``.
+    order : int
+        Circumferential order that has most of the radial shape.
+    purity : float
+        Share of that order in the power of the radial shape.
+    energy_share : float
+        Share of the kinetic energy in the coordinates that name the kind.
+    frequency_hz, damping_ratio : float
+        |s|/2π and −Re(s)/|s|.
+    strength : float
+        |φ at the force|² over the modal mass, 1/kg: what the force drives and a sensor there sees.
+    shape : ndarray of complex, shape (72,)
+        Residues at 0°, 5° … 355°, scaled to a largest magnitude of 1.
+    """
+
+    kind: str
+    order: int
+    purity: float
+    energy_share: float
+    frequency_hz: float
+    damping_ratio: float
+    strength: float
+    shape: Complexes
+
+    @property
+    def pole(self) -> complex:
+        """Pole in rad/s."""
+        size = 2 * np.pi * self.frequency_hz
+        return complex(-self.damping_ratio, np.sqrt(1 - self.damping_ratio**2)) * size
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What a campaign was made from.
+
+    Parameters
+    ----------
+    effects : Effects
+    ring, damping : RingParameters, RingDamping
+        Means around the circumference.
+    force_deg : float
+        Where the force really acts.
+    modes : tuple of LaboratoryMode
+        Of the bare tyre in the state of the first run half-way through.
+    as_tested : tuple of LaboratoryMode
+        The same with sensors and live mass of the first run.
+    runs_percent : tuple of float
+        Mean shift of the ring modes of each run against the first, percent.
+    """
+
+    effects: Effects
+    ring: RingParameters
+    damping: RingDamping
+    force_deg: float
+    modes: tuple[LaboratoryMode, ...]
+    as_tested: tuple[LaboratoryMode, ...]
+    runs_percent: tuple[float, ...]
+
+
+def modes_of(tyre: LaboratoryTyre, system: System, force_deg: float) -> tuple[LaboratoryMode, ...]:
+    """Modes of a system up to `HIGHEST_TRUTH_HZ`; poles that coincide are one mode."""
+    rows = tyre.surface(np.append(TRUTH_DEG, force_deg))
+    residues = system.residues(rows)
+    found: list[LaboratoryMode] = []
+    last = 0
+    poles = system.poles[np.abs(system.poles) < 2 * np.pi * HIGHEST_TRUTH_HZ]
+    for first in range(poles.size):
+        if first < last:
+            continue
+        last = first + 1
+        while last < poles.size and abs(poles[last] / poles[first] - 1) < _SAME_POLE:
+            last += 1
+        shape = residues[:, first:last].sum(axis=1)
+        found.append(_mode(tyre, poles[first], system.vectors[:, first], shape))
+    return tuple(found)
+
+
+def _mode(
+    tyre: LaboratoryTyre, pole: complex, vector: Complexes, residues: Complexes
+) -> LaboratoryMode:
+    kind, share = _kind(tyre, vector)
+    shape = residues[:-1] / np.abs(residues[:-1]).max()
+    lines = np.abs(np.fft.fft(shape)) ** 2
+    power = lines[: POSITIONS // 2 + 1].copy()
+    power[1:-1] += lines[-1 : POSITIONS // 2 : -1]
+    order = int(np.argmax(power))
+    return LaboratoryMode(
+        kind,
+        order,
+        float(power[order] / power.sum()),
+        share,
+        float(abs(pole) / (2 * np.pi)),
+        float(-pole.real / abs(pole)),
+        float(2 * abs(pole) * abs(residues[-1])),
+        shape,
+    )
+
+
+def _kind(tyre: LaboratoryTyre, vector: Complexes) -> tuple[str, float]:
+    """What moves most, and its share of the kinetic energy."""
+    energy = np.real(vector.conj() * (tyre.mass @ vector))
+    shares: dict[str, float] = {}
+    for (kind, order), part in zip(tyre.labels, energy, strict=True):
+        belt = kind in ("radial", "tangential")
+        turns = kind == "turning" or (kind == "tangential" and order == 0)
+        name = "torsion" if turns else f"ring {order}" if belt else kind
+        shares[name] = shares.get(name, 0.0) + float(part)
+    name = max(shares, key=lambda key: shares[key])
+    share = shares[name] / sum(shares.values())
+    if not name.startswith("ring"):
+        return name, share
+    extended = tyre.extension_share(vector)
+    return ("extensional" if extended > 0.5 and name != "ring 0" else "ring"), share
+
+
+def truth_content(truth: Truth) -> dict[str, Any]:
+    """Content of ``truth.json``."""
+    effects = truth.effects
+    return {
+        "schema": 1,
+        "seed": effects.seed,
+        "options": {k: v for k, v in effects.switched_on.items() if k != "seed"},
+        "tyre": asdict(truth.ring) | asdict(truth.damping),
+        "force_deg": truth.force_deg,
+        "modes": [_mode_content(mode) for mode in truth.modes],
+        "as_tested_first_run": [_mode_content(mode) for mode in truth.as_tested],
+        "runs_percent": list(truth.runs_percent),
+    }
+
+
+def _mode_content(mode: LaboratoryMode) -> dict[str, Any]:
+    content = asdict(mode)
+    shape = content.pop("shape")
+    return content | {"re": np.round(shape.real, 12).tolist(), "im": shape.imag.round(12).tolist()}
+
+
+def read_truth(path: Path) -> Truth:
+    """Truth from a ``truth.json`` of `truth_content`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or is not such a file.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        tyre = content["tyre"]
+        damping = {name: tyre.pop(name) for name in asdict(RingDamping(0, 0, 0))}
+        return Truth(
+            Effects(seed=content["seed"], **content["options"]),
+            RingParameters(**tyre),
+            RingDamping(**damping),
+            content["force_deg"],
+            tuple(_read_mode(mode) for mode in content["modes"]),
+            tuple(_read_mode(mode) for mode in content["as_tested_first_run"]),
+            tuple(content["runs_percent"]),
+        )
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            str(path), str(error), "truth of a laboratory campaign", "Simulate it again"
+        ) from error
+
+
+def _read_mode(content: dict[str, Any]) -> LaboratoryMode:
+    shape = np.array(content.pop("re")) + 1j * np.array(content.pop("im"))
+    return LaboratoryMode(**content, shape=shape)

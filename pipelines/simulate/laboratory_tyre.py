@@ -1,0 +1,399 @@
+"""The structure of a laboratory tyre: mass, damping and stiffness matrices, poles and residues.
+
+Ring energies are integrated over the angle in Fourier orders of radial and tangential motion, so
+that mass, stiffness and damping may vary around the tyre. Nothing is taken from `model` but the
+parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from model.parameters import RingDamping, RingParameters
+from pipelines.simulate.laboratory_effects import Effects
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+HIGHEST_ORDER = 14
+GRID = 256  # points of the integration; exact up to order 128 of integrand
+_VARIED_ORDERS = 2 * HIGHEST_ORDER  # order 2n of a variation splits the pair n
+SPLICE_DEG = 8.0
+
+# Rubber and steel of passenger-car tyres around a 225/55R17, uniformly drawn.
+RING_RANGES = {
+    "mean_radius_m": (0.30, 0.36),
+    "mass_per_area_kg_m2": (16.5, 22.0),
+    "radial_stiffness_n_m3": (6.5e6, 9.5e6),
+    "circumferential_stiffness_n_m3": (5.5e5, 1.2e6),
+    "axial_stiffness_n_m": (2.2e7, 2.8e7),
+    "bending_stiffness_n_m": (5.0, 9.0),
+    "inflation_pressure_pa": (2.0e5, 2.7e5),
+    "belt_width_m": (0.17, 0.22),
+}
+DAMPING_RANGES = {
+    "radial_n_s_m3": (350.0, 800.0),
+    "circumferential_n_s_m3": (400.0, 900.0),
+    "loss_factor": (0.018, 0.032),
+}
+STIFFNESSES = (
+    "radial_stiffness_n_m3",
+    "circumferential_stiffness_n_m3",
+    "axial_stiffness_n_m",
+    "bending_stiffness_n_m",
+    "inflation_pressure_pa",
+)
+HIGHEST_ORDER_7_HZ = 255.0  # order 7 stays clear of the default band's end
+
+RIM_DAMPING = 0.03  # damping ratio of the fixture
+RIM_GYRATION_M = 0.17
+LATERAL_DAMPING = 0.025
+LATERAL_MASS_KG = 6.0
+LATERAL_SEEN = 0.15  # radial part of a lateral mode's motion
+CAVITY_DAMPING = 0.004
+CAVITY_MASS_KG = 0.1
+CAVITY_SPEED_M_S = 344.0
+CAVITY_RADIUS = 0.82  # radius of the air's centre line over that of the belt
+CAVITY_SPLIT = 0.004
+
+
+@dataclass(frozen=True)
+class State:
+    """What changes during a campaign: pressure, frequencies and damping ratios, as factors."""
+
+    pressure: float = 1.0
+    frequency: float = 1.0
+    damping: float = 1.0
+
+
+NOMINAL = State()
+
+
+def random_ring(seed: int) -> tuple[RingParameters, RingDamping]:
+    """Draw the uniform part of a tyre."""
+    random = np.random.default_rng([seed, 0])
+    while True:
+        ring = RingParameters(**{name: random.uniform(*ends) for name, ends in RING_RANGES.items()})
+        radial, around, loss = (random.uniform(*ends) for ends in DAMPING_RANGES.values())
+        damping = RingDamping(radial, around, loss)
+        poles = LaboratoryTyre(ring, damping, Effects()).solve().poles
+        if np.sort(np.abs(poles))[2 * 7] < 2 * np.pi * HIGHEST_ORDER_7_HZ:
+            return ring, damping
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """Poles and residue vectors of a tyre in one state, driven at one point.
+
+    Parameters
+    ----------
+    poles : ndarray of complex, shape (n_modes,)
+        Poles in the upper half plane, ascending, rad/s.
+    vectors : ndarray of complex, shape (n_coordinates, n_modes)
+        Mode shapes in the coordinates of the tyre.
+    participation : ndarray of complex, shape (n_modes,)
+        Factor from shape to residue of receptance for a unit force at the drive point.
+    left : ndarray of complex, shape (n_modes, n_coordinates)
+        Velocity part of the left vectors times the inverse mass, for perturbations.
+    """
+
+    poles: Complexes
+    vectors: Complexes
+    participation: Complexes
+    left: Complexes
+
+    def residues(self, rows: Floats) -> Complexes:
+        """Residues of receptance at points whose motion is ``rows @ coordinates``."""
+        return np.asarray((rows @ self.vectors) * self.participation, dtype=complex)
+
+    def inertance(self, rows: Floats, omega: Floats) -> Complexes:
+        """Inertance at points, shape (n_points, n_lines), (m/s²)/N."""
+        residues = self.residues(rows)
+        values = np.empty((len(rows), omega.size), dtype=complex)
+        for start in range(0, omega.size, 8192):
+            lines = slice(start, start + 8192)
+            s = 1j * omega[lines]
+            values[:, lines] = residues @ (1 / (s - self.poles[:, None]))
+            values[:, lines] += residues.conj() @ (1 / (s - self.poles.conj()[:, None]))
+        return np.asarray(values * -(omega**2))
+
+    def pole_rates(self, stiffness: Floats) -> Complexes:
+        """First-order change of the poles with an added stiffness matrix."""
+        return np.asarray(-np.einsum("rc,cd,dr->r", self.left, stiffness, self.vectors), complex)
+
+
+@dataclass(frozen=True, eq=False)
+class LaboratoryTyre:
+    """A ring with rim, lateral modes and air; uneven around the circumference where asked for.
+
+    Parameters
+    ----------
+    ring : RingParameters
+        Means around the circumference.
+    damping : RingDamping
+        The loss factor acts as a viscous damping that gives the same loss at the frequency of each
+        order.
+    effects : Effects
+    """
+
+    ring: RingParameters
+    damping: RingDamping
+    effects: Effects
+
+    @cached_property
+    def labels(self) -> list[tuple[str, int]]:
+        """Kind and order of every coordinate; sine and cosine share theirs."""
+        ring = [("radial", 0), ("tangential", 0)]
+        for order in range(1, HIGHEST_ORDER + 1):
+            ring += [("radial", order)] * 2 + [("tangential", order)] * 2
+        rim = [("rim", 1)] * 2 if self.effects.rim_hz else []
+        turning = [("turning", 0)] if self.effects.rim_turning_hz else []
+        lateral = [("lateral", k) for k in range(len(self.effects.lateral_hz))]
+        cavity = [("cavity", 1)] * 2 if self.effects.cavity_coupling else []
+        return ring + rim + turning + lateral + cavity
+
+    def columns(self, kind: str) -> NDArray[np.int_]:
+        """Coordinates of a kind."""
+        return np.array([k for k, label in enumerate(self.labels) if label[0] == kind], dtype=int)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return len(self.labels)
+
+    def _fields(self, angles_deg: Floats, derivative: int = 0) -> tuple[Floats, Floats]:
+        """Radial and tangential motion of the belt by coordinate, or a derivative by the angle."""
+        theta = np.deg2rad(np.asarray(angles_deg, dtype=float))[:, None]
+        radial, around = (np.zeros((theta.size, self.size)) for _ in range(2))
+        turn = derivative * np.pi / 2
+        for name, fields in (("radial", radial), ("tangential", around)):
+            columns = self.columns(name)
+            orders = np.array([self.labels[column][1] for column in columns])
+            sine = np.append(0, np.tile([0, 1], HIGHEST_ORDER))
+            waves = np.cos(orders * theta - sine * np.pi / 2 + turn)
+            fields[:, columns] = waves * np.power(orders.astype(float), derivative)
+        return radial, around
+
+    def surface(self, angles_deg: Floats, tilt_deg: Floats | float = 0.0) -> Floats:
+        """Motion seen by sensors, shape (n_angles, n_coordinates); tilted ones see tangential."""
+        radial, around = self._fields(angles_deg)
+        for column, (order, phase) in zip(
+            self.columns("lateral"), self._draws["lateral"], strict=True
+        ):
+            wave = np.cos(order * np.deg2rad(angles_deg) - phase)
+            radial[:, column] = LATERAL_SEEN * wave
+        tilt = np.deg2rad(np.broadcast_to(tilt_deg, len(radial)))[:, None]
+        return np.asarray(np.cos(tilt) * radial + np.sin(tilt) * around)
+
+    @cached_property
+    def _draws(self) -> dict[str, Floats]:
+        """What is random around the tyre, drawn always so that one effect leaves others alone."""
+        random = np.random.default_rng([self.effects.seed, 1])
+        angles = np.arange(GRID) * 2 * np.pi / GRID
+        waves = np.vstack(
+            [f(n * angles) for n in range(1, _VARIED_ORDERS + 1) for f in (np.cos, np.sin)]
+        )
+        drawn = {}
+        for name in ("radial", "tangential", "mass", "damping"):
+            profile = random.standard_normal(len(waves)) @ waves
+            drawn[name] = profile / np.sqrt(np.mean(profile**2))
+        off = (angles - random.uniform(0, 2 * np.pi) + np.pi) % (2 * np.pi) - np.pi
+        half = np.deg2rad(SPLICE_DEG)
+        bump = np.where(np.abs(off) < half, np.cos(np.pi / 2 * off / half) ** 2, 0.0)
+        drawn["splice"] = bump / bump.mean()
+        count = len(self.effects.lateral_hz)
+        orders, phases = np.arange(count) % 3, random.uniform(0, 2 * np.pi, count)
+        drawn["lateral"] = np.column_stack([orders, phases])
+        drawn["cavity"] = random.uniform(0, np.pi, 1)
+        return drawn
+
+    @cached_property
+    def _arc(self) -> float:
+        """Area of belt at each point of the grid."""
+        ring = self.ring
+        assert ring.belt_width_m is not None
+        return 2 * np.pi * ring.mean_radius_m * ring.belt_width_m / GRID
+
+    def _integral(self, fields: Floats, density: Floats | float) -> Floats:
+        """∫ density · fieldsᵀ fields over the belt."""
+        weights = self._arc * np.broadcast_to(density, GRID)
+        return np.asarray(fields.T @ (weights[:, None] * fields))
+
+    @cached_property
+    def _grid_deg(self) -> Floats:
+        return np.arange(GRID) * 360.0 / GRID
+
+    @cached_property
+    def _splice(self) -> Floats:
+        """Factor of the splice on mass and belt stiffness."""
+        return np.asarray(1 + self.effects.splice * self._draws["splice"])
+
+    @cached_property
+    def mass(self) -> Floats:
+        """Mass matrix of the bare tyre."""
+        density = self.ring.mass_per_area_kg_m2 * self._splice
+        density = density * (1 + self.effects.mass_variation * self._draws["mass"])
+        radial, around = self._fields(self._grid_deg)
+        mass = self._integral(radial, density) + self._integral(around, density)
+        for column, (own_mass, _, _) in self._oscillators.items():
+            mass[column, column] += own_mass
+        return mass
+
+    @cached_property
+    def _oscillators(self) -> dict[int, tuple[float, float, float]]:
+        """Mass, frequency in Hz and damping ratio of every coordinate beside the ring's."""
+        effects = self.effects
+        found = {}
+        for column, hz in zip(self.columns("rim"), effects.rim_hz, strict=True):
+            found[int(column)] = (effects.rim_mass_kg, hz, RIM_DAMPING)
+        for column in self.columns("turning"):
+            inertia = effects.rim_mass_kg * RIM_GYRATION_M**2
+            found[int(column)] = (inertia, effects.rim_turning_hz, RIM_DAMPING)
+        for column, hz in zip(self.columns("lateral"), effects.lateral_hz, strict=True):
+            found[int(column)] = (LATERAL_MASS_KG, hz, LATERAL_DAMPING)
+        alone = CAVITY_SPEED_M_S / (2 * np.pi * CAVITY_RADIUS * self.ring.mean_radius_m)
+        for column, sign in zip(self.columns("cavity"), (-1, 1), strict=False):
+            found[int(column)] = (CAVITY_MASS_KG, alone * (1 + sign * CAVITY_SPLIT), CAVITY_DAMPING)
+        return found
+
+    def growth_strain(self, pressure: float) -> float:
+        """Radial growth over the radius under a pressure factor."""
+        ring, a = self.ring, self.ring.mean_radius_m
+
+        def excess(e: float) -> float:
+            membrane = ring.axial_stiffness_n_m / a * (1 + e) * (e + e**2 / 2)
+            return membrane + ring.radial_stiffness_n_m3 * a * e - load
+
+        load = pressure * ring.inflation_pressure_pa
+        return float(brentq(excess, 0.0, 0.2, xtol=1e-15))
+
+    def _belt(self, pressure: float, around: Floats | float) -> tuple[Floats, Floats]:
+        """Stiffness of the strained belt, and the part of its extension."""
+        ring, a = self.ring, self.ring.mean_radius_m
+        e = self.growth_strain(pressure)
+        tension = ring.axial_stiffness_n_m * (e + e**2 / 2)
+        (w, v), (w1, v1), (w2, _) = (self._fields(self._grid_deg, k) for k in range(3))
+        membrane = ring.axial_stiffness_n_m * (1 + e) ** 2 * around
+        extension = self._integral((w + v1) / a, membrane)
+        pulled = self._integral((w + v1) / a, tension) + self._integral((v - w1) / a, tension)
+        bent = self._integral((v1 - w2) / a**2, ring.bending_stiffness_n_m * around)
+        return extension + pulled + bent, extension
+
+    def _sidewall(self, radial: Floats, around: Floats) -> Floats:
+        """∫ over the motion of the belt against the rim of radial and tangential densities."""
+        w, v = self._fields(self._grid_deg)
+        theta = np.deg2rad(self._grid_deg)
+        for column, (f, g) in zip(
+            self.columns("rim"), ((np.cos, np.sin), (np.sin, np.cos)), strict=False
+        ):
+            sign = 1.0 if f is np.cos else -1.0
+            w[:, column] -= f(theta)
+            v[:, column] += sign * g(theta)
+        for column in self.columns("turning"):
+            v[:, column] -= self.ring.mean_radius_m
+        return self._integral(w, radial) + self._integral(v, around)
+
+    def stiffness(self, state: State = NOMINAL) -> Floats:
+        """Stiffness matrix."""
+        ring, effects, drawn = self.ring, self.effects, self._draws
+        varied = [1 + effects.stiffness_variation * drawn[k] for k in ("radial", "tangential")]
+        stiff = self._belt(state.pressure, self._splice)[0] + self._sidewall(
+            ring.radial_stiffness_n_m3 * varied[0],
+            ring.circumferential_stiffness_n_m3 * varied[1],
+        )
+        for column, (mass, hz, _) in self._oscillators.items():
+            stiff[column, column] += mass * (2 * np.pi * hz) ** 2
+        cavity = self.columns("cavity")
+        if cavity.size:
+            angle = self._draws["cavity"][0]
+            turned = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+            belt = [k for k in self.columns("radial") if self.labels[k][1] == 1]
+            size = np.sqrt(stiff[cavity[0], cavity[0]] * self.ring.radial_stiffness_n_m3)
+            size *= np.sqrt(self._arc * GRID / 2)
+            stiff[np.ix_(cavity, belt)] = -effects.cavity_coupling * size * turned
+            stiff[np.ix_(belt, cavity)] = stiff[np.ix_(cavity, belt)].T
+        return stiff * state.frequency**2
+
+    def damping_matrix(self, state: State = NOMINAL) -> Floats:
+        """Viscous damping matrix."""
+        varied = 1 + self.effects.damping_variation * self._draws["damping"]
+        damping = self._sidewall(
+            self.damping.radial_n_s_m3 * varied, self.damping.circumferential_n_s_m3 * varied
+        )
+        damping += self._belt_damping
+        for column, (mass, hz, ratio) in self._oscillators.items():
+            damping[column, column] += 2 * ratio * mass * 2 * np.pi * hz
+        return damping * state.frequency * state.damping
+
+    @cached_property
+    def _belt_damping(self) -> Floats:
+        return np.asarray(self.damping.loss_factor * self._belt(1.0, 1.0)[0] * self._per_frequency)
+
+    @cached_property
+    def _per_frequency(self) -> Floats:
+        """1/ω of the order of each pair of coordinates, of the uniform tyre's lowest mode."""
+        stiff = self._belt(1.0, 1.0)[0] + self._sidewall(
+            np.full(GRID, self.ring.radial_stiffness_n_m3),
+            np.full(GRID, self.ring.circumferential_stiffness_n_m3),
+        )
+        radial, around = self._fields(self._grid_deg)
+        density = self.ring.mass_per_area_kg_m2
+        mass = self._integral(radial, density) + self._integral(around, density)
+        factors = np.zeros((self.size, self.size))
+        for order in range(HIGHEST_ORDER + 1):
+            own = [
+                k
+                for k, label in enumerate(self.labels)
+                if label[1] == order and label[0] in ("radial", "tangential")
+            ]
+            block = np.ix_(own, own)
+            squares = np.linalg.eigvals(np.linalg.solve(mass[block], stiff[block])).real
+            # Of order 0 the torsion does not strain the belt: the breathing counts.
+            square = squares.max() if order == 0 else squares.min()
+            factors[block] = 1 / np.sqrt(square)
+        return factors
+
+    def extension_share(self, vector: Complexes) -> float:
+        """Share of the belt's extension in the elastic energy of a shape."""
+        extension, total = (np.real(vector.conj() @ part @ vector) for part in self._energies)
+        return float(extension / total)
+
+    @cached_property
+    def _energies(self) -> tuple[Floats, Floats]:
+        return self._belt(1.0, self._splice)[1], self.stiffness()
+
+    def hung(self, rows: Floats, mass_kg: float) -> Floats:
+        """Mass matrix of point masses that move with ``rows @ coordinates``."""
+        return np.asarray(mass_kg * rows.T @ rows)
+
+    def solve(
+        self, state: State = NOMINAL, drive: Floats | None = None, extra_mass: Floats | None = None
+    ) -> System:
+        """Exact poles and residue vectors for a force on ``drive @ coordinates``.
+
+        Parameters
+        ----------
+        state : State
+        drive : ndarray, shape (n_coordinates,), optional
+            Row of `surface` at the force; at 0° by default.
+        extra_mass : ndarray, optional
+            Mass matrix of what hangs on the tyre.
+        """
+        size = self.size
+        drive = self.surface(np.zeros(1))[0] if drive is None else drive
+        mass = self.mass if extra_mass is None else self.mass + extra_mass
+        inverse = np.linalg.inv(mass)
+        matrix = np.zeros((2 * size, 2 * size))
+        matrix[:size, size:] = np.eye(size)
+        matrix[size:, :size] = -inverse @ self.stiffness(state)
+        matrix[size:, size:] = -inverse @ self.damping_matrix(state)
+        poles, vectors = np.linalg.eig(matrix)
+        left = np.linalg.inv(vectors)[:, size:] @ inverse
+        upper = np.flatnonzero(poles.imag > 0)
+        upper = upper[np.argsort(np.abs(poles[upper]))]
+        return System(poles[upper], vectors[:size, upper], left[upper] @ drive, left[upper])
