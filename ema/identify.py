@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ema.checks.screening import screen
 from ema.checks.sensor_consistency import check_consistency, is_better, withheld
-from ema.circumference.mass_loading import unloaded
+from ema.circumference.mass_loading import unloaded, without_live_mass
 from ema.circumference.orders import on_circle
 from ema.core.display import band_text, counted
 from ema.core.finding import _OK, Finding, findings_html
@@ -80,6 +80,8 @@ class SensorMass:
         Angles of all sensors of each run.
     excitation_deg : float
         Angle of the force.
+    live_mass_kg : float
+        Mass between load cell and tyre.
 
     Examples
     --------
@@ -94,6 +96,7 @@ class SensorMass:
     mass_kg: float
     sensors_deg: dict[str, NDArray[np.float64]]
     excitation_deg: float = 0.0
+    live_mass_kg: float = 0.0
 
 
 @one_blas_thread
@@ -156,11 +159,11 @@ def identify_modes(
     >>> frf = frf.rows(np.arange(0, 72, 6))  # every 30°, to be quick
     >>> found = rm.identify_modes(frf, band_hz=(60.0, 160.0))
     >>> for mode in found.model.modes:
-    ...     print(mode.order, f"{mode.frequency_hz:.1f} Hz, {100 * mode.damping_ratio:.1f} %")
-    1 78.7 Hz, 3.9 %
-    2 100.3 Hz, 3.3 %
-    3 121.4 Hz, 2.4 %
-    4 145.4 Hz, 2.2 %
+    ...     print(mode.order, f"{mode.frequency_hz:.0f} Hz, {100 * mode.damping_ratio:.1f} %")
+    1 79 Hz, 3.9 %
+    2 100 Hz, 3.3 %
+    3 121 Hz, 2.4 %
+    4 145 Hz, 2.2 %
     """
 
     def once(frf: FRF, *, roughly: bool = False) -> tuple[StabilityDiagram, ModalModel]:
@@ -201,6 +204,10 @@ def identify_modes(
 def _bare(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
     """FRFs without the mass of the sensors, where it is known."""
     if sensor_mass is None or not on_circle(frf.position_deg):
+        return frf
+    if sensor_mass.live_mass_kg:
+        frf = without_live_mass(frf, sensor_mass.live_mass_kg, sensor_mass.excitation_deg)
+    if not sensor_mass.mass_kg:
         return frf
     return unloaded(frf, sensor_mass.sensors_deg, sensor_mass.mass_kg, sensor_mass.excitation_deg)
 

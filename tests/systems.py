@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ema.core.campaign import Campaign, Processing, Response, Run
+from ema.core.drift import Drift
 from ema.core.frf import FRF
 from ema.core.modes import synthesise
 from ema.core.recording import ACCELERATION, FORCE, Channel, Recording
@@ -264,8 +265,15 @@ def campaign_frf(
         run=tuple(f"run_{number + 1}" for number in run),
         channel=tuple(f"A{k // N_RUNS + 1:02d}" for k in range(POSITIONS)) + ("REF",) * N_RUNS,
         n_effective=float(averages),
+        excitation_deg=0.0,
     )
     return replace(frf.rows(np.arange(POSITIONS)), reference=frf.rows(np.arange(POSITIONS, 78)))
+
+
+def common_drift(run, percent, std_percent, **other):
+    """All frequencies of a run shifted alike, damping as it was."""
+    nothing = [0.0] * len(run)
+    return Drift(run, percent, std_percent, nothing, nothing, nothing, nothing, **other)
 
 
 def seats_deg():

@@ -15,8 +15,8 @@ from ema.core.frf import position_finding
 from ema.core.settings import CHECKS, CheckSettings
 
 if TYPE_CHECKING:
+    from ema.core.drift import Drift
     from ema.core.frf import FRF
-    from ema.core.modes import Drift
 
 _COHERENCE_LINES = 31  # dips at antiresonances do not end a band
 
@@ -143,12 +143,29 @@ def coherent_band(frf: FRF, settings: CheckSettings = CHECKS) -> tuple[float, fl
     return float(frf.frequency_hz[starts[widest]]), float(frf.frequency_hz[stops[widest] - 1])
 
 
-def drift_findings(drift: Drift) -> list[Finding]:
-    """Drift of each run against the first, one finding each; none with a single run."""
-    if len(drift.run) < 2:
+def drift_findings(drift: Drift, frequencies_hz: NDArray[np.float64]) -> list[Finding]:
+    """Drift of each run against the first, one finding each; none with a single run.
+
+    Parameters
+    ----------
+    drift : Drift
+    frequencies_hz : ndarray
+        Modes at whose lowest and highest frequency the drift is stated.
+    """
+    if len(drift.run) < 2 or not frequencies_hz.size:
         return []
     verdict = WARNING if drift.applied else OK
     says = "; the run was fitted in its own state" if drift.applied else "; no more than chance"
+    low, high = float(np.min(frequencies_hz)), float(np.max(frequencies_hz))
+    rows = zip(
+        drift.run,
+        drift.at(low),
+        drift.at(high),
+        drift.std_percent,
+        drift.damping_percent,
+        drift.damping_std_percent,
+        strict=True,
+    )
     return [
         Finding(
             run=run,
@@ -156,12 +173,11 @@ def drift_findings(drift: Drift) -> list[Finding]:
             position_deg=None,
             check="drift",
             verdict=verdict,
-            detail=f"natural frequencies {percent:+.4f} ± {std:.4f} % relative to "
-            f"{drift.run[0]}{says}",
+            detail=f"natural frequencies {at_low:+.4f} % at {low:.0f} Hz to {at_high:+.4f} % at "
+            f"{high:.0f} Hz (± {std:.4f} %), damping {damping:+.2f} ± {damping_std:.2f} %, "
+            f"relative to {drift.run[0]}{says}",
         )
-        for run, percent, std in zip(
-            drift.run[1:], drift.percent[1:], drift.std_percent[1:], strict=True
-        )
+        for run, at_low, at_high, std, damping, damping_std in list(rows)[1:]
     ]
 
 

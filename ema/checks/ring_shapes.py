@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference.orders import circle_basis, highest_order, order_content
+from ema.circumference.orders import highest_order, on_circle, order_basis, order_content
 from ema.core.arrays import readonly
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode
@@ -28,8 +28,6 @@ _MOST = 0.8
 MAJORITY = 0.6
 # … and share above which no other order needs to be tried.
 _NEARLY_ALL = 0.85
-# Beyond a third of the circle without sensors, waves of different orders look alike.
-_WIDEST_GAP_DEG = 120.0
 # A residue known to no better than this share of the wave says nothing about a sensor; members of
 # an unresolved pair have residues with a standard deviation of their own size.
 _KNOWN = 0.1
@@ -224,15 +222,7 @@ def _followed(
 
 def _orders_told(position_deg: NDArray[np.float64]) -> list[int]:
     """Orders that the positions tell from each other; none on a mere part of the circle."""
-    ordered = np.sort(np.mod(position_deg, 360.0))
-    gap_deg = np.max(np.diff(np.append(ordered, ordered[0] + 360.0)))
-    return [] if gap_deg > _WIDEST_GAP_DEG else list(range(highest_order(position_deg) + 1))
-
-
-def order_basis(position_deg: NDArray[np.float64], order: int) -> NDArray[np.float64]:
-    """Columns cos nθ and sin nθ; a constant for n = 0."""
-    basis = circle_basis(position_deg, order)
-    return basis[:, :1] if not order else basis[:, -2:]
+    return list(range(highest_order(position_deg) + 1)) if on_circle(position_deg) else []
 
 
 def _robust(basis: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.complex128]:

@@ -69,8 +69,10 @@ def unloaded(
         fixed = None
     rows = frf if fixed is None else _joined(frf, fixed)
     basis, seats = _waves(frf, rows, sensors_deg, excitation_deg)
+    waves = np.linalg.pinv(basis) @ rows.values
     pulls = {
-        name: mass_kg * seats[name].T @ _at_seats(rows, name, angles, seats[name], basis)
+        name: mass_kg
+        * _pull(seats[name], _at_seats(rows, name, angles, seats[name] @ waves), waves)
         for name, angles in sensors_deg.items()
     }
     names = list(dict.fromkeys(rows.run))
@@ -184,17 +186,58 @@ def _at_seats(
     frf: FRF,
     run: str,
     angles_deg: NDArray[np.float64],
-    waves: NDArray[np.float64],
-    basis: NDArray[np.float64],
+    around: NDArray[np.complex128],
 ) -> NDArray[np.complex128]:
     """Inertance at each seat as measured, or as its neighbours say where nothing was usable."""
-    around = waves @ (np.linalg.pinv(basis) @ frf.values)
     for number, angle in enumerate(angles_deg):
         away = np.abs((frf.position_deg - angle + 180) % 360 - 180)
         same = [row for row in np.flatnonzero(away < 1e-6) if frf.run[row] == run]
         if same:
             around[number] = frf.values[same[0]]
     return np.asarray(around)
+
+
+def _pull(
+    seats: NDArray[np.float64], radial: NDArray[np.complex128], waves: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Pull of unit masses at the seats on each wave, (n_waves, n_frequencies).
+
+    A sensor moves along the belt too. A belt that does not stretch moves v = −w'/n² (Kim, Nam &
+    Lee 2020; v' = −w): for order n the tangential pull adds about 1/n² of the radial one.
+    """
+    order = np.arange(1, (seats.shape[1] + 1) // 2)
+    along = np.zeros_like(seats)
+    along[:, 1::2], along[:, 2::2] = -seats[:, 2::2] / order, seats[:, 1::2] / order
+    return np.asarray(seats.T @ radial + along.T @ (along @ waves))
+
+
+def without_live_mass(frf: FRF, mass_kg: float, excitation_deg: float) -> FRF:
+    """FRFs for the force that reaches the tyre, behind a mass between load cell and tyre.
+
+    The load cell also accelerates the mass m: H = H_measured / (1 − m H_dd), with the inertance
+    H_dd at the force from the waves around the circle.
+
+    Parameters
+    ----------
+    frf : FRF
+        Of a closed circle of positions.
+    mass_kg : float
+    excitation_deg : float
+        Angle of the force.
+    """
+    highest = highest_order(frf.position_deg)
+    waves = np.linalg.pinv(circle_basis(frf.position_deg, highest)) @ frf.values
+    at_force = (circle_basis(np.array([excitation_deg]), highest) @ waves)[0]
+    factor = 1 / (1 - mass_kg * at_force)
+    fixed = frf.reference
+    return replace(
+        frf,
+        values=frf.values * factor,
+        std=frf.std * np.abs(factor),
+        reference=None
+        if fixed is None
+        else replace(fixed, values=fixed.values * factor, std=fixed.std * np.abs(factor)),
+    )
 
 
 def _of_run(pulls: dict[str, NDArray[np.complex128]], name: str) -> NDArray[np.complex128]:

@@ -9,12 +9,14 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.modes import Mode
+from ema.core.modes import Flag, Mode
 
 # Condition number of the least-squares problem above which orders get mixed up.
 _WELL_CONDITIONED = 10.0
 # A shape with this share of its power in one order is surely of that order, or of an alias.
 _CLEAR = 0.9
+# Beyond a third of the circle without sensors, waves of different orders look alike.
+_WIDEST_GAP_DEG = 120.0
 # The members of a pair lie within this share of their frequency.
 PAIR_REACH = 0.06
 
@@ -100,8 +102,16 @@ def circle_basis(position_deg: NDArray[np.float64], highest: int) -> NDArray[np.
 
 
 def on_circle(position_deg: NDArray[np.float64]) -> bool:
-    """Whether positions have angles, and enough of them to speak of orders."""
-    return bool(position_deg.size > 2 and np.all(np.isfinite(position_deg)))
+    """Whether positions have angles, all around the circle, so that they determine orders."""
+    return widest_gap_deg(position_deg) <= _WIDEST_GAP_DEG
+
+
+def widest_gap_deg(position_deg: NDArray[np.float64]) -> float:
+    """Largest part of the circle without a position; infinite where there are no angles."""
+    if position_deg.size < 3 or not np.all(np.isfinite(position_deg)):
+        return float("inf")
+    ordered = np.sort(np.mod(position_deg, 360.0))
+    return float(np.max(np.diff(np.append(ordered, ordered[0] + 360.0))))
 
 
 def label_modes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> tuple[Mode, ...]:
@@ -111,7 +121,11 @@ def label_modes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> tup
     there, twelve sensors see order 7 as order 5.
     """
     if not on_circle(position_deg):
-        return tuple(modes)
+        gap_deg = widest_gap_deg(position_deg)
+        if not np.isfinite(gap_deg):
+            return tuple(modes)
+        remark = f"{gap_deg:.0f}° of the circle without a sensor: orders look alike"
+        return tuple(_without_order(mode, remark) for mode in modes)
     contents = [order_content(mode.residues, position_deg) for mode in modes]
     labelled = [
         replace(mode, order=content.order, order_purity=content.purity)
@@ -126,6 +140,11 @@ def label_modes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> tup
     )
 
 
+def _without_order(mode: Mode, remark: str) -> Mode:
+    flags = (Flag.ORDER_UNKNOWN, *(flag for flag in mode.flags if flag is not Flag.ORDER_UNKNOWN))
+    return replace(mode, flags=flags, remark=remark)
+
+
 def _end_of_orders(modes: Sequence[Mode], highest: int) -> float:
     """Frequency above which orders may be mistaken for lower ones."""
     below = np.inf
@@ -137,3 +156,9 @@ def _end_of_orders(modes: Sequence[Mode], highest: int) -> float:
         if mode.order == highest and mode.frequency_hz > below:
             return mode.frequency_hz * (1 + PAIR_REACH)
     return float("inf")
+
+
+def order_basis(position_deg: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+    """Columns cos nθ and sin nθ; a constant for n = 0."""
+    basis = circle_basis(position_deg, order)
+    return basis[:, :1] if not order else basis[:, -2:]

@@ -104,6 +104,8 @@ class Campaign:
         Angle of the reference sensor, where given.
     sensor_mass_kg : float or None
         Mass of one accelerometer.
+    live_mass_kg : float or None
+        Mass between load cell and tyre.
     processing : Processing
         Choices of the manifest.
     identification, checks : IdentificationSettings, CheckSettings
@@ -131,6 +133,7 @@ class Campaign:
     excitation_deg: float | None = None
     reference_deg: float | None = None
     sensor_mass_kg: float | None = None
+    live_mass_kg: float | None = None
     processing: Processing = field(default_factory=Processing)
     identification: IdentificationSettings = IDENTIFICATION
     checks: CheckSettings = CHECKS

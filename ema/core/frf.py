@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
@@ -13,6 +14,7 @@ from ema.core.block_plan import BlockPlan
 from ema.core.display import counted, facts
 from ema.core.errors import FitError, InputError
 from ema.core.finding import Finding
+from ema.core.recording import Channel
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,6 +67,24 @@ def _averages(n_effective: float) -> str:
 
 
 @dataclass(frozen=True, eq=False)
+class ForceRecord:
+    """Force of one run as recorded, read when needed.
+
+    Parameters
+    ----------
+    force : Channel
+    plan : BlockPlan
+        Blocks of this run.
+    is_steady : bool
+        Whether it is steady noise, not a sweep, bursts or impacts.
+    """
+
+    force: Channel
+    plan: BlockPlan
+    is_steady: bool
+
+
+@dataclass(frozen=True, eq=False)
 class FRF:
     """Inertances of all positions against one force, e^{+jωt}, H = X/F.
 
@@ -100,6 +120,10 @@ class FRF:
         Share of their power by which runs differ that were averaged at one place.
     findings : tuple of Finding
         What is wrong with the recordings, and what was left out of them for that.
+    excitation_deg : float
+        Angle of the force; NaN where unknown.
+    forces : dict of str to ForceRecord
+        Force of each run, for H1 from recordings.
 
     Examples
     --------
@@ -137,6 +161,8 @@ class FRF:
     missing: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     disagreement: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     findings: tuple[Finding, ...] = ()
+    excitation_deg: float = float("nan")
+    forces: Mapping[str, ForceRecord] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, dtype in (

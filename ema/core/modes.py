@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ema.core.arrays import frame_of, readonly
 from ema.core.display import band_text, counted, number, table, value_with_std
+from ema.core.drift import NO_DRIFT, Drift
 from ema.core.mac import mpc, mpd_deg
 
 if TYPE_CHECKING:
@@ -185,42 +186,6 @@ class ResidualTerms:
 
 
 @dataclass(frozen=True, eq=False)
-class Drift:
-    """How far the natural frequencies of each run are from those of the first.
-
-    Parameters
-    ----------
-    run : tuple of str
-        Run names in the order of the campaign; empty where there is nothing to compare.
-    percent, std_percent : ndarray, shape (n_runs,)
-        Common shift of all frequencies and its standard deviation.
-    applied : bool
-        Whether the shift is more than chance, so that each run was fitted in its own state.
-    chance : float
-        Probability of shifts as large from noise alone; NaN where unknown.
-    """
-
-    run: tuple[str, ...]
-    percent: NDArray[np.float64]
-    std_percent: NDArray[np.float64]
-    applied: bool = True
-    chance: float = float("nan")
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "percent", readonly(self.percent))
-        object.__setattr__(self, "std_percent", readonly(self.std_percent))
-
-    def factor(self, run: str) -> float:
-        """Poles of a run over those of the first run."""
-        if not self.applied or run not in self.run:
-            return 1.0
-        return 1 + float(self.percent[self.run.index(run)]) / 100
-
-
-NO_DRIFT = Drift((), np.zeros(0), np.zeros(0), applied=False)
-
-
-@dataclass(frozen=True, eq=False)
 class ModalModel:
     """The modes of a band and everything needed to draw the FRFs from them.
 
@@ -313,12 +278,13 @@ class ModalModel:
         everything = self.modes + self.guard_modes
         poles = np.array([mode.pole for mode in everything])
         residues = np.stack([mode.residues for mode in everything], axis=1)
-        factors = np.array([self.drift.factor(name) for name in run or [""] * len(residues)])
+        names = np.array(list(run or [""] * len(residues)))
         values = np.empty((len(residues), np.size(frequency_hz)), dtype=complex)
-        for factor in np.unique(factors):
-            rows = factors == factor
+        for name in np.unique(names):
+            rows = names == name
             terms = self.residual_terms.lower[rows], self.residual_terms.upper[rows]
-            values[rows] = synthesise(frequency_hz, factor * poles, residues[rows], *terms)
+            own = self.drift.poles_in(str(name), poles)
+            values[rows] = synthesise(frequency_hz, own, residues[rows], *terms)
         return values
 
     def to_frame(self) -> pd.DataFrame:

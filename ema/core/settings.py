@@ -72,8 +72,17 @@ class IdentificationSettings:
     pair_p_value: float = _setting(
         1e-4, "–", "a second pole of an order is accepted below this chance", _LIKELIHOOD
     )
+    wave_deviation: float = _setting(
+        0.004, "–", "how far residues of a pair stray from pure waves (1 σ)", "0.5° and 2 % of gain"
+    )
+    pair_damping_likeness: float = _setting(
+        0.012, "–", "half the relative difference of a pair's damping (1 σ)", _ACCURACY
+    )
+    pair_split: float = _setting(
+        0.02, "–", "half the relative difference of a pair's frequencies (1 σ)", _ACCURACY
+    )
     pair_separation_std: float = _setting(
-        3.0, "σ", "least difference of the two frequencies of a pair", _ACCURACY
+        6.0, "σ", "least difference of the two frequencies of a pair", _ACCURACY
     )
     pair_damping_factor: float = _setting(
         1.6, "factor", "largest ratio of the two damping ratios of a pair", _ACCURACY

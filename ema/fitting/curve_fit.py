@@ -7,14 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
 from scipy.special import chdtrc
 
-from ema.circumference.orders import label_modes, on_circle
+from ema.circumference.orders import label_modes, on_circle, order_basis, order_content
 from ema.circumference.ring_modes import PURE, family, judged
+from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import FitError
 from ema.core.frf import FRF, widened_band
 from ema.core.mac import frac
-from ema.core.modes import NO_DRIFT, Drift, Flag, ModalModel, Mode, OrderReport, ResidualTerms
+from ema.core.modes import Flag, ModalModel, Mode, ResidualTerms
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.fitting.covariance import (
@@ -24,8 +26,9 @@ from ema.fitting.covariance import (
     parameter_covariance,
     residue_std,
 )
-from ema.fitting.mode_pairs import resolve_orders
+from ema.fitting.mode_pairs import RingOrder, ring_orders
 from ema.fitting.pole_fit import (
+    N_DRIFT,
     N_STAND_INS,
     Lines,
     PoleFit,
@@ -36,8 +39,20 @@ from ema.fitting.pole_fit import (
     with_stand_ins,
     without_leakage,
 )
+from ema.fitting.ring_pair import PairFit
 from ema.poles.selection import PoleSelection
 
+# No ± of a ring mode is below these shares of frequency and damping: benchmarks/accuracy.py.
+_FLOOR = np.array([1e-5, 2e-4])
+# Standard deviation of the share that each member of an unresolved pair has.
+_SHARE_STD = 0.3
+# Imaginary over real part of such a share.
+_COMPLEX = 0.5
+# Poles closer than this share of their half-width are one at first …
+_CLOSE = 0.5
+# … if their residues together have this share of their power in one order.
+_ONE_ORDER = 0.8
+NO_SHIFT = np.zeros((1, N_DRIFT))
 # Rounds after which the poles of the orders have settled; more than two were never needed.
 _ROUNDS = 4
 
@@ -82,8 +97,9 @@ def fit_modes(
     >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
     >>> frf = frf.rows(np.arange(0, 72, 6))  # every 30°, to be quick
     >>> model = rm.fit_modes(frf, rm.select_poles(rm.build_stability(frf)))
-    >>> f"{model.modes[1].frequency_hz:.1f} ± {model.modes[1].frequency_std_hz:.2f} Hz"
-    '100.3 ± 0.01 Hz'
+    >>> second = model.modes[1]
+    >>> f"{second.frequency_hz:.1f} Hz", second.frequency_std_hz < 0.01
+    ('100.3 Hz', True)
     """
     selection = poles if isinstance(poles, PoleSelection) else PoleSelection.around(poles)
     fit = CurveFit(frf, selection, band_hz or selection.band_hz, settings)
@@ -117,7 +133,8 @@ class CurveFit:
     drift : Drift
         Drift of the runs, and whether it is significant.
     leakage_notes, notes : list of str
-    orders : tuple of OrderReport
+    ring : tuple of RingOrder
+        Pairs of the ring, order by order.
     """
 
     def __init__(
@@ -134,12 +151,34 @@ class CurveFit:
         self.drift: Drift = NO_DRIFT
         self.leakage_notes: list[str] = []
         self.notes: list[str] = []
-        self.orders: tuple[OrderReport, ...] = ()
+        self.ring: tuple[RingOrder, ...] = ()
 
     def start(self) -> None:
-        """Fit all runs in one state."""
-        pairs = self._pairs(evaluate(self.lines, self.start_poles, np.zeros(1)))
+        """Fit all runs in one state, the members of close pairs as one pole at first."""
+        if on_circle(self.frf.position_deg) and not self.selection.pinned:
+            self.start_poles = self._merged(self.start_poles)
+        pairs = self._pairs(evaluate(self.lines, self.start_poles, NO_SHIFT))
         self.fit = fit_bounded(self.lines, self.start_poles, self.settings, pairs=pairs)
+
+    def _merged(self, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Poles with one in the place of several that share the resonance of one order.
+
+        With free residues at all positions, two poles closer than their width explain each run's
+        own frequency and damping, whatever the cause. What a pair is comes from its order's FRFs.
+        """
+        fit = evaluate(self.lines, poles, NO_SHIFT)
+        rest = list(np.argsort(np.abs(poles[:-N_STAND_INS])))
+        merged: list[complex] = []
+        while rest:
+            group = [rest.pop(0)]
+            while rest and _is_close(poles[group[-1]], poles[rest[0]]):
+                group.append(rest.pop(0))
+            together = order_content(fit.residues[:, group].sum(axis=1), self.frf.position_deg)
+            one = len(group) > 1 and together.purity > _ONE_ORDER
+            merged += (
+                [complex(np.mean(poles[group]))] if one else [complex(s) for s in poles[group]]
+            )
+        return np.append(merged, poles[-N_STAND_INS:])
 
     def follow_drift(self) -> None:
         """Give each run its own state where the frequencies differ by more than chance."""
@@ -188,71 +227,85 @@ class CurveFit:
         ]
 
     def settle_orders(self) -> None:
-        """Fit a closed circle with the poles that its orders need, until nothing changes.
+        """Fit the pair of each order of the ring, after poles that diverged were dropped.
 
-        Members of pairs are added or merged, diverged poles dropped, and the members of pairs share
-        what is known of their damping. Pinned poles stay as they are.
+        Pinned poles stay as they are.
         """
-        pinned = self.selection.pinned
-        lines = widened_band(self.frf, self.band_hz)
         for _ in range(_ROUNDS):
             labelled = self._labelled(self.fit)
-            diverged = _diverged(labelled, self.fit)
-            if np.any(diverged) and not pinned:
-                self._refit(self.fit.poles[~diverged])
-                continue
-            poles, self.orders, changed = resolve_orders(
-                self.frf,
-                lines,
-                self.fit,
-                labelled,
-                self.band_hz,
-                self.correlation,
-                self.settings,
-            )
-            if changed and not pinned:
-                self._refit(_stand_ins_last(poles, self.fit))
-                continue
-            if self._pairs(self.fit) == self.fit.pairs:
+            surplus = _surplus(labelled, self.fit)
+            if not np.any(surplus) or self.selection.pinned:
                 break
-            self._refit(self.fit.poles)
+            self._refit(self.fit.poles[~surplus])
+        lines = widened_band(self.frf, self.band_hz)
+        self.ring = ring_orders(
+            self.frf, lines, self.fit, labelled, self.band_hz, self.correlation, self.settings
+        )
 
     def modal_model(self) -> ModalModel:
         """Modes of the band with their uncertainty."""
-        fit, frf = self.fit, self.frf
+        frf = self.frf
+        fit, owner = self._one_pole_per_order()
         covariance = parameter_covariance(fit, self.correlation)
         both = frequency_damping_covariance(fit.poles, covariance)
         modes = modes_of(fit, both, residue_std(fit, covariance, self.correlation))
-        modes = self._with_band_shift(modes)
-        inside = self._wanted(modes)
-        ascending = np.argsort(np.abs(fit.poles))
-        rows = np.ravel([[2 * r, 2 * r + 1] for r in inside])
-        named = label_modes([modes[r] for r in inside], frf.position_deg)
+        modes = self._with_band_shift(modes, fit)
+        inside = self._wanted(modes, fit)
+        listed: list[Mode] = []
+        blocks: list[NDArray[np.float64]] = []
+        for r in inside:
+            own = both[2 * r : 2 * r + 2, 2 * r : 2 * r + 2]
+            seen = _as_seen(modes[r], owner.get(r), own, frf.position_deg)
+            listed += seen[0]
+            blocks.append(seen[1])
+        guards = [r for r in np.argsort(np.abs(fit.poles)) if r not in inside]
+        reports = tuple(each.report for each in self.ring)
         model = ModalModel(
-            modes=judged(named, self.orders),
-            guard_modes=tuple(modes[r] for r in ascending if r not in inside),
+            modes=judged(label_modes(listed, frf.position_deg), reports),
+            guard_modes=tuple(modes[r] for r in guards),
             residual_terms=ResidualTerms(fit.lower, fit.upper),
             band_hz=self.band_hz,
             fit_band_hz=(float(fit.lines.frequency_hz[0]), float(fit.lines.frequency_hz[-1])),
-            covariance=both[np.ix_(rows, rows)],
+            covariance=block_diag(*blocks),
             frac=np.zeros(frf.n_positions),
-            misfit=fit.misfit if np.all(np.isfinite(frf.std)) else float("nan"),
+            misfit=self.fit.misfit if np.all(np.isfinite(frf.std)) else float("nan"),
             node=frf.node,
             position_deg=frf.position_deg,
-            drift=self._final_drift(covariance),
-            orders=self.orders,
+            drift=self._final_drift(fit, covariance),
+            orders=reports,
             notes=(*self.leakage_notes, *self.notes),
         )
         fitted = model.synthesise(fit.lines.frequency_hz, run=frf.run)
         return replace(model, frac=frac(fit.lines.values, fitted))
 
+    def _one_pole_per_order(self) -> tuple[PoleFit, dict[int, RingOrder]]:
+        """Residues with the mean pole of each order in the place of its members, and whose it is.
+
+        Residues of two poles closer than their width are not determined one by one; those of one
+        pole are.
+        """
+        if self.selection.pinned or not self.ring:
+            return self.fit, {}
+        fit = self.fit
+        replaced = {each.members[0]: each for each in self.ring if each.pair is not None}
+        gone = {k for each in replaced.values() for k in each.members[1:]}
+        kept = [k for k in range(fit.poles.size) if k not in gone]
+        poles = np.array(
+            [replaced[k].pair.mean if k in replaced else fit.poles[k] for k in kept]  # type: ignore[union-attr]
+        )
+        again = evaluate(fit.lines, poles, fit.drift)
+        bound = fit.at_bound.reshape(-1, 2)[kept]
+        bound[[kept.index(k) for k in replaced]] = False
+        owner = {kept.index(k): each for k, each in replaced.items()}
+        return replace(again, at_bound=bound.ravel()), owner
+
     @property
     def _shifts(self) -> NDArray[np.float64] | None:
-        return self.drift.percent / 100 if self.drift.applied else None
+        return self.drift.states if self.drift.applied else None
 
     def _refit(self, poles: NDArray[np.complex128]) -> None:
         """Fit from other poles."""
-        shifts = np.zeros(1) if self._shifts is None else self._shifts
+        shifts = NO_SHIFT if self._shifts is None else self._shifts
         pairs = self._pairs(evaluate(self.lines, poles, shifts))
         fit = fit_bounded(self.lines, poles, self.settings, self._shifts, pairs=pairs)
         self.fit, self.leakage_notes = without_leakage(self.frf, fit, poles, self.settings)
@@ -268,13 +321,11 @@ class CurveFit:
     def _labelled(self, fit: PoleFit) -> tuple[Mode, ...]:
         return label_modes(modes_of(fit), self.frf.position_deg)[:-N_STAND_INS]
 
-    def _wanted(self, modes: Sequence[Mode]) -> list[int]:
+    def _wanted(self, modes: Sequence[Mode], fit: PoleFit) -> list[int]:
         """Poles of the result: inside the band and not set aside, ascending in frequency."""
         low, high = self.band_hz
-        aside = self.selection.is_aside(self.fit.poles)
-        in_band = [
-            r for r in np.argsort(np.abs(self.fit.poles)) if low <= modes[r].frequency_hz <= high
-        ]
+        aside = self.selection.is_aside(fit.poles)
+        in_band = [r for r in np.argsort(np.abs(fit.poles)) if low <= modes[r].frequency_hz <= high]
         without = ", ".join(f"{modes[r].frequency_hz:.1f}" for r in in_band if aside[r])
         if without:
             self.notes.append(
@@ -285,57 +336,143 @@ class CurveFit:
             raise FitError("all poles left the band during the curve fit. Pin frequencies.")
         return inside
 
-    def _with_band_shift(self, modes: Sequence[Mode]) -> list[Mode]:
-        drift = self.fit.drift if self.fit.drift.size > 1 else None
+    def _with_band_shift(self, modes: Sequence[Mode], fit: PoleFit) -> list[Mode]:
+        drift = self.fit.drift if len(self.fit.drift) > 1 else None
 
         def refit(lines: Lines, poles: NDArray[np.complex128]) -> PoleFit:
             return fit_bounded(lines, with_stand_ins(poles, lines), self.settings, drift)
 
-        shifts = band_shift(self.fit, refit)
+        shifts = band_shift(refit(fit.lines, fit.poles[:-N_STAND_INS]), refit)
         return [
             replace(mode, frequency_band_shift_hz=float(hz), damping_band_shift=float(ratio))
             for mode, (hz, ratio) in zip(modes, shifts, strict=True)
         ]
 
-    def _final_drift(self, covariance: NDArray[np.float64]) -> Drift:
-        fit = self.fit
-        if not self.drift.applied or fit.drift.size == 1:
+    def _final_drift(self, fit: PoleFit, covariance: NDArray[np.float64]) -> Drift:
+        if not self.drift.applied or len(fit.drift) == 1:
             return self.drift
-        std = np.sqrt(np.diag(covariance))[2 * fit.poles.size :]
-        percent, std_percent = 100 * fit.drift, 100 * np.append(0.0, std)
-        return replace(self.drift, percent=percent, std_percent=std_percent)
+        own = slice(2 * fit.poles.size, None)
+        return _with_states(self.drift, fit.drift[1:], covariance[own, own])
 
 
 def drift_in_one_step(
     fit: PoleFit, run: tuple[str, ...], correlation: float, p_value: float
 ) -> Drift:
     """Drift of the runs, one Gauss–Newton step away from a common state, tested against chance."""
-    apart = evaluate(fit.lines, fit.poles, np.zeros(fit.lines.n_runs))
+    apart = evaluate(fit.lines, fit.poles, np.zeros((fit.lines.n_runs, N_DRIFT)))
     own = slice(2 * fit.poles.size, None)
     covariance = parameter_covariance(apart, correlation)[own, own]
     step = -np.linalg.lstsq(apart.normal_matrix(), apart.gradient(), rcond=1e-12)[0][own]
     size = float(step @ np.linalg.pinv(covariance, rcond=1e-10) @ step)
     chance = float(chdtrc(step.size, size))
-    std = np.sqrt(np.diag(covariance))
-    percent = 100 * np.append(0.0, step), 100 * np.append(0.0, std)
-    return Drift(run, *percent, applied=chance < p_value, chance=chance)
+    drift = replace(
+        NO_DRIFT,
+        run=run,
+        middle_hz=fit.lines.middle_hz,
+        applied=chance < p_value,
+        chance=chance,
+    )
+    return _with_states(drift, step, covariance)
 
 
-def _diverged(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
-    """Poles that ran to a bound of their damping and took on a shape of no single order.
+def _with_states(
+    drift: Drift, step: NDArray[np.floating], covariance: NDArray[np.floating]
+) -> Drift:
+    """The drift with the states of all runs but the first, and their standard deviations."""
+    variance = np.diag(covariance).reshape(-1, N_DRIFT)
+    states, std = (
+        100 * np.vstack([np.zeros(N_DRIFT), each])
+        for each in (step.reshape(-1, N_DRIFT), np.sqrt(variance))
+    )
+    return replace(
+        drift,
+        percent=states[:, 0],
+        std_percent=std[:, 0],
+        slope_percent=states[:, 1],
+        curvature_percent=states[:, 2],
+        damping_percent=states[:, 3],
+        damping_std_percent=std[:, 3],
+    )
 
-    A surplus pole ends like this: it explains a little of everything.
+
+def _surplus(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
+    """Poles that only mend the fit of others.
+
+    They end on a bound of their damping, or lie within the resonance of a mode of the ring and
+    have its order or none: what an order's second mode is comes from the order's own FRFs.
     """
-    diverged = np.zeros(fit.poles.size, dtype=bool)
-    impure = np.array([mode.order_purity < PURE for mode in labelled], dtype=bool)
-    diverged[: impure.size] = impure & fit.at_bound[0 : 2 * impure.size : 2]
-    return diverged
+    surplus = np.zeros(fit.poles.size, dtype=bool)
+    members = family(labelled)
+    main = {found[0] for found in members.values()}
+    bound = fit.at_bound[0 : 2 * len(labelled) : 2]
+    for k, mode in enumerate(labelled):
+        if k in main:
+            continue
+        near = [
+            o
+            for o in main
+            if abs(labelled[o].frequency_hz - mode.frequency_hz)
+            < _CLOSE * labelled[o].damping_ratio * labelled[o].frequency_hz
+        ]
+        same = any(mode.order == labelled[o].order or mode.order_purity < PURE for o in near)
+        surplus[k] = bound[k] or same
+    return surplus
 
 
-def _stand_ins_last(poles: NDArray[np.complex128], fit: PoleFit) -> NDArray[np.complex128]:
-    stand_ins = fit.poles[-N_STAND_INS:]
-    others = poles[~np.isin(poles, stand_ins)]
-    return np.append(others[np.argsort(np.abs(others))], stand_ins)
+def _is_close(one: complex, other: complex) -> bool:
+    """Whether two poles lie within half the half-width of each other's resonance."""
+    return bool(abs(one - other) < _CLOSE * min(-one.real, -other.real))
+
+
+def _as_seen(
+    mode: Mode,
+    ring: RingOrder | None,
+    covariance: NDArray[np.float64],
+    position_deg: NDArray[np.float64],
+) -> tuple[list[Mode], NDArray[np.float64]]:
+    """The mode or modes that a pole stands for, with their covariance.
+
+    Of a resolved pair each member has its wave, and its share of what is of no single order.
+    """
+    if ring is None or ring.pair is None:
+        return [mode], covariance
+    pair = ring.pair
+    floor = np.diag(_FLOOR * np.array([mode.frequency_hz, mode.damping_ratio])) ** 2
+    if not ring.is_resolved:
+        own = pair.covariance[4:, 4:] + floor + np.diag(_of_shares(pair) ** 2)
+        return [_with_std(mode, own)], own
+    waves = ring.waves(position_deg)
+    basis = order_basis(position_deg, ring.order)
+    rest = mode.residues - basis @ (np.linalg.pinv(basis) @ mode.residues)
+    own = pair.covariance[:4, :4] + block_diag(floor, floor)
+    members = [
+        _with_std(
+            replace(
+                mode,
+                pole=pair.poles[k],
+                residues=waves[:, k] + pair.share[k] * rest,
+                residues_std=mode.residues_std * np.sqrt(pair.share[k]),
+            ),
+            own[2 * k : 2 * k + 2, 2 * k : 2 * k + 2],
+        )
+        for k in (0, 1)
+    ]
+    return members, own
+
+
+def _of_shares(pair: PairFit) -> NDArray[np.float64]:
+    """What not knowing the members' shares does to the mean of frequency and damping ratio.
+
+    Shares of complex modes are complex: part of a split then shows as damping.
+    """
+    apart = np.abs(pair.numbers[2:4] - pair.numbers[:2])
+    spread = _SHARE_STD * np.sqrt(pair.share[0] * pair.share[1]) * apart
+    return np.array([spread[0], np.hypot(spread[1], _COMPLEX * spread[0] / pair.numbers[4])])
+
+
+def _with_std(mode: Mode, covariance: NDArray[np.float64]) -> Mode:
+    std = np.sqrt(np.diag(covariance))
+    return replace(mode, frequency_std_hz=float(std[0]), damping_std=float(std[1]))
 
 
 def _residue_size(fit: PoleFit, correlation: float) -> NDArray[np.float64]:

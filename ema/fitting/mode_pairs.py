@@ -1,9 +1,9 @@
-"""Mode pairs: whether one or both modes of an order n ≥ 1 are resolved."""
+"""Pairs of the ring, order by order: whether one member is seen, or both."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,137 +11,33 @@ from scipy.special import chdtrc
 
 from ema.circumference.orders import circle_basis, highest_order
 from ema.circumference.ring_modes import family
-from ema.core.errors import FitError
 from ema.core.frf import FRF
 from ema.core.modes import Mode, OrderReport, Pair, PairVerdict, synthesise
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.fitting.covariance import frequency_damping_covariance, parameter_covariance
-from ema.fitting.pole_fit import Lines, PoleFit, fit_poles
+from ema.fitting.pole_fit import PoleFit
+from ema.fitting.ring_pair import PairFit, fit_pair
 from ema.fitting.variable_projection import Complex, Real
-from ema.poles.run_alignment import stretched
 
-# Damping of pairs that are searched for stays within this factor of the one pole's …
-_ALIKE = 1.3
-# … and the misfit that this costs at most.
-_MUCH_WORSE = 1.1
-# Steps after which a second pole that is there shows in the misfit.
-_FIRST_TRIES = 12
-
-
-def judge_pair(
-    order: OrderFrf,
-    poles: NDArray[np.complex128],
-    correlation: float,
-    settings: IdentificationSettings = IDENTIFICATION,
-) -> tuple[PairVerdict, NDArray[np.complex128]]:
-    """Test one pole against two on the FRFs of one order.
-
-    Parameters
-    ----------
-    order : OrderFrf
-        With everything but the mode (or pair) in question taken out.
-    poles : ndarray of complex
-        The one pole found so far, or two.
-    correlation : float
-        Lines that share the information of one, from `line_correlation`.
-    settings : IdentificationSettings
-
-    Returns
-    -------
-    verdict : PairVerdict
-    poles : ndarray of complex
-        What to go on with: two poles for a resolved pair, one where one explains everything, and
-        those found already where it cannot be told.
-    """
-    number = order.order
-    if not np.all(np.isfinite(order.std)):
-        text = "the noise is unknown: one pole against two cannot be tested"
-        verdict = Pair.RESOLVED if poles.size > 1 else Pair.NOT_SEPARABLE
-        return PairVerdict(number, verdict, float("nan"), text), poles
-    try:
-        one = fit_order(order, np.array([np.mean(poles)]))
-        start = poles if poles.size > 1 else _beside(one.poles[0])[0]
-        two = fit_order(order, start, tries=_FIRST_TRIES)
-        chance, doubt = _chance(one, two, correlation), _doubt(two, correlation, settings)
-        if chance < settings.pair_p_value:
-            better = fit_order(order, two.poles)
-            if doubt or _doubt(better, correlation, settings):
-                better = _searched(order, one.poles[0], two)
-            two = better
-            chance, doubt = _chance(one, two, correlation), _doubt(two, correlation, settings)
-    except FitError as error:
-        return PairVerdict(number, Pair.NOT_SEPARABLE, float("nan"), str(error)), poles
-    if not chance < settings.pair_p_value:
-        text = f"one pole explains the order; a second one is not significant (p = {chance:.2g})"
-        return PairVerdict(number, Pair.ONE_SEEN, chance, text), one.poles
-    if doubt:
-        text = f"a second pole fits better (p = {chance:.2g}), but {doubt}"
-        return PairVerdict(number, Pair.NOT_SEPARABLE, chance, text), poles
-    text = f"two poles fit better than one (p = {chance:.2g})"
-    return PairVerdict(number, Pair.RESOLVED, chance, text), two.poles[
-        np.argsort(np.abs(two.poles))
-    ]
-
-
-def _searched(order: OrderFrf, pole: complex, found: PoleFit) -> PoleFit:
-    """Best of some pairs around one pole whose members are damped alike, if any is better.
-
-    Turning a tyre turns its modes: the members of a pair differ in frequency, hardly in damping.
-    """
-    fits = [fit_order(order, start, damping_reach=_ALIKE) for start in _beside(pole)]
-    best = min(fits, key=lambda fit: fit.chi_square)
-    return best if best.chi_square < _MUCH_WORSE * found.chi_square else found
-
-
-def _beside(pole: complex) -> list[NDArray[np.complex128]]:
-    """Two poles split evenly around one, and the one with another above or below it."""
-    width = -pole.real
-    shifts = ((-0.5j, 0.5j), (0.0, 1.0j), (0.0, -1.0j))
-    return [np.asarray(pole + width * (0.1 + np.array(pair))) for pair in shifts]
-
-
-def _chance(one: PoleFit, two: PoleFit, correlation: float) -> float:
-    """Likelihood-ratio test with the noise as large as the better fit leaves it."""
-    scale = correlation * max(two.misfit, 1.0)
-    freedom = 2 + 2 * one.lines.scale.size
-    return float(chdtrc(freedom, max(one.chi_square - two.chi_square, 0.0) / scale))
-
-
-def _doubt(two: PoleFit, correlation: float, settings: IdentificationSettings) -> str:
-    """Why two fitted poles cannot be taken for a pair; empty where they can."""
-    covariance = parameter_covariance(two, correlation)
-    gap = abs(two.poles[1].imag - two.poles[0].imag)
-    spread = np.sqrt(max(covariance[1, 1] + covariance[3, 3] - 2 * covariance[1, 3], 0.0))
-    damping = -two.poles.real
-    strength = np.linalg.norm(two.residues, axis=0)
-    if np.any(two.at_bound[1::2]):
-        return "its frequency cannot be determined"
-    if gap < settings.pair_separation_std * spread:
-        return f"the two frequencies differ by only {gap / spread:.1f} standard deviations"
-    unlike = damping.max() / damping.min()
-    if unlike > settings.pair_damping_factor:
-        return f"the two dampings would differ by a factor of {unlike:.1f}"
-    share = strength.min() / strength.max()
-    if share < settings.pair_weakest_share:
-        return f"the weaker one has only {100 * share:.1f} % of the stronger"
-    return ""
-
-
-# Half-widths of a resonance that its own fit looks at, and the fewest lines for it.
-_REACH = 6.0
-_FEWEST_LINES = 12
+# The direction of the force is known to this many degrees of angle around the tyre (1 σ) …
+_FORCE_STD_DEG = 0.5
+# … and not at all where the response of most orders points elsewhere by more than this, in rad.
+_ELSEWHERE_RAD, _UNKNOWN_RAD = 0.5, 0.3
+# Members that are known to no better than this share are not listed by themselves.
+_KNOWN_DAMPING = 0.008
+# An order whose other member has less than this share of the response shows one member.
+_ONE_MEMBER = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class OrderFrf:
-    """The part of the FRFs that goes with cos nθ and sin nθ.
+    """The part of the FRFs that goes with cos n(θ − θ₀) and sin n(θ − θ₀).
 
     Parameters
     ----------
     order : int
     frequency_hz : ndarray, shape (n_frequencies,)
     values : ndarray of complex, shape (2, n_frequencies)
-        Amplitudes of cos nθ and sin nθ; one row for n = 0.
+        Amplitudes of cosine and sine; one row for n = 0.
     std : ndarray, shape (2, n_frequencies)
         Standard deviation per quadrature.
     """
@@ -150,6 +46,14 @@ class OrderFrf:
     frequency_hz: Real
     values: Complex
     std: Real
+
+    def seen_from(self, angle_rad: float) -> OrderFrf:
+        """The same with θ₀ turned by an angle, in radians of the wave."""
+        if self.order == 0:
+            return self
+        turn = _turn(angle_rad)
+        std = np.sqrt(np.square(turn) @ np.square(self.std))
+        return OrderFrf(self.order, self.frequency_hz, turn @ self.values, std)
 
 
 class OrderDecomposition:
@@ -173,55 +77,53 @@ class OrderDecomposition:
         self, order: int, lines: slice | NDArray[np.int_], values: Complex | None = None
     ) -> OrderFrf:
         """Resolve one order from the FRFs, or from other `values` on the same lines."""
-        rows = self._inverse[[0]] if order == 0 else self._inverse[2 * order - 1 : 2 * order + 1]
+        rows = self.rows(order)
         measured = self._frf.values[:, lines] if values is None else values
         variance = np.square(rows) @ np.square(self._frf.std[:, lines])
         return OrderFrf(order, self._frf.frequency_hz[lines], rows @ measured, np.sqrt(variance))
 
+    def rows(self, order: int) -> Real:
+        """What multiplies the positions to give cosine and sine of an order."""
+        return np.asarray(
+            self._inverse[[0]] if order == 0 else self._inverse[2 * order - 1 : 2 * order + 1]
+        )
 
-def fit_order(
-    order: OrderFrf, start: Complex, *, damping_reach: float = 4.0, tries: int = 30
-) -> PoleFit:
-    """Fit the poles of one order to its own FRFs, around their resonance.
+
+@dataclass(frozen=True, eq=False)
+class RingOrder:
+    """What was found of one order of the ring.
 
     Parameters
     ----------
-    order : OrderFrf
-    start : ndarray of complex, shape (n_modes,)
-        One pole, or the two of a pair.
-    damping_reach : float
-        Factor within which the damping stays around the start.
-    tries : int
-        Most steps of the search.
-
-    Raises
-    ------
-    FitError
-        If too few lines lie around the resonance.
+    order : int
+    members : tuple of int
+        Poles of the curve fit that belong to it.
+    pair : PairFit or None
+        None where too few lines lie around the resonance.
+    report : OrderReport
+    force_rad : float
+        Direction that `pair` calls the force's, as angle of the wave.
     """
-    centre_hz = float(np.mean(np.abs(start))) / (2 * np.pi)
-    half_width_hz = float(np.max(-start.real)) / (2 * np.pi)
-    spread_hz = float(np.ptp(np.abs(start))) / (2 * np.pi)
-    near = np.abs(order.frequency_hz - centre_hz) < _REACH * half_width_hz + spread_hz
-    if np.count_nonzero(near) < _FEWEST_LINES:
-        raise FitError(f"only {np.count_nonzero(near)} lines around order {order.order}.")
-    level = np.sqrt(np.mean(order.std[:, near] ** 2, axis=1))
-    known = bool(np.all(np.isfinite(level)) and np.all(level > 0))
-    lines = Lines(
-        frequency_hz=order.frequency_hz[near],
-        values=order.values[:, near],
-        weight=np.ones(np.count_nonzero(near)),
-        scale=1 / level if known else np.ones(level.size),
-        run=np.zeros(level.size, dtype=int),
-        importance=np.ones(np.count_nonzero(near)),
-    )
-    decay, frequency = -start.real, start.imag
-    lower = np.column_stack([decay / damping_reach, frequency - 2 * decay]).ravel()
-    upper = np.column_stack([decay * damping_reach, frequency + 2 * decay]).ravel()
-    return fit_poles(lines, start, lower, upper, tries=tries)
+
+    order: int
+    members: tuple[int, ...]
+    pair: PairFit | None
+    report: OrderReport
+    force_rad: float
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether both members are determined."""
+        return self.report.pair.verdict is Pair.RESOLVED
+
+    def waves(self, position_deg: NDArray[np.float64]) -> Complex:
+        """Residues of members a and b as pure waves, (n_positions, 2)."""
+        assert self.pair is not None
+        angle = self.order * np.deg2rad(position_deg) - self.force_rad
+        return np.asarray(np.stack([np.cos(angle), np.sin(angle)], axis=1) @ self.pair.residues.T)
 
 
-def resolve_orders(
+def ring_orders(
     frf: FRF,
     lines: slice,
     fit: PoleFit,
@@ -229,87 +131,139 @@ def resolve_orders(
     band_hz: tuple[float, float],
     correlation: float,
     settings: IdentificationSettings = IDENTIFICATION,
-) -> tuple[NDArray[np.complex128], tuple[OrderReport, ...], bool]:
-    """Decide for every order of the ring whether its pair is resolved.
+) -> tuple[RingOrder, ...]:
+    """Fit the pair of every order of the ring and decide what of it is determined.
 
     Parameters
     ----------
     frf : FRF
-        Of a closed circle of positions, with known noise.
+        Of a closed circle of positions.
     lines : slice
         Lines of the fit.
     fit : PoleFit
     modes : sequence of Mode
-        One for each pole of the fit, with orders.
+        One for each pole of the fit but those that stand for modes above the lines, with orders.
     band_hz : tuple of float
         Band of the result; orders outside are left as they are.
     correlation : float
         From `ema.fitting.covariance.line_correlation`.
-
-    Returns
-    -------
-    poles : ndarray of complex
-        Poles to fit with: those of the fit, with single poles replaced by pairs or the reverse.
-    reports : tuple of OrderReport
-    changed : bool
-        Whether a pole was added or taken away.
+    settings : IdentificationSettings
     """
     values = _in_one_state(fit)
     left = values - _synthesis(fit, range(fit.poles.size))
     decomposition = OrderDecomposition(frf)
-    # Orders too high for these positions would pass for lower ones.
-    untold = [k for k, mode in enumerate(modes) if mode.order is None]
-    told = values - _synthesis(fit, untold, residual_terms=False)
-    poles: list[complex] = [complex(pole) for pole in fit.poles]
-    dropped: set[int] = set()
-    reports = []
-    for order, members in family(modes).items():
-        if not band_hz[0] <= modes[members[0]].frequency_hz <= band_hz[1]:
-            continue
-        own = left + _synthesis(fit, members, residual_terms=False)
-        alone = decomposition.order(order, lines, own)
-        verdict, found = judge_pair(alone, fit.poles[members], correlation, settings)
-        if found.size != len(members):
-            dropped |= set(members)
-            poles += [complex(pole) for pole in found]
-        everything = decomposition.order(order, lines, told)
-        reports.append(_by_itself(OrderReport(verdict), everything, found, correlation))
-    kept = [pole for k, pole in enumerate(poles) if k not in dropped]
-    return np.array(kept), tuple(reports), bool(dropped)
+    members = {
+        order: found
+        for order, found in family(modes).items()
+        if order and band_hz[0] <= modes[found[0]].frequency_hz <= band_hz[1]
+    }
+    directions = {
+        order: _direction(decomposition.rows(order) @ fit.residues[:, found].sum(axis=1))
+        for order, found in members.items()
+    }
+    force_deg = frf.excitation_deg if _points_there(directions, frf.excitation_deg) else np.nan
+    orders = []
+    for order, found in members.items():
+        own = decomposition.order(order, lines, left + _synthesis(fit, found, residual_terms=False))
+        known = bool(np.isfinite(force_deg))
+        force_rad = order * np.deg2rad(force_deg) if known else directions[order]
+        spread = order * np.deg2rad(_FORCE_STD_DEG) if known else _UNKNOWN_RAD
+        power = np.sum(np.abs(fit.residues[:, found]) ** 2, axis=0)
+        start = complex(np.average(fit.poles[found], weights=power))
+        seen = own.seen_from(force_rad)
+        pair = fit_pair(
+            seen.frequency_hz, seen.values, seen.std, start, spread, correlation, settings
+        )
+        report = order_report(order, pair, settings)
+        orders.append(RingOrder(order, tuple(found), pair, report, force_rad))
+    return tuple(orders)
 
 
-def _in_one_state(fit: PoleFit) -> NDArray[np.complex128]:
-    """FRFs of all runs in the state of the first."""
+def order_report(
+    order: int, pair: PairFit | None, settings: IdentificationSettings = IDENTIFICATION
+) -> OrderReport:
+    """Verdict on a pair, with its evidence."""
+    nothing = float("nan")
+    if pair is None:
+        few = PairVerdict(order, Pair.NOT_SEPARABLE, nothing, "too few lines around the resonance")
+        return OrderReport(few)
+    chance = float(chdtrc(4, max(pair.gain, 0.0)))
+    doubt = _doubt(pair, settings)
+    weaker = min(pair.share)
+    if chance < settings.pair_p_value and not doubt:
+        verdict, text = Pair.RESOLVED, f"two poles fit better than one (p = {chance:.2g})"
+    elif weaker < _ONE_MEMBER:
+        verdict = Pair.ONE_SEEN
+        text = f"the force drives one member; the other has {100 * weaker:.1f} % of the response"
+    elif chance < settings.pair_p_value:
+        verdict, text = Pair.NOT_SEPARABLE, doubt
+    else:
+        verdict = Pair.NOT_SEPARABLE
+        text = f"one pole explains the order; a second one is not significant (p = {chance:.2g})"
+    std = np.sqrt(np.diag(pair.covariance))
+    return OrderReport(
+        PairVerdict(order, verdict, chance, text),
+        frequency_hz=float(abs(pair.mean) / (2 * np.pi)),
+        frequency_std_hz=float(std[4]),
+        damping_ratio=float(-pair.mean.real / abs(pair.mean)),
+        damping_std=float(std[5]),
+    )
+
+
+def _doubt(pair: PairFit, settings: IdentificationSettings) -> str:
+    """Why the members are not determined; empty where they are."""
+    if min(pair.share) < settings.pair_weakest_share:
+        return f"the weaker member has {100 * min(pair.share):.1f} % of the response"
+    if pair.split_std < settings.pair_separation_std:
+        return f"the two frequencies differ by only {pair.split_std:.1f} standard deviations"
+    damping = [-pole.real / abs(pole) for pole in pair.poles]
+    if max(damping) > settings.pair_damping_factor * min(damping):
+        return f"the damping ratios would differ by a factor of {max(damping) / min(damping):.1f}"
+    std = np.sqrt(np.diag(pair.covariance))[[1, 3]]
+    worst = float(np.max(std / damping))
+    if worst > _KNOWN_DAMPING:
+        return f"the damping of one member is known to {100 * worst:.0f} % only"
+    return ""
+
+
+def _direction(amplitude: Complex) -> float:
+    """Angle of a nearly real vector of cosine and sine amplitudes, in radians, modulo π."""
+    turned = amplitude * np.exp(-0.5j * np.angle(np.sum(amplitude**2)))
+    return float(np.mod(np.arctan2(turned[1].real, turned[0].real), np.pi))
+
+
+def _points_there(directions: dict[int, float], excitation_deg: float) -> bool:
+    """Whether most orders respond along the force: both members together always do."""
+    if not np.isfinite(excitation_deg):
+        return False
+    away = [
+        abs(np.mod(angle - order * np.deg2rad(excitation_deg) + np.pi / 2, np.pi) - np.pi / 2)
+        for order, angle in directions.items()
+    ]
+    return bool(np.median(away) < _ELSEWHERE_RAD) if away else False
+
+
+def _turn(angle_rad: float) -> Real:
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[cosine, sine], [-sine, cosine]])
+
+
+def _in_one_state(fit: PoleFit) -> Complex:
+    """FRFs of all runs in the state of the first: less their own fit, plus that of the first."""
     values = np.array(fit.lines.values)
-    for rows, shift in zip(fit.groups, fit.drift, strict=True):
-        if shift:
-            values[rows] = stretched(fit.lines.frequency_hz, values[rows], 1 + shift)
+    terms = fit.lower, fit.upper
+    residues, lines = fit.residues, fit.lines
+    for rows, drift in zip(fit.groups, fit.drift, strict=True):
+        if np.any(drift):
+            own, first = (
+                synthesise(lines.frequency_hz, poles, residues[rows], *(t[rows] for t in terms))
+                for poles in (lines.drifted(fit.poles, drift), fit.poles)
+            )
+            values[rows] += first - own
     return values
 
 
-def _synthesis(
-    fit: PoleFit, members: Sequence[int], *, residual_terms: bool = True
-) -> NDArray[np.complex128]:
+def _synthesis(fit: PoleFit, members: Sequence[int], *, residual_terms: bool = True) -> Complex:
     rows = list(members)
     terms = (fit.lower, fit.upper) if residual_terms else (0 * fit.lower, 0 * fit.upper)
     return synthesise(fit.lines.frequency_hz, fit.poles[rows], fit.residues[:, rows], *terms)
-
-
-def _by_itself(
-    report: OrderReport, order: OrderFrf, poles: NDArray[np.complex128], correlation: float
-) -> OrderReport:
-    try:
-        fit = fit_order(order, poles)
-    except FitError:
-        return report
-    covariance = parameter_covariance(fit, correlation)
-    std = np.sqrt(np.diag(frequency_damping_covariance(fit.poles, covariance)))
-    main = int(np.argmax(np.linalg.norm(fit.residues, axis=0)))
-    pole = fit.poles[main]
-    return replace(
-        report,
-        frequency_hz=float(abs(pole) / (2 * np.pi)),
-        frequency_std_hz=float(std[2 * main]),
-        damping_ratio=float(-pole.real / abs(pole)),
-        damping_std=float(std[2 * main + 1]),
-    )

@@ -14,10 +14,14 @@ from ema.core.errors import FitError
 from ema.core.frf import FRF, widened_band
 from ema.core.settings import IdentificationSettings
 from ema.fitting.variable_projection import Complex, Projection, Real, descend, project, stacked
-from ema.signals.bias_and_noise import leakage_bias, noise_level
+from ema.signals.bias_and_noise import noise_level
+from ema.signals.leakage import leakage_bias
 
 _NOTHING_LEFT = 1e-4  # of χ²
-_LARGEST_DRIFT = 0.03
+# Bounds of a drift: of frequency, its slope and curvature, of damping beside that.
+_LARGEST_DRIFT = (0.03, 0.05, 0.05, 0.3)
+_SMALL_DRIFT = (1e-3, 1e-3, 1e-3, 1e-2)
+N_DRIFT = 4
 # Members of a pair differ in their decay rate by about this share.
 _ALIKE = 0.1
 #: The last poles of a fit stand for modes above the lines.
@@ -70,6 +74,40 @@ class Lines:
         """Number of runs."""
         return int(self.run.max()) + 1
 
+    @property
+    def middle_hz(self) -> float:
+        """Middle of the upper four fifths of the lines, where the drift is stated."""
+        return float(
+            np.sqrt(max(self.frequency_hz[0], 0.2 * self.frequency_hz[-1]) * self.frequency_hz[-1])
+        )
+
+    def lever(self, poles: Complex) -> Real:
+        """What a change of the foundation moves more than the middle: (f_middle/f)² − 1."""
+        return np.asarray((2 * np.pi * self.middle_hz / np.abs(poles)) ** 2 - 1)
+
+    def drift_factors(self, poles: Complex, drift: Real) -> tuple[Real, Real]:
+        """Factors of frequencies and of decay rates in a drifted state."""
+        lever = self.lever(poles)
+        shift = 1 + drift[0] + drift[1] * lever + drift[2] * lever**2
+        return shift, shift + drift[3]
+
+    def drifted(self, poles: Complex, drift: Real) -> Complex:
+        """Poles in another state of the tyre.
+
+        Tension moves a frequency by 1 − φ and the foundation by φ times its own change, φ being
+        the foundation's share of ω², which falls nearly like 1/ω² from order to order; what it
+        falls otherwise (mass and circumferential stiffness at n = 1) is left to a curvature.
+
+        Parameters
+        ----------
+        poles : ndarray of complex
+        drift : ndarray, shape (4,)
+            Shift of frequencies at `middle_hz`, its slope and curvature along `lever`, and
+            relative change of the decay rates beside it.
+        """
+        shift, decay = self.drift_factors(poles, drift)
+        return np.asarray(poles.real * decay + 1j * poles.imag * shift)
+
 
 @dataclass(frozen=True, eq=False)
 class PoleFit:
@@ -80,8 +118,8 @@ class PoleFit:
     lines : Lines
     poles : ndarray of complex, shape (n_modes,)
         rad/s, in the state of the first run.
-    drift : ndarray, shape (n_groups,)
-        All poles of a group are (1 + drift) times `poles`; the first is 0.
+    drift : ndarray, shape (n_groups, 4)
+        State of each group against the first, see `Lines.drifted`; the first is 0.
     groups : tuple of ndarray of int
         Positions of each group: all together, or run by run.
     parts : tuple of Projection
@@ -103,7 +141,11 @@ class PoleFit:
     @property
     def n_parameters(self) -> int:
         """Nonlinear parameters: two per pole and the drift of each group but the first."""
-        return 2 * self.poles.size + len(self.groups) - 1
+        return 2 * self.poles.size + N_DRIFT * (len(self.groups) - 1)
+
+    def in_run(self, number: int) -> Complex:
+        """Poles in the state of a run."""
+        return self.lines.drifted(self.poles, self.drift[number if len(self.drift) > 1 else 0])
 
     @property
     def residues(self) -> Complex:
@@ -150,9 +192,21 @@ class PoleFit:
         """Derivative of a group's (Re s, Im s) to all parameters, (2 n_modes, n_parameters)."""
         n = 2 * self.poles.size
         matrix = np.zeros((n, self.n_parameters))
-        matrix[np.arange(n), np.arange(n)] = 1 + self.drift[group]
+        drift, real, imag = self.drift[group], self.poles.real, self.poles.imag
+        shift, decay = self.lines.drift_factors(self.poles, drift)
+        steep = drift[1] + 2 * drift[2] * self.lines.lever(self.poles)
+        steep *= -2 * (2 * np.pi * self.lines.middle_hz) ** 2 / np.abs(self.poles) ** 4
+        first, second = np.arange(0, n, 2), np.arange(1, n, 2)
+        matrix[first, first] = decay + steep * real**2
+        matrix[first, second] = matrix[second, first] = steep * real * imag
+        matrix[second, second] = shift + steep * imag**2
         if group:
-            matrix[:, n + group - 1] = _interleaved(self.poles)
+            own = n + N_DRIFT * (group - 1)
+            whole = _interleaved(self.poles)
+            lever = np.repeat(self.lines.lever(self.poles), 2)
+            for power in (0, 1, 2):
+                matrix[:, own + power] = lever**power * whole
+            matrix[0::2, own + 3] = real
         return matrix
 
     def normal_matrix(self) -> Real:
@@ -198,16 +252,16 @@ def evaluate(
 ) -> PoleFit:
     """Solve the linear problem of each group for given poles and drift.
 
-    A single drift value puts all positions into one group.
+    A single row of drift puts all positions into one group.
     """
     everything = np.arange(lines.scale.size)
     groups = (
         (everything,)
-        if drift.size == 1
-        else tuple(np.flatnonzero(lines.run == number) for number in range(drift.size))
+        if len(drift) == 1
+        else tuple(np.flatnonzero(lines.run == number) for number in range(len(drift)))
     )
     parts = tuple(
-        project(lines.omega, lines.target[:, rows], lines.weight, poles * (1 + shift))
+        project(lines.omega, lines.target[:, rows], lines.weight, lines.drifted(poles, shift))
         for rows, shift in zip(groups, drift, strict=True)
     )
     nowhere = np.zeros(2 * poles.size, dtype=bool)
@@ -233,8 +287,8 @@ def fit_poles(
         Poles from the stability diagram.
     lower, upper : ndarray, shape (2 n_modes,)
         Bounds of (decay rate −Re s, frequency Im s), mode by mode, in rad/s.
-    drift : ndarray, shape (n_runs,), optional
-        Start values of a drift of all poles from run to run; without it the runs share one state.
+    drift : ndarray, shape (n_runs, 4), optional
+        Start values of the drift from run to run; without it the runs share one state.
     pairs : tuple of (int, int)
         Poles that are members of one pair. Turning a tyre turns its modes, so that the members
         differ in frequency but hardly in damping: that they are alike within 10 % (one standard
@@ -248,21 +302,22 @@ def fit_poles(
         If the fit diverges.
     """
     n = 2 * start.size
-    shifts = np.zeros(0) if drift is None else drift[1:] - drift[0]
+    shifts = np.zeros(0) if drift is None else (drift[1:] - drift[0]).ravel()
+    n_moving = shifts.size // N_DRIFT
     decay = slice(0, n, 2)
     low, high = lower.copy(), upper.copy()
     low[decay], high[decay] = -upper[decay], -lower[decay]  # the search moves Re s itself
-    reach = np.full(shifts.size, _LARGEST_DRIFT)
+    reach = np.tile(_LARGEST_DRIFT, n_moving)
 
     def at(x: Real) -> PoleFit:
-        return evaluate(lines, x[0:n:2] + 1j * x[1:n:2], np.append(0.0, x[n:]), pairs)
+        return evaluate(lines, x[0:n:2] + 1j * x[1:n:2], _states(x[n:]), pairs)
 
     x, found = descend(
         at,
         np.concatenate([_interleaved(start), shifts]),
         np.concatenate([low, -reach]),
         np.concatenate([high, reach]),
-        size=np.concatenate([np.repeat(-start.real, 2), np.full(shifts.size, 1e-3)]),
+        size=np.concatenate([np.repeat(-start.real, 2), np.tile(_SMALL_DRIFT, n_moving)]),
         # χ² is of the order of the number of values: what is left to gain is far below 1.
         gain=_NOTHING_LEFT / lines.values.size,
         tries=tries,
@@ -271,6 +326,11 @@ def fit_poles(
         raise FitError("the curve fit diverged. Pin the frequencies or narrow the band.")
     near = 1e-3 * (high - low)
     return replace(found, at_bound=(x[:n] - low < near) | (high - x[:n] < near))
+
+
+def _states(shifts: Real) -> Real:
+    """Drift of all groups, that of the first being 0."""
+    return np.vstack([np.zeros(N_DRIFT), shifts.reshape(-1, N_DRIFT)])
 
 
 def _interleaved(poles: Complex) -> Real:
@@ -378,14 +438,17 @@ def without_leakage(
     cleared = plain
     for _ in range(_LEAKAGE_ROUNDS):
         bias = leakage_bias(
-            frf.blocks,
+            frf,
             plain.lines.frequency_hz,
-            cleared.poles[:-N_STAND_INS],
+            {
+                name: cleared.in_run(number)[:-N_STAND_INS]
+                for number, name in enumerate(frf.run_names)
+            },
             cleared.residues[:, :-N_STAND_INS],
         )
         lines = replace(plain.lines, values=plain.lines.values - bias)
         start = np.append(cleared.poles[:-N_STAND_INS], plain.poles[-N_STAND_INS:])
-        drift = cleared.drift if cleared.drift.size > 1 else None
+        drift = cleared.drift if len(cleared.drift) > 1 else None
         cleared = fit_bounded(lines, start, settings, drift, around, plain.pairs)
     if cleared.misfit > _WORSE * plain.misfit:
         note = (

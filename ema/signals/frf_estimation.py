@@ -13,7 +13,7 @@ from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Campaign, Processing, Run
 from ema.core.errors import InputError
 from ema.core.finding import Finding
-from ema.core.frf import FRF
+from ema.core.frf import FRF, ForceRecord
 from ema.core.numerics import available_threads
 from ema.signals.blocks import SHORTEST_PERIOD_S, plan_blocks
 from ema.signals.damage import without_damage, without_lost_samples
@@ -72,7 +72,8 @@ def estimate_frf(
             "Choose one",
         )
     if campaign.frf is not None:
-        return campaign.frf.rows(_order_of(campaign.frf.position_deg, campaign.frf.node))
+        ordered = campaign.frf.rows(_order_of(campaign.frf.position_deg, campaign.frf.node))
+        return replace(ordered, excitation_deg=_number(campaign.excitation_deg))
     with ThreadPoolExecutor(available_threads()) as pool:
         runs, findings = without_damage(campaign.runs, pool.map)
         plan = _common_plan(runs, processing or campaign.processing)
@@ -84,7 +85,25 @@ def estimate_frf(
                 progress(len(spectra), len(runs))
     frf = _positions_frf(runs, spectra, plan, estimator)
     reference = _reference_frf(campaign, spectra, plan, estimator)
-    return replace(frf, reference=reference, findings=findings)
+    forces = _force_records(runs, plan) if estimator == "H1" else {}
+    return replace(
+        frf,
+        reference=reference,
+        findings=findings,
+        forces=forces,
+        excitation_deg=_number(campaign.excitation_deg),
+    )
+
+
+def _force_records(runs: Sequence[Run], plan: BlockPlan) -> dict[str, ForceRecord]:
+    """Force of each run whose samples are all known."""
+    return {
+        run.name: ForceRecord(
+            run.force, plan.for_length(run.recording.n_samples), is_steady(run.force)
+        )
+        for run in runs
+        if not run.force.gaps
+    }
 
 
 def _common_plan(runs: Sequence[Run], processing: Processing) -> BlockPlan:

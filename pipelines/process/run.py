@@ -128,7 +128,10 @@ def process(
     in_force = replace(processing, band_hz=band_hz)
     record = provenance(campaign, inputs(), options, in_force, found.frf, watch)
     mass = _sensor_mass(campaign)
-    record["corrections"] = {"sensor_mass_kg": None if mass is None else mass.mass_kg}
+    record["corrections"] = {
+        "sensor_mass_kg": None if mass is None else mass.mass_kg or None,
+        "live_mass_kg": None if mass is None else mass.live_mass_kg or None,
+    }
     return replace(result, provenance=record)
 
 
@@ -136,7 +139,7 @@ def _measured(
     campaign: Campaign, estimated: FRF, found: Identification, band_hz: tuple[float, float]
 ) -> Result:
     """Result before the ring steps, with the findings of all checks."""
-    notes = (*found.model.notes, *_mass_note(campaign, found.model))
+    notes = (*found.model.notes, *_live_mass_note(campaign), *_mass_note(campaign, found.model))
     fixed, checks = found.frf.reference, campaign.checks
     reference = None if fixed is None else check_reference(fixed, band_hz, checks)
     compared: list[Finding] = []
@@ -159,7 +162,7 @@ def _measured(
             *coherence_findings(estimated, band_hz, checks),
             *found.findings,
             *compared,
-            *drift_findings(found.model.drift),
+            *drift_findings(found.model.drift, found.model.frequencies_hz),
             *drive_point_finding(found.model, campaign.excitation_deg, checks),
         ),
         opinions=found.opinions,
@@ -245,10 +248,22 @@ def _require_band(stated_hz: tuple[float, float] | None, frf: FRF) -> None:
 
 
 def _sensor_mass(campaign: Campaign) -> SensorMass | None:
-    mass_kg = campaign.sensor_mass_kg
-    if mass_kg is None or not campaign.has_circle or not campaign.runs:
+    """Masses to compensate; those of sensors only where it is known which sat there together."""
+    if not campaign.has_circle:
         return None
-    return SensorMass(mass_kg, sensors_of_runs(campaign), campaign.excitation_deg or 0.0)
+    mass_kg = campaign.sensor_mass_kg if campaign.runs else None
+    if mass_kg is None and campaign.live_mass_kg is None:
+        return None
+    seats = sensors_of_runs(campaign)
+    angle = campaign.excitation_deg or 0.0
+    return SensorMass(mass_kg or 0.0, seats, angle, campaign.live_mass_kg or 0.0)
+
+
+def _live_mass_note(campaign: Campaign) -> list[str]:
+    if not campaign.live_mass_kg or not campaign.has_circle:
+        return []
+    grams = 1e3 * campaign.live_mass_kg
+    return [f"Corrected to the bare tyre: live mass of {grams:g} g at the force is compensated."]
 
 
 def _mass_note(campaign: Campaign, modal_model: ModalModel) -> list[str]:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ema.checks.quality import ReferenceCheck
+from ema.core.drift import Drift
 from ema.core.finding import EXCLUDED, OK, WARNING, Finding
 from ema.core.frf import FRF
-from ema.core.modes import Drift
 from pipelines.plots.chart import Chart
 from pipelines.plots.measurement import (
     coherence_chart,
@@ -177,12 +177,36 @@ def _reference_verdict(check: ReferenceCheck | None, *, judged_by_modes: bool) -
 def _drift(drift: Drift) -> tuple[Block, ...]:
     if not drift.run:
         return ()
+    low_hz, high_hz = 0.5 * drift.middle_hz, 2 * drift.middle_hz
+    columns = (
+        drift.percent,
+        drift.std_percent,
+        drift.at(low_hz),
+        drift.at(high_hz),
+        drift.damping_percent,
+        drift.damping_std_percent,
+    )
     rows = tuple(
-        (run, value_with_std(float(percent), float(std), digits=2))
-        for run, percent, std in zip(drift.run, drift.percent, drift.std_percent, strict=True)
+        (
+            run,
+            f"{low:+.3f}",
+            value_with_std(float(percent), float(std), digits=2),
+            f"{high:+.3f}",
+            value_with_std(float(damping), float(damping_std), digits=2),
+        )
+        for run, percent, std, low, high, damping, damping_std in zip(
+            drift.run, *columns, strict=True
+        )
+    )
+    head = (
+        "run",
+        f"at {low_hz:.0f} Hz / %",
+        f"at {drift.middle_hz:.0f} Hz / %",
+        f"at {high_hz:.0f} Hz / %",
+        "damping / %",
     )
     text = "Modes are given in the state of the first run; the other runs are compared with it."
-    return (Paragraph(text), Table("Drift of frequencies", ("run", "drift / %"), rows, words=(0,)))
+    return (Paragraph(text), Table("Drift of frequencies and damping", head, rows, words=(0,)))
 
 
 def _findings(findings: tuple[Finding, ...]) -> list[Block]:

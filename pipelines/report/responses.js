@@ -42,7 +42,8 @@ function measured(content, row) {
 
 /** −ω² (Σ [A/(jω−s) + A*∕(jω−s*)] + U) + L, over the lines that were fitted. */
 function fitted(content, row) {
-  const { poles, band_hz, drift } = content.fitted;
+  const { states, run, band_hz } = content.fitted;
+  const poles = states[run[row]];
   const { real, imag, lower, upper } = content.unpackedFit;
   const inBand = content.frequencyHz.filter((f) => f >= band_hz[0] && f <= band_hz[1]);
   const count = poles.real.length, first = row * count;
@@ -50,7 +51,7 @@ function fitted(content, row) {
     const omega = 2 * Math.PI * frequencyHz;
     let re = upper[row], im = 0;
     for (let mode = 0; mode < count; mode++) {
-      const decay = -poles.real[mode] * drift[row], natural = poles.imag[mode] * drift[row];
+      const decay = -poles.real[mode], natural = poles.imag[mode];
       const a = real[first + mode], b = imag[first + mode];
       const direct = divided(a, b, decay, omega - natural);
       const mirrored = divided(a, -b, decay, omega + natural);

@@ -205,17 +205,17 @@ def measured_data(values: NDArray[np.complex128]) -> dict[str, str]:
 
 
 def fitted_data(frf: FRF, model: ModalModel, rows: NDArray[np.int_]) -> dict[str, Any]:
-    """Poles in rad/s, residues, residual terms, and each position's factor of the poles (drift)."""
+    """Poles in the state of each run, the run of each position, residues and residual terms."""
     everything = model.modes + model.guard_modes
     poles = np.array([mode.pole for mode in everything])
     residues = np.stack([mode.residues[rows] for mode in everything], axis=1)
     return {
         "band_hz": list(model.fit_band_hz),
-        "poles": _parts(poles),
+        "states": [_parts(model.drift.poles_in(name, poles)) for name in frf.run_names],
+        "run": [frf.run_names.index(frf.run[row]) for row in rows],
         "residues": {"real": packed(residues.real), "imag": packed(residues.imag)},
         "lower": packed(model.residual_terms.lower[rows]),
         "upper": packed(model.residual_terms.upper[rows]),
-        "drift": [model.drift.factor(frf.run[row]) for row in rows],
     }
 
 

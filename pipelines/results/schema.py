@@ -62,6 +62,11 @@ class StoredDrift:
     run: tuple[str, ...]
     percent: tuple[float, ...]
     std_percent: tuple[float, ...]
+    slope_percent: tuple[float, ...]
+    curvature_percent: tuple[float, ...]
+    damping_percent: tuple[float, ...]
+    damping_std_percent: tuple[float, ...]
+    middle_hz: float
     applied: bool
     chance: float
 
@@ -155,7 +160,18 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
     lengths = [len(found.indicator), len(found.indicator_hz)]
     yield "indicator", lengths if len({*lengths}) > 1 else [], "needs one value for each frequency"
     drift = found.drift
-    lengths = [len(drift.run), len(drift.percent), len(drift.std_percent)]
+    lengths = [
+        len(each)
+        for each in (
+            drift.run,
+            drift.percent,
+            drift.std_percent,
+            drift.slope_percent,
+            drift.curvature_percent,
+            drift.damping_percent,
+            drift.damping_std_percent,
+        )
+    ]
     yield "drift", lengths if len({*lengths}) > 1 else [], "needs one value for each run"
     yield "drift", [each for each in drift.percent if not each > -100], "must be > -100 %"
     verdicts = [each.verdict for each in found.findings]

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from ema.checks.quality import check_reference
 from ema.circumference.orders import highest_order
+from ema.core.drift import Drift
 from ema.core.errors import InputError
 from ema.core.files import require_regular
 from ema.core.finding import WARNING, Finding
 from ema.core.frf import FRF
-from ema.core.modes import Drift, ModalModel, Mode, ResidualTerms
+from ema.core.modes import ModalModel, Mode, ResidualTerms
 from ema.core.settings import CheckSettings
 from ema.poles.stability import Cluster, StabilityDiagram
 from pipelines.results.provenance import CheckedResult, checked_result

@@ -115,6 +115,13 @@ class ModalSum:
         return values
 
 
+def _along(mode: TruthMode, angles_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Tangential part of a shape: a quarter wave further on, 1/n of the radial one."""
+    if not mode.order:
+        return np.zeros(angles_deg.size)
+    return np.asarray(mode.shape(angles_deg + 90.0 / mode.order) / mode.order)
+
+
 def modal_sum(
     modes: tuple[TruthMode, ...],
     angles_deg: NDArray[np.float64],
@@ -125,14 +132,15 @@ def modal_sum(
     """Poles and residues of the tyre with a sensor of some mass at each of `angles_deg`.
 
     The mass of the sensors is added in modal coordinates, so poles and residues are exact for the
-    modes given.
+    modes given. Sensors move along the belt too, which does not stretch: v' = −w.
     """
     omega = 2.0 * np.pi * np.array([mode.frequency_hz for mode in modes])
     mass = np.array([mode.modal_mass_kg for mode in modes])
     ratio = np.array([mode.damping_ratio for mode in modes])
     shapes = np.column_stack([mode.shape(angles_deg) for mode in modes])
     at_force = np.array([mode.shape(np.array([force_deg]))[0] for mode in modes])
-    inertia = np.diag(mass) + sensor_mass_kg * shapes.T @ shapes
+    along = np.column_stack([_along(mode, angles_deg) for mode in modes])
+    inertia = np.diag(mass) + sensor_mass_kg * (shapes.T @ shapes + along.T @ along)
 
     size = len(modes)
     state = np.zeros((2 * size, 2 * size))

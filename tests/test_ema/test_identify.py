@@ -46,7 +46,7 @@ def test_a_healthy_campaign_has_nothing_to_find(healthy):
     assert healthy.frf.n_positions == 72
     assert not healthy.model.drift.applied
     assert all(opinion.agrees for opinion in healthy.opinions)
-    assert {mode.pair for mode in healthy.model.modes} == {Pair.ONE_SEEN}
+    assert Pair.RESOLVED not in {mode.pair for mode in healthy.model.modes}
 
 
 def test_each_mode_has_error_bars_that_hold_it(healthy):

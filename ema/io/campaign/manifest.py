@@ -125,6 +125,7 @@ class ExcitationSection(_Section):
 
     channel: str | None = None
     position_deg: Finite | None = None
+    live_mass_kg: _Kilograms | None = None
     direction: Literal["radial", "tangential", "axial"] | None = None
 
     @field_validator("direction")

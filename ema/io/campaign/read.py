@@ -124,6 +124,7 @@ def _with_manifest(path: Path) -> Campaign:
         positions=None if manifest.grid is None else manifest.grid.positions,
         excitation_deg=None if manifest.grid is None or angle is None else angle % 360.0,
         sensor_mass_kg=manifest.sensors.mass_kg,
+        live_mass_kg=manifest.excitation.live_mass_kg,
         processing=manifest.processing.processing(),
         identification=settings_from(
             IdentificationSettings, manifest.identification, f"{path.name}, [identification]"

@@ -8,7 +8,7 @@ import systems
 
 from ema.fitting.covariance import band_shift
 from ema.fitting.curve_fit import fit_modes
-from ema.fitting.pole_fit import Lines, evaluate
+from ema.fitting.pole_fit import N_DRIFT, Lines, evaluate
 from ema.poles.selection import PoleSelection
 
 LINES_HZ = np.arange(80, 520) / 2
@@ -21,14 +21,14 @@ def fit_of(poles):
     values = systems.inertance(LINES_HZ, POLES, systems.tyre_residues(np.arange(12) * 30.0, POLES))
     ones = np.ones(LINES_HZ.size)
     lines = Lines(LINES_HZ, values, ones, np.ones(12), np.zeros(12, dtype=int), ones)
-    return evaluate(lines, np.append(poles, STAND_INS), np.zeros(1))
+    return evaluate(lines, np.append(poles, STAND_INS), np.zeros((1, N_DRIFT)))
 
 
 def refit_that(moves):
     """A refit that moves poles by what `moves` says of the lines it gets."""
 
     def refit(lines, poles):
-        return evaluate(lines, np.append(poles * moves(lines), STAND_INS), np.zeros(1))
+        return evaluate(lines, np.append(poles * moves(lines), STAND_INS), np.zeros((1, N_DRIFT)))
 
     return refit
 

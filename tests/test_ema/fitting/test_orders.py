@@ -7,8 +7,7 @@ import pytest
 import systems
 
 from ema.circumference.orders import highest_order
-from ema.core.errors import FitError
-from ema.fitting.mode_pairs import OrderDecomposition, OrderFrf, fit_order
+from ema.fitting.mode_pairs import OrderDecomposition
 
 LINES_HZ = np.arange(100, 560) / 2
 POLES = systems.table_3_poles()
@@ -87,31 +86,3 @@ def test_lines_and_other_values_can_be_chosen():
 
 def test_missing_positions_limit_the_orders():
     assert OrderDecomposition(tyre(KEPT)).highest == highest_order(np.arange(72)[KEPT] * 5.0) < 35
-
-
-@pytest.mark.parametrize("order", range(1, 8))
-def test_the_pole_of_an_order_is_found_from_its_frfs_alone(order):
-    part = OrderDecomposition(tyre()).order(order, slice(None))
-    start = POLES[[order - 1]] * (1.004 + 0.003j)
-    found = fit_order(part, start).poles
-    np.testing.assert_allclose(found, POLES[[order - 1]], rtol=1e-6)
-
-
-def test_both_poles_of_a_pair_are_found():
-    poles = systems.pole([144.0, 147.0], [0.02, 0.023])
-    shapes = systems.residue(poles) * np.array([[1.0, 0.8], [0.7, -1.0]])
-    values = systems.inertance(LINES_HZ, poles, shapes)
-    part = OrderFrf(4, LINES_HZ, values, np.full(values.shape, 1e-3))
-    found = fit_order(part, poles * np.array([0.998, 1.003])).poles
-    np.testing.assert_allclose(found, poles, rtol=1e-6)
-
-
-def test_unknown_noise_does_not_stop_the_fit():
-    part = OrderDecomposition(tyre(std=np.nan)).order(3, slice(None))
-    np.testing.assert_allclose(fit_order(part, POLES[[2]] * 1.003).poles, POLES[[2]], rtol=1e-6)
-
-
-def test_too_few_lines_are_refused():
-    part = OrderDecomposition(tyre()).order(3, slice(0, 20))
-    with pytest.raises(FitError, match="lines around order 3"):
-        fit_order(part, POLES[[2]])

@@ -85,11 +85,12 @@ def test_the_normal_matrix_is_that_of_the_residuals():
 def test_the_derivatives_hold_for_runs_that_drifted():
     values, _ = measured(noise=0.02)
     lines = lines_of(values, run=np.array([0, 1, 0, 1]))
-    at = np.append(parameters_of(TRUE_POLES * (1.01 - 0.002j)), 0.004)
+    state = [0.004, 0.002, -0.001, 0.03]
+    at = np.append(parameters_of(TRUE_POLES * (1.01 - 0.002j)), state)
 
     def fit(parameters):
-        poles = parameters[0:-1:2] + 1j * parameters[1:-1:2]
-        return evaluate(lines, poles, np.array([0.0, parameters[-1]]))
+        poles = parameters[0:-4:2] + 1j * parameters[1:-4:2]
+        return evaluate(lines, poles, np.stack([np.zeros(4), parameters[-4:]]))
 
     slope = central_differences(lambda x: 0.5 * fit(x).chi_square, at, step=1e-5)
     np.testing.assert_allclose(fit(at).gradient(), slope, rtol=1e-4)
@@ -127,8 +128,10 @@ def test_a_drift_between_runs_comes_back():
     values, residues = measured()
     moved = systems.inertance(FREQUENCY_HZ, TRUE_POLES * (1 + drift), residues)
     values[run == 1] = moved[run == 1]
-    fit = fit_poles(lines_of(values, run), TRUE_POLES, *bounds_around(TRUE_POLES, 0.5), np.zeros(2))
-    np.testing.assert_allclose(fit.drift, [0, drift], atol=1e-9)
+    bounds = bounds_around(TRUE_POLES, 0.5)
+    fit = fit_poles(lines_of(values, run), TRUE_POLES, *bounds, np.zeros((2, 4)))
+    for pole, moved in zip(fit.poles, fit.in_run(1), strict=True):
+        assert moved == pytest.approx(pole * (1 + drift), rel=1e-8)
     np.testing.assert_allclose(fit.poles, TRUE_POLES, rtol=1e-8)
     np.testing.assert_allclose(fit.residues, residues, rtol=1e-6)
 

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ema.checks.quality import check_reference, drift_findings
+from ema.core.drift import NO_DRIFT, Drift
 from ema.core.finding import OK, WARNING
-from ema.core.modes import NO_DRIFT, Drift
 from ema.identify import identify_modes
 from ema.poles.run_alignment import align_runs, stretched
 from pipelines.simulate.truth import truth_modes
@@ -102,7 +102,7 @@ def test_the_reference_sensor_tells_the_same(drifted, still):
 
 def test_each_run_has_its_drift_in_the_findings(drifted):
     percent, _, found = drifted
-    findings = drift_findings(found.model.drift)
+    findings = drift_findings(found.model.drift, found.model.frequencies_hz)
     assert [finding.run for finding in findings] == [f"run_{n}" for n in range(2, 7)]
     for finding, true in zip(findings, percent[1:], strict=True):
         assert finding.verdict == WARNING
@@ -114,7 +114,7 @@ def test_a_tyre_that_stays_as_it_is_does_not_drift(still):
     assert not drift.applied
     assert drift.chance > 1e-4
     assert np.all(np.abs(drift.percent) < 4 * drift.std_percent + 1e-12)
-    assert {finding.verdict for finding in drift_findings(drift)} == {OK}
+    assert {finding.verdict for finding in drift_findings(drift, np.array([80.0, 230.0]))} == {OK}
 
 
 @pytest.mark.parametrize("seed", range(2, 6))
@@ -133,11 +133,15 @@ def test_synthesis_follows_the_state_of_each_run(drifted):
 
 
 def test_one_run_has_no_drift():
-    assert drift_findings(NO_DRIFT) == []
-    assert NO_DRIFT.factor("any") == 1.0
+    assert drift_findings(NO_DRIFT, np.array([80.0])) == []
+    assert NO_DRIFT.poles_in("any", np.array([1j])) == 1j
 
 
 def test_a_drift_that_was_not_applied_moves_nothing():
-    seen = Drift(("a", "b"), np.array([0, 0.1]), np.array([0, 0.1]), applied=False)
-    assert seen.factor("b") == 1.0
-    assert replace(seen, applied=True).factor("b") == pytest.approx(1.001)
+    nothing = np.zeros(2)
+    common = np.array([0, 0.1])
+    seen = Drift(("a", "b"), common, common, nothing, nothing, nothing, nothing, applied=False)
+    poles = np.array([-3 + 100j])
+    np.testing.assert_array_equal(seen.poles_in("b", poles), poles)
+    moved = replace(seen, applied=True).poles_in("b", poles)
+    np.testing.assert_allclose(moved, 1.001 * poles)

@@ -53,7 +53,9 @@ def endless(short_campaign, tmp_path):
     """A batch in a process group of its own, as a shell starts it, whose work does not end."""
     for name in ("a", "b", "c"):
         write_campaign(short_campaign, tmp_path / "root" / name)
+    # A shell in the background leaves SIGINT ignored to what it starts.
     program = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
         "import sys; from pipelines.batch import run; from pipelines.cli.main import main; "
         "import batch_work; run.carry_out = batch_work.patient; main()"
     )

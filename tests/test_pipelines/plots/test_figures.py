@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from results import structure_result, tyre_result, without_poles
+from systems import common_drift
 
-from ema.core.modes import Drift
 from pipelines.plots import figures
 from pipelines.plots.style import STYLE
 from pipelines.results.labels import apart, literal, short, sparse_labels, spread
@@ -134,7 +134,7 @@ def test_fitted_frf_is_the_models(tyre):
 
 
 def test_fitted_frf_is_drawn_in_the_state_of_its_run(tyre):
-    drift = Drift(("config_3.uff",), [-0.5], [0.01])
+    drift = common_drift(("config_3.uff",), [-0.5], [0.01])
     drifted = replace(tyre.modal_model, drift=drift)
     assert tyre.frf.run[20] == "config_3.uff"
     ax = drawn(figures.plot_frf_magnitude, tyre.frf, drifted, 20)

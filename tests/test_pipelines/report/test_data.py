@@ -40,7 +40,9 @@ def test_the_page_holds_the_frfs_of_every_position(tyre, page):
 def test_the_fitted_curves_follow_from_what_the_page_holds(tyre, page):
     content = page.content("frf-content")
     fit, frequency_hz = content["fitted"], decoded(content["frequency_hz"]).astype(float)
-    poles = np.array(fit["poles"]["real"]) + 1j * np.array(fit["poles"]["imag"])
+    assert fit["run"] == [tyre.frf.run_names.index(name) for name in tyre.frf.run]
+    state = fit["states"][0]
+    poles = np.array(state["real"]) + 1j * np.array(state["imag"])
     real, imag = (decoded(fit["residues"][part]).reshape(72, -1) for part in ("real", "imag"))
     found = synthesise(
         frequency_hz, poles, real + 1j * imag, decoded(fit["lower"]), decoded(fit["upper"])

@@ -55,21 +55,14 @@ def test_inertance_is_the_sum_of_single_modes():
         np.testing.assert_allclose(system.inertance(row, omega), expected[row], rtol=1e-9)
 
 
-def test_sensor_masses_load_the_tyre_as_forces_at_their_places():
-    modes, angles, mass = truth_modes(), np.array([0.0, 50.0, 130.0]), 0.05
-    omega = 2 * np.pi * np.linspace(40.0, 260.0, 50)
-    loaded = modal_sum(modes, angles, 0.0, sensor_mass_kg=mass)
-    bare = np.stack(
-        [
-            [modal_sum(modes, angles, force).inertance(row, omega) for force in angles]
-            for row in range(3)
-        ]
-    )
-    for line in range(omega.size):
-        matrix = bare[:, :, line]  # inertance from each sensor to each sensor
-        expected = np.linalg.solve(np.eye(3) + mass * matrix, matrix[:, 0])
-        got = [loaded.inertance(row, omega[[line]])[0] for row in range(3)]
-        np.testing.assert_allclose(got, expected, rtol=1e-9)
+def test_sensors_load_a_mode_by_both_directions_of_their_motion():
+    """Equidistant sensors add m Σ (cos² + sin²/n²) = m N (1 + 1/n²) / 2 to the modal mass."""
+    mode = next(each for each in truth_modes() if each.order == 3)
+    angles, mass = np.arange(0.0, 360.0, 30.0), 0.05
+    loaded = modal_sum((mode,), angles, 0.0, sensor_mass_kg=mass)
+    added = mass * angles.size * (1 + 1 / mode.order**2) / 2
+    expected = mode.frequency_hz / np.sqrt(1 + added / mode.modal_mass_kg)
+    np.testing.assert_allclose(np.abs(loaded.poles) / (2 * np.pi), expected, rtol=1e-12)
 
 
 def test_a_split_pair_without_distance_is_the_single_mode():

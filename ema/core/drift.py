@@ -1,0 +1,83 @@
+"""Drift: the state of the tyre in each run against that in the first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.arrays import readonly
+
+
+@dataclass(frozen=True, eq=False)
+class Drift:
+    """How far the natural frequencies of each run are from those of the first.
+
+    Parameters
+    ----------
+    run : tuple of str
+        Run names in the order of the campaign; empty where there is nothing to compare.
+    percent, std_percent : ndarray, shape (n_runs,)
+        Shift of the frequencies at `middle_hz` and its standard deviation.
+    slope_percent : ndarray, shape (n_runs,)
+        Shift at f beside that, over the lever (middle_hz/f)² − 1: pressure moves high orders more
+        than low ones.
+    curvature_percent : ndarray, shape (n_runs,)
+        The same over the square of the lever.
+    damping_percent, damping_std_percent : ndarray, shape (n_runs,)
+        Change of the damping ratios and its standard deviation.
+    middle_hz : float
+    applied : bool
+        Whether the shift is more than chance, so that each run was fitted in its own state.
+    chance : float
+        Probability of shifts as large from noise alone; NaN where unknown.
+    """
+
+    run: tuple[str, ...]
+    percent: NDArray[np.float64]
+    std_percent: NDArray[np.float64]
+    slope_percent: NDArray[np.float64]
+    curvature_percent: NDArray[np.float64]
+    damping_percent: NDArray[np.float64]
+    damping_std_percent: NDArray[np.float64]
+    middle_hz: float = 100.0
+    applied: bool = True
+    chance: float = float("nan")
+
+    def __post_init__(self) -> None:
+        for name in ("percent", "std_percent", "slope_percent", "curvature_percent"):
+            object.__setattr__(self, name, readonly(getattr(self, name)))
+        for name in ("damping_percent", "damping_std_percent"):
+            object.__setattr__(self, name, readonly(getattr(self, name)))
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        """Shift, slope, curvature and change of damping of each run as fractions, (n_runs, 4)."""
+        columns = (
+            self.percent,
+            self.slope_percent,
+            self.curvature_percent,
+            self.damping_percent,
+        )
+        return np.stack(columns, axis=1) / 100
+
+    def at(self, frequency_hz: float) -> NDArray[np.float64]:
+        """Shift of each run at a frequency in percent, (n_runs,)."""
+        lever = (self.middle_hz / frequency_hz) ** 2 - 1
+        return np.asarray(
+            self.percent + lever * self.slope_percent + lever**2 * self.curvature_percent
+        )
+
+    def poles_in(self, run: str, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Poles in the state of a run."""
+        if not self.applied or run not in self.run:
+            return poles
+        shift, slope, curvature, damping = self.states[self.run.index(run)]
+        lever = (2 * np.pi * self.middle_hz / np.abs(poles)) ** 2 - 1
+        factor = 1 + shift + slope * lever + curvature * lever**2
+        return np.asarray(poles.real * (factor + damping) + 1j * poles.imag * factor)
+
+
+_NOTHING = np.zeros(0)
+NO_DRIFT = Drift((), _NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING, applied=False)

@@ -1,0 +1,143 @@
+"""Leakage: what blocks and windows make of the response of a mode.
+
+With φ(ω) = −ω²/(jω−s) = jω + s + s²/(jω−s), only the decaying part s²e^{sτ} is touched. H1 of a
+mode is s² Σ F*Q / Σ|F|², with Q the spectra of the blocks of q, the force passed through the pole
+over the whole recording. So it is computed where the force is at hand, whatever its kind (random,
+burst, sweep, impacts). Elsewhere the force is taken for random noise, whose blocks give the
+transform of h(τ) r(τ), r being the autocorrelation of the window (Bendat & Piersol 2010, ch. 11).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.block_plan import BlockPlan
+from ema.core.frf import FRF, ForceRecord
+
+# Samples × poles × runs up to which the force as recorded is used for steady noise; beyond that,
+# many averages leave little more than the mean that the window's autocorrelation gives.
+_MOST_WORK = 4_000_000
+# Rate that the force is reduced to, over the highest line: room for the window's side lobes.
+_ROOM = 1.2
+
+
+def leakage_bias(
+    frf: FRF,
+    frequency_hz: NDArray[np.float64],
+    poles: Mapping[str, NDArray[np.complex128]],
+    residues: NDArray[np.complex128],
+) -> NDArray[np.complex128]:
+    """Error of estimated inertances of given modes.
+
+    Parameters
+    ----------
+    frf : FRF
+        With blocks.
+    frequency_hz : ndarray, shape (n_frequencies,)
+        Some of its lines.
+    poles : dict of str to ndarray of complex, shape (n_modes,)
+        In the state of each run.
+    residues : ndarray of complex, shape (n_positions, n_modes)
+
+    Returns
+    -------
+    ndarray of complex, shape (n_positions, n_frequencies)
+        To be subtracted from the estimated FRFs.
+    """
+    bias = np.zeros((frf.n_positions, frequency_hz.size), dtype=complex)
+    plan = frf.blocks
+    if plan is None:
+        return bias
+    lines = np.round(frequency_hz * plan.block_s).astype(int)
+    exact = _rows_with_force(frf)
+    records = [frf.forces[name] for name in exact]
+    work = residues.shape[1] * sum(each.plan.n_blocks * each.plan.step_samples for each in records)
+    if work > _MOST_WORK and all(each.is_steady for each in records):
+        exact = {}
+    run = np.array(frf.run)
+    for name in frf.run_names:
+        rows = run == name
+        own = poles[name]
+        direct, mirrored = (_of_noise(plan, each)[:, lines] for each in (own, own.conj()))
+        bias[rows] = residues[rows] @ direct + residues[rows].conj() @ mirrored
+        if name in exact:
+            rows = exact[name]
+            bias[rows] += residues[rows] @ (_of_force(frf.forces[name], lines, own) - direct)
+    return bias
+
+
+def _rows_with_force(frf: FRF) -> dict[str, NDArray[np.int_]]:
+    """Rows of each run whose force is known and whose blocks were all used."""
+    run = np.array(frf.run)
+    whole = frf.missing == 0 if frf.missing.size else np.ones(frf.n_positions, dtype=bool)
+    found = {name: np.flatnonzero((run == name) & whole) for name in frf.forces}
+    return {name: rows for name, rows in found.items() if rows.size}
+
+
+def _of_force(
+    record: ForceRecord, lines: NDArray[np.int_], poles: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Error of each pole for the force as recorded, (n_poles, n_lines).
+
+    Only positive frequencies up to the highest line are computed, at the rate that they need. What
+    came before the recording is taken to resemble its end; it has rung out within the first block.
+    """
+    plan = record.plan
+    step = _decimation(plan, int(lines.max()))
+    n_samples = plan.starts[-1] + plan.block_samples
+    n_block = plan.block_samples // step
+    force = record.force.block(0, n_samples)
+    spectrum = np.fft.fft(force - force.mean())[: n_samples // step]
+    omega = 2 * np.pi * np.arange(spectrum.size) / n_samples * plan.sampling_rate_hz
+    starts = np.array(plan.starts) // step
+    place = starts[:, None] + np.arange(n_block)
+    taper = plan.taper[::step]
+
+    def blocks(through: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        return np.asarray(np.fft.fft(np.fft.ifft(through)[place] * taper)[:, lines])
+
+    of_force = blocks(spectrum)
+    power = np.sum(np.abs(of_force) ** 2, axis=0)
+    error = np.empty((poles.size, lines.size), dtype=complex)
+    own_omega = 2 * np.pi * lines / plan.block_s
+    for row, pole in enumerate(poles):
+        through = blocks(spectrum * _response(pole, omega, plan.sampling_rate_hz))
+        seen = np.sum(of_force.conj() * through, axis=0) / np.maximum(power, np.finfo(float).tiny)
+        error[row] = pole**2 * (seen - _response(pole, own_omega, plan.sampling_rate_hz))
+    return error
+
+
+def _response(pole: complex, omega: NDArray[np.floating], rate_hz: float) -> NDArray[np.complex128]:
+    """Steady response of a pole to sampled forces: Σ e^{s k Δt} e^{−jω k Δt} Δt."""
+    return np.asarray(1 / rate_hz / (1 - np.exp((pole - 1j * omega) / rate_hz)))
+
+
+def _decimation(plan: BlockPlan, highest_line: int) -> int:
+    """Largest divisor of block and step that keeps the lines; 1 for windows with hard ends."""
+    if plan.window == "boxcar":
+        return 1
+    common = np.gcd(plan.block_samples, plan.step_samples)
+    most = plan.block_samples / (_ROOM * highest_line)
+    return int(
+        max(
+            step
+            for step in range(1, int(common) + 1)
+            if common % step == 0 and step <= max(most, 1)
+        )
+    )
+
+
+def _of_noise(plan: BlockPlan, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Δφ on all lines of a block, (n_modes, block_samples)."""
+    n, step_s = plan.block_samples, 1 / plan.sampling_rate_hz
+    spectrum = np.fft.rfft(plan.taper, 2 * n)
+    correlation = np.fft.irfft(np.abs(spectrum) ** 2)[:n] / n
+    decay = np.exp(poles[:, None] * np.arange(n) * step_s)
+    inside = np.fft.fft((correlation - 1) * decay, axis=1) * step_s
+    # Beyond one block r is zero: there the whole response is missing. e^{−jωT} = 1 on the lines.
+    turn = np.exp(-2j * np.pi * np.arange(n) / n)
+    beyond = np.exp(poles * n * step_s)[:, None] / (1 - np.exp(poles * step_s)[:, None] * turn)
+    return np.asarray(poles[:, None] ** 2 * (inside - beyond * step_s))
