@@ -11,6 +11,8 @@ from ema.core.frf import FRF, position_finding
 from ema.core.settings import CHECKS, CheckSettings
 
 _HUM_HZ = (50.0, 60.0)
+# A single place may have a fault of its own.
+_FEWEST_AVERAGED = 3
 
 
 def screen(
@@ -35,7 +37,7 @@ def screen(
     Raises
     ------
     InputError
-        If no channel is usable.
+        If no channel is usable, or most places were averaged from runs that contradict each other.
     """
     faults = {
         **_incoherent(frf, band_hz, settings),
@@ -53,9 +55,26 @@ def screen(
             "Check cables, ranges and the excitation",
         )
     usable = frf.rows(~excluded)
+    _require_one_place(usable, settings)
     findings += _disagreeing(usable, settings.disagreement_share)
     findings += _force_findings(frf, settings.few_clipped_share)
     return usable, findings + _hum_findings(usable, settings.hum_db)
+
+
+def _require_one_place(frf: FRF, settings: CheckSettings) -> None:
+    """Refuse averages of turned runs: their sensors were never at one place."""
+    contradicts = frf.disagreement > settings.contradiction_share
+    if frf.disagreement.size < _FEWEST_AVERAGED or np.mean(contradicts) <= 0.5:
+        return
+    median = float(np.median(frf.disagreement))
+    raise InputError(
+        "positions",
+        f"{np.count_nonzero(contradicts)} of {frf.n_positions} places, averaged over runs that "
+        f"contradict each other (median {100 * median:.0f} % of their power)",
+        "runs averaged at a place must have measured there",
+        "If the tyre was turned between runs, state the positions of each run: "
+        "'ringmodal init FOLDER' writes a manifest to fill in",
+    )
 
 
 def _disagreeing(frf: FRF, share: float) -> list[Finding]:

@@ -63,6 +63,12 @@ class IdentificationSettings:
     damping_reach: float = _setting(
         4.0, "factor", "how far a fitted damping ratio may move from its start", _ACCURACY
     )
+    undetermined_share: float = _setting(
+        0.1,
+        "–",
+        "modes whose frequency is known to no better than this are not listed",
+        "convention",
+    )
     drift_p_value: float = _setting(
         1e-4, "–", "a drift of the runs is taken for real below this chance", _LIKELIHOOD
     )
@@ -121,6 +127,9 @@ class CheckSettings:
     )
     disagreement_share: float = _setting(
         0.1, "–", "averaged runs differ by more than this share of their power", _ACCURACY
+    )
+    contradiction_share: float = _setting(
+        0.3, "–", "more than half of the places above this: averaged runs are refused", _ACCURACY
     )
     hum_db: float = _setting(
         20.0, "dB", "mains hum this far above the noise nearby is reported", "convention"

@@ -334,7 +334,17 @@ class CurveFit:
         inside = [r for r in in_band if not aside[r]]
         if not inside:
             raise FitError("all poles left the band during the curve fit. Pin frequencies.")
-        return inside
+        known = [r for r in inside if not _is_undetermined(modes[r], self.settings)]
+        if not known or self.selection.pinned:
+            return inside
+        self.notes += [
+            f"The pole at {modes[r].frequency_hz:.1f} Hz is fitted but not listed: its frequency "
+            f"is not determined (± {modes[r].frequency_std_hz:.2g} Hz, "
+            f"{modes[r].frequency_band_shift_hz:.2g} Hz with another band)."
+            for r in inside
+            if r not in known
+        ]
+        return known
 
     def _with_band_shift(self, modes: Sequence[Mode], fit: PoleFit) -> list[Mode]:
         drift = self.fit.drift if len(self.fit.drift) > 1 else None
@@ -417,6 +427,12 @@ def _surplus(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
         same = any(mode.order == labelled[o].order or mode.order_purity < PURE for o in near)
         surplus[k] = bound[k] or same
     return surplus
+
+
+def _is_undetermined(mode: Mode, settings: IdentificationSettings) -> bool:
+    """Whether a frequency is known, or stays with another band, to no better than a tenth."""
+    away = np.fmax(mode.frequency_std_hz, mode.frequency_band_shift_hz)
+    return bool(away > settings.undetermined_share * mode.frequency_hz)
 
 
 def _is_close(one: complex, other: complex) -> bool:

@@ -139,3 +139,9 @@ def test_runs_that_contradict_each_other_where_they_are_averaged(healthy):
     assert [(f.check, f.verdict) for f in findings] == [("averaged runs", WARNING)]
     assert "differ by 40 % of their power" in findings[0].detail
     assert not screen(systems.edited(healthy, ROW, disagreement=0.05), BAND_HZ)[1]
+
+
+def test_runs_that_contradict_each_other_everywhere_are_refused(healthy):
+    turned = replace(healthy, disagreement=np.full(healthy.n_positions, 0.65))
+    with pytest.raises(InputError, match="ringmodal init"):
+        screen(turned, BAND_HZ)

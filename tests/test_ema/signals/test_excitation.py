@@ -114,3 +114,10 @@ def test_a_period_between_two_samples_is_that_of_the_nearest(period):
 )
 def test_what_does_not_repeat_has_none(force):
     assert period_samples(load_cell(force), SHORTEST) == 0
+
+
+@pytest.mark.parametrize("place", [36, 5000, 30_000])
+def test_a_single_impact_is_an_event_wherever_it_is(place):
+    force = 0.02 * np.random.default_rng(4).standard_normal(50_000)
+    force[place : place + 7] += 200 * np.hanning(7)
+    assert not steady(force)
