@@ -15,7 +15,7 @@ from ema.circumference.ring_modes import PURE, family, judged
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import FitError
 from ema.core.frf import FRF, widened_band
-from ema.core.mac import frac
+from ema.core.mac import auto_mac, frac
 from ema.core.modes import Flag, ModalModel, Mode, ResidualTerms
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
@@ -48,9 +48,13 @@ _FLOOR = np.array([1e-5, 2e-4])
 _SHARE_STD = 0.3
 # Imaginary over real part of such a share.
 _COMPLEX = 0.5
+# A pole damped this many times more than the others, on its bound, is no mode.
+_BROAD = 3.0
 # Poles closer than this share of their half-width are one at first …
 _CLOSE = 0.5
-# … if their residues together have this share of their power in one order.
+# … and, without a circle that could tell their orders, below this share.
+_SAME = 0.15
+# … if their residues together have this share of their power in one order, or this MAC.
 _ONE_ORDER = 0.8
 NO_SHIFT = np.zeros((1, N_DRIFT))
 # Rounds after which the poles of the orders have settled; more than two were never needed.
@@ -110,6 +114,8 @@ def fit_modes(
         fit.drop_insignificant()
     if on_circle(frf.position_deg):
         fit.settle_orders()
+    elif not selection.pinned:
+        fit.drop_surplus()
     return fit.modal_model()
 
 
@@ -155,7 +161,7 @@ class CurveFit:
 
     def start(self) -> None:
         """Fit all runs in one state, the members of close pairs as one pole at first."""
-        if on_circle(self.frf.position_deg) and not self.selection.pinned:
+        if not self.selection.pinned:
             self.start_poles = self._merged(self.start_poles)
         pairs = self._pairs(evaluate(self.lines, self.start_poles, NO_SHIFT))
         self.fit = fit_bounded(self.lines, self.start_poles, self.settings, pairs=pairs)
@@ -173,12 +179,19 @@ class CurveFit:
             group = [rest.pop(0)]
             while rest and _is_close(poles[group[-1]], poles[rest[0]]):
                 group.append(rest.pop(0))
-            together = order_content(fit.residues[:, group].sum(axis=1), self.frf.position_deg)
-            one = len(group) > 1 and together.purity > _ONE_ORDER
+            one = len(group) > 1 and self._look_alike(poles[group], fit.residues[:, group])
             merged += (
                 [complex(np.mean(poles[group]))] if one else [complex(s) for s in poles[group]]
             )
         return np.append(merged, poles[-N_STAND_INS:])
+
+    def _look_alike(self, poles: NDArray[np.complex128], residues: NDArray[np.complex128]) -> bool:
+        """Whether close poles share one order, or, without a circle, one shape."""
+        if on_circle(self.frf.position_deg):
+            together = order_content(residues.sum(axis=1), self.frf.position_deg)
+            return together.purity > _ONE_ORDER
+        apart = np.ptp(np.abs(poles)) / np.min(-poles.real)
+        return bool(apart < _SAME or np.min(auto_mac(residues.T)) > _ONE_ORDER)
 
     def follow_drift(self) -> None:
         """Give each run its own state where the frequencies differ by more than chance."""
@@ -225,6 +238,15 @@ class CurveFit:
             "uncertainty."
             for hz in frequency_hz[noise]
         ]
+
+    def drop_surplus(self) -> None:
+        """Drop poles that ended on the bound of their damping, far above that of the others."""
+        fit = self.fit
+        ratio = -fit.poles.real / np.abs(fit.poles)
+        broad = fit.at_bound[0::2] & (ratio > _BROAD * np.median(ratio[:-N_STAND_INS]))
+        broad[-N_STAND_INS:] = False
+        if np.any(broad) and np.count_nonzero(~broad) > N_STAND_INS:
+            self._refit(fit.poles[~broad])
 
     def settle_orders(self) -> None:
         """Fit the pair of each order of the ring, after poles that diverged were dropped.

@@ -35,9 +35,9 @@ class LaboratoryMode:
     energy_share : float
         Share of the kinetic energy in the coordinates that name the kind.
     frequency_hz, damping_ratio : float
-        |s|/2π and −Re(s)/|s|.
+        Undamped frequency and damping ratio of the pole.
     strength : float
-        |φ at the force|² over the modal mass, 1/kg: what the force drives and a sensor there sees.
+        φ² at the force over the modal mass, 1/kg: what the force drives and a sensor there sees.
     shape : ndarray of complex, shape (72,)
         Residues at 0°, 5° … 355°, scaled to a largest magnitude of 1.
     """
