@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 from scipy.special import chdtrc
 
-from ema.circumference.orders import label_modes, on_circle, order_basis, order_content
+from ema.circumference.orders import label_modes, on_circle, order_content
 from ema.circumference.ring_modes import PURE, family, judged
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import FitError
 from ema.core.frf import FRF, widened_band
 from ema.core.mac import auto_mac, frac
-from ema.core.modes import Flag, ModalModel, Mode, ResidualTerms
+from ema.core.modes import ModalModel, Mode, ResidualTerms
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.fitting.covariance import (
@@ -25,6 +25,14 @@ from ema.fitting.covariance import (
     line_correlation,
     parameter_covariance,
     residue_std,
+)
+from ema.fitting.fit_steps import (
+    as_seen,
+    drift_in_one_step,
+    is_undetermined,
+    modes_of,
+    with_states,
+    without_leakage,
 )
 from ema.fitting.mode_pairs import RingOrder, ring_orders
 from ema.fitting.pole_fit import (
@@ -37,17 +45,9 @@ from ema.fitting.pole_fit import (
     lines_to_fit,
     starting_poles,
     with_stand_ins,
-    without_leakage,
 )
-from ema.fitting.ring_pair import PairFit
 from ema.poles.selection import PoleSelection
 
-# No ± of a ring mode is below these shares of frequency and damping: benchmarks/accuracy.py.
-_FLOOR = np.array([1e-5, 2e-4])
-# Standard deviation of the share that each member of an unresolved pair has.
-_SHARE_STD = 0.3
-# Imaginary over real part of such a share.
-_COMPLEX = 0.5
 # A pole damped this many times more than the others, on its bound, is no mode.
 _BROAD = 3.0
 # Poles closer than this share of their half-width are one at first …
@@ -277,7 +277,7 @@ class CurveFit:
         blocks: list[NDArray[np.float64]] = []
         for r in inside:
             own = both[2 * r : 2 * r + 2, 2 * r : 2 * r + 2]
-            seen = _as_seen(modes[r], owner.get(r), own, frf.position_deg)
+            seen = as_seen(modes[r], owner.get(r), own, frf.position_deg)
             listed += seen[0]
             blocks.append(seen[1])
         guards = [r for r in np.argsort(np.abs(fit.poles)) if r not in inside]
@@ -356,7 +356,7 @@ class CurveFit:
         inside = [r for r in in_band if not aside[r]]
         if not inside:
             raise FitError("all poles left the band during the curve fit. Pin frequencies.")
-        known = [r for r in inside if not _is_undetermined(modes[r], self.settings)]
+        known = [r for r in inside if not is_undetermined(modes[r], self.settings)]
         if not known or self.selection.pinned:
             return inside
         self.notes += [
@@ -384,47 +384,7 @@ class CurveFit:
         if not self.drift.applied or len(fit.drift) == 1:
             return self.drift
         own = slice(2 * fit.poles.size, None)
-        return _with_states(self.drift, fit.drift[1:], covariance[own, own])
-
-
-def drift_in_one_step(
-    fit: PoleFit, run: tuple[str, ...], correlation: float, p_value: float
-) -> Drift:
-    """Drift of the runs, one Gauss–Newton step away from a common state, tested against chance."""
-    apart = evaluate(fit.lines, fit.poles, np.zeros((fit.lines.n_runs, N_DRIFT)))
-    own = slice(2 * fit.poles.size, None)
-    covariance = parameter_covariance(apart, correlation)[own, own]
-    step = -np.linalg.lstsq(apart.normal_matrix(), apart.gradient(), rcond=1e-12)[0][own]
-    size = float(step @ np.linalg.pinv(covariance, rcond=1e-10) @ step)
-    chance = float(chdtrc(step.size, size))
-    drift = replace(
-        NO_DRIFT,
-        run=run,
-        middle_hz=fit.lines.middle_hz,
-        applied=chance < p_value,
-        chance=chance,
-    )
-    return _with_states(drift, step, covariance)
-
-
-def _with_states(
-    drift: Drift, step: NDArray[np.floating], covariance: NDArray[np.floating]
-) -> Drift:
-    """The drift with the states of all runs but the first, and their standard deviations."""
-    variance = np.diag(covariance).reshape(-1, N_DRIFT)
-    states, std = (
-        100 * np.vstack([np.zeros(N_DRIFT), each])
-        for each in (step.reshape(-1, N_DRIFT), np.sqrt(variance))
-    )
-    return replace(
-        drift,
-        percent=states[:, 0],
-        std_percent=std[:, 0],
-        slope_percent=states[:, 1],
-        curvature_percent=states[:, 2],
-        damping_percent=states[:, 3],
-        damping_std_percent=std[:, 3],
-    )
+        return with_states(self.drift, fit.drift[1:], covariance[own, own])
 
 
 def _surplus(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
@@ -451,66 +411,9 @@ def _surplus(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
     return surplus
 
 
-def _is_undetermined(mode: Mode, settings: IdentificationSettings) -> bool:
-    """Whether a frequency is known, or stays with another band, to no better than a tenth."""
-    away = np.fmax(mode.frequency_std_hz, mode.frequency_band_shift_hz)
-    return bool(away > settings.undetermined_share * mode.frequency_hz)
-
-
 def _is_close(one: complex, other: complex) -> bool:
     """Whether two poles lie within half the half-width of each other's resonance."""
     return bool(abs(one - other) < _CLOSE * min(-one.real, -other.real))
-
-
-def _as_seen(
-    mode: Mode,
-    ring: RingOrder | None,
-    covariance: NDArray[np.float64],
-    position_deg: NDArray[np.float64],
-) -> tuple[list[Mode], NDArray[np.float64]]:
-    """The mode or modes that a pole stands for, with their covariance.
-
-    Of a resolved pair each member has its wave, and its share of what is of no single order.
-    """
-    if ring is None or ring.pair is None:
-        return [mode], covariance
-    pair = ring.pair
-    floor = np.diag(_FLOOR * np.array([mode.frequency_hz, mode.damping_ratio])) ** 2
-    if not ring.is_resolved:
-        own = pair.covariance[4:, 4:] + floor + np.diag(_of_shares(pair) ** 2)
-        return [_with_std(mode, own)], own
-    waves = ring.waves(position_deg)
-    basis = order_basis(position_deg, ring.order)
-    rest = mode.residues - basis @ (np.linalg.pinv(basis) @ mode.residues)
-    own = pair.covariance[:4, :4] + block_diag(floor, floor)
-    members = [
-        _with_std(
-            replace(
-                mode,
-                pole=pair.poles[k],
-                residues=waves[:, k] + pair.share[k] * rest,
-                residues_std=mode.residues_std * np.sqrt(pair.share[k]),
-            ),
-            own[2 * k : 2 * k + 2, 2 * k : 2 * k + 2],
-        )
-        for k in (0, 1)
-    ]
-    return members, own
-
-
-def _of_shares(pair: PairFit) -> NDArray[np.float64]:
-    """What not knowing the members' shares does to the mean of frequency and damping ratio.
-
-    Shares of complex modes are complex: part of a split then shows as damping.
-    """
-    apart = np.abs(pair.numbers[2:4] - pair.numbers[:2])
-    spread = _SHARE_STD * np.sqrt(pair.share[0] * pair.share[1]) * apart
-    return np.array([spread[0], np.hypot(spread[1], _COMPLEX * spread[0] / pair.numbers[4])])
-
-
-def _with_std(mode: Mode, covariance: NDArray[np.float64]) -> Mode:
-    std = np.sqrt(np.diag(covariance))
-    return replace(mode, frequency_std_hz=float(std[0]), damping_std=float(std[1]))
 
 
 def _residue_size(fit: PoleFit, correlation: float) -> NDArray[np.float64]:
@@ -531,29 +434,3 @@ def _share_resonance(poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
     """Which poles lie within the half-width of each other's resonance, (n_poles, n_poles)."""
     near = np.abs(poles[:, None] - poles) < np.minimum.outer(-poles.real, -poles.real)
     return np.asarray(near & ~np.eye(poles.size, dtype=bool))
-
-
-def modes_of(
-    fit: PoleFit,
-    covariance: NDArray[np.float64] | None = None,
-    residues_std: NDArray[np.float64] | None = None,
-) -> list[Mode]:
-    """Modes of all poles of a fit, in its order; standard deviations NaN where not given."""
-    if covariance is None or residues_std is None:
-        unknown = 2 * fit.poles.size
-        covariance = np.full((unknown, unknown), np.nan)
-        residues_std = np.full(fit.residues.shape, np.nan)
-    std = np.sqrt(np.diag(covariance)).reshape(-1, 2)
-    bound = fit.at_bound.reshape(-1, 2)
-    residues = fit.residues
-    return [
-        Mode(
-            pole=complex(pole),
-            frequency_std_hz=float(std[r, 0]),
-            damping_std=float(std[r, 1]),
-            residues=residues[:, r],
-            residues_std=residues_std[:, r],
-            flags=(Flag.AT_BOUND,) if np.any(bound[r]) else (),
-        )
-        for r, pole in enumerate(fit.poles)
-    ]

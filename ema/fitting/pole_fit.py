@@ -15,7 +15,6 @@ from ema.core.frf import FRF, widened_band
 from ema.core.settings import IdentificationSettings
 from ema.fitting.variable_projection import Complex, Projection, Real, descend, project, stacked
 from ema.signals.bias_and_noise import noise_level
-from ema.signals.leakage import leakage_bias
 
 _NOTHING_LEFT = 1e-4  # of χ²
 # Bounds of a drift: of frequency, its slope and curvature, of damping beside that.
@@ -343,9 +342,6 @@ _STAND_INS, _STAND_IN_REACH = (1.03, 1.09), (1.002, 1.3)
 _STAND_IN_DAMPING = 0.02
 # What lies beyond the lines disturbs those next to it: their weight falls to this at the ends.
 _END_WEIGHT = 0.05
-# A correction for random excitation that fits worse than this shows that it was not random.
-_WORSE = 1.05
-_LEAKAGE_ROUNDS = 2
 
 
 def lines_to_fit(frf: FRF, band_hz: tuple[float, float]) -> Lines:
@@ -425,35 +421,3 @@ def _bounds(
         2 * np.pi * highest_hz * np.array([_STAND_IN_REACH]).T
     )
     return lower.ravel(), upper.ravel()
-
-
-def without_leakage(
-    frf: FRF, plain: PoleFit, around: NDArray[np.complex128], settings: IdentificationSettings
-) -> tuple[PoleFit, list[str]]:
-    """Fit again, for averaged blocks, with the bias of the window compensated."""
-    if frf.blocks is None or frf.blocks.n_blocks < 2:
-        return plain, []
-    if frf.blocks.is_one_period:
-        return plain, []
-    cleared = plain
-    for _ in range(_LEAKAGE_ROUNDS):
-        bias = leakage_bias(
-            frf,
-            plain.lines.frequency_hz,
-            {
-                name: cleared.in_run(number)[:-N_STAND_INS]
-                for number, name in enumerate(frf.run_names)
-            },
-            cleared.residues[:, :-N_STAND_INS],
-        )
-        lines = replace(plain.lines, values=plain.lines.values - bias)
-        start = np.append(cleared.poles[:-N_STAND_INS], plain.poles[-N_STAND_INS:])
-        drift = cleared.drift if len(cleared.drift) > 1 else None
-        cleared = fit_bounded(lines, start, settings, drift, around, plain.pairs)
-    if cleared.misfit > _WORSE * plain.misfit:
-        note = (
-            "The bias of window and block length was not compensated: compensation makes the "
-            "fit worse."
-        )
-        return plain, [note]
-    return cleared, ["The bias of window and block length was compensated in the curve fit."]

@@ -1,0 +1,186 @@
+"""Steps of a curve fit: leakage compensated, drift tested, modes with their uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.special import chdtrc
+
+from ema.circumference.orders import order_basis
+from ema.core.drift import NO_DRIFT, Drift
+from ema.core.frf import FRF
+from ema.core.modes import Flag, Mode
+from ema.core.settings import IdentificationSettings
+from ema.fitting.covariance import parameter_covariance
+from ema.fitting.mode_pairs import RingOrder
+from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, PoleFit, evaluate, fit_bounded
+from ema.fitting.ring_pair import PairFit
+from ema.signals.leakage import leakage_bias
+
+# A correction for random excitation that fits worse than this shows that it was not random.
+_WORSE = 1.05
+_LEAKAGE_ROUNDS = 2
+# No ± of a ring mode is below these shares of frequency and damping: benchmarks/accuracy.py.
+_FLOOR = np.array([1e-5, 2e-4])
+# Standard deviation of the share that each member of an unresolved pair has.
+_SHARE_STD = 0.3
+# Imaginary over real part of such a share.
+_COMPLEX = 0.5
+
+
+def modes_of(
+    fit: PoleFit,
+    covariance: NDArray[np.float64] | None = None,
+    residues_std: NDArray[np.float64] | None = None,
+) -> list[Mode]:
+    """Modes of all poles of a fit, in its order; standard deviations NaN where not given."""
+    if covariance is None or residues_std is None:
+        unknown = 2 * fit.poles.size
+        covariance = np.full((unknown, unknown), np.nan)
+        residues_std = np.full(fit.residues.shape, np.nan)
+    std = np.sqrt(np.diag(covariance)).reshape(-1, 2)
+    bound = fit.at_bound.reshape(-1, 2)
+    residues = fit.residues
+    return [
+        Mode(
+            pole=complex(pole),
+            frequency_std_hz=float(std[r, 0]),
+            damping_std=float(std[r, 1]),
+            residues=residues[:, r],
+            residues_std=residues_std[:, r],
+            flags=(Flag.AT_BOUND,) if np.any(bound[r]) else (),
+        )
+        for r, pole in enumerate(fit.poles)
+    ]
+
+
+def as_seen(
+    mode: Mode,
+    ring: RingOrder | None,
+    covariance: NDArray[np.float64],
+    position_deg: NDArray[np.float64],
+) -> tuple[list[Mode], NDArray[np.float64]]:
+    """The mode or modes that a pole stands for, with their covariance.
+
+    Of a resolved pair each member has its wave, and its share of what is of no single order.
+    """
+    if ring is None or ring.pair is None:
+        return [mode], covariance
+    pair = ring.pair
+    floor = np.diag(_FLOOR * np.array([mode.frequency_hz, mode.damping_ratio])) ** 2
+    if not ring.is_resolved:
+        own = pair.covariance[4:, 4:] + floor + np.diag(_of_shares(pair) ** 2)
+        return [_with_std(mode, own)], own
+    waves = ring.waves(position_deg)
+    basis = order_basis(position_deg, ring.order)
+    rest = mode.residues - basis @ (np.linalg.pinv(basis) @ mode.residues)
+    own = pair.covariance[:4, :4] + block_diag(floor, floor)
+    members = [
+        _with_std(
+            replace(
+                mode,
+                pole=pair.poles[k],
+                residues=waves[:, k] + pair.share[k] * rest,
+                residues_std=mode.residues_std * np.sqrt(pair.share[k]),
+            ),
+            own[2 * k : 2 * k + 2, 2 * k : 2 * k + 2],
+        )
+        for k in (0, 1)
+    ]
+    return members, own
+
+
+def _of_shares(pair: PairFit) -> NDArray[np.float64]:
+    """What not knowing the members' shares does to the mean of frequency and damping ratio.
+
+    Shares of complex modes are complex: part of a split then shows as damping.
+    """
+    apart = np.abs(pair.numbers[2:4] - pair.numbers[:2])
+    spread = _SHARE_STD * np.sqrt(pair.share[0] * pair.share[1]) * apart
+    return np.array([spread[0], np.hypot(spread[1], _COMPLEX * spread[0] / pair.numbers[4])])
+
+
+def _with_std(mode: Mode, covariance: NDArray[np.float64]) -> Mode:
+    std = np.sqrt(np.diag(covariance))
+    return replace(mode, frequency_std_hz=float(std[0]), damping_std=float(std[1]))
+
+
+def is_undetermined(mode: Mode, settings: IdentificationSettings) -> bool:
+    """Whether a frequency is known, or stays with another band, to no better than a tenth."""
+    away = np.fmax(mode.frequency_std_hz, mode.frequency_band_shift_hz)
+    return bool(away > settings.undetermined_share * mode.frequency_hz)
+
+
+def drift_in_one_step(
+    fit: PoleFit, run: tuple[str, ...], correlation: float, p_value: float
+) -> Drift:
+    """Drift of the runs, one Gauss–Newton step away from a common state, tested against chance."""
+    apart = evaluate(fit.lines, fit.poles, np.zeros((fit.lines.n_runs, N_DRIFT)))
+    own = slice(2 * fit.poles.size, None)
+    covariance = parameter_covariance(apart, correlation)[own, own]
+    step = -np.linalg.lstsq(apart.normal_matrix(), apart.gradient(), rcond=1e-12)[0][own]
+    size = float(step @ np.linalg.pinv(covariance, rcond=1e-10) @ step)
+    chance = float(chdtrc(step.size, size))
+    drift = replace(
+        NO_DRIFT,
+        run=run,
+        middle_hz=fit.lines.middle_hz,
+        applied=chance < p_value,
+        chance=chance,
+    )
+    return with_states(drift, step, covariance)
+
+
+def with_states(
+    drift: Drift, step: NDArray[np.floating], covariance: NDArray[np.floating]
+) -> Drift:
+    """The drift with the states of all runs but the first, and their standard deviations."""
+    variance = np.diag(covariance).reshape(-1, N_DRIFT)
+    states, std = (
+        100 * np.vstack([np.zeros(N_DRIFT), each])
+        for each in (step.reshape(-1, N_DRIFT), np.sqrt(variance))
+    )
+    return replace(
+        drift,
+        percent=states[:, 0],
+        std_percent=std[:, 0],
+        slope_percent=states[:, 1],
+        curvature_percent=states[:, 2],
+        damping_percent=states[:, 3],
+        damping_std_percent=std[:, 3],
+    )
+
+
+def without_leakage(
+    frf: FRF, plain: PoleFit, around: NDArray[np.complex128], settings: IdentificationSettings
+) -> tuple[PoleFit, list[str]]:
+    """Fit again, for averaged blocks, with the bias of the window compensated."""
+    if frf.blocks is None or frf.blocks.n_blocks < 2:
+        return plain, []
+    if frf.blocks.is_one_period:
+        return plain, []
+    cleared = plain
+    for _ in range(_LEAKAGE_ROUNDS):
+        bias = leakage_bias(
+            frf,
+            plain.lines.frequency_hz,
+            {
+                name: cleared.in_run(number)[:-N_STAND_INS]
+                for number, name in enumerate(frf.run_names)
+            },
+            cleared.residues[:, :-N_STAND_INS],
+        )
+        lines = replace(plain.lines, values=plain.lines.values - bias)
+        start = np.append(cleared.poles[:-N_STAND_INS], plain.poles[-N_STAND_INS:])
+        drift = cleared.drift if len(cleared.drift) > 1 else None
+        cleared = fit_bounded(lines, start, settings, drift, around, plain.pairs)
+    if cleared.misfit > _WORSE * plain.misfit:
+        note = (
+            "The bias of window and block length was not compensated: compensation makes the "
+            "fit worse."
+        )
+        return plain, [note]
+    return cleared, ["The bias of window and block length was compensated in the curve fit."]
