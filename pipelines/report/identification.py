@@ -106,7 +106,7 @@ def _mode_columns(model: ModalModel) -> dict[str, list[str]]:
 def _orders(model: ModalModel) -> tuple[Block, ...]:
     if not model.orders:
         return ()
-    head = ("order n", "pair", "alone: frequency / Hz", "alone: damping / %", "evidence")
+    head = ("order n", "pair", "mean frequency / Hz", "mean damping / %", "evidence")
     rows = tuple(
         (
             str(report.order),
@@ -119,8 +119,9 @@ def _orders(model: ModalModel) -> tuple[Block, ...]:
     )
     text = (
         "Every order n ≥ 1 of a tyre is a pair of modes, of which one shaker sees one combination. "
-        "Each order's own FRFs (the part that goes with cos nθ and sin nθ) are tested for a second "
-        "pole and identified separately, independently of the table above."
+        "Each order's own FRFs (the part that goes with cos nθ and sin nθ) are fitted with both. "
+        "Frequency and damping here are their mean as the force drives them; the table above shows "
+        "it, or both members where they are determined."
     )
     return (Paragraph(text), Table("Orders one by one", head, rows, words=(1, 4)))
 
