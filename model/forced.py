@@ -68,7 +68,7 @@ def inertance(
     (2, 3)
     """
     omega, angles = angular_frequency(frequency_hz), finite_array("response_rad", response_rad)
-    around = np.atleast_1d(angles) - force_rad
+    around = np.remainder(np.atleast_1d(angles) - force_rad, 2 * np.pi)
     total = np.zeros((around.size, omega.size), dtype=complex)
     for start in range(0, forced.orders.size, ORDERS_AT_ONCE):
         orders = forced.orders[start : start + ORDERS_AT_ONCE]
@@ -112,7 +112,7 @@ def inextensional_inertance(
         rule = "the inextensional form is for a fixed hub"
         raise ParameterError("wheel", "free", rule, "Use `inertance`")
     omega, angles = angular_frequency(frequency_hz), finite_array("response_rad", response_rad)
-    around = np.atleast_1d(angles) - force_rad
+    around = np.remainder(np.atleast_1d(angles) - force_rad, 2 * np.pi)
     orders = forced.orders[forced.orders != 0]
     n = orders[:, None].astype(float)
     turning = forced.rotating_omega(orders, omega)

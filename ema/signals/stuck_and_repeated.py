@@ -153,7 +153,8 @@ def _look(channel: Channel, shortest: int) -> _Look:
         return _Look(channel, 0.0, 0.0, ())
     rms = float(np.std(known))
     found = _holds(channel, seen, stride, shortest) if rms > 0 else ()
-    if found and _FEWEST_STEPS * np.min(np.diff(np.unique(known))) > rms:
+    levels = np.unique(known)
+    if found and (levels.size < 2 or _FEWEST_STEPS * np.min(np.diff(levels)) > rms):
         found = ()
     return _Look(channel, float(np.median(known)), rms, found)
 

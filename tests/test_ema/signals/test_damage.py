@@ -11,7 +11,9 @@ from scipy.signal import chirp
 import ema
 from ema.core.errors import InputError
 from ema.core.finding import WARNING
+from ema.core.recording import ACCELERATION, Channel
 from ema.signals.damage import COUNTER, REPEATED, STUCK, without_damage
+from ema.signals.stuck_and_repeated import _look
 
 TIMES_S = np.arange(rec.N) / rec.RATE_HZ
 
@@ -261,3 +263,9 @@ def test_a_force_stuck_in_every_block_is_refused():
         run = rec.edited(run, rec.held(start, 500), ["force"])
     with pytest.raises(InputError, match=r"run_1.uff, channel 'force'"):
         ema.estimate_frf(systems.campaign_of(run, block_seconds=2.0, window="boxcar"))
+
+
+@pytest.mark.parametrize("value", [0.1, 0.3, 1e5 / 3])
+def test_a_constant_whose_deviation_is_a_rounding_error_is_looked_at(value):
+    look = _look(Channel("A01", ACCELERATION, "m/s^2", np.full(10_001, value)), 100)
+    assert look.rms < 1e-9 * value
