@@ -107,7 +107,8 @@ def require_pressure_load(pressure_load: str) -> None:
 def _positive_root(ring: RingParameters, speed: Array, pressure_load: PressureLoad) -> Array:
     """Newton's method from the right of the root, where the cubic is convex: it converges."""
     membrane = ring.axial_stiffness_n_m / ring.mean_radius_m
-    centrifugal = ring.mass_per_area_kg_m2 * ring.mean_radius_m * speed**2
+    with np.errstate(over="ignore"):  # no equilibrium: refused below
+        centrifugal = ring.mass_per_area_kg_m2 * ring.mean_radius_m * speed**2
     load = centrifugal + ring.inflation_pressure_pa
     softening = load if pressure_load == "follower" else centrifugal
     linear = membrane + ring.radial_stiffness_n_m3 * ring.mean_radius_m - softening
