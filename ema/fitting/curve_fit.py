@@ -388,7 +388,7 @@ class CurveFit:
 
 
 def _surplus(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
-    """Poles that only mend the fit of others.
+    """Poles that only improve the fit of others.
 
     They end on a bound of their damping, or lie within the resonance of a mode of the ring and
     have its order or none: what an order's second mode is comes from the order's own FRFs.

@@ -36,7 +36,7 @@ _FIRST_LOOK, _LAST_LOOK = 6, 40  # evaluations
 # Dimensions that hold every pole near the resonance to 1e-6.
 _DIMENSIONS = 18
 # Amplitude, E, and background of the two rows.
-_N_LINEAR, _MIXED = 18, slice(2, 10)
+_N_LINEAR = 18
 
 
 @dataclass(frozen=True, eq=False)
