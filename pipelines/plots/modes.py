@@ -71,7 +71,6 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
     )
     names = [f"{frequency:.1f}" for frequency in kept]
     places = spread(kept, gap=(high - low) / NAMES_ACROSS).tolist()
-    reasons = {-1: "in no cluster", **{c.label: c.reason for c in diagram.clusters}}
     inside = in_band(diagram.indicator_hz, diagram.band_hz)
     unit = "RMS inertance / ((m/s²)/N)"
     indicator = Curve(
@@ -84,27 +83,12 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
         hover="%{x:.2f} Hz<br>RMS inertance %{y:.3g} (m/s²)/N",
         right=True,
     )
-    # One series for each mark, so that the legend hides and shows it.
-    poles = tuple(
-        Curve(
-            diagram.frequency_hz[chosen],
-            diagram.model_order[chosen],
-            POLE_LOOKS[name][1],
-            name,
-            marker=POLE_LOOKS[name][0],
-            size=POLE_LOOKS[name][2],
-            hover="%{x:.2f} Hz, damping %{customdata:.2f} %<br>model order %{y}, "
-            f"{name}<br>%{{text}}",
-            texts=[reasons.get(int(label), "") for label in diagram.cluster[chosen]],
-            values=100 * diagram.damping_ratio[chosen],
-        )
-        for name, chosen in pole_marks(diagram).items()
-    )
     highest = float(diagram.model_order.max(initial=1)) / HIGHEST
+    every = 10 * max(1, round(highest / 100))
     panel = Panel(
-        (indicator, Flags(kept, names, places, HIGHEST), *poles),
+        (indicator, Flags(kept, names, places, HIGHEST), *_pole_curves(diagram)),
         Axis(FREQUENCY, diagram.band_hz),
-        Axis("model order", (0, highest), ticks=range(0, int(highest * HIGHEST) + 1, 10)),
+        Axis("model order", (0, highest), ticks=range(0, int(highest * HIGHEST) + 1, every)),
         _below_names(log_axis(unit, indicator.y)),
         legend="below",
     )
@@ -120,6 +104,26 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
         wide=True,
         height_px=540,
     )
+
+
+def _pole_curves(diagram: StabilityDiagram) -> list[Curve]:
+    """One series for each mark, so that the legend hides and shows it."""
+    reasons = {-1: "in no cluster", **{c.label: c.reason for c in diagram.clusters}}
+    return [
+        Curve(
+            diagram.frequency_hz[chosen],
+            diagram.model_order[chosen],
+            POLE_LOOKS[name][1],
+            name,
+            marker=POLE_LOOKS[name][0],
+            size=POLE_LOOKS[name][2],
+            hover="%{x:.2f} Hz, damping %{customdata:.2f} %<br>model order %{y}, "
+            f"{name}<br>%{{text}}",
+            texts=[reasons.get(int(label), "") for label in diagram.cluster[chosen]],
+            values=100 * diagram.damping_ratio[chosen],
+        )
+        for name, chosen in pole_marks(diagram).items()
+    ]
 
 
 def _below_names(axis: Axis) -> Axis:

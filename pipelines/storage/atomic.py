@@ -7,6 +7,7 @@ import re
 import secrets
 import shutil
 import socket
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,7 +20,8 @@ from pipelines.storage.checksums import is_sealed
 def file_written_whole(path: Path) -> Iterator[Path]:
     """Yield a name beside `path`; the file written there replaces it at the end.
 
-    A kill at any moment leaves the old file or the new one.
+    A kill at any moment leaves the old file or the new one. A device or a pipe (`/dev/stdout`) is
+    written into, never replaced.
 
     Raises
     ------
@@ -33,6 +35,10 @@ def file_written_whole(path: Path) -> Iterator[Path]:
         raise InputError(str(path), "a file of a library", rule, "Choose another file")
     partial = partial_name(place)
     try:
+        if place.exists() and not place.is_file() and not place.is_dir():
+            with _passed_on(place) as whole:
+                yield whole
+            return
         remove_abandoned(place)
         yield partial
         partial.replace(place)
@@ -41,6 +47,16 @@ def file_written_whole(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # it was renamed, or its folder is gone
             partial.unlink()
+
+
+@contextmanager
+def _passed_on(device: Path) -> Iterator[Path]:
+    """Yield a temporary file whose contents go to a device or a pipe at the end."""
+    with tempfile.TemporaryDirectory() as folder:
+        whole = Path(folder) / "whole"
+        yield whole
+        with whole.open("rb") as source, device.open("wb") as sink:
+            shutil.copyfileobj(source, sink)
 
 
 def not_written(path: Path, error: OSError) -> InputError:

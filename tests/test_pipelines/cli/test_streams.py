@@ -12,6 +12,9 @@ from pipelines.cli import streams
 from pipelines.results.store import MARKER
 
 ROOT = Path(streams.__file__).parents[2]
+no_full_device = pytest.mark.skipif(
+    not Path("/dev/full").is_char_device(), reason="the system has no full device"
+)
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="streams are closed by a shell")
 
 DEAD = {
@@ -71,7 +74,7 @@ def test_help_and_usage_errors_do_too(tmp_path, arguments):
         assert "Traceback" not in output + errors
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no full device")
+@no_full_device
 @pytest.mark.parametrize("options", [["--json"], []])
 def test_a_full_drive_beneath_standard_output_is_an_error(short_campaign, tmp_path, options):
     code, _, errors = shell(["inspect", short_campaign, *options], ">/dev/full", tmp_path)
@@ -81,7 +84,7 @@ def test_a_full_drive_beneath_standard_output_is_an_error(short_campaign, tmp_pa
     assert code == 2
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no full device")
+@no_full_device
 def test_a_full_drive_beneath_the_output_costs_no_result(short_campaign, tmp_path):
     out = tmp_path / "result"
     arguments = ["process", short_campaign, "--out", out, "--no-report", "--json", "--quiet"]

@@ -137,6 +137,12 @@ def test_stability_without_poles_has_its_indicator(tyre):
     assert unpacked(chart.data[0]["y"]).size > 100
 
 
+def test_stability_of_any_model_order_has_few_ticks(tyre):
+    orders = 300 * tyre.diagram.model_order
+    chart = modes.stability_chart(replace(tyre.diagram, model_order=orders))
+    assert len(chart.plot.panels[0].y.ticks) < 30
+
+
 def test_coherence_map_is_sorted_by_position_and_holds_the_values(tyre):
     shuffled = tyre.frf.rows(np.random.default_rng(3).permutation(72))
     trace = measurement.coherence_chart(shuffled, (40.0, 250.0)).data[0]

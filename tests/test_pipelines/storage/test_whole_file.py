@@ -59,3 +59,16 @@ def test_a_link_to_a_file_stays_a_link(tmp_path):
         partial.write_text("new")
     assert (tmp_path / "latest.csv").is_symlink()
     assert (tmp_path / "results" / "waves.csv").read_text() == "new"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes with a name are of POSIX")
+def test_a_pipe_is_written_into_and_never_replaced(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    with file_written_whole(pipe) as partial:
+        partial.write_text("new")
+    assert os.read(reading, 10) == b"new"
+    os.close(reading)
+    assert pipe.is_fifo()
+    assert list(tmp_path.iterdir()) == [pipe]
