@@ -44,21 +44,11 @@ _JOINT = "+"
 
 @dataclass(frozen=True)
 class CampaignFolder:
-    """A folder to process.
+    """A folder to process."""
 
-    Parameters
-    ----------
-    name : str
-        Its path under the root, with slashes.
-    place : str
-        Path of its result under the results; no campaign's is inside another's.
-    path : Path
-        Absolute.
-    """
-
-    name: str
-    place: str
-    path: Path
+    name: str  # its path under the root, with slashes
+    place: str  # path of its result under the results; no campaign's is inside another's
+    path: Path  # absolute
 
 
 @dataclass(frozen=True)
@@ -97,11 +87,6 @@ def find_campaigns(root: Path, out: Path) -> tuple[CampaignFolder, ...]:
         May be a campaign itself.
     out : Path
         Where the batch writes; not searched.
-
-    Raises
-    ------
-    InputError
-        If there are none, or two would write to the same place.
     """
     if not root.is_dir():
         found = "a file" if root.exists() else "folder not found"

@@ -28,42 +28,19 @@ Row = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class Record:
-    """Outcome of a campaign: a row of the batch's tables, kept for the next run.
+    """Outcome of a campaign: a row of the batch's tables, kept for the next run."""
 
-    Parameters
-    ----------
-    campaign : str
-        Its name.
-    status : {"done", "failed"}
-    fingerprint : Fingerprint
-        What it was processed from.
-    message : str
-        Why it failed; empty where it is done.
-    traceback : str
-        Where it failed, for internal errors only.
-    seconds : float
-        Wall time of the processing.
-    designation : str
-        The tyre's; empty where there is none.
-    inflation_pressure_pa : float or None
-    n_warnings : int
-        Findings that are not ok.
-    modes : tuple of tuple
-        Rows of ``modes.csv``.
-    parameters : tuple of tuple
-        Name, value, standard deviation and origin of each ring and damping parameter.
-    """
-
-    campaign: str
-    status: str
-    fingerprint: Fingerprint
-    message: str = ""
-    traceback: str = ""
-    seconds: float = 0.0
-    designation: str = ""
+    campaign: str  # its name
+    status: str  # {"done", "failed"}
+    fingerprint: Fingerprint  # what it was processed from
+    message: str = ""  # why it failed; empty where it is done
+    traceback: str = ""  # where it failed, for internal errors only
+    seconds: float = 0.0  # wall time of the processing
+    designation: str = ""  # the tyre's; empty where there is none
     inflation_pressure_pa: float | None = None
-    n_warnings: int = 0
-    modes: tuple[Row, ...] = ()
+    n_warnings: int = 0  # findings that are not ok
+    modes: tuple[Row, ...] = ()  # rows of ``modes.csv``
+    # name, value, standard deviation and origin of each ring and damping parameter
     parameters: tuple[Row, ...] = ()
 
     @property
@@ -73,13 +50,7 @@ class Record:
 
 
 def write_record(record: Record, path: Path) -> None:
-    """Write a record atomically.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written.
-    """
+    """Write a record atomically."""
     text = json.dumps({"schema": SCHEMA, **jsonable(asdict(record))}, ensure_ascii=False)
     with file_written_whole(path) as partial:
         partial.write_text(text + "\n", encoding="utf-8", newline="\n")
@@ -146,13 +117,7 @@ class BatchFolder:
 
 
 def prepared(out: Path) -> BatchFolder:
-    """Make the folder of a batch, or open the one of an earlier run.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written, or contains other files.
-    """
+    """Make the folder of a batch, or open the one of an earlier run."""
     folder = BatchFolder(Path(os.path.realpath(out)))
     records = folder.path / _RECORDS
     try:
@@ -177,22 +142,13 @@ def _is_of_a_batch(folder: Path, records: Path) -> bool:
 
 @dataclass(frozen=True)
 class FileState:
-    """State of an input file.
+    """State of an input file."""
 
-    Parameters
-    ----------
-    file : str
-        Path in the campaign.
-    n_bytes, modified_ns : int
-        Size and time of modification; −1 if the file is missing.
-    sha256 : str
-        Checksum; empty if the file cannot be read.
-    """
-
-    file: str
+    file: str  # path in the campaign
+    # size and time of modification; −1 if the file is missing
     n_bytes: int = -1
     modified_ns: int = -1
-    sha256: str = ""
+    sha256: str = ""  # checksum; empty if the file cannot be read
 
 
 @dataclass(frozen=True)

@@ -43,13 +43,7 @@ _CAMPAIGNS = {
 
 
 def write_modes_and_parameters(records: Sequence[Record], folder: BatchFolder) -> None:
-    """Write ``modes.parquet`` and ``parameters.parquet``.
-
-    Raises
-    ------
-    InputError
-        If one cannot be written; the earlier one remains.
-    """
+    """Write ``modes.parquet`` and ``parameters.parquet``."""
     modes = [(*_campaign(each), *row) for each in records for row in each.modes]
     parameters = [(*_campaign(each), *row) for each in records for row in each.parameters]
     _write_rows(folder.modes, _types(MODES), modes)
@@ -57,13 +51,7 @@ def write_modes_and_parameters(records: Sequence[Record], folder: BatchFolder) -
 
 
 def write_campaigns(records: Sequence[Record], folder: BatchFolder) -> None:
-    """Write ``campaigns.parquet``, from which a later run sees whether the tables are current.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written; the earlier one remains.
-    """
+    """Write ``campaigns.parquet``, from which a later run sees whether the tables are current."""
     _write_rows(
         folder.campaigns, _CAMPAIGNS, [tuple(each.values()) for each in campaign_rows(records)]
     )
@@ -108,13 +96,7 @@ def _write_rows(path: Path, types: Mapping[str, str], rows: Sequence[tuple[Any, 
 def write_summary(
     records: Sequence[Record], campaigns: Sequence[CampaignFolder], folder: BatchFolder
 ) -> None:
-    """Write ``summary.html``, one file that needs no network.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written; the earlier one remains.
-    """
+    """Write ``summary.html``, one file that needs no network."""
     first = (_overview(records), _failures(records), _frequencies(records))
     sections = (*first, _campaigns(records, campaigns, folder))
     shown = tuple(each for each in sections if each.blocks)

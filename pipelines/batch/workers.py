@@ -46,11 +46,6 @@ def on_this_machine(tasks: Sequence[Task], work: Work, n_workers: int) -> Iterat
     """Share the tasks among processes with one thread of linear algebra each.
 
     Yields records as tasks end. A task whose worker dies is tried again after the others.
-
-    Raises
-    ------
-    InputError
-        If worker processes cannot start.
     """
     crew = _Crew(tasks, work, n_workers)
     try:
@@ -242,11 +237,6 @@ def on_cluster(
     ------
     Record
         As tasks end.
-
-    Raises
-    ------
-    InputError
-        If the scheduler is unreachable or not encrypted, or its workers run another version.
     """
     distributed = _imported()
     _require_encryption(address, announce, allowed=allow_unencrypted)

@@ -203,13 +203,7 @@ Author = Annotated[str, option("--author", "Default: your login name.", LIBRARY,
 
 
 def library_folder(given: Path | None) -> Path:
-    """The folder of the library from option or environment.
-
-    Raises
-    ------
-    InputError
-        If neither is set.
-    """
+    """The folder of the library from option or environment."""
     if given is None:
         rule = "the folder of the library is required"
         raise InputError("--library", "not given", rule, f"Use --library DIR, or set {_VARIABLE}")

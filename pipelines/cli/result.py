@@ -138,14 +138,7 @@ def report(
 
 
 def _require_possible(figures: Path | None, result_folder: Path, *, pdf: bool, force: bool) -> None:
-    """Check before the processing that figures and PDF can be written after it.
-
-    Raises
-    ------
-    InputError
-        If the figures' folder is inside the result's, or has pictures that may not be replaced, or
-        the library that makes a PDF is missing.
-    """
+    """Check before the processing that figures and PDF can be written after it."""
     if figures is not None:
         where = f"--figures {figures}"
         if figures.resolve().is_relative_to(result_folder.resolve()):

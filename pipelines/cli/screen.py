@@ -39,22 +39,12 @@ def warn(text: str) -> None:
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table.
-
-    Parameters
-    ----------
-    heading : str
-    cells : sequence of str
-    is_text : bool
-        Left-aligned; numbers are right-aligned.
-    folds : bool
-        Whether long cells may take several lines.
-    """
+    """One column of a table."""
 
     heading: str
     cells: Sequence[str]
-    is_text: bool = False
-    folds: bool = False
+    is_text: bool = False  # left-aligned; numbers are right-aligned
+    folds: bool = False  # whether long cells may take several lines
 
 
 def columns_of(

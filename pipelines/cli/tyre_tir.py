@@ -155,13 +155,7 @@ def modal_targets(
 
 
 def _require_consent(target: Path, *, asks: bool) -> None:
-    """Ask before an existing file is replaced; a no ends the command.
-
-    Raises
-    ------
-    InputError
-        If there is no terminal to ask on.
-    """
+    """Ask before an existing file is replaced; a no ends the command."""
     if not target.exists():
         return
     if not (asks and sys.stdin.isatty()):

@@ -36,13 +36,7 @@ def completing(values: Sequence[str]) -> Callable[[str], list[str]]:
 
 
 def choice(option: str, value: str, known: Sequence[str]) -> str:
-    """The known value, in whatever case it was typed.
-
-    Raises
-    ------
-    InputError
-        If there is none; the most similar one is named.
-    """
+    """The known value, in whatever case it was typed."""
     for each in known:
         if each.casefold() == value.casefold():
             return each
@@ -50,13 +44,7 @@ def choice(option: str, value: str, known: Sequence[str]) -> str:
 
 
 def numbers(option: str, texts: Sequence[str] | None) -> tuple[float, ...]:
-    """Numbers of a comma-separated option that may be repeated.
-
-    Raises
-    ------
-    InputError
-        If a part is not a number.
-    """
+    """Numbers of a comma-separated option that may be repeated."""
     text = ",".join(texts or ())
     try:
         return tuple(float(part) for part in text.split(",") if part.strip())
@@ -66,13 +54,7 @@ def numbers(option: str, texts: Sequence[str] | None) -> tuple[float, ...]:
 
 
 def ring_parameters(option: str, texts: Sequence[str] | None) -> dict[str, float]:
-    """Values of a repeated NAME=VALUE option, by the names of ring parameters.
-
-    Raises
-    ------
-    InputError
-        For any other text or name.
-    """
+    """Values of a repeated NAME=VALUE option, by the names of ring parameters."""
     values = {}
     for text in texts or ():
         name, _, value = text.partition("=")
@@ -101,11 +83,6 @@ def values_of(option: str, text: str, most: int = MOST_VALUES) -> NDArray[np.flo
     Returns
     -------
     ndarray, shape (n_values,)
-
-    Raises
-    ------
-    InputError
-        For anything else, for a range that runs backwards, or for too many values.
     """
     try:
         parts = [float(part) for part in text.replace(":", ",").split(",")]
@@ -129,13 +106,7 @@ def values_of(option: str, text: str, most: int = MOST_VALUES) -> NDArray[np.flo
 
 
 def orders_of(option: str, text: str) -> NDArray[np.int_]:
-    """Whole numbers in the same notation.
-
-    Raises
-    ------
-    InputError
-        As `values_of`, and for numbers that are not whole.
-    """
+    """Whole numbers in the same notation."""
     values = values_of(option, text, MOST_ORDERS)
     whole = np.rint(values)
     if np.any(whole != values):
@@ -145,13 +116,7 @@ def orders_of(option: str, text: str) -> NDArray[np.int_]:
 
 
 def require_target(path: Path, endings: tuple[str, ...]) -> Path:
-    """Refuse a file that could not be written, before anything is computed.
-
-    Raises
-    ------
-    InputError
-        For another ending, or a folder that does not exist.
-    """
+    """Refuse a file that could not be written, before anything is computed."""
     if path.suffix.lower() not in endings:
         rule = f"it must be {' or '.join(endings)}"
         raise InputError(str(path), f"the ending {path.suffix!r}", rule, "Choose another name")

@@ -44,24 +44,14 @@ NO_TYRE = "structure, not described as a tyre"
 
 @dataclass(frozen=True)
 class Contrast:
-    """One condition or option of two results.
+    """One condition or option of two results."""
 
-    Parameters
-    ----------
-    key : str
-        In ``[tyre]``, or place in ``provenance.json``.
-    name : str
-    first, second : str
-        With the unit; empty where not stated.
-    differs : bool
-        Whether both are stated and differ, as numbers where they are numbers.
-    """
-
-    key: str
+    key: str  # in ``[tyre]``, or place in ``provenance.json``
     name: str
+    # with the unit; empty where not stated
     first: str
     second: str
-    differs: bool
+    differs: bool  # whether both are stated and differ, as numbers where they are numbers
 
     @property
     def counts(self) -> bool:

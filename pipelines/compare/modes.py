@@ -27,32 +27,21 @@ Matches = list[tuple[int, int]]
 
 @dataclass(frozen=True, eq=False)
 class MatchedMode:
-    """A mode that both results have.
+    """A mode that both results have."""
 
-    Parameters
-    ----------
-    first_number, second_number : int
-        Numbers in ``modes.csv``, from 1.
-    mac : float
-        MAC of the shapes; NaN where they cannot be compared.
-    frequency, damping : Difference
-        In Hz, and of the damping ratio (a fraction).
-    averaged : (bool, bool)
-        Whether the mode of the first, of the second is the mean of a pair of which the other
-        result has one mode.
-    remark : str
-        A caveat; may be empty.
-    """
-
+    # numbers in ``modes.csv``, from 1
     first_number: int
     second_number: int
     first: Mode
     second: Mode
-    mac: float
+    mac: float  # MAC of the shapes; NaN where they cannot be compared
+    # in Hz, and of the damping ratio (a fraction)
     frequency: Difference
     damping: Difference
+    # whether the mode of the first, of the second is the mean of a pair of which the other result
+    # has one mode
     averaged: tuple[bool, bool] = (False, False)
-    remark: str = ""
+    remark: str = ""  # a caveat; may be empty
 
     @property
     def name(self) -> str:
@@ -249,21 +238,12 @@ def _best_pairing(
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """The modes of one result as they are compared with those of the other.
+    """The modes of one result as they are compared with those of the other."""
 
-    Parameters
-    ----------
-    model : ModalModel
-        With one mode in place of each pair of which the other result has one mode.
-    numbers : tuple of int
-        Number of each mode in ``modes.csv``, from 1; of a pair that of member a.
-    averaged : frozenset of int
-        Indices of the modes that replace a pair.
-    """
-
-    model: ModalModel
+    model: ModalModel  # with one mode in place of each pair of which the other result has one mode
+    # number of each mode in ``modes.csv``, from 1; of a pair that of member a
     numbers: tuple[int, ...]
-    averaged: frozenset[int]
+    averaged: frozenset[int]  # indices of the modes that replace a pair
 
 
 def seen_by(own: ModalModel, other: ModalModel) -> Side:

@@ -47,22 +47,16 @@ class Likeness(StrEnum):
 
 @dataclass(frozen=True)
 class Match:
-    """The other shape most similar to a mode of the result; modes count from 0.
-
-    Parameters
-    ----------
-    mac_pair : float
-        Share of the shape explained by the best linear combination of the other's modes near this
-        frequency: a symmetric ring has pairs of modes of arbitrary orientation. Equals `mac` where
-        there is only one such mode.
-    difference_hz, difference_percent : float
-        Other minus result; NaN where a frequency is unknown.
-    """
+    """The other shape most similar to a mode of the result; modes count from 0."""
 
     mode: int
     other: int
     mac: float
+    # share of the shape explained by the best linear combination of the other's modes near this
+    # frequency: a symmetric ring has pairs of modes of arbitrary orientation. Equals `mac` where
+    # there is only one such mode.
     mac_pair: float
+    # other minus result; NaN where a frequency is unknown
     difference_hz: float
     difference_percent: float
 

@@ -29,39 +29,23 @@ _OFF_CIRCLE_M = 1e-6  # distance from the measured circle that is worth a note
 
 @dataclass(frozen=True, eq=False)
 class ShapeSource:
-    """Mode shapes with one value per place.
+    """Mode shapes with one value per place."""
 
-    Parameters
-    ----------
-    name : str
-        Result, file or table.
-    frequency_hz, damping_ratio : ndarray, shape (n_modes,)
-        NaN where unknown.
-    mode_name : tuple of str
-    node : ndarray of int, shape (n_places,)
-        0 where there are no numbers.
-    angle_deg : ndarray, shape (n_places,)
-        NaN where unknown.
-    values : ndarray of complex, shape (n_modes, n_places)
-    radius_m, across_m : ndarray, shape (n_places,)
-        Distance from the axle, and along the axle from the middle; NaN where unknown.
-    frequency_std_hz : ndarray, shape (n_modes,)
-        NaN where unknown. Default: unknown.
-    notes : tuple of str
-        Assumptions.
-    """
-
-    name: str
+    name: str  # result, file or table
+    # shape (n_modes,); NaN where unknown
     frequency_hz: NDArray[np.float64]
     damping_ratio: NDArray[np.float64]
     mode_name: tuple[str, ...]
-    node: NDArray[np.int_]
-    angle_deg: NDArray[np.float64]
-    values: NDArray[np.complex128]
+    node: NDArray[np.int_]  # shape (n_places,); 0 where there are no numbers
+    angle_deg: NDArray[np.float64]  # shape (n_places,); NaN where unknown
+    values: NDArray[np.complex128]  # shape (n_modes, n_places)
+    # shape (n_places,); distance from the axle, and along the axle from the middle; NaN where
+    # unknown
     radius_m: NDArray[np.float64]
     across_m: NDArray[np.float64]
+    # shape (n_modes,); NaN where unknown
     frequency_std_hz: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # assumptions
 
     def __post_init__(self) -> None:
         if not self.frequency_std_hz.size:
@@ -116,11 +100,6 @@ def read_source(
         Component of the motion in a universal file; see `ema.io.uff.shape_sets`.
     accept_changes : bool
         Accept a result of which parts were changed; the notes name them.
-
-    Raises
-    ------
-    InputError
-        If it is none of these, or damaged.
     """
     path = Path(path)
     if path.is_dir() and (path / MARKER).is_file():
@@ -227,26 +206,13 @@ def _require(
 
 @dataclass(frozen=True)
 class Alignment:
-    """How places of other shapes are matched with those of a result.
+    """How places of other shapes are matched with those of a result."""
 
-    Parameters
-    ----------
-    by : {"", "angle", "node"}
-        Default: angles where both have them.
-    tolerance_deg : float
-        Largest difference of angles.
-    rotate_deg : float
-        Added to the other's angles.
-    mirror : bool
-        Whether the other's angles count the other way round.
-    direction : {"", "radial", "x", "y", "z"}
-        Component of the motion in a universal file.
-    """
-
-    by: str = ""
-    tolerance_deg: float = 2.0
-    rotate_deg: float = 0.0
-    mirror: bool = False
+    by: str = ""  # {"", "angle", "node"}; default: angles where both have them
+    tolerance_deg: float = 2.0  # largest difference of angles
+    rotate_deg: float = 0.0  # added to the other's angles
+    mirror: bool = False  # whether the other's angles count the other way round
+    # {"", "radial", "x", "y", "z"}; component of the motion in a universal file
     direction: str = ""
 
 
@@ -273,11 +239,6 @@ def common_places(result: ShapeSource, other: ShapeSource, alignment: Alignment)
 
     By angle: the nearest node within the tolerance; of several over the cross-section the one
     nearest to the measured circle, in the middle of the width.
-
-    Raises
-    ------
-    InputError
-        If one lacks the angles or nodes that are needed.
     """
     way = alignment.by or (ANGLE if result.has_angles and other.has_angles else NODE)
     for each in (result, other):

@@ -105,25 +105,18 @@ def holm(p_values: ArrayLike) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class ParameterChange:
-    """A ring or damping parameter in two results or parameter sets, named as in ``tyre.toml``.
-
-    Parameters
-    ----------
-    first_std, second_std : float
-        NaN where unknown.
-    first_how, second_how : str
-        How each was obtained: given, identified, not identified or at bound.
-    alike : bool
-        Whether the same parameters were given to both tunings. If not, the identified ones follow
-        from different assumptions, and their difference does not come from the tyres alone.
-    """
+    """A ring or damping parameter in two results or parameter sets, named as in ``tyre.toml``."""
 
     name: str
+    # NaN where unknown
     first_std: float
     second_std: float
+    # how each was obtained: given, identified, not identified or at bound
     first_how: str
     second_how: str
     difference: Difference
+    # whether the same parameters were given to both tunings. If not, the identified ones follow
+    # from different assumptions, and their difference does not come from the tyres alone.
     alike: bool = True
 
     @property
@@ -211,21 +204,15 @@ class Agreement:
 
     Modes are taken as independent. For modes of one fit this is a good approximation: the full
     covariance changes χ² by a few percent, unless two modes lie within each other's half width.
-
-    Parameters
-    ----------
-    shift_percent, shift_std_percent : float
-        Common shift of all frequencies, weighted by their error bars: the effect of a common cause
-        such as pressure, temperature or the analyser's clock.
-    apart : Scatter
-        Frequencies without the common shift.
     """
 
     frequency: Scatter
     damping: Scatter
+    # common shift of all frequencies, weighted by their error bars: the effect of a common cause
+    # such as pressure, temperature or the analyser's clock
     shift_percent: float
     shift_std_percent: float
-    apart: Scatter
+    apart: Scatter  # frequencies without the common shift
 
 
 def agreement(frequency: Sequence[Difference], damping: Sequence[Difference]) -> Agreement | None:

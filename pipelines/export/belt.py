@@ -25,22 +25,13 @@ _ALONE = 0.05  # largest contribution of all other parameters, as share of the l
 
 @dataclass(frozen=True)
 class BeltValue:
-    """A value of the rigid belt.
+    """A value of the rigid belt."""
 
-    Parameters
-    ----------
-    value, std : float
-        SI. A parameter set has no correlations: std is known only where one parameter dominates.
-    basis : str
-        Formula or mode.
-    doubts : tuple of str
-        Symbols of parameters that matter and were not identified.
-    """
-
+    # SI. A parameter set has no correlations: std is known only where one parameter dominates.
     value: float
     std: float | None
-    basis: str
-    doubts: tuple[str, ...] = ()
+    basis: str  # formula or mode
+    doubts: tuple[str, ...] = ()  # symbols of parameters that matter and were not identified
 
 
 @dataclass(frozen=True)

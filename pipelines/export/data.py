@@ -21,38 +21,20 @@ _STEP_M = 0.1  # between nodes on a line
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Positions and directions of the nodes.
+    """Positions and directions of the nodes."""
 
-    Parameters
-    ----------
-    node : ndarray of int, shape (n_nodes,)
-        Node numbers from 1; the rows of the FRFs come first, in their order.
-    position_deg : ndarray, shape (n_nodes,)
-        Angles in the x-z plane, from x towards z; NaN without a circle.
-    xyz_m : ndarray, shape (n_nodes, 3)
-    direction : ndarray, shape (n_nodes, 3)
-        Unit vector of the measured motion: radial and outward on a circle.
-    direction_code : int
-        Code of this direction in the FRFs of a universal file.
-    n_measured : int
-        Nodes with a sensor; the force has a further node where it acts elsewhere.
-    reference_node : int
-        Node of the force; 0 where unknown.
-    is_closed : bool
-        Whether the nodes form a circle.
-    notes : tuple of str
-        Assumptions.
-    """
-
+    # shape (n_nodes,); node numbers from 1; the rows of the FRFs come first, in their order
     node: NDArray[np.int_]
+    # shape (n_nodes,); angles in the x-z plane, from x towards z; NaN without a circle
     position_deg: NDArray[np.float64]
-    xyz_m: NDArray[np.float64]
+    xyz_m: NDArray[np.float64]  # shape (n_nodes, 3)
+    # shape (n_nodes, 3); unit vector of the measured motion: radial and outward on a circle
     direction: NDArray[np.float64]
-    direction_code: int
-    n_measured: int
-    reference_node: int
-    is_closed: bool
-    notes: tuple[str, ...] = ()
+    direction_code: int  # code of this direction in the FRFs of a universal file
+    n_measured: int  # nodes with a sensor; the force has a further node where it acts elsewhere
+    reference_node: int  # node of the force; 0 where unknown
+    is_closed: bool  # whether the nodes form a circle
+    notes: tuple[str, ...] = ()  # assumptions
 
     def __post_init__(self) -> None:
         for name in ("node", "position_deg", "xyz_m", "direction"):
@@ -133,29 +115,20 @@ def _line(frf: FRF) -> Geometry:
 
 @dataclass(frozen=True, eq=False)
 class ModalExport:
-    """A result as exported to other programs.
-
-    Parameters
-    ----------
-    result : Result
-    geometry : Geometry
-    shapes : ndarray, shape (n_modes, n_measured)
-        Along the measured directions, largest part 1; complex or real.
-    modal_a : ndarray of complex, shape (n_modes,)
-        Modal A of these shapes in N s/m: residue = shape × shape at the force / A; NaN where the
-        force is not at a sensor or at a node of the mode, or the modal mass would be negative.
-    measured, synthesised : FRF or None
-        Inertances (accelerances) in (m/s²)/N under the exported node numbers.
-    frfs_as_text : bool
-        Whether a universal file has the FRFs as text (58) instead of binary (58b).
-    """
+    """A result as exported to other programs."""
 
     result: Result
     geometry: Geometry
+    # shape (n_modes, n_measured); along the measured directions, largest part 1; complex or real
     shapes: NDArray[np.inexact]
+    # shape (n_modes,); modal A of these shapes in N s/m: residue = shape × shape at the force / A;
+    # NaN where the force is not at a sensor or at a node of the mode, or the modal mass would be
+    # negative
     modal_a: NDArray[np.complex128]
+    # inertances (accelerances) in (m/s²)/N under the exported node numbers
     measured: FRF | None
     synthesised: FRF | None
+    # whether a universal file has the FRFs as text (58) instead of binary (58b)
     frfs_as_text: bool = False
 
     def __post_init__(self) -> None:

@@ -184,13 +184,7 @@ def _quote(value: str) -> str:
 
 
 def save_tir(tir: TirFile, path: Path) -> Path | None:
-    """Write a tyre property file and return the copy of an existing one.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written; the existing file is unchanged then.
-    """
+    """Write a tyre property file and return the copy of an existing one."""
     with file_written_whole(path) as partial:
         partial.write_bytes(tir.content)
         backup = _backed_up(path) if path.exists() else None

@@ -82,21 +82,12 @@ QUANTITIES: dict[str, Mapping[str, int]] = {
 
 @dataclass(frozen=True)
 class TirUnits:
-    """The units of a file.
+    """The units of a file."""
 
-    Parameters
-    ----------
-    names : dict of str to str
-        Unit of each quantity in `UNITS`; PRESSURE only where the file states one.
-    sizes : dict of str to float
-        Their sizes in SI.
-    assumed : tuple of str
-        Quantities without a unit in the file; the SI unit is assumed.
-    """
-
+    # unit of each quantity in `UNITS`; PRESSURE only where the file states one
     names: dict[str, str]
-    sizes: dict[str, float]
-    assumed: tuple[str, ...]
+    sizes: dict[str, float]  # their sizes in SI
+    assumed: tuple[str, ...]  # quantities without a unit in the file; the SI unit is assumed
 
     def size(self, key: str) -> float:
         """SI value of one unit of a key in `QUANTITIES`."""
@@ -146,13 +137,7 @@ def units_of(tir: TirFile) -> TirUnits:
 
 
 def si_value(tir: TirFile, units: TirUnits, key: str) -> float | None:
-    """Value of a key in SI; None where the file does not have it.
-
-    Raises
-    ------
-    InputError
-        If it is not a number, or the dimension of the key is unknown.
-    """
+    """Value of a key in SI; None where the file does not have it."""
     if key.upper() not in QUANTITIES:
         raise unknown(tir.name, key, "the unit of this key is unknown", QUANTITIES)
     number = tir.number(key)

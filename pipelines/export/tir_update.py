@@ -70,26 +70,16 @@ class TirChange:
 
 @dataclass(frozen=True)
 class TirUpdate:
-    """Update of a file.
-
-    Parameters
-    ----------
-    unchanged : tuple of str
-        Keys that have the ring's value already.
-    missing : tuple of str
-        Keys that the ring determines and the file does not have.
-    open_ones : dict of str to str
-        Keys that this set does not determine, and why.
-    left_alone : dict of str to tuple of str
-        Keys of the file that no ring determines, by reason.
-    """
+    """Update of a file."""
 
     before: TirFile
     after: TirFile
     changes: tuple[TirChange, ...]
-    unchanged: tuple[str, ...]
-    missing: tuple[str, ...]
+    unchanged: tuple[str, ...]  # keys that have the ring's value already
+    missing: tuple[str, ...]  # keys that the ring determines and the file does not have
+    # keys that this set does not determine, and why
     open_ones: Mapping[str, str] = field(default_factory=dict)
+    # keys of the file that no ring determines, by reason
     left_alone: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 

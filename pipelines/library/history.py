@@ -19,26 +19,15 @@ from pipelines.storage.rounding import signed
 
 @dataclass(frozen=True)
 class SetDifference:
-    """Differences between two parameter sets, second minus first.
-
-    Parameters
-    ----------
-    changes : tuple of ParameterChange
-        Every parameter that both have.
-    conditions : tuple of tuple
-        Name, first and second value of each condition that differs; None where not stated.
-    notes : tuple of str
-        Caveats.
-    independent : bool
-        Whether the sets share no recording; otherwise nothing is tested.
-    """
+    """Differences between two parameter sets, second minus first."""
 
     first: NamedSet
     second: NamedSet
-    changes: tuple[ParameterChange, ...]
+    changes: tuple[ParameterChange, ...]  # every parameter that both have
+    # name, first and second value of each condition that differs; None where not stated
     conditions: tuple[tuple[str, Any, Any], ...]
-    notes: tuple[str, ...]
-    independent: bool
+    notes: tuple[str, ...]  # caveats
+    independent: bool  # whether the sets share no recording; otherwise nothing is tested
 
     @property
     def largest_change(self) -> ParameterChange | None:

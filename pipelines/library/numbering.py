@@ -57,11 +57,6 @@ def write_next(folder: Path, text_of: Callable[[int], str]) -> int:
         Created if missing.
     text_of : callable
         Text for a number; different for every call on any machine.
-
-    Raises
-    ------
-    OSError
-        If the drive cannot be written; nothing is left behind.
     """
     with folder_in_use(folder):
         remove_abandoned(folder / _NEXT)

@@ -20,25 +20,16 @@ UNITS_PA = {"bar": 1e5, "kPa": 1e3, "Pa": 1.0, "psi": 6894.757293168}
 
 @dataclass(frozen=True)
 class Line:
-    """A straight line, value + slope · (x − centre), with uncorrelated value and slope.
+    """A straight line, value + slope · (x − centre), with uncorrelated value and slope."""
 
-    Parameters
-    ----------
-    centre : float
-        Weighted mean of x.
-    value, value_std : float
-        At the centre; the standard deviation is NaN where unknown.
-    slope, slope_std : float
-    scatter : float
-        Root of χ² per degree of freedom, by which the standard deviations are raised where it
-        exceeds 1; NaN without degrees of freedom, or where σ of a point is unknown.
-    """
-
-    centre: float
+    centre: float  # weighted mean of x
+    # at the centre; the standard deviation is NaN where unknown
     value: float
     value_std: float
     slope: float
     slope_std: float
+    # root of χ² per degree of freedom, by which the standard deviations are raised where it exceeds
+    # 1; NaN without degrees of freedom, or where σ of a point is unknown
     scatter: float
 
     def at(self, x: ArrayLike) -> NDArray[np.float64]:
@@ -82,11 +73,6 @@ def pressure_series(versions: Sequence[Version], names: Sequence[str] = ()) -> S
         Of one tyre, at least one.
     names : sequence of str
         Parameters; default: all that were identified at two pressures or more.
-
-    Raises
-    ------
-    InputError
-        If a parameter is unknown, or was not identified at two pressures.
     """
     known = (*RING_NAMES, *DAMPING_NAMES)
     for name in names:

@@ -30,28 +30,17 @@ _OPTIONAL = ("note", "tyre_id", "source", "source_sha256", "id")
 
 @dataclass(frozen=True)
 class Entry:
-    """Origin of a version.
-
-    Parameters
-    ----------
-    created : str
-        Time of adding, ISO 8601 in UTC.
-    tyre_id : str
-        Distinguishes tyres of one designation; may be empty.
-    source, source_sha256 : str
-        Name, without path, of the result folder or parameter set; checksum of its ``tyre.toml``.
-    id : str
-        Unique among all entries.
-    """
+    """Origin of a version."""
 
     author: str
-    created: str
+    created: str  # time of adding, ISO 8601 in UTC
     software: str
     note: str = ""
-    tyre_id: str = ""
+    tyre_id: str = ""  # distinguishes tyres of one designation; may be empty
+    # name, without path, of the result folder or parameter set; checksum of its ``tyre.toml``
     source: str = ""
     source_sha256: str = ""
-    id: str = ""
+    id: str = ""  # unique among all entries
 
 
 @dataclass(frozen=True)

@@ -66,13 +66,7 @@ def paper_chapters(result: Result) -> tuple[Chapter, ...]:
 def write_paper(
     chapters: tuple[Chapter, ...], result: Result, folder: Path, *, force: bool = False
 ) -> None:
-    """Write page, tables and figures; the folder is written atomically.
-
-    Raises
-    ------
-    InputError
-        If the folder exists and may not be replaced, or cannot be written.
-    """
+    """Write page, tables and figures; the folder is written atomically."""
     parts = [part for chapter in chapters for part in chapter.parts]
     pictures = {part.name: png(part.draw()) for part in parts if isinstance(part, Chart)}
     with written_whole(folder, force=force, marker=FOLDER_MARKER) as partial:

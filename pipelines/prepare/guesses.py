@@ -36,24 +36,13 @@ _ON_GRID = 0.01  # of a grid step, as names have few digits
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A file of the campaign and its channels; rows of FRFs count as accelerations.
-
-    Parameters
-    ----------
-    path : Path
-    channels : tuple of Channel
-    sampling_rate_hz : float
-        NaN for FRFs, and if the file does not state it.
-    has_frfs : bool
-    force_node : int or None
-        Node of the force of the FRFs.
-    """
+    """A file of the campaign and its channels; rows of FRFs count as accelerations."""
 
     path: Path
     channels: tuple[Channel, ...]
-    sampling_rate_hz: float
+    sampling_rate_hz: float  # NaN for FRFs, and if the file does not state it
     has_frfs: bool
-    force_node: int | None = None
+    force_node: int | None = None  # node of the force of the FRFs
 
 
 @dataclass(frozen=True)
@@ -66,24 +55,12 @@ class Layout:
 
 @dataclass(frozen=True)
 class Places:
-    """Positions of the sensors, as far as files state them.
+    """Positions of the sensors, as far as files state them."""
 
-    Parameters
-    ----------
-    positions : int or None
-        Number of grid positions; None if unknown, or without a circle.
-    known_from : str
-        `GEOMETRY`, `NODES`, `NAMES` or `LAYOUT`; empty if unknown.
-    angle_deg : dict or None
-        Angles by file and channel on a circle.
-    is_guess : bool
-        Whether the number of positions is only probable.
-    """
-
-    positions: int | None = None
-    known_from: str = ""
-    angle_deg: dict[tuple[Path, str], float] | None = None
-    is_guess: bool = False
+    positions: int | None = None  # number of grid positions; None if unknown, or without a circle
+    known_from: str = ""  # `GEOMETRY`, `NODES`, `NAMES` or `LAYOUT`; empty if unknown
+    angle_deg: dict[tuple[Path, str], float] | None = None  # angles by file and channel on a circle
+    is_guess: bool = False  # whether the number of positions is only probable
 
 
 def sources_of(content: FileContent) -> list[Source]:
@@ -174,13 +151,7 @@ def places_of(sources: Sequence[Source], reference: str | None) -> Places:
 
 
 def places_laid_out(sources: Sequence[Source], reference: str | None, layout: Layout) -> Places:
-    """Angles of sensors that are evenly spaced and turned from run to run; the first one at 0°.
-
-    Raises
-    ------
-    InputError
-        If two sensors of a run coincide.
-    """
+    """Angles of sensors that are evenly spaced and turned from run to run; the first one at 0°."""
     sensors, angles = [], []
     for run, source in enumerate(sources):
         for number, channel in enumerate(sensors_in(source, reference)):

@@ -38,29 +38,15 @@ class ChannelReport:
 
 @dataclass(frozen=True, eq=False)
 class FileReport:
-    """Content of one file and what looks wrong in it.
-
-    Parameters
-    ----------
-    path : Path
-    size_bytes : int
-    sampling_rate_hz : float
-        NaN without time series, or if neither file nor manifest state it.
-    channels : tuple of ChannelReport
-        Time series.
-    frf : FRF or None
-    frf_names : tuple of str
-    findings : tuple of Finding
-        About the file, not one of its channels.
-    """
+    """Content of one file and what looks wrong in it."""
 
     path: Path
     size_bytes: int
-    sampling_rate_hz: float
-    channels: tuple[ChannelReport, ...]
+    sampling_rate_hz: float  # NaN without time series, or if neither file nor manifest state it
+    channels: tuple[ChannelReport, ...]  # time series
     frf: FRF | None
     frf_names: tuple[str, ...]
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...]  # about the file, not one of its channels
 
     @property
     def all_findings(self) -> tuple[Finding, ...]:

@@ -48,21 +48,11 @@ _REFERENCE = '# reference = "<channel>"        # the sensor that stays in place 
 
 @dataclass(frozen=True)
 class Draft:
-    """A manifest template.
+    """A manifest template."""
 
-    Parameters
-    ----------
-    text : str
-        TOML; lines to fill in are comments.
-    missing : tuple of str
-        What the files do not state.
-    left_out : tuple of str
-        Why files were left out.
-    """
-
-    text: str
-    missing: tuple[str, ...]
-    left_out: tuple[str, ...] = ()
+    text: str  # TOML; lines to fill in are comments
+    missing: tuple[str, ...]  # what the files do not state
+    left_out: tuple[str, ...] = ()  # why files were left out
 
 
 @dataclass(frozen=True, eq=False)

@@ -150,25 +150,12 @@ def sparse_labels(labels: Sequence[str], at_most: int = 13) -> tuple[list[int], 
 
 @dataclass(frozen=True, eq=False)
 class CoherenceMap:
-    """Coherence by position and frequency, averaged over neighbouring lines.
+    """Coherence by position and frequency, averaged over neighbouring lines."""
 
-    Parameters
-    ----------
-    frequency_hz : ndarray, shape (n_columns,)
-        Middle of each column.
-    names : tuple of str
-        Name of each row, in ascending angle.
-    values : ndarray, shape (n_rows, n_columns)
-        NaN where unknown.
-    averaged : int
-        Lines in one column.
-    band_hz : tuple of float
-    """
-
-    frequency_hz: NDArray[np.float64]
-    names: tuple[str, ...]
-    values: NDArray[np.float64]
-    averaged: int
+    frequency_hz: NDArray[np.float64]  # shape (n_columns,); middle of each column
+    names: tuple[str, ...]  # name of each row, in ascending angle
+    values: NDArray[np.float64]  # shape (n_rows, n_columns); NaN where unknown
+    averaged: int  # lines in one column
     band_hz: tuple[float, float]
 
 

@@ -68,11 +68,6 @@ def processing_in_force(campaign: Campaign, chosen: Processing) -> Processing:
     """Combine the manifest's processing with what was chosen on top of it.
 
     Averages and block length exclude each other: choosing one drops the manifest's other.
-
-    Raises
-    ------
-    InputError
-        If both are chosen, or the band does not rise.
     """
     if chosen.averages is not None and chosen.block_seconds is not None:
         found = f"averages {chosen.averages} and block_seconds {chosen.block_seconds:g}"

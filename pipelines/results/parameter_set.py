@@ -250,13 +250,7 @@ def _checksum(content: dict[str, Any]) -> str:
 
 
 def parameter_set_of(path: Path, content: dict[str, Any]) -> ParameterSet:
-    """Parameter set from the content of a TOML file; unknown sections are ignored.
-
-    Raises
-    ------
-    InputError
-        If a parameter is missing, misspelt, not a number or of unknown origin; names `path`.
-    """
+    """Parameter set from the content of a TOML file; unknown sections are ignored."""
     if (schema := content.get("schema")) != SCHEMA:
         rule = f"this version reads schema {SCHEMA}"
         remedy = f"Write schema = {SCHEMA}, or use the version of ringmodal that wrote the file"

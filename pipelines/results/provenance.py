@@ -128,22 +128,12 @@ class Change(Enum):
 
 @dataclass(frozen=True)
 class CheckedResult:
-    """A result folder whose parts are as they were written, or accepted as they are.
-
-    Parameters
-    ----------
-    folder : Path
-    marker : Marker
-    accepted : dict of str to Change
-        Accepted changes by part.
-    sha256 : dict of str to str
-        Checksums of the accepted parts; empty for missing ones.
-    """
+    """A result folder whose parts are as they were written, or accepted as they are."""
 
     folder: Path
     marker: Marker
-    accepted: dict[str, Change]
-    sha256: dict[str, str]
+    accepted: dict[str, Change]  # accepted changes by part
+    sha256: dict[str, str]  # checksums of the accepted parts; empty for missing ones
 
 
 def checked_result(folder: Path, *, accept_changes: bool = False) -> CheckedResult:
@@ -154,11 +144,6 @@ def checked_result(folder: Path, *, accept_changes: bool = False) -> CheckedResu
     folder : Path
     accept_changes : bool
         Whether changed, missing and added parts are accepted.
-
-    Raises
-    ------
-    InputError
-        If the folder is not a result; names the parts that are not accepted.
     """
     recover(folder)
     if not (folder / MARKER).is_file():

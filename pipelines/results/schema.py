@@ -99,13 +99,7 @@ class Stored:
 
 
 def read_identification_json(path: Path) -> Stored:
-    """Read ``identification.json``.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read or is not consistent; names the place.
-    """
+    """Read ``identification.json``."""
     try:
         text = require_regular(path).read_bytes()
         found = TypeAdapter(Stored).validate_json(text, strict=True)
@@ -219,13 +213,7 @@ class _Provenance:
 
 
 def require_provenance(path: Path, content: dict[str, Any]) -> None:
-    """Refuse provenance that later stages cannot use.
-
-    Raises
-    ------
-    InputError
-        If a part is missing or of another type; names it.
-    """
+    """Refuse provenance that later stages cannot use."""
     try:
         TypeAdapter(_Provenance).validate_python(content)
     except ValidationError as error:

@@ -39,22 +39,15 @@ LEVEL_TIME_S = 0.05  # softening follows the level smoothed over this time
 
 @dataclass(frozen=True, eq=False)
 class Mounting:
-    """Where the sensors of a run are and how they see.
+    """Where the sensors of a run are and how they see."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Channel names, the reference last.
-    declared_deg, actual_deg, tilt_deg : ndarray, shape (n_sensors,)
-        Angles in the manifest, on the tyre, and of the sensor axis against the radius.
-    gain, delay_s : ndarray, shape (n_sensors,)
-        Sensitivity over the declared one, delay of the channel.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # channel names, the reference last
+    # shape (n_sensors,); angles in the manifest, on the tyre, and of the sensor axis against the
+    # radius
     declared_deg: Floats
     actual_deg: Floats
     tilt_deg: Floats
+    # shape (n_sensors,); sensitivity over the declared one, delay of the channel
     gain: Floats
     delay_s: Floats
 

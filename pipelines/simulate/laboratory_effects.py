@@ -226,11 +226,6 @@ def effects_from(table: Mapping[str, Any], place: str = "effects") -> Effects:
         Names of `Effects` and their values.
     place : str
         Where the table comes from, for messages.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown or a value unsuitable.
     """
     for name in table:
         if name not in _ENTRIES:
@@ -240,13 +235,7 @@ def effects_from(table: Mapping[str, Any], place: str = "effects") -> Effects:
 
 
 def read_effects(path: Path) -> dict[str, Any]:
-    """Table of effects in a TOML file, as `effects_from` takes it.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is not TOML.
-    """
+    """Table of effects in a TOML file, as `effects_from` takes it."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
@@ -256,13 +245,7 @@ def read_effects(path: Path) -> dict[str, Any]:
 
 
 def parse_effect(text: str) -> tuple[str, Any]:
-    """Name and value of ``name=value``, the value as in TOML or a plain word.
-
-    Raises
-    ------
-    InputError
-        If there is no equals sign.
-    """
+    """Name and value of ``name=value``, the value as in TOML or a plain word."""
     name, separator, value = text.partition("=")
     if not separator:
         raise InputError("--effect", repr(text), "name=value", "Give for example splice=0.02")
@@ -285,11 +268,6 @@ def effects_of(
         ``name=value`` each.
     defaults : mapping
         Values of effects that neither names.
-
-    Raises
-    ------
-    InputError
-        If an effect is unknown or a value unsuitable.
     """
     if file is None and not texts:
         return None

@@ -88,23 +88,15 @@ def random_ring(seed: int) -> tuple[RingParameters, RingDamping]:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """Poles and residue vectors of a tyre in one state, driven at one point.
+    """Poles and residue vectors of a tyre in one state, driven at one point."""
 
-    Parameters
-    ----------
-    poles : ndarray of complex, shape (n_modes,)
-        Poles in the upper half plane, ascending, rad/s.
-    vectors : ndarray of complex, shape (n_coordinates, n_modes)
-        Mode shapes in the coordinates of the tyre.
-    participation : ndarray of complex, shape (n_modes,)
-        Factor from shape to residue of receptance for a unit force at the drive point.
-    left : ndarray of complex, shape (n_modes, n_coordinates)
-        Velocity part of the left vectors times the inverse mass, for perturbations.
-    """
-
-    poles: Complexes
-    vectors: Complexes
+    poles: Complexes  # shape (n_modes,); poles in the upper half plane, ascending, rad/s
+    vectors: Complexes  # shape (n_coordinates, n_modes); mode shapes in the coordinates of the tyre
+    # shape (n_modes,); factor from shape to residue of receptance for a unit force at the drive
+    # point
     participation: Complexes
+    # shape (n_modes, n_coordinates); velocity part of the left vectors times the inverse mass, for
+    # perturbations
     left: Complexes
 
     def residues(self, rows: Floats) -> Complexes:
@@ -129,19 +121,11 @@ class System:
 
 @dataclass(frozen=True, eq=False)
 class LaboratoryTyre:
-    """A ring with rim, lateral modes and air; uneven around the circumference where asked for.
+    """A ring with rim, lateral modes and air; uneven around the circumference where asked for."""
 
-    Parameters
-    ----------
-    ring : RingParameters
-        Means around the circumference.
-    damping : RingDamping
-        The loss factor acts as a viscous damping that gives the same loss at the frequency of each
-        order.
-    effects : Effects
-    """
-
-    ring: RingParameters
+    ring: RingParameters  # means around the circumference
+    # the loss factor acts as a viscous damping that gives the same loss at the frequency of each
+    # order
     damping: RingDamping
     effects: Effects
 

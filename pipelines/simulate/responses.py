@@ -109,21 +109,13 @@ UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 
 @dataclass(frozen=True)
 class Observer:
-    """A point where a response is read.
-
-    Parameters
-    ----------
-    at_deg : float
-    frame : {"rotating", "absolute"}
-        Whether it is fixed to the tyre or in space.
-    direction : {"radial", "circumferential"}
-    quantity : {"displacement", "velocity", "acceleration"}
-    """
+    """A point where a response is read."""
 
     at_deg: float
+    # {"rotating", "absolute"}; whether it is fixed to the tyre or in space
     frame: Frame = "rotating"
-    direction: Direction = "radial"
-    quantity: Quantity = "acceleration"
+    direction: Direction = "radial"  # {"radial", "circumferential"}
+    quantity: Quantity = "acceleration"  # {"displacement", "velocity", "acceleration"}
 
     @property
     def unit(self) -> str:
@@ -133,24 +125,13 @@ class Observer:
 
 @dataclass(frozen=True, eq=False)
 class CleatResponse:
-    """Response to an impact in time and frequency.
-
-    Parameters
-    ----------
-    observer : Observer
-    time_s : ndarray, shape (n_times,)
-        From the start of the impact.
-    response : ndarray, shape (n_times,)
-        In the observer's unit.
-    frequency_hz : ndarray, shape (n_frequencies,)
-    spectrum : ndarray of complex, shape (n_frequencies,)
-        ∫x(t)e^{−jωt}dt, in the observer's unit times s.
-    """
+    """Response to an impact in time and frequency."""
 
     observer: Observer
-    time_s: NDArray[np.float64]
-    response: NDArray[np.float64]
-    frequency_hz: NDArray[np.float64]
+    time_s: NDArray[np.float64]  # shape (n_times,); from the start of the impact
+    response: NDArray[np.float64]  # shape (n_times,); in the observer's unit
+    frequency_hz: NDArray[np.float64]  # shape (n_frequencies,)
+    # shape (n_frequencies,); ∫x(t)e^{−jωt}dt, in the observer's unit times s
     spectrum: NDArray[np.complex128]
 
     def __post_init__(self) -> None:
@@ -188,25 +169,14 @@ MOST_LOADS = 200  # each takes 0.1 s or more
 
 @dataclass(frozen=True, eq=False)
 class LoadedSweep:
-    """Frequencies of a standing tyre over vertical load.
+    """Frequencies of a standing tyre over vertical load."""
 
-    Parameters
-    ----------
-    load_n : ndarray, shape (n_loads,)
-    frequency_hz : ndarray, shape (n_loads, n_modes)
-        Ascending.
-    dominant_order : ndarray of int, shape (n_loads, n_modes)
-        Order with the largest share of each shape.
-    angle_deg : ndarray, shape (n_angles,)
-        Angles from the contact.
-    deflection_m : ndarray, shape (n_angles,)
-        Radial deflection by the largest load, relative to the inflated tyre, m.
-    """
-
-    load_n: NDArray[np.float64]
-    frequency_hz: NDArray[np.float64]
+    load_n: NDArray[np.float64]  # shape (n_loads,)
+    frequency_hz: NDArray[np.float64]  # shape (n_loads, n_modes); ascending
+    # shape (n_loads, n_modes); order with the largest share of each shape
     dominant_order: NDArray[np.int_]
-    angle_deg: NDArray[np.float64]
+    angle_deg: NDArray[np.float64]  # shape (n_angles,); angles from the contact
+    # shape (n_angles,); radial deflection by the largest load, relative to the inflated tyre, m
     deflection_m: NDArray[np.float64]
 
     def __post_init__(self) -> None:

@@ -22,29 +22,15 @@ _LINES_AT_ONCE = 65_536
 
 @dataclass(frozen=True)
 class TruthMode:
-    """One real mode of a tyre with radial shape cos(n(θ − orientation)).
+    """One real mode of a tyre with radial shape cos(n(θ − orientation))."""
 
-    Parameters
-    ----------
-    order : int
-        Circumferential order n.
-    member : str
-        Empty if the two members of the order coincide, ``"a"`` or ``"b"`` for one of a split pair.
-    frequency_hz : float
-        Undamped natural frequency.
-    damping_ratio : float
-    modal_mass_kg : float
-        For a unit amplitude of the shape.
-    orientation_deg : float
-        Angle of an antinode.
-    """
-
-    order: int
+    order: int  # circumferential order n
+    # empty if the two members of the order coincide, ``"a"`` or ``"b"`` for one of a split pair
     member: str
-    frequency_hz: float
+    frequency_hz: float  # undamped natural frequency
     damping_ratio: float
-    modal_mass_kg: float
-    orientation_deg: float = 0.0
+    modal_mass_kg: float  # for a unit amplitude of the shape
+    orientation_deg: float = 0.0  # angle of an antinode
 
     def shape(self, angles_deg: NDArray[np.float64]) -> NDArray[np.float64]:
         """Radial shape at `angles_deg`."""
@@ -90,18 +76,10 @@ def truth_modes(
 
 @dataclass(frozen=True, eq=False)
 class ModalSum:
-    """Inertance as a sum over poles: H_i = −ω² Σ_r [A_ir/(jω − s_r) + A*_ir/(jω − s*_r)].
+    """Inertance as a sum over poles: H_i = −ω² Σ_r [A_ir/(jω − s_r) + A*_ir/(jω − s*_r)]."""
 
-    Parameters
-    ----------
-    poles : ndarray of complex, shape (n_modes,)
-        Poles s_r in the upper half plane, rad/s.
-    residues : ndarray of complex, shape (n_positions, n_modes)
-        Residues A_ir of receptance.
-    """
-
-    poles: NDArray[np.complex128]
-    residues: NDArray[np.complex128]
+    poles: NDArray[np.complex128]  # shape (n_modes,); poles s_r in the upper half plane, rad/s
+    residues: NDArray[np.complex128]  # shape (n_positions, n_modes); residues A_ir of receptance
 
     def inertance(self, position: int, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Inertance of one position at angular frequencies `omega`, (m/s²)/N."""

@@ -36,11 +36,6 @@ def tyre_to_simulate(path: Path | None, *, accept_changes: bool = False) -> Simu
     """The tyre of a parameter set or result folder; without one the sample (Tables 4 and 5).
 
     A file may be edited; a result folder must be as it was written.
-
-    Raises
-    ------
-    InputError
-        If there is no parameter set, or its values are not a valid ring.
     """
     if path is None:
         return SimulatedTyre(f"the sample tyre {DESIGNATION}", TABLE_4_RING, TABLE_5_DAMPING)
@@ -53,13 +48,7 @@ def tyre_to_simulate(path: Path | None, *, accept_changes: bool = False) -> Simu
 
 
 def damping_of(tyre: SimulatedTyre, *, on_pretension: bool = True) -> RingDamping:
-    """Damping of a tyre; `on_pretension`: the loss factor also acts on the hoop tension.
-
-    Raises
-    ------
-    InputError
-        If its parameter set has none.
-    """
+    """Damping of a tyre; `on_pretension`: the loss factor also acts on the hoop tension."""
     if tyre.damping is None:
         rule = "forced vibration needs damping"
         remedy = "Add radial_n_s_m3, circumferential_n_s_m3 and loss_factor"
@@ -157,13 +146,7 @@ def largest_at_hub(found: HubResponse) -> dict[str, NDArray[Any]]:
 
 
 def wheel_of(known: Wheel | None, mass_kg: float | None, inertia_kg_m2: float | None) -> Wheel:
-    """The wheel of a tyre's parameter set, replaced by values that are given.
-
-    Raises
-    ------
-    InputError
-        If mass or inertia is unknown.
-    """
+    """The wheel of a tyre's parameter set, replaced by values that are given."""
     mass = known.mass_kg if mass_kg is None and known else mass_kg
     inertia = known.inertia_kg_m2 if inertia_kg_m2 is None and known else inertia_kg_m2
     if mass is None or inertia is None:

@@ -22,12 +22,6 @@ def file_written_whole(path: Path) -> Iterator[Path]:
 
     A kill at any moment leaves the old file or the new one. A device or a pipe (`/dev/stdout`) is
     written into, never replaced.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written, or is a version in a library; the old file is kept and nothing is
-        left behind.
     """
     place = Path(os.path.realpath(path))  # a link to a file stays a link
     if is_sealed(place):

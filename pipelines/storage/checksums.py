@@ -38,21 +38,11 @@ class Fault(Enum):
 
 @dataclass(frozen=True)
 class Marker:
-    """A marker as it was found.
+    """A marker as it was found."""
 
-    Parameters
-    ----------
-    content : dict
-        Everything but the list.
-    files : dict of str to str
-        SHA-256 of each file by its name; empty if unknown.
-    fault : Fault or None
-        Why it does not confirm the files; None if it does.
-    """
-
-    content: dict[str, Any]
-    files: dict[str, str]
-    fault: Fault | None = None
+    content: dict[str, Any]  # everything but the list
+    files: dict[str, str]  # SHA-256 of each file by its name; empty if unknown
+    fault: Fault | None = None  # why it does not confirm the files; None if it does
 
 
 def sha256(path: Path) -> str:
@@ -78,13 +68,7 @@ def write_marker(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def read_marker(path: Path) -> Marker:
-    """Read a marker, however damaged it is.
-
-    Raises
-    ------
-    OSError
-        If the drive does not permit reading it.
-    """
+    """Read a marker, however damaged it is."""
     try:
         content = json.loads(require_regular(path).read_text(encoding="utf-8"))
     except (FileNotFoundError, IsADirectoryError, ValueError, RecursionError):
@@ -161,13 +145,7 @@ def sealed(text: str) -> str:
 
 
 def unsealed(path: Path) -> dict[str, Any]:
-    """Content of a file of a library without its checksum; line ends may have been converted.
-
-    Raises
-    ------
-    DamagedFile
-        If it was changed, or cannot be read.
-    """
+    """Content of a file of a library without its checksum; line ends may have been converted."""
     if path.exists() and not path.is_file():
         raise damaged(path, "not a regular file")
     try:
@@ -191,13 +169,7 @@ def unsealed(path: Path) -> dict[str, Any]:
 def texts_of(
     path: Path, content: dict[str, Any], required: Sequence[str], optional: Sequence[str] = ()
 ) -> dict[str, str]:
-    """Values of keys of a file of the library that must be texts; other keys are ignored.
-
-    Raises
-    ------
-    DamagedFile
-        If a required one is missing, or one is not a text.
-    """
+    """Values of keys of a file of the library that must be texts; other keys are ignored."""
     texts = {key: content.get(key) for key in required}
     texts |= {key: content[key] for key in optional if key in content}
     for key, text in texts.items():

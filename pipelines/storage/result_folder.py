@@ -55,12 +55,6 @@ def require_free(
         File that lists the files of an earlier result; None if none may be replaced.
     accepted : mapping of str to str, optional
         Checksums, by name, of changed files that may be replaced too.
-
-    Raises
-    ------
-    InputError
-        For a file, a folder with other files, an earlier result without `force` or with added or
-        changed files, and a drive that is read-only, full or missing.
     """
     with _as_input_error(folder):
         place = _resolved(folder)
@@ -92,11 +86,6 @@ def written_whole(
         Missing folders above it are made.
     force, marker, accepted
         As for `require_free`; the block writes the marker last, with `write_marker`.
-
-    Raises
-    ------
-    InputError
-        If the folder may not or cannot be written; nothing is left behind.
     """
     require_free(folder, force=force, marker=marker, accepted=accepted)
     with _as_input_error(folder):

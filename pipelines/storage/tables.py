@@ -112,12 +112,6 @@ class Table:
     Parameters
     ----------
     path : Path
-
-    Raises
-    ------
-    InputError
-        If it is not a Parquet file, or is damaged; from each method, if there is no such column or
-        its content is of another kind.
     """
 
     def __init__(self, path: Path) -> None:
