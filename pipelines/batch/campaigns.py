@@ -77,16 +77,10 @@ Work = Callable[[Task], Record]
 def find_campaigns(root: Path, out: Path) -> tuple[CampaignFolder, ...]:
     """Find every campaign under a folder, at any depth, in the order of their names.
 
-    A folder with a manifest is a campaign. So is one with only recordings, unless it belongs to a
-    campaign above it or contains one: a lost manifest is to be noticed. Links are followed, each
-    folder once. Hidden folders and results are skipped.
-
-    Parameters
-    ----------
-    root : Path
-        May be a campaign itself.
-    out : Path
-        Where the batch writes; not searched.
+    `root` may be a campaign itself; `out`, where the batch writes, is not searched. A folder with a
+    manifest is a campaign. So is one with only recordings, unless it belongs to a campaign above it
+    or contains one: a lost manifest is to be noticed. Links are followed, each folder once. Hidden
+    folders and results are skipped.
     """
     if not root.is_dir():
         found = "a file" if root.exists() else "folder not found"

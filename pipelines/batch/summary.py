@@ -201,13 +201,7 @@ def _points(records: Sequence[Record]) -> pd.DataFrame:
 
 
 def frequencies_chart(records: Sequence[Record]) -> Chart:
-    """Frequency over order, one point a mode, tyres side by side in their colours.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With at least one mode that has an order.
-    """
+    """Frequency over order, one point a mode, tyres side by side in their colours."""
     points = _points(records)
     tyres = [(str(tyre), group) for tyre, group in points.groupby("tyre")]
     curves = tuple(_curve(*each, index, len(tyres)) for index, each in enumerate(tyres))

@@ -217,26 +217,12 @@ def on_cluster(
     *,
     allow_unencrypted: bool = False,
 ) -> Iterator[Record]:
-    """Share the tasks among the workers of a scheduler.
+    """Share the tasks among the workers of a scheduler; yields records as tasks end.
 
-    Certificates are those of Dask's own configuration, ``distributed.comm.tls``.
-
-    Parameters
-    ----------
-    tasks : sequence of Task
-        Their folders are under the same paths on all machines.
-    work : callable
-    address : str
-        For example ``tls://login1:8786``.
-    announce : callable
-        Called with messages about waiting and about risks.
-    allow_unencrypted : bool
-        Whether to use a scheduler without TLS that other machines can reach.
-
-    Yields
-    ------
-    Record
-        As tasks end.
+    The folders of the tasks are under the same paths on all machines. `announce` is called with
+    messages about waiting and about risks. Certificates are those of Dask's own configuration,
+    ``distributed.comm.tls``; `allow_unencrypted` permits a scheduler without TLS that other
+    machines can reach.
     """
     distributed = _imported()
     _require_encryption(address, announce, allowed=allow_unencrypted)

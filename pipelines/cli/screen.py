@@ -66,18 +66,10 @@ def print_table(
     first_to_go: Sequence[str] = (),
     least_width: int = _LEAST_WIDTH,
 ) -> None:
-    """Print a table on standard output; columns that do not fit are named below it.
+    """Print a table on standard output; columns without any content are left out.
 
-    Parameters
-    ----------
-    title : str
-        Above the table; may be empty.
-    columns : sequence of Column
-        Columns without any content are left out.
-    first_to_go : sequence of str
-        Headings of columns to leave out where the table is too wide, in this order.
-    least_width : int
-        Characters that a folding column keeps before other columns are left out.
+    Where the table is too wide, the columns with the headings `first_to_go` are left out in this
+    order and named below it; before that, a folding column shrinks to `least_width` characters.
     """
     output = screen()
     columns = [column for column in columns if any(column.cells)]

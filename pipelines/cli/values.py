@@ -68,21 +68,10 @@ def ring_parameters(option: str, texts: Sequence[str] | None) -> dict[str, float
 
 
 def values_of(option: str, text: str, most: int = MOST_VALUES) -> NDArray[np.float64]:
-    """Numbers from ``A``, ``A,B,C``, ``START:STOP`` or ``START:STOP:STEP``.
+    """Numbers from ``A``, ``A,B,C``, ``START:STOP`` or ``START:STOP:STEP``; at most `most`.
 
-    Parameters
-    ----------
-    option : str
-        Name of the option, for messages.
-    text : str
-        A range has a step of 1 unless it gives one, and includes its end where a whole number of
-        steps leads there.
-    most : int
-        Largest number of values.
-
-    Returns
-    -------
-    ndarray, shape (n_values,)
+    A range has a step of 1 unless it gives one, and includes its end where a whole number of steps
+    leads there.
     """
     try:
         parts = [float(part) for part in text.replace(":", ",").split(",")]

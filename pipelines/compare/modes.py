@@ -90,20 +90,12 @@ def std_of_difference(
 
     Noise of different recordings is independent: variances add. The shift of a mode by the ends of
     the band is systematic: in the same band it is nearly the same twice, and only the difference
-    counts; in two different bands both shifts count in full.
+    counts; in two different bands both shifts count in full. NaN counts as no shift.
 
     Errors common to both measurements (calibration, the analyser's clock, the fixture) drop out of
     a difference; their size is unknown, and nothing is subtracted for them. Unintended differences
     between two set-ups (pressure as set, temperature, mounting, warm-up) are not included: only
     repeated measurements show them.
-
-    Parameters
-    ----------
-    stds : (float, float)
-        Of both; NaN where unknown, as is the result then.
-    band_shifts : (float, float)
-        Of both; NaN counts as none.
-    same_band : bool
     """
     first, second = (0.0 if math.isnan(shift) else shift for shift in band_shifts)
     systematic = abs(first - second) if same_band else math.hypot(first, second)

@@ -93,13 +93,8 @@ def read_source(
 ) -> ShapeSource:
     """Read shapes from a result folder, a folder or file of tables, or a universal file.
 
-    Parameters
-    ----------
-    path : path
-    direction, on_wheel
-        Component of the motion in a universal file; see `ema.io.uff.shape_sets`.
-    accept_changes : bool
-        Accept a result of which parts were changed; the notes name them.
+    `direction` and `on_wheel` choose the motion in a universal file, see `ema.io.uff.shape_sets`.
+    With `accept_changes` parts of a result may have been changed; the notes name them.
     """
     path = Path(path)
     if path.is_dir() and (path / MARKER).is_file():

@@ -50,16 +50,8 @@ def gather(
 ) -> ModalExport:
     """Collect modes, geometry and FRFs of a result.
 
-    Parameters
-    ----------
-    result : Result
-    real : bool
-        Whether shapes are reduced to their real part.
-    frfs : {"both", "measured", "synthesised", "none"}
-        FRFs to export. Synthesised ones cover the fitted band; with both, the measured ones are
-        cut to it, as many programs need the same frequencies in all FRFs of a file.
-    text : bool
-        Whether the FRFs of a universal file are written as text (58) instead of binary (58b).
+    Synthesised FRFs cover the fitted band; with both, the measured ones are cut to it, as many
+    programs need the same frequencies in all FRFs of a file.
     """
     geometry, model = geometry_of(result), result.modal_model
     notes = accepted_notes(result.provenance, result.name)

@@ -150,13 +150,8 @@ def resolve(
 def read_source(source: Path, *, accept_changes: bool = False, lone: bool = True) -> ParameterSet:
     """Parameter set of a result folder or file, which must not be edited.
 
-    Parameters
-    ----------
-    source : Path
-    accept_changes : bool
-        Accept it although it was edited; this is recorded in its provenance.
-    lone : bool
-        Whether a single file is checked too, and not only a result folder.
+    With `accept_changes` it may be, which is recorded in its provenance; unless `lone`, a single
+    file may be as well.
     """
     changes: Iterable[str] = ()
     if (source / _RESULT).is_file():

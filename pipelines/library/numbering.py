@@ -51,12 +51,8 @@ def numbered(folder: Path, number: int) -> Path:
 def write_next(folder: Path, text_of: Callable[[int], str]) -> int:
     """Write a file under the next free number; numbers are consecutive.
 
-    Parameters
-    ----------
-    folder : Path
-        Created if missing.
-    text_of : callable
-        Text for a number; different for every call on any machine.
+    `text_of` a number must be different for every call on any machine. Nothing is left behind if
+    the drive cannot be written.
     """
     with folder_in_use(folder):
         remove_abandoned(folder / _NEXT)

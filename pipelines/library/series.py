@@ -63,16 +63,10 @@ class Series:
 
 
 def pressure_series(versions: Sequence[Version], names: Sequence[str] = ()) -> Series:
-    """Parameters over pressure.
+    """Parameters over pressure from versions of one tyre.
 
     Only identified values are used, and of several versions from the same recordings the newest.
-
-    Parameters
-    ----------
-    versions : sequence of Version
-        Of one tyre, at least one.
-    names : sequence of str
-        Parameters; default: all that were identified at two pressures or more.
+    Default: all parameters that were identified at two pressures or more.
     """
     known = (*RING_NAMES, *DAMPING_NAMES)
     for name in names:

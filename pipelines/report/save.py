@@ -109,15 +109,10 @@ def _replaceable(result: Result) -> dict[str, str]:
 
 
 def run_demo(out: Path) -> tuple[Result, Path]:
-    """Process the sample campaign into ``out/result``.
+    """Process the sample campaign into ``out/result``, where it replaces an earlier demonstration.
 
     The campaign comes from the project's folder; where that is missing it is written to
     ``out/campaign`` first.
-
-    Parameters
-    ----------
-    out : Path
-        Folder for the demonstration; an earlier demonstration is replaced.
     """
     result = process(sample_campaign(out / "campaign"))
     folder = out / "result"

@@ -55,18 +55,9 @@ def report_sections(result: Result) -> tuple[Section, ...]:
 
 
 def render_report(result: Result, *, paper: bool = False) -> str:
-    """Render a result as one self-contained HTML page.
+    """Render a result as one HTML page with styles, scripts and pictures inside.
 
-    Parameters
-    ----------
-    result : Result
-    paper : bool
-        Whether everything that moves is replaced by its drawing, so that no script is needed.
-
-    Returns
-    -------
-    str
-        HTML with styles, scripts and pictures inside; texts from files appear as text.
+    With `paper`, everything that moves is replaced by its drawing, so that no script is needed.
     """
     sections = report_sections(result)
     return render_page(KIND, subject_of(result), sections, paper=paper, signed=True)

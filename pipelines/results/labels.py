@@ -124,14 +124,8 @@ def signed_cell(value: float) -> str:
 
 
 def spread(positions: ArrayLike, gap: float) -> NDArray[np.float64]:
-    """Positions of labels at least `gap` apart, nearest to the given ones by least squares.
-
-    Parameters
-    ----------
-    positions : array_like, shape (n,)
-        Where the labels belong, ascending.
-    gap : float
-        Smallest distance.
+    """Positions of labels at least `gap` apart, nearest to the given, ascending ones (least
+    squares).
     """
     wanted = np.asarray(positions, dtype=float) - gap * np.arange(np.size(positions))
     if not wanted.size:

@@ -118,15 +118,8 @@ def from_tuning(
 ) -> ParameterSet:
     """Parameter set of a tuned ring.
 
-    Parameters
-    ----------
-    designation : str
-    tuning : TuningResult
-    damping : DampingResult or None
-    provenance : dict
-    details : mapping of str to str, optional
-        Further keys of the manifest's ``[tyre]``; numbers named in `CONDITION_NAMES` become
-        conditions.
+    `details` are further keys of the manifest's ``[tyre]``; numbers named in `CONDITION_NAMES`
+    become conditions.
     """
     how = {**dict.fromkeys(RING_NAMES, GIVEN), **tuning.how}
     ring = _obtained(RING_NAMES, tuning.ring, how, tuning.std)

@@ -137,14 +137,7 @@ class CheckedResult:
 
 
 def checked_result(folder: Path, *, accept_changes: bool = False) -> CheckedResult:
-    """Check all parts of a result; other files in its folder do not count.
-
-    Parameters
-    ----------
-    folder : Path
-    accept_changes : bool
-        Whether changed, missing and added parts are accepted.
-    """
+    """Check all parts of a result; other files in its folder do not count."""
     recover(folder)
     if not (folder / MARKER).is_file():
         rule, remedy = "it must be a result folder", "Run `ringmodal process`"

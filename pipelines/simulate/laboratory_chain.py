@@ -158,11 +158,8 @@ def moving_responses(
 ) -> Floats:
     """Accelerations of a tyre whose poles move: s_r(t) = s_r + shift_r(t), shapes as they are.
 
-    Parameters
-    ----------
-    shift : ndarray of complex, shape (n_shifted, n_samples of the period)
-        Of the first `n_shifted` modes. The others stay, as do those so heavily damped that the
-        substitution would lose its digits.
+    `shift`, shape (n_shifted, n_samples of the period), is that of the first modes. The others
+    stay, as do those so heavily damped that the substitution would lose its digits.
     """
     period = _period(omega)
     step = 2 * np.pi / (omega[1] * period)

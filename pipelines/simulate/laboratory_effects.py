@@ -218,15 +218,7 @@ def _converted(name: str, value: Any) -> Any:
 
 
 def effects_from(table: Mapping[str, Any], place: str = "effects") -> Effects:
-    """Effects from a table of names and values.
-
-    Parameters
-    ----------
-    table : mapping
-        Names of `Effects` and their values.
-    place : str
-        Where the table comes from, for messages.
-    """
+    """Effects from a table of names and values; `place` is where it comes from, for messages."""
     for name in table:
         if name not in _ENTRIES:
             rule = f"known effects: {', '.join(_ENTRIES)}"
@@ -258,17 +250,7 @@ def parse_effect(text: str) -> tuple[str, Any]:
 def effects_of(
     file: Path | None, texts: Sequence[str], defaults: Mapping[str, Any]
 ) -> Effects | None:
-    """Effects of a file and of ``name=value`` texts, which go before; None without either.
-
-    Parameters
-    ----------
-    file : Path or None
-        TOML file.
-    texts : sequence of str
-        ``name=value`` each.
-    defaults : mapping
-        Values of effects that neither names.
-    """
+    """Effects of a TOML file and of ``name=value`` texts, which go before; None without either."""
     if file is None and not texts:
         return None
     stated = {} if file is None else read_effects(file)

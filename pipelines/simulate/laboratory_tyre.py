@@ -358,15 +358,9 @@ class LaboratoryTyre:
     def solve(
         self, state: State = NOMINAL, drive: Floats | None = None, extra_mass: Floats | None = None
     ) -> System:
-        """Exact poles and residue vectors for a force on ``drive @ coordinates``.
+        """Exact poles and residue vectors for a force on ``drive @ coordinates``; default: at 0°.
 
-        Parameters
-        ----------
-        state : State
-        drive : ndarray, shape (n_coordinates,), optional
-            Row of `surface` at the force; at 0° by default.
-        extra_mass : ndarray, optional
-            Mass matrix of what hangs on the tyre.
+        `extra_mass` is the mass matrix of what hangs on the tyre.
         """
         size = self.size
         drive = self.surface(np.zeros(1))[0] if drive is None else drive

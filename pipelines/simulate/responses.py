@@ -85,17 +85,7 @@ def simulate_inertance(
     *,
     inextensional: bool = False,
 ) -> SimulatedInertance:
-    """Radial inertance between two angles; per unit of width if the belt width is unknown.
-
-    Parameters
-    ----------
-    forced : ForcedRing
-    frequency_hz : array_like, shape (n_frequencies,)
-    at_deg, force_deg : float
-        Angles of response and force.
-    inextensional : bool
-        Whether the belt is inextensible (eq 33).
-    """
+    """Radial inertance between two angles; per unit of width if the belt width is unknown."""
     per_width = forced.ring.belt_width_m is None
     form = inextensional_inertance if inextensional else inertance
     angles = np.deg2rad(at_deg), float(np.deg2rad(force_deg))
@@ -209,18 +199,9 @@ def simulate_loaded(
     highest_order: int = 60,
     pressure_load: PressureLoad = "dead",
 ) -> LoadedSweep:
-    """Frequencies over vertical load, and the deflection by the largest one.
+    """Frequencies of the lowest modes over vertical load, and the deflection by the largest one.
 
-    Parameters
-    ----------
-    ring : RingParameters
-        With belt width.
-    load_n : array_like, shape (n_loads,)
-        0 is the free tyre.
-    n_modes : int
-        Number of lowest modes.
-    highest_order, pressure_load
-        As `model.load_ring`.
+    A load of 0 is the free tyre; the ring needs a belt width.
     """
     loads = np.asarray(load_n, dtype=float)
     frequencies, orders = loaded_frequencies_hz(

@@ -46,14 +46,9 @@ def truth_modes(
     breathing mode those of the ring of Table 4 with the damping refitted to Table 3. Modal masses
     are those of the ring.
 
-    Parameters
-    ----------
-    split_percent : float
-        Distance between the two frequencies of each order n ≥ 1, percent of their mean. Without
-        a split a force at 0° excites the cosine member alone.
-    shaker_between : float
-        Place of the force at 0° on a split order: 0 on an antinode of member a, 1 on one of
-        member b.
+    `split_percent` is the distance between the two frequencies of each order n ≥ 1 in percent of
+    their mean; without it a force at 0° excites the cosine member alone. `shaker_between` is the
+    place of that force on a split order: 0 on an antinode of member a, 1 on one of member b.
     """
     orders = np.arange(HIGHEST_ORDER + 1)
     frequencies = natural_frequencies_hz(TABLE_4_RING, orders)

@@ -67,16 +67,8 @@ def simulate_frequencies(
 ) -> Bifurcation:
     """Frequencies of both waves of each order over speed.
 
-    Parameters
-    ----------
-    ring : RingParameters
-    orders : array_like of int, shape (n_orders,)
-    speed_rad_s : array_like, shape (n_speeds,)
-    frame : {"rotating", "absolute", "stationary"}
-        In the stationary frame, which differs by order and speed, both waves of an order have the
-        same frequency.
-    extensional, pressure_load
-        As `model.bifurcation`.
+    In the stationary frame, which differs by order and speed, both waves of an order have the same
+    frequency. Otherwise as `model.bifurcation`.
     """
     seen = "rotating" if frame == "stationary" else frame
     found = bifurcation(

@@ -105,13 +105,8 @@ def unknown_entries(
 ) -> list[str]:
     """Names in a folder that the program did not write, or that were changed since, sorted.
 
-    Parameters
-    ----------
-    folder : Path
-    marker : str
-        Name of its marker, itself unknown if it does not confirm the files.
-    accepted : mapping of str to str, optional
-        Checksums, by name, of changed files that count as known.
+    The marker itself is unknown if it does not confirm the files. `accepted` are checksums, by
+    name, of changed files that count as known.
     """
     known = known_files(folder / marker, accepted)
     paths = (path for path in folder.iterdir() if not is_system_file(path))

@@ -46,15 +46,8 @@ def require_free(
 ) -> None:
     """Refuse a folder where a result may not or cannot be written, before anything is computed.
 
-    Parameters
-    ----------
-    folder : Path
-    force : bool
-        Whether an earlier result may be replaced.
-    marker : str, optional
-        File that lists the files of an earlier result; None if none may be replaced.
-    accepted : mapping of str to str, optional
-        Checksums, by name, of changed files that may be replaced too.
+    With `force` an earlier result may be replaced; `marker` lists its files, None if none may be.
+    `accepted` are checksums, by name, of changed files that may be replaced too.
     """
     with _as_input_error(folder):
         place = _resolved(folder)
@@ -78,14 +71,9 @@ def written_whole(
 ) -> Iterator[Path]:
     """Yield a folder beside the wanted one; it is renamed to it when all is written.
 
-    If two processes write to the same folder, the last one wins with `force`, the first without.
-
-    Parameters
-    ----------
-    folder : Path
-        Missing folders above it are made.
-    force, marker, accepted
-        As for `require_free`; the block writes the marker last, with `write_marker`.
+    Missing folders above it are made; the block writes the marker last, with `write_marker`. If it
+    fails, nothing is left behind. If two processes write to the same folder, the last one wins with
+    `force`, the first without. Arguments as for `require_free`.
     """
     require_free(folder, force=force, marker=marker, accepted=accepted)
     with _as_input_error(folder):

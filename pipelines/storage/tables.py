@@ -34,14 +34,8 @@ def plain_rows(table: pd.DataFrame) -> list[tuple[Any, ...]]:
 
 
 def write_table(path: Path, table: pd.DataFrame, metadata: Mapping[str, str] | None = None) -> None:
-    """Write a table atomically as CSV or Parquet, by the ending of `path`.
-
-    Parameters
-    ----------
-    path : Path
-    table : pandas.DataFrame
-    metadata : mapping of str to str, optional
-        Kept in a Parquet file's schema; a CSV file has no place for it.
+    """Write a table atomically as CSV or Parquet, by the ending of `path`; only Parquet has
+    metadata.
     """
     with file_written_whole(path) as partial:
         if path.suffix.lower() == ".csv":
@@ -69,13 +63,6 @@ def write_parquet(
     """Write a table as Parquet.
 
     NaN stays NaN; a missing value of a nullable column (Int64, string …) becomes null.
-
-    Parameters
-    ----------
-    path : Path
-    table : pandas.DataFrame
-    metadata : mapping of str to str, optional
-        Kept in the file's schema.
     """
     columns = {str(name): _arrow(column) for name, column in table.items()}
     content = pa.table(columns).replace_schema_metadata(dict(metadata or {}))
@@ -107,12 +94,7 @@ def _is_number(kind: pa.DataType) -> bool:
 
 
 class Table:
-    """Columns of a Parquet file; taking one checks its type and values.
-
-    Parameters
-    ----------
-    path : Path
-    """
+    """Columns of a Parquet file; taking one checks its type and values."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
