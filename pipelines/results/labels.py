@@ -124,9 +124,7 @@ def signed_cell(value: float) -> str:
 
 
 def spread(positions: ArrayLike, gap: float) -> NDArray[np.float64]:
-    """Positions of labels at least `gap` apart, nearest to the given, ascending ones (least
-    squares).
-    """
+    """Positions at least `gap` apart, nearest to the given ascending ones by least squares."""
     wanted = np.asarray(positions, dtype=float) - gap * np.arange(np.size(positions))
     if not wanted.size:
         return np.zeros(0)

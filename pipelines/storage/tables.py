@@ -34,9 +34,7 @@ def plain_rows(table: pd.DataFrame) -> list[tuple[Any, ...]]:
 
 
 def write_table(path: Path, table: pd.DataFrame, metadata: Mapping[str, str] | None = None) -> None:
-    """Write a table atomically as CSV or Parquet, by the ending of `path`; only Parquet has
-    metadata.
-    """
+    """Write a table atomically, by the ending as CSV, or as Parquet with the metadata."""
     with file_written_whole(path) as partial:
         if path.suffix.lower() == ".csv":
             write_csv(partial, table)
