@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -18,6 +18,7 @@ from ema.core.errors import InputError
 from ema.core.recording import ACCELERATION, FORCE, Channel
 from ema.io.text.csv import write_csv
 from ema.io.uff.write import write_time_series
+from model.parameters import RingParameters
 from model.reference import DESIGNATION, TABLE_4_RING
 from pipelines.simulate.truth import HIGHEST_ORDER, TruthMode, modal_sum, truth_modes
 from pipelines.storage.result_folder import written_whole
@@ -25,8 +26,7 @@ from pipelines.storage.result_folder import written_whole
 POSITIONS = 72
 N_RUNS = 6
 N_SENSORS = 12
-REFERENCE_DEG = 2.5
-REFERENCE_NODE = 999
+REFERENCE, REFERENCE_DEG, REFERENCE_NODE = "REF", 2.5, 999
 
 FORCE_RMS_N = 10.0
 FORCE_BAND_HZ = (10.0, 900.0)
@@ -166,9 +166,13 @@ def simulate_campaign(
         names = [f"config_{run + 1}.{file_format}" for run in range(N_RUNS)]
         for name, channels in zip(names, simulate_runs(modes, setup), strict=True):
             write(partial / name, channels, sampling_rate_hz)
-        _write_text(partial / "campaign.toml", _manifest(names, setup))
-        _write_text(partial / "truth.toml", _truth(modes, setup))
-        _write_text(partial / "README.md", _readme(partial, names, setup))
+        places = {name: _positions_deg(run) for run, name in enumerate(names)}
+        options = {"sensor_mass_kg": sensor_mass_kg}
+        manifest = manifest_text(DESIGNATION, TABLE_4_RING, sampling_rate_hz, places, **options)
+        truth = {"schema": 1, "setup": asdict(setup), "modes": [asdict(mode) for mode in modes]}
+        write_text(partial / "campaign.toml", manifest)
+        write_text(partial / "truth.toml", tomlkit.dumps(truth))
+        write_text(partial / "README.md", _readme(partial, names, setup))
     return folder
 
 
@@ -186,7 +190,7 @@ def _positions_deg(run: int) -> dict[str, float]:
     step = 360.0 / POSITIONS
     spacing = 360.0 / N_SENSORS
     turned = {f"A{k + 1:02d}": spacing * k + step * run for k in range(N_SENSORS)}
-    return turned | {"REF": REFERENCE_DEG}
+    return turned | {REFERENCE: REFERENCE_DEG}
 
 
 def _simulate_run(
@@ -200,17 +204,24 @@ def _simulate_run(
     force += FORCE_RMS_N * 10.0 ** (-FORCE_NOISE_DB / 20.0) * random.standard_normal(kept)
     angles = np.array(list(positions_deg.values()))
     system = modal_sum(modes, angles, 0.0, sensor_mass_kg=setup.sensor_mass_kg)
-    clean = [
-        irfft(spectrum * system.inertance(row, omega), period)[-kept:].astype(np.float32)
-        for row in range(angles.size)
-    ]
+    responses = (spectrum * system.inertance(row, omega) for row in range(angles.size))
+    clean = [irfft(each, period)[-kept:].astype(np.float32) for each in responses]
     noise = float(np.mean([np.std(signal, dtype=float) for signal in clean]))
     noise *= 10.0 ** (-setup.snr_db / 20.0)
+    signals = [signal + _disturbance(noise, kept, rate, random) for signal in clean]
+    return channels_of(force, signals, positions_deg)
+
+
+def channels_of(
+    force: NDArray[np.float64],
+    signals: Iterable[NDArray[np.float64]],
+    positions_deg: Mapping[str, float],
+) -> list[Channel]:
+    """The force and the accelerations at declared angles in single precision."""
     channels = [Channel("force", FORCE, "N", force.astype(np.float32))]
-    for (name, angle), signal in zip(positions_deg.items(), clean, strict=True):
-        seen = signal + _disturbance(noise, kept, rate, random)
-        node = REFERENCE_NODE if name == "REF" else round(angle * POSITIONS / 360.0)
-        samples = seen.astype(np.float32)
+    for (name, angle), signal in zip(positions_deg.items(), signals, strict=True):
+        node = REFERENCE_NODE if name == REFERENCE else round(angle * POSITIONS / 360.0)
+        samples = signal.astype(np.float32)
         channels.append(Channel(name, ACCELERATION, "m/s^2", samples, node=node))
     return channels
 
@@ -243,45 +254,48 @@ def require_empty(folder: Path) -> None:
         raise InputError(str(folder), "it already exists", rule, "Choose another folder")
 
 
-def _write_text(path: Path, text: str) -> None:
+def write_text(path: Path, text: str) -> None:
+    """Write UTF-8 with the line ends of every system alike."""
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _manifest(names: list[str], setup: Setup) -> str:
-    ring = TABLE_4_RING
-    sensors = f"\n[sensors]\nmass_kg = {setup.sensor_mass_kg}\n" if setup.sensor_mass_kg else ""
+def manifest_text(
+    designation: str,
+    ring: RingParameters,
+    sampling_rate_hz: float,
+    positions_deg: Mapping[str, Mapping[str, float]],
+    *,
+    force_deg: float = 0.0,
+    sensor_mass_kg: float = 0.0,
+) -> str:
+    """Manifest of simulated recordings with the angles of the sensors, by file and channel."""
+    sensors = f"\n[sensors]\nmass_kg = {sensor_mass_kg}\n" if sensor_mass_kg else ""
     runs = "".join(
-        f'\n[[runs]]\nfile = "{name}"\nreference = "REF"\npositions_deg = {{ '
-        + ", ".join(f"{channel} = {angle}" for channel, angle in _positions_deg(run).items())
+        f'\n[[runs]]\nfile = "{name}"\nreference = "{REFERENCE}"\npositions_deg = {{ '
+        + ", ".join(f"{channel} = {angle}" for channel, angle in places.items())
         + " }\n"
-        for run, name in enumerate(names)
+        for name, places in positions_deg.items()
     )
     return f"""schema = 1
 
 [tyre]
-designation = "{DESIGNATION}"
+designation = "{designation}"
 inflation_pressure_pa = {ring.inflation_pressure_pa}
 mean_radius_m = {ring.mean_radius_m}
 belt_width_m = {ring.belt_width_m}
 origin = "simulated, see README.md"
 
 [acquisition]
-sampling_rate_hz = {setup.sampling_rate_hz}
+sampling_rate_hz = {sampling_rate_hz}
 {sensors}
 [grid]
 positions = {POSITIONS}
 
 [excitation]
 channel = "force"
-position_deg = 0.0
+position_deg = {force_deg}
 direction = "radial"
 {runs}"""
-
-
-def _truth(modes: tuple[TruthMode, ...], setup: Setup) -> str:
-    """Set-up and modes of the recordings, as TOML."""
-    rows = [asdict(mode) for mode in modes]
-    return tomlkit.dumps({"schema": 1, "setup": asdict(setup), "modes": rows})
 
 
 def _readme(folder: Path, names: list[str], setup: Setup) -> str:

@@ -11,10 +11,19 @@ import numpy as np
 from scipy.fft import irfft
 
 from ema.core.campaign import Campaign, Response, Run, Tyre
-from ema.core.recording import ACCELERATION, FORCE, Channel, Recording
+from ema.core.recording import Channel, Recording
 from ema.io.uff.write import write_time_series
-from pipelines.simulate.campaign import require_empty
+from pipelines.simulate.campaign import (
+    POSITIONS,
+    REFERENCE,
+    REFERENCE_DEG,
+    channels_of,
+    manifest_text,
+    require_empty,
+    write_text,
+)
 from pipelines.simulate.laboratory_chain import (
+    Driven,
     Mounting,
     force_spectrum,
     frequencies,
@@ -27,13 +36,7 @@ from pipelines.simulate.laboratory_chain import (
     with_shaker,
 )
 from pipelines.simulate.laboratory_effects import Effects, describe_effects
-from pipelines.simulate.laboratory_truth import (
-    POSITIONS,
-    LaboratoryMode,
-    Truth,
-    modes_of,
-    truth_content,
-)
+from pipelines.simulate.laboratory_truth import LaboratoryMode, Truth, modes_of, truth_content
 from pipelines.simulate.laboratory_tyre import (
     STIFFNESSES,
     Complexes,
@@ -45,8 +48,6 @@ from pipelines.simulate.laboratory_tyre import (
 )
 from pipelines.storage.result_folder import written_whole
 
-REFERENCE_DEG = 2.5
-REFERENCE = "REF"
 _STEP = 1e-3  # relative step of the pressure for its effect on the poles
 
 
@@ -138,93 +139,66 @@ class Laboratory:
 
     def recordings(self, run: int) -> tuple[Floats, Floats]:
         """Force in N, shape (n_samples,), and accelerations in m/s², (n_sensors, n_samples)."""
-        force, found = self.signals(run)
-        random = np.random.default_rng([self.effects.seed, 6, run])
-        return (
-            recorded_force(force, self.effects, random),
-            recorded_responses(found, self.effects, random),
-        )
+        (force, found), effects = self.signals(run), self.effects
+        random = np.random.default_rng([effects.seed, 6, run])
+        force = recorded_force(force, effects, random)
+        return force, recorded_responses(found, effects, random)
 
     def signals(self, run: int) -> tuple[Floats, Floats]:
         """What a perfect chain would record: force and accelerations of a run."""
+        driven = self._driven(run)
+        found = moving_responses(driven, self._shift(run, driven)) if self._moves else None
+        found = responses(driven) if found is None else found
+        kept = slice(driven.period - self.effects.n_samples, None)
+        return irfft(driven.spectrum, driven.period)[kept], found[:, kept]
+
+    def _driven(self, run: int) -> Driven:
         effects, mounting, system = self.effects, self.mounting(run), self.system(run)
-        period = period_samples(effects)
-        omega = frequencies(effects, period)
+        omega = frequencies(effects, period_samples(effects))
         spectrum = force_spectrum(effects, np.random.default_rng([effects.seed, 5, run]))
         spectrum *= 10 ** (effects.level_step_db / 20 * run / max(effects.runs - 1, 1))
         if effects.shaker:
             drive = system.inertance(self.drive[None, :], omega)[0]
             spectrum = with_shaker(spectrum, omega, drive)
         rows = self.tyre.surface(mounting.actual_deg, mounting.tilt_deg)
-        found = None
-        if not self._moves:
-            found = responses(system, rows, spectrum, omega, mounting)
-        else:
-            shift = self._shift(run, system, rows, spectrum, omega, mounting)
-            found = moving_responses(system, shift, rows, spectrum, omega, mounting)
-        kept = slice(period - effects.n_samples, None)
-        return irfft(spectrum, period)[kept], found[:, kept]
+        return Driven(system, rows, spectrum, omega, mounting)
 
     @property
     def _moves(self) -> bool:
         effects = self.effects
         return bool(effects.pressure_drift_within or effects.drift_within or effects.softening)
 
-    def _shift(
-        self,
-        run: int,
-        system: System,
-        rows: Floats,
-        spectrum: Complexes,
-        omega: Floats,
-        mounting: Mounting,
-    ) -> Complexes:
+    def _shift(self, run: int, driven: Driven) -> Complexes:
         """Change of the excited poles over the period, against half-way through the run."""
-        effects = self.effects
-        poles = system.poles[np.abs(system.poles) < 2 * np.pi * effects.band_hz[1]]
-        period = period_samples(effects)
+        effects, poles, period = self.effects, driven.system.poles, driven.period
+        poles = poles[np.abs(poles) < 2 * np.pi * effects.band_hz[1]]
         time = (np.arange(period) - period + effects.n_samples / 2) / effects.n_samples
         factor = effects.drift_within * time
         if effects.softening:
-            level = level_over_time(
-                responses(system, rows, spectrum, omega, mounting), effects.sampling_rate_hz
-            )
+            level = level_over_time(responses(driven), effects.sampling_rate_hz)
             factor = factor - effects.softening * (level / self._usual_level - 1)
         shift = poles[:, None] * factor
         if effects.pressure_drift_within:
             state = self.state(run)
-            up, down = (
-                State(state.pressure + sign * _STEP, state.frequency, state.damping)
-                for sign in (1, -1)
+            down, up = (
+                self.tyre.stiffness(replace(state, pressure=state.pressure + step))
+                for step in (-_STEP, _STEP)
             )
-            slope = (self.tyre.stiffness(up) - self.tyre.stiffness(down)) / (2 * _STEP)
-            rates = system.pole_rates(slope)[: poles.size]
+            rates = driven.system.pole_rates((up - down) / (2 * _STEP))[: poles.size]
             shift = shift + rates[:, None] * effects.pressure_drift_within * time
         return np.asarray(shift)
 
     @cached_property
     def _usual_level(self) -> float:
         """Level of the first run, rms over its time."""
-        effects, mounting, system = self.effects, self.mounting(0), self.system(0)
-        omega = frequencies(effects, period_samples(effects))
-        spectrum = force_spectrum(effects, np.random.default_rng([effects.seed, 5, 0]))
-        if effects.shaker:
-            drive = system.inertance(self.drive[None, :], omega)[0]
-            spectrum = with_shaker(spectrum, omega, drive)
-        rows = self.tyre.surface(mounting.actual_deg, mounting.tilt_deg)
-        found = responses(system, rows, spectrum, omega, mounting)
+        found = responses(self._driven(0))
         return float(np.sqrt(np.mean(found**2)))
 
     def channels(self, run: int) -> list[Channel]:
         """Channels of a run in single precision: the force, the turned sensors, the reference."""
-        force, found = self.recordings(run)
-        mounting, step = self.mounting(run), 360.0 / POSITIONS
-        channels = [Channel("force", FORCE, "N", force.astype(np.float32))]
-        for name, angle, signal in zip(mounting.names, mounting.declared_deg, found, strict=True):
-            node = 999 if name == REFERENCE else round(float(angle) / step)
-            samples = signal.astype(np.float32)
-            channels.append(Channel(name, ACCELERATION, "m/s^2", samples, node=node))
-        return channels
+        mounting = self.mounting(run)
+        places = dict(zip(mounting.names, mounting.declared_deg.tolist(), strict=True))
+        return channels_of(*self.recordings(run), places)
 
     def campaign(self) -> Campaign:
         """The campaign in memory, as `ema.estimate_frf` takes it."""
@@ -240,21 +214,15 @@ class Laboratory:
             )
             recording = Recording(Path(name), effects.sampling_rate_hz, tuple(channels))
             runs.append(Run(name, recording, channels[0], sensors, channels[-1]))
-        ring = self.tyre.ring
-        declared = effects.sensor_mass_kg > 0 and effects.declare_mass
+        ring, name = self.tyre.ring, f"laboratory tyre {effects.seed}"
         return Campaign(
             "laboratory",
             tuple(runs),
-            tyre=Tyre(
-                f"laboratory tyre {effects.seed}",
-                ring.inflation_pressure_pa,
-                ring.mean_radius_m,
-                ring.belt_width_m,
-            ),
+            tyre=Tyre(name, ring.inflation_pressure_pa, ring.mean_radius_m, ring.belt_width_m),
             positions=POSITIONS,
             excitation_deg=effects.force_deg,
             reference_deg=REFERENCE_DEG,
-            sensor_mass_kg=effects.sensor_mass_kg if declared else None,
+            sensor_mass_kg=effects.declared_mass_kg or None,
         )
 
     @cached_property
@@ -269,19 +237,15 @@ class Laboratory:
             float(100 * np.mean(now / ring_hz[0] - 1)) if now.size == ring_hz[0].size else np.nan
             for now in ring_hz
         )
-        tested = self.modes(self.system(0))
-        tyre = self.tyre
+        tyre, tested = self.tyre, modes_of(self.tyre, self.system(0), self.force_deg)
         return Truth(
             self.effects, tyre.ring, tyre.damping, self.force_deg, modes[0], tested, percent
         )
 
-    def modes(self, system: System) -> tuple[LaboratoryMode, ...]:
-        """Modes of a system, see `modes_of`."""
-        return modes_of(self.tyre, system, self.force_deg)
-
     def bare_modes(self, run: int) -> tuple[LaboratoryMode, ...]:
         """Exact modes of the bare tyre half-way through a run."""
-        return self.modes(self.tyre.solve(self.state(run), self.drive))
+        system = self.tyre.solve(self.state(run), self.drive)
+        return modes_of(self.tyre, system, self.force_deg)
 
 
 def simulate_laboratory(folder: Path | str, effects: Effects) -> Path:
@@ -320,61 +284,36 @@ def simulate_laboratory(folder: Path | str, effects: Effects) -> Path:
         for run in range(effects.runs):
             file = partial / f"run_{run + 1}.uff"
             write_time_series(file, laboratory.channels(run), effects.sampling_rate_hz)
-        texts = {
-            "campaign.toml": _manifest(laboratory),
-            "truth.json": json.dumps(truth_content(laboratory.truth), indent=1) + "\n",
-            "README.md": _readme(effects),
-        }
-        for name, text in texts.items():
-            (partial / name).write_text(text, encoding="utf-8", newline="\n")
+        write_text(partial / "campaign.toml", _manifest(laboratory))
+        truth = json.dumps(truth_content(laboratory.truth), indent=1)
+        write_text(partial / "truth.json", truth + "\n")
+        write_text(partial / "README.md", _readme(effects))
     return folder
 
 
 def _manifest(laboratory: Laboratory) -> str:
     """The campaign as the laboratory declares it, errors not included."""
-    effects, ring = laboratory.effects, laboratory.tyre.ring
-    declared = effects.sensor_mass_kg > 0 and effects.declare_mass
-    sensors = f"\n[sensors]\nmass_kg = {effects.sensor_mass_kg}\n" if declared else ""
-    runs = ""
-    for run in range(effects.runs):
-        mounting = laboratory.mounting(run)
-        places = ", ".join(
-            f"{name} = {float(angle)}"
-            for name, angle in zip(mounting.names, mounting.declared_deg, strict=True)
-        )
-        runs += f"""
-[[runs]]
-file = "run_{run + 1}.uff"
-reference = "{REFERENCE}"
-positions_deg = {{ {places} }}
-"""
-    return f"""schema = 1
-
-[tyre]
-designation = "laboratory tyre {effects.seed}"
-inflation_pressure_pa = {ring.inflation_pressure_pa}
-mean_radius_m = {ring.mean_radius_m}
-belt_width_m = {ring.belt_width_m}
-origin = "simulated, see README.md"
-
-[acquisition]
-sampling_rate_hz = {effects.sampling_rate_hz}
-{sensors}
-[grid]
-positions = {POSITIONS}
-
-[excitation]
-channel = "force"
-position_deg = {effects.force_deg}
-direction = "radial"
-{runs}"""
+    effects = laboratory.effects
+    mountings = map(laboratory.mounting, range(effects.runs))
+    return manifest_text(
+        f"laboratory tyre {effects.seed}",
+        laboratory.tyre.ring,
+        effects.sampling_rate_hz,
+        {
+            f"run_{run}.uff": dict(zip(each.names, each.declared_deg.tolist(), strict=True))
+            for run, each in enumerate(mountings, 1)
+        },
+        force_deg=effects.force_deg,
+        sensor_mass_kg=effects.declared_mass_kg,
+    )
 
 
 def _readme(effects: Effects) -> str:
-    known = {name: (unit, text) for name, _, unit, text in describe_effects()}
+    chosen = effects.switched_on
     listed = "".join(
-        f"| `{name}` | {value} | {known[name][0]} | {known[name][1]} |\n"
-        for name, value in effects.switched_on.items()
+        f"| `{name}` | {chosen[name]} | {unit} | {text} |\n"
+        for name, _, unit, text in describe_effects()
+        if name in chosen
     )
     return f"""# Simulated campaign of a laboratory
 

@@ -52,6 +52,28 @@ class Mounting:
     delay_s: Floats
 
 
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """A tyre under a force and its sensors; the spectrum is that of the force over a period."""
+
+    system: System
+    rows: Floats  # motion of the sensors in the coordinates of the tyre
+    spectrum: Complexes
+    omega: Floats
+    mounting: Mounting
+
+    @property
+    def period(self) -> int:
+        """Samples of the period."""
+        return 2 * (self.omega.size - 1)
+
+    def seen(self, spectra: Complexes) -> Floats:
+        """Accelerations over the period, with gain and delay of the channels."""
+        delayed = np.exp(-1j * self.omega * self.mounting.delay_s[:, None])
+        spectra = spectra * delayed * self.mounting.gain[:, None]
+        return np.asarray(irfft(spectra, self.period, axis=1))
+
+
 def period_samples(effects: Effects) -> int:
     """Length of the period that a run is computed on."""
     settling = round(SETTLING_S * effects.sampling_rate_hz)
@@ -140,40 +162,25 @@ def with_shaker(spectrum: Complexes, omega: Floats, drive_inertance: Complexes) 
     return np.asarray(spectrum / (1 + moving * drive_inertance))
 
 
-def responses(
-    system: System, rows: Floats, spectrum: Complexes, omega: Floats, mounting: Mounting
-) -> Floats:
+def responses(driven: Driven) -> Floats:
     """Accelerations of a tyre that stays as it is, over the whole period."""
-    seen = system.inertance(rows, omega) * spectrum
-    return np.asarray(irfft(_seen(seen, omega, mounting), _period(omega), axis=1))
+    return driven.seen(driven.system.inertance(driven.rows, driven.omega) * driven.spectrum)
 
 
-def moving_responses(
-    system: System,
-    shift: Complexes,
-    rows: Floats,
-    spectrum: Complexes,
-    omega: Floats,
-    mounting: Mounting,
-) -> Floats:
+def moving_responses(driven: Driven, shift: Complexes) -> Floats:
     """Accelerations of a tyre whose poles move: s_r(t) = s_r + shift_r(t), shapes as they are.
 
     `shift`, shape (n_shifted, n_samples of the period), is that of the first modes. The others
     stay, as do those so heavily damped that the substitution would lose its digits.
     """
-    period = _period(omega)
+    system, rows, spectrum, omega = driven.system, driven.rows, driven.spectrum, driven.omega
+    period = driven.period
     step = 2 * np.pi / (omega[1] * period)
     mean = shift.mean(axis=1, keepdims=True)
     growth = (np.cumsum(shift - mean, axis=1) - (shift - mean) / 2) * step
     moving = np.flatnonzero(np.ptp(growth.real, axis=1) < LARGEST_GROWTH)
     still = np.setdiff1d(np.arange(system.poles.size), moving)
-    rest = System(
-        system.poles[still],
-        system.vectors[:, still],
-        system.participation[still],
-        system.left[still],
-    )
-    found = irfft(rest.inertance(rows, omega) * spectrum, period, axis=1)
+    found = irfft(system.part(still).inertance(rows, omega) * spectrum, period, axis=1)
     force, force_rate = irfft(spectrum, period), irfft(1j * omega * spectrum, period)
     lines = np.concatenate([omega[:-1], -omega[:0:-1]])
     second = np.empty((moving.size, period), dtype=complex)
@@ -186,7 +193,7 @@ def moving_responses(
         second[place] = (now**2 + np.gradient(now, step)) * amplitude + now * force + force_rate
     residues = system.residues(rows)[:, moving]
     found += 2 * (residues.real @ second.real - residues.imag @ second.imag)
-    return np.asarray(irfft(_seen(rfft(found, axis=1), omega, mounting), period, axis=1))
+    return driven.seen(rfft(found, axis=1))
 
 
 def level_over_time(found: Floats, rate_hz: float) -> Floats:
@@ -195,16 +202,6 @@ def level_over_time(found: Floats, rate_hz: float) -> Floats:
     omega = 2 * np.pi * np.fft.rfftfreq(power.size, 1 / rate_hz)
     smooth = irfft(rfft(power) / (1 + (omega * LEVEL_TIME_S) ** 2), power.size)
     return np.asarray(np.sqrt(np.maximum(smooth, 0)))
-
-
-def _period(omega: Floats) -> int:
-    return 2 * (omega.size - 1)
-
-
-def _seen(spectra: Complexes, omega: Floats, mounting: Mounting) -> Complexes:
-    """Gain and delay of the channels."""
-    delayed = np.exp(-1j * omega * mounting.delay_s[:, None])
-    return np.asarray(spectra * delayed * mounting.gain[:, None])
 
 
 def recorded_force(force: Floats, effects: Effects, random: np.random.Generator) -> Floats:
@@ -217,11 +214,8 @@ def recorded_force(force: Floats, effects: Effects, random: np.random.Generator)
 def with_faults(clean: Floats, effects: Effects) -> Floats:
     """Accelerations with the sensors that are dead, of wrong sign, too quiet or swapped."""
     found = clean.copy()
-    for number, factor in (
-        (effects.dead_sensor, DEAD),
-        (effects.flipped_sensor, -1.0),
-        (effects.scaled_sensor, 0.5),
-    ):
+    numbers = effects.dead_sensor, effects.flipped_sensor, effects.scaled_sensor
+    for number, factor in zip(numbers, (DEAD, -1.0, 0.5), strict=True):
         if number:
             found[number - 1] *= factor
     if effects.swapped_sensor:

@@ -157,6 +157,11 @@ class Effects:
         return round(self.duration_s * self.sampling_rate_hz)
 
     @property
+    def declared_mass_kg(self) -> float:
+        """Mass of each sensor as the manifest states it; 0 where it does not."""
+        return self.sensor_mass_kg if self.declare_mass else 0.0
+
+    @property
     def is_full_circle(self) -> bool:
         """Whether the sensors cover the circle."""
         return self.circle_deg[1] - self.circle_deg[0] == 360.0
@@ -191,18 +196,16 @@ def _converted(name: str, value: Any) -> Any:
     entry = _ENTRIES[name]
     default = entry.default
     if isinstance(default, StrEnum):
-        try:
-            return Excitation(value)
-        except ValueError as error:
+        if value not in tuple(Excitation):
             rule = f"one of {', '.join(Excitation)}"
-            raise InputError(name, repr(value), rule, "Choose one of them") from error
+            raise InputError(name, repr(value), rule, "Choose one of them")
+        return Excitation(value)
     if isinstance(default, bool):
         if not isinstance(value, bool):
             raise InputError(name, repr(value), "true or false", "Correct the value")
         return value
-    numbers = (
-        tuple(value) if isinstance(default, tuple) and isinstance(value, list | tuple) else (value,)
-    )
+    several = isinstance(default, tuple) and isinstance(value, list | tuple)
+    numbers = tuple(value) if several else (value,)
     least, most = entry.metadata["least"], entry.metadata["most"]
     kinds = int if isinstance(default, int) else (int, float)
     for number in numbers:

@@ -11,10 +11,10 @@ import numpy as np
 
 from ema.core.errors import InputError
 from model.parameters import RingDamping, RingParameters
+from pipelines.simulate.campaign import POSITIONS
 from pipelines.simulate.laboratory_effects import Effects
 from pipelines.simulate.laboratory_tyre import Complexes, LaboratoryTyre, System
 
-POSITIONS = 72
 TRUTH_DEG = np.arange(POSITIONS) * 360.0 / POSITIONS
 HIGHEST_TRUTH_HZ = 600.0
 _SAME_POLE = 1e-7  # relative distance below which two poles are one
@@ -185,9 +185,8 @@ def read_truth(path: Path) -> Truth:
             tuple(content["runs_percent"]),
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            str(path), str(error), "truth of a laboratory campaign", "Simulate it again"
-        ) from error
+        rule = "truth of a laboratory campaign"
+        raise InputError(str(path), str(error), rule, "Simulate it again") from error
 
 
 def _read_mode(content: dict[str, Any]) -> LaboratoryMode:

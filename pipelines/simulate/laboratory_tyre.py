@@ -99,6 +99,11 @@ class System:
     # perturbations
     left: Complexes
 
+    def part(self, modes: NDArray[np.int_]) -> System:
+        """Some of its modes alone."""
+        poles, vectors = self.poles[modes], self.vectors[:, modes]
+        return System(poles, vectors, self.participation[modes], self.left[modes])
+
     def residues(self, rows: Floats) -> Complexes:
         """Residues of receptance at points whose motion is ``rows @ coordinates``."""
         return np.asarray((rows @ self.vectors) * self.participation, dtype=complex)
@@ -166,11 +171,9 @@ class LaboratoryTyre:
     def surface(self, angles_deg: Floats, tilt_deg: Floats | float = 0.0) -> Floats:
         """Motion seen by sensors, shape (n_angles, n_coordinates); tilted ones see tangential."""
         radial, around = self._fields(angles_deg)
-        for column, (order, phase) in zip(
-            self.columns("lateral"), self._draws["lateral"], strict=True
-        ):
-            wave = np.cos(order * np.deg2rad(angles_deg) - phase)
-            radial[:, column] = LATERAL_SEEN * wave
+        lateral = zip(self.columns("lateral"), self._draws["lateral"], strict=True)
+        for column, (order, phase) in lateral:
+            radial[:, column] = LATERAL_SEEN * np.cos(order * np.deg2rad(angles_deg) - phase)
         tilt = np.deg2rad(np.broadcast_to(tilt_deg, len(radial)))[:, None]
         return np.asarray(np.cos(tilt) * radial + np.sin(tilt) * around)
 
@@ -272,12 +275,12 @@ class LaboratoryTyre:
         """∫ over the motion of the belt against the rim of radial and tangential densities."""
         w, v = self._fields(self._grid_deg)
         theta = np.deg2rad(self._grid_deg)
-        for column, (f, g) in zip(
-            self.columns("rim"), ((np.cos, np.sin), (np.sin, np.cos)), strict=False
+        cos, sin = np.cos(theta), np.sin(theta)
+        for column, (radial_part, along) in zip(
+            self.columns("rim"), ((cos, sin), (sin, -cos)), strict=False
         ):
-            sign = 1.0 if f is np.cos else -1.0
-            w[:, column] -= f(theta)
-            v[:, column] += sign * g(theta)
+            w[:, column] -= radial_part
+            v[:, column] += along
         for column in self.columns("turning"):
             v[:, column] -= self.ring.mean_radius_m
         return self._integral(w, radial) + self._integral(v, around)
@@ -330,11 +333,8 @@ class LaboratoryTyre:
         mass = self._integral(radial, density) + self._integral(around, density)
         factors = np.zeros((self.size, self.size))
         for order in range(HIGHEST_ORDER + 1):
-            own = [
-                k
-                for k, label in enumerate(self.labels)
-                if label[1] == order and label[0] in ("radial", "tangential")
-            ]
+            belt = ("radial", order), ("tangential", order)
+            own = [k for k, label in enumerate(self.labels) if label in belt]
             block = np.ix_(own, own)
             squares = np.linalg.eigvals(np.linalg.solve(mass[block], stiff[block])).real
             # Of order 0 the torsion does not strain the belt: the breathing counts.

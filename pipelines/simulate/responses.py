@@ -19,7 +19,7 @@ from model import (
     load_ring,
     loaded_frequencies_hz,
 )
-from model.arrays import readonly
+from model.arrays import ReadonlyArrays
 from model.cleat import Quantity
 from model.coefficients import PressureLoad
 from model.forced import Direction
@@ -30,26 +30,17 @@ PER_LINE_FORCE = "(m/s²)/(N/m)"
 
 
 @dataclass(frozen=True, eq=False)
-class SimulatedInertance:
+class SimulatedInertance(ReadonlyArrays):
     """Inertance over frequency: acceleration over force, in `PER_FORCE` or `PER_LINE_FORCE`."""
 
     frequency_hz: NDArray[np.float64]
     values: NDArray[np.complex128]
     unit: str
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "frequency_hz", readonly(self.frequency_hz, float))
-        object.__setattr__(self, "values", readonly(self.values, complex))
-
     @property
     def magnitude(self) -> NDArray[np.float64]:
         """Modulus."""
         return np.abs(self.values)
-
-    @property
-    def phase_deg(self) -> NDArray[np.float64]:
-        """Phase between −180° and 180°."""
-        return np.asarray(np.rad2deg(np.angle(self.values)))
 
     @property
     def columns(self) -> dict[str, NDArray[np.float64]]:
@@ -114,7 +105,7 @@ class Observer:
 
 
 @dataclass(frozen=True, eq=False)
-class CleatResponse:
+class CleatResponse(ReadonlyArrays):
     """Response to an impact in time and frequency."""
 
     observer: Observer
@@ -123,11 +114,6 @@ class CleatResponse:
     frequency_hz: NDArray[np.float64]  # shape (n_frequencies,)
     # shape (n_frequencies,); ∫x(t)e^{−jωt}dt, in the observer's unit times s
     spectrum: NDArray[np.complex128]
-
-    def __post_init__(self) -> None:
-        for name in ("time_s", "response", "frequency_hz"):
-            object.__setattr__(self, name, readonly(getattr(self, name), float))
-        object.__setattr__(self, "spectrum", readonly(self.spectrum, complex))
 
     @property
     def columns(self) -> dict[str, NDArray[np.float64]]:
@@ -145,12 +131,9 @@ def simulate_cleat(
 ) -> CleatResponse:
     """Response of the rolling tyre to an impact, exact for the harmonics summed."""
     angle = float(np.deg2rad(observer.at_deg))
-    frame, direction, quantity = observer.frame, observer.direction, observer.quantity
-    response = test.response(times_s, angle, frame=frame, direction=direction, quantity=quantity)
-    spectrum = test.spectrum(
-        frequency_hz, angle, frame=frame, direction=direction, quantity=quantity
-    )
     times, lines = np.asarray(times_s), np.asarray(frequency_hz)
+    seen = {name: getattr(observer, name) for name in ("frame", "direction", "quantity")}
+    response, spectrum = test.response(times, angle, **seen), test.spectrum(lines, angle, **seen)
     return CleatResponse(observer, times, response, lines, spectrum.astype(complex))
 
 
@@ -158,7 +141,7 @@ MOST_LOADS = 200  # each takes 0.1 s or more
 
 
 @dataclass(frozen=True, eq=False)
-class LoadedSweep:
+class LoadedSweep(ReadonlyArrays):
     """Frequencies of a standing tyre over vertical load."""
 
     load_n: NDArray[np.float64]  # shape (n_loads,)
@@ -168,11 +151,6 @@ class LoadedSweep:
     angle_deg: NDArray[np.float64]  # shape (n_angles,); angles from the contact
     # shape (n_angles,); radial deflection by the largest load, relative to the inflated tyre, m
     deflection_m: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        for name in ("load_n", "frequency_hz", "angle_deg", "deflection_m"):
-            object.__setattr__(self, name, readonly(getattr(self, name), float))
-        object.__setattr__(self, "dominant_order", readonly(self.dominant_order, int))
 
     @property
     def contact_deflection_m(self) -> float:

@@ -14,6 +14,7 @@ from model.reference import REFITTED_DAMPING, TABLE_4_RING
 from pipelines.simulate.laboratory import Laboratory, simulate_laboratory
 from pipelines.simulate.laboratory_chain import (
     SETTLING_S,
+    Driven,
     Mounting,
     force_spectrum,
     frequencies,
@@ -162,7 +163,7 @@ def test_responses_are_those_of_the_equations_of_motion():
     omega = frequencies(effects, period)
     spectrum = force_spectrum(effects, np.random.default_rng(1))
     spectrum[omega > 2 * np.pi * 200] = 0
-    found = responses(tyre.solve(State(), drive), rows, spectrum, omega, mounting)
+    found = responses(Driven(tyre.solve(State(), drive), rows, spectrum, omega, mounting))
 
     force = np.fft.irfft(spectrum, period * finer) * finer
     step, size = 1 / (effects.sampling_rate_hz * finer), tyre.size
@@ -206,15 +207,16 @@ def test_poles_that_move_by_a_constant_are_those_of_another_tyre():
     period = period_samples(effects)
     omega = frequencies(effects, period)
     spectrum = force_spectrum(effects, np.random.default_rng(1))
-    still = responses(system, rows, spectrum, omega, mounting)
+    driven = Driven(system, rows, spectrum, omega, mounting)
+    still = responses(driven)
     shift = np.zeros((4, period), dtype=complex)
-    same = moving_responses(system, shift, rows, spectrum, omega, mounting)
+    same = moving_responses(driven, shift)
     assert same == pytest.approx(still, abs=1e-9 * np.abs(still).max())
 
     shift[:] = 0.01 * system.poles[:4, None]
-    moved = moving_responses(system, shift, rows, spectrum, omega, mounting)
+    moved = moving_responses(driven, shift)
     system.poles[:4] *= 1.01
-    expected = responses(system, rows, spectrum, omega, mounting)
+    expected = responses(Driven(system, rows, spectrum, omega, mounting))
     kept = slice(round(SETTLING_S * effects.sampling_rate_hz), None)
     # Residues alone do not vanish in sum any more, which leaves a constant in the inertance.
     difference = (moved - expected)[:, kept]
