@@ -226,8 +226,7 @@ def _processed(task: Task) -> Record:
 def _parameters(result: Result) -> tuple[Row, ...]:
     if result.tuning is None:
         return ()
-    found = from_tuning("", result.tuning, result.damping, {})
-    both = {**found.ring, **found.damping}
+    both = from_tuning("", result.tuning, result.damping, {}).ring_and_damping
     return tuple((name, each.value, each.std, each.how) for name, each in both.items())
 
 

@@ -11,15 +11,14 @@ from typing import Annotated, Any
 import typer
 
 from ema.core.campaign import Processing
-from ema.core.errors import InputError
 from pipelines.cli import values as value
+from pipelines.library.library import VARIABLE
 from pipelines.results.options import Options
 
 # Headings of the help
 FILES, PROCESSING = "Input and output", "Processing"
 POLES, RING, SCREEN = "Poles", "Ring", "Screen"
 LIBRARY = "Library"
-_VARIABLE = "RINGMODAL_LIBRARY"
 _HZ = "HZ,HZ,…"
 
 
@@ -190,7 +189,7 @@ def with_processing_options(command: Callable[..., None]) -> Callable[..., None]
 
 
 Library = Annotated[
-    Path | None, option("--library", "Folder of the library.", LIBRARY, "DIR", envvar=_VARIABLE)
+    Path | None, option("--library", "Folder of the library.", LIBRARY, "DIR", envvar=VARIABLE)
 ]
 Name = Annotated[str, argument("NAME", "Tyre: its name in `tyre list`, or its designation.")]
 Reference = Annotated[
@@ -200,11 +199,3 @@ Reference = Annotated[
 AnySet = argument("SET", "NAME@VERSION, a result folder or a tyre.toml.")
 Note = Annotated[str, option("--note", "Reason; stored with it.", LIBRARY, "TEXT")]
 Author = Annotated[str, option("--author", "Default: your login name.", LIBRARY, "NAME")]
-
-
-def library_folder(given: Path | None) -> Path:
-    """The folder of the library from option or environment."""
-    if given is None:
-        rule = "the folder of the library is required"
-        raise InputError("--library", "not given", rule, f"Use --library DIR, or set {_VARIABLE}")
-    return given

@@ -9,7 +9,7 @@ from typing import Any
 
 from pipelines.cli.screen import columns_of, print_table
 from pipelines.cli.terminal import echo, echo_error, print_json
-from pipelines.library.history import SetDifference, TyreHistory
+from pipelines.library.history import SetDifference, TyreHistory, stated
 from pipelines.library.series import Series
 from pipelines.library.version import Version, values_of
 from pipelines.report.pressure_series import headings, trend_row
@@ -35,7 +35,7 @@ def show_version(version: Version, standing: str, *, as_json: bool) -> None:
 def show_parameters(parameters: ParameterSet) -> None:
     """Print conditions and parameters, each with its ± and how it was obtained."""
     for name, value in parameters.conditions.items():
-        echo(f"Condition: {name} = {_stated(value)}")
+        echo(f"Condition: {name} = {stated(value)}")
     rows = [
         (name, value_with_std(each.value, each.std), each.how)
         for name, each in values_of(parameters).items()
@@ -49,16 +49,11 @@ def show_rows(rows: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:
     if as_json:
         print_json(rows)
         return
-    cells = [
-        (
-            f"{row['tyre']}@{row['version']}",
-            "yes" if row["approved"] else "",
-            row["parameter"],
-            value_with_std(row["value"], row["std"]),
-            row["how"],
-        )
-        for row in rows
-    ]
+    cells = []
+    for row in rows:
+        version = f"{row['tyre']}@{row['version']}", "yes" if row["approved"] else ""
+        value = value_with_std(row["value"], row["std"])
+        cells.append((*version, row["parameter"], value, row["how"]))
     head = ("tyre", "approved", "parameter", "value", "obtained")
     texts = [name for name in head if name != "value"]
     print_table("", columns_of(head, cells, texts), first_to_go=("approved",))
@@ -93,14 +88,9 @@ def show_history(history: TyreHistory, *, as_json: bool) -> None:
     """Print a tyre's versions: when, by whom, why, and what changed most."""
     if as_json:
         lines = [
-            {
-                "version": line.version.number,
-                "created": line.version.entry.created,
-                "author": line.version.entry.author,
-                "note": line.version.entry.note,
-                "approval": line.approval,
-                "changed_most": line.change,
-            }
+            {"version": line.version.number}
+            | {name: getattr(line.version.entry, name) for name in ("created", "author", "note")}
+            | {"approval": line.approval, "changed_most": line.change}
             for line in history.lines
         ]
         print_json(_tyre_content(history) | {"history": lines})
@@ -135,7 +125,7 @@ def show_difference(found: SetDifference, *, as_json: bool) -> None:
     echo(f"A: {found.first.name}")
     echo(f"B: {found.second.name}")
     for name, one, two in found.conditions:
-        echo(f"Condition: {name}: {_stated(one)} in A, {_stated(two)} in B")
+        echo(f"Condition: {name}: {stated(one)} in A, {stated(two)} in B")
     head = ("parameter", "A", "B", "B − A", "in %", "z", "p", "verdict")
     rows = [_change_cells(each, independent=found.independent) for each in found.changes]
     columns = columns_of(head, rows, ("parameter", "verdict"), ("verdict",))
@@ -155,12 +145,6 @@ def show_series(series: Series, unit: str, *, as_json: bool) -> None:
         print_table(title, columns, first_to_go=("versions", "scatter / σ"))
     for note in series.notes:
         echo_error(f"Note: {note}")
-
-
-def _stated(value: Any) -> str:
-    if value is None:
-        return "not stated"
-    return f"{value:.10g}" if isinstance(value, int | float) else str(value)
 
 
 def _designation(history: TyreHistory) -> str:
@@ -218,18 +202,8 @@ def _change(change: Any, *, independent: bool) -> dict[str, Any]:
 
 def _trend(trend: Any) -> dict[str, Any]:
     line = trend.line
-    return {
-        "parameter": trend.name,
-        "pressure_pa": list(trend.pressure_pa),
-        "value": list(trend.value),
-        "std": list(trend.std),
-        "version": trend.version,
-        "line": {
-            "at_pressure_pa": line.centre,
-            "value": line.value,
-            "value_std": line.value_std,
-            "slope_per_pa": line.slope,
-            "slope_per_pa_std": line.slope_std,
-            "scatter": line.scatter,
-        },
-    }
+    points = {name: list(getattr(trend, name)) for name in ("pressure_pa", "value", "std")}
+    fitted = {"at_pressure_pa": line.centre, "value": line.value, "value_std": line.value_std}
+    slope = {"slope_per_pa": line.slope, "slope_per_pa_std": line.slope_std}
+    about = {"parameter": trend.name, **points, "version": trend.version}
+    return about | {"line": {**fitted, **slope, "scatter": line.scatter}}

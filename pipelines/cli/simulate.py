@@ -48,12 +48,9 @@ simulate = typer.Typer(
 )
 
 
-def _table(path: Path | None) -> Path | None:
-    return None if path is None else require_target(path, TABLE_ENDINGS)
-
-
-def _figure(path: Path | None) -> Path | None:
-    return None if path is None else require_target(path, FIGURE_ENDINGS)
+def _file(endings: tuple[str, ...]) -> Any:
+    """The check of a path to write, before anything is computed."""
+    return lambda path: path and require_target(path, endings)
 
 
 _RANGE = "FROM:TO:STEP"
@@ -61,8 +58,9 @@ Tyre = Annotated[
     Path | None,
     option("--tyre", "A tyre.toml or a result folder. Default: the sample tyre, a 225/55R17."),
 ]
-Out = Annotated[Path | None, option("--out", "Table: .csv or .parquet.", callback=_table)]
-FigureFile = Annotated[Path | None, option("--figure", "Picture: .png or .svg.", callback=_figure)]
+_TABLE, _FIGURE = {"callback": _file(TABLE_ENDINGS)}, {"callback": _file(FIGURE_ENDINGS)}
+Out = Annotated[Path | None, option("--out", "Table: .csv or .parquet.", **_TABLE)]
+FigureFile = Annotated[Path | None, option("--figure", "Picture: .png or .svg.", **_FIGURE)]
 Speed = Annotated[float, option("--speed-rad-s", "Angular speed of the tyre in rad/s.")]
 Frequencies = Annotated[str, option("--frequency-hz", "Frequencies in Hz.", metavar=_RANGE)]
 AtAngle = Annotated[float, option("--at-deg", "Angle of the response in degrees.")]
@@ -261,7 +259,7 @@ def cleat(
     pretension_loss: PretensionLoss = True,
     out: Out = None,
     spectrum: Annotated[
-        Path | None, option("--spectrum", "Spectrum: .csv or .parquet.", callback=_table)
+        Path | None, option("--spectrum", "Spectrum: .csv or .parquet.", **_TABLE)
     ] = None,
     figure: FigureFile = None,
     as_json: Json = False,

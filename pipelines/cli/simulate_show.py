@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from model import Bifurcation, ForcedRing, HubResponse
@@ -18,7 +17,7 @@ from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.plots import simulated
 from pipelines.plots.draw import draw_plot
 from pipelines.plots.plot import Plot
-from pipelines.plots.style import figure_bytes
+from pipelines.plots.style import write_figure
 from pipelines.simulate.responses import (
     PER_LINE_FORCE,
     CleatResponse,
@@ -35,7 +34,6 @@ from pipelines.simulate.tyre import (
     largest_at_hub,
     tyre_to_simulate,
 )
-from pipelines.storage.atomic import file_written_whole
 from pipelines.storage.rounding import DASH
 from pipelines.storage.tables import write_table
 
@@ -163,13 +161,6 @@ def write_columns(path: Path, columns: Columns, note: str = "") -> None:
     """
     table = pd.DataFrame({name: np.asarray(values) for name, values in columns.items()})
     write_table(path, table, {"note": note} if note else None)
-
-
-def write_figure(path: Path, figure: Figure) -> None:
-    """Write a figure atomically as PNG or SVG, by the ending of `path`."""
-    content = figure_bytes(figure, path.suffix.lower().lstrip("."))
-    with file_written_whole(path) as partial:
-        partial.write_bytes(content)
 
 
 def print_arrays(content: Mapping[str, Any]) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from ema.core.display import counted
 from ema.core.finding import Finding
 from ema.core.frf import FRF
 from ema.signals.signal_checks import SignalSummary
@@ -21,6 +22,7 @@ from pipelines.prepare.guesses import Layout
 from pipelines.prepare.inspection import ChannelReport, FileReport, Inspection, inspect_files
 from pipelines.prepare.manifest_template import draft_manifest, write_draft
 from pipelines.report.save import run_demo
+from pipelines.storage.result_folder import named
 
 PLACES = "Sensor positions"
 
@@ -134,20 +136,16 @@ def _heading(report: FileReport) -> str:
     parts = [f"{kind}, {_size(report.size_bytes)}"]
     if report.channels:
         n_samples, rate_hz = report.channels[0].channel.n_samples, report.sampling_rate_hz
-        parts.append(f"{_count(len(report.channels), 'channel')} of {n_samples} samples")
+        parts.append(f"{counted(len(report.channels), 'channel')} of {n_samples} samples")
         if rate_hz > 0:
             parts[-1] += f" at {rate_hz:.10g} Hz, {n_samples / rate_hz:.6g} s"
     if report.frf is not None:
-        lines_hz, frfs = report.frf.frequency_hz, _count(report.frf.n_positions, "FRF")
+        lines_hz, frfs = report.frf.frequency_hz, counted(report.frf.n_positions, "FRF")
         band = f"{lines_hz[0]:.4g} to {lines_hz[-1]:.4g} Hz"
         parts.append(f"{frfs} of {lines_hz.size} lines, {band}")
     if len(parts) == 1:
         parts.append("neither time series nor FRFs")
     return f"{report.path}: {'; '.join(parts)}"
-
-
-def _count(n: int, noun: str) -> str:
-    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
 def _size(n_bytes: int) -> str:
@@ -194,17 +192,12 @@ _FIRST_TO_GO = ("quantity", "crest", "peak\n(SI)", "DC\n(SI)", "clipped", "angle
 
 def _print_channels(rows: Sequence[ChannelReport]) -> None:
     numbered = any(row.channel.node for row in rows)  # node 0 everywhere: not numbered
-    cells = [
-        (
-            row.channel.name,
-            row.channel.quantity,
-            row.channel.unit,
-            _node(row.channel.node) if numbered else "",
-            _angle(row.channel.angle_deg),
-            *("" if row.signal is None else tell(row.signal) for tell in _LEVELS.values()),
-        )
-        for row in rows
-    ]
+    cells = []
+    for row in rows:
+        channel, signal = row.channel, row.signal
+        place = _node(channel.node) if numbered else "", _angle(channel.angle_deg)
+        levels = ("" if signal is None else tell(signal) for tell in _LEVELS.values())
+        cells.append((channel.name, channel.quantity, channel.unit, *place, *levels))
     texts = ("channel", "quantity", "unit in\nthe file")
     columns = columns_of((*texts, "node", "angle", *_LEVELS), cells, texts, texts[:1])
     print_table("", columns, _FIRST_TO_GO)
@@ -225,8 +218,7 @@ def _lines(title: str, findings: Sequence[Finding]) -> list[str]:
             names.append(finding.channel)
     lines = []
     for (check, detail), names in channels.items():
-        more = f" and {len(names) - _SHOWN_NAMES} more" if len(names) > _SHOWN_NAMES else ""
-        where = f"{', '.join(names[:_SHOWN_NAMES])}{more}: " if names else ""
+        where = f"{named(names, _SHOWN_NAMES)}: " if names else ""
         lines.append(f"{title}: {where}{check}: {detail}")
     return lines
 

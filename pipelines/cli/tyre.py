@@ -23,7 +23,6 @@ from pipelines.cli.options import (
     Note,
     Reference,
     argument,
-    library_folder,
     option,
 )
 from pipelines.cli.terminal import echo, echo_error, print_json
@@ -31,8 +30,8 @@ from pipelines.cli.tyre_tir import from_tir, modal_targets, update_tir
 from pipelines.cli.values import TABLE_ENDINGS, require_target
 from pipelines.library.export import export as write
 from pipelines.library.export import version_rows, write_table
-from pipelines.library.history import all_damage, difference, history_of
-from pipelines.library.library import TyreLibrary, conditions_of, resolve
+from pipelines.library.history import difference, history_of
+from pipelines.library.library import VARIABLE, TyreLibrary, conditions_of, resolve
 from pipelines.library.numbering import require_version, split_reference
 from pipelines.library.series import pressure_series
 from pipelines.library.version import Version, login_name
@@ -105,7 +104,7 @@ def list_tyres(library: Library = None, as_json: Json = False) -> None:
     """
     histories = [history_of(each) for each in _library(library).tyres()]
     show_tyre.show_tyres(histories, as_json=as_json)
-    _complain_of(all_damage(histories))
+    _complain_of([error for each in histories for error in each.damage])
 
 
 @tyre.command(cls=Command)
@@ -300,7 +299,11 @@ for command in (update_tir, from_tir, modal_targets):
 
 
 def _library(given: Path | None) -> TyreLibrary:
-    return TyreLibrary(library_folder(given))
+    if given is None:
+        rule = "the folder of the library is required"
+        remedy = f"Use --library DIR, or set {VARIABLE}"
+        raise InputError("--library", "not given", rule, remedy)
+    return TyreLibrary(given)
 
 
 def _say_what_is_done(done: str, version: Version, *, as_json: bool) -> None:

@@ -183,8 +183,7 @@ def _names(first: str, second: str) -> tuple[str, str]:
 def _parameters(result: Result) -> dict[str, Parameter]:
     if result.tuning is None:
         return {}
-    found = from_tuning("", result.tuning, result.damping, {})
-    return {**found.ring, **found.damping}
+    return from_tuning("", result.tuning, result.damping, {}).ring_and_damping
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import readonly
-from ema.core.errors import InputError, nearest
+from ema.core.errors import InputError, unknown
 from ema.core.mac import mac
 from ema.io.uff.shape_sets import DIRECTIONS
+from model.arrays import ReadonlyArrays
 from pipelines.compare.shape_source import (
     WAYS,
     Alignment,
@@ -70,7 +70,7 @@ class Match:
 
 
 @dataclass(frozen=True, eq=False)
-class ShapeComparison:
+class ShapeComparison(ReadonlyArrays):
     """All shapes of a result compared with all other shapes; one match for each of its modes.
 
     `mac` has shape (n_modes, n_other); the notes are assumptions, and what is missing.
@@ -82,9 +82,6 @@ class ShapeComparison:
     mac: NDArray[np.float64]
     matches: tuple[Match, ...]
     notes: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "mac", readonly(self.mac, float))
 
 
 def compare_shapes(
@@ -132,12 +129,10 @@ def compare_sources(
             raise InputError(each.name, "no modes", "mode shapes needed", "Choose another one")
     places = common_places(result, other, alignment or Alignment())
     if places.row.size < _FEWEST_PLACES:
-        raise InputError(
-            f"{result.name} and {other.name}",
-            f"{places.row.size} places in common, {places.how}",
-            f"at least {_FEWEST_PLACES} common places needed",
-            "Use --by, --tolerance-deg or --rotate-deg, or add the nodes (dataset 2411)",
-        )
+        found = f"{places.row.size} places in common, {places.how}"
+        rule = f"at least {_FEWEST_PLACES} common places needed"
+        remedy = "Use --by, --tolerance-deg or --rotate-deg, or add the nodes (dataset 2411)"
+        raise InputError(f"{result.name} and {other.name}", found, rule, remedy)
     own, there = result.values[:, places.row], other.values[:, places.other_row]
     table = mac(own, there)
     matches = []
@@ -146,16 +141,10 @@ def compare_sources(
         here_hz, there_hz = float(result.frequency_hz[mode]), float(other.frequency_hz[best])
         near = np.abs(other.frequency_hz - there_hz) <= PAIR_PERCENT / 100 * there_hz
         near[best] = True
-        alone = np.count_nonzero(near) == 1
-        match = Match(
-            mode=mode,
-            other=best,
-            mac=float(row[best]),
-            mac_pair=float(row[best]) if alone else explained_share(own[mode], there[near]),
-            difference_hz=there_hz - here_hz,
-            difference_percent=100 * (there_hz / here_hz - 1),
-        )
-        matches.append(match)
+        alike, alone = float(row[best]), np.count_nonzero(near) == 1
+        pair = alike if alone else explained_share(own[mode], there[near])
+        change = there_hz - here_hz, 100 * (there_hz / here_hz - 1)
+        matches.append(Match(mode, best, alike, pair, *change))
     notes = (*result.notes, *other.notes, *places.notes)
     return ShapeComparison(result, other, places, table, tuple(matches), notes)
 
@@ -179,8 +168,7 @@ def _check(chosen: Alignment) -> None:
         ("--direction", chosen.direction, DIRECTIONS),
     ):
         if value and value not in known:
-            rule = f"it must be one of {', '.join(known)}"
-            raise InputError(option, repr(value), rule, nearest(value, known))
+            raise unknown(option, value, f"it must be one of {', '.join(known)}", known)
     if not 0 < chosen.tolerance_deg <= 180:
         found, rule = f"{chosen.tolerance_deg:g} degrees", "it must be above 0 and up to 180"
         raise InputError("--tolerance-deg", found, rule, "Write e.g. 2")

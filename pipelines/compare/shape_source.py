@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ema.core.arrays import readonly
 from ema.core.errors import InputError
 from ema.core.files import require_regular
 from ema.io.uff.shape_sets import read_radial_shapes
+from model.arrays import ReadonlyArrays
 from pipelines.export.data import node_numbers
 from pipelines.results.provenance import accepted_notes
 from pipelines.results.result import Result
 from pipelines.results.store import load
-from pipelines.storage.result_folder import MARKER
+from pipelines.storage.result_folder import MARKER, named
 
 SHAPES_TABLE = "shapes.csv"
 ANGLE, NODE = "angle", "node"
@@ -28,7 +28,7 @@ _OFF_CIRCLE_M = 1e-6  # distance from the measured circle that is worth a note
 
 
 @dataclass(frozen=True, eq=False)
-class ShapeSource:
+class ShapeSource(ReadonlyArrays):
     """Mode shapes with one value per place."""
 
     name: str  # result, file or table
@@ -50,10 +50,7 @@ class ShapeSource:
     def __post_init__(self) -> None:
         if not self.frequency_std_hz.size:
             object.__setattr__(self, "frequency_std_hz", np.full(self.frequency_hz.size, np.nan))
-        kinds = {"node": int, "values": complex}
-        floats = ("frequency_hz", "damping_ratio", "angle_deg", "radius_m", "across_m")
-        for name in (*floats, "frequency_std_hz", *kinds):
-            object.__setattr__(self, name, readonly(getattr(self, name), kinds.get(name, float)))
+        super().__post_init__()
 
     @property
     def has_angles(self) -> bool:
@@ -212,7 +209,7 @@ class Alignment:
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class Places(ReadonlyArrays):
     """Rows of two sets of shapes at the same places, matched by angle or node.
 
     `how` is the way and its accuracy, for messages; the notes also name missing places.
@@ -223,10 +220,6 @@ class Places:
     other_row: NDArray[np.int_]
     how: str
     notes: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        for name in ("row", "other_row"):
-            object.__setattr__(self, name, readonly(getattr(self, name), int))
 
 
 def common_places(result: ShapeSource, other: ShapeSource, alignment: Alignment) -> Places:
@@ -253,11 +246,10 @@ def common_places(result: ShapeSource, other: ShapeSource, alignment: Alignment)
     found = {row for row, _ in pairs}
     missing = [name for row, name in enumerate(names) if row not in found]
     if missing:
-        more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
         what = ("position" if way == ANGLE else "node") + "s" * (len(missing) > 1)
         notes.append(
             f"places of {result.name} left out, without a counterpart: {what} "
-            f"{', '.join(missing[:_MOST_NAMED])}{more}"
+            f"{named(missing, _MOST_NAMED)}"
         )
     rows = np.array(pairs, dtype=int).reshape(-1, 2)
     return Places(way, rows[:, 0], rows[:, 1], how, tuple(notes))

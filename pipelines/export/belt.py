@@ -110,7 +110,7 @@ def belt_values(
     if width_m is not None:
         require_belt_width(width_m)
         ring = replace(ring, belt_width_m=width_m)
-    known = {**parameters.ring, **parameters.damping}
+    known = parameters.ring_and_damping
     if width_m is not None:
         known["belt_width_m"] = Parameter(width_m)
     belt = Belt(ring, parameters.ring_damping)
@@ -200,13 +200,10 @@ class ModalTarget:
 
 
 def _bending(order: int) -> tuple[Callable[[Belt], float], Callable[[Belt], float]]:
-    def frequency_hz(belt: Belt) -> float:
-        return float(natural_frequencies_hz(belt.ring, order))
-
-    def damping_ratio(belt: Belt) -> float:
-        return float(damping_ratios(belt.ring, belt.known_damping, order))
-
-    return frequency_hz, damping_ratio
+    return (
+        lambda belt: float(natural_frequencies_hz(belt.ring, order)),
+        lambda belt: float(damping_ratios(belt.ring, belt.known_damping, order)),
+    )
 
 
 _MODES = {

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import readonly
 from ema.core.frf import FRF
 from ema.core.modes import Mode
+from model.arrays import ReadonlyArrays
 from pipelines.results.result import Result
 
 MEASURED, BOTH, NONE = "measured", "both", "none"
@@ -20,7 +20,7 @@ _STEP_M = 0.1  # between nodes on a line
 
 
 @dataclass(frozen=True, eq=False)
-class Geometry:
+class Geometry(ReadonlyArrays):
     """Positions and directions of the nodes."""
 
     # shape (n_nodes,); node numbers from 1; the rows of the FRFs come first, in their order
@@ -35,11 +35,6 @@ class Geometry:
     reference_node: int  # node of the force; 0 where unknown
     is_closed: bool  # whether the nodes form a circle
     notes: tuple[str, ...] = ()  # assumptions
-
-    def __post_init__(self) -> None:
-        for name in ("node", "position_deg", "xyz_m", "direction"):
-            dtype = int if name == "node" else float
-            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
 
     @property
     def path(self) -> list[int]:
@@ -114,7 +109,7 @@ def _line(frf: FRF) -> Geometry:
 
 
 @dataclass(frozen=True, eq=False)
-class ModalExport:
+class ModalExport(ReadonlyArrays):
     """A result as exported to other programs."""
 
     result: Result
@@ -130,9 +125,6 @@ class ModalExport:
     synthesised: FRF | None
     # whether a universal file has the FRFs as text (58) instead of binary (58b)
     frfs_as_text: bool = False
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "modal_a", readonly(self.modal_a, complex))
 
     @property
     def modes(self) -> tuple[Mode, ...]:

@@ -159,12 +159,8 @@ def write_tables(found: ModalExport, folder: Path) -> None:
             cells = np.column_stack([frf.frequency_hz, parts])
             table = pd.DataFrame(cells, columns=["frequency_hz", *columns])
             write_csv(folder / f"frf_{name}.csv", table)
-    about = {
-        "source": found.result.name,
-        "notes": list(geometry.notes),
-        "force_node": geometry.reference_node,
-        "units": UNITS,
-    }
+    about = {"source": found.result.name, "notes": list(geometry.notes)}
+    about |= {"force_node": geometry.reference_node, "units": UNITS}
     write_marker(folder / FOLDER_MARKER, about)
 
 
@@ -185,16 +181,13 @@ def _shapes(found: ModalExport) -> pd.DataFrame:
     measured = slice(geometry.n_measured)
     shapes = np.concatenate(found.shapes).astype(complex)
     repeat = np.repeat(np.arange(n_modes), geometry.n_measured)
-    return pd.DataFrame(
-        {
-            "mode": repeat + 1,
-            "frequency_hz": np.array([mode.frequency_hz for mode in found.modes])[repeat],
-            "node": np.tile(geometry.node[measured], n_modes),
-            "position_deg": np.tile(geometry.position_deg[measured], n_modes),
-            "real": shapes.real,
-            "imag": shapes.imag,
-        }
-    )
+    columns = {
+        "mode": repeat + 1,
+        "frequency_hz": np.array([mode.frequency_hz for mode in found.modes])[repeat],
+        "node": np.tile(geometry.node[measured], n_modes),
+        "position_deg": np.tile(geometry.position_deg[measured], n_modes),
+    }
+    return pd.DataFrame({**columns, "real": shapes.real, "imag": shapes.imag})
 
 
 def write_uff(found: ModalExport, path: Path) -> None:

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ema.core.arrays import readonly
 from ema.core.errors import InputError, nearest
 from ema.core.frf import FRF
-from ema.core.modes import ModalModel, Mode
+from ema.core.modes import Mode
 from ema.io.uff.frf import SYNTHESISED
 from pipelines.export.data import BOTH, MEASURED, NONE, Geometry, ModalExport, geometry_of
 from pipelines.export.formats import FOLDER_MARKER, write_json, write_mat, write_tables, write_uff
+from pipelines.results.labels import in_band
 from pipelines.results.provenance import accepted_notes
 from pipelines.results.result import Result
 from pipelines.results.store import load
@@ -32,8 +32,7 @@ FORMATS: dict[str, Callable[[ModalExport, Path], None]] = {
     "json": write_json,
     "mat": write_mat,
 }
-#: Formats that write a folder.
-FOLDERS = ("csv",)
+FOLDERS = ("csv",)  # formats that write a folder
 
 
 @dataclass(frozen=True)
@@ -58,15 +57,19 @@ def gather(
     geometry = replace(geometry, notes=(*geometry.notes, *notes))
     shapes = np.array([mode.shape for mode in model.modes]).reshape(-1, geometry.n_measured)
     frf = replace(result.frf, node=geometry.node[: geometry.n_measured])
+    synthesised = None
     if frfs in (BOTH, SYNTHESISED):
         frf = _within(frf, model.fit_band_hz)
+        values = model.synthesise(frf.frequency_hz, frf.run)
+        unknown = np.full(values.shape, np.nan)
+        synthesised = replace(frf, values=values, coherence=unknown, std=unknown)
     return ModalExport(
         result=result,
         geometry=geometry,
-        shapes=readonly(shapes.real, float) if real else readonly(shapes, complex),
-        modal_a=np.array([_modal_a(mode, geometry) for mode in model.modes]),
+        shapes=shapes.real if real else shapes.astype(complex),
+        modal_a=np.array([_modal_a(mode, geometry) for mode in model.modes], dtype=complex),
         measured=frf if frfs in (BOTH, MEASURED) else None,
-        synthesised=_synthesised(model, frf) if frfs in (BOTH, SYNTHESISED) else None,
+        synthesised=synthesised,
         frfs_as_text=text,
     )
 
@@ -114,12 +117,12 @@ def export(
     name = folder.resolve().name
     target = Path(out) if out else Path(f"{name}_csv" if chosen == "csv" else f"{name}.{chosen}")
     if chosen in FOLDERS:
-        with written_whole(target, force=force, marker=FOLDER_MARKER) as partial:
-            FORMATS[chosen](found, partial)
+        writing = written_whole(target, force=force, marker=FOLDER_MARKER)
     else:
         require_free_file(target, force=force)
-        with file_written_whole(target) as partial:
-            FORMATS[chosen](found, partial)
+        writing = file_written_whole(target)
+    with writing as partial:
+        FORMATS[chosen](found, partial)
     return Written(target, chosen, found)
 
 
@@ -154,20 +157,9 @@ def _modal_a(mode: Mode, geometry: Geometry) -> complex:
 
 
 def _within(frf: FRF, band_hz: tuple[float, float]) -> FRF:
-    chosen = (frf.frequency_hz >= band_hz[0]) & (frf.frequency_hz <= band_hz[1])
-    return replace(
-        frf,
-        frequency_hz=frf.frequency_hz[chosen],
-        values=frf.values[:, chosen],
-        coherence=frf.coherence[:, chosen],
-        std=frf.std[:, chosen],
-    )
-
-
-def _synthesised(model: ModalModel, frf: FRF) -> FRF:
-    unknown = np.full(frf.values.shape, np.nan)
-    values = model.synthesise(frf.frequency_hz, frf.run)
-    return replace(frf, values=values, coherence=unknown, std=unknown)
+    chosen = in_band(frf.frequency_hz, band_hz)
+    parts = {name: getattr(frf, name)[:, chosen] for name in ("values", "coherence", "std")}
+    return replace(frf, frequency_hz=frf.frequency_hz[chosen], **parts)
 
 
 def require_free_file(target: Path, *, force: bool) -> None:

@@ -123,11 +123,8 @@ def units_of(tir: TirFile) -> TirUnits:
         if entry is None:
             assumed.append(quantity)
         text = entry.text.strip() if entry else next(iter(UNITS[quantity]))[0]
-        known = {
-            name.casefold(): (each[0], size)
-            for each, size in UNITS[quantity].items()
-            for name in each
-        }
+        sizes_of = UNITS[quantity].items()
+        known = {name.casefold(): (each[0], size) for each, size in sizes_of for name in each}
         if text.casefold() not in known:
             where = f"{tir.name}, line {entry.line}, {quantity}" if entry else quantity
             every = (name for each in UNITS[quantity] for name in each)
@@ -160,10 +157,7 @@ def positive_si_value(tir: TirFile, units: TirUnits, key: str) -> float:
     """Value of a key in SI; `InputError` if it is missing or not greater than zero."""
     value = si_value(tir, units, key)
     if value is None or value < _SMALLEST_SI:
-        raise InputError(
-            f"{tir.name}, {key}",
-            "not given" if value is None else f"{value:g}",
-            f"a value of at least {_SMALLEST_SI:g} is needed",
-            f"Give {key} in {units.unit(key)}",
-        )
+        found = "not given" if value is None else f"{value:g}"
+        rule, unit = f"a value of at least {_SMALLEST_SI:g} is needed", units.unit(key)
+        raise InputError(f"{tir.name}, {key}", found, rule, f"Give {key} in {unit}")
     return value

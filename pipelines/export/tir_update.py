@@ -107,8 +107,7 @@ def plan_update(
     """
     units = units_of(tir)
     values, open_ones = belt_values(parameters, width_m)
-    after, changes = tir, []
-    unchanged, missing = [], []
+    after, changes, unchanged, missing = tir, [], [], []
     for key, value in values.items():
         entry = after.find(key)
         if entry is None and not add:
@@ -140,16 +139,8 @@ def plan_update(
     for key, reason in LEFT_ALONE.items():
         if key in present:
             left_alone[reason] = (*left_alone.get(reason, ()), key)
-    return TirUpdate(
-        before=tir,
-        after=after,
-        changes=tuple(changes),
-        unchanged=tuple(unchanged),
-        missing=tuple(missing),
-        open_ones=open_ones,
-        left_alone=left_alone,
-        notes=tuple(_notes(after, units, changes)),
-    )
+    keys = tuple(unchanged), tuple(missing), open_ones, left_alone
+    return TirUpdate(tir, after, tuple(changes), *keys, tuple(_notes(after, units, changes)))
 
 
 def _notes(after: TirFile, units: TirUnits, changes: list[TirChange]) -> list[str]:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isnan
 from typing import Any
 
-from ema.core.errors import InputError
 from pipelines.compare.significance import ParameterChange, parameter_changes
 from pipelines.library.library import NamedSet
 from pipelines.library.series import PRESSURE, UNITS_PA
@@ -126,7 +124,7 @@ def history_of(tyre: LibraryTyre) -> TyreHistory:
 
 def _change(before: Version, after: Version) -> str:
     found = difference(NamedSet("", before.parameters), NamedSet("", after.parameters))
-    parts = [f"{name} {_stated(one)} → {_stated(two)}" for name, one, two in found.conditions]
+    parts = [f"{name} {stated(one)} → {stated(two)}" for name, one, two in found.conditions]
     change = found.largest_change
     if change is not None:
         z = change.difference.z
@@ -135,12 +133,8 @@ def _change(before: Version, after: Version) -> str:
     return "; ".join(parts) or "nothing"
 
 
-def _stated(value: Any) -> str:
+def stated(value: Any) -> str:
+    """A condition as text."""
     if value is None:
         return "not stated"
     return f"{value:.10g}" if isinstance(value, int | float) else str(value)
-
-
-def all_damage(histories: Sequence[TyreHistory]) -> list[InputError]:
-    """All damage of several tyres."""
-    return [error for history in histories for error in history.damage]

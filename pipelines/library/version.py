@@ -78,7 +78,7 @@ def recordings(parameters: ParameterSet) -> frozenset[str]:
 def values_of(parameters: ParameterSet) -> dict[str, Parameter]:
     """All parameters by name; those of the wheel are ``wheel_mass_kg`` and ``wheel_inertia_…``."""
     wheel = {f"wheel_{name}": Parameter(value) for name, value in parameters.wheel.items()}
-    return {**parameters.ring, **parameters.damping, **wheel}
+    return {**parameters.ring_and_damping, **wheel}
 
 
 def signed_now(author: str) -> dict[str, str]:

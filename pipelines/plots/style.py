@@ -6,12 +6,14 @@ from base64 import b64encode
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from pipelines.plots.plot import Margins
+from pipelines.storage.atomic import file_written_whole
 
 DOTS_PER_INCH = 150
 FILE_DOTS_PER_INCH = 300  # what printers ask for; a screen gets half
@@ -125,3 +127,10 @@ def data_uri(picture: bytes) -> str:
 def figure_bytes(figure: Figure, file_format: str) -> bytes:
     """A figure as the bytes of a file, "png" or "svg"; the same figure gives the same bytes."""
     return png(figure, FILE_DOTS_PER_INCH) if file_format == "png" else svg(figure)
+
+
+def write_figure(path: Path, figure: Figure) -> None:
+    """Write a figure atomically as PNG or SVG, by the ending of `path`."""
+    content = figure_bytes(figure, path.suffix.lower().lstrip("."))
+    with file_written_whole(path) as partial:
+        partial.write_bytes(content)

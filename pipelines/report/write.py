@@ -5,7 +5,6 @@ Sections are built in Python from a `Result`, block by block; the template only 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import import_module
@@ -20,7 +19,7 @@ from pipelines.report.blocks import Beside, Block, Paragraph, Picture, Section, 
 from pipelines.report.page import drawings, on_paper, render_page
 from pipelines.results.labels import short
 from pipelines.results.result import Result
-from pipelines.storage.atomic import file_written_whole
+from pipelines.storage.atomic import file_written_whole, not_written
 
 KIND = "Modal report"
 SECTIONS = (
@@ -152,7 +151,10 @@ def write_figures(
     _require_known(formats)
     figures = drawings(report_sections(result))
     paths = [[target / f"{figure.name}.{ending}" for ending in formats] for figure in figures]
-    _make_folder(target)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise not_written(target, error) from error
     # Refused before the first figure is drawn, not after half of them are replaced.
     for path in (each for several in paths for each in several):
         require_free_file(path, force=force)
@@ -206,12 +208,11 @@ def _quoted(text: Any) -> str:
 
 def _write_figure(chart: Chart, paths: Sequence[Path]) -> None:
     # Loads matplotlib, which the page does without; the checks come first.
-    from pipelines.plots.style import figure_bytes
+    from pipelines.plots.style import write_figure
 
     figure = chart.draw()
     for path in paths:
-        with file_written_whole(path) as partial:
-            partial.write_bytes(figure_bytes(figure, path.suffix.lstrip(".")))
+        write_figure(path, figure)
 
 
 def _require_known(formats: Sequence[str]) -> None:
@@ -219,15 +220,3 @@ def _require_known(formats: Sequence[str]) -> None:
         if name not in FORMATS:
             known = f"known are {', '.join(FORMATS)}"
             raise InputError("figures", f"format {name!r}", known, "Choose one of them")
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            str(folder),
-            os.strerror(error.errno) if error.errno else str(error),
-            "the folder for the figures could not be made",
-            "Check permissions, or choose another place",
-        ) from error

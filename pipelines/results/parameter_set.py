@@ -104,6 +104,11 @@ class ParameterSet:
         return RingDamping(radial, circumferential, loss)
 
     @property
+    def ring_and_damping(self) -> dict[str, Parameter]:
+        """Parameters of both by name."""
+        return {**self.ring, **self.damping}
+
+    @property
     def wheel_parameters(self) -> Wheel | None:
         """The wheel, if there is one."""
         return Wheel(**self.wheel) if self.wheel else None

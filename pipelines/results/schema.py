@@ -107,10 +107,9 @@ def read_identification_json(path: Path) -> Stored:
         reason = error.strerror or "unreadable"
         raise InputError(str(path), reason, "a result needs this file", REMEDY) from error
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        where = ".".join(map(str, first["loc"])) or "content"
+        where, message = _first(error)
         rule = "it must be as it was written"
-        raise InputError(str(path), f"{where}: {first['msg']}", rule, REMEDY) from error
+        raise InputError(str(path), f"{where}: {message}", rule, REMEDY) from error
     for place, number in _numbers(asdict(found)):
         may_be_infinite = place.endswith(_MAY_BE_INFINITE) and math.isinf(number)
         if abs(number) > LARGEST and not may_be_infinite:
@@ -120,6 +119,12 @@ def read_identification_json(path: Path) -> Stored:
         if wrong:
             raise InputError(f"{path}, {place}", str(wrong[0]), rule, REMEDY)
     return found
+
+
+def _first(error: ValidationError) -> tuple[str, str]:
+    """Place and message of the first error."""
+    first = error.errors(include_url=False, include_input=False)[0]
+    return ".".join(map(str, first["loc"])) or "content", first["msg"]
 
 
 def _numbers(value: Any, place: str = "") -> Iterator[tuple[str, float]]:
@@ -154,18 +159,7 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
     lengths = [len(found.indicator), len(found.indicator_hz)]
     yield "indicator", lengths if len({*lengths}) > 1 else [], "needs one value for each frequency"
     drift = found.drift
-    lengths = [
-        len(each)
-        for each in (
-            drift.run,
-            drift.percent,
-            drift.std_percent,
-            drift.slope_percent,
-            drift.curvature_percent,
-            drift.damping_percent,
-            drift.damping_std_percent,
-        )
-    ]
+    lengths = [len(each) for each in vars(drift).values() if isinstance(each, tuple)]
     yield "drift", lengths if len({*lengths}) > 1 else [], "needs one value for each run"
     yield "drift", [each for each in drift.percent if not each > -100], "must be > -100 %"
     verdicts = [each.verdict for each in found.findings]
@@ -217,6 +211,5 @@ def require_provenance(path: Path, content: dict[str, Any]) -> None:
     try:
         TypeAdapter(_Provenance).validate_python(content)
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        where, rule = ".".join(map(str, first["loc"])), "later stages need inputs and options"
-        raise InputError(f"{path}, {where}", first["msg"], rule, REMEDY) from error
+        (where, message), rule = _first(error), "later stages need inputs and options"
+        raise InputError(f"{path}, {where}", message, rule, REMEDY) from error

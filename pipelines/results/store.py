@@ -22,6 +22,7 @@ from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode, ResidualTerms
 from ema.core.settings import CheckSettings
 from ema.poles.stability import Cluster, StabilityDiagram
+from pipelines.results.labels import in_band
 from pipelines.results.provenance import CheckedResult, checked_result
 from pipelines.results.result import Result
 from pipelines.results.schema import (
@@ -176,9 +177,9 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
 
 def _read_reference(path: Path, band_hz: Two) -> FRF:
     frf = read_frf(path)
-    in_band = (frf.frequency_hz >= band_hz[0]) & (frf.frequency_hz <= band_hz[1])
-    if frf.n_positions < 2 or not np.any(in_band) or np.any(frf.std == 0):
-        found = f"{frf.n_positions} runs, {np.count_nonzero(in_band)} frequencies in the band"
+    n_lines = np.count_nonzero(in_band(frf.frequency_hz, band_hz))
+    if frf.n_positions < 2 or not n_lines or np.any(frf.std == 0):
+        found = f"{frf.n_positions} runs, {n_lines} frequencies in the band"
         rule = "the check needs two or more runs, frequencies in the band, and noise"
         raise InputError(str(path), found, rule, REMEDY)
     return frf

@@ -85,7 +85,7 @@ def test_an_unknown_format_is_refused(structure, tmp_path):
 
 def test_a_file_in_the_way_of_the_folder_is_named(structure, tmp_path):
     (tmp_path / "taken").write_text("")
-    with pytest.raises(InputError, match=r"taken.*could not be made"):
+    with pytest.raises(InputError, match=r"taken.*could not be written"):
         write_figures(structure, tmp_path / "taken" / "figures", ["svg"])
 
 
