@@ -145,15 +145,13 @@ def _likeness(measured: SimulatedInertance, printed: Curves, refit: Curves) -> N
     curves = np.array([np.interp(lines_hz, each.frequency_hz, each.values) for each in rest])
     both = np.tile(measured.values, (2, 1))
     level = np.sqrt(np.mean(np.abs(curves) ** 2, axis=1) / np.mean(measured.magnitude**2))
-    return NumberTable(
-        "figure_11",
-        "Fig. 11: the ring's inertance beside the measured one",
-        (
-            Column("damping", "damping", ("Table 5", "refitted to Table 3")),
-            Column("FRAC", "frac", frac(both, curves), show=3),
-            Column("RMS level, ring over measured", "level", level, show=2),
-        ),
+    columns = (
+        Column("damping", "damping", ("Table 5", "refitted to Table 3")),
+        Column("FRAC", "frac", frac(both, curves), show=3),
+        Column("RMS level, ring over measured", "level", level, show=2),
     )
+    caption = "Fig. 11: the ring's inertance beside the measured one"
+    return NumberTable("figure_11", caption, columns)
 
 
 def _table_of_peaks(name: str, state: str, printed: Curves, refit: Curves) -> NumberTable:
@@ -161,16 +159,13 @@ def _table_of_peaks(name: str, state: str, printed: Curves, refit: Curves) -> Nu
     lists = [values for curves in (printed, refit) for values in curves[state].peaks]
     rows = max(values.size for values in lists)
     padded = [np.pad(values, (0, rows - values.size), constant_values=np.nan) for values in lists]
-    return NumberTable(
-        name,
-        f"Peaks of the inertance at 100°, {state}",
-        (
-            Column("Table 5: peak / Hz", "table_5_hz", padded[0], show=1),
-            Column(f"height / ({PER_FORCE})", "table_5_height", padded[1], show=2),
-            Column("refitted: peak / Hz", "refitted_hz", padded[2], show=1),
-            Column(f"height / ({PER_FORCE})", "refitted_height", padded[3], show=2),
-        ),
+    columns = (
+        Column("Table 5: peak / Hz", "table_5_hz", padded[0], show=1),
+        Column(f"height / ({PER_FORCE})", "table_5_height", padded[1], show=2),
+        Column("refitted: peak / Hz", "refitted_hz", padded[2], show=1),
+        Column(f"height / ({PER_FORCE})", "refitted_height", padded[3], show=2),
     )
+    return NumberTable(name, f"Peaks of the inertance at 100°, {state}", columns)
 
 
 def _table_of_waves(waves: Bifurcation, printed: Curves, refit: Curves) -> NumberTable:

@@ -28,7 +28,7 @@ from pipelines.paper.parts import (
 )
 from pipelines.plots.chart import Chart
 from pipelines.plots.modes import fitted_curves, frf_plot
-from pipelines.process.validate import RingOrder, ring_orders
+from pipelines.process.validate import ring_orders
 from pipelines.report.blocks import Paragraph
 from pipelines.results.labels import place_name
 from pipelines.results.result import Result
@@ -47,20 +47,13 @@ STARRED = "* The loss factor does not act on the stiffness from hoop tension."
 
 def identification(result: Result) -> Chapter:
     """Table 3 and Fig. 3 from a processed campaign."""
-    found = orders_found(result)
-    table = _table_3(found)
+    table = _table_3(result)
     return Chapter(
         "identification",
         "Identification: Table 3 and Fig. 3",
         (Paragraph(ORIGIN), table, _figure_3(result)),
         (_statement(table),),
     )
-
-
-def orders_found(result: Result) -> tuple[RingOrder | None, ...]:
-    """What was identified of each order of Table 3; None where an order was not found."""
-    found = {order.order: order for order in ring_orders(result.modal_model)}
-    return tuple(found.get(int(order)) for order in TABLE_3_ORDERS)
 
 
 def response_row(result: Result) -> int:
@@ -70,9 +63,11 @@ def response_row(result: Result) -> int:
     return int(np.argmin(np.abs(np.remainder(off + 180.0, 360.0) - 180.0)))
 
 
-def _table_3(found: tuple[RingOrder | None, ...]) -> NumberTable:
+def _table_3(result: Result) -> NumberTable:
+    known = {order.order: order for order in ring_orders(result.modal_model)}
+    found = [known.get(int(order)) for order in TABLE_3_ORDERS]
     frequency, frequency_std, damping, damping_std = (
-        [float("nan") if order is None else getattr(order, name) for order in found]
+        [getattr(order, name, float("nan")) for order in found]
         for name in ("frequency_hz", "frequency_std_hz", "damping_ratio", "damping_std")
     )
     return NumberTable(

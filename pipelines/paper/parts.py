@@ -56,7 +56,7 @@ class Column:
 def deviation(name: str, found: ArrayLike, printed: ArrayLike, digits: int) -> Column:
     """A column of deviations from what is printed, in percent."""
     percent = 100.0 * (np.asarray(found) / np.asarray(printed) - 1.0)
-    return Column("deviation / %", name, percent, show=with_sign(digits))
+    return Column("deviation / %", name, percent, show=lambda value: signed(value, digits))
 
 
 @dataclass(frozen=True)
@@ -119,11 +119,6 @@ def with_unit(name: tuple[str, str, str]) -> str:
     return symbol if unit == "1" else f"{symbol} / ({unit})"
 
 
-def with_sign(count: int) -> Callable[[float], str]:
-    """Show numbers with their sign and `count` digits after the point."""
-    return lambda value: signed(value, count)
-
-
 KIND = "The paper's tables and figures, computed"
 SUBJECT = f"A theoretical model for a rolling tyre, {DESIGNATION}"
 INTRODUCTION = (
@@ -137,50 +132,32 @@ INTRODUCTION = (
 def statements_table(chapters: Sequence[Chapter]) -> NumberTable:
     """All statements of all chapters."""
     every = [statement for chapter in chapters for statement in chapter.statements]
-    return NumberTable(
-        "statements",
-        "Statements of the paper, and what was computed",
-        (
-            Column("place", "place", [one.place for one in every]),
-            Column("the paper", "paper", [one.printed for one in every]),
-            Column("computed here", "computed", [one.found for one in every]),
-            Column("verdict", "verdict", [one.verdict for one in every]),
-        ),
+    columns = (
+        Column("place", "place", [one.place for one in every]),
+        Column("the paper", "paper", [one.printed for one in every]),
+        Column("computed here", "computed", [one.found for one in every]),
+        Column("verdict", "verdict", [one.verdict for one in every]),
     )
+    return NumberTable("statements", "Statements of the paper, and what was computed", columns)
 
 
 def paper_page(chapters: Sequence[Chapter], result: Result, pictures: Mapping[str, bytes]) -> str:
     """The page as self-contained HTML; `pictures` are the figures as PNG by name."""
-    sections = (
-        _summary(chapters),
-        *(_section(chapter, pictures) for chapter in chapters),
-        origin(result),
-    )
-    return render_page(KIND, SUBJECT, sections)
+    sections = (_section(chapter, pictures) for chapter in chapters)
+    return render_page(KIND, SUBJECT, (_summary(chapters), *sections, origin(result)))
 
 
 def _summary(chapters: Sequence[Chapter]) -> Section:
     every = [statement for chapter in chapters for statement in chapter.statements]
     apart = [one for one in every if one.verdict == DIFFERS]
     simulated = sum(one.verdict == OWN_DATA for one in every)
-    blocks: list[Block] = [
-        Paragraph(INTRODUCTION),
-        Paragraph(
-            f"Of {len(every)} statements, {len(every) - len(apart)} hold; {simulated} of these "
-            "could only be tested on simulated recordings.",
-            "good",
-        ),
-    ]
+    counts = f"Of {len(every)} statements, {len(every) - len(apart)} hold; {simulated} of these"
+    text = f"{counts} could only be tested on simulated recordings."
+    blocks: list[Block] = [Paragraph(INTRODUCTION), Paragraph(text, "good")]
     if apart:
-        blocks += [
-            Paragraph(f"{len(apart)} do not hold as printed. Both sides are shown:"),
-            Listing(
-                tuple(
-                    f"{one.place}. The paper: {one.printed}. Computed: {one.found}" for one in apart
-                ),
-                "warning",
-            ),
-        ]
+        both = (f"{one.place}. The paper: {one.printed}. Computed: {one.found}" for one in apart)
+        text = f"{len(apart)} do not hold as printed. Both sides are shown:"
+        blocks += [Paragraph(text), Listing(tuple(both), "warning")]
     return Section("summary", "Summary", (*blocks, statements_table(chapters).block))
 
 

@@ -22,6 +22,8 @@ from pipelines.plots.style import styled_figure as styled_figure
 from pipelines.results.labels import place_name
 from pipelines.results.result import Validation
 
+Ends, Stds = tuple[float, float], NDArray[np.float64]
+
 
 def plot_setup(
     frf: FRF, ax: Axes, excitation_deg: float | None = None, reference_deg: float | None = None
@@ -30,15 +32,13 @@ def plot_setup(
     return _only(measurement.setup_chart(frf, excitation_deg, reference_deg), ax)
 
 
-def plot_coherence(frf: FRF, ax: Axes, band_hz: tuple[float, float] | None = None) -> Axes:
+def plot_coherence(frf: FRF, ax: Axes, band_hz: Ends | None = None) -> Axes:
     """Map of the coherence, position by position over frequency; grey where it is unknown."""
     band = band_hz or (float(frf.frequency_hz[0]), float(frf.frequency_hz[-1]))
     return _only(measurement.coherence_chart(frf, band), ax)
 
 
-def plot_reference(
-    reference: ReferenceCheck, ax: Axes, band_hz: tuple[float, float] | None = None
-) -> Axes:
+def plot_reference(reference: ReferenceCheck, ax: Axes, band_hz: Ends | None = None) -> Axes:
     """The reference sensor's inertances of all runs, one over the other."""
     return _only(measurement.reference_chart(reference, band_hz), ax)
 
@@ -80,16 +80,12 @@ def plot_frac(model: ModalModel, ax: Axes) -> Axes:
     return _only(modes.frac_chart(model), ax)
 
 
-def plot_frequency_scatter(
-    validation: Validation, ax: Axes, std_hz: NDArray[np.float64] | None = None
-) -> Axes:
+def plot_frequency_scatter(validation: Validation, ax: Axes, std_hz: Stds | None = None) -> Axes:
     """Model against measured frequencies, with the ±1 % band; bars of 2 `std_hz`."""
     return _only(ring.scatter_chart(validation, std_hz), ax)
 
 
-def plot_frequency_error(
-    validation: Validation, ax: Axes, std_hz: NDArray[np.float64] | None = None
-) -> Axes:
+def plot_frequency_error(validation: Validation, ax: Axes, std_hz: Stds | None = None) -> Axes:
     """Deviation of the model's frequencies, order by order; bars of 2 `std_hz`."""
     return _only(ring.deviation_chart(validation, std_hz), ax)
 
@@ -101,7 +97,7 @@ def plot_dispersion(
     return _only(ring.dispersion_chart(validation, orders, ring_hz), ax)
 
 
-def plot_damping(validation: Validation, ax: Axes, std: NDArray[np.float64] | None = None) -> Axes:
+def plot_damping(validation: Validation, ax: Axes, std: Stds | None = None) -> Axes:
     """Damping ratio over order, measured and of the ring; bars of 2 `std`."""
     return _only(ring.damping_chart(validation, std), ax)
 

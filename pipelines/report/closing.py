@@ -105,9 +105,8 @@ def input_files(result: Result) -> Table:
 
 def definitions(_result: Result) -> Section:
     """Terms and references."""
-    return Section(
-        "definitions", "Definitions and references", (Facts(DEFINITIONS), Listing(REFERENCES))
-    )
+    blocks = Facts(DEFINITIONS), Listing(REFERENCES)
+    return Section("definitions", "Definitions and references", blocks)
 
 
 def _modes_found(result: Result) -> str:

@@ -98,46 +98,29 @@ def write_comparison(comparison: Comparison, path: Path | str, *, force: bool = 
 
 
 def _summary(comparison: Comparison) -> Section:
-    first, second = comparison.names
     counts = (
         f"{len(comparison.modes)} in both, {len(comparison.only_first)} in the first only, "
         f"{len(comparison.only_second)} in the second only"
     )
-    facts = Facts(
-        (
-            ("First", _described(first, comparison.first.provenance.get("created"))),
-            ("Second", _described(second, comparison.second.provenance.get("created"))),
-            ("Modes", counts),
-        )
-    )
+    results = zip(comparison.names, (comparison.first, comparison.second), strict=True)
+    described = [
+        f"{name}, processed {created}" if (created := each.provenance.get("created")) else name
+        for name, each in results
+    ]
+    facts = Facts((("First", described[0]), ("Second", described[1]), ("Modes", counts)))
     doubts = (Listing(comparison.doubts, "warning"),) if comparison.doubts else ()
-    return Section(
-        "summary", "Summary", (facts, *doubts, Listing(findings(comparison)), Paragraph(CAUTION))
-    )
-
-
-def _described(name: str, created: object) -> str:
-    return f"{name}, processed {created}" if created else name
+    blocks = (facts, *doubts, Listing(findings(comparison)), Paragraph(CAUTION))
+    return Section("summary", "Summary", blocks)
 
 
 def _compared(comparison: Comparison) -> Section:
     alike = not any(each.differs for each in comparison.processing)
-    blocks = tuple(
-        Table(caption, (what, *CONTRAST_HEAD[1:]), contrast_rows(rows), (0, 1, 2, 3), folded)
-        for caption, what, rows, folded in (
-            (
-                "Tyre, conditions and set-up",
-                "tyre and conditions",
-                comparison.conditions,
-                False,
-            ),
-            (
-                f"Processing{': the same for both' if alike else ''}",
-                "processing",
-                comparison.processing,
-                alike,
-            ),
-        )
+    head, words = CONTRAST_HEAD[1:], (0, 1, 2, 3)
+    conditions, processing = map(contrast_rows, (comparison.conditions, comparison.processing))
+    caption = f"Processing{': the same for both' if alike else ''}"
+    blocks = (
+        Table("Tyre, conditions and set-up", ("tyre and conditions", *head), conditions, words),
+        Table(caption, ("processing", *head), processing, words, alike),
     )
     return Section("compared", "What is compared", blocks)
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from ema.core.mac import auto_mac
 from ema.core.modes import ModalModel, Mode
-from ema.poles.stability import Cluster
 from pipelines.plots.chart import Chart, packed
 from pipelines.plots.modes import mac_chart, shapes_plot, stability_chart
 from pipelines.report.blocks import Animation, Beside, Block, Paragraph, Section, Table
@@ -46,7 +45,13 @@ def stability(result: Result) -> Section:
         ),
     ):
         if clusters:
-            rows = tuple(map(_cluster_row, clusters))
+            rows = tuple(
+                (
+                    *(f"{each.frequency_hz:.2f}", f"{100 * each.damping_ratio:.2f}"),
+                    *(str(each.size), "kept" if each.kept else "dropped", each.reason),
+                )
+                for each in clusters
+            )
             title = f"{caption} ({len(clusters)})"
             blocks.append(Table(title, head, rows, words=(3, 4), folded=True))
     return Section("stability", "Stability diagram", tuple(blocks))
@@ -57,9 +62,8 @@ def modes(result: Result) -> Section:
     model = result.modal_model
     if not model.modes:
         return Section("modes", "Modes", (Paragraph(NO_MODE, "warning"), *listed(model.notes)))
-    columns = {
-        title: cells for title, cells in _mode_columns(model).items() if set(cells) != {DASH}
-    }
+    every = _mode_columns(model)
+    columns = {title: cells for title, cells in every.items() if set(cells) != {DASH}}
     words = len(columns) - 2, len(columns) - 1
     table = Table.of_columns("Identified modes", columns, words)
     blocks: tuple[Block, ...] = (table, Paragraph(_fit_text(model)), *listed(model.notes))
@@ -73,16 +77,6 @@ def shapes(result: Result) -> Section:
     if result.frf.n_positions == 1:
         return Section("shapes", "Shapes", (Paragraph("A single position has no shape."),))
     return Section("shapes", "Shapes", (Beside((_animation(result), _auto_mac(result))),))
-
-
-def _cluster_row(cluster: Cluster) -> tuple[str, ...]:
-    return (
-        f"{cluster.frequency_hz:.2f}",
-        f"{100 * cluster.damping_ratio:.2f}",
-        str(cluster.size),
-        "kept" if cluster.kept else "dropped",
-        cluster.reason,
-    )
 
 
 def _mode_columns(model: ModalModel) -> dict[str, list[str]]:
@@ -145,16 +139,12 @@ def _cross_check(result: Result) -> tuple[Block, ...]:
 
 def _fit_text(model: ModalModel) -> str:
     low, high = model.fit_band_hz
-    text = (
-        f"Fitted to {model.frac.size} FRFs between {low:.4g} and {high:.4g} Hz; ± is one standard "
-        "deviation."
-    )
+    band = f"Fitted to {model.frac.size} FRFs between {low:.4g} and {high:.4g} Hz"
+    text = f"{band}; ± is one standard deviation."
     if not np.isfinite(model.misfit):
         return text
-    return (
-        f"{text} The fit leaves {number(model.misfit, 3)} times the variance of the noise (1 is "
-        "noise alone); the standard deviations contain what exceeds it."
-    )
+    left = f"The fit leaves {number(model.misfit, 3)} times the variance of the noise"
+    return f"{text} {left} (1 is noise alone); the standard deviations contain what exceeds it."
 
 
 def _animation(result: Result) -> Animation:
@@ -191,18 +181,17 @@ def _auto_mac(result: Result) -> Chart:
     )
     values = auto_mac(np.stack([mode.residues for mode in modes]))
     title = "order n" if _on_circle(result.modal_model) else "frequency / Hz"
-    largest = f"{np.max(values - np.eye(len(names))):.2f}"
+    finding = f"the largest value off the diagonal is {np.max(values - np.eye(len(names))):.2f}."
     return mac_chart(
         values,
         names,
         names,
         name="auto-mac",
         titles=(title, title),
-        alternative=f"AutoMAC of {len(names)} modes; the largest value off the diagonal is "
-        f"{largest}.",
-        caption="AutoMAC, measured shapes among themselves; the largest value off the diagonal is "
-        f"{largest}. Large values off the diagonal mean that the positions do not tell two modes "
-        "apart, or that one mode was found twice.",
+        alternative=f"AutoMAC of {len(names)} modes; {finding}",
+        caption=f"AutoMAC, measured shapes among themselves; {finding} Large values off the "
+        "diagonal mean that the positions do not tell two modes apart, or that one mode was found "
+        "twice.",
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ema.checks.quality import ReferenceCheck
 from ema.core.drift import Drift
@@ -93,7 +94,7 @@ def _setup_rows(result: Result) -> tuple[tuple[str, str], ...]:
     runs = dict.fromkeys(name for names in frf.run for name in names.split("+") if name)
     spacing = float(np.mean(np.diff(frf.frequency_hz)))
     low, high = result.diagram.band_hz
-    first, last = frf.frequency_hz[[0, -1]]
+    lines, (first, last) = frf.frequency_hz.size, frf.frequency_hz[[0, -1]]
     rows = [
         ("Positions", f"{frf.n_positions}"),
         ("Runs", _runs(list(runs))),
@@ -101,10 +102,7 @@ def _setup_rows(result: Result) -> tuple[tuple[str, str], ...]:
         ("Reference sensor", _degrees(result.reference_deg)),
         ("Quantity", "inertance (acceleration over force), (m/s²)/N"),
         *_block_rows(frf),
-        (
-            "Lines",
-            f"{frf.frequency_hz.size} from {first:.6g} to {last:.6g} Hz, {spacing:.4g} Hz apart",
-        ),
+        ("Lines", f"{lines} from {first:.6g} to {last:.6g} Hz, {spacing:.4g} Hz apart"),
         ("Band of interest", f"{low:.4g} to {high:.4g} Hz"),
     ]
     return tuple((name, text) for name, text in rows if text != DASH)
@@ -122,14 +120,11 @@ def _block_rows(frf: FRF) -> list[tuple[str, str]]:
     if frf.blocks is None:
         return [("FRFs", "as found in the files")]
     blocks = frf.blocks
-    return [
-        ("Sampling rate", f"{blocks.sampling_rate_hz:g} Hz"),
-        (
-            "Averages",
-            f"{blocks.n_blocks} a run, of {blocks.block_s:g} s; {blocks.window} window, overlap "
-            f"{100 * blocks.overlap:g} %; worth {number(frf.n_effective, 3)} independent ones",
-        ),
-    ]
+    averages = (
+        f"{blocks.n_blocks} a run, of {blocks.block_s:g} s; {blocks.window} window, overlap "
+        f"{100 * blocks.overlap:g} %; worth {number(frf.n_effective, 3)} independent ones"
+    )
+    return [("Sampling rate", f"{blocks.sampling_rate_hz:g} Hz"), ("Averages", averages)]
 
 
 def _degrees(angle: float | None) -> str:
@@ -147,9 +142,8 @@ def _coherence(result: Result) -> tuple[Chart, ...]:
 def _verdicts(result: Result) -> tuple[Paragraph, ...]:
     verdicts = []
     if result.frf.n_effective <= 1:
-        verdicts.append(
-            Paragraph("The coherence of a single average is always 1: it carries no information.")
-        )
+        text = "The coherence of a single average is always 1: it carries no information."
+        verdicts.append(Paragraph(text))
     elif not np.isfinite(result.frf.coherence).any():
         verdicts.append(Paragraph("The coherence is unknown: the noise cannot be assessed."))
     if len(result.frf.run_names) > 1:
@@ -178,35 +172,21 @@ def _drift(drift: Drift) -> tuple[Block, ...]:
     if not drift.run:
         return ()
     low_hz, high_hz = 0.5 * drift.middle_hz, 2 * drift.middle_hz
-    columns = (
-        drift.percent,
-        drift.std_percent,
-        drift.at(low_hz),
-        drift.at(high_hz),
-        drift.damping_percent,
-        drift.damping_std_percent,
-    )
-    rows = tuple(
-        (
-            run,
-            f"{low:+.3f}",
-            value_with_std(float(percent), float(std), digits=2),
-            f"{high:+.3f}",
-            value_with_std(float(damping), float(damping_std), digits=2),
-        )
-        for run, percent, std, low, high, damping, damping_std in zip(
-            drift.run, *columns, strict=True
-        )
-    )
-    head = (
-        "run",
-        f"at {low_hz:.0f} Hz / %",
-        f"at {drift.middle_hz:.0f} Hz / %",
-        f"at {high_hz:.0f} Hz / %",
-        "damping / %",
-    )
+
+    def with_std(values: NDArray[np.float64], stds: NDArray[np.float64]) -> list[str]:
+        pairs = zip(values.tolist(), stds.tolist(), strict=True)
+        return [value_with_std(*pair, digits=2) for pair in pairs]
+
+    columns = {
+        "run": drift.run,
+        f"at {low_hz:.0f} Hz / %": [f"{value:+.3f}" for value in drift.at(low_hz)],
+        f"at {drift.middle_hz:.0f} Hz / %": with_std(drift.percent, drift.std_percent),
+        f"at {high_hz:.0f} Hz / %": [f"{value:+.3f}" for value in drift.at(high_hz)],
+        "damping / %": with_std(drift.damping_percent, drift.damping_std_percent),
+    }
     text = "Modes are given in the state of the first run; the other runs are compared with it."
-    return (Paragraph(text), Table("Drift of frequencies and damping", head, rows, words=(0,)))
+    table = Table.of_columns("Drift of frequencies and damping", columns, words=(0,))
+    return (Paragraph(text), table)
 
 
 def _findings(findings: tuple[Finding, ...]) -> list[Block]:

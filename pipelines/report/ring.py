@@ -29,6 +29,11 @@ from pipelines.results.result import Result, Validation
 from pipelines.storage.rounding import DASH, number, plain, signed, value_with_std
 
 HEAD = ("parameter", "symbol", "value", "unit", "how obtained")
+HOW_OBTAINED = (
+    "± is one standard deviation. Not identified: the measured frequencies do not determine the "
+    "parameter, its value is an assumption. At bound: the search ended on a limit, the value is "
+    "not an optimum. All stiffnesses, masses and damping values are per unit of belt width."
+)
 
 
 def validation(result: Result) -> Section:
@@ -57,26 +62,12 @@ def parameters(result: Result) -> Section:
     tuning = result.tuning
     if tuning is None:
         return Section("parameters", title, _left_out(result))
-    blocks: list[Block] = [
-        _parameter_table("Ring", tuning.ring, tuning.std, tuning.how, RING_NAMES),
-        *_undetermined(tuning),
-        *listed(tuning.notes),
-    ]
-    if result.damping is not None:
-        damping = result.damping
-        blocks += [
-            _parameter_table("Damping", damping.damping, damping.std, damping.how, DAMPING_NAMES),
-            *listed(damping.notes),
-        ]
-    blocks.append(
-        Paragraph(
-            "± is one standard deviation. Not identified: the measured frequencies do not "
-            "determine the parameter, its value is an assumption. At bound: the search ended on a "
-            "limit, the value is not an optimum. All stiffnesses, masses and damping values are "
-            "per unit of belt width."
-        )
-    )
-    blocks.append(_influence(tuning))
+    table = _parameter_table("Ring", tuning.ring, tuning.std, tuning.how, RING_NAMES)
+    blocks: list[Block] = [table, *_undetermined(tuning), *listed(tuning.notes)]
+    if (damping := result.damping) is not None:
+        how = damping.damping, damping.std, damping.how
+        blocks += [_parameter_table("Damping", *how, DAMPING_NAMES), *listed(damping.notes)]
+    blocks += [Paragraph(HOW_OBTAINED), _influence(tuning)]
     return Section("parameters", title, tuple(blocks))
 
 
@@ -91,26 +82,26 @@ def _measured_std(
     """Standard deviations of measured frequencies and damping ratios; NaN where unknown."""
     measured = {each.order: each for each in ring_orders(result.modal_model)}
     known = [measured.get(int(order)) for order in orders]
-    return (
-        np.array([np.nan if each is None else each.frequency_std_hz for each in known]),
-        np.array([np.nan if each is None else each.damping_std for each in known]),
+    frequency_std_hz, damping_std = (
+        np.array([getattr(each, name, np.nan) for each in known])
+        for name in ("frequency_std_hz", "damping_std")
     )
+    return frequency_std_hz, damping_std
 
 
 def _mac(found: Validation) -> Chart:
     names = [str(order) for order in found.order]
-    lowest = float(np.min(np.diag(found.mac)))
+    finding = f"the lowest value on the diagonal is {np.min(np.diag(found.mac)):.3f}."
     return mac_chart(
         found.mac,
         names,
         names,
         name="mac",
         titles=("measured, order n", "ring model, order n"),
-        alternative="MAC of measured and model shapes; the lowest value on the diagonal is "
-        f"{lowest:.3f}.",
-        caption=f"MAC of measured against model shapes; the lowest value on the diagonal is "
-        f"{lowest:.3f}. Each model order is a plane of cos nθ and sin nθ; the comparison takes the "
-        "direction in it that suits the measurement best.",
+        alternative=f"MAC of measured and model shapes; {finding}",
+        caption=f"MAC of measured against model shapes; {finding} Each model order is a plane of "
+        "cos nθ and sin nθ; the comparison takes the direction in it that suits the measurement "
+        "best.",
     )
 
 

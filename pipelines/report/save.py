@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
+from ema.core.finding import OK
 from pipelines.process.run import process
 from pipelines.report.write import write_pdf, write_report
 from pipelines.results import tables
@@ -57,7 +57,9 @@ def save(
     """
     folder = Path(folder)
     with written_whole(folder, force=force, accepted=_replaceable(result)) as partial:
-        _write_tables(result, partial)
+        for name, table in tables.csv_tables(result).items():
+            write_csv(partial / name, table)
+        write_parquet(partial / "poles.parquet", tables.poles(result.diagram))
         tables.write_frfs(result.frf, partial)
         write_identification(result, partial)
         _write_tyre(result, partial / "tyre.toml")
@@ -65,22 +67,13 @@ def save(
             write_report(result, partial / "report.html")
         if pdf:
             write_pdf(result, partial / PDF)
-        write_marker(partial / MARKER, {**result.provenance, "warnings": _warnings(result)})
+        warnings = [asdict(finding) for finding in result.findings if finding.verdict != OK]
+        write_marker(partial / MARKER, {**result.provenance, "warnings": warnings})
 
 
 def has_pdf(folder: Path | str) -> bool:
     """Whether a result has the report as PDF: then it is written again with the others."""
     return (Path(folder) / PDF).is_file()
-
-
-def _write_tables(result: Result, folder: Path) -> None:
-    for name, table in tables.csv_tables(result).items():
-        write_csv(folder / name, table)
-    write_parquet(folder / "poles.parquet", tables.poles(result.diagram))
-
-
-def _warnings(result: Result) -> list[dict[str, Any]]:
-    return [asdict(finding) for finding in result.findings if finding.verdict != "ok"]
 
 
 def _write_tyre(result: Result, path: Path) -> None:

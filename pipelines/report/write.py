@@ -148,7 +148,10 @@ def write_figures(
         written.
     """
     target = Path(folder)
-    _require_known(formats)
+    for name in formats:
+        if name not in FORMATS:
+            known = f"known are {', '.join(FORMATS)}"
+            raise InputError("figures", f"format {name!r}", known, "Choose one of them")
     figures = drawings(report_sections(result))
     paths = [[target / f"{figure.name}.{ending}" for ending in formats] for figure in figures]
     try:
@@ -213,10 +216,3 @@ def _write_figure(chart: Chart, paths: Sequence[Path]) -> None:
     figure = chart.draw()
     for path in paths:
         write_figure(path, figure)
-
-
-def _require_known(formats: Sequence[str]) -> None:
-    for name in formats:
-        if name not in FORMATS:
-            known = f"known are {', '.join(FORMATS)}"
-            raise InputError("figures", f"format {name!r}", known, "Choose one of them")
