@@ -102,10 +102,6 @@ def run_batch(
     announce : callable, optional
         Called with messages about waiting and about risks.
 
-    Returns
-    -------
-    Batch
-
     Raises
     ------
     InputError

@@ -15,9 +15,8 @@ from pipelines.compare.compare import compare_folders
 from pipelines.compare.shape_source import Alignment
 from pipelines.compare.summary_text import findings
 from pipelines.compare.table import COMPARISON_HEAD, comparison_record, comparison_rows
-from pipelines.export.modal import require_free_file
 from pipelines.report.comparison import write_comparison, write_shape_comparison
-from pipelines.storage.atomic import file_written_whole
+from pipelines.storage.atomic import file_written_whole, require_free_file
 
 WAYS, DIRECTIONS = ("angle", "node"), ("radial", "x", "y", "z")
 PLACES = "Positions and directions"

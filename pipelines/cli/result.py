@@ -9,25 +9,9 @@ from typing import Annotated, Any
 from ema.core.errors import InputError
 from ema.core.finding import OK
 from model import TuningResult
+from pipelines.cli import options as opt
 from pipelines.cli import values
 from pipelines.cli.interrupt import reporting_outcome
-from pipelines.cli.options import (
-    AcceptChanges,
-    Figures,
-    Force,
-    Given,
-    Json,
-    NoReport,
-    Objective,
-    Out,
-    Pdf,
-    Quiet,
-    ResultFolder,
-    Strict,
-    argument,
-    replacing,
-    with_processing_options,
-)
 from pipelines.cli.screen import columns_of, print_table, shown, warn
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.process.run import process as run
@@ -44,19 +28,19 @@ REPORT = "report.html"
 _LOG = logging.getLogger(__name__)
 
 
-@with_processing_options
+@opt.with_processing_options
 def process(
     campaign: Annotated[
-        list[Path], argument("CAMPAIGN…", "Campaign folder, its campaign.toml, or recordings.")
+        list[Path], opt.argument("CAMPAIGN…", "Campaign folder, its campaign.toml, or recordings.")
     ],
-    out: Out,
+    out: opt.Out,
     options: Options,
-    no_report: NoReport = False,
-    figures: Figures = None,
-    pdf: Pdf = False,
-    force: Force = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
+    no_report: opt.NoReport = False,
+    figures: opt.Figures = None,
+    pdf: opt.Pdf = False,
+    force: opt.Force = False,
+    as_json: opt.Json = False,
+    quiet: opt.Quiet = False,
 ) -> None:
     """Recordings → FRFs → poles → modes → ring parameters → validation → report.
 
@@ -85,13 +69,13 @@ def process(
 
 
 def tune(
-    result_folder: ResultFolder,
-    objective: Objective = "frequency",
-    given: Given = None,
-    no_report: NoReport = False,
-    strict: Strict = False,
-    accept_changes: AcceptChanges = False,
-    as_json: Json = False,
+    result_folder: opt.ResultFolder,
+    objective: opt.Objective = "frequency",
+    given: opt.Given = None,
+    no_report: opt.NoReport = False,
+    strict: opt.Strict = False,
+    accept_changes: opt.AcceptChanges = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Determine the ring parameters again, from the modes of an earlier result.
 
@@ -111,12 +95,12 @@ def tune(
 
 
 def report(
-    result_folder: ResultFolder,
-    figures: Figures = None,
-    pdf: Pdf = False,
-    force: Annotated[bool, replacing("earlier figures")] = False,
-    accept_changes: AcceptChanges = False,
-    as_json: Json = False,
+    result_folder: opt.ResultFolder,
+    figures: opt.Figures = None,
+    pdf: opt.Pdf = False,
+    force: Annotated[bool, opt.replacing("earlier figures")] = False,
+    accept_changes: opt.AcceptChanges = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Write the report of an earlier result again, as HTML and optionally as PDF.
 

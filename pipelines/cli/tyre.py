@@ -9,29 +9,16 @@ from typing import Annotated, Any, Literal
 import typer
 
 from ema.core.errors import InputError
+from pipelines.cli import options as opt
 from pipelines.cli import show_tyre
 from pipelines.cli.help import Command, Group
-from pipelines.cli.options import (
-    FILES,
-    LIBRARY,
-    AcceptChanges,
-    AnySet,
-    Author,
-    Json,
-    Library,
-    Name,
-    Note,
-    Reference,
-    argument,
-    option,
-)
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.cli.tyre_tir import from_tir, modal_targets, update_tir
 from pipelines.cli.values import TABLE_ENDINGS, require_target
 from pipelines.library.export import export as write
 from pipelines.library.export import version_rows, write_table
 from pipelines.library.history import difference, history_of
-from pipelines.library.library import VARIABLE, TyreLibrary, conditions_of, resolve
+from pipelines.library.library import VARIABLE, TyreLibrary, numbers_of, resolve
 from pipelines.library.numbering import require_version, split_reference
 from pipelines.library.series import pressure_series
 from pipelines.library.version import Version, login_name
@@ -56,25 +43,27 @@ tyre = typer.Typer(
 
 @tyre.command(cls=Command)
 def add(
-    result: Annotated[Path, argument("RESULT", "Result folder, or a tyre.toml.")],
-    library: Library = None,
+    result: Annotated[Path, opt.argument("RESULT", "Result folder, or a tyre.toml.")],
+    library: opt.Library = None,
     tyre_id: Annotated[
         str,
-        option("--tyre", "Name among tyres of one designation, e.g. winter-A.", LIBRARY, "NAME"),
+        opt.option(
+            "--tyre", "Name among tyres of one designation, e.g. winter-A.", opt.LIBRARY, "NAME"
+        ),
     ] = "",
-    note: Note = "",
-    author: Author = "",
+    note: opt.Note = "",
+    author: opt.Author = "",
     condition: Annotated[
         list[str] | None,
-        option(
+        opt.option(
             "--condition",
             "A condition of the measurement in SI, e.g. load_n=4000.",
-            LIBRARY,
+            opt.LIBRARY,
             "NAME=VALUE",
         ),
     ] = None,
-    accept_changes: AcceptChanges = False,
-    as_json: Json = False,
+    accept_changes: opt.AcceptChanges = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Add the parameter set of a result as a new version of its tyre.
 
@@ -89,14 +78,14 @@ def add(
         tyre_id=tyre_id,
         note=note,
         author=author,
-        conditions=conditions_of(condition or ()),
+        conditions=numbers_of("--condition", condition or (), "temperature_c=21.5"),
         accept_changes=accept_changes,
     )
     _say_what_is_done("Added", added, as_json=as_json)
 
 
 @tyre.command("list", cls=Command)
-def list_tyres(library: Library = None, as_json: Json = False) -> None:
+def list_tyres(library: opt.Library = None, as_json: opt.Json = False) -> None:
     """List all tyres with their versions, the approved one and the pressures.
 
     Example:
@@ -108,7 +97,7 @@ def list_tyres(library: Library = None, as_json: Json = False) -> None:
 
 
 @tyre.command(cls=Command)
-def show(name: Reference, library: Library = None, as_json: Json = False) -> None:
+def show(name: opt.Reference, library: opt.Library = None, as_json: opt.Json = False) -> None:
     """Show a version: conditions, parameters with ±, where they come from.
 
     The default is the approved version, or the newest if none is approved.
@@ -123,7 +112,7 @@ def show(name: Reference, library: Library = None, as_json: Json = False) -> Non
 
 
 @tyre.command(cls=Command)
-def history(name: Name, library: Library = None, as_json: Json = False) -> None:
+def history(name: opt.Name, library: opt.Library = None, as_json: opt.Json = False) -> None:
     """Show all versions of a tyre: when, by whom, why, and what changed most.
 
     Example:
@@ -136,11 +125,11 @@ def history(name: Name, library: Library = None, as_json: Json = False) -> None:
 
 @tyre.command(cls=Command)
 def diff(
-    first: Annotated[str, AnySet],
-    second: Annotated[str, AnySet],
-    library: Library = None,
-    accept_changes: AcceptChanges = False,
-    as_json: Json = False,
+    first: Annotated[str, opt.AnySet],
+    second: Annotated[str, opt.AnySet],
+    library: opt.Library = None,
+    accept_changes: opt.AcceptChanges = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Compare two parameter sets, with the significance of each difference.
 
@@ -157,11 +146,11 @@ def diff(
 
 @tyre.command(cls=Command)
 def approve(
-    name: Annotated[str, argument("NAME@VERSION", "E.g. 225-55R17@3.")],
-    library: Library = None,
-    note: Note = "",
-    author: Author = "",
-    as_json: Json = False,
+    name: Annotated[str, opt.argument("NAME@VERSION", "E.g. 225-55R17@3.")],
+    library: opt.Library = None,
+    note: opt.Note = "",
+    author: opt.Author = "",
+    as_json: opt.Json = False,
 ) -> None:
     """Approve a version, which `show` and `export` use from now on.
 
@@ -180,12 +169,12 @@ def approve(
 def rollback(
     name: Annotated[
         str,
-        argument("NAME[@VERSION]", "Tyre and version. Default: the version approved before."),
+        opt.argument("NAME[@VERSION]", "Tyre and version. Default: the version approved before."),
     ],
-    library: Library = None,
-    note: Note = "",
-    author: Author = "",
-    as_json: Json = False,
+    library: opt.Library = None,
+    note: opt.Note = "",
+    author: opt.Author = "",
+    as_json: opt.Json = False,
 ) -> None:
     """Go back to a version that was approved earlier.
 
@@ -204,14 +193,14 @@ def rollback(
 
 @tyre.command(cls=Command)
 def export(
-    name: Annotated[str, AnySet],
-    out: Annotated[Path, option("--out", "File to write.", FILES, "FILE")],
+    name: Annotated[str, opt.AnySet],
+    out: Annotated[Path, opt.option("--out", "File to write.", opt.FILES, "FILE")],
     file_format: Annotated[
-        str, option("--format", "toml, json, csv, … Default: by FILE.", FILES, "FORMAT")
+        str, opt.option("--format", "toml, json, csv, … Default: by FILE.", opt.FILES, "FORMAT")
     ] = "",
-    library: Library = None,
-    accept_changes: AcceptChanges = False,
-    as_json: Json = False,
+    library: opt.Library = None,
+    accept_changes: opt.AcceptChanges = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Write a parameter set as a file for other programs.
 
@@ -226,13 +215,15 @@ def export(
 
 @tyre.command(cls=Command)
 def table(
-    names: Annotated[list[str] | None, argument("[NAME]…", "Tyres. Default: all.")] = None,
-    out: Annotated[Path | None, option("--out", "Table: .parquet or .csv.", FILES, "FILE")] = None,
+    names: Annotated[list[str] | None, opt.argument("[NAME]…", "Tyres. Default: all.")] = None,
+    out: Annotated[
+        Path | None, opt.option("--out", "Table: .parquet or .csv.", opt.FILES, "FILE")
+    ] = None,
     wide: Annotated[
-        bool, option("--wide", "One row per version, not per parameter.", FILES)
+        bool, opt.option("--wide", "One row per version, not per parameter.", opt.FILES)
     ] = False,
-    library: Library = None,
-    as_json: Json = False,
+    library: opt.Library = None,
+    as_json: opt.Json = False,
 ) -> None:
     """Write all versions as one table, for pandas or a spreadsheet; without --out, show them.
 
@@ -256,19 +247,19 @@ def table(
 
 @tyre.command(cls=Command)
 def series(
-    name: Name,
+    name: opt.Name,
     out: Annotated[
-        Path | None, option("--out", "Plot: .png, .svg or .html.", FILES, "FILE")
+        Path | None, opt.option("--out", "Plot: .png, .svg or .html.", opt.FILES, "FILE")
     ] = None,
     parameter: Annotated[
         list[str] | None,
-        option("--parameter", "Only this parameter; may be repeated.", metavar="NAME"),
+        opt.option("--parameter", "Only this parameter; may be repeated.", metavar="NAME"),
     ] = None,
     pressure_unit: Annotated[
-        Literal["bar", "kPa", "Pa", "psi"], option("--pressure-unit", "Unit of the pressure.")
+        Literal["bar", "kPa", "Pa", "psi"], opt.option("--pressure-unit", "Unit of the pressure.")
     ] = "bar",
-    library: Library = None,
-    as_json: Json = False,
+    library: opt.Library = None,
+    as_json: opt.Json = False,
 ) -> None:
     """Follow the parameters of a tyre over inflation pressure, with a straight line for each.
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from ema.core.errors import InputError, unknown
 from model.tuning_problem import PARAMETERS
+from pipelines.library.library import numbers_of
+from pipelines.storage.atomic import require_free_file
 
 ESTIMATORS = ("H1", "H2", "Hv")
 METHODS = ("lsce", "plscf")
@@ -55,16 +57,8 @@ def numbers(option: str, texts: Sequence[str] | None) -> tuple[float, ...]:
 
 def ring_parameters(option: str, texts: Sequence[str] | None) -> dict[str, float]:
     """Values of a repeated NAME=VALUE option, by the names of ring parameters."""
-    values = {}
-    for text in texts or ():
-        name, _, value = text.partition("=")
-        try:
-            number = float(value)
-        except ValueError as error:
-            remedy = "Write e.g. mass_per_area_kg_m2=19.7"
-            raise InputError(option, repr(text), "it must be NAME=NUMBER", remedy) from error
-        values[choice(option, name.strip(), PARAMETERS)] = number
-    return values
+    given = numbers_of(option, texts or (), "mass_per_area_kg_m2=19.7")
+    return {choice(option, name, PARAMETERS): number for name, number in given.items()}
 
 
 def values_of(option: str, text: str, most: int = MOST_VALUES) -> NDArray[np.float64]:
@@ -109,7 +103,5 @@ def require_target(path: Path, endings: tuple[str, ...]) -> Path:
     if path.suffix.lower() not in endings:
         rule = f"it must be {' or '.join(endings)}"
         raise InputError(str(path), f"the ending {path.suffix!r}", rule, "Choose another name")
-    if path.is_dir() or not path.absolute().parent.is_dir():
-        found = "a folder" if path.is_dir() else "in a folder that does not exist"
-        raise InputError(str(path), found, "it must be a file", "Choose another place")
+    require_free_file(path, force=True)
     return path

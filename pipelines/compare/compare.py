@@ -111,10 +111,6 @@ def compare(first: Result, second: Result) -> Comparison:
     first, second : Result
         Tuned where ring parameters are to be compared (`pipelines.process.run.tune`).
 
-    Returns
-    -------
-    Comparison
-
     Examples
     --------
     >>> import ringmodal as rm

@@ -228,10 +228,6 @@ def write_modal_targets(
     measured : mapping of int to (float, float), optional
         Frequency in Hz and damping ratio by order. Order 0 is ignored: a radial sensor does not
         detect the rotation. Default: no such columns.
-
-    Returns
-    -------
-    tuple of ModalTarget
     """
     belt = Belt(parameters.ring_parameters, parameters.ring_damping)
     seen = {order: pair for order, pair in (measured or {}).items() if order > 0}

@@ -13,17 +13,8 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 from ema.core.errors import escaped
+from ema.io.uff import write as uff
 from ema.io.uff.frf import SYNTHESISED
-from ema.io.uff.write import (
-    ShapeDataset,
-    append_frfs,
-    coordinate_system_2420,
-    header_151,
-    nodes_2411,
-    shape_55,
-    trace_lines_82,
-    units_164,
-)
 from pipelines.export.data import MEASURED, ModalExport
 from pipelines.results.provenance import software_version
 from pipelines.storage.checksums import write_marker
@@ -199,16 +190,16 @@ def write_uff(found: ModalExport, path: Path) -> None:
     program = f"ringmodal {software_version()}"
     notes = "; ".join(geometry.notes)
     with path.open("wb") as file:
-        file.write(header_151(found.result.name, notes, program, datetime.now().astimezone()))
-        file.write(units_164() + coordinate_system_2420())
-        file.write(nodes_2411(geometry.node, geometry.xyz_m))
-        file.write(trace_lines_82("ring" if geometry.is_closed else "line", geometry.path))
+        file.write(uff.header_151(found.result.name, notes, program, datetime.now().astimezone()))
+        file.write(uff.units_164() + uff.coordinate_system_2420())
+        file.write(uff.nodes_2411(geometry.node, geometry.xyz_m))
+        file.write(uff.trace_lines_82("ring" if geometry.is_closed else "line", geometry.path))
         for number in range(1, len(found.modes) + 1):
-            file.write(shape_55(_shape(found, number)))
+            file.write(uff.shape_55(_shape(found, number)))
         meaning = "radial, outward" if geometry.is_closed else "as measured"
         for kind, frf in ((MEASURED, found.measured), (SYNTHESISED, found.synthesised)):
             if frf is not None:
-                append_frfs(
+                uff.append_frfs(
                     file,
                     frf,
                     reference_node=geometry.reference_node,
@@ -218,7 +209,7 @@ def write_uff(found: ModalExport, path: Path) -> None:
                 )
 
 
-def _shape(found: ModalExport, number: int) -> ShapeDataset:
+def _shape(found: ModalExport, number: int) -> uff.ShapeDataset:
     mode, geometry = found.modes[number - 1], found.geometry
     along = found.shapes[number - 1]
     directions = geometry.direction[: geometry.n_measured]
@@ -226,7 +217,7 @@ def _shape(found: ModalExport, number: int) -> ShapeDataset:
     order = "" if mode.order is None else f", order {mode.order}{mode.member}"
     motion = "radial motion" if geometry.is_closed else "measured motion"
     stds = f"{_known(mode.frequency_std_hz, 'Hz')}, {_known(100 * mode.damping_std, '%')}"
-    return ShapeDataset(
+    return uff.ShapeDataset(
         number=number,
         id_lines=(
             f"Mode {number}{order}, {mode.frequency_hz:.4f} Hz, {100 * mode.damping_ratio:.4f} %",

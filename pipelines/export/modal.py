@@ -18,7 +18,7 @@ from pipelines.results.labels import in_band
 from pipelines.results.provenance import accepted_notes
 from pipelines.results.result import Result
 from pipelines.results.store import load
-from pipelines.storage.atomic import file_written_whole
+from pipelines.storage.atomic import file_written_whole, require_free_file
 from pipelines.storage.result_folder import written_whole
 
 FRF_CHOICES = (BOTH, MEASURED, SYNTHESISED, NONE)
@@ -160,15 +160,3 @@ def _within(frf: FRF, band_hz: tuple[float, float]) -> FRF:
     chosen = in_band(frf.frequency_hz, band_hz)
     parts = {name: getattr(frf, name)[:, chosen] for name in ("values", "coherence", "std")}
     return replace(frf, frequency_hz=frf.frequency_hz[chosen], **parts)
-
-
-def require_free_file(target: Path, *, force: bool) -> None:
-    """Refuse a folder, an existing file without `force`, and a missing parent folder."""
-    if target.is_dir():
-        raise InputError(str(target), "a folder", "the name of a file is needed", "Name a file")
-    if target.exists() and not force:
-        remedy = "Choose another name, or use --force to replace it"
-        raise InputError(str(target), "exists already", "files are not replaced", remedy)
-    if not target.absolute().parent.is_dir():
-        found = "its folder does not exist"
-        raise InputError(str(target), found, "the folder must exist", "Create it first")

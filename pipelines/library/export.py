@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from ema.core.errors import InputError, escaped, unknown
+from ema.core.errors import escaped, unknown
 from pipelines.export.belt import write_modal_targets
 from pipelines.library.history import history_of
 from pipelines.library.tyre import LibraryTyre
@@ -26,7 +26,7 @@ from pipelines.results.parameter_set import (
     write_parameter_set,
 )
 from pipelines.storage import tables
-from pipelines.storage.atomic import file_written_whole
+from pipelines.storage.atomic import file_written_whole, require_free_file
 from pipelines.storage.checksums import DamagedFile
 from pipelines.storage.rounding import jsonable
 
@@ -77,9 +77,7 @@ def export(parameters: ParameterSet, path: Path, file_format: str = "") -> str:
     if wanted not in FORMATS:
         where = "--format" if file_format else str(path)
         raise unknown(where, file_format or wanted, "unknown format", FORMATS)
-    if path.is_dir() or not path.absolute().parent.is_dir():
-        found = "a folder" if path.is_dir() else "its folder does not exist"
-        raise InputError(str(path), found, "the name of a file is needed", "Choose another place")
+    require_free_file(path, force=True)
     with file_written_whole(path) as partial:
         FORMATS[wanted](parameters, partial)
     return wanted

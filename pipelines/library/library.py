@@ -181,8 +181,8 @@ def parameter_file(source: Path) -> Path:
     return path
 
 
-def conditions_of(texts: Iterable[str]) -> dict[str, float]:
-    """Conditions of repeated ``NAME=VALUE`` texts; `InputError` if one is malformed."""
+def numbers_of(option: str, texts: Iterable[str], example: str) -> dict[str, float]:
+    """Numbers of repeated ``NAME=VALUE`` texts; `InputError` if one is malformed."""
     found = {}
     for text in texts:
         name, _, value = text.partition("=")
@@ -192,7 +192,7 @@ def conditions_of(texts: Iterable[str]) -> dict[str, float]:
             number = nan
         if not isfinite(number):
             rule = "it must be NAME=NUMBER, in the unit that the name ends with"
-            raise InputError("--condition", repr(text), rule, "Write e.g. temperature_c=21.5")
+            raise InputError(option, repr(text), rule, f"Write e.g. {example}")
         found[name.strip()] = number
     return found
 

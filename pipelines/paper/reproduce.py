@@ -39,10 +39,6 @@ def reproduce_paper(
     progress : callable, optional
         Called with the name of each stage as it starts.
 
-    Returns
-    -------
-    tuple of Chapter
-
     Raises
     ------
     InputError

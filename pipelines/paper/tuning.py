@@ -21,7 +21,7 @@ from pipelines.paper.parts import (
     with_unit,
 )
 from pipelines.plots.chart import Chart
-from pipelines.plots.modes import mac_chart
+from pipelines.plots.modes import matrix_chart
 from pipelines.plots.plot import Margins, Plot
 from pipelines.plots.ring import scatter_chart
 from pipelines.report.blocks import Paragraph
@@ -145,7 +145,7 @@ def _figure_4(result: Result) -> tuple[Chart, ...]:
     names = [str(order) for order in paper.order]
     titles = "identified, order n", "ring model, order n"
     (scatter,) = scatter_chart(paper).plot.panels
-    (shapes,) = mac_chart(paper.mac, names, names, titles=titles).plot.panels
+    (shapes,) = matrix_chart(paper.mac, names, names, titles=titles).plot.panels
     panels = replace(scatter, title="(a)"), replace(shapes, title="(b) MAC")
     return (
         Chart(

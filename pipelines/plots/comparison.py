@@ -11,7 +11,7 @@ from pipelines.compare.modes import MatchedMode, mode_name
 from pipelines.compare.significance import Difference
 from pipelines.plots.chart import Chart
 from pipelines.plots.measurement import drive_point_row
-from pipelines.plots.modes import mac_chart
+from pipelines.plots.modes import matrix_chart
 from pipelines.plots.plot import (
     FAINT,
     FREQUENCY,
@@ -80,7 +80,7 @@ def cross_mac_chart(comparison: Comparison) -> Chart | None:
         for result in (comparison.first, comparison.second)
     )
     first, second = comparison.names
-    return mac_chart(
+    return matrix_chart(
         comparison.mac,
         rows,
         columns,

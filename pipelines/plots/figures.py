@@ -72,7 +72,7 @@ def plot_mac(
     values: ArrayLike, row_names: Sequence[str], column_names: Sequence[str], ax: Axes
 ) -> Axes:
     """A MAC matrix with its values."""
-    return _only(modes.mac_chart(values, row_names, column_names), ax)
+    return _only(modes.matrix_chart(values, row_names, column_names), ax)
 
 
 def plot_frac(model: ModalModel, ax: Axes) -> Axes:

@@ -277,7 +277,7 @@ def shapes_plot(model: ModalModel) -> Plot:
     return Plot(panels, (17.5, (4.6 if circular else 3.6) * rows), columns, margins=margins)
 
 
-def mac_chart(
+def matrix_chart(
     values: ArrayLike,
     rows: Sequence[str],
     columns: Sequence[str],
@@ -286,38 +286,25 @@ def mac_chart(
     titles: tuple[str, str] = ("", ""),
     alternative: str = "",
     caption: str = "",
+    signed: str = "",
 ) -> Chart:
     """A MAC matrix, 0 (pale) to 1 (dark); names of rows and of columns are used once.
 
-    `titles` are those of the vertical and of the horizontal axis.
+    `titles` are those of the vertical and of the horizontal axis. If the values are a `signed`
+    quantity instead, they are blue above zero and orange below.
     """
     matrix = np.asarray(values, dtype=float)
     # In large matrices the small values would only be noise to the eye.
     least = 0.0 if max(matrix.shape, default=0) <= FEW_CELLS else 0.1
 
     def cell(value: float) -> str:
-        return f"{value:.2f}" if value >= least else ""
+        return signed_cell(value) if signed else f"{value:.2f}" if value >= least else ""
 
-    plot = _matrix(matrix, (rows, columns), titles, cell, "MAC %{z:.3f}", (0.0, 1.0), "share")
-    return Chart(name, plot, alternative, caption, height_px=420)
-
-
-def signed_chart(
-    values: ArrayLike,
-    rows: Sequence[str],
-    columns: Sequence[str],
-    *,
-    name: str,
-    titles: tuple[str, str],
-    quantity: str,
-    alternative: str,
-    caption: str,
-) -> Chart:
-    """A matrix whose values, a `quantity`, have a sign: blue above zero, orange below."""
-    matrix = np.asarray(values, dtype=float)
-    largest = max(float(np.abs(matrix).max(initial=0.0)), 1e-3)
-    ends, hover = (-largest, largest), f"{quantity} %{{z:+.3f}}"
-    plot = _matrix(matrix, (rows, columns), titles, signed_cell, hover, ends, "signed")
+    ends, scale, hover = (0.0, 1.0), "share", "MAC %{z:.3f}"
+    if signed:
+        largest = max(float(np.abs(matrix).max(initial=0.0)), 1e-3)
+        ends, scale, hover = (-largest, largest), "signed", f"{signed} %{{z:+.3f}}"
+    plot = _matrix(matrix, (rows, columns), titles, cell, hover, ends, scale)
     return Chart(name, plot, alternative, caption, height_px=420)
 
 

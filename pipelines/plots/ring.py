@@ -12,7 +12,7 @@ from model.identifiability import Correlation, Sensitivity
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.library.series import UNITS_PA, Series, Trend
 from pipelines.plots.chart import Chart
-from pipelines.plots.modes import signed_chart
+from pipelines.plots.modes import matrix_chart
 from pipelines.plots.plot import (
     FAINT,
     FITTED,
@@ -194,13 +194,13 @@ def sensitivity_chart(found: Sensitivity, symbols: Mapping[str, str]) -> Chart:
     strongest = np.max(np.abs(found.values), axis=0)
     weak = [name for name, most in zip(names, strongest, strict=True) if most < WEAK]
     finding = f"{' and '.join(weak)} hardly move any frequency" if weak else "all move some"
-    return signed_chart(
+    return matrix_chart(
         found.values,
         [f"{order}" for order in found.orders],
         names,
         name="sensitivity",
         titles=(ORDER, "parameter"),
-        quantity="d ln f / d ln p",
+        signed="d ln f / d ln p",
         alternative=f"Sensitivity of {found.orders.size} frequencies to {len(names)} parameters; "
         f"{finding}.",
         caption="Sensitivity d ln f / d ln p: change of a frequency in % for 1 % of a parameter, "
@@ -215,13 +215,13 @@ def correlation_chart(found: Correlation, symbols: Mapping[str, str]) -> Chart:
     beside = np.abs(found.values - np.diag(np.diag(found.values)))
     row, column = np.unravel_index(int(np.argmax(beside)), beside.shape)
     strongest = f"{names[row]} with {names[column]}, {signed(found.values[row, column], 2)}"
-    return signed_chart(
+    return matrix_chart(
         found.values,
         names,
         names,
         name="parameter-correlation",
         titles=("parameter", "parameter"),
-        quantity="correlation",
+        signed="correlation",
         alternative=f"Correlation of {len(names)} parameters; the strongest is {strongest}.",
         caption=f"Correlation of the parameters; the strongest is {strongest}. Near ±1 the "
         "measurement fixes a combination of two parameters much better than each by itself: give "

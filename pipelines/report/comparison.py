@@ -9,18 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.compare import shape_comparison as shapes
 from pipelines.compare.compare import Comparison
 from pipelines.compare.modes import MatchedMode
-from pipelines.compare.shape_comparison import (
-    MATCH_HEAD,
-    PAIR_PERCENT,
-    SAME,
-    SIMILAR,
-    TEXTS,
-    Likeness,
-    ShapeComparison,
-    match_rows,
-)
 from pipelines.compare.summary_text import CAUTION, METHOD, findings
 from pipelines.compare.table import (
     CONTRAST_HEAD,
@@ -31,15 +22,14 @@ from pipelines.compare.table import (
     frequency_rows,
     parameter_rows,
 )
-from pipelines.export.modal import require_free_file
 from pipelines.plots.chart import Chart
 from pipelines.plots.comparison import change_chart, cross_mac_chart, frf_charts
-from pipelines.plots.modes import mac_chart
+from pipelines.plots.modes import matrix_chart
 from pipelines.report.blocks import Block, Facts, Listing, Paragraph, Section, Table
 from pipelines.report.closing import DEFINITIONS, input_files
 from pipelines.report.page import render_page
 from pipelines.results.labels import short
-from pipelines.storage.atomic import file_written_whole
+from pipelines.storage.atomic import file_written_whole, require_free_file
 from pipelines.storage.rounding import DASH
 
 SHOWN_ANGLES_DEG = (0.0, 100.0)  # at the force, and where the literature on this test shows FRFs
@@ -52,8 +42,9 @@ HOW_TO_READ = (
     "not matter to the MAC, nor whether shapes are real or complex.",
     "MAC with pair: the modes of a symmetric ring come in pairs of one frequency, and a model may "
     "turn them around the tyre at will. Each shape is then compared with the best sum of the "
-    f"other's modes within {PAIR_PERCENT:g} % of the frequency of its best match.",
-    f"Same shape: a MAC of {SAME:g} or more, alone or with its pair. Similar: {SIMILAR:g} or more.",
+    f"other's modes within {shapes.PAIR_PERCENT:g} % of the frequency of its best match.",
+    f"Same shape: a MAC of {shapes.SAME:g} or more, alone or with its pair. "
+    f"Similar: {shapes.SIMILAR:g} or more.",
 )
 
 
@@ -210,21 +201,23 @@ def _origin(comparison: Comparison) -> Section:
     return Section("origin", "Software and inputs", tuple(each for each in tables if each.rows))
 
 
-def write_shape_comparison(found: ShapeComparison, path: Path) -> None:
+def write_shape_comparison(found: shapes.ShapeComparison, path: Path) -> None:
     """Write the page: best matches, the matrix, and how places were matched."""
     subject = f"{found.result.name} → {found.other.name}"
     page = render_page("Comparison of shapes", subject, shape_sections(found))
     path.write_text(page, encoding="utf-8", newline="\n")
 
 
-def shape_sections(found: ShapeComparison) -> tuple[Section, ...]:
+def shape_sections(found: shapes.ShapeComparison) -> tuple[Section, ...]:
     """All sections of the page in their order."""
     result, other = found.result.name, found.other.name
-    same = sum(match.verdict is Likeness.SAME_SHAPE for match in found.matches)
+    same = sum(match.verdict is shapes.Likeness.SAME_SHAPE for match in found.matches)
     count = f"{same} of {len(found.matches)} modes of {result} have the same shape as a mode of"
-    words = tuple(place for place, heading in enumerate(MATCH_HEAD) if heading in TEXTS)
+    words = tuple(
+        place for place, heading in enumerate(shapes.MATCH_HEAD) if heading in shapes.TEXTS
+    )
     caption = f"Each mode of {result} with the shape of {other} most like it."
-    matches = Table(caption, MATCH_HEAD, tuple(match_rows(found)), words)
+    matches = Table(caption, shapes.MATCH_HEAD, tuple(shapes.match_rows(found)), words)
     places = Listing(tuple(f"{note}." for note in found.notes))
     return (
         Section("matches", "Best matches", (Paragraph(f"{count} {other}."), matches)),
@@ -234,12 +227,12 @@ def shape_sections(found: ShapeComparison) -> tuple[Section, ...]:
     )
 
 
-def _matrix(found: ShapeComparison) -> Chart:
+def _matrix(found: shapes.ShapeComparison) -> Chart:
     shown = _columns(found)
     n_other = found.mac.shape[1]
     left_out = "" if shown.size == n_other else f" {shown.size} of {n_other} are shown."
     names = found.result.name, found.other.name
-    return mac_chart(
+    return matrix_chart(
         found.mac[:, shown],
         found.result.mode_name,
         [found.other.mode_name[column] for column in shown],
@@ -251,7 +244,7 @@ def _matrix(found: ShapeComparison) -> Chart:
     )
 
 
-def _columns(found: ShapeComparison) -> NDArray[np.intp]:
+def _columns(found: shapes.ShapeComparison) -> NDArray[np.intp]:
     """Other modes that resemble a mode of the result, the best ones where there are many."""
     best = found.mac.max(axis=0)
     if best.size <= _MOST_SHOWN:

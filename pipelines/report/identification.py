@@ -9,7 +9,7 @@ import numpy as np
 from ema.core.mac import auto_mac
 from ema.core.modes import ModalModel, Mode
 from pipelines.plots.chart import Chart, packed
-from pipelines.plots.modes import mac_chart, shapes_plot, stability_chart
+from pipelines.plots.modes import matrix_chart, shapes_plot, stability_chart
 from pipelines.report.blocks import Animation, Beside, Block, Paragraph, Section, Table
 from pipelines.report.closing import listed
 from pipelines.results.labels import each_once, mode_name, row_names
@@ -182,7 +182,7 @@ def _auto_mac(result: Result) -> Chart:
     values = auto_mac(np.stack([mode.residues for mode in modes]))
     title = "order n" if _on_circle(result.modal_model) else "frequency / Hz"
     finding = f"the largest value off the diagonal is {np.max(values - np.eye(len(names))):.2f}."
-    return mac_chart(
+    return matrix_chart(
         values,
         names,
         names,

@@ -12,14 +12,8 @@ from ema.checks.quality import ReferenceCheck
 from ema.core.drift import Drift
 from ema.core.finding import EXCLUDED, OK, WARNING, Finding
 from ema.core.frf import FRF
+from pipelines.plots import measurement as plots
 from pipelines.plots.chart import Chart
-from pipelines.plots.measurement import (
-    coherence_chart,
-    drive_point_chart,
-    drive_point_row,
-    reference_chart,
-    setup_chart,
-)
 from pipelines.report.blocks import Beside, Block, Facts, Paragraph, Section, Table
 from pipelines.results.labels import KNOWN, in_band, named
 from pipelines.results.result import Result
@@ -40,7 +34,7 @@ def setup(result: Result) -> Section:
     blocks: list[Block] = [facts]
     if np.isfinite(result.frf.position_deg).any():
         places = result.excitation_deg, result.reference_deg
-        blocks = [Beside((setup_chart(result.frf, *places), facts))]
+        blocks = [Beside((plots.setup_chart(result.frf, *places), facts))]
     options = flatten(result.provenance.get("options", {}))
     if options:
         rows = tuple(options.items())
@@ -51,10 +45,10 @@ def setup(result: Result) -> Section:
 def quality(result: Result) -> Section:
     """Coherence, reference sensor, drive point, drift and the findings of the checks."""
     band_hz, check = result.diagram.band_hz, result.reference
-    beside = [] if check is None else [reference_chart(check)]
-    if (row := drive_point_row(result.frf, result.excitation_deg)) is not None:
+    beside = [] if check is None else [plots.reference_chart(check)]
+    if (row := plots.drive_point_row(result.frf, result.excitation_deg)) is not None:
         found = (each for each in result.findings if each.check == "drive point")
-        beside.append(drive_point_chart(result.frf, row, band_hz, next(found, None)))
+        beside.append(plots.drive_point_chart(result.frf, row, band_hz, next(found, None)))
     blocks: list[Block] = [
         *_coherence(result),
         *([Beside(tuple(beside))] if beside else []),
@@ -136,7 +130,7 @@ def _coherence(result: Result) -> tuple[Chart, ...]:
     inside = in_band(result.frf.frequency_hz, band_hz)
     known = np.isfinite(result.frf.coherence[:, inside]).any()
     once = result.frf.n_effective <= 1  # where the number is unknown, the map is shown
-    return () if once or not known else (coherence_chart(result.frf, band_hz),)
+    return () if once or not known else (plots.coherence_chart(result.frf, band_hz),)
 
 
 def _verdicts(result: Result) -> tuple[Paragraph, ...]:
@@ -246,7 +240,7 @@ def _not_stated(details: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     missing = [key for key in WANTED if key not in details]
     if not missing:
         return ()
-    names = ", ".join(KNOWN[key][0].lower() for key in missing)
+    names = ", ".join(named(key, "")[0].lower() for key in missing)
     return (("Not stated", f"{names} (in the manifest under [tyre]: {', '.join(missing)})"),)
 
 

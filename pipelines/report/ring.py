@@ -12,16 +12,9 @@ from model.identifiability import AT_BOUND, GIVEN, NOT_IDENTIFIED
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from model.ring import natural_frequencies_hz
 from model.tuning import TuningResult
+from pipelines.plots import ring as plots
 from pipelines.plots.chart import Chart
-from pipelines.plots.modes import mac_chart
-from pipelines.plots.ring import (
-    correlation_chart,
-    damping_chart,
-    deviation_chart,
-    dispersion_chart,
-    scatter_chart,
-    sensitivity_chart,
-)
+from pipelines.plots.modes import matrix_chart
 from pipelines.process.validate import ring_orders
 from pipelines.report.blocks import Beside, Block, Paragraph, Section, Table
 from pipelines.report.closing import listed, remaining_notes
@@ -44,13 +37,13 @@ def validation(result: Result) -> Section:
     found = result.validation
     std_hz, damping_std = _measured_std(result, found.order)
     damped = np.isfinite(found.model_damping).any()
-    damping = (damping_chart(found, damping_std),) if damped else ()
+    damping = (plots.damping_chart(found, damping_std),) if damped else ()
     orders = np.arange(1, int(found.order.max()) + 3)
     ring_hz = natural_frequencies_hz(result.tuning.ring, orders)
     blocks: tuple[Block, ...] = (
-        Beside((scatter_chart(found, std_hz), _mac(found))),
-        dispersion_chart(found, orders, ring_hz, std_hz),
-        Beside((deviation_chart(found, std_hz), *damping)),
+        Beside((plots.scatter_chart(found, std_hz), _mac(found))),
+        plots.dispersion_chart(found, orders, ring_hz, std_hz),
+        Beside((plots.deviation_chart(found, std_hz), *damping)),
         _validation_table(found),
     )
     return Section("validation", title, blocks)
@@ -92,7 +85,7 @@ def _measured_std(
 def _mac(found: Validation) -> Chart:
     names = [str(order) for order in found.order]
     finding = f"the lowest value on the diagonal is {np.min(np.diag(found.mac)):.3f}."
-    return mac_chart(
+    return matrix_chart(
         found.mac,
         names,
         names,
@@ -156,8 +149,8 @@ def _undetermined(tuning: TuningResult) -> tuple[Paragraph, ...]:
 def _influence(tuning: TuningResult) -> Beside:
     """Sensitivities, and correlations where they are known."""
     symbols = {name: symbol for name, (_, symbol, _) in RING_NAMES.items()}
-    charts = [sensitivity_chart(tuning.sensitivity, symbols)]
+    charts = [plots.sensitivity_chart(tuning.sensitivity, symbols)]
     found = tuning.correlation
     if len(found.parameters) >= 2 and np.isfinite(found.values).all():
-        charts.append(correlation_chart(found, symbols))
+        charts.append(plots.correlation_chart(found, symbols))
     return Beside(tuple(charts))

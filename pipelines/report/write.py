@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from ema.core.errors import InputError, visible
-from pipelines.export.modal import require_free_file
 from pipelines.plots.chart import Chart
 from pipelines.report import closing, identification, measurement, responses, ring
 from pipelines.report.blocks import Beside, Block, Paragraph, Picture, Section, Table
 from pipelines.report.page import drawings, on_paper, render_page
 from pipelines.results.labels import short
 from pipelines.results.result import Result
-from pipelines.storage.atomic import file_written_whole, not_written
+from pipelines.storage.atomic import file_written_whole, not_written, require_free_file
 
 KIND = "Modal report"
 SECTIONS = (
@@ -82,18 +81,13 @@ def write_report(result: Result, path: str | Path) -> Path:
 
 
 def write_pdf(result: Result, path: str | Path) -> Path:
-    """Write the report as PDF, A4, with a line for the signature.
+    """Write the report as PDF, A4, with a line for the signature, and return `path`.
 
     Parameters
     ----------
     result : Result
     path : path
         Written atomically; an earlier file is replaced.
-
-    Returns
-    -------
-    Path
-        `path`.
 
     Raises
     ------

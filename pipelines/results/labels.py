@@ -17,20 +17,14 @@ from ema.core.modes import ModalModel, Mode
 from ema.poles.stability import StabilityDiagram
 from pipelines.storage.rounding import signed
 
-# Keys of [tyre] in the order of a test report, with name and unit.
-KNOWN = {
-    "manufacturer": ("Manufacturer", ""),
-    "model": ("Model", ""),
-    "construction": ("Construction", ""),
-    "serial": ("Serial number", ""),
-    "dot": ("DOT code", ""),
-    "rim": ("Rim", ""),
-    "load_n": ("Load", "N"),
-    "temperature_c": ("Temperature", "°C"),
-    "boundary": ("Boundary condition", ""),
-    "laboratory": ("Laboratory", ""),
-    "operator": ("Operator", ""),
-    "date": ("Date of test", ""),
+# Keys of [tyre] in the order of a test report.
+KNOWN = (
+    *("manufacturer", "model", "construction", "serial", "dot", "rim", "load_n", "temperature_c"),
+    *("boundary", "laboratory", "operator", "date"),
+)
+_NAMES = {
+    **{"serial": "Serial number", "dot": "DOT code"},
+    **{"boundary": "Boundary condition", "date": "Date of test"},
 }
 _UNITS = {
     **{
@@ -46,13 +40,10 @@ def named(key: str, text: str) -> tuple[str, str]:
 
     ``("load_n", "4000")`` → ``("Load", "4000 N")``.
     """
-    if key in KNOWN:
-        name, unit = KNOWN[key]
-    else:
-        endings = (ending for ending in _UNITS if key.endswith(ending) and key != ending)
-        ending = max(endings, key=len, default="")
-        name, unit = key.removesuffix(ending).replace("_", " "), _UNITS.get(ending, "")
-        name = name[:1].upper() + name[1:]
+    endings = (ending for ending in _UNITS if key.endswith(ending) and key != ending)
+    ending = max(endings, key=len, default="")
+    name, unit = key.removesuffix(ending).replace("_", " "), _UNITS.get(ending, "")
+    name = _NAMES.get(key, name[:1].upper() + name[1:])
     if not unit:
         return name, text
     return name, f"{text.removesuffix('.0')}{'' if unit == '°' else ' '}{unit}"

@@ -115,7 +115,7 @@ def simulate_campaign(
     sensor_mass_kg: float = 0.0,
     drift_percent: float = 0.0,
 ) -> Path:
-    """Write a campaign of six runs on a tyre with known modes.
+    """Write a campaign of six runs on a tyre with known modes and return its folder.
 
     Twelve sensors at 30° spacing are turned by 5° from run to run, so that the runs cover 72
     positions; a thirteenth stays at 2.5°. A random force with a preload acts at 0°. Responses are
@@ -135,11 +135,6 @@ def simulate_campaign(
         As in `Setup`.
     sensor_mass_kg : float
         Mass of each sensor, which loads the tyre; written to the manifest.
-
-    Returns
-    -------
-    Path
-        The folder.
 
     Raises
     ------

@@ -13,6 +13,7 @@ from scipy.fft import irfft
 from ema.core.campaign import Campaign, Response, Run, Tyre
 from ema.core.recording import Channel, Recording
 from ema.io.uff.write import write_time_series
+from pipelines.simulate import laboratory_chain as chain
 from pipelines.simulate.campaign import (
     POSITIONS,
     REFERENCE,
@@ -21,19 +22,6 @@ from pipelines.simulate.campaign import (
     manifest_text,
     require_empty,
     write_text,
-)
-from pipelines.simulate.laboratory_chain import (
-    Driven,
-    Mounting,
-    force_spectrum,
-    frequencies,
-    level_over_time,
-    moving_responses,
-    period_samples,
-    recorded_force,
-    recorded_responses,
-    responses,
-    with_shaker,
 )
 from pipelines.simulate.laboratory_effects import Effects, describe_effects
 from pipelines.simulate.laboratory_truth import LaboratoryMode, Truth, modes_of, truth_content
@@ -112,7 +100,7 @@ class Laboratory:
             1 + effects.temperature_damping * progress,
         )
 
-    def mounting(self, run: int) -> Mounting:
+    def mounting(self, run: int) -> chain.Mounting:
         """Sensors of a run."""
         effects = self.effects
         declared, actual = _angles_deg(effects, run)
@@ -125,7 +113,7 @@ class Laboratory:
         tilt = effects.tilt_deg * moved.standard_normal(declared.size)
         errors[-1], tilt[-1] = reference[0], effects.tilt_deg * reference[1]
         names = (*(f"A{k + 1:02d}" for k in range(effects.sensors)), REFERENCE)
-        return Mounting(names, declared, actual + errors, tilt, gain, delay)
+        return chain.Mounting(names, declared, actual + errors, tilt, gain, delay)
 
     def system(self, run: int) -> System:
         """The tyre as tested in a run, with everything that hangs on it."""
@@ -141,41 +129,43 @@ class Laboratory:
         """Force in N, shape (n_samples,), and accelerations in m/s², (n_sensors, n_samples)."""
         (force, found), effects = self.signals(run), self.effects
         random = np.random.default_rng([effects.seed, 6, run])
-        force = recorded_force(force, effects, random)
-        return force, recorded_responses(found, effects, random)
+        force = chain.recorded_force(force, effects, random)
+        return force, chain.recorded_responses(found, effects, random)
 
     def signals(self, run: int) -> tuple[Floats, Floats]:
         """What a perfect chain would record: force and accelerations of a run."""
         driven = self._driven(run)
-        found = moving_responses(driven, self._shift(run, driven)) if self._moves else None
-        found = responses(driven) if found is None else found
+        if self._moves:
+            found = chain.moving_responses(driven, self._shift(run, driven))
+        else:
+            found = chain.responses(driven)
         kept = slice(driven.period - self.effects.n_samples, None)
         return irfft(driven.spectrum, driven.period)[kept], found[:, kept]
 
-    def _driven(self, run: int) -> Driven:
+    def _driven(self, run: int) -> chain.Driven:
         effects, mounting, system = self.effects, self.mounting(run), self.system(run)
-        omega = frequencies(effects, period_samples(effects))
-        spectrum = force_spectrum(effects, np.random.default_rng([effects.seed, 5, run]))
+        omega = chain.frequencies(effects, chain.period_samples(effects))
+        spectrum = chain.force_spectrum(effects, np.random.default_rng([effects.seed, 5, run]))
         spectrum *= 10 ** (effects.level_step_db / 20 * run / max(effects.runs - 1, 1))
         if effects.shaker:
             drive = system.inertance(self.drive[None, :], omega)[0]
-            spectrum = with_shaker(spectrum, omega, drive)
+            spectrum = chain.with_shaker(spectrum, omega, drive)
         rows = self.tyre.surface(mounting.actual_deg, mounting.tilt_deg)
-        return Driven(system, rows, spectrum, omega, mounting)
+        return chain.Driven(system, rows, spectrum, omega, mounting)
 
     @property
     def _moves(self) -> bool:
         effects = self.effects
         return bool(effects.pressure_drift_within or effects.drift_within or effects.softening)
 
-    def _shift(self, run: int, driven: Driven) -> Complexes:
+    def _shift(self, run: int, driven: chain.Driven) -> Complexes:
         """Change of the excited poles over the period, against half-way through the run."""
         effects, poles, period = self.effects, driven.system.poles, driven.period
         poles = poles[np.abs(poles) < 2 * np.pi * effects.band_hz[1]]
         time = (np.arange(period) - period + effects.n_samples / 2) / effects.n_samples
         factor = effects.drift_within * time
         if effects.softening:
-            level = level_over_time(responses(driven), effects.sampling_rate_hz)
+            level = chain.level_over_time(chain.responses(driven), effects.sampling_rate_hz)
             factor = factor - effects.softening * (level / self._usual_level - 1)
         shift = poles[:, None] * factor
         if effects.pressure_drift_within:
@@ -191,7 +181,7 @@ class Laboratory:
     @cached_property
     def _usual_level(self) -> float:
         """Level of the first run, rms over its time."""
-        found = responses(self._driven(0))
+        found = chain.responses(self._driven(0))
         return float(np.sqrt(np.mean(found**2)))
 
     def channels(self, run: int) -> list[Channel]:
@@ -249,7 +239,7 @@ class Laboratory:
 
 
 def simulate_laboratory(folder: Path | str, effects: Effects) -> Path:
-    """Write the campaign of a laboratory: universal files, manifest and truth.
+    """Write the campaign of a laboratory (universal files, manifest, truth) and return its folder.
 
     Parameters
     ----------
@@ -258,11 +248,6 @@ def simulate_laboratory(folder: Path | str, effects: Effects) -> Path:
         ``truth.json``, which the processing never reads; all of them or nothing.
     effects : Effects
         Same effects, same bytes.
-
-    Returns
-    -------
-    Path
-        The folder.
 
     Raises
     ------

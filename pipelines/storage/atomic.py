@@ -60,6 +60,18 @@ def not_written(path: Path, error: OSError) -> InputError:
     return InputError(str(path), reason, "it could not be written", remedy)
 
 
+def require_free_file(target: Path, *, force: bool) -> None:
+    """Refuse a folder, an existing file without `force`, and a missing parent folder."""
+    if target.is_dir():
+        raise InputError(str(target), "a folder", "the name of a file is needed", "Name a file")
+    if target.exists() and not force:
+        remedy = "Choose another name, or use --force to replace it"
+        raise InputError(str(target), "exists already", "files are not replaced", remedy)
+    if not target.absolute().parent.is_dir():
+        found = "its folder does not exist"
+        raise InputError(str(target), found, "the folder must exist", "Create it first")
+
+
 _OWNER = r"(\d{1,9})-[0-9a-f]{8}"
 _ANY_PARTIAL = re.compile(rf"\..+\.\w+-{_OWNER}\.partial")
 

@@ -17,7 +17,7 @@ from library import DESIGNATION, SET, varied, written
 from ema.core.errors import InputError
 from pipelines.library.export import FORMATS, LONG, WIDE, export, version_rows, write_table
 from pipelines.library.history import difference, history_of
-from pipelines.library.library import NamedSet, TyreLibrary, conditions_of, resolve
+from pipelines.library.library import NamedSet, TyreLibrary, numbers_of, resolve
 from pipelines.library.numbering import folder_name, split_reference
 from pipelines.library.version import Event, record_approval
 from pipelines.results.parameter_set import Parameter, from_tuning, read_parameter_set
@@ -142,7 +142,7 @@ def test_a_structures_result_has_no_parameters_to_add(library, tmp_path):
 )
 def test_conditions_are_numbers_of_known_names(add, text, expected):
     with pytest.raises(InputError, match=expected):
-        add(conditions=conditions_of([text]))
+        add(conditions=numbers_of("--condition", [text], "temperature_c=21.5"))
 
 
 def test_tyres_of_one_designation_are_distinguished_by_id(add, library):

@@ -266,7 +266,7 @@ def test_damping_is_in_percent_and_names_the_largest_difference(tyre, charts):
 
 
 def test_mac_keeps_rows_and_columns_apart():
-    chart = modes.mac_chart(
+    chart = modes.matrix_chart(
         [[1.0, 0.25, 0.0], [0.5, 0.98, 0.1]],
         ["<1>", "2"],
         ["a", "b", "c"],
