@@ -32,13 +32,8 @@ _TEXT = ("member", "status", "pair", "parameter", "how")
 _WHOLE = ("mode", "order")
 _CAMPAIGNS = {
     **_OF_CAMPAIGN,
-    "status": "string",
-    "message": "string",
-    "seconds": "Float64",
-    "n_modes": "Int32",
-    "n_warnings": "Int32",
-    "fingerprint": "string",
-    "traceback": "string",
+    **{"status": "string", "message": "string", "seconds": "Float64"},
+    **{"n_modes": "Int32", "n_warnings": "Int32", "fingerprint": "string", "traceback": "string"},
 }
 
 

@@ -55,16 +55,8 @@ def export(
       ringmodal export results/tyre_7 --format mat --out tyre_7.mat --frfs none
     """  # noqa: D406, D407 - a heading of the help
     with reporting_outcome(out or result):
-        written = write(
-            result,
-            out,
-            file_format,
-            real=real,
-            frfs=frfs,
-            text=text,
-            force=force,
-            accept_changes=accept_changes,
-        )
+        content = {"real": real, "text": text, "force": force, "accept_changes": accept_changes}
+        written = write(result, out, file_format, frfs=frfs, **content)
     found = written.export
     counts = {
         "modes": len(found.modes),

@@ -129,17 +129,10 @@ def _matched(first: Side, second: Side, i: int, j: int, mac: float, same_band: b
         return Difference(*values, std_of_difference(stds, shifts, same_band=same_band))
 
     averaged = i in first.averaged, j in second.averaged
-    return MatchedMode(
-        first.numbers[i],
-        second.numbers[j],
-        one,
-        two,
-        mac,
-        difference("frequency_hz", "frequency_std_hz", "frequency_band_shift_hz"),
-        difference("damping_ratio", "damping_std", "damping_band_shift"),
-        averaged,
-        _remark(one, two, mac, averaged),
-    )
+    numbers, remark = (first.numbers[i], second.numbers[j]), _remark(one, two, mac, averaged)
+    frequency = difference("frequency_hz", "frequency_std_hz", "frequency_band_shift_hz")
+    damping = difference("damping_ratio", "damping_std", "damping_band_shift")
+    return MatchedMode(*numbers, one, two, mac, frequency, damping, averaged, remark)
 
 
 def _remark(first: Mode, second: Mode, mac: float, averaged: tuple[bool, bool]) -> str:

@@ -23,19 +23,10 @@ from pipelines.storage.tables import write_csv
 
 FOLDER_MARKER = "export.json"  # lists the files of an export that is a folder
 UNITS = {
-    "frequency_hz": "Hz",
-    "damping_ratio": "1",
-    "poles": "rad/s",
-    "position_deg": "deg",
-    "xyz_m": "m",
-    "shapes": "1, largest part of each mode 1",
-    "residues": "m/(N s)",
-    "modal_a": "N s/m",
-    "modal_mass_kg": "kg",
-    "lower_residual": "(m/s^2)/N",
-    "upper_residual": "m/N",
-    "frf": "(m/s^2)/N",
-    "coherence": "1",
+    **{"frequency_hz": "Hz", "damping_ratio": "1", "poles": "rad/s", "position_deg": "deg"},
+    **{"xyz_m": "m", "shapes": "1, largest part of each mode 1", "residues": "m/(N s)"},
+    **{"modal_a": "N s/m", "modal_mass_kg": "kg", "lower_residual": "(m/s^2)/N"},
+    **{"upper_residual": "m/N", "frf": "(m/s^2)/N", "coherence": "1"},
 }
 
 
@@ -150,7 +141,7 @@ def write_tables(found: ModalExport, folder: Path) -> None:
             cells = np.column_stack([frf.frequency_hz, parts])
             table = pd.DataFrame(cells, columns=["frequency_hz", *columns])
             write_csv(folder / f"frf_{name}.csv", table)
-    about = {"source": found.result.name, "notes": list(geometry.notes)}
+    about: dict[str, Any] = {"source": found.result.name, "notes": list(geometry.notes)}
     about |= {"force_node": geometry.reference_node, "units": UNITS}
     write_marker(folder / FOLDER_MARKER, about)
 

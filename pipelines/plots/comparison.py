@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -40,23 +41,15 @@ def change_chart(
     significant = np.array([each.is_significant for each in differences])
     percent = np.array([each.percent for each in differences])
     std = np.array([each.percent_std for each in differences])
-    series = [
-        Curve(
-            np.flatnonzero(chosen),
-            percent[chosen],
-            colour,
-            label,
-            marker=marker,
-            size=9,
-            hover="%{x}<br>%{y:+.3f} %",
-            y_bars=2 * std[chosen],
-        )
-        for label, chosen, colour, marker in (
-            ("significant", significant, RING, "circle"),
-            ("not significant or σ unknown", ~significant, FAINT, "circle-open"),
-        )
-        if chosen.any()
-    ]
+    look: dict[str, Any] = {"size": 9, "hover": "%{x}<br>%{y:+.3f} %"}
+    series = []
+    for label, chosen, colour, marker in (
+        ("significant", significant, RING, "circle"),
+        ("not significant or σ unknown", ~significant, FAINT, "circle-open"),
+    ):
+        if chosen.any():
+            points = np.flatnonzero(chosen), percent[chosen], colour, label
+            series.append(Curve(*points, marker=marker, y_bars=2 * std[chosen], **look))
     names = each_once([mode.name for mode in modes])
     panel = Panel((*series, Rule(0)), Axis("mode", names=names), Axis(f"change of {quantity} / %"))
     count = int(significant.sum())

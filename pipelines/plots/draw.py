@@ -35,17 +35,9 @@ MARKER_POINTS_PER_PX = 0.55
 DASHES = {"solid": "-", "dash": "--", "dot": ":", "dashdot": "-."}
 #: Plotly's symbols → matplotlib's.
 MARKERS = {
-    "circle": "o",
-    "circle-open": "o",
-    "cross-thin-open": "+",
-    "x-thin-open": "x",
-    "square": "s",
-    "triangle-up": "^",
-    "diamond": "D",
-    "triangle-down": "v",
-    "cross": "P",
-    "x": "X",
-    "star": "*",
+    **{"circle": "o", "circle-open": "o", "cross-thin-open": "+", "x-thin-open": "x"},
+    **{"square": "s", "triangle-up": "^", "diamond": "D", "triangle-down": "v"},
+    **{"cross": "P", "x": "X", "star": "*"},
 }
 UNKNOWN = "#C8C8C8"  # cells of a map without a value
 BARS: dict[str, Any] = {"fmt": "none", "elinewidth": 1.0, "capsize": 2.0}
@@ -55,10 +47,7 @@ LONG_NAMES = 34  # letters of all names together that fit side by side
 def draw_plot(plot: Plot) -> Figure:
     """Draw all panels of a plot as a new figure in the common style."""
     rows = -(-len(plot.panels) // plot.columns)
-    ratios: dict[str, Any] = {
-        "height_ratios": plot.heights or None,
-        "width_ratios": plot.widths or None,
-    }
+    ratios = {"height_ratios": plot.heights or None, "width_ratios": plot.widths or None}
     # Panels one below the other share an axis that only the last one names.
     shared = plot.columns == 1 and not plot.panels[0].x.title and rows > 1
     with styled_figure(
@@ -225,20 +214,17 @@ def _set_log(axis: Axis, ax: Axes) -> None:
 
 
 def _name_flags(flags: Flags, ax: Axes) -> None:
-    line = {"color": _hex(KEPT), "linewidth": 0.6}
+    line, places = {"color": _hex(KEPT), "linewidth": 0.6}, ("data", "axes fraction")
     for at, place, name in zip(flags.at, flags.places, flags.names, strict=True):
         ax.axvline(at, 0, flags.height + 0.03, alpha=0.6, **line)
         ax.annotate(
             name,
             xy=(at, flags.height + 0.03),
             xytext=(place, flags.height + 0.06),
-            xycoords=("data", "axes fraction"),
-            textcoords=("data", "axes fraction"),
-            rotation=90,
-            ha="center",
-            va="bottom",
-            fontsize=7.5,
+            xycoords=places,
+            textcoords=places,
             arrowprops={"arrowstyle": "-", "shrinkA": 0, **line},
+            **{"rotation": 90, "ha": "center", "va": "bottom", "fontsize": 7.5},
         )
 
 

@@ -22,7 +22,8 @@ from pipelines.plots.style import styled_figure as styled_figure
 from pipelines.results.labels import place_name
 from pipelines.results.result import Validation
 
-Ends, Stds = tuple[float, float], NDArray[np.float64]
+Ends = tuple[float, float]
+Stds = NDArray[np.float64]
 
 
 def plot_setup(

@@ -95,17 +95,8 @@ def coherence_chart(frf: FRF, band_hz: tuple[float, float]) -> Chart:
     medians = np.array([np.median(row) if row.size else np.inf for row in known])
     indices, _ = sparse_labels(shown.names)
     what = "position" if np.isfinite(frf.position_deg).all() else "node"
-    series: list[Any] = [
-        Map(
-            shown.values,
-            0,
-            1,
-            "map",
-            f"{what} %{{y}}, %{{x:.2f}} Hz<br>coherence %{{z:.3f}}",
-            shown.frequency_hz,
-            "γ²",
-        )
-    ]
+    hover = f"{what} %{{y}}, %{{x:.2f}} Hz<br>coherence %{{z:.3f}}"
+    series: list[Any] = [Map(shown.values, 0, 1, "map", hover, shown.frequency_hz, "γ²")]
     words = "Map of the coherence; it is unknown.", "The coherence is unknown."
     if np.isfinite(medians).any():
         middle = float(np.median(np.concatenate(known)))
@@ -122,11 +113,8 @@ def coherence_chart(frf: FRF, band_hz: tuple[float, float]) -> Chart:
         )
     else:
         series.append(Note(float(np.mean(band_hz)), len(shown.names) / 2, "coherence unknown"))
-    panel = Panel(
-        tuple(series),
-        Axis(FREQUENCY),
-        Axis(what, names=shown.names, every=indices[1] if len(indices) > 1 else 1),
-    )
+    up = Axis(what, names=shown.names, every=indices[1] if len(indices) > 1 else 1)
+    panel = Panel(tuple(series), Axis(FREQUENCY), up)
     plot = Plot((panel,), (17.5, 9), margins=Margins(right=0.9))
     return Chart("coherence", plot, *words, wide=True, height_px=400)
 
@@ -136,23 +124,16 @@ def reference_chart(check: ReferenceCheck, band_hz: tuple[float, float] | None =
     low, high = band_hz or (check.frequency_hz[0], check.frequency_hz[-1])
     inside = in_band(check.frequency_hz, (low, high))
     hover = "%{x:.2f} Hz<br>%{y:.3g} (m/s²)/N<extra>%{fullData.name}</extra>"
-    curves = tuple(
-        Curve(
-            check.frequency_hz[inside],
-            np.abs(values[inside]),
-            SERIES[index % len(SERIES)],
-            name,
-            width=1.3,
-            # From the eighth run on the colours come again, dashed.
-            dash=DASHES[index // len(SERIES) % len(DASHES)],
-            hover=hover,
-        )
-        for index, (name, values) in enumerate(zip(apart(check.run), check.values, strict=True))
-    )
+    curves = []
+    for index, (name, values) in enumerate(zip(apart(check.run), check.values, strict=True)):
+        # From the eighth run on the colours come again, dashed.
+        look = SERIES[index % len(SERIES)], name, 1.3, DASHES[index // len(SERIES) % len(DASHES)]
+        level = np.abs(values[inside])
+        curves.append(Curve(check.frequency_hz[inside], level, *look, hover=hover))
     axes = Axis(FREQUENCY, (low, high)), log_axis(INERTANCE, *(curve.y for curve in curves))
     return Chart(
         "reference",
-        Plot((Panel(curves, *axes, legend="lower right"),)),
+        Plot((Panel(tuple(curves), *axes, legend="lower right"),)),
         f"Inertance at the reference sensor of {len(check.run)} runs, one over the other; "
         f"{reference_verdict(check)}.",
         "Inertance at the sensor that stayed in place, run by run. The curves should coincide; "

@@ -73,16 +73,9 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
     places = spread(kept, gap=(high - low) / NAMES_ACROSS).tolist()
     inside = in_band(diagram.indicator_hz, diagram.band_hz)
     unit = "RMS inertance / ((m/s²)/N)"
-    indicator = Curve(
-        diagram.indicator_hz[inside],
-        diagram.indicator[inside],
-        FAINT,
-        "RMS inertance",
-        width=1.5,
-        opacity=0.8,
-        hover="%{x:.2f} Hz<br>RMS inertance %{y:.3g} (m/s²)/N",
-        right=True,
-    )
+    level = diagram.indicator_hz[inside], diagram.indicator[inside]
+    hover = "%{x:.2f} Hz<br>RMS inertance %{y:.3g} (m/s²)/N"
+    indicator = Curve(*level, FAINT, "RMS inertance", 1.5, opacity=0.8, hover=hover, right=True)
     highest = float(diagram.model_order.max(initial=1)) / HIGHEST
     every = 10 * max(1, round(highest / 100))
     panel = Panel(
@@ -177,17 +170,9 @@ def frf_plot(
     levels = Axis(INERTANCE, (top / 10**SHOWN_DECADES, top), log=True)
     magnitude = tuple(pair[0] for pair in pairs)
     phase = tuple(pair[1] for pair in pairs)
-    return Plot(
-        (
-            Panel(
-                (*shaded, *magnitude), Axis(range=(low, high)), levels, None, title, "lower right"
-            ),
-            Panel((*shaded, *phase), Axis(FREQUENCY, (low, high)), PHASE),
-        ),
-        (13, 10),
-        heights=(3, 2),
-        together=True,
-    )
+    upper = (*shaded, *magnitude), Axis(range=(low, high)), levels, None, title, "lower right"
+    lower = (*shaded, *phase), Axis(FREQUENCY, (low, high)), PHASE
+    return Plot((Panel(*upper), Panel(*lower)), (13, 10), heights=(3, 2), together=True)
 
 
 def position_names(of: FRF | ModalModel) -> list[str]:

@@ -119,24 +119,15 @@ def inertances(
     where a panel below has the title of the frequency axis.
     """
     several = len(curves) > 1
-    series = tuple(
-        Curve(
-            curve.frequency_hz,
-            curve.magnitude,
-            name=name,
-            listed=several,
-            **{
-                "colour": SERIES[index % len(SERIES)],
-                "width": 1.7,
-                "dash": DASHES[index % len(DASHES)],
-                **(looks or {}).get(name, {}),
-            },
-        )
-        for index, (name, curve) in enumerate(curves.items())
-    )
+    series = []
+    for index, (name, curve) in enumerate(curves.items()):
+        look: dict[str, Any] = {"width": 1.7, "name": name, "listed": several}
+        look |= {"colour": SERIES[index % len(SERIES)], "dash": DASHES[index % len(DASHES)]}
+        look |= (looks or {}).get(name, {})
+        series.append(Curve(curve.frequency_hz, curve.magnitude, **look))
     unit = next(iter(curves.values())).unit
     levels = log_axis(f"|inertance| / ({unit})", *(curve.y for curve in series))
-    return Panel(series, Axis(across), levels, title=title, legend="lower right")
+    return Panel(tuple(series), Axis(across), levels, title=title, legend="lower right")
 
 
 def inertance_plot(found: SimulatedInertance) -> Plot:
@@ -183,19 +174,11 @@ def loaded_plot(found: LoadedSweep) -> Plot:
     for mode, order in enumerate(orders):
         second = bool(np.any(orders[:mode] == order))
         frequency_hz = found.frequency_hz[rising, mode]
-        changes.append(
-            Curve(
-                found.load_n[rising],
-                100.0 * (frequency_hz / frequency_hz[0] - 1.0),
-                shades[order],
-                f"n = {order}",
-                width=1.7,
-                dash="dash" if second else "solid",
-                marker="circle",
-                size=4,
-                listed=not second,
-            )
-        )
+        percent = 100.0 * (frequency_hz / frequency_hz[0] - 1.0)
+        look = 1.7, "dash" if second else "solid", "circle", 4.0
+        name, listed = f"n = {order}", not second
+        curve = Curve(found.load_n[rising], percent, shades[order], name, *look, listed=listed)
+        changes.append(curve)
     deflection = Curve(found.angle_deg, 1e3 * found.deflection_m, RING, width=1.7)
     around = Axis("angle from the contact / °", (-180, 180), ticks=range(-180, 181, 60))
     load, change = Axis("vertical load / N"), Axis("change of frequency / %")

@@ -118,20 +118,13 @@ def _parameter_table(
     how: Mapping[str, str],
     names: Mapping[str, tuple[str, str, str]],
 ) -> Table:
-    rows = tuple(
-        (
-            title,
-            symbol,
-            plain(getattr(values, name))
-            if how.get(name) == GIVEN
-            else value_with_std(getattr(values, name), std.get(name)),
-            unit,
-            how.get(name, DASH),
-        )
-        for name, (title, symbol, unit) in names.items()
-        if getattr(values, name) is not None
-    )
-    return Table(caption, HEAD, rows, words=(0, 1, 3, 4))
+    rows = []
+    for name, (title, symbol, unit) in names.items():
+        if (value := getattr(values, name)) is not None:
+            given = how.get(name) == GIVEN
+            text = plain(value) if given else value_with_std(value, std.get(name))
+            rows.append((title, symbol, text, unit, how.get(name, DASH)))
+    return Table(caption, HEAD, tuple(rows), words=(0, 1, 3, 4))
 
 
 def _undetermined(tuning: TuningResult) -> tuple[Paragraph, ...]:

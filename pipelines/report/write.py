@@ -22,19 +22,9 @@ from pipelines.storage.atomic import file_written_whole, not_written, require_fr
 
 KIND = "Modal report"
 SECTIONS = (
-    closing.summary,
-    measurement.identity,
-    measurement.setup,
-    measurement.quality,
-    identification.stability,
-    identification.modes,
-    responses.responses,
-    identification.shapes,
-    ring.validation,
-    ring.parameters,
-    closing.warnings,
-    closing.origin,
-    closing.definitions,
+    *(closing.summary, measurement.identity, measurement.setup, measurement.quality),
+    *(identification.stability, identification.modes, responses.responses, identification.shapes),
+    *(ring.validation, ring.parameters, closing.warnings, closing.origin, closing.definitions),
 )
 STYLE = Path(__file__).parent / "paper.css"
 MOST_FOLDED_ROWS = 30  # of a table that is folded on the screen: longer ones are not printed

@@ -15,6 +15,7 @@ import tomlkit
 
 from ema.core.errors import InputError, nearest
 from ema.core.files import require_regular
+from model import parameters as of_model
 from model.damping import DampingResult
 from model.identifiability import AT_BOUND, GIVEN, IDENTIFIED, NOT_IDENTIFIED
 from model.parameters import RingDamping, RingParameters, Wheel
@@ -25,16 +26,8 @@ if TYPE_CHECKING:
     from tomlkit import TOMLDocument
 
 SCHEMA = 1
-RING_NAMES = (
-    "mean_radius_m",
-    "belt_width_m",
-    "mass_per_area_kg_m2",
-    "radial_stiffness_n_m3",
-    "circumferential_stiffness_n_m3",
-    "axial_stiffness_n_m",
-    "bending_stiffness_n_m",
-)
-DAMPING_NAMES = ("radial_n_s_m3", "circumferential_n_s_m3", "loss_factor")
+RING_NAMES = tuple(name for name in of_model.RING_NAMES if name != "inflation_pressure_pa")
+DAMPING_NAMES = tuple(of_model.DAMPING_NAMES)
 WHEEL_NAMES = ("mass_kg", "inertia_kg_m2")
 # Further conditions; a manifest's [tyre] may have them.
 CONDITION_NAMES = ("temperature_c", "load_n", "speed_m_s", "rim_width_m", "tread_depth_m")

@@ -113,16 +113,10 @@ def _mode(
     power = lines[: POSITIONS // 2 + 1].copy()
     power[1:-1] += lines[-1 : POSITIONS // 2 : -1]
     order = int(np.argmax(power))
-    return LaboratoryMode(
-        kind,
-        order,
-        float(power[order] / power.sum()),
-        share,
-        float(abs(pole) / (2 * np.pi)),
-        float(-pole.real / abs(pole)),
-        float(2 * abs(pole) * abs(residues[-1])),
-        shape,
-    )
+    purity, size = float(power[order] / power.sum()), float(abs(pole))
+    strength = float(2 * size * abs(residues[-1]))
+    of_pole = size / (2 * np.pi), float(-pole.real / size)
+    return LaboratoryMode(kind, order, purity, share, *of_pole, strength, shape)
 
 
 def _kind(tyre: LaboratoryTyre, vector: Complexes) -> tuple[str, float]:
