@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from ema.core.campaign import Processing
+from model.tuning_problem import PARAMETERS
 from pipelines.cli import values as value
 from pipelines.library.library import VARIABLE
 from pipelines.results.options import Options
@@ -80,7 +81,7 @@ Given = Annotated[
         "A known ring parameter in SI units, such as mass_per_area_kg_m2=19.7; may be repeated.",
         RING,
         "NAME=VALUE",
-        autocompletion=value.ring_parameter_names,
+        autocompletion=value.completing([f"{name}=" for name in PARAMETERS]),
     ),
 ]
 

@@ -182,20 +182,14 @@ def _change_cells(change: Any, *, independent: bool) -> tuple[str, ...]:
 
 def _change(change: Any, *, independent: bool) -> dict[str, Any]:
     delta = change.difference
+    z, p = (delta.z, delta.p_value) if change.is_tested else (None, None)
+    second = {"second": delta.second, "second_std": change.second_std}
     return {
         "parameter": change.name,
-        "first": delta.first,
-        "first_std": change.first_std,
-        "first_how": change.first_how,
-        "second": delta.second,
-        "second_std": change.second_std,
-        "second_how": change.second_how,
-        "difference": delta.value,
-        "difference_std": delta.std,
-        "percent": delta.percent,
-        "z": delta.z if change.is_tested else None,
-        "p": delta.p_value if change.is_tested else None,
-        "p_adjusted": delta.adjusted_p_value,
+        **{"first": delta.first, "first_std": change.first_std, "first_how": change.first_how},
+        **{**second, "second_how": change.second_how},
+        **{"difference": delta.value, "difference_std": delta.std, "percent": delta.percent},
+        **{"z": z, "p": p, "p_adjusted": delta.adjusted_p_value},
         "verdict": change.status if independent else "not tested",
     }
 

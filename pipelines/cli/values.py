@@ -27,11 +27,6 @@ MOST_VALUES = 100_000
 MOST_ORDERS = 2000  # as many harmonics as are ever summed
 
 
-def ring_parameter_names(incomplete: str) -> list[str]:
-    """Completions of NAME=VALUE."""
-    return [f"{name}=" for name in PARAMETERS if name.startswith(incomplete)]
-
-
 def completing(values: Sequence[str]) -> Callable[[str], list[str]]:
     """Completions of an option that takes one of some values."""
     return lambda incomplete: [value for value in values if value.startswith(incomplete)]

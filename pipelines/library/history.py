@@ -60,14 +60,9 @@ def difference(first: NamedSet, second: NamedSet) -> SetDifference:
         alone = [name for name in own if name not in other]
         if alone:
             notes.append(f"Only the {which} set has {', '.join(alone)}.")
-    return SetDifference(
-        first,
-        second,
-        parameter_changes(a, b, independent=independent),
-        tuple(each for each in stated if each[1] != each[2]),
-        tuple(notes),
-        independent,
-    )
+    changes = parameter_changes(a, b, independent=independent)
+    conditions = tuple(each for each in stated if each[1] != each[2])
+    return SetDifference(first, second, changes, conditions, tuple(notes), independent)
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,11 @@ class TyreLibrary:
             if name not in CONDITION_NAMES:
                 raise unknown("--condition", name, "unknown condition", CONDITION_NAMES)
         parameters = replace(found, conditions={**found.conditions, **(conditions or {})})
-        _require_ring(path, parameters)
+        try:
+            _ = parameters.ring_parameters, parameters.ring_damping, parameters.wheel_parameters
+        except ParameterError as error:
+            where = f"{path}, {error.where}"
+            raise InputError(where, error.found, error.rule, error.remedy) from error
         entry = Entry(
             **signed_now(author or login_name()),
             note=note,
@@ -195,13 +199,6 @@ def numbers_of(option: str, texts: Iterable[str], example: str) -> dict[str, flo
             raise InputError(option, repr(text), rule, f"Write e.g. {example}")
         found[name.strip()] = number
     return found
-
-
-def _require_ring(path: Path, parameters: ParameterSet) -> None:
-    try:
-        _ = parameters.ring_parameters, parameters.ring_damping, parameters.wheel_parameters
-    except ParameterError as error:
-        raise InputError(f"{path}, {error.where}", error.found, error.rule, error.remedy) from error
 
 
 def _as_folder(name: str) -> str:

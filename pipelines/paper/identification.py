@@ -70,19 +70,17 @@ def _table_3(result: Result) -> NumberTable:
         [getattr(order, name, float("nan")) for order in found]
         for name in ("frequency_hz", "frequency_std_hz", "damping_ratio", "damping_std")
     )
-    return NumberTable(
-        "table_3",
-        "Table 3: natural frequencies and damping ratios, printed and identified",
-        (
-            Column("mode n", "order", TABLE_3_ORDERS),
-            Column("printed / Hz", "printed_hz", TABLE_3_FREQUENCIES_HZ, show=2),
-            Column("identified / Hz", "identified_hz", frequency, frequency_std),
-            deviation("deviation_percent", np.array(frequency), TABLE_3_FREQUENCIES_HZ, 3),
-            Column("printed ζ", "printed_damping", TABLE_3_DAMPING_RATIOS, show=3),
-            Column("identified ζ", "identified_damping", damping, damping_std),
-            deviation("damping_deviation_percent", np.array(damping), TABLE_3_DAMPING_RATIOS, 2),
-        ),
+    columns = (
+        Column("mode n", "order", TABLE_3_ORDERS),
+        Column("printed / Hz", "printed_hz", TABLE_3_FREQUENCIES_HZ, show=2),
+        Column("identified / Hz", "identified_hz", frequency, frequency_std),
+        deviation("deviation_percent", np.array(frequency), TABLE_3_FREQUENCIES_HZ, 3),
+        Column("printed ζ", "printed_damping", TABLE_3_DAMPING_RATIOS, show=3),
+        Column("identified ζ", "identified_damping", damping, damping_std),
+        deviation("damping_deviation_percent", np.array(damping), TABLE_3_DAMPING_RATIOS, 2),
     )
+    caption = "Table 3: natural frequencies and damping ratios, printed and identified"
+    return NumberTable("table_3", caption, columns)
 
 
 def _statement(table: NumberTable) -> Statement:
@@ -183,16 +181,14 @@ def _table_of_ratios() -> NumberTable:
     )
     fitted, fitted_starred = (refitted(on_pretension=on).model for on in (True, False))
     times = printed / TABLE_3_DAMPING_RATIOS
-    return NumberTable(
-        "table_5_ratios",
-        "Damping ratios: of Table 3, and of the ring with each set of parameters",
-        (
-            Column("mode n", "order", TABLE_3_ORDERS),
-            Column("Table 3", "printed", TABLE_3_DAMPING_RATIOS, show=3),
-            Column("Table 5", "table_5", printed, show=4),
-            Column("Table 5 over Table 3", "table_5_over_table_3", times, show=2),
-            Column("refitted", "refitted", fitted, show=4),
-            Column("Table 5*", "table_5_no_pretension", starred, show=4),
-            Column("refitted*", "refitted_no_pretension", fitted_starred, show=4),
-        ),
+    columns = (
+        Column("mode n", "order", TABLE_3_ORDERS),
+        Column("Table 3", "printed", TABLE_3_DAMPING_RATIOS, show=3),
+        Column("Table 5", "table_5", printed, show=4),
+        Column("Table 5 over Table 3", "table_5_over_table_3", times, show=2),
+        Column("refitted", "refitted", fitted, show=4),
+        Column("Table 5*", "table_5_no_pretension", starred, show=4),
+        Column("refitted*", "refitted_no_pretension", fitted_starred, show=4),
     )
+    caption = "Damping ratios: of Table 3, and of the ring with each set of parameters"
+    return NumberTable("table_5_ratios", caption, columns)

@@ -96,17 +96,15 @@ def _table_of_minima() -> NumberTable:
     orders, speed_rad_s, lowest_hz = _minima()
     at_rest_hz = natural_frequencies_hz(TABLE_4_RING, orders)
     speed_km_h = 3.6 * speed_rad_s * TABLE_4_RING.mean_radius_m
-    return NumberTable(
-        "figure_6_minima",
-        "Fig. 6: where the frequency of the progressive wave is lowest",
-        (
-            Column("order n", "order", orders),
-            Column("at / (rad/s)", "speed_rad_s", speed_rad_s, show=1),
-            Column("at / (km/h)", "speed_km_h", speed_km_h, show=0),
-            Column("lowest / Hz", "lowest_hz", lowest_hz, show=2),
-            Column("at rest / Hz", "at_rest_hz", at_rest_hz, show=2),
-        ),
+    columns = (
+        Column("order n", "order", orders),
+        Column("at / (rad/s)", "speed_rad_s", speed_rad_s, show=1),
+        Column("at / (km/h)", "speed_km_h", speed_km_h, show=0),
+        Column("lowest / Hz", "lowest_hz", lowest_hz, show=2),
+        Column("at rest / Hz", "at_rest_hz", at_rest_hz, show=2),
     )
+    caption = "Fig. 6: where the frequency of the progressive wave is lowest"
+    return NumberTable("figure_6_minima", caption, columns)
 
 
 def _table_of_sequences() -> NumberTable:

@@ -189,17 +189,11 @@ def frac_chart(model: ModalModel) -> Chart:
     lowest = f"{model.frac[worst]:.4f} at {names[worst]}"
     on_circle = bool(np.isfinite(model.position_deg).all())
     ticks, labels = sparse_labels(row_names(model, np.arange(model.frac.size)))
+    places = model.position_deg if on_circle else np.arange(1.0, model.frac.size + 1)
+    look, hover = (0.8, "solid", "circle"), "%{text}<br>FRAC %{y:.4f}"
+    size = 7 if model.frac.size <= 150 else 4
     series = (
-        Curve(
-            model.position_deg if on_circle else np.arange(1.0, model.frac.size + 1),
-            model.frac,
-            RING,
-            width=0.8,
-            marker="circle",
-            size=7 if model.frac.size <= 150 else 4,
-            hover="%{text}<br>FRAC %{y:.4f}",
-            texts=names,
-        ),
+        Curve(places, model.frac, RING, "", *look, size, hover=hover, texts=names),
         # The page fills it in when a position is chosen.
         Curve([], [], FITTED, "shown above", marker="circle-open", size=13),
         Rule(LOWEST_FRAC, FITTED, "dash"),

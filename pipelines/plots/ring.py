@@ -59,17 +59,10 @@ def scatter_chart(found: Validation, std_hz: NDArray[np.float64] | None = None) 
         x_bars=None if std_hz is None else 2 * std_hz,
         listed=False,
     )
-    panel = Panel(
-        (
-            Band(ends, ends - half, ends + half, RING, TOLERANCE),
-            Curve(ends, ends, FAINT, width=1),
-            orders,
-        ),
-        Axis("measured / Hz", (ends[0], ends[1])),
-        Axis("ring model / Hz", (ends[0], ends[1])),
-        legend="lower right",
-        equal=True,
-    )
+    band = Band(ends, ends - half, ends + half, RING, TOLERANCE)
+    axes = (Axis(f"{which} / Hz", (ends[0], ends[1])) for which in ("measured", "ring model"))
+    series = band, Curve(ends, ends, FAINT, width=1), orders
+    panel = Panel(series, *axes, legend="lower right", equal=True)
     within = int(np.sum(np.abs(found.error_percent) <= TOLERANCE_PERCENT))
     return Chart(
         "frequency-scatter",
@@ -252,16 +245,10 @@ def _trend(trend: Trend, unit: str) -> Panel:
     points = Curve(shown, values, MEASURED, marker="circle", size=8, y_bars=scale * trend.std)
     factor = f"10{str(power).translate(SUPERSCRIPTS)}" if power else ""
     of = " ".join(part for part in (factor, "" if value_unit == "1" else value_unit) if part)
-    return Panel(
-        (
-            Curve(across * per_unit, line, FITTED, width=1.7),
-            *(band if isfinite(trend.line.slope_std) else ()),
-            points,
-        ),
-        Axis(f"inflation pressure / {unit}"),
-        Axis(f"{symbol} / ({of})" if of else symbol),
-        title=name,
-    )
+    drawn = band if isfinite(trend.line.slope_std) else ()
+    series = Curve(across * per_unit, line, FITTED, width=1.7), *drawn, points
+    axes = Axis(f"inflation pressure / {unit}"), Axis(f"{symbol} / ({of})" if of else symbol)
+    return Panel(series, *axes, title=name)
 
 
 def _power(trend: Trend) -> int:

@@ -38,12 +38,8 @@ OFFSET_M_S2 = 0.2
 _SETTLING_S = 2.0
 # Ranges far beyond any tyre, sensor and noise.
 _LIMITS = {
-    "seed": (0, math.inf),
-    "snr_db": (-300.0, math.inf),
-    "split_percent": (-50.0, 50.0),
-    "shaker_between": (0.0, 1.0),
-    "sensor_mass_kg": (0.0, 1.0),
-    "drift_percent": (-10.0, 10.0),
+    **{"seed": (0, math.inf), "snr_db": (-300.0, math.inf), "split_percent": (-50.0, 50.0)},
+    **{"shaker_between": (0.0, 1.0), "sensor_mass_kg": (0.0, 1.0), "drift_percent": (-10.0, 10.0)},
 }
 MOST_SAMPLES = 10_000_000  # 80 minutes at 2 kHz; a run is made in memory
 SAMPLE = Path("sample_data") / "tyre_225_55R17"

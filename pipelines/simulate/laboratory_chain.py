@@ -13,13 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import fft, ifft, irfft, next_fast_len, rfft
 
+from pipelines.simulate.campaign import HUM_HZ, OFFSET_M_S2
 from pipelines.simulate.laboratory_effects import Effects, Excitation
 from pipelines.simulate.laboratory_tyre import Complexes, Floats, System
 
 SETTLING_S = 3.0  # kept before the recording; the slowest mode decays to e^-12 and less
-HUM_HZ = 50.0
 DEAD = 1e-4  # of the signal is left of a dead sensor
-OFFSET_M_S2 = 0.2
 RANGE_OVER_PEAK = 1.25  # full scale of the converter over the largest sample
 
 # Electrodynamic shaker of 100 N: what moves with the tyre, on its suspension.

@@ -229,16 +229,6 @@ def effects_from(table: Mapping[str, Any], place: str = "effects") -> Effects:
     return Effects(**table)
 
 
-def read_effects(path: Path) -> dict[str, Any]:
-    """Table of effects in a TOML file, as `effects_from` takes it."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(str(path), "file not found", "a TOML file", "Check the path") from error
-    except (OSError, ValueError) as error:
-        raise InputError(str(path), str(error), "a TOML file", "Fix it") from error
-
-
 def parse_effect(text: str) -> tuple[str, Any]:
     """Name and value of ``name=value``, the value as in TOML or a plain word."""
     name, separator, value = text.partition("=")
@@ -256,7 +246,12 @@ def effects_of(
     """Effects of a TOML file and of ``name=value`` texts, which go before; None without either."""
     if file is None and not texts:
         return None
-    stated = {} if file is None else read_effects(file)
+    try:
+        stated = {} if file is None else tomllib.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(str(file), "file not found", "a TOML file", "Check the path") from error
+    except (OSError, ValueError) as error:
+        raise InputError(str(file), str(error), "a TOML file", "Fix it") from error
     stated |= dict(parse_effect(text) for text in texts)
     return effects_from({**defaults, **stated}, "--effect" if file is None else str(file))
 
