@@ -23,8 +23,7 @@ MACHINES = "Machines"
 def batch(
     root: Annotated[Path, argument("ROOT", "Folder with campaigns, at any depth.")],
     out: Annotated[
-        Path,
-        option("--out", "Folder for results and tables; a later run continues.", FILES, "DIR"),
+        Path, option("--out", "Folder for results and tables; a later run continues.", FILES, "DIR")
     ],
     options: Options,
     jobs: Annotated[

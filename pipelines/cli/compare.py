@@ -61,8 +61,7 @@ def compare(
 def compare_shapes(
     result: Annotated[Path, argument("RESULT", "Result folder.")],
     other: Annotated[
-        Path,
-        argument("OTHER", "Universal file (55, 2414), another result, or a CSV table."),
+        Path, argument("OTHER", "Universal file (55, 2414), another result, or a CSV table.")
     ],
     out: Annotated[
         Path | None, option("--out", "Also write a table (.csv) or a page (.html).", FILES, "FILE")
@@ -83,12 +82,7 @@ def compare_shapes(
     ] = False,
     direction: Annotated[
         str,
-        one_of(
-            "--direction",
-            DIRECTIONS,
-            "Motion of OTHER: radial, x, y or z. Default: radial.",
-            PLACES,
-        ),
+        one_of("--direction", DIRECTIONS, "Motion of OTHER: radial (default), x, y or z.", PLACES),
     ] = "",
     as_json: Json = False,
 ) -> None:

@@ -90,12 +90,7 @@ def processing_options(
     *,
     band_hz: Annotated[
         tuple[float, float] | None,
-        option(
-            "--band-hz",
-            "Band in Hz in which modes are identified. Default for a tyre: 20 260.",
-            PROCESSING,
-            "FROM TO",
-        ),
+        option("--band-hz", "Band in Hz. Default for a tyre: 20 260.", PROCESSING, "FROM TO"),
     ] = None,
     averages: Annotated[
         int | None, option("--averages", "Averages; sets the block length.", PROCESSING, "N", min=1)
@@ -111,12 +106,7 @@ def processing_options(
     ] = None,
     window: Annotated[
         str | None,
-        one_of(
-            "--window",
-            value.WINDOWS,
-            "hann, boxcar or any window of scipy. Default: hann.",
-            PROCESSING,
-        ),
+        one_of("--window", value.WINDOWS, "Any window of scipy. Default: hann.", PROCESSING),
     ] = None,
     overlap: Annotated[
         float | None,

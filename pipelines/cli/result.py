@@ -164,19 +164,14 @@ def _say_files(folder: Path, *, report: bool) -> None:
 
 
 def _show_modes(result: Result) -> None:
-    modes = result.modal_model.modes
-    rows = [
-        (
-            str(number),
-            "" if m.order is None else f"{m.order}{m.member}",
-            value_with_std(m.frequency_hz, m.frequency_std_hz),
-            value_with_std(100 * m.damping_ratio, 100 * m.damping_std),
-            "" if m.order is None else f"{m.order_purity:.3f}",
-            m.pair.value,
-            m.status,
-        )
-        for number, m in enumerate(modes, 1)
-    ]
+    rows = []
+    for number, m in enumerate(result.modal_model.modes, 1):
+        frequency = value_with_std(m.frequency_hz, m.frequency_std_hz)
+        damping = value_with_std(100 * m.damping_ratio, 100 * m.damping_std)
+        order, purity = "", ""
+        if m.order is not None:
+            order, purity = f"{m.order}{m.member}", f"{m.order_purity:.3f}"
+        rows.append((str(number), order, frequency, damping, purity, m.pair.value, m.status))
     head = ("mode", "order", "frequency / Hz", "damping / %", "purity", "pair", "status")
     columns = columns_of(head, rows, head[5:], head[5:])
     # modes.csv has the columns that a narrow screen leaves out.

@@ -20,13 +20,7 @@ from pipelines.cli.interrupt import reporting_outcome
 from pipelines.cli.options import AcceptChanges, Json, argument, option
 from pipelines.cli.simulate_show import Targets, announced
 from pipelines.cli.terminal import echo, print_json
-from pipelines.cli.values import (
-    FIGURE_ENDINGS,
-    TABLE_ENDINGS,
-    orders_of,
-    require_target,
-    values_of,
-)
+from pipelines.cli.values import FIGURE_ENDINGS, TABLE_ENDINGS, orders_of, require_target, values_of
 from pipelines.simulate.campaign import simulate_campaign
 from pipelines.simulate.laboratory import simulate_laboratory
 from pipelines.simulate.laboratory_effects import effects_of

@@ -258,24 +258,20 @@ def _frf_rows(report: FileReport) -> list[dict[str, Any]]:
     frf = report.frf
     if frf is None:
         return []
+    about: dict[str, Any] = {
+        "quantity": "inertance",
+        "unit": "(m/s^2)/N",
+        "n_lines": frf.frequency_hz.size,
+    }
+    about |= {"lowest_hz": frf.frequency_hz[0], "highest_hz": frf.frequency_hz[-1], "findings": []}
+    places = zip(report.frf_names, frf.node, frf.position_deg, strict=True)
     return [
-        {
-            "kind": "FRF",
-            "channel": name,
-            "node": None if node < 0 else node,
-            "angle_deg": angle,
-            "quantity": "inertance",
-            "unit": "(m/s^2)/N",
-            "n_lines": frf.frequency_hz.size,
-            "lowest_hz": frf.frequency_hz[0],
-            "highest_hz": frf.frequency_hz[-1],
-            "findings": [],
-        }
-        for name, node, angle in zip(report.frf_names, frf.node, frf.position_deg, strict=True)
+        {"kind": "FRF", "channel": name, "node": None if node < 0 else node, "angle_deg": angle}
+        | about
+        for name, node, angle in places
     ]
 
 
 def _as_json(findings: Sequence[Finding]) -> list[dict[str, str]]:
-    return [
-        {"check": each.check, "verdict": each.verdict, "detail": each.detail} for each in findings
-    ]
+    names = ("check", "verdict", "detail")
+    return [{name: getattr(each, name) for name in names} for each in findings]

@@ -47,20 +47,13 @@ def add(
     library: opt.Library = None,
     tyre_id: Annotated[
         str,
-        opt.option(
-            "--tyre", "Name among tyres of one designation, e.g. winter-A.", opt.LIBRARY, "NAME"
-        ),
+        opt.option("--tyre", "Name within its designation, e.g. winter-A.", opt.LIBRARY, "NAME"),
     ] = "",
     note: opt.Note = "",
     author: opt.Author = "",
     condition: Annotated[
         list[str] | None,
-        opt.option(
-            "--condition",
-            "A condition of the measurement in SI, e.g. load_n=4000.",
-            opt.LIBRARY,
-            "NAME=VALUE",
-        ),
+        opt.option("--condition", "Condition in SI, e.g. load_n=4000.", opt.LIBRARY, "NAME=VALUE"),
     ] = None,
     accept_changes: opt.AcceptChanges = False,
     as_json: opt.Json = False,

@@ -75,31 +75,21 @@ class Effects:
     preload_n: float = _effect(50.0, "N", "static force; none with a hammer", 0.0, 1e3)
     shaker: bool = _effect(False, "–", "shaker moves with the tyre: force drops at resonances")
     # The tyre.
-    stiffness: float = _effect(
-        1.0, "–", "factor on pressure and all stiffness of the tyre that the seed draws", 0.2, 5.0
-    )
+    stiffness: float = _effect(1.0, "–", "factor on pressure and all stiffness", 0.2, 5.0)
     splice: float = _effect(0.0, "–", "share of the belt's mass added in a splice", 0.0, 0.1)
     stiffness_variation: float = _effect(0.0, "–", "rms of the stiffness over the angle", 0.0, 0.2)
     damping_variation: float = _effect(0.0, "–", "rms of the damping over the angle", 0.0, 0.4)
     mass_variation: float = _effect(0.0, "–", "rms of the mass over the angle", 0.0, 0.2)
-    rim_hz: tuple[float, ...] = _effect(
-        (), "Hz", "frequencies of the rim on its fixture, x and z; fixed if empty", 1.0, 1e4
-    )
+    rim_hz: tuple[float, ...] = _effect((), "Hz", "rim on fixture, x and z; empty: fixed", 1.0, 1e4)
     rim_mass_kg: float = _effect(12.0, "kg", "mass of the rim on its fixture", 0.1, 1e3)
     rim_turning_hz: float = _effect(0.0, "Hz", "rim turning on its fixture; 0 is fixed", 0.0, 1e4)
-    lateral_hz: tuple[float, ...] = _effect(
-        (), "Hz", "lateral modes, seen weakly by radial sensors", 1.0, 1e4
-    )
+    lateral_hz: tuple[float, ...] = _effect((), "Hz", "lateral modes, seen weakly", 1.0, 1e4)
     cavity_coupling: float = _effect(0.0, "–", "coupling of the air's first mode", 0.0, 0.3)
     # Changes of the tyre.
     pressure_drift: float = _effect(0.0, "–", "pressure, last against first run", -0.3, 0.3)
     pressure_drift_within: float = _effect(0.0, "–", "pressure, change in each run", -0.3, 0.3)
-    temperature_drift: float = _effect(
-        0.0, "–", "all frequencies by temperature, last against first run", -0.1, 0.1
-    )
-    temperature_damping: float = _effect(
-        0.0, "–", "all damping ratios by temperature, last against first run", -0.5, 0.5
-    )
+    temperature_drift: float = _effect(0.0, "–", "frequencies, last against first run", -0.1, 0.1)
+    temperature_damping: float = _effect(0.0, "–", "damping, last against first run", -0.5, 0.5)
     drift_within: float = _effect(0.0, "–", "all frequencies, change in each run", -0.1, 0.1)
     softening: float = _effect(0.0, "–", "fall of all frequencies if the level doubles", -0.1, 0.1)
     # Sensors and load cell.
@@ -125,9 +115,7 @@ class Effects:
     force_snr_db: float = _effect(80.0, "dB", "force over load-cell noise, rms", -40.0, 300.0)
     hum: float = _effect(0.0, "–", "50 Hz hum, share of the mean response", 0.0, 10.0)
     bits: int = _effect(0, "–", "bits of the converter; 0 does not quantise", 0, 32)
-    clip: float = _effect(
-        0.0, "–", "sensors clip at this multiple of their mean rms; 0: never", 0.0, 99
-    )
+    clip: float = _effect(0.0, "–", "sensors clip at this multiple of the rms; 0: never", 0.0, 99)
 
     def __post_init__(self) -> None:
         for entry in fields(self):

@@ -290,8 +290,7 @@ class LaboratoryTyre:
         ring, effects, drawn = self.ring, self.effects, self._draws
         varied = [1 + effects.stiffness_variation * drawn[k] for k in ("radial", "tangential")]
         stiff = self._belt(state.pressure, self._splice)[0] + self._sidewall(
-            ring.radial_stiffness_n_m3 * varied[0],
-            ring.circumferential_stiffness_n_m3 * varied[1],
+            ring.radial_stiffness_n_m3 * varied[0], ring.circumferential_stiffness_n_m3 * varied[1]
         )
         for column, (mass, hz, _) in self._oscillators.items():
             stiff[column, column] += mass * (2 * np.pi * hz) ** 2
