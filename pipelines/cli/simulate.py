@@ -21,16 +21,10 @@ from pipelines.cli.options import AcceptChanges, Json, argument, option
 from pipelines.cli.simulate_show import Targets, announced
 from pipelines.cli.terminal import echo, print_json
 from pipelines.cli.values import FIGURE_ENDINGS, TABLE_ENDINGS, orders_of, require_target, values_of
+from pipelines.simulate import responses
 from pipelines.simulate.campaign import simulate_campaign
 from pipelines.simulate.laboratory import simulate_laboratory
 from pipelines.simulate.laboratory_effects import effects_of
-from pipelines.simulate.responses import (
-    MOST_LOADS,
-    Observer,
-    simulate_cleat,
-    simulate_inertance,
-    simulate_loaded,
-)
 from pipelines.simulate.tyre import damping_of, simulate_frequencies, wheel_of
 
 simulate = typer.Typer(
@@ -217,7 +211,9 @@ def inertance(
         frame=frame,
     )
     lines = values_of("--frequency-hz", frequency_hz)
-    found = simulate_inertance(forced, lines, at_deg, force_deg, inextensional=inextensional)
+    found = responses.simulate_inertance(
+        forced, lines, at_deg, force_deg, inextensional=inextensional
+    )
     simulate_show.inertance(found, chosen, Targets(out, figure, as_json))
 
 
@@ -272,9 +268,9 @@ def cleat(
         frame=force_frame,
     )
     impact = Cleat(radial_n_s, circumferential_n_s, duration_s, math.radians(contact_deg))
-    observer = Observer(at_deg, frame, direction, quantity)
+    observer = responses.Observer(at_deg, frame, direction, quantity)
     times, lines = values_of("--times-s", times_s), values_of("--frequency-hz", frequency_hz)
-    found = simulate_cleat(CleatTest(forced, impact), observer, times, lines)
+    found = responses.simulate_cleat(CleatTest(forced, impact), observer, times, lines)
     simulate_show.cleat(found, Targets(out, figure, as_json), spectrum)
 
 
@@ -299,9 +295,9 @@ def loaded(
     Example:
       ringmodal simulate loaded --load-n 0:4000:500 --figure loaded.svg
     """
-    found = simulate_loaded(
+    found = responses.simulate_loaded(
         announced(tyre, accept_changes=accept_changes).ring,
-        values_of("--load-n", load_n, MOST_LOADS),
+        values_of("--load-n", load_n, responses.MOST_LOADS),
         modes,
         highest_order=harmonics,
         pressure_load=pressure_load,

@@ -18,22 +18,8 @@ from pipelines.plots import simulated
 from pipelines.plots.draw import draw_plot
 from pipelines.plots.plot import Plot
 from pipelines.plots.style import write_figure
-from pipelines.simulate.responses import (
-    PER_LINE_FORCE,
-    CleatResponse,
-    LoadedSweep,
-    SimulatedInertance,
-)
-from pipelines.simulate.tyre import (
-    SimulatedTyre,
-    free_frequencies,
-    frequency_columns,
-    frequency_lists,
-    hub_columns,
-    instabilities,
-    largest_at_hub,
-    tyre_to_simulate,
-)
+from pipelines.simulate import responses
+from pipelines.simulate import tyre as tyres
 from pipelines.storage.rounding import DASH
 from pipelines.storage.tables import write_table
 
@@ -55,9 +41,9 @@ class Targets:
         return not self.as_json and self.table is None
 
 
-def announced(path: Path | None, *, accept_changes: bool = False) -> SimulatedTyre:
+def announced(path: Path | None, *, accept_changes: bool = False) -> tyres.SimulatedTyre:
     """The tyre to simulate; the sample tyre is announced on standard error."""
-    tyre = tyre_to_simulate(path, accept_changes=accept_changes)
+    tyre = tyres.tyre_to_simulate(path, accept_changes=accept_changes)
     if path is None:
         echo_error(f"No --tyre given: the parameters are those of {tyre.name}.")
     return tyre
@@ -65,10 +51,10 @@ def announced(path: Path | None, *, accept_changes: bool = False) -> SimulatedTy
 
 def frequencies(found: Bifurcation, frame: str, targets: Targets) -> None:
     """Show natural frequencies over speed."""
-    for sentence in instabilities(found):
+    for sentence in tyres.instabilities(found):
         echo_error(sentence)
-    columns = frequency_columns(found)
-    _write(targets, columns, frequency_lists(found))
+    columns = tyres.frequency_columns(found)
+    _write(targets, columns, tyres.frequency_lists(found))
     if targets.screen:
         shown = {name: columns[name] for name in list(columns)[:4]}
         places = {"speed_rad_s": 2, "regressive_hz": 3, "progressive_hz": 3}
@@ -76,10 +62,12 @@ def frequencies(found: Bifurcation, frame: str, targets: Targets) -> None:
     _write_picture(targets, simulated.frequencies_plot(found))
 
 
-def inertance(found: SimulatedInertance, tyre: SimulatedTyre, targets: Targets) -> None:
+def inertance(
+    found: responses.SimulatedInertance, tyre: tyres.SimulatedTyre, targets: Targets
+) -> None:
     """Show an inertance; its peaks where there are many lines."""
     note = f"Inertance in {found.unit}"
-    if found.unit == PER_LINE_FORCE:
+    if found.unit == responses.PER_LINE_FORCE:
         note += f", per unit of belt width: {tyre.name} has no belt width"
         echo_error(f"{note}.")
     _write(targets, found.columns, {"unit": found.unit, **found.columns}, note)
@@ -93,7 +81,7 @@ def inertance(found: SimulatedInertance, tyre: SimulatedTyre, targets: Targets) 
     _write_picture(targets, simulated.inertance_plot(found))
 
 
-def cleat(found: CleatResponse, targets: Targets, spectrum: Path | None) -> None:
+def cleat(found: responses.CleatResponse, targets: Targets, spectrum: Path | None) -> None:
     """Show the response to an impact, on the screen its extremes."""
     quantity, unit = found.observer.quantity, found.observer.unit
     spectra = {f"spectrum_{name}": each for name, each in found.spectrum_columns.items()}
@@ -109,7 +97,7 @@ def cleat(found: CleatResponse, targets: Targets, spectrum: Path | None) -> None
     _write_picture(targets, simulated.cleat_plot(found))
 
 
-def loaded(found: LoadedSweep, targets: Targets) -> None:
+def loaded(found: responses.LoadedSweep, targets: Targets) -> None:
     """Show frequencies over load."""
     names = ("load_n", "frequency_hz", "dominant_order", "contact_deflection_m")
     _write(targets, found.columns, {name: getattr(found, name) for name in names})
@@ -124,13 +112,13 @@ def loaded(found: LoadedSweep, targets: Targets) -> None:
 def hub(found: HubResponse, forced: ForcedRing, targets: Targets) -> None:
     """Show forces and moment at the hub, and frequencies of a free wheel."""
     wheel = forced.wheel
-    columns = hub_columns(found, free=wheel is not None)
+    columns = tyres.hub_columns(found, free=wheel is not None)
     _write(targets, columns, columns)
     if targets.screen:
         places = {"largest": 4, "frequency_hz": 3}
-        _print_rows("Largest at the hub per N on the belt", largest_at_hub(found), places)
+        _print_rows("Largest at the hub per N on the belt", tyres.largest_at_hub(found), places)
         if wheel is not None:
-            roots = free_frequencies(forced.ring, wheel, forced.speed_rad_s)
+            roots = tyres.free_frequencies(forced.ring, wheel, forced.speed_rad_s)
             _print_rows("Undamped, with the free wheel, seen from the tyre", roots, places)
     _write_picture(targets, simulated.hub_plot(found))
 

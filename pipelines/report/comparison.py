@@ -10,18 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.compare import shape_comparison as shapes
+from pipelines.compare import table as tables
 from pipelines.compare.compare import Comparison
 from pipelines.compare.modes import MatchedMode
 from pipelines.compare.summary_text import CAUTION, METHOD, findings
-from pipelines.compare.table import (
-    CONTRAST_HEAD,
-    MODE_HEAD,
-    PARAMETER_HEAD,
-    contrast_rows,
-    damping_rows,
-    frequency_rows,
-    parameter_rows,
-)
 from pipelines.plots.chart import Chart
 from pipelines.plots.comparison import change_chart, cross_mac_chart, frf_charts
 from pipelines.plots.modes import matrix_chart
@@ -106,8 +98,10 @@ def _summary(comparison: Comparison) -> Section:
 
 def _compared(comparison: Comparison) -> Section:
     alike = not any(each.differs for each in comparison.processing)
-    head, words = CONTRAST_HEAD[1:], (0, 1, 2, 3)
-    conditions, processing = map(contrast_rows, (comparison.conditions, comparison.processing))
+    head, words = tables.CONTRAST_HEAD[1:], (0, 1, 2, 3)
+    conditions, processing = map(
+        tables.contrast_rows, (comparison.conditions, comparison.processing)
+    )
     caption = f"Processing{': the same for both' if alike else ''}"
     blocks = (
         Table("Tyre, conditions and set-up", ("tyre and conditions", *head), conditions, words),
@@ -120,7 +114,7 @@ def _frequencies(comparison: Comparison) -> Section:
     modes = comparison.modes
     if not modes:
         return Section("frequencies", "Frequencies", ())
-    table = Table("Frequencies", _with_unit("Hz"), frequency_rows(comparison), words=(0, 7))
+    table = Table("Frequencies", _with_unit("Hz"), tables.frequency_rows(comparison), words=(0, 7))
     chart = change_chart("frequency-change", "frequency", modes, [m.frequency for m in modes])
     blocks: tuple[Block, ...] = (chart, table, *_remarks(modes), *_unmatched(comparison))
     return Section("frequencies", "Frequencies", blocks)
@@ -135,12 +129,12 @@ def _damping(comparison: Comparison) -> Section:
         "Damping ratios are in percent of critical damping. The relative change is in percent of "
         "the first ratio: from 2.00 % to 2.10 % it is +5 %."
     )
-    table = Table("Damping ratios", _with_unit("%"), damping_rows(comparison), words=(0, 7))
+    table = Table("Damping ratios", _with_unit("%"), tables.damping_rows(comparison), words=(0, 7))
     return Section("damping", "Damping", (chart, table, note))
 
 
 def _with_unit(unit: str) -> tuple[str, ...]:
-    mode, first, second, change, *others = MODE_HEAD
+    mode, first, second, change, *others = tables.MODE_HEAD
     return (mode, *(f"{title} / {unit}" for title in (first, second, change)), *others)
 
 
@@ -176,8 +170,8 @@ def _parameters(comparison: Comparison) -> Section:
     if not comparison.parameters:
         text = "One or both results have no ring parameters: there is nothing to compare."
         return Section("parameters", title, (Paragraph(text),))
-    caption, rows = "Ring and damping parameters", parameter_rows(comparison)
-    table = Table(caption, PARAMETER_HEAD, rows, words=(0, 6))
+    caption, rows = "Ring and damping parameters", tables.parameter_rows(comparison)
+    table = Table(caption, tables.PARAMETER_HEAD, rows, words=(0, 6))
     note = Paragraph(
         "Given parameters and those that the frequencies do not determine are shown but not "
         "tested. All stiffnesses, masses and damping values are per unit of belt width."

@@ -22,16 +22,10 @@ from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode, ResidualTerms
 from ema.core.settings import CheckSettings
 from ema.poles.stability import Cluster, StabilityDiagram
+from pipelines.results import schema
 from pipelines.results.labels import in_band
 from pipelines.results.provenance import CheckedResult, checked_result
 from pipelines.results.result import Result
-from pipelines.results.schema import (
-    REMEDY,
-    Stored,
-    Two,
-    read_identification_json,
-    require_provenance,
-)
 from pipelines.results.tables import read_frf
 from pipelines.storage.checksums import ACCEPTED
 from pipelines.storage.result_folder import MARKER, recover
@@ -75,7 +69,7 @@ def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
         before = _marker_bytes(folder)
         try:
             checked = checked_result(folder, accept_changes=accept_changes)
-            require_provenance(folder / MARKER, checked.marker.content)
+            schema.require_provenance(folder / MARKER, checked.marker.content)
             result = _read_identification(folder, checked.marker.content)
         except InputError:
             if not attempts_left or _marker_bytes(folder) == before:
@@ -149,7 +143,7 @@ def _write_residues(model: ModalModel, path: Path) -> None:
 
 def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
     """Result without its ring steps from a folder and its provenance."""
-    stored = read_identification_json(folder / JSON_NAME)
+    stored = schema.read_identification_json(folder / JSON_NAME)
     frf = read_frf(folder / "frf.parquet")
     frf = replace(frf, blocks=stored.blocks, n_effective=stored.n_effective)
     if (folder / REFERENCE_NAME).is_file():
@@ -175,17 +169,17 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
     )
 
 
-def _read_reference(path: Path, band_hz: Two) -> FRF:
+def _read_reference(path: Path, band_hz: schema.Two) -> FRF:
     frf = read_frf(path)
     n_lines = np.count_nonzero(in_band(frf.frequency_hz, band_hz))
     if frf.n_positions < 2 or not n_lines or np.any(frf.std == 0):
         found = f"{frf.n_positions} runs, {n_lines} frequencies in the band"
         rule = "the check needs two or more runs, frequencies in the band, and noise"
-        raise InputError(str(path), found, rule, REMEDY)
+        raise InputError(str(path), found, rule, schema.REMEDY)
     return frf
 
 
-def _read_model(stored: Stored, frf: FRF, path: Path) -> ModalModel:
+def _read_model(stored: schema.Stored, frf: FRF, path: Path) -> ModalModel:
     residues, std, terms = _read_residues(path, stored, frf.n_positions)
     _require_positions(path.with_name(JSON_NAME), stored, frf)
     records = (*stored.modes, *stored.guard_modes)
@@ -211,20 +205,20 @@ def _read_model(stored: Stored, frf: FRF, path: Path) -> ModalModel:
     )
 
 
-def _require_positions(path: Path, stored: Stored, frf: FRF) -> None:
+def _require_positions(path: Path, stored: schema.Stored, frf: FRF) -> None:
     """Refuse modes that do not fit the positions of the FRFs."""
     if len(stored.frac) != frf.n_positions:
         found, rule = f"frac of {len(stored.frac)} positions", f"the FRFs have {frf.n_positions}"
-        raise InputError(str(path), found, rule, REMEDY)
+        raise InputError(str(path), found, rule, schema.REMEDY)
     orders = [mode.order for mode in (*stored.modes, *stored.guard_modes) if mode.order is not None]
     on_circle = bool(np.all(np.isfinite(frf.position_deg)))
     if orders and not (on_circle and max(orders) <= highest_order(frf.position_deg)):
         rule = "the positions of the FRFs must resolve the order"
-        raise InputError(str(path), f"a mode of order {max(orders)}", rule, REMEDY)
+        raise InputError(str(path), f"a mode of order {max(orders)}", rule, schema.REMEDY)
 
 
 def _read_residues(
-    path: Path, stored: Stored, n_positions: int
+    path: Path, stored: schema.Stored, n_positions: int
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64], ResidualTerms]:
     """Residues and their deviations, one row per mode and guard mode, and the residual terms."""
     table = Table(path)
@@ -244,7 +238,7 @@ def _read_residues(
     return residues, std, ResidualTerms(column("lower"), column("upper"))
 
 
-def _read_diagram(stored: Stored, path: Path) -> StabilityDiagram:
+def _read_diagram(stored: schema.Stored, path: Path) -> StabilityDiagram:
     table = Table(path)
     order = table.row_order()
     ratio = table.numbers("damping_ratio")[order]

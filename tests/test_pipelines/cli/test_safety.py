@@ -111,7 +111,7 @@ def test_an_interrupt_after_the_result_is_there(ringmodal, short_campaign, out, 
 
 
 def test_an_interrupted_simulation_leaves_nothing(ringmodal, out, monkeypatch):
-    monkeypatch.setattr("pipelines.simulate.campaign._truth", interrupting(signal.SIGINT))
+    monkeypatch.setattr("pipelines.simulate.campaign.manifest_text", interrupting(signal.SIGINT))
     outcome = ringmodal("simulate", "campaign", out, "--duration-s", 1)
     assert outcome == (130, "", "Interrupted: nothing was written.\n")
     assert names(out.parent) == []
