@@ -41,7 +41,11 @@ def _file(endings: tuple[str, ...]) -> Any:
     return lambda path: path and require_target(path, endings)
 
 
-_RANGE = "FROM:TO:STEP"
+def _values(text: str) -> Any:
+    """An option that takes one value, several, or a range."""
+    return typer.Option(metavar="FROM:TO:STEP", help=text)
+
+
 Tyre = Annotated[
     Path | None,
     option("--tyre", "A tyre.toml or a result folder. Default: the sample tyre, a 225/55R17."),
@@ -50,7 +54,7 @@ _TABLE, _FIGURE = {"callback": _file(TABLE_ENDINGS)}, {"callback": _file(FIGURE_
 Out = Annotated[Path | None, option("--out", "Table: .csv or .parquet.", **_TABLE)]
 FigureFile = Annotated[Path | None, option("--figure", "Picture: .png or .svg.", **_FIGURE)]
 Speed = Annotated[float, option("--speed-rad-s", "Angular speed of the tyre in rad/s.")]
-Frequencies = Annotated[str, option("--frequency-hz", "Frequencies in Hz.", metavar=_RANGE)]
+Frequencies = Annotated[str, _values("Frequencies in Hz.")]
 AtAngle = Annotated[float, option("--at-deg", "Angle of the response in degrees.")]
 ForceAngle = Annotated[float, option("--force-deg", "Angle of the force in degrees.")]
 Harmonics = Annotated[
@@ -110,24 +114,14 @@ def campaign(
       ringmodal simulate campaign virtual --duration-s 60 --snr-db 20
       ringmodal simulate campaign hammer --effect excitation=hammer --effect splice=0.004
     """  # noqa: D406, D407 - a heading of the help
-    common: dict[str, Any] = {
-        "seed": seed,
-        "duration_s": duration_s,
-        "sampling_rate_hz": sampling_rate_hz,
-        "snr_db": snr_db,
-        "sensor_mass_kg": sensor_mass_kg,
-    }
+    common: dict[str, Any] = {"seed": seed, "snr_db": snr_db, "sensor_mass_kg": sensor_mass_kg}
+    common |= {"duration_s": duration_s, "sampling_rate_hz": sampling_rate_hz}
     laboratory = effects_of(effects, effect or (), common)
     with reporting_outcome(folder):
         if laboratory is None:
-            written = simulate_campaign(
-                folder,
-                **common,
-                file_format=file_format,
-                split_percent=split_percent,
-                shaker_between=shaker_between,
-                drift_percent=drift_percent,
-            )
+            common |= {"file_format": file_format, "split_percent": split_percent}
+            common |= {"shaker_between": shaker_between, "drift_percent": drift_percent}
+            written = simulate_campaign(folder, **common)
         else:
             if (file_format, split_percent, drift_percent) != ("uff", 0.0, 0.0):
                 raise InputError(
@@ -149,9 +143,7 @@ def frequencies(
     tyre: Tyre = None,
     accept_changes: AcceptChanges = False,
     orders: Annotated[str, typer.Option(metavar="FROM:TO", help="Orders n ≥ 1.")] = "1:7",
-    speed_rad_s: Annotated[
-        str, typer.Option(metavar="FROM:TO:STEP", help="Angular speed in rad/s, one or several.")
-    ] = "0",
+    speed_rad_s: Annotated[str, _values("Angular speed in rad/s, one or several.")] = "0",
     frame: Annotated[WaveFrame, typer.Option(help="Where the observer is.")] = "rotating",
     extensional: Annotated[
         bool, typer.Option(help="Extensional instead of bending waves.")
@@ -202,14 +194,9 @@ def inertance(
       ringmodal simulate inertance --at-deg 100 --speed-rad-s 67.3 --out inertance.csv
     """
     chosen = announced(tyre, accept_changes=accept_changes)
-    forced = ForcedRing(
-        chosen.ring,
-        damping_of(chosen, on_pretension=pretension_loss),
-        speed_rad_s,
-        pressure_load=pressure_load,
-        highest_order=harmonics,
-        frame=frame,
-    )
+    damping = damping_of(chosen, on_pretension=pretension_loss)
+    options: dict[str, Any] = {"pressure_load": pressure_load, "frame": frame}
+    forced = ForcedRing(chosen.ring, damping, speed_rad_s, highest_order=harmonics, **options)
     lines = values_of("--frequency-hz", frequency_hz)
     found = responses.simulate_inertance(
         forced, lines, at_deg, force_deg, inextensional=inextensional
@@ -241,9 +228,7 @@ def cleat(
     force_frame: Annotated[
         Frame, typer.Option(help="Whether the impact stays on the tread or in space.")
     ] = "rotating",
-    times_s: Annotated[str, typer.Option(metavar="FROM:TO:STEP", help="Times in s.")] = (
-        "0:0.3:0.0005"
-    ),
+    times_s: Annotated[str, _values("Times in s.")] = "0:0.3:0.0005",
     frequency_hz: Frequencies = "0:300:0.5",
     harmonics: Harmonics = 200,
     pretension_loss: PretensionLoss = True,
@@ -260,13 +245,9 @@ def cleat(
       ringmodal simulate cleat --at-deg 90 --frame absolute --figure cleat.png
     """
     chosen = announced(tyre, accept_changes=accept_changes)
-    forced = ForcedRing(
-        chosen.ring,
-        damping_of(chosen, on_pretension=pretension_loss),
-        speed_rad_s,
-        highest_order=harmonics,
-        frame=force_frame,
-    )
+    damping = damping_of(chosen, on_pretension=pretension_loss)
+    options: dict[str, Any] = {"highest_order": harmonics, "frame": force_frame}
+    forced = ForcedRing(chosen.ring, damping, speed_rad_s, **options)
     impact = Cleat(radial_n_s, circumferential_n_s, duration_s, math.radians(contact_deg))
     observer = responses.Observer(at_deg, frame, direction, quantity)
     times, lines = values_of("--times-s", times_s), values_of("--frequency-hz", frequency_hz)
@@ -278,9 +259,7 @@ def cleat(
 def loaded(
     tyre: Tyre = None,
     accept_changes: AcceptChanges = False,
-    load_n: Annotated[
-        str, typer.Option(metavar="FROM:TO:STEP", help="Vertical loads in N; 0 is the free tyre.")
-    ] = "0:4000:1000",
+    load_n: Annotated[str, _values("Vertical loads in N; 0 is the free tyre.")] = "0:4000:1000",
     modes: Annotated[int, typer.Option(min=1, help="How many of the lowest modes.")] = 15,
     harmonics: Annotated[
         int, typer.Option(min=8, max=200, help="Harmonics of the deflected shape.")
@@ -341,13 +320,8 @@ def hub(
     chosen = announced(tyre, accept_changes=accept_changes)
     given = (wheel_mass_kg, wheel_inertia_kg_m2)
     wheel = wheel_of(chosen.wheel, *given) if hub == "free" else None
-    forced = ForcedRing(
-        chosen.ring,
-        damping_of(chosen, on_pretension=pretension_loss),
-        speed_rad_s,
-        wheel,
-        frame=frame,
-    )
+    damping = damping_of(chosen, on_pretension=pretension_loss)
+    forced = ForcedRing(chosen.ring, damping, speed_rad_s, wheel, frame=frame)
     lines, angle = values_of("--frequency-hz", frequency_hz), math.radians(force_deg)
     found = hub_response(forced, lines, angle, force_direction=direction)
     simulate_show.hub(found, forced, Targets(out, figure, as_json))

@@ -46,19 +46,14 @@ def write_mat(found: ModalExport, path: Path) -> None:
 def content(found: ModalExport) -> dict[str, Any]:
     """Everything by name; modes as rows, positions as columns, standard deviations as ``…_std``."""
     geometry, model = found.geometry, found.result.modal_model
+    places = ("node", "position_deg", "xyz_m", "direction", "n_measured")
     everything: dict[str, Any] = {
         "source": found.result.name,
         "software": f"ringmodal {software_version()}",
         "units": UNITS,
         "notes": [*geometry.notes, *found.result.notes],
-        "nodes": {
-            "node": geometry.node,
-            "position_deg": geometry.position_deg,
-            "xyz_m": geometry.xyz_m,
-            "direction": geometry.direction,
-            "n_measured": geometry.n_measured,
-            "force_node": geometry.reference_node,
-        },
+        "nodes": {name: getattr(geometry, name) for name in places}
+        | {"force_node": geometry.reference_node},
         "modes": mode_columns(found),
         "covariance": model.covariance,
         "shapes": found.shapes,

@@ -136,11 +136,8 @@ def _of_version(version: Version, *, approved: bool) -> Row:
         "tyre": version.tyre,
         "designation": own.designation,
         "tyre_id": entry.tyre_id,
-        "version": version.number,
-        "approved": approved,
-        "created": entry.created,
-        "author": entry.author,
-        "note": entry.note,
+        **{"version": version.number, "approved": approved},
+        **{"created": entry.created, "author": entry.author, "note": entry.note},
         "campaign": str(own.provenance.get("campaign", "")),
         "software": str(own.provenance.get("software", entry.software)),
         # A set written by hand may have words.

@@ -84,17 +84,12 @@ def frfs(frf: FRF) -> pd.DataFrame:
     """``frf.parquet`` and ``reference.parquet``, position by position."""
     long = frf.to_frame()
     inertance = long["inertance"].to_numpy()
+    row = np.repeat(np.arange(frf.n_positions, dtype=np.int32), frf.frequency_hz.size)
     columns = {
-        "position_deg": long["position_deg"],
-        "node": long["node"],
-        "frequency_hz": long["frequency_hz"],
-        "real": inertance.real,
-        "imag": inertance.imag,
-        "coherence": long["coherence"].astype(np.float32),
-        "std": long["std"].astype(np.float32),
-        "row": np.repeat(np.arange(frf.n_positions, dtype=np.int32), frf.frequency_hz.size),
-        "run": long["run"].astype("category"),
-        "channel": long["channel"].astype("category"),
+        **{name: long[name] for name in ("position_deg", "node", "frequency_hz")},
+        **{"real": inertance.real, "imag": inertance.imag},
+        **{name: long[name].astype(np.float32) for name in ("coherence", "std")},
+        **{"row": row, **{name: long[name].astype("category") for name in ("run", "channel")}},
     }
     return pd.DataFrame(columns)
 
