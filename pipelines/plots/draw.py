@@ -47,7 +47,8 @@ LONG_NAMES = 34  # letters of all names together that fit side by side
 def draw_plot(plot: Plot) -> Figure:
     """Draw all panels of a plot as a new figure in the common style."""
     rows = -(-len(plot.panels) // plot.columns)
-    ratios = {"height_ratios": plot.heights or None, "width_ratios": plot.widths or None}
+    ratios: dict[str, Any] = {"height_ratios": plot.heights or None}
+    ratios["width_ratios"] = plot.widths or None
     # Panels one below the other share an axis that only the last one names.
     shared = plot.columns == 1 and not plot.panels[0].x.title and rows > 1
     with styled_figure(
@@ -215,6 +216,7 @@ def _set_log(axis: Axis, ax: Axes) -> None:
 
 def _name_flags(flags: Flags, ax: Axes) -> None:
     line, places = {"color": _hex(KEPT), "linewidth": 0.6}, ("data", "axes fraction")
+    look: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "bottom", "fontsize": 7.5}
     for at, place, name in zip(flags.at, flags.places, flags.names, strict=True):
         ax.axvline(at, 0, flags.height + 0.03, alpha=0.6, **line)
         ax.annotate(
@@ -224,7 +226,7 @@ def _name_flags(flags: Flags, ax: Axes) -> None:
             xycoords=places,
             textcoords=places,
             arrowprops={"arrowstyle": "-", "shrinkA": 0, **line},
-            **{"rotation": 90, "ha": "center", "va": "bottom", "fontsize": 7.5},
+            **look,
         )
 
 

@@ -68,8 +68,8 @@ def setup_chart(
         series.append(Curve(*place, MEASURED, "reference", marker="star", size=17))
     unnamed = max(0, len(runs) - MOST_NAMED_RUNS)
     more = f" {unnamed} further runs are drawn, but not named." if unnamed else ""
-    axes = (Axis(range=(min(-1.12, end), max(1.12, end))) for end in (x, y))
-    panel = Panel(tuple(series), *axes, legend="center", equal=True, bare=True)
+    across, up = (Axis(range=(min(-1.12, end), max(1.12, end))) for end in (x, y))
+    panel = Panel(tuple(series), across, up, legend="center", equal=True, bare=True)
     return Chart(
         "setup",
         Plot((panel,), (11.5, 9.5), margins=Margins(0.1, 0.1, 0.1, 0.1)),

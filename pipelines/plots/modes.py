@@ -170,9 +170,10 @@ def frf_plot(
     levels = Axis(INERTANCE, (top / 10**SHOWN_DECADES, top), log=True)
     magnitude = tuple(pair[0] for pair in pairs)
     phase = tuple(pair[1] for pair in pairs)
-    upper = (*shaded, *magnitude), Axis(range=(low, high)), levels, None, title, "lower right"
-    lower = (*shaded, *phase), Axis(FREQUENCY, (low, high)), PHASE
-    return Plot((Panel(*upper), Panel(*lower)), (13, 10), heights=(3, 2), together=True)
+    axes = Axis(range=(low, high)), levels
+    upper = Panel((*shaded, *magnitude), *axes, title=title, legend="lower right")
+    lower = Panel((*shaded, *phase), Axis(FREQUENCY, (low, high)), PHASE)
+    return Plot((upper, lower), (13, 10), heights=(3, 2), together=True)
 
 
 def position_names(of: FRF | ModalModel) -> list[str]:

@@ -60,9 +60,9 @@ def scatter_chart(found: Validation, std_hz: NDArray[np.float64] | None = None) 
         listed=False,
     )
     band = Band(ends, ends - half, ends + half, RING, TOLERANCE)
-    axes = (Axis(f"{which} / Hz", (ends[0], ends[1])) for which in ("measured", "ring model"))
+    across, up = (Axis(f"{name} / Hz", (ends[0], ends[1])) for name in ("measured", "ring model"))
     series = band, Curve(ends, ends, FAINT, width=1), orders
-    panel = Panel(series, *axes, legend="lower right", equal=True)
+    panel = Panel(series, across, up, legend="lower right", equal=True)
     within = int(np.sum(np.abs(found.error_percent) <= TOLERANCE_PERCENT))
     return Chart(
         "frequency-scatter",
