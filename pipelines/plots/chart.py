@@ -36,9 +36,8 @@ class Chart:
 
     name: str  # unique in the page, for anchors and file names: letters and hyphens
     plot: Plot  # the page shows one panel, or several over one x axis
-    alternative: str = (
-        ""  # what the chart shows, for readers who cannot see it, with its main finding
-    )
+    # what the chart shows, for readers who cannot see it, with its main finding
+    alternative: str = ""
     caption: str = ""  # what to look for
     wide: bool = False  # whether it needs the full width of the page
     height_px: int = 340
