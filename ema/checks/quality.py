@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
 
 from ema.core.arrays import readonly
-from ema.core.finding import OK, WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import position_finding
 from ema.core.settings import CHECKS, CheckSettings
 
@@ -97,7 +97,8 @@ def coherence_findings(
         poor = median < settings.poor_coherence
         detail = f"median coherence {median:.3f} between {band_hz[0]:g} and {band_hz[1]:g} Hz"
         detail += f", below {settings.poor_coherence:g}" if poor else ""
-        findings.append(position_finding(frf, row, "coherence", WARNING if poor else OK, detail))
+        verdict = Verdict.WARNING if poor else Verdict.OK
+        findings.append(position_finding(frf, row, Check.COHERENCE, verdict, detail))
     return findings
 
 
@@ -109,7 +110,7 @@ def averages_finding(frf: FRF) -> list[Finding]:
         "a single average: coherence is always 1 and carries no information; ± is estimated "
         "from the fit residuals. Record the sweep, burst or impact several times"
     )
-    return [Finding("", "", None, "averages", WARNING, detail)]
+    return [Finding("", "", None, Check.AVERAGES, Verdict.WARNING, detail)]
 
 
 def period_finding(frf: FRF) -> list[Finding]:
@@ -120,13 +121,13 @@ def period_finding(frf: FRF) -> list[Finding]:
     found = f"the force repeats every {plan.period_s:g} s"
     if plan.is_one_period:
         detail = f"{found}; every block is one period, so that nothing leaks"
-        return [Finding("", "force", None, "period", OK, detail)]
+        return [Finding("", "force", None, Check.PERIOD, Verdict.OK, detail)]
     detail = (
         f"{found}, but blocks of {plan.block_s:g} s with a {plan.window} window are not one "
         "period: damping ratios may be wrong by a few percent. Use the default averages, block "
         "length and window"
     )
-    return [Finding("", "force", None, "period", WARNING, detail)]
+    return [Finding("", "force", None, Check.PERIOD, Verdict.WARNING, detail)]
 
 
 def coherent_band(frf: FRF, settings: CheckSettings = CHECKS) -> tuple[float, float]:
@@ -154,7 +155,7 @@ def drift_findings(drift: Drift, frequencies_hz: NDArray[np.float64]) -> list[Fi
     """
     if len(drift.run) < 2 or not frequencies_hz.size:
         return []
-    verdict = WARNING if drift.applied else OK
+    verdict = Verdict.WARNING if drift.applied else Verdict.OK
     says = "; the run was fitted in its own state" if drift.applied else "; no more than chance"
     low, high = float(np.min(frequencies_hz)), float(np.max(frequencies_hz))
     rows = zip(
@@ -171,7 +172,7 @@ def drift_findings(drift: Drift, frequencies_hz: NDArray[np.float64]) -> list[Fi
             run=run,
             channel="",
             position_deg=None,
-            check="drift",
+            check=Check.DRIFT,
             verdict=verdict,
             detail=f"natural frequencies {at_low:+.4f} % at {low:.0f} Hz to {at_high:+.4f} % at "
             f"{high:.0f} Hz (± {std:.4f} %), damping {damping:+.2f} ± {damping_std:.2f} %, "
@@ -185,17 +186,17 @@ def reference_finding(check: ReferenceCheck, settings: CheckSettings = CHECKS) -
     """Verdict on the reference sensor as a line of ``quality.csv``."""
     deviation = f"deviation over the runs is {check.ratio:.2f} times its noise "
     if np.isnan(check.ratio):
-        verdict, says = WARNING, "its noise is unknown with a single average"
+        verdict, says = Verdict.WARNING, "its noise is unknown with a single average"
         deviation = "deviation over the runs cannot be judged "
     elif check.consistent:
-        verdict, says = OK, "the runs show one and the same tyre"
+        verdict, says = Verdict.OK, "the runs show one and the same tyre"
     else:
-        verdict, says = WARNING, "the tyre or its mounting changed between the runs"
+        verdict, says = Verdict.WARNING, "the tyre or its mounting changed between the runs"
     return Finding(
         run="",
         channel="reference",
         position_deg=None,
-        check="reference",
+        check=Check.REFERENCE,
         verdict=verdict,
         detail=f"{deviation}(limit {settings.consistent_ratio:g}): {says}",
     )
@@ -296,8 +297,8 @@ def gain_findings(check: ReferenceCheck) -> list[Finding]:
             run=gain.run,
             channel="reference",
             position_deg=None,
-            check="gain",
-            verdict=WARNING,
+            check=Check.GAIN,
+            verdict=Verdict.WARNING,
             detail=f"the FRF reads {gain.factor:.3g} ± {gain.std:.1g} times that of the other runs "
             "on all lines, as no tyre changes: check sign, unit and range of the force, and of the "
             "sensors; it was left in",

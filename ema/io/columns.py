@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.core.recording import UNKNOWN, Channel, Recording
 from ema.core.units import is_stated, parse_unit
 from ema.io.content import EXPORT_AGAIN, FileContent, remark
@@ -127,7 +127,7 @@ def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Colu
 def _channel(path: Path, column: Column, findings: list[Finding]) -> Channel:
     unit = parse_unit(column.unit)
     if unit is None and is_stated(column.unit):
-        findings.append(remark(path, column.name, "unit", f"unit {column.unit!r} is not known"))
+        findings.append(remark(path, column.name, Check.UNIT, f"unit {column.unit!r} is not known"))
     column.samples.setflags(write=False)
     quantity, factor = (UNKNOWN, 1.0) if unit is None else (unit.quantity, unit.factor)
     return Channel(column.name, quantity, column.unit, column.samples, scale_to_si=factor)

@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from ema.core.errors import InputError, RecordingFormatError
-from ema.core.finding import WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.recording import Recording
 
@@ -62,15 +62,15 @@ class FileContent:
     findings: tuple[Finding, ...] = ()
 
 
-def remark(path: Path, channel: str, check: str, detail: str) -> Finding:
+def remark(path: Path, channel: str, check: Check, detail: str) -> Finding:
     """Build a warning about a channel of a file (or about the file, `channel` empty)."""
-    return Finding(path.name, channel, None, check, WARNING, detail)
+    return Finding(path.name, channel, None, check, Verdict.WARNING, detail)
 
 
 def left_out(path: Path, why: Mapping[str, str]) -> tuple[Finding, ...]:
     """Warnings about parts of a file that are not read: the reason by the name of the part."""
     return tuple(
-        remark(path, name, "content", f"{reason}, left out") for name, reason in why.items()
+        remark(path, name, Check.CONTENT, f"{reason}, left out") for name, reason in why.items()
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
+from ema.core.finding import Check
 from ema.io.columns import Column, content_of_columns, is_time, name_and_unit, stated_rate
 from ema.io.content import LEAVE_OUT, FileContent, check_stored, reading, remark, require
 
@@ -53,7 +54,7 @@ def read(path: Path) -> FileContent:
             if channel.properties.get("wf_increment")  # LabVIEW writes 0 where it knows none
         }
     findings = [
-        remark(path, channel.name, "content", "no samples, or not numeric")
+        remark(path, channel.name, Check.CONTENT, "no samples, or not numeric")
         for channel in channels
         if channel not in wanted
     ]

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
+from ema.core.finding import Check
 from ema.io.columns import Column, content_of_columns
 from ema.io.content import EXPORT_AGAIN, LEAVE_OUT, FileContent, reading, remark
 
@@ -53,7 +54,7 @@ def read(path: Path) -> FileContent:
     tracks = enumerate(_samples(data, layout, start, size).T, start=1)
     columns = [Column(f"channel {number}", "", track) for number, track in tracks]
     detail = "WAV files have no unit; samples are fractions of full scale"
-    findings = [remark(path, "", "unit", detail)]
+    findings = [remark(path, "", Check.UNIT, detail)]
     return content_of_columns(path, columns, rate_hz=float(layout.rate_hz), findings=findings)
 
 

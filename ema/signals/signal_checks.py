@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.finding import WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import ACCELERATION, FORCE, Channel, Recording
 from ema.core.units import SI_UNIT, is_stated, parse_unit
 from ema.signals.clipping_and_hum import Hum, HumMeter, Plateaus
 
 _PIECE = 1 << 18
-IMPOSSIBLE = "impossible samples"
 # Limits of the signal lie beyond its rms; the rest between impacts or bursts does not.
 _LIMIT_RMS = 1.0
 # A sensor that holds one value this long, though its signal is steady else, has dropped out.
@@ -204,15 +203,15 @@ def signal_findings(summary: SignalSummary, file: str, channel: Channel) -> list
     channel : Channel
     """
     said = {
-        "missing samples": _missing(summary),
-        IMPOSSIBLE: _impossible(summary, channel),
-        "silent": _silent(summary, channel),
-        "clipped": _clipped(summary, channel),
-        "dropout": _dropout(summary, channel),
-        "hum": _hum(summary),
+        Check.MISSING_SAMPLES: _missing(summary),
+        Check.IMPOSSIBLE_SAMPLES: _impossible(summary, channel),
+        Check.SILENT: _silent(summary, channel),
+        Check.CLIPPED: _clipped(summary, channel),
+        Check.DROPOUT: _dropout(summary, channel),
+        Check.HUM: _hum(summary),
     }
     return [
-        Finding(file, channel.name, channel.angle_deg, check, WARNING, detail)
+        Finding(file, channel.name, channel.angle_deg, check, Verdict.WARNING, detail)
         for check, detail in said.items()
         if detail
     ]
@@ -343,7 +342,8 @@ def level_findings(
         summary = summarise(channel) if summaries is None else summaries[row]
         if summary.rms_ac > 0 and not usual.holds(summary.rms_ac, summary.peak_ac):
             place = (recording.path.name, channel.name, channel.angle_deg)
-            findings.append(Finding(*place, "level", WARNING, _explain(channel, summary.rms_ac)))
+            detail = _explain(channel, summary.rms_ac)
+            findings.append(Finding(*place, Check.LEVEL, Verdict.WARNING, detail))
     return findings
 
 

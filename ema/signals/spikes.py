@@ -9,7 +9,7 @@ from heapq import nlargest
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.core.recording import (
     ACCELERATION,
     DISPLACEMENT,
@@ -21,7 +21,7 @@ from ema.core.recording import (
     Recording,
 )
 from ema.signals.excitation import is_steady
-from ema.signals.signal_checks import IMPOSSIBLE, STEADY_CREST, signal_findings, summarise
+from ema.signals.signal_checks import STEADY_CREST, signal_findings, summarise
 
 _PIECE, _CHUNK = 1 << 16, 1 << 8
 # Noise stays within 6 rms, and what a structure answers rings on: in a steady recording a single
@@ -68,7 +68,7 @@ def spike_findings(file: str, channels: Sequence[Channel]) -> list[Finding]:
     """
     concerned = [channel for channel in channels if channel.limit < np.inf]
     found = [signal_findings(summarise(channel), file, channel) for channel in concerned]
-    return [finding for each in found for finding in each if finding.check == IMPOSSIBLE]
+    return [one for each in found for one in each if one.check == Check.IMPOSSIBLE_SAMPLES]
 
 
 @dataclass(frozen=True)

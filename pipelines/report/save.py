@@ -80,7 +80,7 @@ def _write_tables(result: Result, folder: Path) -> None:
 
 
 def _warnings(result: Result) -> list[dict[str, Any]]:
-    return [asdict(finding) for finding in result.findings if finding.verdict != "ok"]
+    return [asdict(finding) for finding in result.findings if not finding.is_ok]
 
 
 def _write_tyre(result: Result, path: Path) -> None:

@@ -14,7 +14,7 @@ from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Tyre
 from ema.core.errors import InputError
 from ema.core.files import require_regular
-from ema.core.finding import EXCLUDED, OK, WARNING, Finding
+from ema.core.finding import Finding
 from ema.core.modes import Flag, OrderReport, Pair
 from ema.poles.cross_check import Opinion
 from pipelines.storage.tables import LARGEST
@@ -115,8 +115,9 @@ def read_identification_json(path: Path) -> Stored:
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         where = ".".join(map(str, first["loc"])) or "content"
+        what = "unknown name" if first["type"] == "enum" else first["msg"]  # that lists all names
         rule = "it must be as it was written"
-        raise InputError(str(path), f"{where}: {first['msg']}", rule, REMEDY) from error
+        raise InputError(str(path), f"{where}: {what}", rule, REMEDY) from error
     for place, number in _numbers(asdict(found)):
         may_be_infinite = place.endswith(_MAY_BE_INFINITE) and math.isinf(number)
         if abs(number) > LARGEST and not may_be_infinite:
@@ -174,9 +175,6 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
     ]
     yield "drift", lengths if len({*lengths}) > 1 else [], "needs one value for each run"
     yield "drift", [each for each in drift.percent if not each > -100], "must be > -100 %"
-    verdicts = [each.verdict for each in found.findings]
-    unknown = [verdict for verdict in verdicts if verdict not in (OK, WARNING, EXCLUDED)]
-    yield "findings", unknown, f"verdict must be {OK}, {WARNING} or {EXCLUDED}"
     if (plan := found.blocks) is not None:
         counts = (plan.sampling_rate_hz, plan.block_samples, plan.step_samples, plan.n_blocks)
         wrong = [plan] if not (min(counts) > 0 and plan.period_samples >= 0) else []

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ema.core.errors import ManifestError, nearest
-from ema.core.finding import OK, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import UNKNOWN, VOLTAGE, Channel, Recording
 from ema.core.units import Unit, is_stated, parse_unit
 from ema.io.campaign.manifest import MANIFEST_NAME, CalibrationSection
@@ -105,14 +105,15 @@ def _calibrate(
             raise ManifestError(f"{where}.unit", repr(section.unit), rule, remedy)
         if is_stated(channel.unit) and parse_unit(channel.unit) not in (None, unit):
             detail = f"the file states {channel.unit!r}, the manifest {section.unit!r} and decides"
-            findings.append(remark(recording.path, channel.name, "unit", detail))
+            findings.append(remark(recording.path, channel.name, Check.UNIT, detail))
         channel = replace(
             channel, quantity=unit.quantity, unit=section.unit, scale_to_si=sign * unit.factor
         )
     if section.sensitivity is not None:
         channel = _with_sensitivity(recording, channel, where, section.sensitivity, findings)
     detail = f"{section.sensitivity or section.unit} by the manifest"
-    findings.append(Finding(recording.path.name, channel.name, None, "calibration", OK, detail))
+    place = recording.path.name, channel.name, None
+    findings.append(Finding(*place, Check.CALIBRATION, Verdict.OK, detail))
     return channel
 
 
@@ -131,6 +132,6 @@ def _with_sensitivity(
         raise ManifestError(where, found, rule, remedy)
     if channel.quantity != VOLTAGE:
         detail = "no unit stated; taken as V, as a sensitivity is given"
-        findings.append(remark(recording.path, channel.name, "unit", detail))
+        findings.append(remark(recording.path, channel.name, Check.UNIT, detail))
     scale_to_si = channel.scale_to_si / sensitivity.volts_per_si
     return replace(channel, quantity=sensitivity.quantity, scale_to_si=scale_to_si)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ema.core.campaign import Campaign, Run
 from ema.core.errors import ManifestError, RecordingFormatError, nearest
-from ema.core.finding import EXCLUDED, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Recording
 from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
 from ema.io.campaign import agreement
@@ -217,7 +217,7 @@ def _fill(
         chosen = [(content, each.positions_deg) for content, each in pairs if content.frf]
         detail = "time series beside FRFs: the FRFs are used, the time series are left out"
         findings += [
-            Finding(each.path.name, "", None, "content", EXCLUDED, detail)
+            Finding(each.path.name, "", None, Check.CONTENT, Verdict.EXCLUDED, detail)
             for each in contents
             if each.recording is not None
         ]

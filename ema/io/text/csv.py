@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 from ema.core.errors import RecordingFormatError, inert
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.core.recording import Channel
 from ema.core.units import is_stated
 from ema.io.columns import Column, content_of_columns, is_time
@@ -67,7 +67,7 @@ def _wanted(path: Path, layout: Layout) -> tuple[list[int], list[Finding]]:
             wanted.append(index)
             has_time = has_time or index in layout.clocks
             continue
-        findings.append(remark(path, name, "ignored", detail))
+        findings.append(remark(path, name, Check.IGNORED, detail))
     if not wanted:
         found = f"columns {', '.join(layout.names)}"
         rule = "at least one column with a name must have numbers"
@@ -84,7 +84,7 @@ def _column(
         return Column("time", "s", cells.samples)
     if cells.n_missing == len(cells.samples):
         detail = "no number in any row; the column is left out"
-        findings.append(remark(path, name, "ignored", detail))
+        findings.append(remark(path, name, Check.IGNORED, detail))
         return None
     findings += missing_samples(path, name, cells)
     return Column(name, time_unit(name, unit), cells.samples)

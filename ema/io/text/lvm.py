@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
+from ema.core.finding import Check
 from ema.io.columns import Column, content_of_columns, step_and_inverse
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, remark
 from ema.io.text.layout import Dialect, Layout
@@ -48,7 +49,7 @@ def read(path: Path) -> FileContent:
         sections = (_without_comments(part, layout) for part in segment)
         cells = read_cells(source, layout, wanted, sections)
         detail = "the first segment is read; later ones are separate events and left out"
-        findings = [] if segment.is_last else [remark(path, "", "segments", detail)]
+        findings = [] if segment.is_last else [remark(path, "", Check.SEGMENTS, detail)]
     _check_rows(path, header, cells)
     read_in = [_time(path, header, cells)] if has_time else []
     for place, name, unit in zip(header.places, header.names, header.units, strict=True):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pyarrow import compute
 
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.io.columns import is_time
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, arrow_reader, remark
 from ema.io.text.layout import Dialect, Layout
@@ -58,7 +58,7 @@ def missing_samples(path: Path, name: str, cells: Cells) -> list[Finding]:
     """Note how many samples of a channel are missing, where any are."""
     counts = f"{cells.n_missing} of {len(cells.samples)} samples are missing"
     detail = f"{counts}, the first in row {cells.first_missing}"
-    return [remark(path, name, "missing samples", detail)] if cells.n_missing else []
+    return [remark(path, name, Check.MISSING_SAMPLES, detail)] if cells.n_missing else []
 
 
 class _Column:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.core.recording import Channel, Recording
 from ema.io.columns import even_step, step_and_inverse
 from ema.io.content import FileContent, remark
@@ -65,12 +65,12 @@ def _read(path: Path, read_samples: SampleReader) -> FileContent:
     responses = [each for each in datasets if _function(each) == FREQUENCY_RESPONSE]
     responses, drawn = measured_only(path, responses)
     findings = [
-        remark(path, each.header58.id_lines[0], "byte count", each.remark)
+        remark(path, each.header58.id_lines[0], Check.BYTE_COUNT, each.remark)
         for each in (*times, *responses)
         if each.remark
     ]
     if others := _describe_left_out(datasets):
-        findings.append(remark(path, "", "content", others))
+        findings.append(remark(path, "", Check.CONTENT, others))
     findings += drawn
     if not times and not responses:
         return FileContent(path, findings=tuple(findings))
@@ -130,7 +130,7 @@ def _read_recording(
         unit = ordinate_unit(header.ordinate_axis, around.units)
         name = _channel_name(header, len(channels) + 1)
         if unit.remark:
-            findings.append(remark(path, name, "unit", unit.remark))
+            findings.append(remark(path, name, Check.UNIT, unit.remark))
         node = header.response_node
         factor = -unit.factor if header.response_direction < 0 else unit.factor
         angle_deg = around.angle_deg.get(node)

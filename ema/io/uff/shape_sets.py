@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ema.core.arrays import readonly
 from ema.core.errors import InputError, RecordingFormatError
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.io.content import remark
 from ema.io.uff import geometry
 from ema.io.uff.scan import Dataset, Lines, damaged, scan
@@ -125,7 +125,7 @@ def read_shapes(path: Path | str) -> ShapeSet:
         held = "; ".join(left_out[:3]) or f"{len(datasets)} datasets, none of them 55 or 2414"
         rule = "mode shapes are normal or complex modes in datasets 55 or 2414"
         raise RecordingFormatError(path.name, held, rule, "Export the modes of the modal analysis")
-    findings = tuple(remark(path, "", "content", f"{each}, left out") for each in left_out)
+    findings = tuple(remark(path, "", Check.CONTENT, f"{each}, left out") for each in left_out)
     node, direction, values = _table(path, modes)
     around = geometry.read_surroundings(path, datasets, set(node.tolist()))
     frequency_hz = np.array([mode.frequency_hz for mode in modes])
