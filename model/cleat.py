@@ -254,8 +254,7 @@ def harmonic_modes(forced: ForcedRing) -> HarmonicModes:
     C = C_bed + η·K''/ω̄_n, equal to the loss factor at the natural frequency ω̄_n of the order.
     """
     if forced.wheel is not None:
-        rule = "the response in time is for a fixed hub"
-        raise ParameterError("wheel", "free", rule, "Leave the wheel out")
+        raise ParameterError("wheel", "free", "the hub must be fixed", "Leave the wheel out")
     orders = np.arange(forced.highest_order + 1)
     rho = forced.ring.mass_per_area_kg_m2
     stiffness, damping = _stiffness_and_damping(forced, orders)

@@ -300,8 +300,7 @@ def loaded_frequencies_hz(
     most = 2 * (2 * highest_order + 1)
     if not 1 <= n_modes <= most:
         rule = f"harmonics up to {highest_order} have 1 to {most} modes"
-        remedy = "Use fewer modes or raise the highest order"
-        raise ParameterError("n_modes", f"{n_modes}", rule, remedy)
+        raise ParameterError("n_modes", f"{n_modes}", rule, "Ask for fewer modes")
     loads = np.atleast_1d(finite_array("loads_n", loads_n))
     frequencies = np.empty((loads.size, n_modes))
     orders = np.empty((loads.size, n_modes), dtype=int)

@@ -171,8 +171,7 @@ def wave_pair(
     growth = float(np.abs(roots[first : first + 2].imag).max())
     if growth > 0:
         where, found = f"order {n} at {speed_rad_s:g} rad/s", f"a root grows by {growth:.4g} 1/s"
-        rule = "an unstable ring has no natural frequency"
-        raise InstabilityError(where, found, rule, "Lower the speed")
+        raise InstabilityError(where, found, "it has no natural frequency", "Lower the speed")
     frequencies = float(roots[first].real), float(-roots[first + 1].real)
     return WavePair(n, float(speed_rad_s), *frequencies, *map(float, ratios[first : first + 2]))
 

@@ -42,21 +42,11 @@ _ROUNDING = 1e-12  # relative, of a step kept in double precision
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """A named column of numbers.
+    """A named column of numbers."""
 
-    Parameters
-    ----------
-    name : str
-        Without the unit.
-    unit : str
-        As the file states it; empty where it states none.
-    samples : ndarray, shape (n_samples,)
-        Integers or floats, at best a memory map; NaN where a sample is missing.
-    """
-
-    name: str
-    unit: str
-    samples: NDArray[Any]
+    name: str  # without the unit
+    unit: str  # as the file states it; empty where it states none
+    samples: NDArray[Any]  # integers or floats, at best a memory map; NaN where missing
 
 
 def name_and_unit(label: str) -> tuple[str, str]:
@@ -77,24 +67,11 @@ def content_of_columns(
     rate_hz: float = math.nan,
     findings: Sequence[Finding] = (),
 ) -> FileContent:
-    """Channels and sampling rate of a table.
+    """Channels and sampling rate of a table, with the findings of its reader.
 
-    A column ``time`` or ``t`` gives the rate; it has to agree with `rate_hz`.
-
-    Parameters
-    ----------
-    path : Path
-    columns : sequence of Column
-        In the order of the file.
-    rate_hz : float
-        Sampling rate that the file states apart from any column; NaN where it states none.
-    findings : sequence of Finding
-        What the reader noticed; those about units are added.
-
-    Raises
-    ------
-    RecordingFormatError
-        If no column is a channel, columns differ in length, or time is uneven.
+    A column ``time`` or ``t`` gives the rate; it has to agree with `rate_hz`, the rate that the
+    file states apart from any column (NaN where it states none). `RecordingFormatError` if no
+    column is a channel, columns differ in length, or time is uneven.
     """
     times = [column for column in columns if is_time(column.name, column.unit)][:1]
     signals = [column for column in columns if column not in times]
@@ -109,8 +86,7 @@ def content_of_columns(
 def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Column]) -> None:
     if not signals:
         found = f"columns {', '.join(column.name for column in columns) or 'none'}"
-        rule = "at least one column must be a channel"
-        raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
+        raise RecordingFormatError(path.name, found, "at least one must be a channel", EXPORT_AGAIN)
     first = columns[0]
     n_samples = len(first.samples)
     for column in columns:
@@ -151,8 +127,7 @@ def _agreed_rate(path: Path, of_time: float, stated: float) -> float:
     if np.isnan(stated) or abs(of_time - stated) <= SAME_RATE * stated:
         return of_time
     found = f"{stated:g} Hz stated, {of_time:g} Hz by the time column"
-    rule = "a recording has one sampling rate"
-    raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
+    raise RecordingFormatError(path.name, found, "a recording has one sampling rate", EXPORT_AGAIN)
 
 
 def matrix_columns(
@@ -168,8 +143,7 @@ def matrix_columns(
     if rows == columns or n_channels not in (rows, columns):
         found = f"a matrix of {rows} × {columns} and {len(names)} names"
         rule = "one side must be the samples, the other the channels, with a name for each channel"
-        remedy = "Give as many names as there are channels"
-        raise RecordingFormatError(where, found, rule, remedy)
+        raise RecordingFormatError(where, found, rule, "Give as many names as channels")
     signals = matrix.T if columns == n_channels else matrix
     labels = names or [f"channel {number}" for number in range(1, n_channels + 1)]
     stated = unit_of_each(where, n_channels, units)

@@ -37,23 +37,11 @@ _SAME_RATE = 1e-6  # relative
 
 
 def to_sep005(recording: Recording) -> list[dict[str, Any]]:
-    """Time series as SEP-005 objects, one dictionary per channel.
+    """Time series as SEP-005 objects, one dictionary per channel; all samples are read into memory.
 
-    Parameters
-    ----------
-    recording : Recording
-        All samples are read into memory.
-
-    Returns
-    -------
-    list of dict
-        ``name``, ``data`` (SI), ``fs`` in Hz, ``unit_str``, ``quantity`` where it is known,
-        ``group`` (the file), and ``node`` where the channel has one.
-
-    Raises
-    ------
-    InputError
-        If the recording does not state its sampling rate.
+    They have ``name``, ``data`` (SI), ``fs`` in Hz, ``unit_str``, ``quantity`` where it is known,
+    ``group`` (the file), and ``node`` where the channel has one. `InputError` if the recording does
+    not state its sampling rate.
     """
     if not recording.sampling_rate_hz > 0:
         rule, remedy = "SEP-005 needs a sampling rate", "Set it with dataclasses.replace"
@@ -64,21 +52,13 @@ def to_sep005(recording: Recording) -> list[dict[str, Any]]:
 def from_sep005(series: Sequence[Mapping[str, Any]]) -> Recording:
     """Recording from SEP-005 objects, such as those of ``sep005-io-…`` packages.
 
-    Parameters
-    ----------
-    series : sequence of mapping
-        Each with ``name``, ``data``, ``unit_str`` and ``fs`` in Hz or ``time`` in s; all of the
-        same rate and length. None in the data counts as missing. Where the unit is not known, the
-        quantity is not known either and values stay as they are.
-
-    Raises
-    ------
-    InputError
-        If something is missing or differs.
+    Each has ``name``, ``data``, ``unit_str`` and ``fs`` in Hz or ``time`` in s; all must have the
+    same rate and length. None in the data counts as missing. Where the unit is not known, the
+    quantity is not known either and values stay as they are. `InputError` if something is missing
+    or differs.
     """
     if not series:
-        rule = "a recording must have channels"
-        raise InputError("SEP-005", "no channels", rule, "Give at least one")
+        raise InputError("SEP-005", "no channels", "channels are needed", "Give at least one")
     channels = tuple(_channel(each, number) for number, each in enumerate(series, start=1))
     rates = [_rate_hz(each, channel) for each, channel in zip(series, channels, strict=True)]
     lengths = {channel.n_samples for channel in channels}
@@ -95,18 +75,10 @@ def frf_to_frame(frf: FRF, form: Literal["long", "wide"] = "long") -> pd.DataFra
 
 
 def frf_to_xarray(frf: FRF) -> xr.Dataset:
-    """FRFs as an xarray dataset; needs the package xarray.
+    """FRFs as an xarray dataset; needs the package xarray (`InputError` if it is not installed).
 
-    Returns
-    -------
-    xarray.Dataset
-        ``inertance``, ``std`` and ``coherence`` over (``position``, ``frequency_hz``), with
-        ``position_deg``, ``node``, ``run`` and ``channel`` along the positions.
-
-    Raises
-    ------
-    InputError
-        If xarray is not installed.
+    It has ``inertance``, ``std`` and ``coherence`` over (``position``, ``frequency_hz``), with
+    ``position_deg``, ``node``, ``run`` and ``channel`` along the positions.
     """
     try:
         xarray = importlib.import_module("xarray")
@@ -132,27 +104,13 @@ def frf_to_xarray(frf: FRF) -> xr.Dataset:
 
 @dataclass(frozen=True, eq=False)
 class SdypyModes:
-    """Poles and modal constants under the names of ``sdypy.EMA.Model``.
+    """Poles and modal constants under the names of ``sdypy.EMA.Model``."""
 
-    Parameters
-    ----------
-    nat_freq : ndarray, shape (n_modes,)
-        Undamped natural frequencies in Hz.
-    nat_xi : ndarray, shape (n_modes,)
-        Damping ratios.
-    all_poles : list of ndarray
-        One model order with all poles, rad/s.
-    pole_ind : list of [int, int]
-        Model order and pole of each mode.
-    A : ndarray of complex, shape (n_positions, n_modes)
-        Modal constants of the receptance; its columns are the shapes.
-    """
-
-    nat_freq: NDArray[np.float64]
-    nat_xi: NDArray[np.float64]
-    all_poles: list[NDArray[np.complex128]]
-    pole_ind: list[list[int]]
-    A: NDArray[np.complex128]
+    nat_freq: NDArray[np.float64]  # undamped, Hz
+    nat_xi: NDArray[np.float64]  # damping ratios
+    all_poles: list[NDArray[np.complex128]]  # one model order with all poles, rad/s
+    pole_ind: list[list[int]]  # [model order, pole] of each mode
+    A: NDArray[np.complex128]  # modal constants of the receptance; columns are shapes
 
     def __post_init__(self) -> None:
         for name, dtype in (("nat_freq", float), ("nat_xi", float), ("A", complex)):
@@ -228,13 +186,11 @@ def _rate_hz(series: Mapping[str, Any], channel: Channel) -> float:
         stamps = np.asarray(time_s, dtype=np.float64)
         steps = even_step(stamps)
         if steps is None:
-            rule = "samples must be evenly spaced"
-            raise InputError(where, uneven(stamps), rule, "Resample the channel")
+            raise InputError(where, uneven(stamps), "steps must be even", "Resample the channel")
         rate_hz = steps[1]
     if rate_hz is None or not 0 < float(rate_hz) < np.inf:
-        found = f"fs {series.get('fs')}"
         rule = "a channel needs a positive rate fs in Hz, or a time vector as long as its data"
-        raise InputError(where, found, rule, "Add fs")
+        raise InputError(where, f"fs {series.get('fs')}", rule, "Add fs")
     return float(rate_hz)
 
 

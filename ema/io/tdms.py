@@ -32,12 +32,8 @@ def read(path: Path) -> FileContent:
 
     A channel keeps its name, with its group in front where names repeat. The unit is the property
     ``unit_string``; the rate follows from ``wf_increment`` or a channel ``time``.
-
-    Raises
-    ------
-    RecordingFormatError
-        If npTDMS is not installed, the file is missing, damaged or truncated, or its groups
-        differ in rate or length.
+    `RecordingFormatError` if npTDMS is not installed, the file is missing, damaged or truncated, or
+    its groups differ in rate or length.
     """
     library = require("nptdms", "tdms", path)
     with reading(path, "a TDMS file"), _BoundedFile(path) as file:
@@ -90,8 +86,7 @@ def _check_segments(path: Path, file: _BoundedFile) -> None:
             end += struct.unpack(f"{order}Q", lead_in[12:20])[0]
         if end > file.size:
             found = f"the file ends {end - file.size} bytes before its last segment does"
-            rule = "the file is truncated, or was never closed"
-            raise RecordingFormatError(where, found, rule, LEAVE_OUT)
+            raise RecordingFormatError(where, found, "it is cut short or was not closed", LEAVE_OUT)
         start = end
     file.seek(0)
 

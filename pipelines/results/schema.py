@@ -116,8 +116,7 @@ def read_identification_json(path: Path) -> Stored:
         first = error.errors(include_url=False, include_input=False)[0]
         where = ".".join(map(str, first["loc"])) or "content"
         what = "unknown name" if first["type"] == "enum" else first["msg"]  # that lists all names
-        rule = "it must be as it was written"
-        raise InputError(str(path), f"{where}: {what}", rule, REMEDY) from error
+        raise InputError(str(path), f"{where}: {what}", "it must be as written", REMEDY) from error
     for place, number in _numbers(asdict(found)):
         may_be_infinite = place.endswith(_MAY_BE_INFINITE) and math.isinf(number)
         if abs(number) > LARGEST and not may_be_infinite:

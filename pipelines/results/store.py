@@ -249,8 +249,7 @@ def _read_diagram(stored: Stored, path: Path) -> StabilityDiagram:
     ratio = table.numbers("damping_ratio")[order]
     omega = 2 * np.pi * table.numbers("frequency_hz")[order]
     if np.any(np.abs(ratio) > 1) or np.any(omega <= 0):
-        rule = "damping ratios must be at most 1 and frequencies > 0"
-        raise table.unusable("a pole without frequency", rule)
+        raise table.unusable("a pole without frequency", "ratios must be ≤ 1, frequencies > 0")
     return StabilityDiagram(
         band_hz=stored.band_hz,
         model_order=table.numbers("order")[order],

@@ -100,9 +100,8 @@ def _calibrate(
     if section.unit is not None:
         unit = parse_unit(section.unit)
         if unit is None or unit.quantity == UNKNOWN:
-            rule = "the unit is not known"
             remedy = "Write e.g. m/s^2, g, mm/s^2, N, kN, lbf, V or mV"
-            raise ManifestError(f"{where}.unit", repr(section.unit), rule, remedy)
+            raise ManifestError(f"{where}.unit", repr(section.unit), "it is not known", remedy)
         if is_stated(channel.unit) and parse_unit(channel.unit) not in (None, unit):
             detail = f"the file states {channel.unit!r}, the manifest {section.unit!r} and decides"
             findings.append(remark(recording.path, channel.name, Check.UNIT, detail))
@@ -127,9 +126,8 @@ def _with_sensitivity(
     if channel.quantity != VOLTAGE and is_stated(channel.unit):
         unit = f"in {channel.unit!r} in {recording.path.name}"
         found = f"a sensitivity for {channel.name!r}, which is {unit}"
-        rule = "a sensitivity applies only to a channel in volts"
         remedy = 'Leave it out, or add unit = "V" if the file\'s unit is wrong'
-        raise ManifestError(where, found, rule, remedy)
+        raise ManifestError(where, found, "a sensitivity is for a channel in volts", remedy)
     if channel.quantity != VOLTAGE:
         detail = "no unit stated; taken as V, as a sensitivity is given"
         findings.append(remark(recording.path, channel.name, Check.UNIT, detail))

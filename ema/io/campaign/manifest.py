@@ -192,9 +192,8 @@ def read_manifest(path: Path) -> Manifest:
         raw = path.read_bytes()
         content = tomllib.loads(raw.decode("utf-8-sig"))
     except OSError as error:
-        reason = error.strerror or str(error)
         rule, remedy = "a manifest must be readable", "Check the name and the access rights"
-        raise ManifestError(str(path), reason, rule, remedy) from error
+        raise ManifestError(str(path), error.strerror or str(error), rule, remedy) from error
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         where, found = f"{path.name}, line {line}", f"byte 0x{raw[error.start]:02x}"

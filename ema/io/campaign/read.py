@@ -83,12 +83,8 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
 def recordings_in(folder: Path) -> list[Path]:
     """Recordings of a folder without hidden files, config_2 before config_10.
 
-    Dead links stay in the list, for the error about them when they are read.
-
-    Raises
-    ------
-    RecordingFormatError
-        If there are none, or the folder cannot be read.
+    Dead links stay in the list, for the error about them when they are read. `RecordingFormatError`
+    if there are none, or the folder cannot be read.
     """
     try:
         listed = [path for path in folder.iterdir() if not path.name.startswith(".")]
@@ -97,8 +93,7 @@ def recordings_in(folder: Path) -> list[Path]:
     found = [path for path in listed if is_recording(path) and not path.is_dir()]
     if not found:
         rule = f"a campaign needs recordings, and a {MANIFEST_NAME} where they are incomplete"
-        remedy = "Check the folder name"
-        raise RecordingFormatError(str(folder), "no recordings", rule, remedy)
+        raise RecordingFormatError(str(folder), "no recordings", rule, "Check the folder name")
     return sorted(found, key=lambda path: [*map(_number, re.split(r"([0-9]+)", path.name))])
 
 
@@ -202,8 +197,7 @@ def _with_rate(recording: Recording | None, rate_hz: float | None) -> Recording 
     if abs(recording.sampling_rate_hz - rate_hz) > SAME_RATE * rate_hz:
         where = f"{MANIFEST_NAME}, acquisition.sampling_rate_hz"
         rule = f"{recording.path.name} was sampled at {recording.sampling_rate_hz:g} Hz"
-        remedy = "Correct the manifest or remove the key"
-        raise ManifestError(where, f"{rate_hz:g} Hz", rule, remedy)
+        raise ManifestError(where, f"{rate_hz:g} Hz", rule, "Correct or remove the key")
     return recording
 
 

@@ -14,8 +14,6 @@ from ema.core.units import SI_UNIT, is_stated
 from ema.io.campaign.manifest import MANIFEST_NAME, RunSection
 from ema.io.content import remark
 
-#: Check of the finding that neither file nor manifest has a node number of a sensor.
-
 _INIT = "Write a manifest that names it; `ringmodal init FOLDER` writes a template"
 _ON_GRID = 1e-3  # of a grid step
 
@@ -54,8 +52,7 @@ def assign(
     force = roles.force()
     reference = roles.reference(force)
     if wanted.positions_deg is not None and grid.positions is None:
-        detail = "positions_deg without [grid]: there is no circle, angles not used"
-        roles.note("", Check.GRID, detail)
+        roles.note("", Check.GRID, "positions_deg without [grid]: no circle, angles not used")
     taken = {force.name} | ({reference.name} if reference is not None else set())
     responses = []
     for channel in roles.responses(taken):

@@ -157,9 +157,8 @@ def _read_header(where: str, text: str) -> _Header:
         raise RecordingFormatError(f"{where}, line 1", repr(lines[0][:20]), rule, EXPORT_AGAIN)
     ends = [number for number, line in enumerate(lines) if line.startswith(_END)][:2]
     if len(ends) < 2 or ends[1] + 2 >= len(lines):
-        found = f"{len(ends)} lines {_END}"
         rule = "the headers of file and segment must end so, and names and numbers must follow"
-        raise RecordingFormatError(where, found, rule, EXPORT_AGAIN)
+        raise RecordingFormatError(where, f"{len(ends)} lines {_END}", rule, EXPORT_AGAIN)
     general = _Entries(where, lines[: ends[0]], _separator(where, lines[: ends[0]]))
     segment = _Entries(where, lines[ends[0] + 1 : ends[1]], general.separator)
     first = ends[1] + 2
@@ -216,8 +215,7 @@ def _header(
     x_columns = general.one("X_Columns", "one")
     if decimal not in (".", ",") or x_columns not in _X_COLUMNS:
         rule = "they must be a point or comma, and no, one or multi"
-        found = f"{decimal!r} and {x_columns!r}"
-        raise general.fault("Decimal_Separator and X_Columns", found, rule)
+        raise general.fault("Decimal_Separator and X_Columns", f"{decimal!r}, {x_columns!r}", rule)
     count = segment.one("Channels", "")
     stride = 2 if x_columns == "multi" else 1
     most = (len(heading) + stride - 2) // stride  # one X_Value precedes them, or each of them
@@ -240,8 +238,7 @@ def _header(
 def _n_samples(segment: _Entries, n: int) -> tuple[int, ...]:
     values = segment.of_channels("Samples", n)
     if not all(value.isdecimal() and len(value) < 16 for value in values):
-        rule = "it must be the number of samples of each channel"
-        raise segment.fault("Samples", repr(values[:3]), rule)
+        raise segment.fault("Samples", repr(values[:3]), "there must be one number for each")
     return tuple(map(int, values))
 
 
@@ -256,9 +253,7 @@ def _rate_hz(segment: _Entries, n: int, decimal: str) -> float:
     try:
         rates = {step_and_inverse(step.replace(decimal, "."))[1] for step in steps}
     except ValueError as error:
-        rule = "it must be the time from sample to sample"
-        raise segment.fault("Delta_X", str(error), rule) from error
+        raise segment.fault("Delta_X", str(error), "it must be the time step") from error
     if len(rates) > 1:
-        rule = "channels of one run must have the same sampling rate"
-        raise segment.fault("Delta_X", ", ".join(steps), rule)
+        raise segment.fault("Delta_X", ", ".join(steps), "a run must have one sampling rate")
     return rates.pop()

@@ -108,8 +108,7 @@ class TextSource:
         if self._packed and self._unpacked > _MOST_PACKED * self._size + _HEAD_BYTES:
             found = f"over {self._unpacked} bytes of text in {self._size}"
             rule = f"measured numbers do not pack more than {_MOST_PACKED} times"
-            remedy = "Unpack it first if you trust it"
-            raise RecordingFormatError(self.path.name, found, rule, remedy)
+            raise RecordingFormatError(self.path.name, found, rule, "Unpack it if you trust it")
         return raw
 
     def _in_utf_8(self, raw: bytes) -> bytes:

@@ -242,8 +242,7 @@ class _Reader:
         found = f"{len(cells)} cells, {width} columns: {line[:40]!r}"
         if not any(is_number(cell, self._layout.dialect.decimal) for cell in cells):
             found = f"text where numbers go on: {line[:40]!r}"
-            rule = "below the header there must be only rows of numbers"
-            return self._fault(number, found, rule)
+            return self._fault(number, found, "below the header there must be only rows of numbers")
         if is_cut and len(cells) < width:
             where = f"{self._where}, line {number}"
             return RecordingFormatError(where, found, _CUT_SHORT, COPY_AGAIN)

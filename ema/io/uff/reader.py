@@ -44,12 +44,8 @@ def read(path: Path) -> FileContent:
     """Read the time series and FRFs of a universal file.
 
     Payloads of 58b stay on disk as memory maps. Other function types and datasets are named in a
-    finding.
-
-    Raises
-    ------
-    RecordingFormatError
-        If the file is missing, damaged or truncated, or its channels do not belong together.
+    finding. `RecordingFormatError` if the file is missing, damaged or truncated, or its channels do
+    not belong together.
     """
     return _read(path, read_values)
 

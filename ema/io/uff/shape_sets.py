@@ -255,8 +255,7 @@ def _read_values(lines: Lines, form: _Form) -> tuple[NDArray[np.int_], NDArray[n
     while lines.more():
         node = lines.integers(1)[0]
         if node in rows:
-            rule = "each node direction must have one value per mode"
-            raise damaged(lines.where, f"node {node} twice", rule)
+            raise damaged(lines.where, f"node {node} twice", "a node must be listed once")
         row = rows[node] = []
         while len(row) < n_numbers:
             row += lines.numbers(_VALUE_WIDTHS, 1)
@@ -300,24 +299,14 @@ def read_radial_shapes(
 ) -> RadialShapes:
     """Read the shapes of a universal file and reduce them to one direction.
 
-    The axle of a wheel is the axis along which its nodes extend least; angles count from the
-    first axis of the plane (x, or y in the y-z plane) to the second.
+    The axle of a wheel is the axis along which its nodes extend least; angles count from the first
+    axis of the plane (x, or y in the y-z plane) to the second. The file has datasets 55 or 2414,
+    and for a wheel 15 or 2411. `direction` is radial, x, y or z; by default radial where the nodes
+    surround an axle, otherwise the only axis that moves. With `on_wheel` False they do not surround
+    one.
 
-    Parameters
-    ----------
-    path : path
-        Datasets 55 or 2414, and for a wheel 15 or 2411.
-    direction : {"radial", "x", "y", "z"}, optional
-        Default: radial where the nodes surround an axle, otherwise the only axis that moves.
-    on_wheel : bool
-        Whether nodes may surround an axle; False for any other structure.
-
-    Raises
-    ------
-    RecordingFormatError
-        If the file is damaged or has no shapes.
-    InputError
-        If the direction does not follow from the file.
+    `RecordingFormatError` if the file is damaged or has no shapes; `InputError` if the direction
+    does not follow from it.
     """
     path = Path(path)
     found = read_shapes(path)
