@@ -76,7 +76,6 @@ class CleatTest:
         The ring on a fixed hub, with belt width. In its frame the force is fixed during the blow:
         to the tread ("rotating") or in space ("absolute").
     cleat : Cleat
-        The blow.
     """
 
     forced: ForcedRing
@@ -114,7 +113,6 @@ class CleatTest:
         Returns
         -------
         ndarray, shape (n_times,)
-            The response.
         """
         times = np.atleast_1d(finite_array("times_s", times_s))
         row, derivative = _component_and_derivative(direction, quantity)

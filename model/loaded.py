@@ -111,7 +111,6 @@ class LoadedRing(ReadonlyArrays):
     Parameters
     ----------
     ring : RingParameters
-        The ring.
     fields : CircleFields
         Basis and points.
     coefficients : ndarray, shape (n_coefficients,)
@@ -222,7 +221,6 @@ def load_ring(
     Parameters
     ----------
     ring : RingParameters
-        The ring.
     contact : ContactPatch or array_like, shape (n_points,)
         A patch, or contact pressures in Pa (positive towards the axle) at equidistant angles from
         0; more than twice as many as harmonics.
@@ -238,7 +236,6 @@ def load_ring(
     Returns
     -------
     LoadedRing
-        In equilibrium.
 
     Raises
     ------

@@ -81,10 +81,7 @@ class WavePair:
         return regressive / self.order, progressive / self.order
 
     def pattern_speed_rad_s(self, frame: WaveFrame) -> float:
-        """Speed c_{n,tot} at which the superposed pattern turns (eqs 24 and 28), rad/s.
-
-        Zero in the stationary frame.
-        """
+        """Speed c_{n,tot} of the superposed pattern (eqs 24, 28), rad/s; 0 in its own frame."""
         regressive, progressive = self.propagation_speeds_rad_s(frame)
         return abs(regressive - progressive) / 2.0
 
@@ -143,21 +140,14 @@ def wave_pair(
 
     Parameters
     ----------
-    ring : RingParameters
-        The ring.
-    order : int
-        Circumferential order n ≥ 1.
-    speed_rad_s : float
-        Angular speed Ω, rad/s.
+    ring, order, speed_rad_s, pressure_load
+        As `harmonics`, for one order n ≥ 1 and one speed.
     extensional : bool
         Whether to take the extensional pair.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
 
     Returns
     -------
     WavePair
-        With real frequencies.
 
     Raises
     ------

@@ -37,11 +37,23 @@ _SAME_RATE = 1e-6  # relative
 
 
 def to_sep005(recording: Recording) -> list[dict[str, Any]]:
-    """Time series as SEP-005 objects, one dictionary per channel; all samples are read into memory.
+    """Time series as SEP-005 objects, one dictionary per channel.
 
-    They have ``name``, ``data`` (SI), ``fs`` in Hz, ``unit_str``, ``quantity`` where it is known,
-    ``group`` (the file), and ``node`` where the channel has one. `InputError` if the recording does
-    not state its sampling rate.
+    Parameters
+    ----------
+    recording : Recording
+        All samples are read into memory.
+
+    Returns
+    -------
+    list of dict
+        ``name``, ``data`` (SI), ``fs`` in Hz, ``unit_str``, ``quantity`` where it is known,
+        ``group`` (the file), and ``node`` where the channel has one.
+
+    Raises
+    ------
+    InputError
+        If the recording does not state its sampling rate.
     """
     if not recording.sampling_rate_hz > 0:
         rule, remedy = "SEP-005 needs a sampling rate", "Set it with dataclasses.replace"
@@ -52,10 +64,17 @@ def to_sep005(recording: Recording) -> list[dict[str, Any]]:
 def from_sep005(series: Sequence[Mapping[str, Any]]) -> Recording:
     """Recording from SEP-005 objects, such as those of ``sep005-io-…`` packages.
 
-    Each has ``name``, ``data``, ``unit_str`` and ``fs`` in Hz or ``time`` in s; all must have the
-    same rate and length. None in the data counts as missing. Where the unit is not known, the
-    quantity is not known either and values stay as they are. `InputError` if something is missing
-    or differs.
+    Parameters
+    ----------
+    series : sequence of mapping
+        Each with ``name``, ``data``, ``unit_str`` and ``fs`` in Hz or ``time`` in s; all of the
+        same rate and length. None in the data counts as missing. Where the unit is not known, the
+        quantity is not known either and values stay as they are.
+
+    Raises
+    ------
+    InputError
+        If something is missing or differs.
     """
     if not series:
         raise InputError("SEP-005", "no channels", "channels are needed", "Give at least one")
@@ -75,10 +94,18 @@ def frf_to_frame(frf: FRF, form: Literal["long", "wide"] = "long") -> pd.DataFra
 
 
 def frf_to_xarray(frf: FRF) -> xr.Dataset:
-    """FRFs as an xarray dataset; needs the package xarray (`InputError` if it is not installed).
+    """FRFs as an xarray dataset; needs the package xarray.
 
-    It has ``inertance``, ``std`` and ``coherence`` over (``position``, ``frequency_hz``), with
-    ``position_deg``, ``node``, ``run`` and ``channel`` along the positions.
+    Returns
+    -------
+    xarray.Dataset
+        ``inertance``, ``std`` and ``coherence`` over (``position``, ``frequency_hz``), with
+        ``position_deg``, ``node``, ``run`` and ``channel`` along the positions.
+
+    Raises
+    ------
+    InputError
+        If xarray is not installed.
     """
     try:
         xarray = importlib.import_module("xarray")
