@@ -92,12 +92,17 @@ def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Colu
     for column in columns:
         if (n := len(column.samples)) != n_samples:
             found = f"{n_samples} samples of {first.name!r}, {n} of {column.name!r}"
-            rule = "channels of one run must be sampled together and equally long"
-            remedy = "Export them together, or in separate files"
-            raise RecordingFormatError(path.name, found, rule, remedy)
+            raise not_together(path, found)
     if not n_samples:
         rule = "a recording must contain samples"
         raise RecordingFormatError(path.name, "no rows of numbers", rule, EXPORT_AGAIN)
+
+
+def not_together(path: Path, found: str) -> RecordingFormatError:
+    """The error about channels of one file that differ in length, rate or time."""
+    rule = "channels of one run must be sampled together, at one rate and equally long"
+    remedy = "Export them together, or in separate files"
+    return RecordingFormatError(path.name, found, rule, remedy)
 
 
 def _channel(path: Path, column: Column, findings: list[Finding]) -> Channel:
@@ -114,13 +119,9 @@ def _rate_of_column(path: Path, time: Column) -> float:
     steps = even_step(stamps)
     if steps is not None:
         return steps[1]
+    where = f"{path.name}, column {time.name!r}"
     rule = "time is not at equal steps, and spectra need a constant sampling rate"
-    raise RecordingFormatError(
-        f"{path.name}, column {time.name!r}",
-        uneven(stamps),
-        rule,
-        "Look for dropped samples, or resample",
-    )
+    raise RecordingFormatError(where, uneven(stamps), rule, "Look for dropped samples, or resample")
 
 
 def _agreed_rate(path: Path, of_time: float, stated: float) -> float:
@@ -265,10 +266,7 @@ def stated_rate(path: Path, statements: Mapping[str, object]) -> float:
     first, rate = next(iter(rates.items()))
     for place, other in rates.items():
         if abs(other - rate) > _SAME_STATEMENT * rate:
-            found = f"{rate:g} Hz by {first!r}, {other:g} Hz by {place!r}"
-            rule = "channels of one run must be sampled together, at one rate"
-            remedy = "Export them together, or in separate files"
-            raise RecordingFormatError(path.name, found, rule, remedy)
+            raise not_together(path, f"{rate:g} Hz by {first!r}, {other:g} Hz by {place!r}")
     return rate
 
 

@@ -148,9 +148,7 @@ class Hdf5File:
     """An open file, whose arrays stay within the memory that its size justifies."""
 
     def __init__(self, path: Path, h5py: Any, root: Any) -> None:
-        self.path = path
-        self.h5py = h5py
-        self.root = root
+        self.path, self.h5py, self.root = path, h5py, root
         self._seen = {self._address(root)}
         self._n_bytes = 0
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check
-from ema.io.columns import Column, content_of_columns, step_and_inverse
+from ema.io.columns import Column, content_of_columns, not_together, step_and_inverse
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, remark
 from ema.io.text.layout import Dialect, Layout
 from ema.io.text.source import open_text
@@ -30,13 +30,8 @@ def read(path: Path) -> FileContent:
     The rate follows from ``Delta_X``, and where the file has a column of time, from that too.
     Comments beside the numbers are left out. A file may have several segments, one for each time
     LabVIEW was started or triggered. They are separate events, not one longer recording: those
-    after the first are left out with a finding.
-
-    Raises
-    ------
-    RecordingFormatError
-        If headers are missing or faulty, there are fewer or more rows than they state, a cell is
-        not a number, or time is uneven.
+    after the first are left out with a finding. `RecordingFormatError` if headers are missing or
+    faulty, there are fewer or more rows than they state, a cell is not a number, or time is uneven.
     """
     with open_text(path) as source:
         header = _read_header(path.name, source.head)
@@ -108,9 +103,7 @@ def _time(path: Path, header: _Header, cells: dict[int, Cells]) -> Column:
     for place, name in zip(header.places, header.names, strict=True):
         own = cells[place - 1].samples if header.x_columns == "multi" else stamps
         if not np.array_equal(own, stamps, equal_nan=True):
-            found = f"{name!r} and {header.names[0]!r} have different times"
-            rule = "channels of one run must be sampled together"
-            raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
+            raise not_together(path, f"{name!r} and {header.names[0]!r} have different times")
     return Column("X_Value", "s", stamps)
 
 
@@ -171,8 +164,7 @@ class _Entries:
     """Values of a header by their key."""
 
     def __init__(self, where: str, lines: list[str], separator: str) -> None:
-        self.where = where
-        self.separator = separator
+        self.where, self.separator = where, separator
         self._values: dict[str, list[str]] = {}
         is_special = False
         for line in lines:

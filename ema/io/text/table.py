@@ -66,9 +66,7 @@ class _Column:
 
     def __init__(self, dtype: type[np.generic]) -> None:
         self._array: NDArray[Any] = np.empty(0, dtype)
-        self._n = 0
-        self._n_missing = 0
-        self._first_missing = 0
+        self._n = self._n_missing = self._first_missing = 0
 
     def append(self, values: NDArray[Any], n_expected: int, *, narrow: bool) -> None:
         """Add samples of about `n_expected` in all; the caller ignores overflow."""
@@ -100,16 +98,13 @@ class _Reader:
     """State of reading: lines and rows read, decimal sign, columns so far."""
 
     def __init__(self, where: str, layout: Layout, wanted: Sequence[int]) -> None:
-        self._where = where
-        self._layout = layout
+        self._where, self._layout = where, layout
         self._columns = {
             index: _Column(np.int64 if index in layout.clocks else np.float32) for index in wanted
         }
         self._decimal_is_open = layout.either_decimal
-        self._line = layout.first_line
-        self._n_rows = 0
-        self._tail = b""
-        self._held = b""
+        self._line, self._n_rows = layout.first_line, 0
+        self._tail = self._held = b""
 
     def take(self, section: bytes, share_read: Callable[[], float]) -> None:
         """Read the next section into the columns."""

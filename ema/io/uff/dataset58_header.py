@@ -51,9 +51,7 @@ class HeaderError(Exception):
 
     def __init__(self, line: int, found: str, rule: str) -> None:
         super().__init__(f"line {line}: {found}; {rule}")
-        self.line = line
-        self.found = found
-        self.rule = rule
+        self.line, self.found, self.rule = line, found, rule
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding
 from ema.core.recording import Channel, Recording
-from ema.io.columns import even_step, step_and_inverse
+from ema.io.columns import even_step, not_together, step_and_inverse
 from ema.io.content import FileContent, remark
 from ema.io.uff.dataset58 import read_form, read_values
 from ema.io.uff.dataset58_header import FREQUENCY_RESPONSE, TIME_RESPONSE, Header58, ordinate_unit
@@ -172,6 +172,4 @@ def _check_together(path: Path, channels: Sequence[Channel], rates: Sequence[flo
             what = f"{rates[0]:g} Hz of {first.name!r}, {rate:g} Hz"
         else:
             continue
-        rule = "channels of one run must be sampled together, at one rate and equally long"
-        remedy = "Export them together, or in separate files"
-        raise RecordingFormatError(path.name, f"{what} of {channel.name!r}", rule, remedy)
+        raise not_together(path, f"{what} of {channel.name!r}")
