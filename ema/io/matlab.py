@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.io import content
 from ema.io.columns import (
     Column,
     content_of_columns,
@@ -21,7 +20,7 @@ from ema.io.columns import (
     states_rate,
     unit_of_each,
 )
-from ema.io.content import FileContent, reading
+from ema.io.content import FileContent, left_out, reading
 from ema.io.hdf5 import Hdf5File, opened
 from ema.io.mat5 import COPY_AGAIN, HEADER_BYTES, LeftOut, Mat5Reader
 
@@ -65,7 +64,7 @@ def read(path: Path) -> FileContent:
     found = _sorted(path, _unwrapped(_variables(path)))
     columns = _columns(path, found)
     rate_hz = stated_rate(path, found.rates)
-    findings = content.left_out(path, found.left_out)
+    findings = left_out(path, found.left_out)
     return content_of_columns(path, columns, rate_hz=rate_hz, findings=findings)
 
 

@@ -25,7 +25,7 @@ from ema.core.errors import ManifestError, nearest
 from ema.core.files import require_regular
 
 MANIFEST_NAME = "campaign.toml"
-FORWARD_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
+USE_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
 
 _DECIMAL_COMMA = re.compile(rb"= *[0-9]+,[0-9]")
 _SIMILAR = 0.8  # a free key that resembles a known one this much is a typing error
@@ -205,7 +205,7 @@ def read_manifest(path: Path) -> Manifest:
         if b"<" in raw:
             remedy += "; in a template, replace everything in angle brackets by values"
         if b"\\" in raw:
-            remedy += f"; {FORWARD_SLASHES}"
+            remedy += f"; {USE_SLASHES}"
         raise ManifestError(path.name, str(error), _TOML, remedy) from error
     try:
         return Manifest.model_validate(content)

@@ -16,13 +16,7 @@ from ema.core.recording import Recording
 from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
 from ema.io.campaign import agreement
 from ema.io.campaign.calibration import calibrated
-from ema.io.campaign.manifest import (
-    FORWARD_SLASHES,
-    MANIFEST_NAME,
-    Manifest,
-    read_manifest,
-    resolve,
-)
+from ema.io.campaign.manifest import MANIFEST_NAME, USE_SLASHES, Manifest, read_manifest, resolve
 from ema.io.campaign.roles import Grid, Wanted, assign
 from ema.io.columns import SAME_RATE
 from ema.io.content import FileContent, unreadable
@@ -149,7 +143,7 @@ def _files_of(path: Path, manifest: Manifest) -> list[Path]:
 def _instead_of(file: str, folder: Path) -> str:
     """What to write for a file that does not exist; a backslash may have made a tab."""
     if "\\" in file or not file.isprintable():
-        return f"Check the backslash: {FORWARD_SLASHES}"
+        return f"Check the backslash: {USE_SLASHES}"
     return nearest(file, sorted(each.name for each in folder.iterdir()))
 
 
