@@ -23,31 +23,14 @@ _COHERENCE_LINES = 31  # dips at antiresonances do not end a band
 
 @dataclass(frozen=True, eq=False)
 class ReferenceCheck:
-    """The fixed reference sensor over the runs.
-
-    Parameters
-    ----------
-    run : tuple of str
-        Run names.
-    frequency_hz : ndarray, shape (n_frequencies,)
-        Lines of the band.
-    values : ndarray of complex, shape (n_runs, n_frequencies)
-        Inertance at the reference sensor, run by run.
-    std : ndarray, shape (n_runs, n_frequencies)
-        Its standard deviation per quadrature.
-    ratio : float
-        RMS deviation from the mean over the runs, over its standard deviation; 1 is pure noise.
-        NaN where the noise is unknown.
-    consistent : bool
-        Whether the runs show one and the same tyre, as far as noise lets one see.
-    """
+    """The fixed reference sensor over the runs."""
 
     run: tuple[str, ...]
-    frequency_hz: NDArray[np.float64]
-    values: NDArray[np.complex128]
-    std: NDArray[np.float64]
-    ratio: float
-    consistent: bool
+    frequency_hz: NDArray[np.float64]  # lines of the band
+    values: NDArray[np.complex128]  # inertance, (n_runs, n_frequencies)
+    std: NDArray[np.float64]  # its standard deviation per quadrature
+    ratio: float  # RMS deviation from the mean over its std: 1 is pure noise; NaN if unknown
+    consistent: bool  # whether the runs show one tyre, as far as noise lets one see
 
     def __post_init__(self) -> None:
         for name, dtype in (("frequency_hz", float), ("values", complex), ("std", float)):
@@ -57,16 +40,7 @@ class ReferenceCheck:
 def check_reference(
     reference: FRF, band_hz: tuple[float, float], settings: CheckSettings = CHECKS
 ) -> ReferenceCheck:
-    """Compare the runs of the fixed reference sensor against their own noise.
-
-    Parameters
-    ----------
-    reference : FRF
-        `FRF.reference`, one row per run.
-    band_hz : tuple of float
-        Band to compare.
-    settings : CheckSettings
-    """
+    """Compare the rows of `FRF.reference`, one per run, against their own noise in a band."""
     lines = (reference.frequency_hz >= band_hz[0]) & (reference.frequency_hz <= band_hz[1])
     values, std = reference.values[:, lines], reference.std[:, lines]
     level = np.sqrt(np.mean(std**2, axis=0))
@@ -147,11 +121,7 @@ def coherent_band(frf: FRF, settings: CheckSettings = CHECKS) -> tuple[float, fl
 def drift_findings(drift: Drift, frequencies_hz: NDArray[np.float64]) -> list[Finding]:
     """Drift of each run against the first, one finding each; none with a single run.
 
-    Parameters
-    ----------
-    drift : Drift
-    frequencies_hz : ndarray
-        Modes at whose lowest and highest frequency the drift is stated.
+    It is stated at the lowest and the highest of the frequencies of the modes.
     """
     if len(drift.run) < 2 or not frequencies_hz.size:
         return []
@@ -226,12 +196,8 @@ class OddGain:
 def odd_gains(check: ReferenceCheck) -> list[OddGain]:
     """Runs that are most others times a real number; none with fewer than three runs.
 
-    Every run is compared with every other one, shifted in frequency to where it fits: tyres
-    drift, but none changes by one factor on all lines.
-
-    Parameters
-    ----------
-    check : ReferenceCheck
+    Every run is compared with every other one, shifted in frequency to where it fits: tyres drift,
+    but none changes by one factor on all lines.
     """
     if not np.all(np.isfinite(check.std)):
         return []

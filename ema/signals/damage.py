@@ -44,13 +44,8 @@ def without_damage(
     """Runs in which stretches that are stuck or repeated read as missing, and what was found.
 
     Nothing is changed or guessed: blocks that contain such a stretch are left out like those in
-    which samples are missing, for the channel that is concerned, or for all.
-
-    Parameters
-    ----------
-    runs : sequence of Run
-    every : callable
-        A `map`, e.g. that of a pool of threads.
+    which samples are missing, for the channel that is concerned, or for all. `every` is a `map`,
+    e.g. that of a pool of threads.
     """
 
     def damage_of(run: Run) -> list[_Damage]:
@@ -105,13 +100,7 @@ def without_lost_samples(
 ) -> tuple[Run, tuple[Finding, ...]]:
     """The run without what does not fit the rest after samples were lost, and what was found.
 
-    Parameters
-    ----------
-    run : Run
-    spectra : Spectra
-        Of all sensors of the run, the reference sensor last.
-    plan : BlockPlan
-        Blocks of this run.
+    `spectra` are those of all its sensors, the reference sensor last, over its blocks, `plan`.
     """
     damage = [
         *_slipped(run, spectra.slip, plan),
@@ -260,34 +249,17 @@ _PIECE = 1 << 18
 
 @dataclass(frozen=True)
 class Jump:
-    """Where a counter leaves its steps.
-
-    Parameters
-    ----------
-    channel : str
-        Name of the counter.
-    wrong : Stretch
-        Samples that the counter has counted before, or the one behind a gap.
-    lost : int
-        Samples that are not there; 0 where it jumps back.
-    before, after : int
-        What it counts on either side.
-    """
+    """Where the counter `channel` leaves its steps."""
 
     channel: str
-    wrong: Stretch
-    lost: int
-    before: int
+    wrong: Stretch  # samples that it has counted before, or the one behind a gap
+    lost: int  # samples that are not there; 0 where it jumps back
+    before: int  # what it counts on either side
     after: int
 
 
 def counter_jumps(run: Run) -> list[Jump]:
-    """Gaps and repetitions that a counter among the channels that have no role tells of.
-
-    Parameters
-    ----------
-    run : Run
-    """
+    """Gaps and repetitions that a counter among the channels that have no role tells of."""
     used = {channel.name for channel in run.channels}
     spare = [channel for channel in run.recording.channels if channel.name not in used]
     return [jump for channel in spare if _step(channel) for jump in _jumps(channel)]

@@ -26,51 +26,25 @@ _LOUD_HUM = 0.01  # of the rms
 class SignalSummary:
     """One signal in SI units; missing samples count nowhere but in `n_missing`.
 
-    Parameters
-    ----------
-    n_samples : int
-    mean : float
-        The constant part (DC). NaN, as all levels, where every sample is missing.
-    rms : float
-        Of the whole signal, its mean included.
-    rms_ac : float
-        Of the signal about its mean.
-    lowest, highest : float
-        Extreme samples.
-    n_clipped_low, n_clipped_high : int
-        Samples on flat tops at the lowest and the highest value.
-    n_missing : int
-        Samples that are not finite, or impossible: beyond the channel's limit.
-    first_missing : int or None
-        Index of the first of them.
-    n_impossible : int
-        Those among the missing ones that are numbers, but beyond the channel's limit.
-    first_impossible : int or None
-        Index of the first of these.
-    worst_impossible : float
-        Largest magnitude of these; 0 where there are none.
-    longest_hold, longest_hold_start : int
-        Length and first sample of the longest run of one value.
-    hum : Hum or None
-        Lines of the mains; None where there are none, or the signal is too short to tell.
+    Missing are samples that are not finite, or impossible: beyond the channel's limit.
     """
 
     n_samples: int
-    mean: float
-    rms: float
-    rms_ac: float
-    lowest: float
+    mean: float  # the constant part (DC); NaN, as all levels, where every sample is missing
+    rms: float  # of the whole signal, its mean included
+    rms_ac: float  # about the mean
+    lowest: float  # extreme samples
     highest: float
-    n_clipped_low: int
+    n_clipped_low: int  # samples on flat tops at the lowest and the highest value
     n_clipped_high: int
     n_missing: int
-    first_missing: int | None
-    longest_hold: int
-    longest_hold_start: int
-    hum: Hum | None
-    n_impossible: int = 0
-    first_impossible: int | None = None
-    worst_impossible: float = 0.0
+    first_missing: int | None  # index
+    longest_hold: int  # samples of the longest run of one value
+    longest_hold_start: int  # its first sample
+    hum: Hum | None  # None without lines of the mains, or where the signal is too short to tell
+    n_impossible: int = 0  # those of the missing ones that are numbers
+    first_impossible: int | None = None  # index
+    worst_impossible: float = 0.0  # largest magnitude of these; 0 without any
 
     @property
     def peak(self) -> float:
@@ -145,14 +119,7 @@ class _Gaps:
 
 
 def summarise(channel: Channel, sampling_rate_hz: float = float("nan")) -> SignalSummary:
-    """Summarise a channel in one pass; a piece of it is in memory at a time.
-
-    Parameters
-    ----------
-    channel : Channel
-    sampling_rate_hz : float, optional
-        Without it hum is not sought.
-    """
+    """Summarise a channel in one pass, piece by piece; hum only with its sampling rate."""
     moments, plateaus = _Moments(), Plateaus()
     hum_meter = HumMeter(sampling_rate_hz, channel.n_samples)
     gaps = _Gaps()
@@ -192,16 +159,7 @@ def summarise(channel: Channel, sampling_rate_hz: float = float("nan")) -> Signa
 
 
 def signal_findings(summary: SignalSummary, file: str, channel: Channel) -> list[Finding]:
-    """Everything about a signal that is not in order, one warning each.
-
-    Parameters
-    ----------
-    summary : SignalSummary
-        Of `channel`.
-    file : str
-        Name of the file, as the findings show it.
-    channel : Channel
-    """
+    """Everything about a signal that is not in order, one warning each; `file` is named in them."""
     said = {
         Check.MISSING_SAMPLES: _missing(summary),
         Check.IMPOSSIBLE_SAMPLES: _impossible(summary, channel),
@@ -320,19 +278,9 @@ def level_findings(
     """Channels whose level makes no sense for their unit, with the unit that is likely meant.
 
     A few pieces along the recording tell that a level is in order. Only where they do not is the
-    whole channel read, as an impact may lie between them.
-
-    Parameters
-    ----------
-    recording : Recording
-    summaries : sequence of SignalSummary, optional
-        Of its channels, where they are known already.
-
-    Returns
-    -------
-    list of Finding
-        Check ``"level"``, verdict warning; empty where all is well. Channels without signal are
-        not judged, nor quantities other than acceleration and force.
+    whole channel read, as an impact may lie between them; `summaries` are those of the channels,
+    where they are known already. Channels without signal are not judged, nor quantities other than
+    acceleration and force.
     """
     findings = []
     for row, channel in enumerate(recording.channels):
