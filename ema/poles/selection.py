@@ -18,22 +18,13 @@ from ema.poles.stability import StabilityDiagram
 class PoleSelection:
     """Poles that start a curve fit.
 
-    Parameters
-    ----------
-    poles : ndarray of complex, shape (n_modes,)
-        rad/s; poles outside the band guard its ends.
-    band_hz : tuple of float
-        Band whose modes are wanted.
-    pinned : bool
-        Whether the user chose them: then none is added and none dropped.
-    aside : ndarray of complex, shape (n_aside,)
-        Poles that the diagram shows and the user does not want: they are fitted, so that their
-        response is not pressed into the others, and are no part of the result.
+    Those in `aside` show in the diagram and the user does not want them: they are fitted, so that
+    their response is not pressed into the others, and are no part of the result.
     """
 
-    poles: NDArray[np.complex128]
-    band_hz: tuple[float, float]
-    pinned: bool = False
+    poles: NDArray[np.complex128]  # rad/s; poles outside the band guard its ends
+    band_hz: tuple[float, float]  # band whose modes are wanted
+    pinned: bool = False  # whether the user chose them: then none is added and none dropped
     aside: NDArray[np.complex128] = field(default_factory=lambda: np.zeros(0, dtype=complex))
 
     def __post_init__(self) -> None:

@@ -29,27 +29,13 @@ METHODS = ("lsce", "plscf")
 
 @dataclass(frozen=True)
 class Cluster:
-    """Poles of many model orders that belong together.
+    """Poles of many model orders that belong together."""
 
-    Parameters
-    ----------
-    label : int
-        Number used in `StabilityDiagram.cluster`.
-    pole : complex
-        Representative pole in rad/s.
-    size : int
-        Number of model orders that contain it.
-    kept : bool
-        Whether it is taken for a mode.
-    reason : str
-        Why it was kept or dropped, in words.
-    """
-
-    label: int
-    pole: complex
-    size: int
-    kept: bool
-    reason: str
+    label: int  # number used in `StabilityDiagram.cluster`
+    pole: complex  # representative pole in rad/s
+    size: int  # number of model orders that contain it
+    kept: bool  # whether it is taken for a mode
+    reason: str  # why it was kept or dropped, in words
 
     @property
     def frequency_hz(self) -> float:

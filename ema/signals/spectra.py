@@ -33,9 +33,7 @@ class Spectra:
     n_planned: NDArray[np.float64]  # what they would be if no sample were missing
     clipped: NDArray[np.float64]  # share of samples that sit on the extremes of their block
     force_clipped: NDArray[np.float64]  # the same of the force
-    slip: NDArray[
-        np.float64
-    ]  # samples ahead of the force in each part of the run, as `SlipMeter`
+    slip: NDArray[np.float64]  # samples ahead of the force in each part of the run, as `SlipMeter`
 
     def rows(self, chosen: slice) -> Spectra:
         """Keep the chosen rows only."""
