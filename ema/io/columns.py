@@ -86,7 +86,8 @@ def content_of_columns(
 def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Column]) -> None:
     if not signals:
         found = f"columns {', '.join(column.name for column in columns) or 'none'}"
-        raise RecordingFormatError(path.name, found, "at least one must be a channel", EXPORT_AGAIN)
+        rule = "at least one column must be a channel"
+        raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
     first = columns[0]
     n_samples = len(first.samples)
     for column in columns:

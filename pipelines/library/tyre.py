@@ -53,7 +53,8 @@ class LibraryTyre:
         newest = self.newest
         if not 1 <= number <= newest:
             rule = f"there are versions 1 to {newest}"
-            raise InputError(self.name, f"version {number}", rule, f"Take {self.name}@{newest}")
+            remedy = f"The newest is {self.name}@{newest}"
+            raise InputError(self.name, f"version {number}", rule, remedy)
         return read_version(numbered(self.path, number), self.name, number)
 
     def versions(self) -> tuple[list[Version], list[DamagedFile]]:

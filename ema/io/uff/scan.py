@@ -283,7 +283,7 @@ class Lines:
         """Numbers on the next line, of which there must be at least `least`; see `line_numbers`."""
         numbers = line_numbers(self.text(), widths, self.where)
         if len(numbers) < least:
-            raise damaged(self.where, f"{len(numbers)} numbers", f"{least} are needed on the line")
+            raise damaged(self.where, f"{len(numbers)} numbers", f"the line needs {least} numbers")
         return numbers
 
     def integers(self, least: int) -> list[int]:

@@ -141,7 +141,7 @@ def check_time_series(
     lengths = sorted({channel.n_samples for channel in channels})
     if len(lengths) != 1 or lengths[0] == 0:
         rule = "all channels must have the same length, at least one sample"
-        raise InputError(str(path), f"lengths {lengths}", rule, "Cut them to the same length")
+        raise InputError(str(path), f"channel lengths {lengths}", rule, "Cut them to one length")
     if not 0 < sampling_rate_hz < np.inf:
         found = f"sampling rate {sampling_rate_hz} Hz"
         raise InputError(str(path), found, "it must be positive", "Give the rate in Hz")
