@@ -191,10 +191,6 @@ def harmonics(
     damping : RingDamping or None
         Makes K and D complex by its loss factor (section 5.3); the viscous part is not in here.
 
-    Returns
-    -------
-    Harmonics
-
     Raises
     ------
     ParameterError

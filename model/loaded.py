@@ -233,10 +233,6 @@ def load_ring(
     start : LoadedRing or None
         A solution of the same size to start from, e.g. at a smaller load.
 
-    Returns
-    -------
-    LoadedRing
-
     Raises
     ------
     ParameterError

@@ -145,10 +145,6 @@ def wave_pair(
     extensional : bool
         Whether to take the extensional pair.
 
-    Returns
-    -------
-    WavePair
-
     Raises
     ------
     InstabilityError

@@ -156,10 +156,6 @@ def build_stability(
         complex frequency from the FRFs, weighted with their noise.
     settings : IdentificationSettings
 
-    Returns
-    -------
-    StabilityDiagram
-
     Raises
     ------
     InputError
