@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
 
-from ema.core.arrays import readonly
+from ema.core.arrays import ReadonlyArrays
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import position_finding
 from ema.core.settings import CHECKS, CheckSettings
@@ -22,7 +22,7 @@ _COHERENCE_LINES = 31  # dips at antiresonances do not end a band
 
 
 @dataclass(frozen=True, eq=False)
-class ReferenceCheck:
+class ReferenceCheck(ReadonlyArrays):
     """The fixed reference sensor over the runs."""
 
     run: tuple[str, ...]
@@ -31,10 +31,6 @@ class ReferenceCheck:
     std: NDArray[np.float64]  # its standard deviation per quadrature
     ratio: float  # RMS deviation from the mean over its std: 1 is pure noise; NaN if unknown
     consistent: bool  # whether the runs show one tyre, as far as noise lets one see
-
-    def __post_init__(self) -> None:
-        for name, dtype in (("frequency_hz", float), ("values", complex), ("std", float)):
-            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
 
 
 def check_reference(

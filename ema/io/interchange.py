@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import readonly
+from ema.core.arrays import ReadonlyArrays
 from ema.core.errors import InputError
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
@@ -130,7 +130,7 @@ def frf_to_xarray(frf: FRF) -> xr.Dataset:
 
 
 @dataclass(frozen=True, eq=False)
-class SdypyModes:
+class SdypyModes(ReadonlyArrays):
     """Poles and modal constants under the names of ``sdypy.EMA.Model``."""
 
     nat_freq: NDArray[np.float64]  # undamped, Hz
@@ -138,10 +138,6 @@ class SdypyModes:
     all_poles: list[NDArray[np.complex128]]  # one model order with all poles, rad/s
     pole_ind: list[list[int]]  # [model order, pole] of each mode
     A: NDArray[np.complex128]  # modal constants of the receptance; columns are shapes
-
-    def __post_init__(self) -> None:
-        for name, dtype in (("nat_freq", float), ("nat_xi", float), ("A", complex)):
-            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
 
     def put_into(self, target: Any) -> None:
         """Set these poles and constants in a ``sdypy.EMA.Model``, as if it had found them."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import readonly
+from ema.core.arrays import ReadonlyArrays
 from ema.core.errors import InputError, RecordingFormatError
 from ema.core.finding import Check, Finding
 from ema.io.content import remark
@@ -43,7 +43,7 @@ _VALUE_WIDTHS = (13,) * 6
 
 
 @dataclass(frozen=True, eq=False)
-class ShapeSet:
+class ShapeSet(ReadonlyArrays):
     """Mode shapes of a universal file, as stored, without a common scale.
 
     Parameters
@@ -71,13 +71,6 @@ class ShapeSet:
     angle_deg: NDArray[np.float64]
     values: NDArray[np.complex128]
     findings: tuple[Finding, ...] = ()
-
-    def __post_init__(self) -> None:
-        for name in ("frequency_hz", "damping_ratio", "angle_deg"):
-            object.__setattr__(self, name, readonly(getattr(self, name), float))
-        for name in ("node", "direction"):
-            object.__setattr__(self, name, readonly(getattr(self, name), int))
-        object.__setattr__(self, "values", readonly(self.values, complex))
 
     @property
     def n_modes(self) -> int:
@@ -267,7 +260,7 @@ def _read_values(lines: Lines, form: _Form) -> tuple[NDArray[np.int_], NDArray[n
 
 
 @dataclass(frozen=True, eq=False)
-class RadialShapes:
+class RadialShapes(ReadonlyArrays):
     """Shapes as one value per node; NaN means not stated, or no wheel."""
 
     frequency_hz: NDArray[np.float64]
@@ -278,12 +271,6 @@ class RadialShapes:
     across_m: NDArray[np.float64]  # along the axle, from the middle of the wheel
     values: NDArray[np.complex128]  # (n_modes, n_nodes)
     notes: tuple[str, ...] = ()  # what was assumed
-
-    def __post_init__(self) -> None:
-        for name in ("frequency_hz", "damping_ratio", "angle_deg", "radius_m", "across_m"):
-            object.__setattr__(self, name, readonly(getattr(self, name), float))
-        object.__setattr__(self, "node", readonly(self.node, int))
-        object.__setattr__(self, "values", readonly(self.values, complex))
 
 
 class _Wheel(NamedTuple):
