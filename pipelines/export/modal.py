@@ -186,4 +186,5 @@ def require_free_file(target: Path, *, force: bool) -> None:
         remedy = "Choose another name, or use --force to replace it"
         raise InputError(str(target), "exists already", "files are not replaced", remedy)
     if not target.absolute().parent.is_dir():
-        raise InputError(str(target), "no such folder", "the folder must exist", "Create it first")
+        found = "its folder does not exist"
+        raise InputError(str(target), found, "the folder must exist", "Create it first")

@@ -225,5 +225,6 @@ def require_version(reference: str, command: str) -> str:
     name, version = split_reference(reference)
     if not version:
         rule = "name the version: a newer one may have been added in the meantime"
-        raise InputError(reference, "no version", rule, f"Write e.g. {name}@1")
+        remedy = f"Write e.g. `ringmodal tyre {command} {name}@1`"
+        raise InputError(reference, "no version", rule, remedy)
     return name
