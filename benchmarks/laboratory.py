@@ -24,7 +24,6 @@ import ema
 from ema.circumference.mass_loading import sensors_of_runs, unloaded
 from ema.core.campaign import Campaign
 from ema.core.errors import FitError, InputError
-from ema.core.finding import OK
 from ema.core.frf import FRF
 from pipelines.simulate.laboratory import Laboratory
 from pipelines.simulate.laboratory_effects import Effects
@@ -175,10 +174,10 @@ def measure(options: dict[str, Any], seed: int, duration_s: float, *, toolbox: b
             for mode in found.model.modes
         ]
         result.ours = score(truth, rows, BAND_HZ)
-        result.warnings = sum(finding.verdict != OK for finding in found.findings)
+        result.warnings = sum(not finding.is_ok for finding in found.findings)
         if not any(getattr(effects, name) for name in DAMAGED):
             result.touched = touched(campaign, frf, found, faulty)
-        named = {finding.channel for finding in found.findings if finding.verdict != OK}
+        named = {finding.channel for finding in found.findings if not finding.is_ok}
         result.faulty, result.named = len(faulty), len(faulty & named)
     result.seconds = time.perf_counter() - start
     result.listed = complaints(result.ours)

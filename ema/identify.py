@@ -13,7 +13,7 @@ from ema.checks.sensor_consistency import check_consistency, is_better, withheld
 from ema.circumference.mass_loading import unloaded, without_live_mass
 from ema.circumference.orders import on_circle
 from ema.core.display import band_text, counted
-from ema.core.finding import _OK, Finding, findings_html
+from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF, widened_band
 from ema.core.modes import ModalModel, model_html
 from ema.core.numerics import one_blas_thread
@@ -214,7 +214,7 @@ def _bare(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
 
 def identification_line(found: Identification) -> str:
     """Modes and doubts."""
-    doubts = sum(finding.verdict != _OK for finding in found.findings)
+    doubts = sum(not finding.is_ok for finding in found.findings)
     return (
         f"<Identification: {counted(len(found.model.modes), 'mode')}, "
         f"{band_text(found.model.band_hz)}, {counted(doubts, 'warning')}>"

@@ -84,8 +84,7 @@ def require_number(name: str, value: float | None, *, zero_allowed: bool = False
 def require_one_of(name: str, value: str, known: Collection[str]) -> None:
     """Refuse a name that is not among the known ones."""
     if value not in known:
-        rule = f"must be one of {', '.join(known)}"
-        raise ParameterError(name, f"{value!r}", rule, "Choose one of them")
+        raise ParameterError(name, f"{value!r}", f"known: {', '.join(known)}", "Choose one of them")
 
 
 def require_order_limit(highest_order: int) -> None:

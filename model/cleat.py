@@ -76,7 +76,6 @@ class CleatTest:
         The ring on a fixed hub, with belt width. In its frame the force is fixed during the blow:
         to the tread ("rotating") or in space ("absolute").
     cleat : Cleat
-        The blow.
     """
 
     forced: ForcedRing
@@ -114,7 +113,6 @@ class CleatTest:
         Returns
         -------
         ndarray, shape (n_times,)
-            The response.
         """
         times = np.atleast_1d(finite_array("times_s", times_s))
         row, derivative = _component_and_derivative(direction, quantity)
@@ -254,8 +252,7 @@ def harmonic_modes(forced: ForcedRing) -> HarmonicModes:
     C = C_bed + η·K''/ω̄_n, equal to the loss factor at the natural frequency ω̄_n of the order.
     """
     if forced.wheel is not None:
-        rule = "the response in time is for a fixed hub"
-        raise ParameterError("wheel", "free", rule, "Leave the wheel out")
+        raise ParameterError("wheel", "free", "the hub must be fixed", "Leave the wheel out")
     orders = np.arange(forced.highest_order + 1)
     rho = forced.ring.mass_per_area_kg_m2
     stiffness, damping = _stiffness_and_damping(forced, orders)

@@ -70,7 +70,6 @@ def equilibrium(
     Parameters
     ----------
     ring : RingParameters
-        The ring.
     speed_rad_s : array_like
         Angular speeds Ω, rad/s, any shape; the sign does not matter here.
     pressure_load : {"dead", "follower"}
@@ -185,18 +184,12 @@ def harmonics(
     Parameters
     ----------
     ring : RingParameters
-        The ring.
     orders, speed_rad_s : array_like
-        Orders n and angular speeds Ω in rad/s, of shapes that broadcast.
+        Orders n and angular speeds Ω in rad/s; the result has their broadcast shape.
     pressure_load : {"dead", "follower"}
         See `equilibrium`. A follower load takes p_o/a from m11 and m22 and n·p_o/a from c.
     damping : RingDamping or None
         Makes K and D complex by its loss factor (section 5.3); the viscous part is not in here.
-
-    Returns
-    -------
-    Harmonics
-        In the broadcast shape.
 
     Raises
     ------

@@ -16,9 +16,7 @@ from model.parameters import DAMPING_NAMES, RingDamping, RingParameters
 from model.ring import natural_frequencies_hz, torsion_frequency_hz
 
 _NAMES = tuple(DAMPING_NAMES)
-_NOMINAL = (
-    0.05  # relative error of a damping ratio that decides on identifiability where none is known
-)
+_NOMINAL = 0.05  # relative error of a ratio that decides on identifiability where none is known
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,20 +65,13 @@ def damping_ratios(
 
     Parameters
     ----------
-    ring : RingParameters
-        The ring.
-    damping : RingDamping
-        Its damping.
-    orders, speed_rad_s : array_like
-        Orders n ≥ 0 and angular speeds Ω in rad/s, of shapes that broadcast; at Ω = 0 both members
-        of an order share the ratio.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
+    ring, damping, orders, speed_rad_s, pressure_load
+        As `harmonics`, with n ≥ 0; at Ω = 0 both members of an order share the ratio.
 
     Returns
     -------
     ndarray
-        In the broadcast shape.
+        In the broadcast shape of orders and speeds.
     """
     roots = characteristic_roots(
         ring, orders, speed_rad_s, pressure_load=pressure_load, damping=damping

@@ -109,8 +109,7 @@ def inextensional_inertance(
         As `inertance`, and for a free wheel.
     """
     if forced.wheel is not None:
-        rule = "the inextensional form is for a fixed hub"
-        raise ParameterError("wheel", "free", rule, "Use `inertance`")
+        raise ParameterError("wheel", "free", "the hub must be fixed", "Use `inertance`")
     omega, angles = angular_frequency(frequency_hz), finite_array("response_rad", response_rad)
     around = np.remainder(np.atleast_1d(angles) - force_rad, 2 * np.pi)
     orders = forced.orders[forced.orders != 0]

@@ -61,10 +61,6 @@ def foundation_from_belt_modes(
     bending_stiffness_n_m : float
         D; it changes order 1 in the eighth digit.
 
-    Returns
-    -------
-    Foundation
-
     Raises
     ------
     ParameterError

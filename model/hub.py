@@ -43,9 +43,8 @@ def free_hub_roots(
     Parameters
     ----------
     ring : RingParameters
-        The ring, with its belt width.
+        With its belt width.
     wheel : Wheel
-        Mass and inertia of the wheel.
     order : {0, 1}
         0: rotation of belt and wheel, and breathing; 1: translation of belt and wheel.
     speed_rad_s : float

@@ -79,18 +79,10 @@ def frequency_sensitivity(
 
 @dataclass(frozen=True, eq=False)
 class Correlation(ReadonlyArrays):
-    """Correlation matrix of the identified parameters.
+    """Correlation matrix of the identified parameters."""
 
-    Parameters
-    ----------
-    parameters : tuple of str
-        Names, in the order of rows and columns.
-    values : ndarray, shape (n_parameters, n_parameters)
-        Correlation coefficients; NaN where no standard deviation is known.
-    """
-
-    parameters: tuple[str, ...]
-    values: Array
+    parameters: tuple[str, ...]  # names, in the order of rows and columns
+    values: Array  # NaN where no standard deviation is known
 
 
 @dataclass(frozen=True, eq=False)

@@ -111,7 +111,6 @@ class LoadedRing(ReadonlyArrays):
     Parameters
     ----------
     ring : RingParameters
-        The ring.
     fields : CircleFields
         Basis and points.
     coefficients : ndarray, shape (n_coefficients,)
@@ -222,7 +221,6 @@ def load_ring(
     Parameters
     ----------
     ring : RingParameters
-        The ring.
     contact : ContactPatch or array_like, shape (n_points,)
         A patch, or contact pressures in Pa (positive towards the axle) at equidistant angles from
         0; more than twice as many as harmonics.
@@ -234,11 +232,6 @@ def load_ring(
         See `equilibrium`. The follower load belongs to the enclosed area.
     start : LoadedRing or None
         A solution of the same size to start from, e.g. at a smaller load.
-
-    Returns
-    -------
-    LoadedRing
-        In equilibrium.
 
     Raises
     ------
@@ -300,8 +293,7 @@ def loaded_frequencies_hz(
     most = 2 * (2 * highest_order + 1)
     if not 1 <= n_modes <= most:
         rule = f"harmonics up to {highest_order} have 1 to {most} modes"
-        remedy = "Use fewer modes or raise the highest order"
-        raise ParameterError("n_modes", f"{n_modes}", rule, remedy)
+        raise ParameterError("n_modes", f"{n_modes}", rule, "Ask for fewer modes")
     loads = np.atleast_1d(finite_array("loads_n", loads_n))
     frequencies = np.empty((loads.size, n_modes))
     orders = np.empty((loads.size, n_modes), dtype=int)

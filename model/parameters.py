@@ -78,8 +78,7 @@ class RingParameters:
         if self.inflation_pressure_pa > bearable:
             found, limit = f"{self.inflation_pressure_pa:g}", f"{LARGEST_HOOP_STRAIN:g}"
             rule = f"must be ≤ {bearable:g} Pa, where the hoop strain reaches {limit}"
-            remedy = "Lower the pressure or raise K or k_r"
-            raise ParameterError("inflation_pressure_pa", found, rule, remedy)
+            raise ParameterError("inflation_pressure_pa", found, rule, "Lower it or raise K or k_r")
 
     @property
     def thickness_m(self) -> float:

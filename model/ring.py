@@ -22,7 +22,6 @@ def natural_frequencies_hz(
     Parameters
     ----------
     ring : RingParameters
-        The ring.
     orders : array_like of int
         Circumferential orders; the sign does not matter at Ω = 0.
     pressure_load : {"dead", "follower"}

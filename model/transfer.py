@@ -25,9 +25,8 @@ class ForcedRing:
     Parameters
     ----------
     ring : RingParameters
-        The ring.
     damping : RingDamping
-        Its damping; the loss factor follows the sign of the frequency.
+        Its loss factor follows the sign of the frequency.
     speed_rad_s : float
         Angular speed Ω, rad/s.
     wheel : Wheel or None

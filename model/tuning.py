@@ -224,19 +224,9 @@ def tune_ring(
     numbers, measured, relative_given = measured_orders(
         "frequencies_hz", orders, frequencies_hz, "frequency_std_hz", frequency_std_hz
     )
-    problem = TuningProblem(
-        numbers,
-        measured,
-        mean_radius_m,
-        inflation_pressure_pa,
-        belt_width_m,
-        objective,
-        given or {},
-        start or {},
-        bounds or {},
-        radial_growth_m,
-        pressure_load,
-    )
+    tyre = mean_radius_m, inflation_pressure_pa, belt_width_m, objective
+    known = given or {}, start or {}, bounds or {}
+    problem = TuningProblem(numbers, measured, *tyre, *known, radial_growth_m, pressure_load)
     with threadpool_limits(1, user_api="blas"):  # threads slow small matrices down
         search = plan_search(problem)
         values, starts = search.run()

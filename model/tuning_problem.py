@@ -120,8 +120,7 @@ class TuningProblem(ReadonlyArrays):
     def _require_consistent(self) -> None:
         require_one_of("objective", self.objective, OBJECTIVES)
         if self.objective == "paper" and 0 in self.orders:
-            remedy = "Use objective='frequency' with order 0"
-            raise ParameterError("orders", "0", "eq 18 is for n ≥ 1", remedy)
+            raise ParameterError("orders", "0", "eq 18 is for n ≥ 1", "Use objective='frequency'")
         if self.radial_growth_m is not None and (AXIAL in self.given or 0 in self.orders):
             found = f"{self.radial_growth_m:g}"
             rule = "K would be determined twice: by eq 16 and by a given K or the breathing mode"

@@ -81,10 +81,7 @@ class WavePair:
         return regressive / self.order, progressive / self.order
 
     def pattern_speed_rad_s(self, frame: WaveFrame) -> float:
-        """Speed c_{n,tot} at which the superposed pattern turns (eqs 24 and 28), rad/s.
-
-        Zero in the stationary frame.
-        """
+        """Speed c_{n,tot} of the superposed pattern (eqs 24, 28), rad/s; 0 in its own frame."""
         regressive, progressive = self.propagation_speeds_rad_s(frame)
         return abs(regressive - progressive) / 2.0
 
@@ -143,21 +140,10 @@ def wave_pair(
 
     Parameters
     ----------
-    ring : RingParameters
-        The ring.
-    order : int
-        Circumferential order n ≥ 1.
-    speed_rad_s : float
-        Angular speed Ω, rad/s.
+    ring, order, speed_rad_s, pressure_load
+        As `harmonics`, for one order n ≥ 1 and one speed.
     extensional : bool
         Whether to take the extensional pair.
-    pressure_load : {"dead", "follower"}
-        See `equilibrium`.
-
-    Returns
-    -------
-    WavePair
-        With real frequencies.
 
     Raises
     ------
@@ -171,8 +157,7 @@ def wave_pair(
     growth = float(np.abs(roots[first : first + 2].imag).max())
     if growth > 0:
         where, found = f"order {n} at {speed_rad_s:g} rad/s", f"a root grows by {growth:.4g} 1/s"
-        rule = "an unstable ring has no natural frequency"
-        raise InstabilityError(where, found, rule, "Lower the speed")
+        raise InstabilityError(where, found, "it has no natural frequency", "Lower the speed")
     frequencies = float(roots[first].real), float(-roots[first + 1].real)
     return WavePair(n, float(speed_rad_s), *frequencies, *map(float, ratios[first : first + 2]))
 

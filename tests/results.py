@@ -8,7 +8,7 @@ import numpy as np
 
 from ema.checks.quality import ReferenceCheck
 from ema.core.campaign import Tyre
-from ema.core.finding import OK, WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.mac import auto_mac
 from ema.core.modes import ModalModel, Mode, ResidualTerms
@@ -232,6 +232,13 @@ def reference(model: ModalModel, seed: int) -> ReferenceCheck:
 def findings() -> tuple[Finding, ...]:
     """A passed check and a warning."""
     return (
-        Finding("config_1.uff", "A01", 0.0, "coherence", OK, "median 0.99"),
-        Finding("config_3.uff", "A05", 130.0, "hum", WARNING, "50 Hz line 12 dB above its sides"),
+        Finding("config_1.uff", "A01", 0.0, Check.COHERENCE, Verdict.OK, "median 0.99"),
+        Finding(
+            "config_3.uff",
+            "A05",
+            130.0,
+            Check.HUM,
+            Verdict.WARNING,
+            "50 Hz line 12 dB above its sides",
+        ),
     )

@@ -1,4 +1,4 @@
-"""Tables of thresholds and of simulated effects, from the classes that define them."""
+"""Tables of thresholds, checks and simulated effects, from the classes that define them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
+from ema.core.finding import Check
 from ema.core.settings import CheckSettings, IdentificationSettings
 from pipelines.simulate.laboratory_effects import describe_effects
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 PAGE = "dev/thresholds"
 EFFECTS_PAGE = "howto/virtual-laboratory"
+FILES_PAGE = "reference/files"
 _TABLES = {"identification": IdentificationSettings, "checks": CheckSettings}
 
 
@@ -28,6 +30,8 @@ def _append_tables(app: Sphinx, page: str, source: list[str]) -> None:
         source[0] += "\n".join(tables())
     elif page == EFFECTS_PAGE:
         source[0] += "\n".join(effects_table())
+    elif page == FILES_PAGE:
+        source[0] += "\n".join(checks_table())
 
 
 def tables() -> Iterator[str]:
@@ -40,6 +44,13 @@ def tables() -> Iterator[str]:
             effect = about["effect"].replace("|", r"\|")
             cells = f"`{each.name}`", f"{each.default:g}", about["unit"], effect, about["source"]
             yield f"| {' | '.join(cells)} |"
+
+
+def checks_table() -> Iterator[str]:
+    """Checks by the names they have in ``quality.csv``."""
+    yield "\n\n| check | about |\n|---|---|"
+    for check in Check:
+        yield f"| `{check}` | {check.meaning} |"
 
 
 def effects_table() -> Iterator[str]:

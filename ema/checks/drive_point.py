@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.circumference.orders import on_circle, order_content
-from ema.core.finding import OK, WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.modes import ModalModel
 from ema.core.settings import CHECKS, CheckSettings
 
@@ -47,23 +47,24 @@ def drive_point_finding(
             "all shapes move against the force where it acts: force or accelerations have the "
             "wrong sign in all runs. Frequencies and damping are right, FRFs and residues turned"
         )
-        return [_finding(excitation_deg, WARNING, says)]
+        return [_finding(excitation_deg, Verdict.WARNING, says)]
     angles = np.arange(0.0, 360.0, _STEP_DEG)
     score = _agreement(waves, angles)
     best = int(np.argmax(np.abs(score)))
     elsewhere = abs(score[best]) > clear
     if here > clear or (here > settings.drive_point_agrees and not elsewhere):
-        return [_finding(excitation_deg, OK, "the shapes are driven from where the force acts")]
+        says = "the shapes are driven from where the force acts"
+        return [_finding(excitation_deg, Verdict.OK, says)]
     says = "the shapes are not driven from there"
     if elsewhere:
         turned = ", by a force of the other sign" if score[best] < 0 else ""
         says += f" but from about {angles[best]:g}°{turned}"
     says += ". Check [excitation] position_deg and the positions of the sensors"
-    return [_finding(excitation_deg, WARNING, says)]
+    return [_finding(excitation_deg, Verdict.WARNING, says)]
 
 
-def _finding(position_deg: float, verdict: str, detail: str) -> Finding:
-    return Finding("", "force", position_deg, "drive point", verdict, detail)
+def _finding(position_deg: float, verdict: Verdict, detail: str) -> Finding:
+    return Finding("", "force", position_deg, Check.DRIVE_POINT, verdict, detail)
 
 
 def _waves(model: ModalModel) -> dict[int, tuple[float, float]]:

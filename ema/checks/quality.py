@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
 
-from ema.core.arrays import readonly
-from ema.core.finding import OK, WARNING, Finding
+from ema.core.arrays import ReadonlyArrays
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import position_finding
 from ema.core.settings import CHECKS, CheckSettings
 
@@ -22,51 +22,21 @@ _COHERENCE_LINES = 31  # dips at antiresonances do not end a band
 
 
 @dataclass(frozen=True, eq=False)
-class ReferenceCheck:
-    """The fixed reference sensor over the runs.
-
-    Parameters
-    ----------
-    run : tuple of str
-        Run names.
-    frequency_hz : ndarray, shape (n_frequencies,)
-        Lines of the band.
-    values : ndarray of complex, shape (n_runs, n_frequencies)
-        Inertance at the reference sensor, run by run.
-    std : ndarray, shape (n_runs, n_frequencies)
-        Its standard deviation per quadrature.
-    ratio : float
-        RMS deviation from the mean over the runs, over its standard deviation; 1 is pure noise.
-        NaN where the noise is unknown.
-    consistent : bool
-        Whether the runs show one and the same tyre, as far as noise lets one see.
-    """
+class ReferenceCheck(ReadonlyArrays):
+    """The fixed reference sensor over the runs."""
 
     run: tuple[str, ...]
-    frequency_hz: NDArray[np.float64]
-    values: NDArray[np.complex128]
-    std: NDArray[np.float64]
-    ratio: float
-    consistent: bool
-
-    def __post_init__(self) -> None:
-        for name, dtype in (("frequency_hz", float), ("values", complex), ("std", float)):
-            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
+    frequency_hz: NDArray[np.float64]  # lines of the band
+    values: NDArray[np.complex128]  # inertance, (n_runs, n_frequencies)
+    std: NDArray[np.float64]  # its standard deviation per quadrature
+    ratio: float  # RMS deviation from the mean over its std: 1 is pure noise; NaN if unknown
+    consistent: bool  # whether the runs show one tyre, as far as noise lets one see
 
 
 def check_reference(
     reference: FRF, band_hz: tuple[float, float], settings: CheckSettings = CHECKS
 ) -> ReferenceCheck:
-    """Compare the runs of the fixed reference sensor against their own noise.
-
-    Parameters
-    ----------
-    reference : FRF
-        `FRF.reference`, one row per run.
-    band_hz : tuple of float
-        Band to compare.
-    settings : CheckSettings
-    """
+    """Compare the rows of `FRF.reference`, one per run, against their own noise in a band."""
     lines = (reference.frequency_hz >= band_hz[0]) & (reference.frequency_hz <= band_hz[1])
     values, std = reference.values[:, lines], reference.std[:, lines]
     level = np.sqrt(np.mean(std**2, axis=0))
@@ -97,7 +67,8 @@ def coherence_findings(
         poor = median < settings.poor_coherence
         detail = f"median coherence {median:.3f} between {band_hz[0]:g} and {band_hz[1]:g} Hz"
         detail += f", below {settings.poor_coherence:g}" if poor else ""
-        findings.append(position_finding(frf, row, "coherence", WARNING if poor else OK, detail))
+        verdict = Verdict.WARNING if poor else Verdict.OK
+        findings.append(position_finding(frf, row, Check.COHERENCE, verdict, detail))
     return findings
 
 
@@ -109,7 +80,7 @@ def averages_finding(frf: FRF) -> list[Finding]:
         "a single average: coherence is always 1 and carries no information; ± is estimated "
         "from the fit residuals. Record the sweep, burst or impact several times"
     )
-    return [Finding("", "", None, "averages", WARNING, detail)]
+    return [Finding("", "", None, Check.AVERAGES, Verdict.WARNING, detail)]
 
 
 def period_finding(frf: FRF) -> list[Finding]:
@@ -120,13 +91,13 @@ def period_finding(frf: FRF) -> list[Finding]:
     found = f"the force repeats every {plan.period_s:g} s"
     if plan.is_one_period:
         detail = f"{found}; every block is one period, so that nothing leaks"
-        return [Finding("", "force", None, "period", OK, detail)]
+        return [Finding("", "force", None, Check.PERIOD, Verdict.OK, detail)]
     detail = (
         f"{found}, but blocks of {plan.block_s:g} s with a {plan.window} window are not one "
         "period: damping ratios may be wrong by a few percent. Use the default averages, block "
         "length and window"
     )
-    return [Finding("", "force", None, "period", WARNING, detail)]
+    return [Finding("", "force", None, Check.PERIOD, Verdict.WARNING, detail)]
 
 
 def coherent_band(frf: FRF, settings: CheckSettings = CHECKS) -> tuple[float, float]:
@@ -146,15 +117,11 @@ def coherent_band(frf: FRF, settings: CheckSettings = CHECKS) -> tuple[float, fl
 def drift_findings(drift: Drift, frequencies_hz: NDArray[np.float64]) -> list[Finding]:
     """Drift of each run against the first, one finding each; none with a single run.
 
-    Parameters
-    ----------
-    drift : Drift
-    frequencies_hz : ndarray
-        Modes at whose lowest and highest frequency the drift is stated.
+    It is stated at the lowest and the highest of the frequencies of the modes.
     """
     if len(drift.run) < 2 or not frequencies_hz.size:
         return []
-    verdict = WARNING if drift.applied else OK
+    verdict = Verdict.WARNING if drift.applied else Verdict.OK
     says = "; the run was fitted in its own state" if drift.applied else "; no more than chance"
     low, high = float(np.min(frequencies_hz)), float(np.max(frequencies_hz))
     rows = zip(
@@ -171,7 +138,7 @@ def drift_findings(drift: Drift, frequencies_hz: NDArray[np.float64]) -> list[Fi
             run=run,
             channel="",
             position_deg=None,
-            check="drift",
+            check=Check.DRIFT,
             verdict=verdict,
             detail=f"natural frequencies {at_low:+.4f} % at {low:.0f} Hz to {at_high:+.4f} % at "
             f"{high:.0f} Hz (± {std:.4f} %), damping {damping:+.2f} ± {damping_std:.2f} %, "
@@ -185,17 +152,17 @@ def reference_finding(check: ReferenceCheck, settings: CheckSettings = CHECKS) -
     """Verdict on the reference sensor as a line of ``quality.csv``."""
     deviation = f"deviation over the runs is {check.ratio:.2f} times its noise "
     if np.isnan(check.ratio):
-        verdict, says = WARNING, "its noise is unknown with a single average"
+        verdict, says = Verdict.WARNING, "its noise is unknown with a single average"
         deviation = "deviation over the runs cannot be judged "
     elif check.consistent:
-        verdict, says = OK, "the runs show one and the same tyre"
+        verdict, says = Verdict.OK, "the runs show one and the same tyre"
     else:
-        verdict, says = WARNING, "the tyre or its mounting changed between the runs"
+        verdict, says = Verdict.WARNING, "the tyre or its mounting changed between the runs"
     return Finding(
         run="",
         channel="reference",
         position_deg=None,
-        check="reference",
+        check=Check.REFERENCE,
         verdict=verdict,
         detail=f"{deviation}(limit {settings.consistent_ratio:g}): {says}",
     )
@@ -225,12 +192,8 @@ class OddGain:
 def odd_gains(check: ReferenceCheck) -> list[OddGain]:
     """Runs that are most others times a real number; none with fewer than three runs.
 
-    Every run is compared with every other one, shifted in frequency to where it fits: tyres
-    drift, but none changes by one factor on all lines.
-
-    Parameters
-    ----------
-    check : ReferenceCheck
+    Every run is compared with every other one, shifted in frequency to where it fits: tyres drift,
+    but none changes by one factor on all lines.
     """
     if not np.all(np.isfinite(check.std)):
         return []
@@ -296,8 +259,8 @@ def gain_findings(check: ReferenceCheck) -> list[Finding]:
             run=gain.run,
             channel="reference",
             position_deg=None,
-            check="gain",
-            verdict=WARNING,
+            check=Check.GAIN,
+            verdict=Verdict.WARNING,
             detail=f"the FRF reads {gain.factor:.3g} ± {gain.std:.1g} times that of the other runs "
             "on all lines, as no tyre changes: check sign, unit and range of the force, and of the "
             "sensors; it was left in",

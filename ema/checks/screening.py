@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import InputError
-from ema.core.finding import EXCLUDED, OK, WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, position_finding
 from ema.core.settings import CHECKS, CheckSettings
 
@@ -46,7 +46,8 @@ def screen(
         **_missing(frf, settings.missing_share),
     }
     findings = [position_finding(frf, row, *found) for row, found in sorted(faults.items())]
-    excluded = np.array([f in faults and faults[f][1] == EXCLUDED for f in range(frf.n_positions)])
+    excluded = np.zeros(frf.n_positions, dtype=bool)
+    excluded[[row for row, fault in faults.items() if fault[1] == Verdict.EXCLUDED]] = True
     if np.all(excluded):
         raise InputError(
             "all channels",
@@ -83,8 +84,8 @@ def _disagreeing(frf: FRF, share: float) -> list[Finding]:
         position_finding(
             frf,
             int(row),
-            "averaged runs",
-            WARNING,
+            Check.AVERAGED_RUNS,
+            Verdict.WARNING,
             f"the runs averaged here differ by {100 * frf.disagreement[row]:.0f} % of their "
             "power: sensors from different places under one node or position?",
         )
@@ -92,7 +93,7 @@ def _disagreeing(frf: FRF, share: float) -> list[Finding]:
     ]
 
 
-_Fault = tuple[str, str, str]  # check, verdict, detail
+_Fault = tuple[Check, Verdict, str]  # and the detail
 
 
 def _dead(frf: FRF, band_hz: tuple[float, float], limit_db: float) -> dict[int, _Fault]:
@@ -100,7 +101,7 @@ def _dead(frf: FRF, band_hz: tuple[float, float], limit_db: float) -> dict[int, 
     power = np.mean(np.abs(frf.values[:, lines]) ** 2, axis=1)
     level = _db(power, float(np.median(power)))
     return {
-        int(row): ("dead", EXCLUDED, _dead_text(level[row]))
+        int(row): (Check.DEAD, Verdict.EXCLUDED, _dead_text(level[row]))
         for row in np.flatnonzero(level < limit_db)
     }
 
@@ -114,8 +115,8 @@ def _dead_text(level_db: float) -> str:
 def _clipped(frf: FRF, settings: CheckSettings) -> dict[int, _Fault]:
     return {
         int(row): (
-            "clipped",
-            EXCLUDED if frf.clipped[row] > settings.clipped_share else WARNING,
+            Check.CLIPPED,
+            Verdict.EXCLUDED if frf.clipped[row] > settings.clipped_share else Verdict.WARNING,
             f"{100 * frf.clipped[row]:.2g} % of the samples sit on the limits of the signal",
         )
         for row in np.flatnonzero(frf.clipped > settings.few_clipped_share)
@@ -125,8 +126,8 @@ def _clipped(frf: FRF, settings: CheckSettings) -> dict[int, _Fault]:
 def _missing(frf: FRF, share: float) -> dict[int, _Fault]:
     return {
         int(row): (
-            "missing samples",
-            EXCLUDED if frf.missing[row] > share else WARNING,
+            Check.MISSING_SAMPLES,
+            Verdict.EXCLUDED if frf.missing[row] > share else Verdict.WARNING,
             f"{100 * frf.missing[row]:.2g} % of the averages left out, as samples are missing",
         )
         for row in np.flatnonzero(frf.missing > 0)
@@ -143,8 +144,8 @@ def _incoherent(
     poor = (median < settings.incoherent_share * usual) & (median < settings.incoherent)
     return {
         int(row): (
-            "incoherent",
-            EXCLUDED,
+            Check.INCOHERENT,
+            Verdict.EXCLUDED,
             f"median coherence {median[row]:.2f}, where the other channels have {usual:.2f}",
         )
         for row in np.flatnonzero(poor)
@@ -158,13 +159,14 @@ def _hum_findings(frf: FRF, limit_db: float) -> list[Finding]:
         level = _tone_db(frf, mains_hz)
         usual = float(np.median(level)) if level.size else 0.0
         if usual > limit_db:
-            text = f"{mains_hz:g} Hz hum on most channels, {usual:.0f} dB above the noise nearby"
-            findings.append(
-                Finding("", "", None, "hum", OK, text + "; these lines are down-weighted")
+            text = (
+                f"{mains_hz:g} Hz hum on most channels, {usual:.0f} dB above the noise nearby; "
+                "these lines are down-weighted"
             )
+            findings.append(Finding("", "", None, Check.HUM, Verdict.OK, text))
         for row in np.flatnonzero(level > max(usual, 0) + limit_db):
             text = f"{mains_hz:g} Hz hum, {level[row]:.0f} dB above the noise nearby"
-            findings.append(position_finding(frf, int(row), "hum", WARNING, text))
+            findings.append(position_finding(frf, int(row), Check.HUM, Verdict.WARNING, text))
     return findings
 
 
@@ -187,8 +189,8 @@ def _force_findings(frf: FRF, few: float) -> list[Finding]:
             run=run,
             channel="force",
             position_deg=None,
-            check="clipped",
-            verdict=WARNING,
+            check=Check.CLIPPED,
+            verdict=Verdict.WARNING,
             detail=f"{100 * share:.2g} % of the force's samples sit on the limits of the signal; "
             "all FRFs of this run are affected",
         )

@@ -13,13 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.checks.ring_shapes import MAJORITY, RingShapes, ring_shapes
-from ema.core.finding import EXCLUDED, WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, position_finding
 from ema.core.modes import ModalModel
 from ema.core.settings import CHECKS, CheckSettings
-
-FLIPPED, SCALED, SWAPPED, INCONSISTENT = "flipped", "scaled", "swapped", "inconsistent"
-WITHHELD = "corrections withheld"
 
 # Fewer modes could hardly agree on a gain.
 _FEWEST_WAVES = 2
@@ -134,7 +131,7 @@ def withheld(check: ConsistencyCheck) -> Finding:
         f"{len(check.findings)} corrections of sensors were tried; the modes did not come closer "
         "to pure shapes. Nothing was changed"
     )
-    return Finding("", "", None, WITHHELD, WARNING, detail)
+    return Finding("", "", None, Check.CORRECTIONS_WITHHELD, Verdict.WARNING, detail)
 
 
 def _force_changes(frf: FRF, shapes: RingShapes, settings: CheckSettings) -> dict[int, _Change]:
@@ -191,13 +188,12 @@ def _sensor_changes(
     for first, second in _swapped(frf, shapes, suspects, settings):
         for row, other in ((first, second), (second, first)):
             text = f"swapped with {frf.channel[other]}; both corrected"
-            finding = position_finding(frf, row, SWAPPED, WARNING, text)
+            finding = position_finding(frf, row, Check.SWAPPED, Verdict.WARNING, text)
             changes[row] = _Change(1.0, other, 1.0, finding)
     for row in suspects:
         if row not in changes and exclude:
-            finding = position_finding(
-                frf, row, INCONSISTENT, EXCLUDED, _contradiction(shapes, row)
-            )
+            text = _contradiction(shapes, row)
+            finding = position_finding(frf, row, Check.INCONSISTENT, Verdict.EXCLUDED, text)
             changes[row] = _Change(0.0, row, shapes.gain(row)[0], finding)
     return changes
 
@@ -218,17 +214,14 @@ def _factor(gain: float, settings: CheckSettings) -> float:
 
 def _gain_finding(
     gain: float, settings: CheckSettings, *, whole_run: bool = False
-) -> tuple[str, str, str]:
+) -> tuple[Check, Verdict, str]:
     where = ", as do all sensors of this run: the force's sign or scale is wrong" * whole_run
     if _is_usual(-gain, settings):
-        return (
-            FLIPPED,
-            WARNING,
-            f"fits the modes with a factor of {gain:.2f}{where}: polarity inverted",
-        )
+        text = f"fits the modes with a factor of {gain:.2f}{where}: polarity inverted"
+        return Check.FLIPPED, Verdict.WARNING, text
     turned = " and with the wrong sign" * (gain < 0)
     text = f"reads {abs(gain):.3g} times the value expected from the modes{turned}{where}: "
-    return SCALED, WARNING, text + "gain corrected by this factor"
+    return Check.SCALED, Verdict.WARNING, text + "gain corrected by this factor"
 
 
 def _contradiction(shapes: RingShapes, row: int) -> str:
@@ -277,7 +270,7 @@ def _odd_run_finding(frf: FRF, run: str, count: int) -> Finding:
         "the run saw the tyre in another state, or its positions are those of another run; it was "
         "left in"
     )
-    return Finding(run, "", None, INCONSISTENT, WARNING, detail)
+    return Finding(run, "", None, Check.INCONSISTENT, Verdict.WARNING, detail)
 
 
 def _too_many(frf: FRF, changes: dict[int, _Change], settings: CheckSettings) -> bool:
@@ -313,7 +306,7 @@ def _withheld_finding(changes: dict[int, _Change], settings: CheckSettings) -> F
         f"time (at most {most} in a run and {100 * share:.0f} % of all): the tyre "
         "changed between the runs, or positions are wrong. Nothing was changed"
     )
-    return Finding("", "", None, WITHHELD, WARNING, detail)
+    return Finding("", "", None, Check.CORRECTIONS_WITHHELD, Verdict.WARNING, detail)
 
 
 def _applied(frf: FRF, changes: dict[int, _Change], odd: Sequence[Finding]) -> ConsistencyCheck:

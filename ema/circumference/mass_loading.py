@@ -43,26 +43,9 @@ def unloaded(
     of an order's pair differ, their orientation and what the sensors do differently from run to run
     tell the rest (`ema.circumference.mass_loading`).
 
-    Parameters
-    ----------
-    frf : FRF
-        Of a closed circle of positions.
-    sensors_deg : dict of str to ndarray
-        Angles of all sensors of each run, from `sensors_of_runs`.
-    mass_kg : float
-        Mass of one sensor.
-    excitation_deg : float
-        Angle of the force.
-
-    Returns
-    -------
-    FRF
-        With the reference sensor's rows corrected likewise, where its angle is known.
-
-    Raises
-    ------
-    InputError
-        If the sensors of a run are unknown.
+    The FRFs are of a closed circle, `sensors_deg` are the angles of all sensors of each run from
+    `sensors_of_runs` (`InputError` if those of a run are unknown), and `mass_kg` is that of one
+    sensor. The reference sensor's rows are corrected likewise, where its angle is known.
     """
     fixed = frf.reference
     if fixed is not None and not np.all(np.isfinite(fixed.position_deg)):
@@ -129,16 +112,8 @@ def loading_percent(
     """How far sensors may lower each natural frequency, in percent; the worst run.
 
     First order, −½ m Σ_k φ_k²/M with the modal mass M from the residue at the drive point. The
-    worst run has all sensors on antinodes, where an order divides their spacing.
-
-    Parameters
-    ----------
-    frequencies_hz : ndarray, shape (n_modes,)
-    residues : ndarray of complex, shape (n_modes, n_positions)
-    drive_residues : ndarray of complex, shape (n_modes,)
-        Residues at the drive point.
-    n_sensors : int
-    mass_kg : float
+    worst run has all sensors on antinodes, where an order divides their spacing. `residues` are
+    (n_modes, n_positions), `drive_residues` those at the drive point.
     """
     omega = 2 * np.pi * frequencies_hz
     # φ_i²/M = |A_i|² / |A_drive| · 2ω
@@ -215,15 +190,7 @@ def without_live_mass(frf: FRF, mass_kg: float, excitation_deg: float) -> FRF:
     """FRFs for the force that reaches the tyre, behind a mass between load cell and tyre.
 
     The load cell also accelerates the mass m: H = H_measured / (1 − m H_dd), with the inertance
-    H_dd at the force from the waves around the circle.
-
-    Parameters
-    ----------
-    frf : FRF
-        Of a closed circle of positions.
-    mass_kg : float
-    excitation_deg : float
-        Angle of the force.
+    H_dd at the force from the waves around the closed circle.
     """
     highest = highest_order(frf.position_deg)
     waves = np.linalg.pinv(circle_basis(frf.position_deg, highest)) @ frf.values
@@ -284,26 +251,11 @@ def mass_push(
     """What the sensors' mass takes from the FRFs of a ring, by least squares line by line.
 
     Measured are H_i = Σ_n b_n(θ_i)ᵀ C_n (e₁ − p_n) with the sensors' pull p_n = m Σ_k b_n(θ_k) H_k
-    in the same run; linear in cc, cs and ss of every order.
-
-    Parameters
-    ----------
-    frequency_hz : ndarray, shape (n_frequencies,)
-    values : ndarray of complex, shape (n_rows, n_frequencies)
-        Inertances as measured.
-    noise : ndarray, shape (n_frequencies,)
-        Their standard deviation, above 0.
-    basis : ndarray, shape (n_rows, 1 + 2 n_orders)
-        cos nθ and sin nθ at each row's position, from `ema.circumference.orders.circle_basis`.
-    pull : ndarray of complex, shape (n_runs, 1 + 2 n_orders, n_frequencies)
-        Pull of the sensors of each run on each wave, per unit force.
-    run : ndarray of int, shape (n_rows,)
-        Run of each row.
-
-    Returns
-    -------
-    ndarray of complex, shape (n_rows, n_frequencies)
-        Σ_n b_n(θ_i)ᵀ C_n p_n, to be added to the inertances.
+    in the same run; linear in cc, cs and ss of every order. Returns Σ_n b_n(θ_i)ᵀ C_n p_n, to be
+    added to the inertances `values`, (n_rows, n_frequencies), of standard deviation `noise`,
+    (n_frequencies,), above 0. `basis`, (n_rows, 1 + 2 n_orders), is that of
+    `ema.circumference.orders.circle_basis`; `pull`, (n_runs, 1 + 2 n_orders, n_frequencies), that
+    of the sensors of each run on each wave per unit force; `run`, (n_rows,), the run of each row.
     """
     first = np.linalg.pinv(basis) @ values
     cosine, sine = first[1::2], first[2::2]

@@ -23,21 +23,11 @@ _ODD_DAMPING = 3.0
 
 
 def family(modes: Sequence[Mode]) -> dict[int, list[int]]:
-    """Modes of the ring by order: for each order n ≥ 1 the main mode, then its partner if any.
+    """Modes of the ring by order n ≥ 1: index of the main mode, then of its partner if any.
 
     Among all ways to take one mode per order with frequencies that rise with the order, the one
     that the force drives most. |A|ω is the inverse of the modal mass, which is nearly the same for
     all orders of a ring and much larger for what the ring only shakes along with.
-
-    Parameters
-    ----------
-    modes : sequence of Mode
-        With orders and purities.
-
-    Returns
-    -------
-    dict of int to list of int
-        Indices into `modes`.
     """
     candidates = [k for k, mode in enumerate(modes) if mode.order and mode.order_purity >= PURE]
     main = _strongest_rising(modes, candidates)

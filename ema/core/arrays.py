@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_ARRAY = re.compile(r"NDArray\[np\.(\w+)\]")
 
 
 def readonly(values: ArrayLike, dtype: Any = float) -> NDArray[Any]:
@@ -22,6 +25,16 @@ def readonly(values: ArrayLike, dtype: Any = float) -> NDArray[Any]:
     array = np.array(values, dtype=dtype)
     array.setflags(write=False)
     return array
+
+
+class ReadonlyArrays:
+    """Base of frozen data classes: arrays become read-only and of the type they are declared as."""
+
+    def __post_init__(self) -> None:
+        for name, declared in type(self).__annotations__.items():
+            if match := _ARRAY.fullmatch(declared):
+                dtype = np.dtype(getattr(np, match[1]))
+                object.__setattr__(self, name, readonly(getattr(self, name), dtype))
 
 
 def constant(value: float, shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import readonly
+from ema.core.arrays import ReadonlyArrays
 
 
 @dataclass(frozen=True, eq=False)
-class Drift:
+class Drift(ReadonlyArrays):
     """How far the natural frequencies of each run are from those of the first.
 
     Parameters
@@ -44,12 +44,6 @@ class Drift:
     middle_hz: float = 100.0
     applied: bool = True
     chance: float = float("nan")
-
-    def __post_init__(self) -> None:
-        for name in ("percent", "std_percent", "slope_percent", "curvature_percent"):
-            object.__setattr__(self, name, readonly(getattr(self, name)))
-        for name in ("damping_percent", "damping_std_percent"):
-            object.__setattr__(self, name, readonly(getattr(self, name)))
 
     @property
     def states(self) -> NDArray[np.float64]:

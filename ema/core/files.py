@@ -16,18 +16,9 @@ from ema.core.errors import InputError, RecordingFormatError
 def piece(samples: NDArray[Any], start: int, stop: int) -> NDArray[Any]:
     """Samples `start` to `stop`; those of a memory map are read from its file instead.
 
-    What was read through a map stays in the program's memory for as long as the map is there, and
-    a file that vanishes under it ends the program without a word.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n_samples,)
-    start, stop : int
-
-    Raises
-    ------
-    RecordingFormatError
-        If the file became shorter or cannot be read any more.
+    What was read through a map stays in the program's memory for as long as the map is there, and a
+    file that vanishes under it ends the program without a word. `RecordingFormatError` if the file
+    became shorter or cannot be read any more.
     """
     if not isinstance(samples, np.memmap) or not _is_whole(samples):
         return samples[start:stop]
@@ -38,13 +29,7 @@ def piece(samples: NDArray[Any], start: int, stop: int) -> NDArray[Any]:
 
 
 def fill(samples: NDArray[Any], start: int, into: NDArray[np.float64]) -> None:
-    """Put samples from `start` on into an array, as `piece` reads them.
-
-    Raises
-    ------
-    RecordingFormatError
-        As `piece`.
-    """
+    """Put samples from `start` on into an array, as `piece` reads them."""
     plain = samples.dtype == into.dtype and into.flags.c_contiguous
     if plain and isinstance(samples, np.memmap) and _is_whole(samples):
         _read(samples, start, into)
@@ -79,22 +64,9 @@ def _gone(path: Path, found: str) -> RecordingFormatError:
 
 
 def require_regular(path: Path) -> Path:
-    """Refuse a pipe, a socket or a device before it is opened.
+    """Refuse a pipe, a socket or a device before it is opened; returns `path`.
 
-    Parameters
-    ----------
-    path : Path
-        What is not there, or is a folder, is left to whoever opens it.
-
-    Returns
-    -------
-    Path
-        `path`.
-
-    Raises
-    ------
-    InputError
-        If it is something else than a file or folder.
+    What is not there, or is a folder, is left to whoever opens it.
     """
     try:
         mode = path.stat().st_mode

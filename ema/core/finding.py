@@ -4,28 +4,78 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 from ema.core.display import as_typed, table
 
 
-def findings_html(findings: Sequence[Finding]) -> str:
-    """Findings that are not in order; nothing where all are."""
-    rows = [
-        (
-            finding.verdict,
-            finding.run,
-            finding.channel,
-            as_typed(finding.position_deg, "°"),
-            finding.detail,
-        )
-        for finding in findings
-        if finding.verdict != _OK
-    ]
-    head = ("verdict", "run", "channel", "position", "what was found")
-    return table("Warnings", head, rows, words=(0, 1, 2, 4)) if rows else ""
+class Verdict(StrEnum):
+    """What a finding means for the result."""
+
+    OK = "ok"
+    WARNING = "warning"
+    EXCLUDED = "excluded"
 
 
-_OK = "ok"
+class Check(StrEnum):
+    """What was checked: the name in ``quality.csv``, and its `meaning`."""
+
+    meaning: str
+
+    def __new__(cls, name: str, meaning: str) -> Check:
+        """Make the member that equals its name."""
+        member = str.__new__(cls, name)
+        member._value_, member.meaning = name, meaning
+        return member
+
+    # files
+    CONTENT = "content", "parts of a file that were not read"
+    IGNORED = "ignored", "columns and channels that were not used"
+    SEGMENTS = "segments", "further segments of a LabVIEW file, which were not read"
+    BYTE_COUNT = "byte count", "bytes stated in a universal file against those it has"
+    GEOMETRY = "geometry", "positions that the geometry of a universal file does not give"
+    QUANTITY = "quantity", "FRFs converted to inertance"
+    RECIPROCITY = "reciprocity", "FRFs of a moved force, taken as those of moved sensors"
+    UNIT = "unit", "units that are not stated, not known or assumed"
+    SAMPLING_RATE = "sampling rate", "a rate that the file does not state"
+    NAME = "name", "channels with the same name"
+    # campaign
+    CALIBRATION = "calibration", "units and sensitivities set by the manifest"
+    NODE = "node", "node numbers assumed, as the files have none"
+    GRID = "grid", "positions off the grid, not measured or measured repeatedly"
+    LENGTH = "length", "duration of a run against the others"
+    # signals
+    LEVEL = "level", "level of a signal against what its unit makes plausible"
+    MISSING_SAMPLES = "missing samples", "samples that are no numbers, and averages left out"
+    IMPOSSIBLE_SAMPLES = "impossible samples", "single samples far beyond all others"
+    SILENT = "silent", "channels without signal"
+    CLIPPED = "clipped", "samples at the limits of the signal"
+    DROPOUT = "dropout", "one value held over a long part of a signal"
+    STUCK = "stuck", "one value held while the other channels move"
+    REPEATED = "repeated", "parts of a recording that were written twice"
+    COUNTER = "counter", "gaps and repetitions shown by a sample counter"
+    LOST_SAMPLES = "lost samples", "samples lost in one or all channels"
+    # FRFs
+    PERIOD = "period", "block length against the period of the force"
+    AVERAGES = "averages", "number of averages"
+    COHERENCE = "coherence", "median coherence in the band"
+    HUM = "hum", "lines of the mains"
+    REFERENCE = "reference", "fixed reference sensor over the runs"
+    GAIN = "gain", "runs whose FRFs differ from those of the other runs by one factor"
+    DEAD = "dead", "channels far weaker than the others"
+    INCOHERENT = "incoherent", "channels with far less coherence than the others"
+    AVERAGED_RUNS = "averaged runs", "agreement of runs averaged at one position"
+    # modes
+    DRIFT = "drift", "frequencies and damping of each run against the first"
+    FLIPPED = "flipped", "inverted polarity, corrected"
+    SCALED = "scaled", "wrong gain, corrected"
+    SWAPPED = "swapped", "two sensors swapped, corrected"
+    INCONSISTENT = "inconsistent", "sensors or runs that contradict the modes"
+    CORRECTIONS_WITHHELD = "corrections withheld", "corrections of sensors that were not made"
+    DRIVE_POINT = "drive point", "position and sign of the force against the modes"
+    PLAUSIBILITY = "plausibility", "tuned ring against what tyres have"
+    AMPLITUDE = "amplitude", "amplitude of the modes against the mass of the ring"
+    CHANGED = "changed", "parts of a result changed after it was written"
 
 
 @dataclass(frozen=True)
@@ -38,10 +88,8 @@ class Finding:
         What it is about; empty where it concerns the whole campaign or run.
     position_deg : float or None
         Where the channel sits.
-    check : str
-        Short name of the check, e.g. ``"reference"``, ``"coherence"``.
-    verdict : str
-        ``"ok"``, ``"warning"`` or ``"excluded"``.
+    check : Check
+    verdict : Verdict
     detail : str
         The number found and the rule, in words.
     """
@@ -49,15 +97,22 @@ class Finding:
     run: str
     channel: str
     position_deg: float | None
-    check: str
-    verdict: str
+    check: Check
+    verdict: Verdict
     detail: str
 
+    @property
+    def is_ok(self) -> bool:
+        """Whether nothing is doubtful or left out."""
+        return self.verdict is Verdict.OK
 
-OK = "ok"
 
-
-WARNING = "warning"
-
-
-EXCLUDED = "excluded"
+def findings_html(findings: Sequence[Finding]) -> str:
+    """Findings that are not in order; nothing where all are."""
+    rows = [
+        (each.verdict, each.run, each.channel, as_typed(each.position_deg, "°"), each.detail)
+        for each in findings
+        if not each.is_ok
+    ]
+    head = ("verdict", "run", "channel", "position", "what was found")
+    return table("Warnings", head, rows, words=(0, 1, 2, 4)) if rows else ""

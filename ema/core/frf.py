@@ -13,7 +13,7 @@ from ema.core.arrays import frame_of, readonly
 from ema.core.block_plan import BlockPlan
 from ema.core.display import counted, facts
 from ema.core.errors import FitError, InputError
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Channel
 
 if TYPE_CHECKING:
@@ -279,7 +279,7 @@ class FRF:
         return frf_html(self)
 
 
-def position_finding(frf: FRF, row: int, check: str, verdict: str, detail: str) -> Finding:
+def position_finding(frf: FRF, row: int, check: Check, verdict: Verdict, detail: str) -> Finding:
     """Finding about one row of some FRFs."""
     angle = frf.position_deg[row]
     return Finding(

@@ -59,18 +59,10 @@ _SPELLINGS = {"²": "^2", "⁻": "-", "μ": "u", "µ": "u", "**": "^", "·": "",
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit that is understood.
+    """A unit that is understood."""
 
-    Parameters
-    ----------
-    quantity : str
-        As in `ema.core.recording.Channel`; ``"unknown"`` for charge and current.
-    factor : float
-        Factor from this unit to SI.
-    """
-
-    quantity: str
-    factor: float
+    quantity: str  # as in `ema.core.recording.Channel`; ``"unknown"`` for charge and current
+    factor: float  # to SI
 
 
 def _known_units() -> dict[str, Unit]:
@@ -107,13 +99,7 @@ def is_stated(text: str) -> bool:
 
 
 def parse_unit(text: str) -> Unit | None:
-    """Quantity and SI factor of a unit text; None where it is empty or not known.
-
-    Parameters
-    ----------
-    text : str
-        E.g. ``"m/s^2"``, ``"m/s²"``, ``"g"``, ``"mm/s2"``, ``"kN"``, ``"lbf"``.
-    """
+    """Quantity and SI factor of a unit such as ``"mm/s2"``; None where it is empty or not known."""
     plain = _normalise(text)
     return _KNOWN.get(plain) or _KNOWN_LOWER.get(plain.lower())
 

@@ -25,20 +25,10 @@ def line_correlation(plan: BlockPlan | None) -> float:
 def parameter_covariance(fit: PoleFit, correlation: float) -> Real:
     """Covariance of (Re s, Im s) of all poles in rad/s, then of the drift of the runs.
 
-    N⁻¹ (Σ g gᵀ) N⁻¹ with the score g of each run and line (White 1980, clustered): it follows
-    the residuals as they are, whether noise, leakage or a model that does not quite fit, and the
-    fact that all sensors of a run see the same excitation. Residuals are first restored to what
-    they were before the fit took its share.
-
-    Parameters
-    ----------
-    fit : PoleFit
-    correlation : float
-        From `line_correlation`.
-
-    Returns
-    -------
-    ndarray, shape (n_parameters, n_parameters)
+    N⁻¹ (Σ g gᵀ) N⁻¹ with the score g of each run and line (White 1980, clustered): it follows the
+    residuals as they are, whether noise, leakage or a model that does not quite fit, and the fact
+    that all sensors of a run see the same excitation. Residuals are first restored to what they
+    were before the fit took its share. `correlation` is that of `line_correlation`.
     """
     inverse = _inverse(fit.normal_matrix())
     middle = np.zeros_like(inverse)
@@ -70,15 +60,8 @@ def frequency_damping_covariance(poles: NDArray[np.complex128], covariance: Real
 def residue_std(fit: PoleFit, covariance: Real, correlation: float) -> Real:
     """Standard deviation of the residues' parts (RMS of real and imaginary), like `residues`.
 
-    From the residuals of each position at given poles, and from the poles' own uncertainty.
-
-    Parameters
-    ----------
-    fit : PoleFit
-    covariance : ndarray
-        From `parameter_covariance`.
-    correlation : float
-        From `line_correlation`.
+    From the residuals of each position at given poles, and from the poles' own uncertainty, the
+    `covariance` of `parameter_covariance`; `correlation` is that of `line_correlation`.
     """
     noise = fit.noise
     std = np.empty(fit.residues.shape)
@@ -120,17 +103,8 @@ def band_shift(
 ) -> NDArray[np.float64]:
     """Largest change of each pole when the fit loses lines at either end of the band.
 
-    Parameters
-    ----------
-    fit : PoleFit
-        Its last pole is the stand-in for modes above the band.
-    refit : callable
-        Fits lines from start poles.
-
-    Returns
-    -------
-    ndarray, shape (n_modes, 2)
-        Changes of frequency in Hz and of damping ratio; NaN for poles next to the ends.
+    Changes of frequency in Hz and of damping ratio, (n_modes, 2); NaN for poles next to the ends.
+    The last pole of the fit stands for modes above the band; `refit` fits lines from start poles.
     """
     n_lines = fit.lines.frequency_hz.size
     cut = int(_TRIM * n_lines)

@@ -24,36 +24,19 @@ Complex = NDArray[np.complex128]
 class Projection:
     """Linear solution for given poles and what the covariance needs from it.
 
-    Parameters
-    ----------
-    poles : ndarray of complex, shape (n_modes,)
-    residues : ndarray of complex, shape (n_positions, n_modes)
-    lower, upper : ndarray, shape (n_positions,)
-        Residual terms.
-    target : ndarray, shape (2 n_frequencies, n_positions)
-        Weighted FRFs, real parts above imaginary parts.
-    orthonormal : ndarray, shape (2 n_frequencies, 2 n_modes + 2)
-        Orthonormal basis of everything linear.
-    inside : ndarray, shape (2 n_modes + 2, n_positions)
-        The target in that basis.
-    slopes : ndarray, shape (2 n_frequencies, 2 n_modes)
-        Derivatives of the modal terms to each pole, with everything linear projected out.
-    unscaled : ndarray, shape (2 n_modes + 2, 2 n_modes + 2)
-        Inverse normal matrix of the linear parameters of one position at unit weight.
-    following : ndarray, shape (2 n_modes + 2, 2 n_modes)
-        What the linear parameters give way when a slope is added to the basis.
+    n_linear = 2 n_modes + 2 columns are linear, in 2 n_frequencies rows.
     """
 
     poles: Complex
-    residues: Complex
-    lower: Real
+    residues: Complex  # (n_positions, n_modes)
+    lower: Real  # residual terms, (n_positions,)
     upper: Real
-    target: Real
-    orthonormal: Real
-    inside: Real
-    slopes: Real
-    unscaled: Real
-    following: Real
+    target: Real  # weighted FRFs as columns, real parts above imaginary parts
+    orthonormal: Real  # basis of everything linear, (2 n_frequencies, n_linear)
+    inside: Real  # the target in that basis, (n_linear, n_positions)
+    slopes: Real  # of the modal terms to each pole, everything linear projected out
+    unscaled: Real  # inverse normal matrix of one position at unit weight
+    following: Real  # what linear parameters give way for a slope, (n_linear, 2 n_modes)
 
     @cached_property
     def misfit(self) -> Real:
@@ -112,15 +95,8 @@ def slope_rows(n_modes: int) -> NDArray[np.int_]:
 def project(omega: Real, target: Real, weight: Real, poles: Complex) -> Projection:
     """Best residues and residual terms for given poles, and the slopes towards better poles.
 
-    Parameters
-    ----------
-    omega : ndarray, shape (n_frequencies,)
-        rad/s.
-    target : ndarray, shape (2 n_frequencies, n_positions)
-        Weighted inertances from `stacked`.
-    weight : ndarray, shape (n_frequencies,)
-        1/σ over frequency, shared by the positions.
-    poles : ndarray of complex, shape (n_modes,)
+    `omega` is in rad/s; `target`, (2 n_frequencies, n_positions), are weighted inertances from
+    `stacked`; `weight` is 1/σ over frequency, shared by the positions.
     """
     n_modes = poles.size
     direct, mirrored = 1 / (1j * omega - poles[:, None]), 1 / (1j * omega - poles[:, None].conj())
@@ -201,31 +177,14 @@ def descend(
     gain: float,
     tries: int,
 ) -> tuple[Real, Point]:
-    """Levenberg–Marquardt steps on the normal equations, in a box.
+    """Levenberg–Marquardt steps on the normal equations, in a box; parameters and point found.
 
     A step that would leave the box puts those parameters on its face and goes on with the others.
-    Nothing is ever formed that is larger than the number of parameters squared.
+    Nothing is ever formed that is larger than the number of parameters squared. `at` gives the sum
+    of squares at some parameters, `size` is how far a parameter goes in a large step: it ends the
+    search. A share `gain` of the cost is not worth another step; `tries` is the most points to look
+    at.
 
-    Parameters
-    ----------
-    at : callable
-        Takes parameters, gives the sum of squares there.
-    start, lower, upper : ndarray, shape (n_parameters,)
-    size : ndarray, shape (n_parameters,)
-        How far a parameter goes in a large step: it ends the search.
-    gain : float
-        Share of the cost that is not worth another step.
-    tries : int
-        Most points to look at.
-
-    Returns
-    -------
-    parameters : ndarray, shape (n_parameters,)
-    point : Point
-        What `at` gave there.
-
-    References
-    ----------
     Marquardt (1963); the damping follows Nielsen (1999).
     """
     x = np.clip(start, lower, upper)

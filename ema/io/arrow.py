@@ -34,11 +34,8 @@ def read(path: Path) -> FileContent:
     from the metadata of the table (``sampling_rate_hz``, ``fs``, ``dt``). Missing values become
     NaN. A Feather file without compression and in one piece stays on disk as a memory map.
 
-    Raises
-    ------
-    RecordingFormatError
-        If the file is missing or damaged, claims to be far larger than it is, has no column of
-        numbers, or time is uneven.
+    `RecordingFormatError` if the file is missing or damaged, claims to be far larger than it is,
+    has no column of numbers, or time is uneven.
     """
     parquet = path.suffix.lower() == ".parquet"
     with reading(path, "a Parquet file" if parquet else "a Feather or Arrow file"):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.core.recording import UNKNOWN, Channel, Recording
 from ema.core.units import is_stated, parse_unit
 from ema.io.content import EXPORT_AGAIN, FileContent, remark
@@ -42,21 +42,11 @@ _ROUNDING = 1e-12  # relative, of a step kept in double precision
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """A named column of numbers.
+    """A named column of numbers."""
 
-    Parameters
-    ----------
-    name : str
-        Without the unit.
-    unit : str
-        As the file states it; empty where it states none.
-    samples : ndarray, shape (n_samples,)
-        Integers or floats, at best a memory map; NaN where a sample is missing.
-    """
-
-    name: str
-    unit: str
-    samples: NDArray[Any]
+    name: str  # without the unit
+    unit: str  # as the file states it; empty where it states none
+    samples: NDArray[Any]  # integers or floats, at best a memory map; NaN where missing
 
 
 def name_and_unit(label: str) -> tuple[str, str]:
@@ -77,24 +67,11 @@ def content_of_columns(
     rate_hz: float = math.nan,
     findings: Sequence[Finding] = (),
 ) -> FileContent:
-    """Channels and sampling rate of a table.
+    """Channels and sampling rate of a table, with the findings of its reader.
 
-    A column ``time`` or ``t`` gives the rate; it has to agree with `rate_hz`.
-
-    Parameters
-    ----------
-    path : Path
-    columns : sequence of Column
-        In the order of the file.
-    rate_hz : float
-        Sampling rate that the file states apart from any column; NaN where it states none.
-    findings : sequence of Finding
-        What the reader noticed; those about units are added.
-
-    Raises
-    ------
-    RecordingFormatError
-        If no column is a channel, columns differ in length, or time is uneven.
+    A column ``time`` or ``t`` gives the rate; it has to agree with `rate_hz`, the rate that the
+    file states apart from any column (NaN where it states none). `RecordingFormatError` if no
+    column is a channel, columns differ in length, or time is uneven.
     """
     times = [column for column in columns if is_time(column.name, column.unit)][:1]
     signals = [column for column in columns if column not in times]
@@ -116,18 +93,23 @@ def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Colu
     for column in columns:
         if (n := len(column.samples)) != n_samples:
             found = f"{n_samples} samples of {first.name!r}, {n} of {column.name!r}"
-            rule = "channels of one run must be sampled together and equally long"
-            remedy = "Export them together, or in separate files"
-            raise RecordingFormatError(path.name, found, rule, remedy)
+            raise not_together(path, found)
     if not n_samples:
         rule = "a recording must contain samples"
         raise RecordingFormatError(path.name, "no rows of numbers", rule, EXPORT_AGAIN)
 
 
+def not_together(path: Path, found: str) -> RecordingFormatError:
+    """The error about channels of one file that differ in length, rate or time."""
+    rule = "channels of one run must be sampled together, at one rate and equally long"
+    remedy = "Export them together, or in separate files"
+    return RecordingFormatError(path.name, found, rule, remedy)
+
+
 def _channel(path: Path, column: Column, findings: list[Finding]) -> Channel:
     unit = parse_unit(column.unit)
     if unit is None and is_stated(column.unit):
-        findings.append(remark(path, column.name, "unit", f"unit {column.unit!r} is not known"))
+        findings.append(remark(path, column.name, Check.UNIT, f"unit {column.unit!r} is not known"))
     column.samples.setflags(write=False)
     quantity, factor = (UNKNOWN, 1.0) if unit is None else (unit.quantity, unit.factor)
     return Channel(column.name, quantity, column.unit, column.samples, scale_to_si=factor)
@@ -138,21 +120,16 @@ def _rate_of_column(path: Path, time: Column) -> float:
     steps = even_step(stamps)
     if steps is not None:
         return steps[1]
+    where = f"{path.name}, column {time.name!r}"
     rule = "time is not at equal steps, and spectra need a constant sampling rate"
-    raise RecordingFormatError(
-        f"{path.name}, column {time.name!r}",
-        uneven(stamps),
-        rule,
-        "Look for dropped samples, or resample",
-    )
+    raise RecordingFormatError(where, uneven(stamps), rule, "Look for dropped samples, or resample")
 
 
 def _agreed_rate(path: Path, of_time: float, stated: float) -> float:
     if np.isnan(stated) or abs(of_time - stated) <= SAME_RATE * stated:
         return of_time
     found = f"{stated:g} Hz stated, {of_time:g} Hz by the time column"
-    rule = "a recording has one sampling rate"
-    raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
+    raise RecordingFormatError(path.name, found, "a recording has one sampling rate", EXPORT_AGAIN)
 
 
 def matrix_columns(
@@ -168,8 +145,7 @@ def matrix_columns(
     if rows == columns or n_channels not in (rows, columns):
         found = f"a matrix of {rows} × {columns} and {len(names)} names"
         rule = "one side must be the samples, the other the channels, with a name for each channel"
-        remedy = "Give as many names as there are channels"
-        raise RecordingFormatError(where, found, rule, remedy)
+        raise RecordingFormatError(where, found, rule, "Give as many names as channels")
     signals = matrix.T if columns == n_channels else matrix
     labels = names or [f"channel {number}" for number in range(1, n_channels + 1)]
     stated = unit_of_each(where, n_channels, units)
@@ -291,10 +267,7 @@ def stated_rate(path: Path, statements: Mapping[str, object]) -> float:
     first, rate = next(iter(rates.items()))
     for place, other in rates.items():
         if abs(other - rate) > _SAME_STATEMENT * rate:
-            found = f"{rate:g} Hz by {first!r}, {other:g} Hz by {place!r}"
-            rule = "channels of one run must be sampled together, at one rate"
-            remedy = "Export them together, or in separate files"
-            raise RecordingFormatError(path.name, found, rule, remedy)
+            raise not_together(path, f"{rate:g} Hz by {first!r}, {other:g} Hz by {place!r}")
     return rate
 
 

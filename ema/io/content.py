@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from ema.core.errors import InputError, RecordingFormatError
-from ema.core.finding import WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.recording import Recording
 
@@ -36,41 +36,25 @@ _ON_DAMAGE = (
 
 @dataclass(frozen=True, eq=False)
 class FileContent:
-    """Time series and FRFs of one file, and what its reader noticed.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    recording : Recording or None
-        Its time series.
-    frf : FRF or None
-        Its FRFs, as inertance.
-    frf_names : tuple of str
-        Names of the FRFs, as those of channels.
-    frf_force_node : int or None
-        Node of the force of the FRFs, where the file numbers it.
-    findings : tuple of Finding
-        What was assumed, converted or left out.
-    """
+    """Time series and FRFs of one file, and what its reader noticed."""
 
     path: Path
     recording: Recording | None = None
-    frf: FRF | None = None
-    frf_names: tuple[str, ...] = ()
-    frf_force_node: int | None = None
-    findings: tuple[Finding, ...] = ()
+    frf: FRF | None = None  # as inertance
+    frf_names: tuple[str, ...] = ()  # as those of channels
+    frf_force_node: int | None = None  # where the file numbers it
+    findings: tuple[Finding, ...] = ()  # what was assumed, converted or left out
 
 
-def remark(path: Path, channel: str, check: str, detail: str) -> Finding:
+def remark(path: Path, channel: str, check: Check, detail: str) -> Finding:
     """Build a warning about a channel of a file (or about the file, `channel` empty)."""
-    return Finding(path.name, channel, None, check, WARNING, detail)
+    return Finding(path.name, channel, None, check, Verdict.WARNING, detail)
 
 
 def left_out(path: Path, why: Mapping[str, str]) -> tuple[Finding, ...]:
     """Warnings about parts of a file that are not read: the reason by the name of the part."""
     return tuple(
-        remark(path, name, "content", f"{reason}, left out") for name, reason in why.items()
+        remark(path, name, Check.CONTENT, f"{reason}, left out") for name, reason in why.items()
     )
 
 
@@ -80,8 +64,7 @@ def check_expansion(where: str, path: Path, n_bytes: int) -> None:
     if n_bytes > max(MOST_EXPANSION * size, _ALWAYS_BYTES):
         found = f"{n_bytes} bytes of numbers claimed by a file of {size} bytes"
         rule = f"the compression ratio must not exceed {MOST_EXPANSION}"
-        remedy = "Copy the file again or export it without compression"
-        raise RecordingFormatError(where, found, rule, remedy)
+        raise RecordingFormatError(where, found, rule, "Export it without compression")
 
 
 def check_stored(where: str, n_claimed: int, n_stored: int) -> None:
@@ -102,10 +85,9 @@ def require(module: str, extra: str, path: Path) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        found = f"the ending {path.suffix!r}"
         rule = f"reading this format requires {module}, which is not installed"
         remedy = f"Run pip install 'ringmodal[{extra}]' or export the file as UFF or CSV"
-        raise RecordingFormatError(str(path), found, rule, remedy) from error
+        raise RecordingFormatError(str(path), f"ending {path.suffix!r}", rule, remedy) from error
 
 
 @contextmanager

@@ -67,10 +67,7 @@ def _suggestion(path: Path) -> str:
 def read_file(path: Path) -> FileContent:
     """Read one file by the reader of its ending.
 
-    Raises
-    ------
-    RecordingFormatError
-        If the file is missing, damaged, or of a format that is not known.
+    `RecordingFormatError` if the file is missing, damaged, or of a format that is not known.
     """
     if not exists(path):
         rule = "the path must lead to a recording"
@@ -92,13 +89,7 @@ def read_file(path: Path) -> FileContent:
 
 
 def read_headers(path: Path) -> FileContent:
-    """Read headers only; samples of formats that must be parsed for them may be NaN.
-
-    Raises
-    ------
-    RecordingFormatError
-        As `read_file`.
-    """
+    """Read headers only; samples of formats that must be parsed for them may be NaN."""
     reader = _reader(path, _HEADER_READERS) if exists(path) and path.is_file() else None
     return read_file(path) if reader is None else reader(path)
 

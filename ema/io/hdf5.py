@@ -36,19 +36,16 @@ _DEEPEST = 32  # groups in groups
 def read(path: Path) -> FileContent:
     """Read the time series of an HDF5 file.
 
-    A dataset of one dimension is a channel, named by the last part of its path (by all of it
-    where names repeat); one of two dimensions has several, named in its attribute ``names``,
-    ``channels`` or ``labels``. The unit is in the attribute ``unit`` or ``units``, or in square
-    brackets behind the name. The rate follows from a dataset ``time`` or ``t``, or from
-    ``sampling_rate_hz``, ``fs``, ``sample_rate``, ``dt`` and the like: attributes of the dataset,
-    its groups or the file, or datasets of one number. Datasets stored in one piece stay on disk;
-    others (compressed, in chunks) are read.
+    A dataset of one dimension is a channel, named by the last part of its path (by all of it where
+    names repeat); one of two dimensions has several, named in its attribute ``names``, ``channels``
+    or ``labels``. The unit is in the attribute ``unit`` or ``units``, or in square brackets behind
+    the name. The rate follows from a dataset ``time`` or ``t``, or from ``sampling_rate_hz``,
+    ``fs``, ``sample_rate``, ``dt`` and the like: attributes of the dataset, its groups or the file,
+    or datasets of one number. Datasets stored in one piece stay on disk; others (compressed, in
+    chunks) are read.
 
-    Raises
-    ------
-    RecordingFormatError
-        If h5py is not installed, the file is missing or damaged, claims to be far larger than it
-        is, or its datasets do not belong together.
+    `RecordingFormatError` if h5py is not installed, the file is missing or damaged, claims to be
+    far larger than it is, or its datasets do not belong together.
     """
     arrays: list[_Array] = []
     groups: dict[str, dict[str, Any]] = {}
@@ -151,9 +148,7 @@ class Hdf5File:
     """An open file, whose arrays stay within the memory that its size justifies."""
 
     def __init__(self, path: Path, h5py: Any, root: Any) -> None:
-        self.path = path
-        self.h5py = h5py
-        self.root = root
+        self.path, self.h5py, self.root = path, h5py, root
         self._seen = {self._address(root)}
         self._n_bytes = 0
 
@@ -223,10 +218,9 @@ _HEADER_BYTES = 16  # of a heap and of each object in it
 
 
 def _check_heaps(path: Path) -> None:
-    """Refuse a file with a heap whose objects do not lead to its end.
+    """Refuse a file with a heap whose objects do not lead to its end (HDF5 specification, III.E).
 
-    After "HDF5 File Format Specification", III.E (The HDF Group). The library would follow free
-    space of size zero for ever.
+    The library would follow free space of size zero for ever.
     """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         start = data.find(_HEAP)

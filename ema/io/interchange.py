@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import readonly
+from ema.core.arrays import ReadonlyArrays
 from ema.core.errors import InputError
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
@@ -77,8 +77,7 @@ def from_sep005(series: Sequence[Mapping[str, Any]]) -> Recording:
         If something is missing or differs.
     """
     if not series:
-        rule = "a recording must have channels"
-        raise InputError("SEP-005", "no channels", rule, "Give at least one")
+        raise InputError("SEP-005", "no channels", "channels are needed", "Give at least one")
     channels = tuple(_channel(each, number) for number, each in enumerate(series, start=1))
     rates = [_rate_hz(each, channel) for each, channel in zip(series, channels, strict=True)]
     lengths = {channel.n_samples for channel in channels}
@@ -131,32 +130,14 @@ def frf_to_xarray(frf: FRF) -> xr.Dataset:
 
 
 @dataclass(frozen=True, eq=False)
-class SdypyModes:
-    """Poles and modal constants under the names of ``sdypy.EMA.Model``.
+class SdypyModes(ReadonlyArrays):
+    """Poles and modal constants under the names of ``sdypy.EMA.Model``."""
 
-    Parameters
-    ----------
-    nat_freq : ndarray, shape (n_modes,)
-        Undamped natural frequencies in Hz.
-    nat_xi : ndarray, shape (n_modes,)
-        Damping ratios.
-    all_poles : list of ndarray
-        One model order with all poles, rad/s.
-    pole_ind : list of [int, int]
-        Model order and pole of each mode.
-    A : ndarray of complex, shape (n_positions, n_modes)
-        Modal constants of the receptance; its columns are the shapes.
-    """
-
-    nat_freq: NDArray[np.float64]
-    nat_xi: NDArray[np.float64]
-    all_poles: list[NDArray[np.complex128]]
-    pole_ind: list[list[int]]
-    A: NDArray[np.complex128]
-
-    def __post_init__(self) -> None:
-        for name, dtype in (("nat_freq", float), ("nat_xi", float), ("A", complex)):
-            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
+    nat_freq: NDArray[np.float64]  # undamped, Hz
+    nat_xi: NDArray[np.float64]  # damping ratios
+    all_poles: list[NDArray[np.complex128]]  # one model order with all poles, rad/s
+    pole_ind: list[list[int]]  # [model order, pole] of each mode
+    A: NDArray[np.complex128]  # modal constants of the receptance; columns are shapes
 
     def put_into(self, target: Any) -> None:
         """Set these poles and constants in a ``sdypy.EMA.Model``, as if it had found them."""
@@ -228,13 +209,11 @@ def _rate_hz(series: Mapping[str, Any], channel: Channel) -> float:
         stamps = np.asarray(time_s, dtype=np.float64)
         steps = even_step(stamps)
         if steps is None:
-            rule = "samples must be evenly spaced"
-            raise InputError(where, uneven(stamps), rule, "Resample the channel")
+            raise InputError(where, uneven(stamps), "steps must be even", "Resample the channel")
         rate_hz = steps[1]
     if rate_hz is None or not 0 < float(rate_hz) < np.inf:
-        found = f"fs {series.get('fs')}"
         rule = "a channel needs a positive rate fs in Hz, or a time vector as long as its data"
-        raise InputError(where, found, rule, "Add fs")
+        raise InputError(where, f"fs {series.get('fs')}", rule, "Add fs")
     return float(rate_hz)
 
 

@@ -66,12 +66,8 @@ class Mat5Reader:
         """Variables by name, in the order of the file.
 
         Numbers come as ndarray in the precision they are stored in, texts as str, cell arrays as
-        list, structs as dict, everything else as `LeftOut`.
-
-        Raises
-        ------
-        RecordingFormatError
-            If the file is damaged or truncated, or claims to be far larger than it is.
+        list, structs as dict, everything else as `LeftOut`. `RecordingFormatError` if the file is
+        damaged or truncated, or claims to be far larger than it is.
         """
         found: dict[str, Any] = {}
         for element in self._elements(self._bytes[HEADER_BYTES:]):

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.io import content
 from ema.io.columns import (
     Column,
     content_of_columns,
@@ -21,7 +20,7 @@ from ema.io.columns import (
     states_rate,
     unit_of_each,
 )
-from ema.io.content import FileContent, reading
+from ema.io.content import FileContent, left_out, reading
 from ema.io.hdf5 import Hdf5File, opened
 from ema.io.mat5 import COPY_AGAIN, HEADER_BYTES, LeftOut, Mat5Reader
 
@@ -56,19 +55,16 @@ def read(path: Path) -> FileContent:
 
     Understood are a vector for each channel, named like it, or one matrix (samples × channels or
     the other way round) with its names in a cell array ``names``, ``channels`` or ``labels``;
-    ``units`` beside them; the rate from ``fs``, ``dt`` or a time vector ``t``. All of it may be
-    in a struct. Variables of other kinds are left out with a finding.
+    ``units`` beside them; the rate from ``fs``, ``dt`` or a time vector ``t``. All of it may be in
+    a struct. Variables of other kinds are left out with a finding.
 
-    Raises
-    ------
-    RecordingFormatError
-        If the file is missing, damaged or of level 4, claims to be far larger than it is, or its
-        variables can be understood in more than one way.
+    `RecordingFormatError` if the file is missing, damaged or of level 4, claims to be far larger
+    than it is, or its variables can be understood in more than one way.
     """
     found = _sorted(path, _unwrapped(_variables(path)))
     columns = _columns(path, found)
     rate_hz = stated_rate(path, found.rates)
-    findings = content.left_out(path, found.left_out)
+    findings = left_out(path, found.left_out)
     return content_of_columns(path, columns, rate_hz=rate_hz, findings=findings)
 
 
@@ -79,9 +75,8 @@ def _variables(path: Path) -> Mapping[str, Any]:
         with opened(path, "a MATLAB file of level 7.3") as hdf5:
             return _fields(hdf5, hdf5.root)
     if len(start) < HEADER_BYTES or start[126:128] not in (b"IM", b"MI"):
-        found = f"the file begins with {start[:16]!r}"
         rule = "it must be a MATLAB file of level 5 or 7.3"
-        raise RecordingFormatError(path.name, found, rule, COPY_AGAIN)
+        raise RecordingFormatError(path.name, f"it begins with {start[:16]!r}", rule, COPY_AGAIN)
     return Mat5Reader(path).variables()
 
 
@@ -218,9 +213,8 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
     if isinstance(found.units, list) and len(found.units) > 1:
         # The order of variables in a file is not always that in which they were saved.
         what = f"a list of {len(found.units)} units beside the vectors {', '.join(others)}"
-        rule = "a list of units is only allowed with a matrix"
         remedy = "Save a struct with the unit of each channel under its name"
-        raise RecordingFormatError(path.name, what, rule, remedy)
+        raise RecordingFormatError(path.name, what, "a list is only allowed with a matrix", remedy)
     units = unit_of_each(path.name, len(others), _units(found, others))
     return columns + [
         Column(name, unit, found.vectors[name]) for name, unit in zip(others, units, strict=True)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
+from ema.core.finding import Check
 from ema.io.columns import Column, content_of_columns, is_time, name_and_unit, stated_rate
 from ema.io.content import LEAVE_OUT, FileContent, check_stored, reading, remark, require
 
@@ -31,12 +32,8 @@ def read(path: Path) -> FileContent:
 
     A channel keeps its name, with its group in front where names repeat. The unit is the property
     ``unit_string``; the rate follows from ``wf_increment`` or a channel ``time``.
-
-    Raises
-    ------
-    RecordingFormatError
-        If npTDMS is not installed, the file is missing, damaged or truncated, or its groups
-        differ in rate or length.
+    `RecordingFormatError` if npTDMS is not installed, the file is missing, damaged or truncated, or
+    its groups differ in rate or length.
     """
     library = require("nptdms", "tdms", path)
     with reading(path, "a TDMS file"), _BoundedFile(path) as file:
@@ -53,7 +50,7 @@ def read(path: Path) -> FileContent:
             if channel.properties.get("wf_increment")  # LabVIEW writes 0 where it knows none
         }
     findings = [
-        remark(path, channel.name, "content", "no samples, or not numeric")
+        remark(path, channel.name, Check.CONTENT, "no samples, or not numeric")
         for channel in channels
         if channel not in wanted
     ]
@@ -89,8 +86,7 @@ def _check_segments(path: Path, file: _BoundedFile) -> None:
             end += struct.unpack(f"{order}Q", lead_in[12:20])[0]
         if end > file.size:
             found = f"the file ends {end - file.size} bytes before its last segment does"
-            rule = "the file is truncated, or was never closed"
-            raise RecordingFormatError(where, found, rule, LEAVE_OUT)
+            raise RecordingFormatError(where, found, "it is cut short or was not closed", LEAVE_OUT)
         start = end
     file.seek(0)
 

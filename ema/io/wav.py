@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
+from ema.core.finding import Check
 from ema.io.columns import Column, content_of_columns
 from ema.io.content import EXPORT_AGAIN, LEAVE_OUT, FileContent, reading, remark
 
@@ -40,12 +41,8 @@ def read(path: Path) -> FileContent:
     """Read a WAV file of integers (8, 16, 24 or 32 bit) or floats (32 or 64 bit).
 
     Integers become fractions of full scale, −1 to 1. A finding notes that the unit is unknown.
-    Floats stay on disk as a memory map.
-
-    Raises
-    ------
-    RecordingFormatError
-        If the file is missing, damaged, truncated, or compressed.
+    Floats stay on disk as a memory map. `RecordingFormatError` if the file is missing, damaged,
+    truncated, or compressed.
     """
     with reading(path, "a WAV file"), path.open("rb") as file:
         data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -53,7 +50,7 @@ def read(path: Path) -> FileContent:
     tracks = enumerate(_samples(data, layout, start, size).T, start=1)
     columns = [Column(f"channel {number}", "", track) for number, track in tracks]
     detail = "WAV files have no unit; samples are fractions of full scale"
-    findings = [remark(path, "", "unit", detail)]
+    findings = [remark(path, "", Check.UNIT, detail)]
     return content_of_columns(path, columns, rate_hz=float(layout.rate_hz), findings=findings)
 
 
@@ -73,8 +70,7 @@ def _layout(path: Path, data: mmap.mmap) -> tuple[_Format, int, int]:
                 raise RecordingFormatError(path.name, found, rule, LEAVE_OUT)
             return layout, start, size
     found = "no chunk 'data'" if layout else "no chunk 'fmt ' before the samples"
-    rule = "a WAV file must have a 'fmt ' and a 'data' chunk"
-    raise RecordingFormatError(path.name, found, rule, LEAVE_OUT)
+    raise RecordingFormatError(path.name, found, "it needs 'fmt ' and 'data'", LEAVE_OUT)
 
 
 def _chunks(path: Path, data: mmap.mmap) -> Iterator[tuple[bytes, int, int]]:

@@ -40,18 +40,9 @@ def impulse_responses(
 def useful_length(responses: NDArray[np.complex128], shortest: int) -> int:
     """Samples after which impulse responses hold only noise and wrapped-around ringing.
 
-    The noise level is read from the second half of the responses; the useful part ends where what
-    is left above it is a small share of the whole. A longer piece biases damping upwards.
-
-    Parameters
-    ----------
-    responses : ndarray of complex, shape (n_positions, n_samples)
-    shortest : int
-        Fewest samples to keep.
-
-    Returns
-    -------
-    int
+    The noise level is read from the second half of the responses, (n_positions, n_samples); the
+    useful part ends where what is left above it is a small share of the whole, but not before
+    `shortest`. A longer piece biases damping upwards.
     """
     power = np.sum(np.abs(responses) ** 2, axis=0)
     n_samples = power.size
@@ -64,13 +55,8 @@ def useful_length(responses: NDArray[np.complex128], shortest: int) -> int:
 def normal_matrix(responses: NDArray[np.complex128], max_order: int) -> NDArray[np.complex128]:
     """Normal matrix of the prediction problem for `max_order`, (max_order + 1) squared.
 
-    R[a, b] = Σ_i Σ_j h*_i(j+a) h_i(j+b); its blocks serve every lower order.
-
-    Parameters
-    ----------
-    responses : ndarray of complex, shape (n_positions, n_samples)
-    max_order : int
-        Highest model order, below n_samples.
+    R[a, b] = Σ_i Σ_j h*_i(j+a) h_i(j+b) of responses (n_positions, n_samples); its blocks serve
+    every lower order.
     """
     matrix = np.zeros((max_order + 1, max_order + 1), dtype=complex)
     for response in responses:
@@ -119,19 +105,9 @@ def shapes_of_poles(
     step_s: float,
     lowest_hz: float,
 ) -> NDArray[np.complex128]:
-    """Amplitude of each pole in each impulse response, by least squares.
+    """Amplitude of each pole in each impulse response, (n_poles, n_positions), by least squares.
 
-    Parameters
-    ----------
-    responses : ndarray of complex, shape (n_positions, n_samples)
-        The piece the poles came from.
-    poles : ndarray of complex, shape (n_poles,)
-    step_s, lowest_hz : float
-        As in `poles_of_order`.
-
-    Returns
-    -------
-    ndarray of complex, shape (n_poles, n_positions)
+    `responses`, (n_positions, n_samples), are those the poles came from; see `poles_of_order`.
     """
     times_s = step_s * np.arange(responses.shape[1])
     decay = np.exp((poles[None, :] - 2j * np.pi * lowest_hz) * times_s[:, None])

@@ -52,17 +52,10 @@ def reduced_normal_matrix(
 
 
 def line_weight(std: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Weight of each line, 1/σ with the noise level common to the positions.
+    """Weight of each line, 1/σ with the noise level common to the positions, (n_lines,).
 
-    Parameters
-    ----------
-    std : ndarray, shape (n_positions, n_lines)
-        Standard deviation of the FRFs.
-
-    Returns
-    -------
-    ndarray, shape (n_lines,), or None
-        None where σ is unknown, or zero: nothing then tells a good line from a poor one.
+    None where σ, (n_positions, n_lines), is unknown or zero: nothing then tells a good line from a
+    poor one.
     """
     level = np.median(std, axis=0)
     if not np.all(level > 0):

@@ -18,19 +18,9 @@ _CLEAR = 3.0
 def align_runs(frf: FRF, lines: slice) -> NDArray[np.complex128]:
     """FRFs of some lines, each run's stretched to the natural frequencies of the first run.
 
-    A drift of temperature or pressure moves all frequencies of a run together; seen in one
-    diagram, every mode would appear several times. What is undone here only serves the search for
-    poles: the curve fit estimates the drift with its uncertainty from the FRFs as measured.
-
-    Parameters
-    ----------
-    frf : FRF
-    lines : slice
-        Lines to use.
-
-    Returns
-    -------
-    ndarray of complex, shape (n_positions, n_lines)
+    A drift of temperature or pressure moves all frequencies of a run together; seen in one diagram,
+    every mode would appear several times. What is undone here only serves the search for poles: the
+    curve fit estimates the drift with its uncertainty from the FRFs as measured.
     """
     values = np.array(frf.values[:, lines])
     names = frf.run_names

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import frame_of, readonly
+from ema.core.arrays import ReadonlyArrays, frame_of
 from ema.core.display import band_text, counted, table
 from ema.core.errors import InputError
 from ema.core.frf import FRF, widened_band
@@ -29,27 +29,13 @@ METHODS = ("lsce", "plscf")
 
 @dataclass(frozen=True)
 class Cluster:
-    """Poles of many model orders that belong together.
+    """Poles of many model orders that belong together."""
 
-    Parameters
-    ----------
-    label : int
-        Number used in `StabilityDiagram.cluster`.
-    pole : complex
-        Representative pole in rad/s.
-    size : int
-        Number of model orders that contain it.
-    kept : bool
-        Whether it is taken for a mode.
-    reason : str
-        Why it was kept or dropped, in words.
-    """
-
-    label: int
-    pole: complex
-    size: int
-    kept: bool
-    reason: str
+    label: int  # number used in `StabilityDiagram.cluster`
+    pole: complex  # representative pole in rad/s
+    size: int  # number of model orders that contain it
+    kept: bool  # whether it is taken for a mode
+    reason: str  # why it was kept or dropped, in words
 
     @property
     def frequency_hz(self) -> float:
@@ -63,7 +49,7 @@ class Cluster:
 
 
 @dataclass(frozen=True, eq=False)
-class StabilityDiagram:
+class StabilityDiagram(ReadonlyArrays):
     """Every pole of every model order, with what is stable from one order to the next.
 
     Parameters
@@ -103,18 +89,6 @@ class StabilityDiagram:
     clusters: tuple[Cluster, ...]
     indicator_hz: NDArray[np.float64]
     indicator: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        for name, dtype in (
-            ("model_order", int),
-            ("poles", complex),
-            ("stable_frequency", bool),
-            ("stable_damping", bool),
-            ("cluster", int),
-            ("indicator_hz", float),
-            ("indicator", float),
-        ):
-            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
 
     @property
     def frequency_hz(self) -> NDArray[np.float64]:
@@ -169,10 +143,6 @@ def build_stability(
         Least-squares complex exponentials from impulse responses, or polyreference least-squares
         complex frequency from the FRFs, weighted with their noise.
     settings : IdentificationSettings
-
-    Returns
-    -------
-    StabilityDiagram
 
     Raises
     ------

@@ -16,28 +16,15 @@ from ema.poles.lsce import poles_of_order, shapes_of_poles
 
 @dataclass(frozen=True, eq=False)
 class PoleHistory:
-    """Poles of all orders with their shapes and their match in the order before.
-
-    Parameters
-    ----------
-    model_order : ndarray of int, shape (n_poles,)
-    poles : ndarray of complex, shape (n_poles,)
-    shapes : ndarray of complex, shape (n_poles, n_positions)
-    step_frequency, step_damping : ndarray, shape (n_poles,)
-        Relative change of frequency and damping ratio from the match; inf where there is none.
-    step_total : ndarray, shape (n_poles,)
-        |Δλ|/max|λ| + 1 − MAC to the match; inf where there is none.
-    match : ndarray of int, shape (n_poles,)
-        Index of the match; −1 where there is none.
-    """
+    """Poles of all orders, (n_poles,), with shapes and their match in the order before."""
 
     model_order: NDArray[np.int_]
     poles: NDArray[np.complex128]
-    shapes: NDArray[np.complex128]
-    step_frequency: NDArray[np.float64]
-    step_damping: NDArray[np.float64]
-    step_total: NDArray[np.float64]
-    match: NDArray[np.int_]
+    shapes: NDArray[np.complex128]  # (n_poles, n_positions)
+    step_frequency: NDArray[np.float64]  # relative change from the match; inf where there is none
+    step_damping: NDArray[np.float64]  # the same of the damping ratio
+    step_total: NDArray[np.float64]  # |Δλ|/max|λ| + 1 − MAC to the match; inf where there is none
+    match: NDArray[np.int_]  # index of the match; −1 where there is none
 
 
 def pole_history(
@@ -49,16 +36,8 @@ def pole_history(
 ) -> PoleHistory:
     """Solve all model orders of one normal matrix and follow the stable poles through them.
 
-    Parameters
-    ----------
-    matrix : ndarray of complex
-        Normal matrix of the highest order.
-    piece : ndarray of complex, shape (n_positions, n_samples)
-        Impulse responses that give the shapes.
-    step_s, lowest_hz : float
-        As in `ema.poles.lsce.poles_of_order`.
-    max_damping : float
-        Largest damping ratio of a pole worth following.
+    `matrix` is that of the highest order; `piece`, (n_positions, n_samples), the impulse responses
+    that give the shapes. Poles damped more than `max_damping` are not worth following.
     """
     rows: list[tuple[NDArray[np.generic], ...]] = []
     old_poles = np.zeros(0, dtype=complex)
@@ -132,18 +111,8 @@ def interpret(
 ) -> tuple[NDArray[np.int_], list[Verdict]]:
     """Group the poles of all orders and decide which groups are modes.
 
-    Parameters
-    ----------
-    history : PoleHistory
-    max_order : int
-        Highest model order of the diagram.
-
-    Returns
-    -------
-    label : ndarray of int, shape (n_poles,)
-        Cluster number, −1 for poles that were cleared.
-    verdicts : list of Verdict
-        One per cluster, ascending in frequency.
+    Returns the number of the cluster of each pole, −1 for those that were cleared, and a verdict on
+    each cluster, ascending in frequency.
     """
     step, poles, order = history.step_total, history.poles, history.model_order
     label = np.full(poles.size, -1)

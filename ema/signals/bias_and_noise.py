@@ -18,16 +18,10 @@ _SPIKE = 3.0
 
 
 def noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
-    """Standard deviation to weigh each line with, (n_positions, n_frequencies).
+    """Standard deviation to weigh each of some lines with, (n_positions, n_frequencies).
 
-    Smoothed over neighbouring lines, except where a line sticks out. Where σ is unknown, lines
-    are taken as equally good relative to the FRFs around them.
-
-    Parameters
-    ----------
-    frf : FRF
-    lines : slice
-        Lines to use.
+    Smoothed over neighbouring lines, except where a line sticks out. Where σ is unknown, lines are
+    taken as equally good relative to the FRFs around them.
     """
     values = frf.values[:, lines]
     floor = max(1e-12 * np.max(np.abs(values)) ** 2, np.finfo(float).tiny)

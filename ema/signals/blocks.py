@@ -26,29 +26,12 @@ def plan_blocks(
 ) -> BlockPlan:
     """Cut a recording into blocks as asked for, or as suits a tyre.
 
-    By default Hann windows overlap by half over blocks of 4 s, or a quarter of a shorter
-    recording; a sweep, burst or impact stays one block without a window, and a force that repeats
-    gets blocks of one period without a window. The paper's setting is
-    ``averages=10, window="boxcar"``.
+    By default Hann windows overlap by half over blocks of 4 s, or a quarter of a shorter recording;
+    a sweep, burst or impact (a force that is not `steady`) stays one block without a window, and a
+    force that repeats after `period_samples` (0 for one that does not) gets blocks of one period
+    without a window. The paper's setting is ``averages=10, window="boxcar"``.
 
-    Parameters
-    ----------
-    n_samples : int
-        Length of the recording.
-    sampling_rate_hz : float
-    processing : Processing
-        Averages or block length, window, overlap; None for the default.
-    place : str
-        What to name in an error.
-    steady : bool
-        Whether the force looks alike all along the recording.
-    period_samples : int
-        Samples after which the force repeats; 0 for one that does not.
-
-    Raises
-    ------
-    InputError
-        If the blocks asked for do not fit the recording.
+    `InputError`, which names `place`, if the blocks asked for do not fit the recording.
     """
     chosen = processing.averages is not None or processing.block_seconds is not None
     whole = not (steady or chosen or period_samples)

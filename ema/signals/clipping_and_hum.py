@@ -34,14 +34,8 @@ class _Extreme:
 class Plateaus:
     """Runs of equal values of a signal that comes piece by piece.
 
-    Attributes
-    ----------
-    longest : int
-        Length of the longest run.
-    longest_start : int
-        Its first sample.
-    step : float
-        Smallest difference between two samples in a row; infinite for a constant.
+    `longest` is the length of the longest run and `longest_start` its first sample; `step` is the
+    smallest difference between two samples in a row, infinite for a constant.
     """
 
     def __init__(self) -> None:
@@ -129,34 +123,19 @@ _RATES_HZ = (250.0, 1e9)  # of recordings that can be judged
 
 @dataclass(frozen=True)
 class Hum:
-    """Lines of the mains in a signal.
+    """Lines of the mains in a signal."""
 
-    Parameters
-    ----------
-    mains_hz : float
-        50 or 60.
-    frequency_hz : float
-        Harmonic of the mains that is strongest.
-    rms : float
-        Of all lines together, in the signal's unit.
-    """
-
-    mains_hz: float
-    frequency_hz: float
-    rms: float
+    mains_hz: float  # 50 or 60
+    frequency_hz: float  # harmonic of the mains that is strongest
+    rms: float  # of all lines together, in the signal's unit
 
 
 class HumMeter:
     """Averaged spectrum of a signal that comes piece by piece, searched for mains lines.
 
-    Hann segments of up to 4 s overlap by half (Welch 1967). Rates above 8 kHz are reduced by
-    plain averaging first: hum is sought up to 600 Hz only.
-
-    Parameters
-    ----------
-    sampling_rate_hz : float
-    n_samples : int
-        Of the whole signal. Less than 8 s are too short to tell a line from a mode.
+    Hann segments of up to 4 s overlap by half (Welch 1967). Rates above 8 kHz are reduced by plain
+    averaging first: hum is sought up to 600 Hz only. Less than 8 s are too short to tell a line
+    from a mode.
     """
 
     def __init__(self, sampling_rate_hz: float, n_samples: int) -> None:

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Run
 from ema.core.files import piece
-from ema.core.finding import WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Channel
 from ema.signals.lost_samples import lost_everywhere
 from ema.signals.slips import part_ends
 from ema.signals.spectra import Spectra
 from ema.signals.stuck_and_repeated import Repeat, Stretch, repeated_stretches, stuck_stretches
 
-STUCK, REPEATED, COUNTER, LOST = "stuck", "repeated", "counter", "lost samples"
 # Runs of one campaign are as long as each other within this share; stopped by hand they differ.
 SAME_LENGTH = 0.01
 _LEFT_OUT = "the averages with it are left out"
@@ -33,7 +32,7 @@ _SHOWN = 5  # of one kind in one channel
 class _Damage:
     """Stretches of a run that are wrong, in one channel or (None) in all; texts as in `Finding`."""
 
-    check: str
+    check: Check
     channel: Channel | None
     wrong: tuple[Stretch, ...]
     detail: str
@@ -45,13 +44,8 @@ def without_damage(
     """Runs in which stretches that are stuck or repeated read as missing, and what was found.
 
     Nothing is changed or guessed: blocks that contain such a stretch are left out like those in
-    which samples are missing, for the channel that is concerned, or for all.
-
-    Parameters
-    ----------
-    runs : sequence of Run
-    every : callable
-        A `map`, e.g. that of a pool of threads.
+    which samples are missing, for the channel that is concerned, or for all. `every` is a `map`,
+    e.g. that of a pool of threads.
     """
 
     def damage_of(run: Run) -> list[_Damage]:
@@ -74,7 +68,7 @@ def _finding(run: Run, damage: _Damage) -> Finding:
         channel="" if channel is None else channel.name,
         position_deg=None if channel is None else places.get(channel.name),
         check=damage.check,
-        verdict=WARNING,
+        verdict=Verdict.WARNING,
         detail=damage.detail,
     )
 
@@ -106,13 +100,7 @@ def without_lost_samples(
 ) -> tuple[Run, tuple[Finding, ...]]:
     """The run without what does not fit the rest after samples were lost, and what was found.
 
-    Parameters
-    ----------
-    run : Run
-    spectra : Spectra
-        Of all sensors of the run, the reference sensor last.
-    plan : BlockPlan
-        Blocks of this run.
+    `spectra` are those of all its sensors, the reference sensor last, over its blocks, `plan`.
     """
     damage = [
         *_slipped(run, spectra.slip, plan),
@@ -129,14 +117,14 @@ def _stuck(run: Run) -> Iterator[_Damage]:
     if len(by_channel) >= len(run.channels):  # the recorder stood still
         wrong = tuple(dict.fromkeys(by_channel[run.force.name]))
         detail = f"all channels are stuck: {_where(wrong, rate_hz)}; {_LEFT_OUT}"
-        yield _Damage(STUCK, None, wrong, detail)
+        yield _Damage(Check.STUCK, None, wrong, detail)
         return
     for channel in run.channels:
         wrong = tuple(by_channel.get(channel.name, ()))
         if wrong:
             where = _where(wrong, rate_hz)
             detail = f"it holds one value while the others move: {where}; {_LEFT_OUT}"
-            yield _Damage(STUCK, channel, wrong, detail)
+            yield _Damage(Check.STUCK, channel, wrong, detail)
 
 
 def _repeated(run: Run, others: Sequence[int]) -> Iterator[_Damage]:
@@ -156,7 +144,7 @@ def _repeated(run: Run, others: Sequence[int]) -> Iterator[_Damage]:
         # Which of two forces the sensors answered to is not known; of two recordings the first.
         wrong = (copy,) if repeat.of is None else (first, copy)
         says = _LEFT_OUT if repeat.of is None else "the averages with either are left out"
-        yield _Damage(REPEATED, repeat.of, wrong, f"{detail}; {says}")
+        yield _Damage(Check.REPEATED, repeat.of, wrong, f"{detail}; {says}")
 
 
 def _is_appended(repeat: Repeat, others: Sequence[int]) -> bool:
@@ -171,7 +159,7 @@ def _miscounted(run: Run) -> Iterator[_Damage]:
     said = [_counted(jump) for jump in jumps[:_SHOWN]]
     more = f" and {len(jumps) - _SHOWN} more" if len(jumps) > _SHOWN else ""
     detail = f"counter {jumps[0].channel!r} {_and(said)}{more}; {_LEFT_OUT}"
-    yield _Damage(COUNTER, None, tuple(jump.wrong for jump in jumps), detail)
+    yield _Damage(Check.COUNTER, None, tuple(jump.wrong for jump in jumps), detail)
 
 
 def _counted(jump: Jump) -> str:
@@ -207,7 +195,8 @@ def _slipped(run: Run, slip: NDArray[np.float64], plan: BlockPlan) -> Iterator[_
             f"against the other channels between {start_s:.4g} and {stop_s:.4g} s; the averages "
             "from there on are left out"
         )
-        yield _Damage(LOST, channel, (Stretch(first, run.recording.n_samples),), detail)
+        wrong = (Stretch(first, run.recording.n_samples),)
+        yield _Damage(Check.LOST_SAMPLES, channel, wrong, detail)
 
 
 def _joined(run: Run, joints: Sequence[int]) -> Iterator[_Damage]:
@@ -217,7 +206,7 @@ def _joined(run: Run, joints: Sequence[int]) -> Iterator[_Damage]:
             f"all channels jump at {sample / rate_hz:.5g} s (row {sample + 1}), as when samples "
             f"are lost or written twice; {_LEFT_OUT}"
         )
-        yield _Damage(LOST, None, (Stretch(sample, sample + 1),), detail)
+        yield _Damage(Check.LOST_SAMPLES, None, (Stretch(sample, sample + 1),), detail)
 
 
 def _first_doubtful_block(ends: Sequence[int], part: int, samples: float) -> int:
@@ -260,34 +249,17 @@ _PIECE = 1 << 18
 
 @dataclass(frozen=True)
 class Jump:
-    """Where a counter leaves its steps.
-
-    Parameters
-    ----------
-    channel : str
-        Name of the counter.
-    wrong : Stretch
-        Samples that the counter has counted before, or the one behind a gap.
-    lost : int
-        Samples that are not there; 0 where it jumps back.
-    before, after : int
-        What it counts on either side.
-    """
+    """Where the counter `channel` leaves its steps."""
 
     channel: str
-    wrong: Stretch
-    lost: int
-    before: int
+    wrong: Stretch  # samples that it has counted before, or the one behind a gap
+    lost: int  # samples that are not there; 0 where it jumps back
+    before: int  # what it counts on either side
     after: int
 
 
 def counter_jumps(run: Run) -> list[Jump]:
-    """Gaps and repetitions that a counter among the channels that have no role tells of.
-
-    Parameters
-    ----------
-    run : Run
-    """
+    """Gaps and repetitions that a counter among the channels that have no role tells of."""
     used = {channel.name for channel in run.channels}
     spare = [channel for channel in run.recording.channels if channel.name not in used]
     return [jump for channel in spare if _step(channel) for jump in _jumps(channel)]

@@ -29,10 +29,6 @@ def is_steady(force: Channel) -> bool:
 
     A sweep, a burst or an impact is one event: cut into blocks, each block would hold only a part
     of it. It is told from the power in bands, compared between segments of the recording.
-
-    Parameters
-    ----------
-    force : Channel
     """
     length = min(force.n_samples // _SEGMENTS, _SEGMENT_SAMPLES)
     if length < 4 * _BANDS:
@@ -58,13 +54,8 @@ def is_steady(force: Channel) -> bool:
 def period_samples(force: Channel, shortest: int) -> int:
     """Samples after which the force repeats, as repeated sweeps and pseudo-random noise do; or 0.
 
-    A generator with a clock of its own repeats between two samples; the nearest one is given.
-
-    Parameters
-    ----------
-    force : Channel
-    shortest : int
-        Fewest samples that count as a period: what repeats sooner is a tone.
+    A generator with a clock of its own repeats between two samples; the nearest one is given. What
+    repeats sooner than after `shortest` samples is a tone.
     """
     samples = _swings(force)
     if not samples.size:

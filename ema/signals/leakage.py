@@ -30,22 +30,10 @@ def leakage_bias(
     poles: Mapping[str, NDArray[np.complex128]],
     residues: NDArray[np.complex128],
 ) -> NDArray[np.complex128]:
-    """Error of estimated inertances of given modes.
+    """Error of estimated inertances of given modes, to be subtracted: (n_positions, n_frequencies).
 
-    Parameters
-    ----------
-    frf : FRF
-        With blocks.
-    frequency_hz : ndarray, shape (n_frequencies,)
-        Some of its lines.
-    poles : dict of str to ndarray of complex, shape (n_modes,)
-        In the state of each run.
-    residues : ndarray of complex, shape (n_positions, n_modes)
-
-    Returns
-    -------
-    ndarray of complex, shape (n_positions, n_frequencies)
-        To be subtracted from the estimated FRFs.
+    `frequency_hz` are some lines of `frf`, which has blocks; `poles`, (n_modes,), are in the state
+    of each run; `residues` are (n_positions, n_modes).
     """
     bias = np.zeros((frf.n_positions, frequency_hz.size), dtype=complex)
     plan = frf.blocks

@@ -85,16 +85,8 @@ class _Answer:
 def lost_everywhere(run: Run, spectra: Spectra, plan: BlockPlan) -> list[int]:
     """First samples behind joints, where all channels lost samples together or got them twice.
 
-    How many it were cannot be said: numbers near the true one explain most of it too.
-
-    Parameters
-    ----------
-    run : Run
-        Under a steady force.
-    spectra : Spectra
-        Of all sensors of the run.
-    plan : BlockPlan
-        Their blocks.
+    How many it were cannot be said: numbers near the true one explain most of it too. The force
+    must be steady; `spectra` are those of all sensors of the run over its blocks, `plan`.
     """
     usable = np.all(spectra.force > 0, axis=1) & np.any(spectra.response > 0, axis=1)
     rows = np.flatnonzero(usable).tolist()
@@ -151,20 +143,12 @@ def _places(answer: _Answer, n_piece: int) -> list[int]:
 
 @dataclass(frozen=True, eq=False)
 class _Window:
-    """What a sensor shows in a window and `_MOST_LOST` samples around, and what makes it do so.
+    """What a sensor shows in a window and `_MOST_LOST` samples around, and what makes it do so."""
 
-    Attributes
-    ----------
-    measured, all_of_it, early : ndarray, shape (n + 2 _MOST_LOST,)
-        The signal; the answer to the whole force, and to that before the window.
-    force : ndarray, shape (n,)
-        The force within the window.
-    """
-
-    measured: NDArray[np.float64]
-    all_of_it: NDArray[np.float64]
-    early: NDArray[np.float64]
-    force: NDArray[np.float64]
+    measured: NDArray[np.float64]  # the signal, (n + 2 _MOST_LOST,)
+    all_of_it: NDArray[np.float64]  # answer to the whole force
+    early: NDArray[np.float64]  # answer to the force before the window
+    force: NDArray[np.float64]  # within the window, (n,)
 
     @classmethod
     def of(cls, answer: _Answer, window: Stretch) -> _Window | None:
@@ -190,12 +174,7 @@ class _Window:
     ) -> NDArray[np.float64]:
         """Error if samples are lost ahead of sample `at` of the window, (n, n_places).
 
-        Parameters
-        ----------
-        past : ndarray, shape (n + 2 _MOST_LOST, n_places)
-            Answer to the force ahead of each place.
-        at : ndarray of int, shape (n_places,)
-        lost : int
+        `past`, (n + 2 _MOST_LOST, n_places), is the answer to the force ahead of each place.
         """
         n, m = self.force.size, _MOST_LOST
         future = self.all_of_it[:, None] - past

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.finding import WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import ACCELERATION, FORCE, Channel, Recording
 from ema.core.units import SI_UNIT, is_stated, parse_unit
 from ema.signals.clipping_and_hum import Hum, HumMeter, Plateaus
 
 _PIECE = 1 << 18
-IMPOSSIBLE = "impossible samples"
 # Limits of the signal lie beyond its rms; the rest between impacts or bursts does not.
 _LIMIT_RMS = 1.0
 # A sensor that holds one value this long, though its signal is steady else, has dropped out.
@@ -27,51 +26,25 @@ _LOUD_HUM = 0.01  # of the rms
 class SignalSummary:
     """One signal in SI units; missing samples count nowhere but in `n_missing`.
 
-    Parameters
-    ----------
-    n_samples : int
-    mean : float
-        The constant part (DC). NaN, as all levels, where every sample is missing.
-    rms : float
-        Of the whole signal, its mean included.
-    rms_ac : float
-        Of the signal about its mean.
-    lowest, highest : float
-        Extreme samples.
-    n_clipped_low, n_clipped_high : int
-        Samples on flat tops at the lowest and the highest value.
-    n_missing : int
-        Samples that are not finite, or impossible: beyond the channel's limit.
-    first_missing : int or None
-        Index of the first of them.
-    n_impossible : int
-        Those among the missing ones that are numbers, but beyond the channel's limit.
-    first_impossible : int or None
-        Index of the first of these.
-    worst_impossible : float
-        Largest magnitude of these; 0 where there are none.
-    longest_hold, longest_hold_start : int
-        Length and first sample of the longest run of one value.
-    hum : Hum or None
-        Lines of the mains; None where there are none, or the signal is too short to tell.
+    Missing are samples that are not finite, or impossible: beyond the channel's limit.
     """
 
     n_samples: int
-    mean: float
-    rms: float
-    rms_ac: float
-    lowest: float
+    mean: float  # the constant part (DC); NaN, as all levels, where every sample is missing
+    rms: float  # of the whole signal, its mean included
+    rms_ac: float  # about the mean
+    lowest: float  # extreme samples
     highest: float
-    n_clipped_low: int
+    n_clipped_low: int  # samples on flat tops at the lowest and the highest value
     n_clipped_high: int
     n_missing: int
-    first_missing: int | None
-    longest_hold: int
-    longest_hold_start: int
-    hum: Hum | None
-    n_impossible: int = 0
-    first_impossible: int | None = None
-    worst_impossible: float = 0.0
+    first_missing: int | None  # index
+    longest_hold: int  # samples of the longest run of one value
+    longest_hold_start: int  # its first sample
+    hum: Hum | None  # None without lines of the mains, or where the signal is too short to tell
+    n_impossible: int = 0  # those of the missing ones that are numbers
+    first_impossible: int | None = None  # index
+    worst_impossible: float = 0.0  # largest magnitude of these; 0 without any
 
     @property
     def peak(self) -> float:
@@ -146,14 +119,7 @@ class _Gaps:
 
 
 def summarise(channel: Channel, sampling_rate_hz: float = float("nan")) -> SignalSummary:
-    """Summarise a channel in one pass; a piece of it is in memory at a time.
-
-    Parameters
-    ----------
-    channel : Channel
-    sampling_rate_hz : float, optional
-        Without it hum is not sought.
-    """
+    """Summarise a channel in one pass, piece by piece; hum only with its sampling rate."""
     moments, plateaus = _Moments(), Plateaus()
     hum_meter = HumMeter(sampling_rate_hz, channel.n_samples)
     gaps = _Gaps()
@@ -193,26 +159,17 @@ def summarise(channel: Channel, sampling_rate_hz: float = float("nan")) -> Signa
 
 
 def signal_findings(summary: SignalSummary, file: str, channel: Channel) -> list[Finding]:
-    """Everything about a signal that is not in order, one warning each.
-
-    Parameters
-    ----------
-    summary : SignalSummary
-        Of `channel`.
-    file : str
-        Name of the file, as the findings show it.
-    channel : Channel
-    """
+    """Everything about a signal that is not in order, one warning each; `file` is named in them."""
     said = {
-        "missing samples": _missing(summary),
-        IMPOSSIBLE: _impossible(summary, channel),
-        "silent": _silent(summary, channel),
-        "clipped": _clipped(summary, channel),
-        "dropout": _dropout(summary, channel),
-        "hum": _hum(summary),
+        Check.MISSING_SAMPLES: _missing(summary),
+        Check.IMPOSSIBLE_SAMPLES: _impossible(summary, channel),
+        Check.SILENT: _silent(summary, channel),
+        Check.CLIPPED: _clipped(summary, channel),
+        Check.DROPOUT: _dropout(summary, channel),
+        Check.HUM: _hum(summary),
     }
     return [
-        Finding(file, channel.name, channel.angle_deg, check, WARNING, detail)
+        Finding(file, channel.name, channel.angle_deg, check, Verdict.WARNING, detail)
         for check, detail in said.items()
         if detail
     ]
@@ -321,19 +278,9 @@ def level_findings(
     """Channels whose level makes no sense for their unit, with the unit that is likely meant.
 
     A few pieces along the recording tell that a level is in order. Only where they do not is the
-    whole channel read, as an impact may lie between them.
-
-    Parameters
-    ----------
-    recording : Recording
-    summaries : sequence of SignalSummary, optional
-        Of its channels, where they are known already.
-
-    Returns
-    -------
-    list of Finding
-        Check ``"level"``, verdict warning; empty where all is well. Channels without signal are
-        not judged, nor quantities other than acceleration and force.
+    whole channel read, as an impact may lie between them; `summaries` are those of the channels,
+    where they are known already. Channels without signal are not judged, nor quantities other than
+    acceleration and force.
     """
     findings = []
     for row, channel in enumerate(recording.channels):
@@ -343,7 +290,8 @@ def level_findings(
         summary = summarise(channel) if summaries is None else summaries[row]
         if summary.rms_ac > 0 and not usual.holds(summary.rms_ac, summary.peak_ac):
             place = (recording.path.name, channel.name, channel.angle_deg)
-            findings.append(Finding(*place, "level", WARNING, _explain(channel, summary.rms_ac)))
+            detail = _explain(channel, summary.rms_ac)
+            findings.append(Finding(*place, Check.LEVEL, Verdict.WARNING, detail))
     return findings
 
 

@@ -31,13 +31,7 @@ _ALIGNED = 0.3
 
 
 class SlipMeter:
-    """Compares the phases of the parts of a recording; 0 samples where they agree.
-
-    Parameters
-    ----------
-    n_sensors : int
-    plan : BlockPlan
-    """
+    """Compares the phases of the parts of a recording; 0 samples where they agree."""
 
     def __init__(self, n_sensors: int, plan: BlockPlan) -> None:
         self.ends = part_ends(plan)

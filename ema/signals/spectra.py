@@ -23,31 +23,17 @@ _PIECE_BYTES = 1 << 22  # read at a time: few calls, and it stays near the proce
 class Spectra:
     """Sums over blocks of |F|², |X|² and X F*, in common arbitrary scale.
 
-    Parameters
-    ----------
-    force : ndarray, shape (n_rows, n_frequencies)
-        Auto spectrum of the force, repeated for each response.
-    response : ndarray, shape (n_rows, n_frequencies)
-        Auto spectra of the responses.
-    cross : ndarray of complex, shape (n_rows, n_frequencies)
-        Cross spectra X F* of responses and force.
-    n_effective, n_planned : ndarray, shape (n_rows,)
-        Independent averages, and what they would be if no sample were missing.
-    clipped, force_clipped : ndarray, shape (n_rows,)
-        Share of samples of response and force that sit on the extremes of their block.
-    slip : ndarray, shape (n_rows, n_parts)
-        Samples by which a response runs ahead of the force, part by part of the run, against the
-        first part; see `SlipMeter`.
+    Spectra are (n_rows, n_frequencies), numbers (n_rows,).
     """
 
-    force: NDArray[np.float64]
-    response: NDArray[np.float64]
-    cross: NDArray[np.complex128]
-    n_effective: NDArray[np.float64]
-    n_planned: NDArray[np.float64]
-    clipped: NDArray[np.float64]
-    force_clipped: NDArray[np.float64]
-    slip: NDArray[np.float64]
+    force: NDArray[np.float64]  # auto spectrum of the force, repeated for each response
+    response: NDArray[np.float64]  # auto spectra
+    cross: NDArray[np.complex128]  # cross spectra X F* of responses and force
+    n_effective: NDArray[np.float64]  # independent averages
+    n_planned: NDArray[np.float64]  # what they would be if no sample were missing
+    clipped: NDArray[np.float64]  # share of samples that sit on the extremes of their block
+    force_clipped: NDArray[np.float64]  # the same of the force
+    slip: NDArray[np.float64]  # samples ahead of the force in each part of the run, as `SlipMeter`
 
     def rows(self, chosen: slice) -> Spectra:
         """Keep the chosen rows only."""
@@ -60,12 +46,6 @@ def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
     Only a few blocks of all channels are in memory at a time. Means are removed block by block: the
     shaker's preload is a constant force that says nothing about the tyre. A block in which samples
     of a channel are missing (not finite) is left out for that channel; without the force, for all.
-
-    Parameters
-    ----------
-    run : Run
-    plan : BlockPlan
-        Blocks for the length of this run.
     """
     force, *sensors = run.channels
     groups = [sensors[k : k + _TOGETHER] for k in range(0, len(sensors), _TOGETHER)]
@@ -196,13 +176,7 @@ def _on_extremes(block: NDArray[np.float64]) -> NDArray[np.float64]:
 def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spectra:
     """Add up the spectra of rows that belong to the same place.
 
-    Parameters
-    ----------
-    parts : list of Spectra
-        Their rows, one after the other, are the rows of `place`.
-    place : ndarray of int, shape (n_rows,)
-        Place of each row, 0 … n_places − 1.
-    n_places : int
+    `place` numbers the places, 0 … n_places − 1, of the rows of all parts, one after the other.
     """
 
     def add(name: str) -> NDArray[Any]:
@@ -228,16 +202,11 @@ def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spec
 def disagreement(
     parts: Sequence[Spectra], place: NDArray[np.int_], n_places: int
 ) -> NDArray[np.float64]:
-    """By which share of their power the FRFs that are averaged at one place differ.
+    """By which share of their power the FRFs that are averaged at one place differ; see `pooled`.
 
     Between the runs, Σ|X F*|²/|F|² exceeds its value for the sums by (K − 1)σ² if all K of them see
-    the same; σ² follows from what is incoherent within the runs. What exceeds that expectation
-    is given, relative to the coherent power; 0 where a place was measured once.
-
-    Parameters
-    ----------
-    parts, place, n_places
-        As for `pooled`.
+    the same; σ² follows from what is incoherent within the runs. What exceeds that expectation is
+    given, relative to the coherent power; 0 where a place was measured once.
     """
     force, response, cross = (
         np.concatenate([getattr(part, name) for part in parts])

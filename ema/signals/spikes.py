@@ -9,7 +9,7 @@ from heapq import nlargest
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.core.recording import (
     ACCELERATION,
     DISPLACEMENT,
@@ -21,7 +21,7 @@ from ema.core.recording import (
     Recording,
 )
 from ema.signals.excitation import is_steady
-from ema.signals.signal_checks import IMPOSSIBLE, STEADY_CREST, signal_findings, summarise
+from ema.signals.signal_checks import STEADY_CREST, signal_findings, summarise
 
 _PIECE, _CHUNK = 1 << 16, 1 << 8
 # Noise stays within 6 rms, and what a structure answers rings on: in a steady recording a single
@@ -40,10 +40,6 @@ def with_limits(recording: Recording) -> Recording:
     """Give the channels that hold impossible samples a limit beyond which samples are missing.
 
     A piece of one channel is in memory at a time.
-
-    Parameters
-    ----------
-    recording : Recording
     """
     lonely = [_lonely(channel) for channel in recording.channels]
     if not any(each.highest for each in lonely):
@@ -57,37 +53,19 @@ def with_limits(recording: Recording) -> Recording:
 
 
 def spike_findings(file: str, channels: Sequence[Channel]) -> list[Finding]:
-    """Impossible samples of channels that were given limits, one finding each.
-
-    Parameters
-    ----------
-    file : str
-        Name of the file or run, as the findings show it.
-    channels : sequence of Channel
-        Of a recording that went through `with_limits`.
-    """
+    """Impossible samples of channels that went through `with_limits`; `file` is named in them."""
     concerned = [channel for channel in channels if channel.limit < np.inf]
     found = [signal_findings(summarise(channel), file, channel) for channel in concerned]
-    return [finding for each in found for finding in each if finding.check == IMPOSSIBLE]
+    return [one for each in found for one in each if one.check == Check.IMPOSSIBLE_SAMPLES]
 
 
 @dataclass(frozen=True)
 class _Lonely:
-    """Samples far beyond both neighbours, and how far all others reach.
+    """Samples far beyond both neighbours, and how far all others reach."""
 
-    Parameters
-    ----------
-    highest : tuple of float
-        The largest magnitudes of such samples, descending; one more than are few.
-    others : float
-        Largest magnitude of all other samples.
-    senseless : bool
-        Whether there are numbers beyond any signal.
-    """
-
-    highest: tuple[float, ...] = ()
-    others: float = 0.0
-    senseless: bool = False
+    highest: tuple[float, ...] = ()  # the largest magnitudes, descending; one more than are few
+    others: float = 0.0  # largest magnitude of all others
+    senseless: bool = False  # whether there are numbers beyond any signal
 
     def limit(self, *, steady: bool) -> float:
         """Magnitude beyond which samples are impossible; infinite where none is."""

@@ -76,17 +76,9 @@ class _Look:
 def stuck_stretches(run: Run) -> list[tuple[Channel, Stretch]]:
     """Where a channel of a run is stuck while the others go on, or all of them at once.
 
-    A force that rests between impacts or bursts is not stuck, nor a sensor at rest with all
-    others. Memory is that of one channel, one sample in many.
-
-    Parameters
-    ----------
-    run : Run
-
-    Returns
-    -------
-    list of (Channel, Stretch)
-        In the order of the channels; the same stretch for every channel that is concerned.
+    They come in the order of the channels; the same stretch for every channel that is concerned. A
+    force that rests between impacts or bursts is not stuck, nor a sensor at rest with all others.
+    Memory is that of one channel, one sample in many.
     """
     shortest = max(_SHORTEST_SAMPLES, round(_SHORTEST_S * run.recording.sampling_rate_hz))
     rung_out = max(shortest, round(_RUNG_OUT_S * run.recording.sampling_rate_hz))
@@ -214,22 +206,12 @@ _MIX = np.array(
 
 @dataclass(frozen=True)
 class Repeat:
-    """Samples of `copy` equal those `lag` samples before them, in all channels or one.
-
-    Parameters
-    ----------
-    copy : Stretch
-    lag : int
-    of : Channel or None
-        The one channel that repeats; None where all do.
-    throughout : bool
-        Whether the recording consists of nothing else, from the sample `lag` on.
-    """
+    """Samples of `copy` equal those `lag` samples before them, in all channels or one."""
 
     copy: Stretch
     lag: int
-    of: Channel | None
-    throughout: bool
+    of: Channel | None  # the one channel that repeats; None where all do
+    throughout: bool  # whether the recording is nothing else, from the sample `lag` on
 
 
 def repeated_stretches(run: Run) -> list[Repeat]:
@@ -237,10 +219,6 @@ def repeated_stretches(run: Run) -> list[Repeat]:
 
     Words of a few samples, chosen by their content, are looked for in one sensor and in the force;
     where enough of them come again after the same time, samples are compared one by one.
-
-    Parameters
-    ----------
-    run : Run
     """
     sensors = [channel for channel in run.channels[1:] if _moves(channel)]
     if not sensors or not _moves(run.force):

@@ -11,7 +11,6 @@ from pathlib import Path
 from time import perf_counter
 
 from ema.core.errors import FitError, InputError, file_trouble, out_of_memory
-from ema.core.finding import OK
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.formats import is_recording
 from model.errors import ParameterError
@@ -217,7 +216,7 @@ def _processed(task: Task) -> Record:
         fingerprint_of(files, choices(task.options)),
         designation="" if result.tyre is None else result.tyre.designation,
         inflation_pressure_pa=None if result.tyre is None else result.tyre.inflation_pressure_pa,
-        n_warnings=sum(finding.verdict != OK for finding in result.findings),
+        n_warnings=sum(not finding.is_ok for finding in result.findings),
         modes=tuple(plain_rows(result.modal_model.to_frame())),
         parameters=_parameters(result),
     )

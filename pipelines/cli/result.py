@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from ema.core.errors import InputError
-from ema.core.finding import OK
 from model import TuningResult
 from pipelines.cli import options as opt
 from pipelines.cli import values
@@ -182,7 +181,7 @@ def warnings(result: Result) -> list[str]:
     """Findings that are not ok, one line for each check with any."""
     by_check: dict[str, list[str]] = {}
     for finding in result.findings:
-        if finding.verdict != OK:
+        if not finding.is_ok:
             place = (finding.run, finding.channel if finding.channel != finding.check else "")
             where = " ".join(filter(None, place))
             text = f"{where}: {finding.detail}" if where else finding.detail
@@ -211,6 +210,6 @@ def _summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
         "pdf": str(folder / PDF) if (folder / PDF).is_file() else None,
         "modes": [dict(zip(table.columns, row, strict=True)) for row in plain_rows(table)],
         "ring": ring,
-        "warnings": [f.detail for f in result.findings if f.verdict != OK],
+        "warnings": [f.detail for f in result.findings if not f.is_ok],
         "notes": list(result.notes),
     }

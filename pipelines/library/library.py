@@ -128,8 +128,7 @@ class TyreLibrary:
             rule = "the parent folder of a library must exist"
             raise InputError(str(self.folder), "no such folder", rule, "Check the path")
         if self.folder.exists() and not self.folder.is_dir():
-            rule = "a library must be a folder"
-            raise InputError(str(self.folder), "a file", rule, "Name a folder")
+            raise InputError(str(self.folder), "a file", "it must be a folder", "Name a folder")
 
 
 def resolve(

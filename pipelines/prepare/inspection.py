@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ema.core.errors import InputError
-from ema.core.finding import OK, WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.numerics import one_blas_thread
 from ema.core.recording import VOLTAGE, Channel, Recording
@@ -22,9 +22,6 @@ from ema.io.campaign.read import recordings_in
 from ema.io.formats import exists, is_folder, read_file, read_headers
 from ema.signals.signal_checks import SignalSummary, level_findings, signal_findings, summarise
 from ema.signals.spikes import with_limits
-
-# Checks whose findings are notes: datasets that a reader skipped are not an error.
-_NOTES = ("content",)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +53,12 @@ class FileReport:
     @property
     def wrong(self) -> tuple[Finding, ...]:
         """What looks wrong."""
-        return tuple(f for f in self.all_findings if f.verdict != OK and f.check not in _NOTES)
+        return tuple(f for f in self.all_findings if not f.is_ok and f.check != Check.CONTENT)
 
     @property
     def notes(self) -> tuple[Finding, ...]:
-        """What is worth knowing but not wrong."""
-        return tuple(f for f in self.all_findings if f.verdict == OK or f.check in _NOTES)
+        """What is worth knowing but not wrong, as are datasets that a reader skipped."""
+        return tuple(f for f in self.all_findings if f.is_ok or f.check == Check.CONTENT)
 
 
 @dataclass(frozen=True)
@@ -170,7 +167,7 @@ def _remarks(recording: Recording) -> list[Finding]:
     file, findings = recording.path.name, []
     if np.isnan(recording.sampling_rate_hz):
         detail = "not stated: set sampling_rate_hz in [acquisition] of the manifest"
-        findings.append(Finding(file, "", None, "sampling rate", OK, detail))
+        findings.append(Finding(file, "", None, Check.SAMPLING_RATE, Verdict.OK, detail))
     for channel in recording.channels:
         if channel.quantity == VOLTAGE:
             detail = "volts: set a sensitivity in [calibration] of the manifest"
@@ -178,10 +175,12 @@ def _remarks(recording: Recording) -> list[Finding]:
             detail = "no unit stated: taken as SI, unless [calibration] of the manifest sets one"
         else:
             continue
-        findings.append(Finding(file, channel.name, channel.angle_deg, "unit", OK, detail))
-    repeated = (name for name, count in Counter(recording.names).items() if count > 1)
+        place = file, channel.name, channel.angle_deg
+        findings.append(Finding(*place, Check.UNIT, Verdict.OK, detail))
     detail = "several channels have this name; names must be unique"
-    findings += [Finding(file, name, None, "name", WARNING, detail) for name in repeated]
+    for name, count in Counter(recording.names).items():
+        if count > 1:
+            findings.append(Finding(file, name, None, Check.NAME, Verdict.WARNING, detail))
     return findings
 
 

@@ -24,16 +24,13 @@ from ema.checks.quality import (
 from ema.circumference.mass_loading import loading_note, sensors_of_runs
 from ema.core.campaign import Campaign, Tyre
 from ema.core.errors import InputError
-from ema.core.finding import OK, Finding
+from ema.core.finding import Check, Finding
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
 from ema.identify import Identification, SensorMass
-from ema.io.campaign.roles import UNNUMBERED
 from model.identifiability import IDENTIFIED
 from model.tuning import TuningResult
 from pipelines.process.validate import (
-    AMPLITUDE,
-    PLAUSIBILITY,
     RingOrder,
     amplitude_finding,
     plausibility_finding,
@@ -176,7 +173,7 @@ def tune(result: Result, options: Options) -> Result:
     reason = _why_no_ring(tyre, modal_model, options)
     if reason or tyre is None or tyre.mean_radius_m is None or tyre.inflation_pressure_pa is None:
         return replace(result, notes=(*result.notes, reason))
-    kept = tuple(f for f in result.findings if f.check not in (AMPLITUDE, PLAUSIBILITY))
+    kept = tuple(f for f in result.findings if f.check not in (Check.AMPLITUDE, Check.PLAUSIBILITY))
     orders = ring_orders(modal_model)
     numbers = np.array([order.order for order in orders])
     tuning = model.tune_ring(
@@ -212,7 +209,7 @@ def _ring_findings(
     identified = tuning.how["mass_per_area_kg_m2"] == IDENTIFIED
     mass = tuning.ring.mass_per_area_kg_m2 if identified else None
     plausible = plausibility_finding(orders, mass)
-    doubted = plausible is not None and plausible.verdict != OK
+    doubted = plausible is not None and not plausible.is_ok
     amplitude = amplitude_finding(modal_model, orders, tuning.ring, ring_is_doubted=doubted)
     return [*([plausible] if plausible else []), *amplitude]
 
@@ -227,7 +224,7 @@ def _require_ring_data(campaign: Campaign, options: Options) -> None:
             rule = "ring parameters cannot be determined without it"
             remedy = f"Add {name} = …, or stop at the modes with --no-tune"
             raise InputError(where, f"no {name}", rule, remedy)
-    numbered = not any(finding.check == UNNUMBERED for finding in campaign.findings)
+    numbered = not any(finding.check == Check.NODE for finding in campaign.findings)
     if len(campaign.runs) > 1 and not campaign.has_circle and not numbered:
         raise InputError(
             campaign.sources[0].name,
@@ -305,7 +302,7 @@ def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -
 
 def refuse_warnings(findings: Sequence[Finding]) -> None:
     """Raise `InputError` if a finding is a warning or reports something left out."""
-    doubtful = [finding for finding in findings if finding.verdict != OK]
+    doubtful = [finding for finding in findings if not finding.is_ok]
     if not doubtful:
         return
     texts = []

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ema.circumference.orders import order_content
 from ema.circumference.ring_modes import family
-from ema.core.finding import OK, WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.mac import auto_mac, mac
 from ema.core.modes import ModalModel, Mode
 from model.damping import DampingResult
@@ -111,9 +111,6 @@ def _std_of_mean(stds: list[float]) -> float:
     return float(np.sqrt(np.sum(np.square(stds))) / len(stds))
 
 
-PLAUSIBILITY, AMPLITUDE = "plausibility", "amplitude"  # names of the checks
-
-
 @dataclass(frozen=True)
 class TyreLimits:
     """Values of tyres, wide enough for motorcycles and trucks.
@@ -189,9 +186,10 @@ def plausibility_finding(
     if first_hz is None and mass_per_area_kg_m2 is None:
         return None
     if seen.is_usual(limits):
-        return Finding("", "", None, PLAUSIBILITY, OK, f"{seen.text()}, as tyres have")
+        detail = f"{seen.text()}, as tyres have"
+        return Finding("", "", None, Check.PLAUSIBILITY, Verdict.OK, detail)
     detail = f"{seen.text()}; tyres have {_usual_text(limits, seen)}. {_cause(seen, limits)}"
-    return Finding("", "", None, PLAUSIBILITY, WARNING, detail)
+    return Finding("", "", None, Check.PLAUSIBILITY, Verdict.WARNING, detail)
 
 
 @dataclass(frozen=True)
@@ -285,17 +283,17 @@ def amplitude_finding(
     factor = float(np.exp(np.median(np.log(ratio))))
     detail = f"modal masses are {factor:.3g} times those of the ring"
     if 1 / _AMPLITUDE_LIMIT < factor < _AMPLITUDE_LIMIT:
-        return [Finding("", "", None, AMPLITUDE, OK, detail)]
+        return [Finding("", "", None, Check.AMPLITUDE, Verdict.OK, detail)]
     if ring_is_doubted:
-        detail += f": the mass of the ring is in doubt (see {PLAUSIBILITY}), not the amplitudes"
-        return [Finding("", "", None, AMPLITUDE, OK, detail)]
+        detail += ": the mass of the ring is in doubt (see plausibility), not the amplitudes"
+        return [Finding("", "", None, Check.AMPLITUDE, Verdict.OK, detail)]
     likely = [text for value, text in _UNITS if 1 / _UNIT_WITHIN < factor / value < _UNIT_WITHIN]
     why = f", as with {likely[0]}" if likely else ""
     detail += (
         f" (limit {_AMPLITUDE_LIMIT:g}){why}: check units and sensitivities of all sensors and of "
         "the force, and the belt width. Frequencies and damping do not depend on them"
     )
-    return [Finding("", "", None, AMPLITUDE, WARNING, detail)]
+    return [Finding("", "", None, Check.AMPLITUDE, Verdict.WARNING, detail)]
 
 
 def _modal_mass_kg(modal_model: ModalModel, order: RingOrder) -> float:

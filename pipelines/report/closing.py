@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ema.checks.quality import ReferenceCheck
-from ema.core.finding import EXCLUDED, WARNING
+from ema.core.finding import Verdict
 from pipelines.report.blocks import Block, Facts, Listing, Paragraph, Section, Table
 from pipelines.report.measurement import flatten
 from pipelines.results.result import Result
@@ -130,8 +130,8 @@ def _reference_verdict(check: ReferenceCheck) -> str:
 def _attention(result: Result) -> str:
     verdicts = [finding.verdict for finding in result.findings]
     parts = (
-        ("warnings on data", verdicts.count(WARNING)),
-        ("channels or runs excluded", verdicts.count(EXCLUDED)),
+        ("warnings on data", verdicts.count(Verdict.WARNING)),
+        ("channels or runs excluded", verdicts.count(Verdict.EXCLUDED)),
         ("modes with a remark", sum(mode.doubtful for mode in result.modal_model.modes)),
     )
     return "; ".join(f"{what}: {count}" for what, count in parts if count) or "nothing"

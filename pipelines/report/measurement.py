@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ema.checks.quality import ReferenceCheck
 from ema.core.drift import Drift
-from ema.core.finding import EXCLUDED, OK, WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from pipelines.plots import measurement as plots
 from pipelines.plots.chart import Chart
@@ -47,7 +47,7 @@ def quality(result: Result) -> Section:
     band_hz, check = result.diagram.band_hz, result.reference
     beside = [] if check is None else [plots.reference_chart(check)]
     if (row := plots.drive_point_row(result.frf, result.excitation_deg)) is not None:
-        found = (each for each in result.findings if each.check == "drive point")
+        found = (each for each in result.findings if each.check == Check.DRIVE_POINT)
         beside.append(plots.drive_point_chart(result.frf, row, band_hz, next(found, None)))
     blocks: list[Block] = [
         *_coherence(result),
@@ -187,20 +187,20 @@ def _findings(findings: tuple[Finding, ...]) -> list[Block]:
     """Tables of what was excluded, what is doubtful and what passed."""
     blocks: list[Block] = []
     for verdict, caption, none in (
-        (EXCLUDED, "Channels and runs excluded, and why", "No channel or run was excluded."),
-        (WARNING, "Warnings on the data", "No channel or run gave cause for a warning."),
+        (Verdict.EXCLUDED, "Channels and runs excluded, and why", "was excluded"),
+        (Verdict.WARNING, "Warnings on the data", "gave cause for a warning"),
     ):
         rows = _rows_with(findings, verdict)
         found = Table(f"{caption} ({len(rows)})", FINDING_HEAD, rows, FINDING_WORDS)
-        blocks.append(found if rows else Paragraph(none, "good"))
-    passed = _rows_with(findings, OK)
+        blocks.append(found if rows else Paragraph(f"No channel or run {none}.", "good"))
+    passed = _rows_with(findings, Verdict.OK)
     if passed:
         caption = f"Checks passed ({len(passed)})"
         blocks.append(Table(caption, FINDING_HEAD, passed, FINDING_WORDS, folded=True))
     return blocks
 
 
-def _rows_with(findings: tuple[Finding, ...], verdict: str) -> tuple[tuple[str, ...], ...]:
+def _rows_with(findings: tuple[Finding, ...], verdict: Verdict) -> tuple[tuple[str, ...], ...]:
     return tuple(
         (
             each.run or DASH,

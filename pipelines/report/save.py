@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-from ema.core.finding import OK
 from pipelines.process.run import process
 from pipelines.report.write import write_pdf, write_report
 from pipelines.results import tables
@@ -67,7 +66,7 @@ def save(
             write_report(result, partial / "report.html")
         if pdf:
             write_pdf(result, partial / PDF)
-        warnings = [asdict(finding) for finding in result.findings if finding.verdict != OK]
+        warnings = [asdict(finding) for finding in result.findings if not finding.is_ok]
         write_marker(partial / MARKER, {**result.provenance, "warnings": warnings})
 
 

@@ -71,12 +71,10 @@ def processing_in_force(campaign: Campaign, chosen: Processing) -> Processing:
     """
     if chosen.averages is not None and chosen.block_seconds is not None:
         found = f"averages {chosen.averages} and block_seconds {chosen.block_seconds:g}"
-        rule = "each of them sets the block length"
-        raise InputError("processing", found, rule, "Leave one of them out")
+        raise InputError("processing", found, "each sets the block length", "Leave one of them out")
     if chosen.band_hz is not None and not 0 <= chosen.band_hz[0] < chosen.band_hz[1]:
         found = f"{chosen.band_hz[0]:g} to {chosen.band_hz[1]:g} Hz"
-        rule = "a band must rise from 0 Hz or above"
-        raise InputError("band_hz", found, rule, "Correct the limits")
+        raise InputError("band_hz", found, "a band rises from 0 Hz or above", "Correct the limits")
     manifest = campaign.processing
     has_length = chosen.averages is not None or chosen.block_seconds is not None
     lengths = chosen if has_length else manifest

@@ -314,9 +314,8 @@ def _refuse_misspelt(path: Path, content: dict[str, Any]) -> None:
     for name in content:
         similar = [] if name in absent else get_close_matches(name, absent, n=1, cutoff=0.8)
         if similar:
-            rule = "a parameter set has no such section"
             remedy = f"Did you mean [{similar[0]}]? Otherwise choose another name"
-            raise InputError(path.name, f"[{name}]", rule, remedy)
+            raise InputError(path.name, f"[{name}]", "a parameter set has no such section", remedy)
 
 
 def _parameter(path: Path, section: str, key: str, entry: Any) -> Parameter:

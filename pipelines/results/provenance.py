@@ -195,10 +195,8 @@ def accepted_notes(record: Mapping[str, Any], name: str) -> tuple[str, ...]:
 def _refusal(folder: Path, changes: dict[str, Change]) -> InputError:
     if Change.UNPROVEN in changes.values():
         found = "a result of version 0.1.0, without checksums"
-        rule = "changes to its files cannot be detected"
         remedy = "Process the recordings again, or accept them as they are with --accept-changes"
-        return InputError(str(folder), found, rule, remedy)
+        return InputError(str(folder), found, "changes to its files cannot be detected", remedy)
     found = named([f"{name} {change.value}" for name, change in changes.items()])
-    rule = "a result must be as it was written"
     remedy = "Process the recordings again, or accept the changes with --accept-changes"
-    return InputError(str(folder), found, rule, remedy)
+    return InputError(str(folder), found, "a result must be as it was written", remedy)

@@ -12,7 +12,7 @@ from ema.checks.quality import ReferenceCheck
 from ema.core.arrays import frame_of
 from ema.core.campaign import Tyre
 from ema.core.display import band_text, facts, table
-from ema.core.finding import OK, Finding, findings_html
+from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, modes_html
 from ema.poles.cross_check import Opinion
@@ -124,7 +124,7 @@ class Result:
     def __repr__(self) -> str:
         n_modes = len(self.modal_model.modes)
         ring = "no ring" if self.tuning is None else "ring tuned"
-        n_warnings = sum(finding.verdict != OK for finding in self.findings)
+        n_warnings = sum(not finding.is_ok for finding in self.findings)
         return f"<Result {self.name}: {n_modes} modes, {ring}, {n_warnings} warnings>"
 
     def _repr_html_(self) -> str:

@@ -14,7 +14,7 @@ from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Tyre
 from ema.core.errors import InputError
 from ema.core.files import require_regular
-from ema.core.finding import EXCLUDED, OK, WARNING, Finding
+from ema.core.finding import Finding
 from ema.core.modes import Flag, OrderReport, Pair
 from ema.poles.cross_check import Opinion
 from pipelines.storage.tables import LARGEST
@@ -124,7 +124,8 @@ def read_identification_json(path: Path) -> Stored:
 def _first(error: ValidationError) -> tuple[str, str]:
     """Place and message of the first error."""
     first = error.errors(include_url=False, include_input=False)[0]
-    return ".".join(map(str, first["loc"])) or "content", first["msg"]
+    message = "unknown name" if first["type"] == "enum" else first["msg"]  # that lists all names
+    return ".".join(map(str, first["loc"])) or "content", message
 
 
 def _numbers(value: Any, place: str = "") -> Iterator[tuple[str, float]]:
@@ -162,9 +163,6 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
     lengths = [len(each) for each in vars(drift).values() if isinstance(each, tuple)]
     yield "drift", lengths if len({*lengths}) > 1 else [], "needs one value for each run"
     yield "drift", [each for each in drift.percent if not each > -100], "must be > -100 %"
-    verdicts = [each.verdict for each in found.findings]
-    unknown = [verdict for verdict in verdicts if verdict not in (OK, WARNING, EXCLUDED)]
-    yield "findings", unknown, f"verdict must be {OK}, {WARNING} or {EXCLUDED}"
     if (plan := found.blocks) is not None:
         counts = (plan.sampling_rate_hz, plan.block_samples, plan.step_samples, plan.n_blocks)
         wrong = [plan] if not (min(counts) > 0 and plan.period_samples >= 0) else []

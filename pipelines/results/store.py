@@ -17,7 +17,7 @@ from ema.circumference.orders import highest_order
 from ema.core.drift import Drift
 from ema.core.errors import InputError
 from ema.core.files import require_regular
-from ema.core.finding import WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode, ResidualTerms
 from ema.core.settings import CheckSettings
@@ -92,8 +92,8 @@ def _with_accepted(result: Result, checked: CheckedResult) -> Result:
     if not checked.accepted:
         return result
     changed = (
-        Finding("", name, None, "changed", WARNING, f"{change.value}; accepted as it is")
-        for name, change in checked.accepted.items()
+        Finding("", name, None, Check.CHANGED, Verdict.WARNING, f"{how.value}; accepted as it is")
+        for name, how in checked.accepted.items()
     )
     provenance = result.provenance
     return replace(
@@ -244,8 +244,7 @@ def _read_diagram(stored: schema.Stored, path: Path) -> StabilityDiagram:
     ratio = table.numbers("damping_ratio")[order]
     omega = 2 * np.pi * table.numbers("frequency_hz")[order]
     if np.any(np.abs(ratio) > 1) or np.any(omega <= 0):
-        rule = "damping ratios must be at most 1 and frequencies > 0"
-        raise table.unusable("a pole without frequency", rule)
+        raise table.unusable("a pole without frequency", "ratios must be ≤ 1, frequencies > 0")
     return StabilityDiagram(
         band_hz=stored.band_hz,
         model_order=table.numbers("order")[order],

@@ -142,8 +142,7 @@ def _refuse_occupied(
         raise refusal("a read-only folder", "it cannot be replaced")
     if unknown := unknown_entries(place, marker, accepted):
         rule = "added to the earlier result or changed, and would be lost"
-        remedy = "Move it elsewhere, or choose another folder for the result"
-        raise refusal(named(unknown), rule, remedy)
+        raise refusal(named(unknown), rule, "Move it, or choose another folder for the result")
 
 
 def named(names: Sequence[str], most: int = 3) -> str:

@@ -151,8 +151,7 @@ class Table:
         number = self.numbers("row").astype(int)
         order = np.argsort(number, kind="stable")
         if not np.array_equal(number[order], np.arange(self.n_rows)):
-            rule = "rows must be numbered 0, 1, 2 …"
-            raise self.unusable("rows missing, doubled or misnumbered", rule)
+            raise self.unusable("rows missing, doubled or misnumbered", "they must count 0, 1, 2 …")
         return order
 
     def unusable(self, found: str, rule: str) -> InputError:

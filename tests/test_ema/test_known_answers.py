@@ -5,7 +5,7 @@ import pytest
 import systems
 
 from ema.checks.quality import period_finding
-from ema.core.finding import OK, WARNING
+from ema.core.finding import Verdict
 from ema.fitting.curve_fit import fit_modes
 from ema.poles.selection import select_poles
 from ema.poles.stability import build_stability
@@ -162,11 +162,11 @@ def test_a_repeated_sweep_gives_damping_without_bias(swept):
     model = fit_modes(frf, select_poles(build_stability(frf, (20, 260))))
     np.testing.assert_allclose(model.frequencies_hz[INSIDE], systems.TABLE_3_HZ, rtol=2e-4)
     np.testing.assert_allclose(model.damping_ratios[INSIDE], systems.TABLE_3_DAMPING, rtol=2e-3)
-    assert [finding.verdict for finding in period_finding(frf)] == [OK]
+    assert [finding.verdict for finding in period_finding(frf)] == [Verdict.OK]
 
 
 def test_a_repeated_sweep_in_other_blocks_is_a_warning(swept):
     frf = estimate_frf(systems.campaign_of(swept, window="hann"))
     (finding,) = period_finding(frf)
-    assert finding.verdict == WARNING
+    assert finding.verdict == Verdict.WARNING
     assert "the force repeats every 4 s, but blocks of 4 s with a hann window" in finding.detail

@@ -13,7 +13,7 @@ import numpy as np
 from ema.core.arrays import stacked
 from ema.core.campaign import Run
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import OK, WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.recording import ACCELERATION, Channel, Recording
 from ema.io.campaign.manifest import MANIFEST_NAME
@@ -78,9 +78,11 @@ def _lengths(runs: Sequence[Run]) -> list[Finding]:
     findings = []
     for run, duration_s in zip(runs, durations, strict=True):
         if abs(duration_s - usual) > SAME_LENGTH * usual:
-            verdict, count = (WARNING, "fewer") if duration_s < usual else (OK, "more")
+            shorter = duration_s < usual
+            verdict = Verdict.WARNING if shorter else Verdict.OK
+            count = "fewer" if shorter else "more"
             detail = f"{duration_s:.4g} s long, others {usual:.4g} s: {count} averages"
-            findings.append(Finding(run.name, "", None, "length", verdict, detail))
+            findings.append(Finding(run.name, "", None, Check.LENGTH, verdict, detail))
     return findings
 
 
@@ -91,14 +93,14 @@ def _without_reference(runs: Sequence[Run]) -> list[Finding]:
     detail = "no run has a reference sensor: only the modes can show whether the tyre changed"
     if len(without) < len(runs):
         detail = f"no reference sensor in {', '.join(without)}: not compared with the other runs"
-    return [Finding("", "", None, "reference", WARNING, detail)]
+    return [Finding("", "", None, Check.REFERENCE, Verdict.WARNING, detail)]
 
 
 def _missing_positions(runs: Sequence[Run], positions: int) -> list[Finding]:
     measured = {response.node for run in runs for response in run.responses}
     missing = [node * 360.0 / positions for node in range(positions) if node not in measured]
     detail = f"{len(missing)} of {positions} grid positions not measured: {_degrees(missing)}"
-    return [Finding("", "", None, "grid", WARNING, detail)] if missing else []
+    return [Finding("", "", None, Check.GRID, Verdict.WARNING, detail)] if missing else []
 
 
 def _repeated_positions(runs: Sequence[Run]) -> list[Finding]:
@@ -110,9 +112,9 @@ def _repeated_positions(runs: Sequence[Run]) -> list[Finding]:
         return []
     if len(set(times.values())) == 1:
         detail = f"each position measured in {times[repeated[0]]} runs and averaged"
-        return [Finding("", "", None, "grid", OK, detail)]
+        return [Finding("", "", None, Check.GRID, Verdict.OK, detail)]
     detail = f"measured in several runs and averaged: {_degrees(repeated)}; intended?"
-    return [Finding("", "", None, "grid", WARNING, detail)]
+    return [Finding("", "", None, Check.GRID, Verdict.WARNING, detail)]
 
 
 def _degrees(angles: Sequence[float]) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ema.core.errors import ManifestError, nearest
-from ema.core.finding import OK, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import UNKNOWN, VOLTAGE, Channel, Recording
 from ema.core.units import Unit, is_stated, parse_unit
 from ema.io.campaign.manifest import MANIFEST_NAME, CalibrationSection
@@ -100,19 +100,19 @@ def _calibrate(
     if section.unit is not None:
         unit = parse_unit(section.unit)
         if unit is None or unit.quantity == UNKNOWN:
-            rule = "the unit is not known"
             remedy = "Write e.g. m/s^2, g, mm/s^2, N, kN, lbf, V or mV"
-            raise ManifestError(f"{where}.unit", repr(section.unit), rule, remedy)
+            raise ManifestError(f"{where}.unit", repr(section.unit), "it is not known", remedy)
         if is_stated(channel.unit) and parse_unit(channel.unit) not in (None, unit):
             detail = f"the file states {channel.unit!r}, the manifest {section.unit!r} and decides"
-            findings.append(remark(recording.path, channel.name, "unit", detail))
+            findings.append(remark(recording.path, channel.name, Check.UNIT, detail))
         channel = replace(
             channel, quantity=unit.quantity, unit=section.unit, scale_to_si=sign * unit.factor
         )
     if section.sensitivity is not None:
         channel = _with_sensitivity(recording, channel, where, section.sensitivity, findings)
     detail = f"{section.sensitivity or section.unit} by the manifest"
-    findings.append(Finding(recording.path.name, channel.name, None, "calibration", OK, detail))
+    place = recording.path.name, channel.name, None
+    findings.append(Finding(*place, Check.CALIBRATION, Verdict.OK, detail))
     return channel
 
 
@@ -126,11 +126,10 @@ def _with_sensitivity(
     if channel.quantity != VOLTAGE and is_stated(channel.unit):
         unit = f"in {channel.unit!r} in {recording.path.name}"
         found = f"a sensitivity for {channel.name!r}, which is {unit}"
-        rule = "a sensitivity applies only to a channel in volts"
         remedy = 'Leave it out, or add unit = "V" if the file\'s unit is wrong'
-        raise ManifestError(where, found, rule, remedy)
+        raise ManifestError(where, found, "a sensitivity is for a channel in volts", remedy)
     if channel.quantity != VOLTAGE:
         detail = "no unit stated; taken as V, as a sensitivity is given"
-        findings.append(remark(recording.path, channel.name, "unit", detail))
+        findings.append(remark(recording.path, channel.name, Check.UNIT, detail))
     scale_to_si = channel.scale_to_si / sensitivity.volts_per_si
     return replace(channel, quantity=sensitivity.quantity, scale_to_si=scale_to_si)

@@ -25,7 +25,7 @@ from ema.core.errors import ManifestError, nearest
 from ema.core.files import require_regular
 
 MANIFEST_NAME = "campaign.toml"
-FORWARD_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
+USE_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
 
 _DECIMAL_COMMA = re.compile(rb"= *[0-9]+,[0-9]")
 _SIMILAR = 0.8  # a free key that resembles a known one this much is a typing error
@@ -192,9 +192,8 @@ def read_manifest(path: Path) -> Manifest:
         raw = path.read_bytes()
         content = tomllib.loads(raw.decode("utf-8-sig"))
     except OSError as error:
-        reason = error.strerror or str(error)
         rule, remedy = "a manifest must be readable", "Check the name and the access rights"
-        raise ManifestError(str(path), reason, rule, remedy) from error
+        raise ManifestError(str(path), error.strerror or str(error), rule, remedy) from error
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         where, found = f"{path.name}, line {line}", f"byte 0x{raw[error.start]:02x}"
@@ -206,7 +205,7 @@ def read_manifest(path: Path) -> Manifest:
         if b"<" in raw:
             remedy += "; in a template, replace everything in angle brackets by values"
         if b"\\" in raw:
-            remedy += f"; {FORWARD_SLASHES}"
+            remedy += f"; {USE_SLASHES}"
         raise ManifestError(path.name, str(error), _TOML, remedy) from error
     try:
         return Manifest.model_validate(content)

@@ -11,18 +11,12 @@ import numpy as np
 
 from ema.core.campaign import Campaign, Run
 from ema.core.errors import ManifestError, RecordingFormatError, nearest
-from ema.core.finding import EXCLUDED, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Recording
 from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
 from ema.io.campaign import agreement
 from ema.io.campaign.calibration import calibrated
-from ema.io.campaign.manifest import (
-    FORWARD_SLASHES,
-    MANIFEST_NAME,
-    Manifest,
-    read_manifest,
-    resolve,
-)
+from ema.io.campaign.manifest import MANIFEST_NAME, USE_SLASHES, Manifest, read_manifest, resolve
 from ema.io.campaign.roles import Grid, Wanted, assign
 from ema.io.columns import SAME_RATE
 from ema.io.content import FileContent, unreadable
@@ -83,12 +77,8 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
 def recordings_in(folder: Path) -> list[Path]:
     """Recordings of a folder without hidden files, config_2 before config_10.
 
-    Dead links stay in the list, for the error about them when they are read.
-
-    Raises
-    ------
-    RecordingFormatError
-        If there are none, or the folder cannot be read.
+    Dead links stay in the list, for the error about them when they are read. `RecordingFormatError`
+    if there are none, or the folder cannot be read.
     """
     try:
         listed = [path for path in folder.iterdir() if not path.name.startswith(".")]
@@ -97,8 +87,7 @@ def recordings_in(folder: Path) -> list[Path]:
     found = [path for path in listed if is_recording(path) and not path.is_dir()]
     if not found:
         rule = f"a campaign needs recordings, and a {MANIFEST_NAME} where they are incomplete"
-        remedy = "Check the folder name"
-        raise RecordingFormatError(str(folder), "no recordings", rule, remedy)
+        raise RecordingFormatError(str(folder), "no recordings", rule, "Check the folder name")
     return sorted(found, key=lambda path: [*map(_number, re.split(r"([0-9]+)", path.name))])
 
 
@@ -154,7 +143,7 @@ def _files_of(path: Path, manifest: Manifest) -> list[Path]:
 def _instead_of(file: str, folder: Path) -> str:
     """What to write for a file that does not exist; a backslash may have made a tab."""
     if "\\" in file or not file.isprintable():
-        return f"Check the backslash: {FORWARD_SLASHES}"
+        return f"Check the backslash: {USE_SLASHES}"
     return nearest(file, sorted(each.name for each in folder.iterdir()))
 
 
@@ -202,8 +191,7 @@ def _with_rate(recording: Recording | None, rate_hz: float | None) -> Recording 
     if abs(recording.sampling_rate_hz - rate_hz) > SAME_RATE * rate_hz:
         where = f"{MANIFEST_NAME}, acquisition.sampling_rate_hz"
         rule = f"{recording.path.name} was sampled at {recording.sampling_rate_hz:g} Hz"
-        remedy = "Correct the manifest or remove the key"
-        raise ManifestError(where, f"{rate_hz:g} Hz", rule, remedy)
+        raise ManifestError(where, f"{rate_hz:g} Hz", rule, "Correct or remove the key")
     return recording
 
 
@@ -217,7 +205,7 @@ def _fill(
         chosen = [(content, each.positions_deg) for content, each in pairs if content.frf]
         detail = "time series beside FRFs: the FRFs are used, the time series are left out"
         findings += [
-            Finding(each.path.name, "", None, "content", EXCLUDED, detail)
+            Finding(each.path.name, "", None, Check.CONTENT, Verdict.EXCLUDED, detail)
             for each in contents
             if each.recording is not None
         ]

@@ -8,14 +8,11 @@ from pathlib import Path
 
 from ema.core.campaign import Response, Run
 from ema.core.errors import InputError, ManifestError, RecordingFormatError, nearest
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.core.recording import ACCELERATION, FORCE, UNKNOWN, VOLTAGE, Channel, Recording
 from ema.core.units import SI_UNIT, is_stated
 from ema.io.campaign.manifest import MANIFEST_NAME, RunSection
 from ema.io.content import remark
-
-#: Check of the finding that neither file nor manifest has a node number of a sensor.
-UNNUMBERED = "node"
 
 _INIT = "Write a manifest that names it; `ringmodal init FOLDER` writes a template"
 _ON_GRID = 1e-3  # of a grid step
@@ -55,7 +52,7 @@ def assign(
     force = roles.force()
     reference = roles.reference(force)
     if wanted.positions_deg is not None and grid.positions is None:
-        roles.note("", "grid", "positions_deg without [grid]: there is no circle, angles not used")
+        roles.note("", Check.GRID, "positions_deg without [grid]: no circle, angles not used")
     taken = {force.name} | ({reference.name} if reference is not None else set())
     responses = []
     for channel in roles.responses(taken):
@@ -73,7 +70,7 @@ class _Roles:
     wanted: Wanted
     findings: list[Finding] = field(default_factory=list)
 
-    def note(self, channel: str, check: str, detail: str) -> None:
+    def note(self, channel: str, check: Check, detail: str) -> None:
         self.findings.append(remark(self.recording.path, channel, check, detail))
 
     def fault(self, found: str, rule: str, remedy: str) -> InputError:
@@ -118,7 +115,7 @@ class _Roles:
             found = f"{channel.name!r} measures {channel.quantity}{unit}"
             raise self.fault(found, f"its role needs {quantity} in a known unit", remedy)
         detail = f"no unit stated; taken as {quantity} in {SI_UNIT[quantity]}"
-        self.note(channel.name, "unit", detail)
+        self.note(channel.name, Check.UNIT, detail)
         return replace(channel, quantity=quantity)
 
     def force(self) -> Channel:
@@ -156,7 +153,7 @@ class _Roles:
                 chosen.append(self._as(channel, ACCELERATION))
             else:
                 reason = "not an acceleration" if positions is None else "not in positions_deg"
-                self.note(channel.name, "ignored", reason)
+                self.note(channel.name, Check.IGNORED, reason)
         if not chosen:
             rule = "a run needs at least one acceleration besides the force and the reference"
             raise self.fault(self._listed, rule, "Check the units and data types")
@@ -236,7 +233,7 @@ class Grid:
         if self.positions is None:
             if not self.nodes_are_set:
                 detail = f"no node numbers in the files; node {place.node} assumed"
-                findings.append(remark(path, channel.name, UNNUMBERED, detail))
+                findings.append(remark(path, channel.name, Check.NODE, detail))
             return place
         if place.angle_deg is None:
             node = "no node" if place.node is None else f"node {place.node}"
@@ -246,5 +243,5 @@ class Grid:
             raise ManifestError(f"{MANIFEST_NAME}, runs", found, rule, remedy)
         if place.node is None:
             detail = f"{place.angle_deg:g} degrees is none of the {self.positions} grid positions"
-            findings.append(remark(path, channel.name, "grid", detail))
+            findings.append(remark(path, channel.name, Check.GRID, detail))
         return place

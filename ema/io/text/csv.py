@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 from ema.core.errors import RecordingFormatError, inert
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.core.recording import Channel
 from ema.core.units import is_stated
 from ema.io.columns import Column, content_of_columns, is_time
@@ -31,14 +31,11 @@ def read(path: Path) -> FileContent:
     the text is UTF-8, UTF-16 with a byte-order mark, or latin-1, and may be packed by gzip. There
     may be up to 200 lines of other text above the names, and units in a row below them. The rate
     follows from a column of time in s or of time stamps, from a line above the names such as
-    ``Sampling rate: 2 kHz``, or from both, which must agree; it is NaN without either.
-    Empty cells and ``NaN`` are missing samples.
+    ``Sampling rate: 2 kHz``, or from both, which must agree; it is NaN without either. Empty cells
+    and ``NaN`` are missing samples.
 
-    Raises
-    ------
-    RecordingFormatError
-        If the file is missing or empty, has no header, a cell is not a number, rows differ in
-        length, the last one is cut short, or time is uneven.
+    `RecordingFormatError` if the file is missing or empty, has no header, a cell is not a number,
+    rows differ in length, the last one is cut short, or time is uneven.
     """
     with open_text(path) as source:
         layout = find_layout(source)
@@ -67,7 +64,7 @@ def _wanted(path: Path, layout: Layout) -> tuple[list[int], list[Finding]]:
             wanted.append(index)
             has_time = has_time or index in layout.clocks
             continue
-        findings.append(remark(path, name, "ignored", detail))
+        findings.append(remark(path, name, Check.IGNORED, detail))
     if not wanted:
         found = f"columns {', '.join(layout.names)}"
         rule = "at least one column with a name must have numbers"
@@ -83,8 +80,7 @@ def _column(
     if index in layout.clocks:
         return Column("time", "s", cells.samples)
     if cells.n_missing == len(cells.samples):
-        detail = "no number in any row; the column is left out"
-        findings.append(remark(path, name, "ignored", detail))
+        findings.append(remark(path, name, Check.IGNORED, "no number in any row; left out"))
         return None
     findings += missing_samples(path, name, cells)
     return Column(name, time_unit(name, unit), cells.samples)
@@ -97,27 +93,12 @@ def write_csv(
     *,
     time_column: bool = True,
 ) -> None:
-    """Write channels that share one clock as columns under ``name [unit]``.
+    """Write channels that share one clock as columns under ``name [unit]``, first ``time [s]``.
 
-    Numbers have as many digits as they need to be read back unchanged. A name that a spreadsheet
-    would take for a formula gets an apostrophe in front, which is removed on reading.
-
-    Parameters
-    ----------
-    path : Path or str
-        File to write; an existing one is replaced.
-    channels : sequence of Channel
-        All of the same length. A negative direction is written as negative samples, because a
-        table has no other place for it.
-    sampling_rate_hz : float
-        Common sampling rate, Hz.
-    time_column : bool
-        Whether the first column is ``time [s]``.
-
-    Raises
-    ------
-    InputError
-        If there are no channels, their lengths differ, or the rate is not positive.
+    Numbers have as many digits as they need to be read back unchanged. A negative direction is
+    written as negative samples, because a table has no other place for it. A name that a
+    spreadsheet would take for a formula gets an apostrophe in front, which is removed on reading.
+    `InputError` if there are no channels, their lengths differ, or the rate is not positive.
     """
     check_time_series(path, channels, sampling_rate_hz)
     names, columns = [], []

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.io.columns import Column, content_of_columns, step_and_inverse
+from ema.core.finding import Check
+from ema.io.columns import Column, content_of_columns, not_together, step_and_inverse
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, remark
 from ema.io.text.layout import Dialect, Layout
 from ema.io.text.source import open_text
@@ -29,13 +30,8 @@ def read(path: Path) -> FileContent:
     The rate follows from ``Delta_X``, and where the file has a column of time, from that too.
     Comments beside the numbers are left out. A file may have several segments, one for each time
     LabVIEW was started or triggered. They are separate events, not one longer recording: those
-    after the first are left out with a finding.
-
-    Raises
-    ------
-    RecordingFormatError
-        If headers are missing or faulty, there are fewer or more rows than they state, a cell is
-        not a number, or time is uneven.
+    after the first are left out with a finding. `RecordingFormatError` if headers are missing or
+    faulty, there are fewer or more rows than they state, a cell is not a number, or time is uneven.
     """
     with open_text(path) as source:
         header = _read_header(path.name, source.head)
@@ -48,7 +44,7 @@ def read(path: Path) -> FileContent:
         sections = (_without_comments(part, layout) for part in segment)
         cells = read_cells(source, layout, wanted, sections)
         detail = "the first segment is read; later ones are separate events and left out"
-        findings = [] if segment.is_last else [remark(path, "", "segments", detail)]
+        findings = [] if segment.is_last else [remark(path, "", Check.SEGMENTS, detail)]
     _check_rows(path, header, cells)
     read_in = [_time(path, header, cells)] if has_time else []
     for place, name, unit in zip(header.places, header.names, header.units, strict=True):
@@ -107,9 +103,7 @@ def _time(path: Path, header: _Header, cells: dict[int, Cells]) -> Column:
     for place, name in zip(header.places, header.names, strict=True):
         own = cells[place - 1].samples if header.x_columns == "multi" else stamps
         if not np.array_equal(own, stamps, equal_nan=True):
-            found = f"{name!r} and {header.names[0]!r} have different times"
-            rule = "channels of one run must be sampled together"
-            raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
+            raise not_together(path, f"{name!r} and {header.names[0]!r} have different times")
     return Column("X_Value", "s", stamps)
 
 
@@ -156,9 +150,8 @@ def _read_header(where: str, text: str) -> _Header:
         raise RecordingFormatError(f"{where}, line 1", repr(lines[0][:20]), rule, EXPORT_AGAIN)
     ends = [number for number, line in enumerate(lines) if line.startswith(_END)][:2]
     if len(ends) < 2 or ends[1] + 2 >= len(lines):
-        found = f"{len(ends)} lines {_END}"
         rule = "the headers of file and segment must end so, and names and numbers must follow"
-        raise RecordingFormatError(where, found, rule, EXPORT_AGAIN)
+        raise RecordingFormatError(where, f"{len(ends)} lines {_END}", rule, EXPORT_AGAIN)
     general = _Entries(where, lines[: ends[0]], _separator(where, lines[: ends[0]]))
     segment = _Entries(where, lines[ends[0] + 1 : ends[1]], general.separator)
     first = ends[1] + 2
@@ -171,8 +164,7 @@ class _Entries:
     """Values of a header by their key."""
 
     def __init__(self, where: str, lines: list[str], separator: str) -> None:
-        self.where = where
-        self.separator = separator
+        self.where, self.separator = where, separator
         self._values: dict[str, list[str]] = {}
         is_special = False
         for line in lines:
@@ -215,8 +207,7 @@ def _header(
     x_columns = general.one("X_Columns", "one")
     if decimal not in (".", ",") or x_columns not in _X_COLUMNS:
         rule = "they must be a point or comma, and no, one or multi"
-        found = f"{decimal!r} and {x_columns!r}"
-        raise general.fault("Decimal_Separator and X_Columns", found, rule)
+        raise general.fault("Decimal_Separator and X_Columns", f"{decimal!r}, {x_columns!r}", rule)
     count = segment.one("Channels", "")
     stride = 2 if x_columns == "multi" else 1
     most = (len(heading) + stride - 2) // stride  # one X_Value precedes them, or each of them
@@ -239,8 +230,7 @@ def _header(
 def _n_samples(segment: _Entries, n: int) -> tuple[int, ...]:
     values = segment.of_channels("Samples", n)
     if not all(value.isdecimal() and len(value) < 16 for value in values):
-        rule = "it must be the number of samples of each channel"
-        raise segment.fault("Samples", repr(values[:3]), rule)
+        raise segment.fault("Samples", repr(values[:3]), "there must be one number for each")
     return tuple(map(int, values))
 
 
@@ -255,9 +245,7 @@ def _rate_hz(segment: _Entries, n: int, decimal: str) -> float:
     try:
         rates = {step_and_inverse(step.replace(decimal, "."))[1] for step in steps}
     except ValueError as error:
-        rule = "it must be the time from sample to sample"
-        raise segment.fault("Delta_X", str(error), rule) from error
+        raise segment.fault("Delta_X", str(error), "it must be the time step") from error
     if len(rates) > 1:
-        rule = "channels of one run must have the same sampling rate"
-        raise segment.fault("Delta_X", ", ".join(steps), rule)
+        raise segment.fault("Delta_X", ", ".join(steps), "a run must have one sampling rate")
     return rates.pop()

@@ -36,8 +36,7 @@ class TextSource:
     """
 
     def __init__(self, path: Path, file: BinaryIO) -> None:
-        self.path = path
-        self._file = file
+        self.path, self._file = path, file
         self._size = os.fstat(file.fileno()).st_size
         self._packed = path.name.lower().endswith(".gz")
         self._stream = cast(BinaryIO, gzip.GzipFile(fileobj=file)) if self._packed else file
@@ -108,8 +107,7 @@ class TextSource:
         if self._packed and self._unpacked > _MOST_PACKED * self._size + _HEAD_BYTES:
             found = f"over {self._unpacked} bytes of text in {self._size}"
             rule = f"measured numbers do not pack more than {_MOST_PACKED} times"
-            remedy = "Unpack it first if you trust it"
-            raise RecordingFormatError(self.path.name, found, rule, remedy)
+            raise RecordingFormatError(self.path.name, found, rule, "Unpack it if you trust it")
         return raw
 
     def _in_utf_8(self, raw: bytes) -> bytes:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pyarrow import compute
 
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.io.columns import is_time
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, arrow_reader, remark
 from ema.io.text.layout import Dialect, Layout
@@ -58,7 +58,7 @@ def missing_samples(path: Path, name: str, cells: Cells) -> list[Finding]:
     """Note how many samples of a channel are missing, where any are."""
     counts = f"{cells.n_missing} of {len(cells.samples)} samples are missing"
     detail = f"{counts}, the first in row {cells.first_missing}"
-    return [remark(path, name, "missing samples", detail)] if cells.n_missing else []
+    return [remark(path, name, Check.MISSING_SAMPLES, detail)] if cells.n_missing else []
 
 
 class _Column:
@@ -66,9 +66,7 @@ class _Column:
 
     def __init__(self, dtype: type[np.generic]) -> None:
         self._array: NDArray[Any] = np.empty(0, dtype)
-        self._n = 0
-        self._n_missing = 0
-        self._first_missing = 0
+        self._n = self._n_missing = self._first_missing = 0
 
     def append(self, values: NDArray[Any], n_expected: int, *, narrow: bool) -> None:
         """Add samples of about `n_expected` in all; the caller ignores overflow."""
@@ -100,16 +98,13 @@ class _Reader:
     """State of reading: lines and rows read, decimal sign, columns so far."""
 
     def __init__(self, where: str, layout: Layout, wanted: Sequence[int]) -> None:
-        self._where = where
-        self._layout = layout
+        self._where, self._layout = where, layout
         self._columns = {
             index: _Column(np.int64 if index in layout.clocks else np.float32) for index in wanted
         }
         self._decimal_is_open = layout.either_decimal
-        self._line = layout.first_line
-        self._n_rows = 0
-        self._tail = b""
-        self._held = b""
+        self._line, self._n_rows = layout.first_line, 0
+        self._tail = self._held = b""
 
     def take(self, section: bytes, share_read: Callable[[], float]) -> None:
         """Read the next section into the columns."""
@@ -242,8 +237,7 @@ class _Reader:
         found = f"{len(cells)} cells, {width} columns: {line[:40]!r}"
         if not any(is_number(cell, self._layout.dialect.decimal) for cell in cells):
             found = f"text where numbers go on: {line[:40]!r}"
-            rule = "below the header there must be only rows of numbers"
-            return self._fault(number, found, rule)
+            return self._fault(number, found, "below the header there must be only rows of numbers")
         if is_cut and len(cells) < width:
             where = f"{self._where}, line {number}"
             return RecordingFormatError(where, found, _CUT_SHORT, COPY_AGAIN)

@@ -51,9 +51,7 @@ class HeaderError(Exception):
 
     def __init__(self, line: int, found: str, rule: str) -> None:
         super().__init__(f"line {line}: {found}; {rule}")
-        self.line = line
-        self.found = found
-        self.rule = rule
+        self.line, self.found, self.rule = line, found, rule
 
 
 @dataclass(frozen=True)
@@ -146,8 +144,7 @@ def _form(line: str) -> dict[str, Any]:
         found, rule = f"ordinate data type {form['ordinate']}", "it must be 2, 4, 5 or 6"
         raise HeaderError(9, found, rule)
     if form["n_values"] < 1:
-        rule = "a function must have at least one value"
-        raise HeaderError(9, f"{form['n_values']} values", rule)
+        raise HeaderError(9, f"{form['n_values']} values", "there must be at least one value")
     for name, value in numbers.items():
         if not math.isfinite(value):
             raise HeaderError(9, repr(text[name]), f"the {name.replace('_', ' ')} must be finite")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ema.core.arrays import constant
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.core.frf import FRF
 from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOCITY
 from ema.core.units import is_stated, parse_ratio
@@ -40,7 +40,7 @@ def measured_only(path: Path, datasets: list[Dataset]) -> tuple[list[Dataset], t
     detail = f"{n_drawn} FRFs synthesised from modes, left out beside {len(others)} measured ones"
     if not others:
         detail = "all FRFs are synthesised, none is measured"
-    return others or datasets, (remark(path, "", "content", detail),)
+    return others or datasets, (remark(path, "", Check.CONTENT, detail),)
 
 
 def read_frf(
@@ -70,7 +70,7 @@ def read_frf(
     nodes, roving = _nodes(path, datasets)
     if roving:
         detail = "one response, roving force: by reciprocity, the force nodes are used as positions"
-        findings.append(remark(path, "", "reciprocity", detail))
+        findings.append(remark(path, "", Check.RECIPROCITY, detail))
     values.setflags(write=False)
     unknown = constant(np.nan, values.shape)
     frf = FRF(
@@ -142,11 +142,11 @@ def _inertance(
         scaled = values.astype(np.complex128) * (sign * motion.factor / force.factor)
         row = scaled if power == 0 else scaled * (2j * np.pi * frequency_hz) ** power
     name = header.id_lines[0]
-    notes = [remark(path, name, "unit", each.remark) for each in (motion, force) if each.remark]
+    notes = [remark(path, name, Check.UNIT, each.remark) for each in (motion, force) if each.remark]
     if power:
         factor = "jω" if power == 1 else "−ω²"
         detail = f"{motion.quantity} over force, converted to inertance (factor {factor})"
-        notes.append(remark(path, name, "quantity", detail))
+        notes.append(remark(path, name, Check.QUANTITY, detail))
     return row, notes
 
 

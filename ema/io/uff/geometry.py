@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.io.content import remark
 from ema.io.uff.dataset58_header import UnitSystem
 from ema.io.uff.scan import Dataset, Lines, damaged
@@ -175,7 +175,7 @@ def read_surroundings(path: Path, datasets: Sequence[Dataset], in_use: set[int])
     angles = angles_on_circle(carrying)
     if carrying and not angles:
         doubt = "the nodes of the file's geometry are not on a circle; no angles available"
-    return Surroundings(units, angles, (remark(path, "", "geometry", doubt),) if doubt else ())
+    return Surroundings(units, angles, (remark(path, "", Check.GEOMETRY, doubt),) if doubt else ())
 
 
 def read_units(path: Path, dataset: Dataset) -> UnitSystem:

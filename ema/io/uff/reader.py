@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.core.recording import Channel, Recording
-from ema.io.columns import even_step, step_and_inverse
+from ema.io.columns import even_step, not_together, step_and_inverse
 from ema.io.content import FileContent, remark
 from ema.io.uff.dataset58 import read_form, read_values
 from ema.io.uff.dataset58_header import FREQUENCY_RESPONSE, TIME_RESPONSE, Header58, ordinate_unit
@@ -44,12 +44,8 @@ def read(path: Path) -> FileContent:
     """Read the time series and FRFs of a universal file.
 
     Payloads of 58b stay on disk as memory maps. Other function types and datasets are named in a
-    finding.
-
-    Raises
-    ------
-    RecordingFormatError
-        If the file is missing, damaged or truncated, or its channels do not belong together.
+    finding. `RecordingFormatError` if the file is missing, damaged or truncated, or its channels do
+    not belong together.
     """
     return _read(path, read_values)
 
@@ -65,12 +61,12 @@ def _read(path: Path, read_samples: SampleReader) -> FileContent:
     responses = [each for each in datasets if _function(each) == FREQUENCY_RESPONSE]
     responses, drawn = measured_only(path, responses)
     findings = [
-        remark(path, each.header58.id_lines[0], "byte count", each.remark)
+        remark(path, each.header58.id_lines[0], Check.BYTE_COUNT, each.remark)
         for each in (*times, *responses)
         if each.remark
     ]
     if others := _describe_left_out(datasets):
-        findings.append(remark(path, "", "content", others))
+        findings.append(remark(path, "", Check.CONTENT, others))
     findings += drawn
     if not times and not responses:
         return FileContent(path, findings=tuple(findings))
@@ -130,7 +126,7 @@ def _read_recording(
         unit = ordinate_unit(header.ordinate_axis, around.units)
         name = _channel_name(header, len(channels) + 1)
         if unit.remark:
-            findings.append(remark(path, name, "unit", unit.remark))
+            findings.append(remark(path, name, Check.UNIT, unit.remark))
         node = header.response_node
         factor = -unit.factor if header.response_direction < 0 else unit.factor
         angle_deg = around.angle_deg.get(node)
@@ -176,6 +172,4 @@ def _check_together(path: Path, channels: Sequence[Channel], rates: Sequence[flo
             what = f"{rates[0]:g} Hz of {first.name!r}, {rate:g} Hz"
         else:
             continue
-        rule = "channels of one run must be sampled together, at one rate and equally long"
-        remedy = "Export them together, or in separate files"
-        raise RecordingFormatError(path.name, f"{what} of {channel.name!r}", rule, remedy)
+        raise not_together(path, f"{what} of {channel.name!r}")

@@ -103,8 +103,7 @@ def _dataset(path: Path, data: mmap.mmap, index: int, start: int, after: int) ->
     text = line[:6].decode("latin-1").strip()
     if not (text.isascii() and text.isdigit()):
         found = repr(line[:20].decode("latin-1")) if line else "the end of the file"
-        rule = "the number of the dataset must follow its opening delimiter"
-        raise damaged(place(path, index), found, rule)
+        raise damaged(place(path, index), found, "the number of the dataset must be here")
     number = int(text)
     if number == 58:
         return _function(path, data, index, start, after)
@@ -160,8 +159,7 @@ def _binary_function(path: Path, data: mmap.mmap, dataset: Dataset, begin: int) 
     held = ((len(data) if closing is None else closing) - begin) // item
     where = place(path, dataset.index)
     if held < header.n_values:
-        found = f"{max(held, 0)} of {header.n_values} values"
-        raise damaged(where, found, "the file is truncated")
+        raise damaged(where, f"{max(held, 0)} of {header.n_values} values", "the file is truncated")
     found = f"no closing delimiter behind {header.n_values} values ({header.n_bytes} bytes stated)"
     rule = 'the payload must end with a line "    -1" at the stated byte count'
     raise damaged(where, found, rule)
@@ -186,9 +184,8 @@ def _layouts(header: Header58) -> list[np.dtype[np.void] | np.dtype[np.inexact]]
 
 
 def _unclosed(path: Path, index: int, number: int) -> RecordingFormatError:
-    found = f"no closing delimiter of dataset type {number}"
     rule = 'each dataset ends with a line "    -1": the file is truncated'
-    return damaged(place(path, index), found, rule)
+    return damaged(place(path, index), f"no closing delimiter of dataset type {number}", rule)
 
 
 def _line(data: mmap.mmap, position: int) -> tuple[bytes, int]:
@@ -286,8 +283,7 @@ class Lines:
         """Numbers on the next line, of which there must be at least `least`; see `line_numbers`."""
         numbers = line_numbers(self.text(), widths, self.where)
         if len(numbers) < least:
-            rule = f"the line must have {least} numbers"
-            raise damaged(self.where, f"{len(numbers)} numbers", rule)
+            raise damaged(self.where, f"{len(numbers)} numbers", f"the line needs {least} numbers")
         return numbers
 
     def integers(self, least: int) -> list[int]:

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import readonly
+from ema.core.arrays import ReadonlyArrays
 from ema.core.errors import InputError, RecordingFormatError
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.io.content import remark
 from ema.io.uff import geometry
 from ema.io.uff.scan import Dataset, Lines, damaged, scan
@@ -43,7 +43,7 @@ _VALUE_WIDTHS = (13,) * 6
 
 
 @dataclass(frozen=True, eq=False)
-class ShapeSet:
+class ShapeSet(ReadonlyArrays):
     """Mode shapes of a universal file, as stored, without a common scale.
 
     Parameters
@@ -71,13 +71,6 @@ class ShapeSet:
     angle_deg: NDArray[np.float64]
     values: NDArray[np.complex128]
     findings: tuple[Finding, ...] = ()
-
-    def __post_init__(self) -> None:
-        for name in ("frequency_hz", "damping_ratio", "angle_deg"):
-            object.__setattr__(self, name, readonly(getattr(self, name), float))
-        for name in ("node", "direction"):
-            object.__setattr__(self, name, readonly(getattr(self, name), int))
-        object.__setattr__(self, "values", readonly(self.values, complex))
 
     @property
     def n_modes(self) -> int:
@@ -125,7 +118,7 @@ def read_shapes(path: Path | str) -> ShapeSet:
         held = "; ".join(left_out[:3]) or f"{len(datasets)} datasets, none of them 55 or 2414"
         rule = "mode shapes are normal or complex modes in datasets 55 or 2414"
         raise RecordingFormatError(path.name, held, rule, "Export the modes of the modal analysis")
-    findings = tuple(remark(path, "", "content", f"{each}, left out") for each in left_out)
+    findings = tuple(remark(path, "", Check.CONTENT, f"{each}, left out") for each in left_out)
     node, direction, values = _table(path, modes)
     around = geometry.read_surroundings(path, datasets, set(node.tolist()))
     frequency_hz = np.array([mode.frequency_hz for mode in modes])
@@ -255,8 +248,7 @@ def _read_values(lines: Lines, form: _Form) -> tuple[NDArray[np.int_], NDArray[n
     while lines.more():
         node = lines.integers(1)[0]
         if node in rows:
-            rule = "each node direction must have one value per mode"
-            raise damaged(lines.where, f"node {node} twice", rule)
+            raise damaged(lines.where, f"node {node} twice", "a node must be listed once")
         row = rows[node] = []
         while len(row) < n_numbers:
             row += lines.numbers(_VALUE_WIDTHS, 1)
@@ -268,7 +260,7 @@ def _read_values(lines: Lines, form: _Form) -> tuple[NDArray[np.int_], NDArray[n
 
 
 @dataclass(frozen=True, eq=False)
-class RadialShapes:
+class RadialShapes(ReadonlyArrays):
     """Shapes as one value per node; NaN means not stated, or no wheel."""
 
     frequency_hz: NDArray[np.float64]
@@ -279,12 +271,6 @@ class RadialShapes:
     across_m: NDArray[np.float64]  # along the axle, from the middle of the wheel
     values: NDArray[np.complex128]  # (n_modes, n_nodes)
     notes: tuple[str, ...] = ()  # what was assumed
-
-    def __post_init__(self) -> None:
-        for name in ("frequency_hz", "damping_ratio", "angle_deg", "radius_m", "across_m"):
-            object.__setattr__(self, name, readonly(getattr(self, name), float))
-        object.__setattr__(self, "node", readonly(self.node, int))
-        object.__setattr__(self, "values", readonly(self.values, complex))
 
 
 class _Wheel(NamedTuple):
@@ -300,24 +286,14 @@ def read_radial_shapes(
 ) -> RadialShapes:
     """Read the shapes of a universal file and reduce them to one direction.
 
-    The axle of a wheel is the axis along which its nodes extend least; angles count from the
-    first axis of the plane (x, or y in the y-z plane) to the second.
+    The axle of a wheel is the axis along which its nodes extend least; angles count from the first
+    axis of the plane (x, or y in the y-z plane) to the second. The file has datasets 55 or 2414,
+    and for a wheel 15 or 2411. `direction` is radial, x, y or z; by default radial where the nodes
+    surround an axle, otherwise the only axis that moves. With `on_wheel` False they do not surround
+    one.
 
-    Parameters
-    ----------
-    path : path
-        Datasets 55 or 2414, and for a wheel 15 or 2411.
-    direction : {"radial", "x", "y", "z"}, optional
-        Default: radial where the nodes surround an axle, otherwise the only axis that moves.
-    on_wheel : bool
-        Whether nodes may surround an axle; False for any other structure.
-
-    Raises
-    ------
-    RecordingFormatError
-        If the file is damaged or has no shapes.
-    InputError
-        If the direction does not follow from the file.
+    `RecordingFormatError` if the file is damaged or has no shapes; `InputError` if the direction
+    does not follow from it.
     """
     path = Path(path)
     found = read_shapes(path)

@@ -45,30 +45,12 @@ def write_time_series(
     """Write channels that share one clock as datasets 58b (or 58), function type 1.
 
     Samples are written as they are, under their own unit. Where the unit does not explain the
-    channel's factor to SI, they are converted and written in SI.
+    channel's factor to SI, they are converted and written in SI. The default precision is single
+    for float32 samples, double for all others. Without `binary`, ASCII has 6 (single) or 13
+    (double) digits. `directions` has a code 1 to 3 (X, Y, Z) for each channel, by default 1; a
+    channel with a negative factor gets the negative code.
 
-    Parameters
-    ----------
-    path : Path or str
-        File to write; an existing one is replaced.
-    channels : sequence of Channel
-        All of the same length.
-    sampling_rate_hz : float
-        Common sampling rate, Hz.
-    precision : {"single", "double"}, optional
-        Default: single for float32 samples, double for all others.
-    byte_order : {"little", "big"}
-        Byte order of binary datasets.
-    binary : bool
-        58b; False writes ASCII with 6 (single) or 13 (double) digits.
-    directions : sequence of int, optional
-        Direction codes 1 to 3 (X, Y, Z), one for each channel, default 1. A channel with a
-        negative factor gets the negative code.
-
-    Raises
-    ------
-    InputError
-        If there are no channels, their lengths differ, or the rate is not positive.
+    `InputError` if there are no channels, their lengths differ, or the rate is not positive.
     """
     check_time_series(path, channels, sampling_rate_hz, directions)
     with Path(path).open("wb") as file:
@@ -101,21 +83,8 @@ def write_frfs(
 ) -> None:
     """Write inertances as datasets 58b (or 58), function type 4, acceleration over force.
 
-    Parameters
-    ----------
-    path : Path or str
-        File to write; an existing one is replaced.
-    frf : FRF
-        Inertance in (m/s²)/N on equidistant lines; coherence and deviation are not written.
-    reference_node : int
-        Node of the force.
-    precision, byte_order, binary
-        As in `write_time_series`.
-
-    Raises
-    ------
-    InputError
-        If the FRF has no rows or fewer than two lines.
+    Lines are equidistant; coherence and deviation are not written. `reference_node` is that of the
+    force. `InputError` if the FRF has no rows or fewer than two lines.
     """
     order = byte_order if binary else None
     with Path(path).open("wb") as file:
@@ -140,8 +109,7 @@ def append_frfs(
     lines = frf.frequency_hz
     if len(lines) < 2 or not len(frf.values):
         shape = f"{len(frf.values)} FRFs of {len(lines)} lines"
-        rule = "at least one FRF of two lines is required"
-        raise InputError(str(file.name), shape, rule, "Check the band")
+        raise InputError(str(file.name), shape, "an FRF must have two lines", "Check the band")
     step = (lines[-1] - lines[0]) / (len(lines) - 1)
     template = Header58(
         id_lines=(),
@@ -172,16 +140,14 @@ def check_time_series(
     """Refuse channels that cannot be written as one recording."""
     lengths = sorted({channel.n_samples for channel in channels})
     if len(lengths) != 1 or lengths[0] == 0:
-        found = f"channel lengths {lengths}"
         rule = "all channels must have the same length, at least one sample"
-        raise InputError(str(path), found, rule, "Cut them to the same length")
+        raise InputError(str(path), f"channel lengths {lengths}", rule, "Cut them to one length")
     if not 0 < sampling_rate_hz < np.inf:
         found = f"sampling rate {sampling_rate_hz} Hz"
         raise InputError(str(path), found, "it must be positive", "Give the rate in Hz")
     if directions is not None and len(directions) != len(channels):
         found = f"{len(directions)} directions for {len(channels)} channels"
-        rule = "there must be one per channel"
-        raise InputError(str(path), found, rule, "Give one code per channel")
+        raise InputError(str(path), found, "one per channel is needed", "Give one code per channel")
 
 
 def in_own_unit(channel: Channel) -> tuple[NDArray[np.floating], str, int]:

@@ -8,9 +8,9 @@ import systems
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ema.checks.sensor_consistency import FLIPPED, SCALED, WITHHELD, check_consistency
+from ema.checks.sensor_consistency import check_consistency
 from ema.core.errors import FitError
-from ema.core.finding import EXCLUDED, WARNING
+from ema.core.finding import Check, Verdict
 from ema.core.modes import ModalModel, Mode, ResidualTerms
 from ema.identify import identify_modes
 from pipelines.simulate.truth import truth_modes
@@ -70,7 +70,7 @@ def test_healthy_sensors_are_left_alone():
 def test_a_flipped_sensor_is_turned_and_keeps_its_calibration(row, sensitivity):
     corrected, findings = checked(FRF, model_of(gains(**{f"_{row}": -sensitivity})))
     (finding,) = findings
-    assert (finding.check, finding.verdict) == ("flipped", WARNING)
+    assert (finding.check, finding.verdict) == ("flipped", Verdict.WARNING)
     assert (finding.run, finding.channel) == (FRF.run[row], FRF.channel[row])
     np.testing.assert_array_equal(corrected.values[row], -FRF.values[row])
     np.testing.assert_array_equal(corrected.std[row], FRF.std[row])
@@ -81,7 +81,7 @@ def test_a_flipped_sensor_is_turned_and_keeps_its_calibration(row, sensitivity):
 def test_a_wrong_sensitivity_is_divided_out(row, gain):
     corrected, findings = checked(FRF, model_of(gains(**{f"_{row}": gain}), noise=1e-4))
     (finding,) = findings
-    assert (finding.check, finding.verdict) == ("scaled", WARNING)
+    assert (finding.check, finding.verdict) == ("scaled", Verdict.WARNING)
     assert ("wrong sign" in finding.detail) is (gain < 0)
     np.testing.assert_allclose(corrected.values[row], FRF.values[row] / gain, rtol=0.01)
     np.testing.assert_allclose(corrected.std[row], FRF.std[row] / abs(gain), rtol=0.01)
@@ -95,7 +95,7 @@ def test_sensors_may_differ_as_sensors_do(gain):
 def test_sensors_without_any_of_the_modes_are_left_out():
     corrected, findings = checked(FRF, model_of(gains(_20=1j)))
     (finding,) = findings
-    assert (finding.check, finding.verdict) == ("inconsistent", EXCLUDED)
+    assert (finding.check, finding.verdict) == ("inconsistent", Verdict.EXCLUDED)
     assert 100.0 not in corrected.position_deg
 
 
@@ -112,7 +112,7 @@ def swapped_model(first, second):
 @pytest.mark.parametrize(("first", "second"), [(12, 30), (0, 6), (6, 42)])
 def test_two_swapped_sensors_of_a_run_are_put_right(first, second):
     corrected, findings = checked(FRF, swapped_model(first, second))
-    assert [(f.check, f.verdict) for f in findings] == [("swapped", WARNING)] * 2
+    assert [(f.check, f.verdict) for f in findings] == [("swapped", Verdict.WARNING)] * 2
     assert FRF.channel[second] in findings[0].detail
     assert FRF.channel[first] in findings[1].detail
     np.testing.assert_array_equal(corrected.values[[first, second]], FRF.values[[second, first]])
@@ -129,7 +129,7 @@ def test_a_run_most_of_whose_sensors_disagree_is_blamed_as_a_whole():
     odd = gains(**{f"_{row}": 1j for row in rows})
     corrected, findings = checked(FRF, model_of(odd))
     (finding,) = findings
-    assert (finding.run, finding.channel, finding.verdict) == ("run_2", "", WARNING)
+    assert (finding.run, finding.channel, finding.verdict) == ("run_2", "", Verdict.WARNING)
     assert "12 of 12 sensors" in finding.detail
     assert corrected.n_positions == 72
 
@@ -143,7 +143,7 @@ def test_runs_with_a_reversed_force_are_turned(runs):
     sign = np.where(np.isin(range(6), runs), -1.0, 1.0)[:, None]
     fixed = replace(FRF.reference, values=FRF.reference.values * sign)
     corrected, findings = checked(replace(FRF, reference=fixed), model_of(gain))
-    assert {finding.check for finding in findings} == {FLIPPED}
+    assert {finding.check for finding in findings} == {Check.FLIPPED}
     assert len(findings) == 12 * len(runs)
     np.testing.assert_allclose(corrected.values, FRF.values * gain[:, None])
 
@@ -152,7 +152,7 @@ def test_a_run_that_its_fixed_sensor_does_not_confirm_is_left_as_it_is():
     gain = np.ones(72, dtype=complex)
     gain[::6] = -1
     corrected, findings = checked(FRF, model_of(gain))
-    assert {finding.check for finding in findings} == {WITHHELD}
+    assert {finding.check for finding in findings} == {Check.CORRECTIONS_WITHHELD}
     np.testing.assert_array_equal(corrected.values, FRF.values)
 
 
@@ -163,14 +163,14 @@ def test_a_force_of_wrong_scale_in_one_run_is_corrected(gain):
     scale = np.where(np.arange(6) == 2, gain, 1.0)[:, None]
     fixed = replace(FRF.reference, values=FRF.reference.values * scale)
     corrected, findings = checked(replace(FRF, reference=fixed), model_of(factor))
-    assert {(finding.check, finding.run) for finding in findings} == {(SCALED, FRF.run[2])}
+    assert {(finding.check, finding.run) for finding in findings} == {(Check.SCALED, FRF.run[2])}
     np.testing.assert_allclose(corrected.values[2::6], FRF.values[2::6] / gain, rtol=0.01)
 
 
 @pytest.mark.parametrize("rows", [(0, 6, 12, 18), tuple(range(0, 72, 9)), (1, 2, 3, 4, 5, 6, 7, 8)])
 def test_sensors_do_not_fail_by_the_dozen(rows):
     corrected, findings = checked(FRF, model_of(gains(**{f"_{row}": 0.5 for row in rows})))
-    assert [finding.check for finding in findings] == [WITHHELD]
+    assert [finding.check for finding in findings] == [Check.CORRECTIONS_WITHHELD]
     assert corrected is FRF
 
 
@@ -179,7 +179,7 @@ def test_one_sensor_that_is_wrong_in_all_its_runs_is_one_fault():
     wrong = [row for row in range(72) if FRF.channel[row] in (FRF.channel[0], FRF.channel[12])]
     assert len(wrong) == 12
     _, findings = checked(FRF, model_of(gains(**{f"_{row}": 0.5 for row in wrong})))
-    assert [finding.check for finding in findings] == [SCALED] * 12
+    assert [finding.check for finding in findings] == [Check.SCALED] * 12
 
 
 def test_a_gain_that_is_not_the_same_in_all_modes_is_no_sensitivity():
@@ -189,7 +189,7 @@ def test_a_gain_that_is_not_the_same_in_all_modes_is_no_sensitivity():
         for mode, factor in zip(model.modes, (0.4, 1.0, 1.6, 0.7, 1.3, 0.5, 2.0), strict=True)
     ]
     _, findings = checked(FRF, replace(model, modes=tuple(modes)))
-    assert SCALED not in {finding.check for finding in findings}
+    assert Check.SCALED not in {finding.check for finding in findings}
 
 
 def test_half_a_circle_blames_no_sensor():
@@ -261,14 +261,14 @@ def faulty(name):
 
 
 EXPECTED = {
-    "scaled": {(33, "scaled", WARNING)},
-    "swapped": {(12, "swapped", WARNING), (30, "swapped", WARNING)},
-    "incoherent": {(33, "incoherent", EXCLUDED)},
-    "turned phase": {(33, "inconsistent", EXCLUDED)},
+    "scaled": {(33, "scaled", Verdict.WARNING)},
+    "swapped": {(12, "swapped", Verdict.WARNING), (30, "swapped", Verdict.WARNING)},
+    "incoherent": {(33, "incoherent", Verdict.EXCLUDED)},
+    "turned phase": {(33, "inconsistent", Verdict.EXCLUDED)},
     "a cable each": {
-        (10, "dead", EXCLUDED),
-        (25, "flipped", WARNING),
-        (50, "clipped", EXCLUDED),
+        (10, "dead", Verdict.EXCLUDED),
+        (25, "flipped", Verdict.WARNING),
+        (50, "clipped", Verdict.EXCLUDED),
     },
 }
 
@@ -278,7 +278,7 @@ def test_faults_are_named_and_cost_no_accuracy(name):
     found = identify_modes(faulty(name))
     seen = {(round(f.position_deg / 5), f.check, f.verdict) for f in found.findings}
     assert seen == EXPECTED[name]
-    lost = sum(verdict == EXCLUDED for *_, verdict in EXPECTED[name])
+    lost = sum(verdict == Verdict.EXCLUDED for *_, verdict in EXPECTED[name])
     assert found.frf.n_positions == 72 - lost
     systems.assert_modes(found.model, SEVEN, frequency=5e-4, damping=0.02)
 
@@ -290,7 +290,7 @@ def test_a_humming_sensor_is_named_and_costs_no_accuracy():
     std[20, near] *= 100
     found = identify_modes(replace(HEALTHY, values=values, std=std))
     assert [(f.position_deg, f.check, f.verdict) for f in found.findings] == [
-        (100.0, "hum", WARNING)
+        (100.0, "hum", Verdict.WARNING)
     ]
     systems.assert_modes(found.model, SEVEN, frequency=5e-4, damping=0.02)
 

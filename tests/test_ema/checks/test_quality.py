@@ -13,7 +13,7 @@ from ema.checks.quality import (
     coherent_band,
     reference_finding,
 )
-from ema.core.finding import OK, WARNING
+from ema.core.finding import Verdict
 
 BAND_HZ = (20.0, 260.0)
 
@@ -43,7 +43,7 @@ def test_runs_of_one_tyre_differ_by_their_noise(seed, runs):
     check = check_reference(reference_frf(seed=seed, runs=runs), BAND_HZ)
     assert check.ratio == pytest.approx(1, abs=0.08)
     assert check.consistent
-    assert reference_finding(check).verdict == OK
+    assert reference_finding(check).verdict == Verdict.OK
 
 
 def test_a_tyre_that_drifts_is_noticed():
@@ -51,7 +51,7 @@ def test_a_tyre_that_drifts_is_noticed():
     assert check.ratio > 1.5
     assert not check.consistent
     finding = reference_finding(check)
-    assert finding.verdict == WARNING
+    assert finding.verdict == Verdict.WARNING
     assert f"{check.ratio:.2f} times its noise" in finding.detail
 
 
@@ -79,7 +79,7 @@ def test_without_known_noise_there_is_no_verdict():
     frf = reference_frf()
     check = check_reference(replace(frf, std=np.full(frf.std.shape, np.nan)), BAND_HZ)
     assert np.isnan(check.ratio)
-    assert reference_finding(check).verdict == WARNING
+    assert reference_finding(check).verdict == Verdict.WARNING
     assert "nan" not in reference_finding(check).detail
 
 
@@ -94,7 +94,9 @@ def test_each_position_gets_its_median_coherence():
     coherence = np.full(frf.values.shape, 0.99)
     coherence[3] = 0.31
     findings = coherence_findings(replace(frf, coherence=coherence), BAND_HZ)
-    assert [finding.verdict for finding in findings] == [OK] * 3 + [WARNING] + [OK] * 8
+    assert [finding.verdict for finding in findings] == [Verdict.OK] * 3 + [Verdict.WARNING] + [
+        Verdict.OK
+    ] * 8
     assert findings[3].position_deg == 90.0
     assert "0.310" in findings[3].detail
     assert "below 0.5" in findings[3].detail
@@ -105,7 +107,7 @@ def test_coherence_outside_the_band_does_not_count():
     outside = (frf.frequency_hz < BAND_HZ[0]) | (frf.frequency_hz > BAND_HZ[1])
     coherence = np.where(outside, 0.0, 0.9) * np.ones(frf.values.shape)
     findings = coherence_findings(replace(frf, coherence=coherence), BAND_HZ)
-    assert {finding.verdict for finding in findings} == {OK}
+    assert {finding.verdict for finding in findings} == {Verdict.OK}
 
 
 def test_unknown_coherence_is_no_finding():
@@ -117,7 +119,11 @@ def test_a_position_without_angle_is_named_by_its_channel():
     frf = systems.noise_free_frf(np.arange(1.0, 300), np.ones((1, 299)))
     frf = replace(frf, coherence=np.full((1, 299), 0.2), channel=("A07",))
     (finding,) = coherence_findings(frf, BAND_HZ)
-    assert (finding.channel, finding.position_deg, finding.verdict) == ("A07", None, WARNING)
+    assert (finding.channel, finding.position_deg, finding.verdict) == (
+        "A07",
+        None,
+        Verdict.WARNING,
+    )
 
 
 @pytest.mark.parametrize(("n_effective", "count"), [(1.0, 1), (9.5, 0), (float("nan"), 0)])

@@ -7,7 +7,7 @@ import pytest
 import systems
 
 from ema.checks.quality import check_reference, gain_findings, odd_gains
-from ema.core.finding import WARNING
+from ema.core.finding import Verdict
 from pipelines.simulate.truth import truth_modes
 
 BAND_HZ = (20.0, 260.0)
@@ -54,7 +54,7 @@ def test_three_runs_are_enough_for_a_majority():
 def test_it_becomes_a_finding_about_the_run():
     (finding,) = gain_findings(check_reference(with_gain(reference(), 1.1), BAND_HZ))
     assert (finding.run, finding.channel, finding.check) == ("run_3", "reference", "gain")
-    assert finding.verdict == WARNING
+    assert finding.verdict == Verdict.WARNING
 
 
 @pytest.mark.parametrize("snr_db", [0.0, 34.0])

@@ -8,7 +8,7 @@ import systems
 
 from ema.checks.screening import screen
 from ema.core.errors import InputError
-from ema.core.finding import EXCLUDED, OK, WARNING
+from ema.core.finding import Verdict
 from pipelines.simulate.truth import truth_modes
 
 BAND_HZ = (20.0, 260.0)
@@ -37,7 +37,7 @@ def test_healthy_channels_pass_untouched(healthy):
 def test_a_constant_channel_is_dead(healthy):
     frf = systems.edited(healthy, ROW, values=0, coherence=0, std=0)
     usable, findings = screen(frf, BAND_HZ)
-    assert named(findings) == [(*at(frf, ROW), "dead", EXCLUDED)]
+    assert named(findings) == [(*at(frf, ROW), "dead", Verdict.EXCLUDED)]
     assert "constant" in findings[0].detail
     assert findings[0].position_deg == 50.0
     assert 50.0 not in usable.position_deg
@@ -53,18 +53,19 @@ def test_a_channel_far_below_the_others_is_dead(healthy, level_db, dead):
 
 
 @pytest.mark.parametrize(
-    ("share", "verdict"), [(0.02, EXCLUDED), (2e-3, EXCLUDED), (3e-4, WARNING), (5e-5, None)]
+    ("share", "verdict"),
+    [(0.02, Verdict.EXCLUDED), (2e-3, Verdict.EXCLUDED), (3e-4, Verdict.WARNING), (5e-5, None)],
 )
 def test_clipping_is_judged_by_how_many_samples_it_hits(healthy, share, verdict):
     usable, findings = screen(systems.edited(healthy, ROW, clipped=share), BAND_HZ)
     expected = [] if verdict is None else [(*at(healthy, ROW), "clipped", verdict)]
     assert named(findings) == expected
-    assert usable.n_positions == 72 - (verdict == EXCLUDED)
+    assert usable.n_positions == 72 - (verdict == Verdict.EXCLUDED)
 
 
 def test_a_channel_that_sees_something_else_is_incoherent(healthy):
     usable, findings = screen(systems.edited(healthy, ROW, coherence=0.05), BAND_HZ)
-    assert named(findings) == [(*at(healthy, ROW), "incoherent", EXCLUDED)]
+    assert named(findings) == [(*at(healthy, ROW), "incoherent", Verdict.EXCLUDED)]
     assert "0.05, where the other channels have 1.00" in findings[0].detail
     assert usable.n_positions == 71
 
@@ -90,32 +91,32 @@ def with_hum(frf, rows, tone_hz=50.0, factor=50):
 @pytest.mark.parametrize("tone_hz", [50.0, 60.0])
 def test_one_humming_channel_is_named(healthy, tone_hz):
     usable, findings = screen(with_hum(healthy, ROW, tone_hz), BAND_HZ)
-    assert named(findings) == [(*at(healthy, ROW), "hum", WARNING)]
+    assert named(findings) == [(*at(healthy, ROW), "hum", Verdict.WARNING)]
     assert f"{tone_hz:g} Hz hum" in findings[0].detail
     assert usable.n_positions == 72
 
 
 def test_hum_on_all_channels_is_one_remark(healthy):
     findings = screen(with_hum(healthy, np.arange(72)), BAND_HZ)[1]
-    assert named(findings) == [("", "", "hum", OK)]
+    assert named(findings) == [("", "", "hum", Verdict.OK)]
 
 
 def test_among_humming_channels_the_far_louder_one_is_named_too(healthy):
     frf = with_hum(with_hum(healthy, np.arange(72)), ROW, factor=40)
     checks = named(screen(frf, BAND_HZ)[1])
-    assert checks == [("", "", "hum", OK), (*at(frf, ROW), "hum", WARNING)]
+    assert checks == [("", "", "hum", Verdict.OK), (*at(frf, ROW), "hum", Verdict.WARNING)]
 
 
 def test_a_clipped_force_spoils_its_run(healthy):
     rows = np.array(healthy.run) == "run_3"
     usable, findings = screen(systems.edited(healthy, rows, force_clipped=0.01), BAND_HZ)
-    assert named(findings) == [("run_3", "force", "clipped", WARNING)]
+    assert named(findings) == [("run_3", "force", "clipped", Verdict.WARNING)]
     assert usable.n_positions == 72
 
 
 def test_the_worst_fault_of_a_channel_counts(healthy):
     frf = systems.edited(healthy, ROW, values=0, coherence=0, clipped=1.0)
-    assert named(screen(frf, BAND_HZ)[1]) == [(*at(frf, ROW), "dead", EXCLUDED)]
+    assert named(screen(frf, BAND_HZ)[1]) == [(*at(frf, ROW), "dead", Verdict.EXCLUDED)]
 
 
 def test_several_faults_are_all_named(healthy):
@@ -136,7 +137,7 @@ def test_no_channel_left_is_an_error_with_a_remedy(healthy):
 def test_runs_that_contradict_each_other_where_they_are_averaged(healthy):
     usable, findings = screen(systems.edited(healthy, ROW, disagreement=0.4), BAND_HZ)
     assert usable.n_positions == healthy.n_positions
-    assert [(f.check, f.verdict) for f in findings] == [("averaged runs", WARNING)]
+    assert [(f.check, f.verdict) for f in findings] == [("averaged runs", Verdict.WARNING)]
     assert "differ by 40 % of their power" in findings[0].detail
     assert not screen(systems.edited(healthy, ROW, disagreement=0.05), BAND_HZ)[1]
 

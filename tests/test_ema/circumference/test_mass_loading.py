@@ -8,7 +8,7 @@ import systems
 
 from ema.circumference.mass_loading import loading_note, loading_percent, sensors_of_runs, unloaded
 from ema.core.errors import InputError
-from ema.core.finding import EXCLUDED
+from ema.core.finding import Verdict
 from ema.core.modes import Pair
 from ema.identify import SensorMass, identify_modes
 from pipelines.simulate.truth import modal_sum, truth_modes
@@ -137,7 +137,7 @@ def test_a_flipped_sensor_is_found_beneath_the_mass():
 def test_without_the_mass_no_sensor_is_accused_and_the_note_tells_the_size():
     modes = TYRES["both members alike"]
     model_of = identify_modes(systems.campaign_frf(modes, 34, sensor_mass_kg=MASS_KG))
-    assert not any(finding.verdict == EXCLUDED for finding in model_of.findings)
+    assert not any(finding.verdict == Verdict.EXCLUDED for finding in model_of.findings)
     note = loading_note(model_of.model, 13, 0.0)
     typical, worst = (float(word) for word in note.split() if word.startswith("0."))
     fourth = next(mode for mode in model_of.model.modes if mode.order == 4)

@@ -1,9 +1,28 @@
 """Frozen arrays: nobody writes to them, and what is frozen already is not copied."""
 
+from __future__ import annotations
+
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from ema.core.arrays import constant, readonly, stacked
+from ema.core.arrays import ReadonlyArrays, constant, readonly, stacked
+
+
+@dataclass(frozen=True)
+class Sample(ReadonlyArrays):
+    label: str
+    node: NDArray[np.int_]
+    values: NDArray[np.complex128]
+
+
+def test_arrays_of_frozen_data_have_their_declared_type_and_cannot_be_written_to():
+    sample = Sample("A", [1, 2], np.ones(2))
+    assert (sample.label, sample.node.dtype, sample.values.dtype) == ("A", np.int_, complex)
+    assert not sample.node.flags.writeable
+    assert not sample.values.flags.writeable
 
 
 def test_what_can_be_written_to_is_copied():

@@ -135,7 +135,7 @@ def test_what_does_not_belong_together_is_named(tmp_path, objects, message):
         (b"", "the file is empty"),
         (b"TDS", "the file ends 25 bytes before"),
         (b"RIFF" + bytes(60), "begins with b'TDSm'"),
-        (segment(0xFFFFFFFFFFFFFFFF), "truncated, or was never closed"),
+        (segment(0xFFFFFFFFFFFFFFFF), "cut short or was not closed"),
         (segment(10**12), "the file ends 1000000000000 bytes before"),
         (segment(0) + b"\0\0", "begins with b'TDSm'"),
     ],

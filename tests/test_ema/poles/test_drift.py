@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ema.checks.quality import check_reference, drift_findings
 from ema.core.drift import NO_DRIFT, Drift
-from ema.core.finding import OK, WARNING
+from ema.core.finding import Verdict
 from ema.identify import identify_modes
 from ema.poles.run_alignment import align_runs, stretched
 from pipelines.simulate.truth import truth_modes
@@ -105,7 +105,7 @@ def test_each_run_has_its_drift_in_the_findings(drifted):
     findings = drift_findings(found.model.drift, found.model.frequencies_hz)
     assert [finding.run for finding in findings] == [f"run_{n}" for n in range(2, 7)]
     for finding, true in zip(findings, percent[1:], strict=True):
-        assert finding.verdict == WARNING
+        assert finding.verdict == Verdict.WARNING
         assert float(finding.detail.split()[2]) == pytest.approx(true, abs=0.01)
 
 
@@ -114,7 +114,9 @@ def test_a_tyre_that_stays_as_it_is_does_not_drift(still):
     assert not drift.applied
     assert drift.chance > 1e-4
     assert np.all(np.abs(drift.percent) < 4 * drift.std_percent + 1e-12)
-    assert {finding.verdict for finding in drift_findings(drift, np.array([80.0, 230.0]))} == {OK}
+    assert {finding.verdict for finding in drift_findings(drift, np.array([80.0, 230.0]))} == {
+        Verdict.OK
+    }
 
 
 @pytest.mark.parametrize("seed", range(2, 6))

@@ -10,9 +10,9 @@ from scipy.signal import chirp
 
 import ema
 from ema.core.errors import InputError
-from ema.core.finding import WARNING
+from ema.core.finding import Check, Verdict
 from ema.core.recording import ACCELERATION, Channel
-from ema.signals.damage import COUNTER, REPEATED, STUCK, without_damage
+from ema.signals.damage import without_damage
 from ema.signals.stuck_and_repeated import _look
 
 TIMES_S = np.arange(rec.N) / rec.RATE_HZ
@@ -21,7 +21,7 @@ TIMES_S = np.arange(rec.N) / rec.RATE_HZ
 def checked(*runs):
     """Findings as (run, channel, check), and the gaps of each channel of the first run."""
     usable, findings = without_damage(runs)
-    assert all(finding.verdict == WARNING for finding in findings)
+    assert all(finding.verdict == Verdict.WARNING for finding in findings)
     gaps = {channel.name: channel.gaps for channel in usable[0].channels}
     return [(each.run, each.channel, each.check) for each in findings], gaps
 
@@ -35,7 +35,7 @@ def others_without_gaps(gaps, *names):
 def test_a_force_that_is_stuck_is_named_and_left_out(value, start):
     damaged = rec.edited(rec.healthy(), rec.held(start, 2000, value), ["force"])
     found, gaps = checked(damaged)
-    assert found == [("run_1.uff", "force", STUCK)]
+    assert found == [("run_1.uff", "force", Check.STUCK)]
     assert gaps["force"] == ((start, start + 2000),)
     assert others_without_gaps(gaps, "force")
 
@@ -45,7 +45,7 @@ def test_a_force_that_is_stuck_is_named_and_left_out(value, start):
 def test_a_sensor_that_is_stuck_is_left_out_alone(name, start, n):
     damaged = rec.edited(rec.healthy(), rec.held(start, n), [name])
     found, gaps = checked(damaged)
-    assert found == [("run_1.uff", name, STUCK)]
+    assert found == [("run_1.uff", name, Check.STUCK)]
     assert gaps[name] == ((start, start + n),)
     assert others_without_gaps(gaps, name)
 
@@ -57,7 +57,7 @@ def test_a_flipped_bit_does_not_hide_that_a_sensor_is_stuck():
         return samples
 
     found, gaps = checked(rec.edited(rec.healthy(), change, ["A02"]))
-    assert ("run_1.uff", "A02", STUCK) in found
+    assert ("run_1.uff", "A02", Check.STUCK) in found
     assert (5003, 5503) in gaps["A02"]
 
 
@@ -68,7 +68,7 @@ def test_the_place_of_a_sensor_goes_with_its_finding():
 
 def test_a_recorder_that_stood_still_is_one_finding():
     found, gaps = checked(rec.edited(rec.healthy(), rec.held(5000, 1000)))
-    assert found == [("run_1.uff", "", STUCK)]
+    assert found == [("run_1.uff", "", Check.STUCK)]
     assert all(gap == ((5000, 6000),) for gap in gaps.values())
 
 
@@ -80,7 +80,7 @@ def test_averages_with_a_stuck_force_do_not_count():
     expected = ema.estimate_frf(systems.campaign_of(blind, block_seconds=1.0, window="boxcar"))
     np.testing.assert_array_equal(frf.values, expected.values)
     np.testing.assert_allclose(frf.missing, 2 / 16, atol=1e-12)
-    assert [finding.check for finding in frf.findings] == [STUCK]
+    assert [finding.check for finding in frf.findings] == [Check.STUCK]
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_averages_with_a_stuck_force_do_not_count():
 def test_what_repeats_to_the_last_bit_is_left_out(change, gap, bits):
     run = rec.healthy() if bits is None else rec.in_steps(rec.healthy(), bits)
     found, gaps = checked(rec.edited(run, change))
-    assert found == [("run_1.uff", "", REPEATED)]
+    assert found == [("run_1.uff", "", Check.REPEATED)]
     (only,) = set(gaps.values())
     ((start, stop),) = only
     assert abs(start - gap[0]) <= 3 and abs(stop - gap[1]) <= 3  # steps may agree a little beyond
@@ -105,13 +105,13 @@ def test_what_repeats_to_the_last_bit_is_left_out(change, gap, bits):
 
 def test_several_repetitions_are_all_found():
     damaged = rec.edited(rec.edited(rec.healthy(), rec.doubled(3000, 400)), rec.doubled(9000, 250))
-    assert checked(damaged)[0] == [("run_1.uff", "", REPEATED)] * 2
+    assert checked(damaged)[0] == [("run_1.uff", "", Check.REPEATED)] * 2
 
 
 def test_a_force_that_repeats_alone_is_left_out_both_times():
     damaged = rec.edited(rec.healthy(), rec.copied(2000, 2000, 9000), ["force"])
     found, gaps = checked(damaged)
-    assert found == [("run_1.uff", "force", REPEATED)]
+    assert found == [("run_1.uff", "force", Check.REPEATED)]
     assert gaps["force"] == ((2000, 4000), (9000, 11_000))
     assert others_without_gaps(gaps, "force")
 
@@ -120,7 +120,7 @@ def test_a_file_appended_to_itself_is_named_and_no_other():
     runs = [rec.healthy(seed, name=f"run_{seed}.uff") for seed in range(1, 7)]
     runs[0] = rec.edited(runs[0], lambda samples: np.tile(samples, 2))
     found, gaps = checked(*runs)
-    assert found == [("run_1.uff", "", REPEATED)]
+    assert found == [("run_1.uff", "", Check.REPEATED)]
     assert set(gaps.values()) == {((rec.N, 2 * rec.N),)}
     frf = ema.estimate_frf(systems.campaign_of(*runs))
     whole = ema.estimate_frf(systems.campaign_of(rec.healthy(1), *runs[1:]))
@@ -137,7 +137,7 @@ def test_a_file_appended_to_itself_is_named_and_no_other():
 )
 def test_a_counter_that_jumps_is_named_and_its_joint_left_out(counts, gap):
     found, gaps = checked(rec.with_counter(rec.healthy(), counts))
-    assert found == [("run_1.uff", "", COUNTER)]
+    assert found == [("run_1.uff", "", Check.COUNTER)]
     assert set(gaps.values()) == {(gap,)}
 
 
@@ -254,7 +254,7 @@ def test_a_single_sensor_can_be_judged_too():
     broken = replace(sensor, samples=stuck)
     damaged = replace(run, responses=(replace(run.responses[0], channel=broken),))
     assert checked(run)[0] == []
-    assert checked(damaged)[0] == [("run_1.uff", "A01", STUCK)]
+    assert checked(damaged)[0] == [("run_1.uff", "A01", Check.STUCK)]
 
 
 def test_a_force_stuck_in_every_block_is_refused():

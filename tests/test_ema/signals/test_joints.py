@@ -7,8 +7,9 @@ import systems
 
 import ema
 from ema.core.campaign import Processing
+from ema.core.finding import Check
 from ema.signals.blocks import plan_blocks
-from ema.signals.damage import LOST, without_lost_samples
+from ema.signals.damage import without_lost_samples
 from ema.signals.spectra import measure_spectra
 
 
@@ -31,25 +32,27 @@ def dropped(start, n=1):
 def test_lost_lines_are_named_and_their_place_is_left_out(n, start, bits):
     run = rec.healthy(2) if bits is None else rec.in_steps(rec.healthy(2), bits)
     frf = estimated(rec.edited(run, dropped(start, n)), block_seconds=1.0)
-    assert [(f.run, f.channel, f.check) for f in frf.findings] == [("run_1.uff", "", LOST)]
+    assert [(f.run, f.channel, f.check) for f in frf.findings] == [
+        ("run_1.uff", "", Check.LOST_SAMPLES)
+    ]
     assert 0 < frf.missing.max() <= 2 / 28  # of overlapping blocks two hold the joint
 
 
 @pytest.mark.parametrize("seed", [2, 4, 5])
 def test_a_single_line_is_enough(seed):
     frf = estimated(rec.edited(rec.healthy(seed), dropped(8000)))
-    assert [(f.channel, f.check) for f in frf.findings] == [("", LOST)]
+    assert [(f.channel, f.check) for f in frf.findings] == [("", Check.LOST_SAMPLES)]
 
 
 @pytest.mark.parametrize("n", [2, 5, 30])
 def test_lines_written_twice_are_found_too(n):
     (finding,) = estimated(rec.edited(rec.healthy(2), rec.doubled(7000, n))).findings
-    assert (finding.run, finding.check) == ("run_1.uff", LOST)
+    assert (finding.run, finding.check) == ("run_1.uff", Check.LOST_SAMPLES)
 
 
 def test_several_joints_are_all_found():
     damaged = rec.edited(rec.edited(rec.healthy(), dropped(11_000)), dropped(4000, 2))
-    assert [finding.check for finding in estimated(damaged).findings] == [LOST, LOST]
+    assert [finding.check for finding in estimated(damaged).findings] == [Check.LOST_SAMPLES] * 2
 
 
 def test_the_place_is_right_to_a_few_samples():

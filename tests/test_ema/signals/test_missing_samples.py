@@ -10,7 +10,7 @@ import ema
 from ema.checks.screening import screen
 from ema.core.campaign import Processing
 from ema.core.errors import InputError
-from ema.core.finding import EXCLUDED, WARNING
+from ema.core.finding import Verdict
 
 RATE_HZ = 1000.0
 PROCESSING = Processing(block_seconds=1.0, window="boxcar")
@@ -76,9 +76,9 @@ def test_gaps_are_reported_and_too_many_exclude(whole):
     usable, findings = screen(found, (20.0, 200.0))
     assert usable.n_positions == 2
     assert [(f.check, f.verdict) for f in findings] == [
-        ("missing samples", WARNING),
-        ("missing samples", EXCLUDED),
-        ("missing samples", EXCLUDED),
+        ("missing samples", Verdict.WARNING),
+        ("missing samples", Verdict.EXCLUDED),
+        ("missing samples", Verdict.EXCLUDED),
     ]
     assert findings[0].detail == "5 % of the averages left out, as samples are missing"
 

@@ -7,9 +7,8 @@ import systems
 
 import ema
 from ema.core.errors import InputError
-from ema.core.finding import WARNING
+from ema.core.finding import Check, Verdict
 from ema.identify import identify_modes
-from ema.signals.damage import LOST
 
 BLOCKS = {"block_seconds": 1.0}
 
@@ -28,9 +27,9 @@ def slips(frf):
 def test_a_channel_that_lost_samples_is_named_and_left_out_from_there_on(name, start, n):
     run = rec.healthy()
     frf = estimated(rec.edited(run, rec.lost(start, n), [name]))
-    assert slips(frf) == [("run_1.uff", name, LOST)]
+    assert slips(frf) == [("run_1.uff", name, Check.LOST_SAMPLES)]
     (finding,) = frf.findings
-    assert finding.verdict == WARNING
+    assert finding.verdict == Verdict.WARNING
     if name != "REF":
         share = 1 - start / rec.N
         assert share - 0.03 < frf.missing[2] < share + 0.25
@@ -48,13 +47,13 @@ def test_what_is_left_of_the_channel_is_right():
 
 def test_a_slip_early_in_the_run_costs_the_whole_channel():
     frf = estimated(rec.edited(rec.healthy(), rec.lost(1000), ["A03"]))
-    assert slips(frf) == [("run_1.uff", "A03", LOST)]
+    assert slips(frf) == [("run_1.uff", "A03", Check.LOST_SAMPLES)]
     np.testing.assert_allclose(frf.missing, [0, 0, 1, 0], atol=1e-12)
 
 
 def test_a_force_that_lost_samples_is_blamed_itself():
     frf = estimated(rec.edited(rec.healthy(), rec.lost(9000), ["force"]))
-    assert slips(frf) == [("run_1.uff", "force", LOST)]
+    assert slips(frf) == [("run_1.uff", "force", Check.LOST_SAMPLES)]
     assert np.all(frf.missing > 0.4)
 
 
@@ -62,13 +61,13 @@ def test_of_two_channels_nobody_knows_which_one_slipped():
     force = rec.shaker_noise()
     motion = rec.lost(9000)(rec.answers(force)[0])
     frf = estimated(systems.run_of(force, motion[None], rec.RATE_HZ))
-    assert slips(frf) == [("run_1.uff", "", LOST)]
+    assert slips(frf) == [("run_1.uff", "", Check.LOST_SAMPLES)]
 
 
 def test_other_runs_are_not_touched():
     runs = [rec.healthy(seed, name=f"run_{seed}.uff") for seed in (1, 2, 3)]
     runs[1] = rec.edited(runs[1], rec.lost(8000), ["A01"])
-    assert slips(estimated(*runs)) == [("run_2.uff", "A01", LOST)]
+    assert slips(estimated(*runs)) == [("run_2.uff", "A01", Check.LOST_SAMPLES)]
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -7,9 +7,9 @@ import pytest
 import systems
 
 import ema
-from ema.core.finding import WARNING
+from ema.core.finding import Check, Verdict
 from ema.core.recording import ACCELERATION, FORCE, VOLTAGE, Channel, Recording
-from ema.signals.signal_checks import IMPOSSIBLE, summarise
+from ema.signals.signal_checks import summarise
 from ema.signals.spikes import spike_findings, with_limits
 
 RATE_HZ = 2000.0
@@ -77,7 +77,7 @@ def test_where_and_how_many_is_said(shaken, value):
     assert found.worst_impossible == abs(value)
     (finding,) = spike_findings("run_1", run.channels)
     assert (finding.run, finding.channel) == ("run_1", "A02")
-    assert (finding.check, finding.verdict) == (IMPOSSIBLE, WARNING)
+    assert (finding.check, finding.verdict) == (Check.IMPOSSIBLE_SAMPLES, Verdict.WARNING)
 
 
 def impact(kind):

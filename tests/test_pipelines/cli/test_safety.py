@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from results import tyre_result
 
 from ema.core.errors import InputError
-from ema.core.finding import WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from pipelines.cli import main as cli
 from pipelines.cli import result as cli_result
 from pipelines.cli import terminal
@@ -351,7 +351,7 @@ def test_a_damaged_result_is_named_whatever_happened_to_its_bytes(stored, tmp_pa
 @pytest.mark.parametrize("name", ["x[/red]y", "[bold]x", "\x1b]0;title\x07\x1b[31m", "a\u202eb\nc"])
 def test_names_from_files_are_texts_on_a_terminal(capsys, monkeypatch, name):
     monkeypatch.delenv("COLUMNS", raising=False)
-    finding = Finding(name, name, None, "hum", WARNING, name)
+    finding = Finding(name, name, None, Check.HUM, Verdict.WARNING, name)
     result = tyre_result(name=name, findings=(finding,), notes=(name,))
     cli_result.show(result, Path("result"), as_json=False, report=True)
     terminal.echo_error(str(InputError(name, name, name, name)))

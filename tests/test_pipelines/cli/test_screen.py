@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from ema.core.finding import WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from pipelines.cli import streams, terminal
 from pipelines.cli.result import show, warnings
 from pipelines.cli.screen import Column, print_table, screen
@@ -128,7 +128,7 @@ def test_help_appears_on_an_old_console():
 
 
 def test_a_warning_names_its_check_once(sample_result):
-    finding = Finding("", "reference", None, "reference", WARNING, "the tyre changed")
+    finding = Finding("", "reference", None, Check.REFERENCE, Verdict.WARNING, "the tyre changed")
     (text,) = warnings(replace(sample_result, findings=(finding,)))
     assert text == "reference: the tyre changed"
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from results import structure_result, tyre_result, without_poles
 
-from ema.core.finding import EXCLUDED, OK, WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from model.ring import natural_frequencies_hz
 from pipelines.batch import summary as charts_batch
 from pipelines.batch.state import DONE, FAILED, Fingerprint, Record
@@ -217,7 +217,7 @@ def test_a_drive_point_of_the_wrong_sign_shows(tyre):
     wrong = measurement.share_taken_out(turned, 0, band_hz)
     assert right < 0.05
     assert wrong > 0.9
-    finding = Finding("", "force", 0.0, "drive point", WARNING, "wrong sign")
+    finding = Finding("", "force", 0.0, Check.DRIVE_POINT, Verdict.WARNING, "wrong sign")
     chart = measurement.drive_point_chart(turned, 0, band_hz, finding)
     assert "Verdict: warning, wrong sign." in chart.caption
     lines = (turned.frequency_hz >= 70) & (turned.frequency_hz <= 230)
@@ -304,9 +304,9 @@ def test_correlation_names_the_strongest_pair(tyre):
 
 def test_exclusions_stand_apart_with_their_reasons(tyre):
     findings = (
-        Finding("run_1", "A01", 0.0, "level", EXCLUDED, "no signal"),
-        Finding("run_2", "A02", 5.0, "hum", WARNING, "50 Hz line"),
-        Finding("run_2", "A03", 10.0, "level", OK, "as expected"),
+        Finding("run_1", "A01", 0.0, Check.LEVEL, Verdict.EXCLUDED, "no signal"),
+        Finding("run_2", "A02", 5.0, Check.HUM, Verdict.WARNING, "50 Hz line"),
+        Finding("run_2", "A03", 10.0, Check.LEVEL, Verdict.OK, "as expected"),
     )
     section = next(
         each

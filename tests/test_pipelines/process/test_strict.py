@@ -8,11 +8,13 @@ from hypothesis import strategies as st
 
 import ema
 from ema.core.errors import InputError
-from ema.core.finding import EXCLUDED, OK, WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from pipelines.process.run import refuse_warnings
 from pipelines.results.store import MARKER
 
-WARNED = Finding("config_1.uff", "A01", 0.0, "hum", WARNING, "50 Hz line 12 dB above its sides")
+WARNED = Finding(
+    "config_1.uff", "A01", 0.0, Check.HUM, Verdict.WARNING, "50 Hz line 12 dB above its sides"
+)
 
 
 @pytest.fixture
@@ -23,14 +25,14 @@ def out(tmp_path):
 
 def test_a_strict_run_accepts_what_is_in_order():
     refuse_warnings([])
-    refuse_warnings([replace(WARNED, verdict=OK)] * 3)
+    refuse_warnings([replace(WARNED, verdict=Verdict.OK)] * 3)
 
 
-@pytest.mark.parametrize("verdict", [WARNING, EXCLUDED])
+@pytest.mark.parametrize("verdict", [Verdict.WARNING, Verdict.EXCLUDED])
 def test_a_strict_run_names_the_first_warnings_and_counts_the_others(verdict):
     findings = [replace(WARNED, channel=f"A{k:02d}", verdict=verdict) for k in range(1, 8)]
     with pytest.raises(InputError) as refused:
-        refuse_warnings([replace(WARNED, channel="fine", verdict=OK), *findings])
+        refuse_warnings([replace(WARNED, channel="fine", verdict=Verdict.OK), *findings])
     message = str(refused.value)
     assert message.startswith("--strict: hum, config_1.uff A01: 50 Hz line 12 dB")
     assert "A03" in message
@@ -39,10 +41,10 @@ def test_a_strict_run_names_the_first_warnings_and_counts_the_others(verdict):
     assert "fine" not in message
 
 
-@given(st.lists(st.sampled_from([OK, WARNING, EXCLUDED])))
+@given(st.lists(st.sampled_from([Verdict.OK, Verdict.WARNING, Verdict.EXCLUDED])))
 def test_every_warning_is_named_or_counted(verdicts):
     findings = [replace(WARNED, verdict=verdict) for verdict in verdicts]
-    doubtful = sum(verdict != OK for verdict in verdicts)
+    doubtful = sum(verdict != Verdict.OK for verdict in verdicts)
     if not doubtful:
         refuse_warnings(findings)
         return

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from results import ring_modes
 
-from ema.core.finding import OK, WARNING
+from ema.core.finding import Check, Verdict
 from pipelines.process.run import process
-from pipelines.process.validate import PLAUSIBILITY, plausibility_finding, ring_orders
+from pipelines.process.validate import plausibility_finding, ring_orders
 from pipelines.results.options import Options
 from pipelines.simulate.campaign import simulate_campaign
 from pipelines.simulate.truth import truth_modes
@@ -24,13 +24,13 @@ def orders_of_a_tyre(factor):
 
 @pytest.mark.parametrize("mass", [8.0, 12.0, 19.7, 35.0, 55.0, None])
 def test_tyres_raise_no_doubt(mass):
-    assert plausibility_finding(orders_of_a_tyre(1.0), mass).verdict == OK
+    assert plausibility_finding(orders_of_a_tyre(1.0), mass).verdict == Verdict.OK
 
 
 @pytest.mark.parametrize("factor", [2.0, 0.5, 4.0, 0.25, 10.0, 0.1, 2.56, 1000.0])
 def test_a_wrong_rate_is_the_first_cause_that_is_named(factor):
     found = plausibility_finding(orders_of_a_tyre(factor), 19.7 / factor**2)
-    assert found.verdict == WARNING
+    assert found.verdict == Verdict.WARNING
     size = f"{max(factor, 1 / factor):.4g}"
     assert re.search(
         rf"sampling rate is too {'high' if factor > 1 else 'low'}.* {size} ", found.detail
@@ -39,7 +39,7 @@ def test_a_wrong_rate_is_the_first_cause_that_is_named(factor):
 
 def test_a_wrong_pressure_leaves_the_frequencies_alone():
     found = plausibility_finding(orders_of_a_tyre(1.0), 19.7 * 6894.757 / 1e5)
-    assert found.verdict == WARNING
+    assert found.verdict == Verdict.WARNING
     assert "pressure" in found.detail
     assert "sampling" not in found.detail
 
@@ -63,10 +63,10 @@ def test_a_campaign_whose_files_state_a_wrong_rate(tmp_path, factor):
     stated = f"sampling_rate_hz = {2000 * factor:g}"
     manifest.write_text(manifest.read_text().replace("sampling_rate_hz = 2000.0", stated))
     result = process(campaign, Options())
-    (found,) = (f for f in result.findings if f.check == PLAUSIBILITY)
+    (found,) = (f for f in result.findings if f.check == Check.PLAUSIBILITY)
     first_hz = min(mode.frequency_hz for mode in truth_modes() if mode.order == 1)
     assert result.modal_model.frequencies_hz[0] == pytest.approx(factor * first_hz, rel=1e-3)
-    assert found.verdict == WARNING
+    assert found.verdict == Verdict.WARNING
     assert "sampling rate" in found.detail
-    blamed = [f for f in result.findings if f.check == "amplitude" and f.verdict == WARNING]
+    blamed = [f for f in result.findings if f.check == "amplitude" and f.verdict == Verdict.WARNING]
     assert blamed == []

@@ -11,7 +11,7 @@ from browser import contrast, hosts, luminance
 from results import tyre_result
 
 from ema.core.campaign import Tyre
-from ema.core.finding import WARNING, Finding
+from ema.core.finding import Check, Finding, Verdict
 from pipelines.report.write import write_report
 
 LARGEST_BYTES = 6_000_000
@@ -77,8 +77,8 @@ def hostile_report(tmp_path_factory):
     """A report whose tyre, details, channels, files and notes hold hostile texts."""
     tyre = Tyre(HOSTILE, 2.2e5, 0.33, 0.19, {"serial": HOSTILE, HOSTILE: "x", "note": ENDLESS})
     findings = (
-        Finding(HOSTILE, HOSTILE, 0.0, "coherence", WARNING, HOSTILE),
-        Finding(ENDLESS, ENDLESS, 5.0, "hum", WARNING, ENDLESS),
+        Finding(HOSTILE, HOSTILE, 0.0, Check.COHERENCE, Verdict.WARNING, HOSTILE),
+        Finding(ENDLESS, ENDLESS, 5.0, Check.HUM, Verdict.WARNING, ENDLESS),
     )
     result = tyre_result(name=HOSTILE, tyre=tyre, findings=findings, notes=(HOSTILE, ENDLESS))
     names = (HOSTILE, ENDLESS, *result.frf.run[2:])

@@ -24,7 +24,7 @@ from systems import common_drift
 from ema.core.campaign import Tyre
 from ema.core.drift import NO_DRIFT
 from ema.core.errors import visible
-from ema.core.finding import EXCLUDED, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.modes import ModalModel, ResidualTerms
 from ema.io.campaign.manifest import TyreSection
 from pipelines.plots.chart import Chart
@@ -121,7 +121,7 @@ def test_texts_from_files_stay_texts(tyre, page):
         tyre=Tyre(HOSTILE, 2.2e5, 0.33, details={HOSTILE: HOSTILE}),
         frf=replace(tyre.frf, run=(HOSTILE,) * 72),
         notes=(HOSTILE,),
-        findings=(Finding(HOSTILE, HOSTILE * 100, None, "level", EXCLUDED, HOSTILE),),
+        findings=(Finding(HOSTILE, HOSTILE * 100, None, Check.LEVEL, Verdict.EXCLUDED, HOSTILE),),
         provenance={"inputs": [{"file": HOSTILE, "bytes": 1, "sha256": "0"}]},
     )
     found = Page(render_report(hostile))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ema.core.errors import InputError
+from ema.core.finding import Check
 from pipelines.process.run import process, tune
 from pipelines.report.save import save
 from pipelines.results.options import Options
@@ -99,6 +100,7 @@ def test_the_diagram_and_the_findings_come_back(short_result, stored):
     np.testing.assert_array_equal(loaded.diagram.cluster, short_result.diagram.cluster)
     np.testing.assert_array_equal(loaded.diagram.indicator, short_result.diagram.indicator)
     assert loaded.findings == short_result.findings
+    assert all(type(each.check) is Check for each in loaded.findings)
     assert loaded.tyre == short_result.tyre
     assert loaded.reference.ratio == pytest.approx(short_result.reference.ratio)
     assert (loaded.excitation_deg, loaded.reference_deg) == (0.0, 2.5)

@@ -5,6 +5,7 @@ import json
 import random
 import shutil
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,8 @@ from pipelines.process.run import retune
 from pipelines.report.save import save
 from pipelines.results.options import Options
 from pipelines.results.provenance import is_as_written
-from pipelines.results.store import load
+from pipelines.results.schema import read_identification_json
+from pipelines.results.store import load, write_identification
 from pipelines.storage.checksums import OWN, write_marker
 from pipelines.storage.result_folder import MARKER
 
@@ -151,6 +153,14 @@ def test_provenance_of_other_types_is_refused_though_its_checksum_fits(copy):
     write_marker(copy / MARKER, {key: record[key] for key in record if key != OWN})
     with pytest.raises(InputError, match=r"inputs\.1\.file"):
         load(copy)
+
+
+@pytest.mark.parametrize("part", ["check", "verdict"])
+def test_findings_of_unknown_name_are_refused(short_result, tmp_path, part):
+    unknown = replace(short_result.findings[0], **{part: "tarot"})
+    write_identification(replace(short_result, findings=(unknown,)), tmp_path)
+    with pytest.raises(InputError, match=rf"findings\.0\.{part}: unknown name"):
+        read_identification_json(tmp_path / "identification.json")
 
 
 @pytest.mark.parametrize("name", ["frf", "reference", "residues", "poles"])

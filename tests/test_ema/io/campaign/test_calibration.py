@@ -89,7 +89,7 @@ def test_the_manifest_corrects_a_unit_and_that_is_a_warning(campaign):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"second": 'unit = "foo"'}, "calibration.A02.unit: 'foo'; the unit is not known"),
+        ({"second": 'unit = "foo"'}, "calibration.A02.unit: 'foo'; it is not known"),
         ({"second": 'sensitivity = "10"'}, "calibration.A02.sensitivity: '10'; "),
         ({"second": 'sensitivity = ""'}, "calibration.A02.sensitivity: ''; "),
         ({"second": 'unit = "g", sensitivity = "10 mV/g"'}, "in 'g' in run.csv"),

@@ -119,8 +119,8 @@ def test_without_steps_and_times_there_is_no_rate(tmp_path):
         (PLAIN.replace("Samples\t4", "Samples\tall"), "Samples: "),
         (PLAIN.replace("Dimension\tTime", "Dimension\tFrequency"), "X_Dimension: Frequency, Time"),
         (PLAIN.replace("Delta_X\t0.0005\t", "Delta_X\t0.001\t"), "Delta_X: "),
-        (PLAIN.replace("Delta_X\t0.0005", "Delta_X\t0"), "time from sample to sample"),
-        (PLAIN.replace("Delta_X\t0.0005", "Delta_X\tfast"), "time from sample to sample"),
+        (PLAIN.replace("Delta_X\t0.0005", "Delta_X\t0"), "time step"),
+        (PLAIN.replace("Delta_X\t0.0005", "Delta_X\tfast"), "time step"),
         (general("One") + segment(ONE, delta="0.001"), "1000 Hz stated, 2000 Hz by the time"),
         (
             general("Multi") + segment([*MULTI[:3], "0.0015\t1\t0.0025\t2"], x="Multi"),
