@@ -15,9 +15,12 @@ two waves a little, H → (1 + E) H: E has to pay for itself.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dgeqrf, dorgqr
 from scipy.optimize import OptimizeResult, least_squares
 
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
@@ -30,13 +33,17 @@ _FEWEST_LINES = 12
 # the force and across; the same of the damping; direction of the force.
 _MEAN, _DAMPING, _ALONG, _ACROSS, _DAMPED_ALONG, _DAMPED_ACROSS, _FORCE = range(7)
 _N_PARAMETERS = 7
-# Splits, in damping ratios, that the search starts from.
-_STARTS = ((0.0, 0.05), (0.4, 0.3), (-0.4, 0.3), (0.0, 0.5), (0.0, -0.5), (0.0, 1.0), (0.0, -1.0))
-_FIRST_LOOK, _LAST_LOOK = 6, 40  # evaluations
+# Searches start from a small split, or from the likeliest of larger ones: damping that one pole
+# for both has too much (log), half the splits along and across in damping ratios.
+_SMALL = np.array([0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
+_LARGE = tuple(product((0.0, -0.1, -0.3), (-1.0, -0.4, 0.0, 0.4, 1.0), (-0.8, -0.3, 0.3, 0.8)))
+_MOST_LOOKS = 3
+_FIRST_LOOK, _LAST_LOOK = 15, 40  # evaluations
+_ENOUGH = 1e-7  # relative gain not worth another step
 # Dimensions that hold every pole near the resonance to 1e-6.
-_DIMENSIONS = 18
-# Amplitude, E, and background of the two rows.
-_N_LINEAR = 18
+_DIMENSIONS = 20
+# Amplitude and E; the background of the two rows is taken out of the basis.
+_N_LINEAR = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +84,16 @@ class PairFit:
     parameters: NDArray[np.float64]
 
 
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """What is linear at some parameters."""
+
+    left: Real  # weighted residuals, (n_rows,)
+    orthonormal: Real  # (n_rows, _N_LINEAR)
+    amplitude: complex  # 1/M
+    mixing: Complex  # E times the amplitude, (2, 2)
+
+
 class PairProblem:
     """Least-squares problem of one order's pair, everything linear eliminated.
 
@@ -94,6 +111,8 @@ class PairProblem:
     correlation : float
         Lines that share the information of one.
     settings : IdentificationSettings
+    noise_known : bool
+        Whether `std` was measured.
     """
 
     def __init__(
@@ -105,7 +124,10 @@ class PairProblem:
         force_std_rad: float,
         correlation: float,
         settings: IdentificationSettings = IDENTIFICATION,
+        *,
+        noise_known: bool = True,
     ) -> None:
+        self.noise_known = noise_known
         self.omega = 2 * np.pi * frequency_hz
         self.size, self.ratio = abs(start), -start.real / abs(start)
         self.settings = settings
@@ -120,29 +142,28 @@ class PairProblem:
                 force_std_rad,
             ]
         )
+        ground = np.array([np.ones_like(self.omega), (self.omega / self.size) ** 2]).T
+        self.ground = np.linalg.qr(ground)[0]
         self.basis = self._span()
         self.inside = values @ self.basis.conj()
-        outside = np.sum(np.abs(values) ** 2, axis=1) - np.sum(np.abs(self.inside) ** 2, axis=1)
-        self.outside = np.maximum(outside, 0.0)
-        ground = np.array([np.ones_like(self.omega), (self.omega / self.size) ** 2], dtype=complex)
-        ground = ground @ self.basis.conj()
-        self.background = np.stack([ground[0], 1j * ground[0], ground[1], 1j * ground[1]])
+        outside = values - (values @ self.ground) @ self.ground.T - self.inside @ self.basis.T
+        self.outside = np.sum(np.abs(outside) ** 2, axis=1)
         self.scale = 1.0
         self.amplitude = 0.0
+        self._solved: tuple[tuple[float, ...], _Linear] | None = None
 
     def _span(self) -> Complex:
-        """Orthonormal functions of the lines that hold every pole near the resonance."""
+        """Orthonormal functions of the lines that hold every pole near, beside the background."""
         frequencies = self.size * (1 + self.ratio * np.linspace(-2.5, 2.5, 9))
         widths = np.array([0.4, 0.7, 1.0, 1.5, 2.2])
         poles = np.array([f * (-self.ratio * w + 1j) for f in frequencies for w in widths])
-        direct = 1 / (
+        functions = 1 / (
             (1j * self.omega - poles[:, None]) * (1j * self.omega - poles.conj()[:, None])
         )
-        background = np.array([np.ones_like(self.omega), (self.omega / self.size) ** 2])
-        functions = np.concatenate([-(self.omega**2) * direct, background])
+        functions *= self.omega**2
+        functions -= (functions @ self.ground) @ self.ground.T
         functions /= np.linalg.norm(functions, axis=1, keepdims=True)
-        _, _, span = np.linalg.svd(functions, full_matrices=False)
-        return np.asarray(span[:_DIMENSIONS].T)
+        return np.asarray(np.linalg.svd(functions, full_matrices=False)[2][:_DIMENSIONS].T)
 
     def _states(self, x: Real) -> tuple[Complex, Complex, Complex]:
         """Pole s and coupling δ_c, δ_s of many parameter sets, (n_sets,) each."""
@@ -154,36 +175,57 @@ class PairProblem:
         return mean - along, along, across
 
     def residuals(self, x: Real) -> Real:
-        """Weighted residuals of many parameter sets, those of the priors included."""
-        return self._solved(x)[0]
+        """Weighted residuals at some parameters, those of the priors included."""
+        return np.concatenate([self._linear(x).left, x[_ALONG:] / self.priors])
 
-    def _solved(self, x: Real) -> tuple[Real, Complex]:
-        """Residuals, (n_sets, n_residuals), and amplitudes 1/M, (n_sets,)."""
-        waves = self._waves(x) @ self.basis.conj()  # (set, cosine or sine, function)
-        n_sets, _, n = waves.shape
-        columns = np.zeros((n_sets, _N_LINEAR, 2, n), dtype=complex)
-        columns[:, 0], columns[:, 1] = waves, 1j * waves
+    def jacobian(self, x: Real, steps: Real) -> Real:
+        """Slopes of the residuals to the parameters that `steps` moves, (n_residuals, n_steps).
+
+        Those of Kaufman (1975): gradient and normal matrix are exact with them.
+        """
+        linear = self._linear(x)
+        ahead, behind = np.split(self._waves(np.concatenate([x + steps, x - steps])), 2)
+        size = np.linalg.norm(steps, axis=1)
+        slopes = (ahead - behind) @ self.basis.conj() / (2 * size[:, None, None])
+        slopes = linear.amplitude * slopes + np.einsum("rw,kwn->krn", linear.mixing, slopes)
+        slopes = (slopes * self._weight[:, None]).reshape(size.size, -1)
+        rows = np.concatenate([slopes.real, slopes.imag, np.zeros((size.size, 8))], axis=1).T
+        rows -= linear.orthonormal @ (linear.orthonormal.T @ rows)
+        return np.concatenate([-rows, (steps[:, _ALONG:] / size[:, None] / self.priors).T])
+
+    @property
+    def _weight(self) -> Real:
+        return np.asarray(1 / (self.std * np.sqrt(self.scale)))
+
+    def _linear(self, x: Real) -> _Linear:
+        """Best amplitude and mixing at some parameters; the last is kept."""
+        key = (*x, self.scale, self.amplitude)
+        if self._solved is None or self._solved[0] != key:
+            self._solved = key, self._eliminated(self._waves(x[None])[0] @ self.basis.conj())
+        return self._solved[1]
+
+    def _eliminated(self, waves: Complex) -> _Linear:
+        columns = np.zeros((_N_LINEAR, *waves.shape), dtype=complex)
+        columns[0], columns[1] = waves, 1j * waves
         for row in (0, 1):
-            for wave in (0, 1):
-                first = 2 + 4 * row + 2 * wave
-                columns[:, first, row] = waves[:, wave]
-                columns[:, first + 1, row] = 1j * waves[:, wave]
-            columns[:, 10 + 4 * row : 14 + 4 * row, row] = self.background
-        weight = 1 / (self.std * np.sqrt(self.scale))
-        data = (self.inside * weight[:, None]).ravel()
-        design = (columns * weight[:, None]).reshape(n_sets, _N_LINEAR, -1).transpose(0, 2, 1)
-        prior = np.zeros((n_sets, 8, _N_LINEAR))
+            first = 2 + 4 * row
+            columns[first : first + 4 : 2, row] = waves
+            columns[first + 1 : first + 5 : 2, row] = 1j * waves
+        design = (columns * self._weight[:, None]).reshape(_N_LINEAR, -1).T
+        data = (self.inside * self._weight[:, None]).ravel()
+        prior = np.zeros((8, _N_LINEAR))
         allowed = max(self.settings.wave_deviation * self.amplitude, 1e-300)
-        prior[:, np.arange(8), np.arange(2, 10)] = 1 / allowed
-        matrix = np.concatenate([design.real, design.imag, prior], axis=1)
+        prior[np.arange(8), np.arange(2, 10)] = 1 / allowed
+        matrix = np.concatenate([design.real, design.imag, prior])
         right = np.concatenate([data.real, data.imag, np.zeros(8)])
-        size = np.linalg.norm(matrix, axis=1)
-        orthonormal, triangle = np.linalg.qr(matrix / size[:, None])
-        seen = np.einsum("krc,r->kc", orthonormal, right)
-        left = right - np.einsum("krc,kc->kr", orthonormal, seen)
-        linear = np.linalg.solve(triangle, seen[:, :, None])[:, :, 0] / size
-        residuals = np.concatenate([left, x[:, _ALONG:] / self.priors], axis=1)
-        return residuals, linear[:, 0] + 1j * linear[:, 1]
+        size = np.linalg.norm(matrix, axis=0)
+        factors, scales, _, _ = dgeqrf(matrix / size)  # a quarter of the time of numpy's qr
+        orthonormal = dorgqr(factors, scales)[0]
+        seen = orthonormal.T @ right
+        solution = np.linalg.solve(np.triu(factors[:_N_LINEAR]), seen) / size
+        found = solution[0::2] + 1j * solution[1::2]
+        left = right - orthonormal @ seen
+        return _Linear(left, orthonormal, complex(found[0]), found[1:].reshape(2, 2))
 
     def _waves(self, x: Real) -> Complex:
         """FRFs of cosine and sine for unit amplitude, (n_sets, 2, n_lines)."""
@@ -192,11 +234,11 @@ class PairProblem:
         shown = []
         for s, c, d in ((pole, along, across), (pole.conj(), along.conj(), across.conj())):
             away = 1j * self.omega - s
-            below = away**2 - c**2 - d**2
-            shown.append(((away + c) / below, d / below, (away - c) / below))
+            below = 1 / (away**2 - c**2 - d**2)
+            shown.append(((away + c) * below, d * below, (away - c) * below))
         (a11, a12, a22), (b11, b12, b22) = shown
         cc, ss = a11 * b11 + a12 * b12, a12 * b12 + a22 * b22
-        cs = 0.5 * (a11 * b12 + a12 * b22 + b11 * a12 + b12 * a22)
+        cs = 0.5 * (a12 * (b11 + b22) + b12 * (a11 + a22))
         waves = np.stack([cc * force[0] + cs * force[1], cs * force[0] + ss * force[1]], axis=1)
         return np.asarray(-(self.omega**2) * waves)
 
@@ -204,26 +246,54 @@ class PairProblem:
         """Best pair, with what the data say against one pole."""
         single = np.zeros(_N_PARAMETERS)
         self.amplitude = 1e-12  # no mixing at first, to see the size of the wave
-        self.amplitude = abs(complex(self._solved(single[None])[1][0]))
-        best = self._best()
-        outside = float(np.sum(self.outside / self.std**2))
-        misfit = (2 * best.cost + outside) / max(self.n_independent - 20, 1)
-        self.scale = max(misfit, 1e-12)
-        best = self._minimum(best.x, most=_LAST_LOOK)
-        one = self._minimum(single, free=(_MEAN, _DAMPING), most=_LAST_LOOK)
+        self.amplitude = abs(self._linear(single).amplitude)
+        one = self.minimum(single, free=(_MEAN, _DAMPING))
+        small = one.x + _SMALL * self.ratio
+        if self._explains(one):  # no larger split can be significant
+            self.scale = self._misfit(one)
+            best = self.minimum(small)
+        else:
+            best = self._best(one.x, self.minimum(small))
+            self.scale = self._misfit(best)
+            best = self.minimum(best.x)
+        one = self.minimum(one.x, free=(_MEAN, _DAMPING))
+        if one.cost < best.cost:  # the search from a split ended early
+            best = self.minimum(one.x)
+        misfit = self.scale * self._misfit(best)
         return self._fit(best, 2 * (one.cost - best.cost), misfit)
 
-    def _best(self) -> OptimizeResult:
-        starts = np.zeros((len(_STARTS), _N_PARAMETERS))
-        starts[:, [_ALONG, _ACROSS]] = self.ratio * np.array(_STARTS)
-        looks = [self._minimum(each, most=_FIRST_LOOK) for each in starts]
-        looks.sort(key=lambda each: float(each.cost))
-        found = [self._minimum(each.x, most=_LAST_LOOK) for each in looks[:2]]
-        return min(found, key=lambda each: float(each.cost))
+    def _misfit(self, found: OptimizeResult) -> float:
+        """Reduced χ², in terms of the scale."""
+        outside = float(np.sum(self.outside / self.std**2)) / self.scale
+        return max(float(2 * found.cost + outside) / max(self.n_independent - 20, 1), 1e-12)
 
-    def _minimum(
-        self, start: Real, *, free: tuple[int, ...] = tuple(range(_N_PARAMETERS)), most: int
+    def _explains(self, one: OptimizeResult) -> bool:
+        """Whether one pole leaves no more than the noise, given or seen outside the basis."""
+        n_inside = 2 * self.inside.size * self.n_independent / (4 * self.omega.size)
+        free = max(n_inside - _N_LINEAR, 1.0)
+        outside = float(np.sum(self.outside / self.std**2))
+        noise = max(outside / max(self.n_independent - n_inside, 1.0), float(self.noise_known))
+        return bool(2 * one.cost < noise * (free + 2 * np.sqrt(2 * free)))
+
+    def _best(self, one: Real, near: OptimizeResult) -> OptimizeResult:
+        """Best of the search from a small split and that from the likeliest larger one."""
+        starts = np.tile(one, (len(_LARGE), 1))
+        starts[:, [_DAMPING, _ALONG, _ACROSS]] += np.array(_LARGE) * [1, self.ratio, self.ratio]
+        waves = self._waves(starts) @ self.basis.conj()
+        left = [np.linalg.norm(self._eliminated(each).left) for each in waves]
+        likeliest = starts[np.argsort(left)[:_MOST_LOOKS]]
+        looks = [self.minimum(each, most=_FIRST_LOOK) for each in likeliest]
+        far = min(looks, key=lambda each: float(each.cost))
+        return near if far.cost > near.cost else self.minimum(far.x)
+
+    def minimum(
+        self,
+        start: Real,
+        *,
+        free: tuple[int, ...] = tuple(range(_N_PARAMETERS)),
+        most: int = _LAST_LOOK,
     ) -> OptimizeResult:
+        """Search for the minimum from `start`, inside what a pair can be."""
         reach = np.array([2 * self.ratio, 1.5, 3 * self.ratio, 3 * self.ratio, 0.5, 0.5, 0.8])
         tenth = 0.1 * self.ratio
         scale = np.array([tenth, 0.1, tenth, tenth, 0.1, 0.1, 0.02])
@@ -236,38 +306,33 @@ class PairProblem:
             x[chosen] = values
             return x
 
-        def slope(values: Real) -> Real:
-            x = whole(values)
-            both = self.residuals(np.concatenate([x + steps, x - steps]))
-            ahead, behind = both[: chosen.size], both[chosen.size :]
-            return np.asarray(((ahead - behind) / (2e-6 * scale[chosen])[:, None]).T)
-
-        inside = np.clip(start, -reach * (1 - 1e-9), reach * (1 - 1e-9))[chosen]
-        found = least_squares(
-            lambda values: self.residuals(whole(values)[None])[0],
-            inside,
-            slope,
-            bounds=(-reach[chosen], reach[chosen]),
+        limit = reach[chosen]
+        search = partial(
+            least_squares,
+            lambda values: self.residuals(whole(values)),
+            np.clip(start[chosen], -limit * (1 - 1e-9), limit * (1 - 1e-9)),
+            lambda values: self.jacobian(whole(values), steps),
             x_scale=scale[chosen],
             max_nfev=most,
+            ftol=_ENOUGH,
+            xtol=_ENOUGH,
         )
+        found = search(method="lm")
+        if np.any(np.abs(found.x) > limit):
+            found = search(method="trf", bounds=(-limit, limit))
         found.x = whole(found.x)
         return found
 
-    def near(self, x: Real) -> tuple[Real, Real]:
-        """Numbers of the minimum next to some parameters, and their covariance."""
-        found = self._minimum(x, most=_LAST_LOOK)
-        return self._numbers(found.x), self._covariance(found)
-
-    def _covariance(self, found: OptimizeResult) -> Real:
+    def covariance(self, found: OptimizeResult) -> Real:
+        """Covariance of the numbers at a minimum, (6, 6)."""
         inner = np.linalg.pinv(found.jac.T @ found.jac, rcond=1e-14, hermitian=True)
         steps = 1e-7 * np.eye(_N_PARAMETERS)
-        ends = [self._numbers(found.x + h) - self._numbers(found.x - h) for h in steps]
+        ends = [self.numbers(found.x + h) - self.numbers(found.x - h) for h in steps]
         slope = np.array(ends).T / 2e-7
         return np.asarray(slope @ inner @ slope.T)
 
     def _fit(self, best: OptimizeResult, gain: float, misfit: float) -> PairFit:
-        numbers, covariance = self._numbers(best.x), self._covariance(best)
+        numbers, covariance = self.numbers(best.x), self.covariance(best)
         poles, residues = self._members(best.x)
         power = np.sum(np.abs(residues) ** 2, axis=1)
         apart = np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0])
@@ -291,7 +356,7 @@ class PairProblem:
         pole, along, across = (complex(each[0]) for each in self._states(x[None]))
         half = np.sqrt(complex(along**2 + across**2))
         half = half if half.imag >= 0 else -half
-        amplitude = complex(self._solved(x[None])[1][0])
+        amplitude = self._linear(x).amplitude
         force = np.array([np.cos(x[_FORCE]), np.sin(x[_FORCE])])
         turned = np.array([[along, across], [across, -along]]) / (half or 1.0)
         poles = pole - half, pole + half
@@ -301,7 +366,7 @@ class PairProblem:
         ]
         return poles, np.array(residues)
 
-    def _numbers(self, x: Real) -> Real:
+    def numbers(self, x: Real) -> Real:
         """(frequency_hz, damping_ratio) of a, of b and of the mean."""
         pole, along, across = (complex(each[0]) for each in self._states(x[None]))
         half = np.sqrt(complex(along**2 + across**2))
@@ -356,7 +421,14 @@ def _problem(
     known = bool(np.all(np.isfinite(level)) and np.all(level > 0))
     noise = level if known else np.full(2, np.sqrt(np.mean(np.abs(values[:, near]) ** 2)))
     return PairProblem(
-        frequency_hz[near], values[:, near], noise, start, force_std_rad, correlation, settings
+        frequency_hz[near],
+        values[:, near],
+        noise,
+        start,
+        force_std_rad,
+        correlation,
+        settings,
+        noise_known=known,
     )
 
 
@@ -367,7 +439,8 @@ def _with_window(pair: PairFit, wide: PairProblem, narrow: PairProblem) -> PairF
     do (Hausman 1978).
     """
     narrow.amplitude, narrow.scale = wide.amplitude, wide.scale
-    numbers, covariance = narrow.near(pair.parameters)
-    change = (numbers - pair.numbers) ** 2
-    expected = np.maximum(np.diag(covariance) - np.diag(pair.covariance), 0.0)
+    found = narrow.minimum(pair.parameters)
+    change = (narrow.numbers(found.x) - pair.numbers) ** 2
+    variance = np.diag(narrow.covariance(found))
+    expected = np.maximum(variance - np.diag(pair.covariance), 0.0)
     return replace(pair, covariance=pair.covariance + np.diag(np.maximum(change - expected, 0.0)))
