@@ -15,6 +15,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -144,10 +145,8 @@ def stacked(rows: Complex, weight: Real) -> Real:
     return np.asarray(np.concatenate([weighted.real, weighted.imag], axis=1).T)
 
 
-_FIRST_DAMPING, _NO_DAMPING = 1e-2, 1e-9
-_SMALLEST_STEP = 1e-11  # of the parameters' own size
-_HOLDS = 1e-3  # of the fall predicted: a step that gains less is not taken
-_MOST_DAMPING = 1e12
+_SMALLEST_STEP = 1e-9  # of the parameters' own size
+_NOT_SEEN = 1e-14  # curvature, of the largest, in a direction that nothing depends on
 
 
 class SumOfSquares(Protocol):
@@ -177,70 +176,58 @@ def descend(
     gain: float,
     tries: int,
 ) -> tuple[Real, Point]:
-    """Levenberg–Marquardt steps on the normal equations, in a box; parameters and point found.
+    """Minimum of a sum of squares in a box, by scipy's trust-region reflective algorithm.
 
-    A step that would leave the box puts those parameters on its face and goes on with the others.
-    Nothing is ever formed that is larger than the number of parameters squared. `at` gives the sum
-    of squares at some parameters, `size` is how far a parameter goes in a large step: it ends the
-    search. A share `gain` of the cost is not worth another step; `tries` is the most points to look
-    at.
+    The search needs rᵀr, Jᵀr and JᵀJ only, so it is given the shortest residuals that have them:
+    nothing larger than the number of parameters squared is ever formed.
 
-    Marquardt (1963); the damping follows Nielsen (1999).
+    Parameters
+    ----------
+    at : callable
+        Takes parameters, gives the sum of squares there.
+    start, lower, upper : ndarray, shape (n_parameters,)
+    size : ndarray, shape (n_parameters,)
+        How far a parameter goes in a large step.
+    gain : float
+        Share of the cost that is not worth another step.
+    tries : int
+        Most points to look at.
+
+    Returns
+    -------
+    parameters : ndarray, shape (n_parameters,)
+    point : Point
+        What `at` gave there.
     """
-    x = np.clip(start, lower, upper)
-    here = at(x)
-    gradient, normal = here.gradient(), here.normal_matrix()
-    damping, growth, too_bold = _FIRST_DAMPING, 2.0, 0.0
-    for _ in range(tries - 1):
-        step = _step(gradient, normal, damping, lower - x, upper - x)
-        fall = -float(step @ (2 * gradient + normal @ step))
-        while fall <= gain * here.cost and damping > max(100 * too_bold, _NO_DAMPING):
-            # Damping holds back what is least certain: there may be more to gain without it.
-            damping /= 100
-            step = _step(gradient, normal, damping, lower - x, upper - x)
-            fall = -float(step @ (2 * gradient + normal @ step))
-        if fall <= gain * here.cost or np.all(np.abs(step) <= _SMALLEST_STEP * size):
-            break
-        there = at(x + step)
-        ratio = (here.cost - there.cost) / fall
-        if ratio > _HOLDS:
-            x, here, too_bold = x + step, there, 0.0
-            gradient, normal = here.gradient(), here.normal_matrix()
-            damping *= max(1 / 3, 1 - (2 * ratio - 1) ** 3)
-            growth = 2.0
-        elif damping > _MOST_DAMPING:
-            break
-        else:
-            too_bold = damping
-            damping, growth = damping * growth, 2 * growth
-    return x, here
+    last: list[tuple[Real, Point]] = []
+
+    def point(x: Real) -> Point:
+        if not last or not np.array_equal(last[0][0], x):
+            last[:] = [(x.copy(), at(x))]
+        return last[0][1]
+
+    found = least_squares(
+        lambda x: _shortest(point(x))[0],
+        np.clip(start, lower, upper),
+        lambda x: _shortest(point(x))[1],
+        bounds=(lower, upper),
+        x_scale=size,
+        ftol=max(gain, np.finfo(float).eps),
+        xtol=_SMALLEST_STEP,
+        gtol=None,
+        max_nfev=tries,
+    )
+    return found.x, point(found.x)
 
 
-def _step(gradient: Real, normal: Real, damping: float, lowest: Real, highest: Real) -> Real:
-    """Damped Gauss–Newton step between `lowest` and `highest`."""
-    curved = np.diag(normal)
-    # A parameter that nothing depends on stays where it is.
-    damped = normal + np.diag(damping * curved + np.where(curved > 0, 0.0, 1.0))
-    step = np.zeros(gradient.size)
-    # Parameters on a face they are pushed against.
-    held = ((lowest >= 0) & (gradient > 0)) | ((highest <= 0) & (gradient < 0))
-    while not np.all(held):
-        free = ~held
-        right = -gradient[free] - damped[np.ix_(free, held)] @ step[held]
-        step[free] = _solved(damped[np.ix_(free, free)], right)
-        outside = free & ((step < lowest) | (step > highest))
-        step = np.clip(step, lowest, highest)
-        if not np.any(outside):
-            break
-        held |= outside
-    return step
-
-
-def _solved(matrix: Real, right: Real) -> Real:
-    """Solution of a symmetric positive system whose unknowns differ in size."""
-    size = np.sqrt(np.diag(matrix))
-    scaled = matrix / np.outer(size, size)
-    try:
-        return np.asarray(np.linalg.solve(scaled, right / size) / size)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.lstsq(scaled, right / size, rcond=None)[0] / size)
+def _shortest(point: SumOfSquares) -> tuple[Real, Real]:
+    """Residuals and Jacobian with the rᵀr, Jᵀr and JᵀJ of a point, of n_parameters + 1 rows."""
+    normal = point.normal_matrix()
+    size = np.sqrt(np.diag(normal))
+    size[size == 0] = 1.0
+    curvature, directions = np.linalg.eigh(normal / np.outer(size, size))
+    root = np.sqrt(np.maximum(curvature, _NOT_SEEN * curvature[-1]))
+    inside = directions.T @ (point.gradient() / size) / root
+    rest = np.sqrt(max(point.cost - float(inside @ inside), 0.0))
+    jacobian = np.vstack([root[:, None] * directions.T * size, np.zeros(size.size)])
+    return np.append(inside, rest), jacobian
