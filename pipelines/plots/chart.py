@@ -6,7 +6,7 @@ from base64 import b64encode
 from collections.abc import Iterator
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,7 +41,6 @@ class Chart:
     caption: str = ""  # what to look for
     wide: bool = False  # whether it needs the full width of the page
     height_px: int = 340
-    kind: ClassVar[str] = "chart"
 
     def printed(self) -> tuple[Chart, ...]:
         """The chart in print."""

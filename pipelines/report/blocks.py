@@ -1,10 +1,13 @@
-"""What a report is made of: sections of paragraphs, facts, tables, charts and pictures."""
+"""What a report is made of: sections of paragraphs, facts, tables, charts and pictures.
+
+The template has a macro for each class, called as the class in lower case.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from pipelines.plots.chart import Chart
 
@@ -15,7 +18,6 @@ class Paragraph:
 
     text: str
     tone: str = "plain"  # "plain", "good" (a verdict in favour) or "warning"
-    kind: ClassVar[str] = "paragraph"
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,6 @@ class Listing:
 
     items: tuple[str, ...]
     tone: str = "plain"
-    kind: ClassVar[str] = "listing"
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,6 @@ class Facts:
     """Pairs of a name and a value with its unit."""
 
     rows: tuple[tuple[str, str], ...]
-    kind: ClassVar[str] = "facts"
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,6 @@ class Table:
     rows: tuple[tuple[str | Link, ...], ...]
     words: tuple[int, ...] = ()  # columns with words, set flush left; all others hold numbers
     folded: bool = False  # shown on demand only; what is open is printed
-    kind: ClassVar[str] = "table"
 
     @classmethod
     def of_columns(
@@ -70,7 +69,6 @@ class Picture:
     alternative: str  # what the picture shows, for readers who cannot see it
     caption: str
     wide: bool = False  # whether it needs the full width of the page
-    kind: ClassVar[str] = "picture"
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,6 @@ class Chooser:
     chosen: int  # index of what is shown first
     content: Mapping[str, Any]
     printed: Callable[[], tuple[Chart, ...]]  # gives the charts for paper
-    kind: ClassVar[str] = "chooser"
 
 
 @dataclass(frozen=True)
@@ -95,7 +92,6 @@ class Animation:
     content: Mapping[str, Any]
     caption: str
     printed: Callable[[], tuple[Chart, ...]]  # gives the charts for paper
-    kind: ClassVar[str] = "animation"
 
 
 Alone = Paragraph | Listing | Facts | Table | Picture | Chart | Chooser | Animation
@@ -106,7 +102,6 @@ class Beside:
     """Blocks side by side where the page is wide enough."""
 
     blocks: tuple[Alone, ...]
-    kind: ClassVar[str] = "beside"
 
 
 Block = Alone | Beside

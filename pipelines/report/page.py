@@ -134,4 +134,5 @@ def _environment() -> Environment:
     )
     environment.filters["breakable"] = breakable
     environment.filters["as_json"] = as_json
+    environment.filters["kind"] = lambda block: type(block).__name__.lower()
     return environment

@@ -87,7 +87,7 @@ class Result:
     >>> result = rm.load("result")
     >>> result.modal_model.frequencies_hz[:3].round(1)
     array([ 78.7, 100.3, 121.4])
-    >>> sorted({finding.verdict for finding in result.findings})
+    >>> sorted({finding.verdict.value for finding in result.findings})
     ['ok']
     """
 
