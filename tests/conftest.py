@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
+import pickle
 import shutil
 import sys
 import tomllib
@@ -11,10 +14,12 @@ import pytest
 from browser import chromium
 from hypothesis import HealthCheck, settings
 
+import ema
 from pipelines.cli import main as cli
 from pipelines.process.run import process
 from pipelines.report.save import save
 from pipelines.simulate.campaign import simulate_campaign
+from pipelines.storage.atomic import file_written_whole
 
 # The same examples everywhere, and no verdict that depends on how busy a machine is.
 settings.register_profile(
@@ -51,6 +56,31 @@ def sample_folder(sample_result, tmp_path_factory):
     folder = tmp_path_factory.mktemp("sample") / "result"
     save(sample_result, folder)
     return folder
+
+
+@pytest.fixture(scope="session")
+def known_modes(tmp_path_factory):
+    """A folder that all workers share, for modes that one of them has identified."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "modes"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+@pytest.fixture
+def modes_once(known_modes, monkeypatch):
+    """The same modes are not identified twice, for tests of what comes before and after."""
+    identify = ema.identify_modes
+
+    def identified(*arguments, **options):
+        asked = pickle.dumps((arguments, options))
+        path = known_modes / hashlib.sha256(asked).hexdigest()
+        if not path.exists():
+            with file_written_whole(path) as partial:
+                partial.write_bytes(pickle.dumps(identify(*arguments, **options)))
+        return pickle.loads(path.read_bytes())
+
+    monkeypatch.setattr("ema.identify_modes", identified)
 
 
 @pytest.fixture(scope="session")
