@@ -34,6 +34,36 @@ SAMPLE = Path(__file__).parents[1] / "sample_data" / "tyre_225_55R17"
 
 
 @pytest.fixture(scope="session")
+def identified_once(tmp_path_factory):
+    """`identify_modes`, which does not identify the same modes twice, not even in two workers."""
+    base = tmp_path_factory.getbasetemp()
+    known = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "modes"
+    known.mkdir(exist_ok=True)
+    identify = ema.identify_modes
+
+    def identified(*arguments, **options):
+        path = known / hashlib.sha256(pickle.dumps((arguments, options))).hexdigest()
+        if not path.exists():
+            with file_written_whole(path) as partial:
+                partial.write_bytes(pickle.dumps(identify(*arguments, **options)))
+        return pickle.loads(path.read_bytes())
+
+    return identified
+
+
+@pytest.fixture
+def modes_once(identified_once, monkeypatch):
+    """For tests of what comes before and after the identification, which takes most of the time."""
+    monkeypatch.setattr("ema.identify_modes", identified_once)
+
+
+def processed(campaign, identified):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ema.identify_modes", identified)
+        return process(campaign)
+
+
+@pytest.fixture(scope="session")
 def sample_campaign():
     return SAMPLE
 
@@ -46,8 +76,8 @@ def truth():
 
 
 @pytest.fixture(scope="session")
-def sample_result():
-    return process(SAMPLE)
+def sample_result(identified_once):
+    return processed(SAMPLE, identified_once)
 
 
 @pytest.fixture(scope="session")
@@ -56,31 +86,6 @@ def sample_folder(sample_result, tmp_path_factory):
     folder = tmp_path_factory.mktemp("sample") / "result"
     save(sample_result, folder)
     return folder
-
-
-@pytest.fixture(scope="session")
-def known_modes(tmp_path_factory):
-    """A folder that all workers share, for modes that one of them has identified."""
-    base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "modes"
-    folder.mkdir(exist_ok=True)
-    return folder
-
-
-@pytest.fixture
-def modes_once(known_modes, monkeypatch):
-    """The same modes are not identified twice, for tests of what comes before and after."""
-    identify = ema.identify_modes
-
-    def identified(*arguments, **options):
-        asked = pickle.dumps((arguments, options))
-        path = known_modes / hashlib.sha256(asked).hexdigest()
-        if not path.exists():
-            with file_written_whole(path) as partial:
-                partial.write_bytes(pickle.dumps(identify(*arguments, **options)))
-        return pickle.loads(path.read_bytes())
-
-    monkeypatch.setattr("ema.identify_modes", identified)
 
 
 @pytest.fixture(scope="session")
@@ -115,8 +120,8 @@ def short_campaign(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def short_result(short_campaign):
-    return process(short_campaign)
+def short_result(short_campaign, identified_once):
+    return processed(short_campaign, identified_once)
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from fleets import write_campaign
 
 from pipelines.cli import streams
 from pipelines.results.store import MARKER
@@ -17,6 +18,7 @@ no_full_device = pytest.mark.skipif(
 )
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="streams are closed by a shell")
 
+QUICK = ("--no-tune", "--max-order", "20")
 DEAD = {
     "stdout closed": ">&-",
     "stderr closed": "2>&-",
@@ -44,10 +46,16 @@ def shell(arguments, redirection="", folder=None, **extra):
     return int(code.read_text()), finished.stdout, finished.stderr
 
 
+@pytest.fixture(scope="module")
+def campaign(short_campaign, tmp_path_factory):
+    """One run, not to be changed: who listens does not depend on how much there is to process."""
+    return write_campaign(short_campaign, tmp_path_factory.mktemp("quick") / "campaign")
+
+
 @pytest.mark.parametrize("redirection", DEAD.values(), ids=DEAD.keys())
-def test_a_result_is_written_whoever_listens(short_campaign, tmp_path, redirection):
+def test_a_result_is_written_whoever_listens(campaign, tmp_path, redirection):
     out = tmp_path / "result"
-    arguments = ["process", short_campaign, "--out", out, "--no-report"]
+    arguments = ["process", campaign, "--out", out, "--no-report", *QUICK]
     code, output, errors = shell(arguments, redirection, tmp_path)
     assert code == 0
     assert (out / MARKER).is_file()
@@ -85,9 +93,9 @@ def test_a_full_drive_beneath_standard_output_is_an_error(short_campaign, tmp_pa
 
 
 @no_full_device
-def test_a_full_drive_beneath_the_output_costs_no_result(short_campaign, tmp_path):
+def test_a_full_drive_beneath_the_output_costs_no_result(campaign, tmp_path):
     out = tmp_path / "result"
-    arguments = ["process", short_campaign, "--out", out, "--no-report", "--json", "--quiet"]
+    arguments = ["process", campaign, "--out", out, "--no-report", "--json", "--quiet", *QUICK]
     code, _, errors = shell(arguments, ">/dev/full", tmp_path)
     assert code == 2
     assert errors.startswith("Error: standard output")
