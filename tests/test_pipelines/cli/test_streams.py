@@ -65,9 +65,9 @@ def test_a_result_is_written_whoever_listens(campaign, tmp_path, redirection):
 
 @pytest.mark.parametrize("name", ["stdout closed", "both closed", "both read by nobody"])
 @pytest.mark.parametrize("options", [["--json"], []])
-def test_what_is_only_printed_ends_quietly(short_campaign, tmp_path, name, options):
+def test_what_is_only_printed_ends_quietly(campaign, tmp_path, name, options):
     redirection = DEAD[name]
-    code, output, errors = shell(["inspect", short_campaign, *options], redirection, tmp_path)
+    code, output, errors = shell(["inspect", campaign, *options], redirection, tmp_path)
     assert code == 0
     assert "Traceback" not in output + errors
     assert "Exception ignored" not in output + errors
@@ -84,11 +84,15 @@ def test_help_and_usage_errors_do_too(tmp_path, arguments):
 
 @no_full_device
 @pytest.mark.parametrize("options", [["--json"], []])
-def test_a_full_drive_beneath_standard_output_is_an_error(short_campaign, tmp_path, options):
-    code, _, errors = shell(["inspect", short_campaign, *options], ">/dev/full", tmp_path)
+def test_a_full_drive_beneath_standard_output_is_an_error(campaign, tmp_path, options):
+    code, _, errors = shell(["inspect", campaign, *options], ">/dev/full", tmp_path)
     assert code == 2
     assert len(errors.splitlines()) == 1
-    code, _, errors = shell(["inspect", tmp_path / "no.uff"], ">/dev/full 2>/dev/full", tmp_path)
+
+
+@no_full_device
+def test_a_full_drive_beneath_both_leaves_the_exit_code(tmp_path):
+    code, _, _ = shell(["inspect", tmp_path / "no.uff"], ">/dev/full 2>/dev/full", tmp_path)
     assert code == 2
 
 
@@ -118,10 +122,10 @@ def test_no_message_ends_in_a_file_that_took_the_place_of_a_closed_stream(tmp_pa
     assert (tmp_path / "kept").read_bytes() == b""
 
 
-def test_unbuffered_output_is_no_different(short_campaign, tmp_path):
-    arguments = ["inspect", short_campaign, "--headers"]
+def test_unbuffered_output_is_no_different(campaign, tmp_path):
+    arguments = ["inspect", campaign, "--headers"]
     for redirection in ("| true", ">&-", ""):
         code, output, errors = shell(arguments, redirection, tmp_path, PYTHONUNBUFFERED="1")
         assert code == 0
         assert errors == ""
-    assert str(short_campaign) in output
+    assert str(campaign) in output
