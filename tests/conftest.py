@@ -8,6 +8,7 @@ import pickle
 import shutil
 import sys
 import tomllib
+from functools import wraps
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,7 @@ def identified_once(tmp_path_factory):
     known.mkdir(exist_ok=True)
     identify = ema.identify_modes
 
+    @wraps(identify)
     def identified(*arguments, **options):
         path = known / hashlib.sha256(pickle.dumps((arguments, options))).hexdigest()
         if not path.exists():

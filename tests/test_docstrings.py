@@ -12,7 +12,6 @@ from docs_pages import ROOT
 
 import ringmodal
 
-pytestmark = pytest.mark.usefixtures("modes_once")
 NAMES = sorted(name for name in ringmodal.__all__ if name != "__version__")
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
