@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
+import pickle
 import shutil
 import sys
 import tomllib
+from functools import wraps
 from pathlib import Path
 
 import pytest
 from browser import chromium
 from hypothesis import HealthCheck, settings
 
+import ema
 from pipelines.cli import main as cli
 from pipelines.process.run import process
 from pipelines.report.save import save
 from pipelines.simulate.campaign import simulate_campaign
+from pipelines.storage.atomic import file_written_whole
 
 # The same examples everywhere, and no verdict that depends on how busy a machine is.
 settings.register_profile(
@@ -26,6 +32,37 @@ settings.register_profile(
 settings.load_profile("repeatable")
 
 SAMPLE = Path(__file__).parents[1] / "sample_data" / "tyre_225_55R17"
+
+
+@pytest.fixture(scope="session")
+def identified_once(tmp_path_factory):
+    """`identify_modes`, which does not identify the same modes twice, not even in two workers."""
+    base = tmp_path_factory.getbasetemp()
+    known = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "modes"
+    known.mkdir(exist_ok=True)
+    identify = ema.identify_modes
+
+    @wraps(identify)
+    def identified(*arguments, **options):
+        path = known / hashlib.sha256(pickle.dumps((arguments, options))).hexdigest()
+        if not path.exists():
+            with file_written_whole(path) as partial:
+                partial.write_bytes(pickle.dumps(identify(*arguments, **options)))
+        return pickle.loads(path.read_bytes())  # noqa: S301 - written by this run
+
+    return identified
+
+
+@pytest.fixture
+def modes_once(identified_once, monkeypatch):
+    """For tests of what comes before and after the identification, which takes most of the time."""
+    monkeypatch.setattr("ema.identify_modes", identified_once)
+
+
+def processed(campaign, identified):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ema.identify_modes", identified)
+        return process(campaign)
 
 
 @pytest.fixture(scope="session")
@@ -41,8 +78,8 @@ def truth():
 
 
 @pytest.fixture(scope="session")
-def sample_result():
-    return process(SAMPLE)
+def sample_result(identified_once):
+    return processed(SAMPLE, identified_once)
 
 
 @pytest.fixture(scope="session")
@@ -85,8 +122,8 @@ def short_campaign(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def short_result(short_campaign):
-    return process(short_campaign)
+def short_result(short_campaign, identified_once):
+    return processed(short_campaign, identified_once)
 
 
 @pytest.fixture

@@ -37,7 +37,7 @@ RUN = [page for page in pages() if any(is_run(block) for block in blocks_of(page
 
 
 @pytest.fixture
-def page_folder(tmp_path, sample_campaign, sample_folder, monkeypatch):
+def page_folder(tmp_path, sample_campaign, sample_folder, modes_once, monkeypatch):
     """A folder with everything that a page's blocks name."""
 
     def prepare(text: str) -> Path:

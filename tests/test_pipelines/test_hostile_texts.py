@@ -18,7 +18,7 @@ ACTING = "\\u001b]0;x\\u0007\\u202e\\u009b31m$x"
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 
 
-def ringmodal(*arguments):
+def program(*arguments):
     """The command in a process of its own: its streams are bytes, and warnings are seen."""
     paths = os.pathsep.join([str(Path(streams.__file__).parents[2]), *sys.path])
     finished = subprocess.run(
@@ -49,7 +49,7 @@ def hostile(tmp_path_factory):
 def result(hostile, tmp_path_factory):
     folder = tmp_path_factory.mktemp("hostile_result") / "result"
     figures = folder.parent / "figures"
-    outcome = ringmodal("process", hostile, "--out", folder, "--figures", figures)
+    outcome = program("process", hostile, "--out", folder, "--figures", figures)
     return folder, figures, outcome
 
 
@@ -83,7 +83,7 @@ def test_nothing_acts_in_a_result(result):
 @pytest.mark.parametrize(
     "options", [["--format", "uff", "--text"], ["--format", "csv"], ["--format", "json"]]
 )
-def test_nothing_acts_in_an_export(result, tmp_path, options):
+def test_nothing_acts_in_an_export(ringmodal, result, tmp_path, options):
     folder, _, _ = result
     code, output, errors = ringmodal("export", folder, "--out", tmp_path / "out", *options)
     assert code == 0, errors
@@ -94,7 +94,7 @@ def test_nothing_acts_in_an_export(result, tmp_path, options):
         assert not CONTROL.search(path.read_text(encoding="utf-8"))
 
 
-def test_nothing_acts_in_a_library(result, tmp_path):
+def test_nothing_acts_in_a_library(ringmodal, result, tmp_path):
     folder, _, _ = result
     library = ["--library", tmp_path / "library"]
     author = ["--author", "@SUM(1)", "--note", "\x1b[31m=1"]
@@ -110,6 +110,6 @@ def test_nothing_acts_in_a_library(result, tmp_path):
 
 
 def test_inspect_shows_them(hostile):
-    _, output, errors = ringmodal("inspect", hostile, "--headers")
+    _, output, errors = program("inspect", hostile, "--headers")
     assert FORMULA in output
     assert not CONTROL.search(output + errors)

@@ -1,15 +1,14 @@
 """A pipe where a file is expected is refused at once: nobody waits for what may never come."""
 
+import faulthandler
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from library import SET, written
 
-from pipelines.cli import streams
 from pipelines.library.library import TyreLibrary
 from pipelines.report.save import save
 
@@ -23,20 +22,21 @@ def pipe(path):
     return path
 
 
-def refused(*arguments):
-    """The command ends by itself, with one message."""
-    paths = os.pathsep.join([str(Path(streams.__file__).parents[2]), *sys.path])
-    finished = subprocess.run(
-        [sys.executable, "-m", "pipelines.cli.main", *map(str, arguments)],
-        env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=30,  # for one that waits would never end
-    )
-    assert finished.returncode == 2, finished.stderr
-    assert finished.stdout == ""
-    assert finished.stderr.splitlines()[-1].startswith("Error: ")
+@pytest.fixture
+def refused(ringmodal):
+    """A command ends by itself, with one message; one that waits would never end."""
+
+    def refuse(*arguments):
+        faulthandler.dump_traceback_later(60, exit=True, file=sys.__stderr__)
+        try:
+            code, output, errors = ringmodal(*arguments)
+        finally:
+            faulthandler.cancel_dump_traceback_later()
+        assert code == 2, errors
+        assert output == ""
+        assert errors.splitlines()[-1].startswith("Error: ")
+
+    return refuse
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def stored(short_result, tmp_path_factory):
     return folder
 
 
-def test_a_manifest(campaign_copy, tmp_path):
+def test_a_manifest(refused, campaign_copy, tmp_path):
     pipe(campaign_copy / "campaign.toml")
     refused("process", campaign_copy, "--out", tmp_path / "result")
     refused("process", campaign_copy / "campaign.toml", "--out", tmp_path / "result")
@@ -54,13 +54,13 @@ def test_a_manifest(campaign_copy, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["run.uff", "run.csv", "run.h5", "run.parquet", "run.wav"])
-def test_a_recording(tmp_path, name):
+def test_a_recording(refused, tmp_path, name):
     path = pipe(tmp_path / name)
     refused("process", path, "--out", tmp_path / "result")
     refused("inspect", path)
 
 
-def test_a_parameter_set_and_a_property_file(tmp_path):
+def test_a_parameter_set_and_a_property_file(refused, tmp_path):
     toml, tir = pipe(tmp_path / "tyre.toml"), pipe(tmp_path / "tyre.tir")
     whole = written(tmp_path / "set.toml")
     refused("simulate", "frequencies", "--tyre", toml)
@@ -71,13 +71,13 @@ def test_a_parameter_set_and_a_property_file(tmp_path):
 
 
 @pytest.mark.parametrize("part", PARTS)
-def test_a_part_of_a_result(stored, tmp_path, part):
+def test_a_part_of_a_result(refused, stored, tmp_path, part):
     copy = Path(shutil.copytree(stored, tmp_path / "result"))
     pipe(copy / part)
     refused("tune", copy, "--no-report")
 
 
-def test_shapes_of_others(stored, tmp_path):
+def test_shapes_of_others(refused, stored, tmp_path):
     for name in ("shapes.csv", "shapes.uff"):
         refused("compare-shapes", stored, pipe(tmp_path / name))
 

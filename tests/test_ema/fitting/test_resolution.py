@@ -59,6 +59,7 @@ def test_a_pair_with_the_shaker_on_an_antinode_is_not_resolvable(place, member):
     systems.assert_modes(model, systems.of_orders(truth, member=member), frequency=5e-4)
     assert {mode.pair for mode in own(model)} <= {Pair.ONE_SEEN, Pair.NOT_SEPARABLE}
     assert {mode.member for mode in own(model)} == {""}
+    assert Pair.RESOLVED not in {report.pair.verdict for report in model.orders}
 
 
 def test_a_pair_that_is_not_split_is_one_mode():

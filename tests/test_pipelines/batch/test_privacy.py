@@ -17,44 +17,33 @@ pytestmark = pytest.mark.skipif(
     not Path("/proc/net/unix").exists(), reason="the system does not list its sockets"
 )
 NOBODY = 65534
-N_CAMPAIGNS = 6
+N_CAMPAIGNS = 3
 SOCKETS = {"tcp": 9, "tcp6": 9, "udp": 9, "udp6": 9, "unix": 6}  # → column of the inode
 LISTENING, UDP_BOUND, ACCEPTING = "0A", "07", 0x10000
 
 
-@pytest.fixture
-def place():
-    """A folder that others may look into, unlike pytest's own."""
-    folder = Path(tempfile.mkdtemp())
-    folder.chmod(0o755)
-    yield folder
-    shutil.rmtree(folder)
-
-
-@pytest.fixture
-def start(short_campaign, place):
-    """Start a batch with two workers and a umask."""
+@contextmanager
+def batch_at_work(campaign, umask):
+    """A batch with two workers and a umask, in a folder that others may look into."""
+    place = Path(tempfile.mkdtemp())  # pytest's own folders are closed
+    place.chmod(0o755)
     for number in range(N_CAMPAIGNS):
-        write_campaign(short_campaign, place / "root" / f"tyre_{number}")
-    root, out = place / "root", place / "out"
-    command = [sys.executable, "-m", "pipelines.cli.main", "batch", root, "--out", out]
+        write_campaign(campaign, place / "root" / f"tyre_{number}")
+    program = [sys.executable, "-m", "pipelines.cli.main"]
+    options = ["--jobs", "2", "--no-tune", "--max-order", "20", "--quiet"]
     paths = os.pathsep.join([str(Path(__file__).parents[3]), *sys.path])
-    running = []
-
-    def start(umask):
-        process = subprocess.Popen(
-            [*command, "--jobs", "2", "--no-tune", "--max-order", "20", "--quiet"],
-            env={**os.environ, "PYTHONPATH": paths},
-            stdout=subprocess.DEVNULL,
-            umask=umask,
-        )
-        running.append(process)
-        return process
-
-    yield start
-    for process in running:
+    process = subprocess.Popen(
+        [*program, "batch", place / "root", "--out", place / "out", *options],
+        env={**os.environ, "PYTHONPATH": paths},
+        stdout=subprocess.DEVNULL,
+        umask=umask,
+    )
+    try:
+        yield process, place
+    finally:
         process.kill()
         process.wait()
+        shutil.rmtree(place)
 
 
 @contextmanager
@@ -141,13 +130,27 @@ def watched(process, out):
     assert process.returncode == 0
 
 
-def test_nothing_that_listens_belongs_to_a_batch(start, place):
-    n_looks = 0
-    for processes in watched(start(0o022), place / "out"):
-        assert reachable(processes) == []
-        n_looks += 1
-    assert n_looks > 5
-    with subprocess.Popen(  # what does listen is seen
+@pytest.fixture(scope="module")
+def observed(short_campaign):
+    """Of a batch: sockets within reach, look by look, and the modes of all that it wrote."""
+    looks, modes = [], {}
+    with batch_at_work(short_campaign, 0o027) as (batch, place):
+        for processes in watched(batch, place / "out"):
+            looks.append(reachable(processes))
+            for path in everything(place / "out"):
+                with suppress(OSError):  # it has been renamed
+                    modes[path] = stat.S_IMODE(path.lstat().st_mode)
+    return looks, modes
+
+
+def test_nothing_that_listens_belongs_to_a_batch(observed):
+    looks, _ = observed
+    assert len(looks) > 5
+    assert not any(looks)
+
+
+def test_what_does_listen_is_seen():
+    with subprocess.Popen(
         [sys.executable, "-c", "import socket; s = socket.create_server(('', 0)); input()"],
         stdin=subprocess.PIPE,
     ) as server:
@@ -160,27 +163,26 @@ def test_nothing_that_listens_belongs_to_a_batch(start, place):
 @pytest.mark.skipif(
     not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can act as another user"
 )
-def test_a_second_user_reads_nothing_that_was_not_given(start, place):
-    (place / "given").write_text("to all")
+def test_a_second_user_reads_nothing_that_was_not_given(short_campaign):
     seen, n_looks = set(), 0
-    for processes in watched(start(0o077), place / "out"):
-        inside = [place / "out", *everything(place / "out")]
-        secrets = [
-            Path(f"/proc/{each}/{what}") for each in processes for what in ("fd", "environ", "mem")
-        ]
-        with another_user():
-            assert readable([*inside, *secrets, place / "given"]) == [place / "given"]
-        seen.update(path.name for path in inside)
-        n_looks += 1
+    with batch_at_work(short_campaign, 0o077) as (batch, place):
+        (place / "given").write_text("to all")
+        for processes in watched(batch, place / "out"):
+            inside = [place / "out", *everything(place / "out")]
+            secrets = [
+                Path(f"/proc/{each}/{what}")
+                for each in processes
+                for what in ("fd", "environ", "mem")
+            ]
+            with another_user():
+                assert readable([*inside, *secrets, place / "given"]) == [place / "given"]
+            seen.update(path.name for path in inside)
+            n_looks += 1
     assert n_looks > 5
     assert any(name.endswith(".partial") for name in seen)
 
 
-def test_what_is_half_written_is_as_open_as_what_is_whole(start, place):
-    modes = {}
-    for _ in watched(start(0o027), place / "out"):
-        for path in everything(place / "out"):
-            with suppress(OSError):  # it has been renamed
-                modes[path] = stat.S_IMODE(path.lstat().st_mode)
+def test_what_is_half_written_is_as_open_as_what_is_whole(observed):
+    _, modes = observed
     assert any(path.name.endswith(".partial") for path in modes)
     assert all(mode & 0o027 == 0 for mode in modes.values())

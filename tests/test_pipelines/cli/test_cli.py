@@ -14,6 +14,8 @@ from pipelines.cli import main as cli
 from pipelines.report import save as saving
 from pipelines.simulate import campaign as simulated
 
+pytestmark = pytest.mark.usefixtures("modes_once")
+
 
 @pytest.fixture
 def out(tmp_path):

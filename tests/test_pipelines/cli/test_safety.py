@@ -26,6 +26,7 @@ from pipelines.storage import result_folder
 from pipelines.storage.checksums import read_marker, write_marker
 from pipelines.storage.result_folder import written_whole
 
+pytestmark = pytest.mark.usefixtures("modes_once")
 PROGRAM = [sys.executable, "-m", "pipelines.cli.main"]
 
 

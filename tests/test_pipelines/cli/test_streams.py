@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from fleets import write_campaign
 
 from pipelines.cli import streams
 from pipelines.results.store import MARKER
@@ -17,6 +18,7 @@ no_full_device = pytest.mark.skipif(
 )
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="streams are closed by a shell")
 
+QUICK = ("--no-tune", "--max-order", "20")
 DEAD = {
     "stdout closed": ">&-",
     "stderr closed": "2>&-",
@@ -44,10 +46,16 @@ def shell(arguments, redirection="", folder=None, **extra):
     return int(code.read_text()), finished.stdout, finished.stderr
 
 
+@pytest.fixture(scope="module")
+def campaign(short_campaign, tmp_path_factory):
+    """One run, not to be changed: who listens does not depend on how much there is to process."""
+    return write_campaign(short_campaign, tmp_path_factory.mktemp("quick") / "campaign")
+
+
 @pytest.mark.parametrize("redirection", DEAD.values(), ids=DEAD.keys())
-def test_a_result_is_written_whoever_listens(short_campaign, tmp_path, redirection):
+def test_a_result_is_written_whoever_listens(campaign, tmp_path, redirection):
     out = tmp_path / "result"
-    arguments = ["process", short_campaign, "--out", out, "--no-report"]
+    arguments = ["process", campaign, "--out", out, "--no-report", *QUICK]
     code, output, errors = shell(arguments, redirection, tmp_path)
     assert code == 0
     assert (out / MARKER).is_file()
@@ -57,9 +65,9 @@ def test_a_result_is_written_whoever_listens(short_campaign, tmp_path, redirecti
 
 @pytest.mark.parametrize("name", ["stdout closed", "both closed", "both read by nobody"])
 @pytest.mark.parametrize("options", [["--json"], []])
-def test_what_is_only_printed_ends_quietly(short_campaign, tmp_path, name, options):
+def test_what_is_only_printed_ends_quietly(campaign, tmp_path, name, options):
     redirection = DEAD[name]
-    code, output, errors = shell(["inspect", short_campaign, *options], redirection, tmp_path)
+    code, output, errors = shell(["inspect", campaign, *options], redirection, tmp_path)
     assert code == 0
     assert "Traceback" not in output + errors
     assert "Exception ignored" not in output + errors
@@ -76,18 +84,22 @@ def test_help_and_usage_errors_do_too(tmp_path, arguments):
 
 @no_full_device
 @pytest.mark.parametrize("options", [["--json"], []])
-def test_a_full_drive_beneath_standard_output_is_an_error(short_campaign, tmp_path, options):
-    code, _, errors = shell(["inspect", short_campaign, *options], ">/dev/full", tmp_path)
+def test_a_full_drive_beneath_standard_output_is_an_error(campaign, tmp_path, options):
+    code, _, errors = shell(["inspect", campaign, *options], ">/dev/full", tmp_path)
     assert code == 2
     assert len(errors.splitlines()) == 1
-    code, _, errors = shell(["inspect", tmp_path / "no.uff"], ">/dev/full 2>/dev/full", tmp_path)
+
+
+@no_full_device
+def test_a_full_drive_beneath_both_leaves_the_exit_code(tmp_path):
+    code, _, _ = shell(["inspect", tmp_path / "no.uff"], ">/dev/full 2>/dev/full", tmp_path)
     assert code == 2
 
 
 @no_full_device
-def test_a_full_drive_beneath_the_output_costs_no_result(short_campaign, tmp_path):
+def test_a_full_drive_beneath_the_output_costs_no_result(campaign, tmp_path):
     out = tmp_path / "result"
-    arguments = ["process", short_campaign, "--out", out, "--no-report", "--json", "--quiet"]
+    arguments = ["process", campaign, "--out", out, "--no-report", "--json", "--quiet", *QUICK]
     code, _, errors = shell(arguments, ">/dev/full", tmp_path)
     assert code == 2
     assert errors.startswith("Error: standard output")
@@ -110,10 +122,10 @@ def test_no_message_ends_in_a_file_that_took_the_place_of_a_closed_stream(tmp_pa
     assert (tmp_path / "kept").read_bytes() == b""
 
 
-def test_unbuffered_output_is_no_different(short_campaign, tmp_path):
-    arguments = ["inspect", short_campaign, "--headers"]
+def test_unbuffered_output_is_no_different(campaign, tmp_path):
+    arguments = ["inspect", campaign, "--headers"]
     for redirection in ("| true", ">&-", ""):
         code, output, errors = shell(arguments, redirection, tmp_path, PYTHONUNBUFFERED="1")
         assert code == 0
         assert errors == ""
-    assert str(short_campaign) in output
+    assert str(campaign) in output

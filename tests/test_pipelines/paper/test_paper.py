@@ -184,7 +184,10 @@ def processed(sample_result, monkeypatch):
 
 
 @pytest.mark.usefixtures("processed")
-def test_command_writes_and_names_the_page(ringmodal, tmp_path):
+def test_command_writes_and_names_the_page(ringmodal, chapters, tmp_path, monkeypatch):
+    """Computing and drawing take their time and are tested by themselves."""
+    monkeypatch.setattr(paper, "paper_chapters", lambda result: chapters)
+    monkeypatch.setattr(paper, "png", lambda figure: b"\x89PNG")
     out = tmp_path / "paper"
     code, output, errors = ringmodal("paper", "--out", out)
     assert code == 0

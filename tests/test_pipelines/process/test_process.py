@@ -107,7 +107,7 @@ def test_the_papers_averaging_gives_table_3_too(sample_campaign, truth):
     assert_table_3(result.modal_model, truth)
 
 
-def test_every_stage_is_announced_and_timed(sample_result, short_campaign):
+def test_every_stage_is_announced_and_timed(modes_once, sample_result, short_campaign):
     announced = []
     result = process(short_campaign, Options(tune=False), announced.append)
     assert announced[0].startswith("Reading")
@@ -158,7 +158,7 @@ def test_without_a_manifest_there_are_modes_but_no_ring(short_campaign, truth):
     assert any("[tyre]" in note for note in result.notes)
 
 
-def test_without_a_tyre_there_are_orders_but_no_ring(campaign_copy):
+def test_without_a_tyre_there_are_orders_but_no_ring(modes_once, campaign_copy):
     manifest = campaign_copy / "campaign.toml"
     sections = manifest.read_text().split("\n\n")
     manifest.write_text("\n\n".join(s for s in sections if not s.startswith("[tyre]")))
@@ -168,7 +168,7 @@ def test_without_a_tyre_there_are_orders_but_no_ring(campaign_copy):
     assert any("[tyre]" in note for note in result.notes)
 
 
-def test_a_tyre_without_pressure_has_modes_where_no_ring_is_asked_for(edit_manifest):
+def test_a_tyre_without_pressure_has_modes_where_no_ring_is_asked_for(modes_once, edit_manifest):
     campaign = edit_manifest("inflation_pressure_pa = 220000.0\n", "")
     result = process(campaign, Options(tune=False))
     assert [mode.order for mode in between(result.modal_model, 40, 230)] == list(ORDERS)

@@ -12,6 +12,7 @@ from ema.core.finding import Check, Finding, Verdict
 from pipelines.process.run import refuse_warnings
 from pipelines.results.store import MARKER
 
+pytestmark = pytest.mark.usefixtures("modes_once")
 WARNED = Finding(
     "config_1.uff", "A01", 0.0, Check.HUM, Verdict.WARNING, "50 Hz line 12 dB above its sides"
 )

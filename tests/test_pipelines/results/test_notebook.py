@@ -161,7 +161,7 @@ def test_the_notebook_holds_what_a_fresh_run_gives():
         np.testing.assert_allclose(found, wanted, rtol=0.01, atol=0.02)
 
 
-def test_the_gallery_draws_every_picture_that_it_shows(monkeypatch):
+def test_the_gallery_draws_every_picture_that_it_shows(modes_once, monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "docs")
     import pictures
 

@@ -3,14 +3,11 @@
 import os
 import shutil
 import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 from library import SET, written
 from tyre_property_files import content
 
-from pipelines.cli import streams
 from pipelines.report.save import save
 
 MOUNT = shutil.which("mount")
@@ -44,18 +41,6 @@ def fill(drive):
             return
 
 
-def ringmodal(*arguments):
-    paths = os.pathsep.join([str(Path(streams.__file__).parents[2]), *sys.path])
-    finished = subprocess.run(
-        [sys.executable, "-m", "pipelines.cli.main", *map(str, arguments)],
-        env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    return finished.returncode, finished.stderr
-
-
 @pytest.fixture(scope="module")
 def stored(short_result, tmp_path_factory):
     folder = tmp_path_factory.mktemp("stored") / "result"
@@ -84,48 +69,48 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS.keys())
-def test_nothing_is_left_behind(stored, toml, drive, command):
+def test_nothing_is_left_behind(ringmodal, stored, toml, drive, command):
     fill(drive)
     places = {"RESULT": str(stored), "SET": str(toml)}
     arguments = [places.get(word, word.replace("DRIVE", str(drive))) for word in command]
-    code, errors = ringmodal(*arguments)
+    code, _, errors = ringmodal(*arguments)
     assert code == 2, errors
     assert errors.splitlines()[-1].startswith("Error: ")
     assert "Traceback" not in errors
     assert [path.name for path in drive.iterdir()] == ["full"]
 
 
-def test_a_property_file_keeps_its_content_and_gets_no_empty_copy(toml, drive):
+def test_a_property_file_keeps_its_content_and_gets_no_empty_copy(ringmodal, toml, drive):
     tir = drive / "tyre.tir"
     before = content()
     tir.write_bytes(before)
     fill(drive)
-    code, errors = ringmodal("tyre", "update-tir", tir, "--from", toml, "--yes")
+    code, _, errors = ringmodal("tyre", "update-tir", tir, "--from", toml, "--yes")
     assert code == 2, errors
     assert tir.read_bytes() == before
     assert sorted(path.name for path in drive.iterdir()) == ["full", "tyre.tir"]
 
 
-def test_there_is_room_for_the_new_file_but_not_for_the_copy(toml, drive):
+def test_there_is_room_for_the_new_file_but_not_for_the_copy(ringmodal, toml, drive):
     tir = drive / "tyre.tir"
     tir.write_bytes(content())
     fill(drive)
     with (drive / "full").open("rb+") as file:
         file.truncate(file.seek(0, os.SEEK_END) - 4096)  # a page of the drive
-    code, errors = ringmodal("tyre", "update-tir", tir, "--from", toml, "--yes")
+    code, _, errors = ringmodal("tyre", "update-tir", tir, "--from", toml, "--yes")
     assert code == 2, errors
     assert tir.read_bytes() == content()
     assert sorted(path.name for path in drive.iterdir()) == ["full", "tyre.tir"]
 
 
-def test_a_draft(campaign_copy, drive):
+def test_a_draft(ringmodal, campaign_copy, drive):
     (campaign_copy / "campaign.toml").unlink()
     folder = drive / "campaign"
     folder.mkdir()
     for path in campaign_copy.glob("*.uff"):
         (folder / path.name).symlink_to(path)
     fill(drive)
-    code, errors = ringmodal("init", folder)
+    code, _, errors = ringmodal("init", folder)
     assert code == 2, errors
     assert not (folder / "campaign.toml").exists()
     assert not list(folder.glob(".*"))
