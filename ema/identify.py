@@ -4,14 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.checks.corrections import Correction, followed_by
+from ema.checks.positions import (
+    PositionCheck,
+    check_positions,
+    moved,
+    no_wave_finding,
+    position_findings,
+    unexplained_share,
+)
 from ema.checks.screening import screen
-from ema.checks.sensor_consistency import check_consistency, is_better, withheld
+from ema.checks.sensor_consistency import ConsistencyCheck, check_consistency, is_better, withheld
 from ema.circumference.mass_loading import unloaded, without_live_mass
-from ema.circumference.orders import on_circle
+from ema.circumference.orders import on_circle, without_order
 from ema.core.display import band_text, counted
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF, widened_band
@@ -20,11 +30,12 @@ from ema.core.numerics import one_blas_thread
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import fit_modes
 from ema.poles.cross_check import OTHER, Opinion, second_opinion
-from ema.poles.selection import select_poles
+from ema.poles.selection import PoleSelection, select_poles
 from ema.poles.stability import StabilityDiagram, build_stability
 
 # A force of wrong sign first, then the sensors, then a look at what is left.
 _CONSISTENCY_PASSES = 3
+_ANGLES_IN_DOUBT = "the angles of the sensors are in doubt"
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +45,19 @@ class Identification:
     Parameters
     ----------
     frf : FRF
-        The FRFs that were used: faulty channels left out or corrected, sensor mass compensated.
+        The FRFs that were fitted: `measured` with `corrections` applied and the mass compensated.
     diagram : StabilityDiagram
     model : ModalModel
     opinions : tuple of Opinion
         What another pole estimator says about the modes.
     findings : tuple of Finding
         Everything excluded, corrected or doubtful.
+    measured : FRF
+        The FRFs as measured, with all rows.
+    corrections : tuple of Correction
+        What is done with single rows before the fit, at most one for each.
+    sensor_mass : SensorMass or None
+        The mass that was compensated.
 
     Examples
     --------
@@ -60,6 +77,9 @@ class Identification:
     model: ModalModel
     opinions: tuple[Opinion, ...]
     findings: tuple[Finding, ...]
+    measured: FRF
+    corrections: tuple[Correction, ...] = ()
+    sensor_mass: SensorMass | None = None
 
     def __repr__(self) -> str:
         return identification_line(self)
@@ -114,11 +134,13 @@ def identify_modes(
 ) -> Identification:
     """Identify the modes of a band, after a look at every channel.
 
-    Screening → sensor mass → poles → modes → consistency of the sensors; where that corrects
-    anything, sensor mass → poles → modes again, kept only if the shapes then come closer to those
-    of a ring. The mass is compensated first, as it differs from run to run and would make healthy
-    sensors contradict each other; but a sensor of wrong sign or sensitivity would pull in the wrong
-    way, so those are corrected before.
+    Screening → angles → sensor mass → poles → modes → consistency of the sensors; where that
+    corrects anything, sensor mass → poles → modes again, kept only if the shapes then come closer
+    to those of a ring. Where other angles than the stated ones explain the shapes, the finding
+    says which, no sensor is corrected, and orders that depend on the angles stay unknown. The mass
+    is compensated first, as it differs from run to run and would make healthy sensors contradict
+    each other; but a sensor of wrong sign or sensitivity would pull in the wrong way, so those are
+    corrected before.
 
     Parameters
     ----------
@@ -165,44 +187,146 @@ def identify_modes(
     3 121 Hz, 2.4 %
     4 145 Hz, 2.2 %
     """
-
-    def once(frf: FRF, *, roughly: bool = False) -> tuple[StabilityDiagram, ModalModel]:
-        diagram = build_stability(
-            frf, band_hz, max_order=max_order, method=method, settings=settings
-        )
-        selection = select_poles(diagram, pinned_hz, excluded_hz, settings)
-        selection = replace(selection, pinned=selection.pinned or roughly)
-        return diagram, fit_modes(frf, selection, settings=settings)
-
+    asked = _Asked(band_hz, pinned_hz, excluded_hz, max_order, method, settings, checks)
     widened_band(frf, band_hz)  # refuses a band without lines, of which nothing can be judged
-    usable, findings = screen(frf, band_hz, checks)
-    circle = on_circle(usable.position_deg)
-    if sensor_mass is not None and circle:
+    usable, findings, exclusions = screen(frf, band_hz, checks)
+    poles = asked.poles(usable)
+    state = _State(frf, usable, exclusions, tuple(findings))
+    if not on_circle(usable.position_deg):
+        fitted, (diagram, model) = usable, asked.fit(usable, poles)
+    else:
+        positions = check_positions(usable, poles[1], band_hz, checks)
+        state = state.told(position_findings(positions, frf))
+        if positions.orders_hold:
+            state = replace(state, mass=sensor_mass)
+            state, fitted, (diagram, model) = _consistent(state, asked, poles, positions)
+        else:
+            fitted, (diagram, model) = usable, asked.fit_elsewhere(usable, poles, positions)
+    other = OTHER[method]
+    opinions = second_opinion(fitted, model.modes, band_hz, other, max_order, settings)
+    return Identification(
+        frf=fitted,
+        diagram=diagram,
+        model=model,
+        opinions=opinions,
+        findings=state.findings,
+        measured=frf,
+        corrections=state.corrections,
+        sensor_mass=state.mass,
+    )
+
+
+_Poles = tuple[StabilityDiagram, PoleSelection]
+_Fit = tuple[StabilityDiagram, ModalModel]
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Options of an identification."""
+
+    band_hz: tuple[float, float]
+    pinned_hz: Sequence[float] | None
+    excluded_hz: Sequence[float]
+    max_order: int
+    method: str
+    settings: IdentificationSettings
+    checks: CheckSettings
+
+    def poles(self, frf: FRF) -> _Poles:
+        """Stability diagram, and the poles selected from it."""
+        diagram = build_stability(
+            frf,
+            self.band_hz,
+            max_order=self.max_order,
+            method=self.method,
+            settings=self.settings,
+        )
+        return diagram, select_poles(diagram, self.pinned_hz, self.excluded_hz, self.settings)
+
+    def fit(self, frf: FRF, poles: _Poles | None = None) -> _Fit:
+        """Modes from poles, or from poles yet to be found."""
+        diagram, selection = poles or self.poles(frf)
+        return diagram, fit_modes(frf, selection, settings=self.settings)
+
+    def fit_elsewhere(self, frf: FRF, poles: _Poles, positions: PositionCheck) -> _Fit:
+        """Modes at the angles that explain the shapes, and nothing said of their orders.
+
+        As of any structure, the members of pairs would be free at all positions: damping wrong by
+        tens of per cent.
+        """
+        elsewhere = replace(frf, position_deg=moved(frf, positions.moves))
+        diagram, model = self.fit(elsewhere, poles)
+        modes = tuple(without_order(mode, _ANGLES_IN_DOUBT) for mode in model.modes)
+        return diagram, replace(model, modes=modes, orders=(), position_deg=frf.position_deg)
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """FRFs as measured, what was corrected, and what is usable of them."""
+
+    measured: FRF
+    usable: FRF
+    corrections: tuple[Correction, ...]
+    findings: tuple[Finding, ...]
+    mass: SensorMass | None = None
+
+    @cached_property
+    def fitted(self) -> FRF:
+        """What is fitted."""
+        return without_mass(self.usable, self.mass)
+
+    def told(self, findings: Sequence[Finding]) -> _State:
+        """The same with more findings."""
+        return replace(self, findings=(*self.findings, *findings))
+
+    def after(self, check: ConsistencyCheck) -> _State:
+        """With the corrections of a check, and its findings."""
+        corrections = followed_by(self.measured, self.corrections, check.corrections)
+        state = replace(self, usable=check.frf, corrections=corrections)
+        return state.told(check.findings)
+
+
+def _consistent(
+    state: _State, asked: _Asked, poles: _Poles, positions: PositionCheck
+) -> tuple[_State, FRF, _Fit]:
+    """Corrections that make the sensors consistent, FRFs of the bare tyre, and the fit."""
+    checks, passes = asked.checks, 0 if positions.hypothesis else _CONSISTENCY_PASSES
+    screened = state.usable
+    if state.mass is not None and passes:
         # Poles as found will do: what the mass does to pairs is not worth sorting out.
-        fitted = once(usable, roughly=True)[1]
-        rough = check_consistency(usable, fitted, exclude=False, settings=checks)
-        usable, findings = rough.frf, [*findings, *(rough.findings if rough.changed else ())]
-    bare = _bare(usable, sensor_mass)
-    diagram, model = once(bare)
-    for _ in range(_CONSISTENCY_PASSES if circle else 0):
-        check = check_consistency(usable, model, settings=checks)
+        rough = asked.fit(screened, (poles[0], replace(poles[1], pinned=True)))[1]
+        check = check_consistency(screened, rough, exclude=False, settings=checks)
+        state = state.after(check) if check.changed else state
+    fitted = state.fitted
+    fit = asked.fit(fitted, poles if fitted is screened else None)
+    for _ in range(passes):
+        check = check_consistency(state.usable, fit[1], settings=checks)
+        after = state.after(check)
         if check.changed:
-            corrected = _bare(check.frf, sensor_mass)
-            tried = once(corrected)
-            if not is_better((bare, model), (corrected, tried[1])):
-                findings = [*findings, withheld(check)]
+            tried = asked.fit(after.fitted)
+            if not is_better((fitted, fit[1]), (after.fitted, tried[1])):
+                state = state.told([withheld(check)])
                 break
-            usable, bare, (diagram, model) = check.frf, corrected, tried
-        findings = [*findings, *check.findings]
+            fitted, fit = after.fitted, tried
+        state = after
         if not check.changed:
             break
-    other = OTHER[method]
-    opinions = second_opinion(bare, model.modes, band_hz, other, max_order, settings)
-    return Identification(bare, diagram, model, opinions, tuple(findings))
+    if positions.unexplained > checks.no_wave_share and not positions.hypothesis:
+        selection = select_poles(fit[0], asked.pinned_hz, asked.excluded_hz, asked.settings)
+        share = unexplained_share(fitted, selection, asked.band_hz)
+        state = state.told(no_wave_finding(share, checks))
+    return state, fitted, fit
 
 
-def _bare(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
-    """FRFs without the mass of the sensors, where it is known."""
+def without_mass(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
+    """FRFs without the mass of the sensors, where it is known.
+
+    Parameters
+    ----------
+    frf : FRF
+        Of a closed circle of positions, otherwise nothing is compensated.
+    sensor_mass : SensorMass or None
+    """
     if sensor_mass is None or not on_circle(frf.position_deg):
         return frf
     if sensor_mass.live_mass_kg:

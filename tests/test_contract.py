@@ -17,6 +17,8 @@ TABLES = {
     "damping_ratio_std, mpc, mpd_deg, order_purity, status",
     "shapes.csv": "mode, position_deg, real, imag",
     "quality.csv": "run, channel, position_deg, check, verdict, detail",
+    "corrections.csv": "row, run, channel, position_deg, check, factor, source_row, excluded, "
+    "gain, gain_std, mismatch_std",
     "validation.csv": "order, measured_hz, model_hz, error_percent, measured_damping, "
     "model_damping, mac",
 }

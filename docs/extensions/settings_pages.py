@@ -42,7 +42,7 @@ def tables() -> Iterator[str]:
         for each in fields(kind):
             about = each.metadata
             effect = about["effect"].replace("|", r"\|")
-            cells = f"`{each.name}`", f"{each.default:g}", about["unit"], effect, about["source"]
+            cells = f"`{each.name}`", _shown(each.default), about["unit"], effect, about["source"]
             yield f"| {' | '.join(cells)} |"
 
 
@@ -57,5 +57,10 @@ def effects_table() -> Iterator[str]:
     """Effects of a simulated laboratory."""
     yield "\n| name | default | unit | meaning |\n|---|---|---|---|"
     for name, default, unit, meaning in describe_effects():
-        shown = str(default).lower() if isinstance(default, bool) else f"{default}"
-        yield f"| `{name}` | {shown} | {unit} | {meaning} |"
+        yield f"| `{name}` | {_shown(default)} | {unit} | {meaning} |"
+
+
+def _shown(default: object) -> str:
+    if isinstance(default, bool):
+        return str(default).lower()
+    return f"{default:g}" if isinstance(default, float) else f"{default}"

@@ -122,7 +122,7 @@ def ring_shapes(frf: FRF, model: ModalModel, *, followed_by: float = _MOST) -> R
     RingShapes
         Without waves where no order is beyond doubt.
     """
-    seen = [_wave(frf, model, close, followed_by) for close in _close_modes(model.modes)]
+    seen = [_wave(frf, model, close, followed_by) for close in close_modes(model.modes)]
     waves = [wave for wave in seen if wave is not None]
     if not waves:
         nothing = np.zeros((frf.n_positions, 0))
@@ -135,7 +135,7 @@ def ring_shapes(frf: FRF, model: ModalModel, *, followed_by: float = _MOST) -> R
 _Wave = tuple[int, NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]
 
 
-def _close_modes(modes: Sequence[Mode]) -> list[list[Mode]]:
+def close_modes(modes: Sequence[Mode]) -> list[list[Mode]]:
     """Modes that overlap by their half-power bandwidths, together.
 
     How a response divides among them is ill determined and differs from run to run when the tyre

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.checks.corrections import Correction, corrected, exclusion
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, position_finding
@@ -17,7 +18,7 @@ _FEWEST_AVERAGED = 3
 
 def screen(
     frf: FRF, band_hz: tuple[float, float], settings: CheckSettings = CHECKS
-) -> tuple[FRF, list[Finding]]:
+) -> tuple[FRF, list[Finding], tuple[Correction, ...]]:
     """Leave out channels that are dead, clipped, incoherent or full of gaps; remark on hum.
 
     Parameters
@@ -33,6 +34,8 @@ def screen(
         Without the excluded rows.
     findings : list of Finding
         One for everything that is not in order.
+    exclusions : tuple of Correction
+        What makes `usable` of `frf`.
 
     Raises
     ------
@@ -45,21 +48,23 @@ def screen(
         **_dead(frf, band_hz, settings.dead_db),
         **_missing(frf, settings.missing_share),
     }
-    findings = [position_finding(frf, row, *found) for row, found in sorted(faults.items())]
-    excluded = np.zeros(frf.n_positions, dtype=bool)
-    excluded[[row for row, fault in faults.items() if fault[1] == Verdict.EXCLUDED]] = True
-    if np.all(excluded):
+    of_row = {row: position_finding(frf, row, *found) for row, found in sorted(faults.items())}
+    findings = list(of_row.values())
+    exclusions = tuple(
+        exclusion(row, found) for row, found in of_row.items() if found.verdict == Verdict.EXCLUDED
+    )
+    if len(exclusions) == frf.n_positions:
         raise InputError(
             "all channels",
             "; ".join(sorted({finding.detail for finding in findings})),
             "at least one response must be usable",
             "Check cables, ranges and the excitation",
         )
-    usable = frf.rows(~excluded)
+    usable = corrected(frf, exclusions)
     _require_one_place(usable, settings)
     findings += _disagreeing(usable, settings.disagreement_share)
     findings += _force_findings(frf, settings.few_clipped_share)
-    return usable, findings + _hum_findings(usable, settings.hum_db)
+    return usable, findings + _hum_findings(usable, settings.hum_db), exclusions
 
 
 def _require_one_place(frf: FRF, settings: CheckSettings) -> None:

@@ -6,17 +6,28 @@ it is significant, and for few sensors: what makes many of them look wrong is th
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ema.checks.corrections import Correction, corrected
 from ema.checks.ring_shapes import MAJORITY, RingShapes, ring_shapes
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, position_finding
 from ema.core.modes import ModalModel
 from ema.core.settings import CHECKS, CheckSettings
+
+_DONE = {
+    Check.FLIPPED: "polarity inverted for the fit",
+    Check.SCALED: "gain corrected by this factor for the fit",
+    Check.SWAPPED: "both corrected for the fit",
+    Check.INCONSISTENT: "left out of the fit",
+}
+_AS_IT_IS = "not corrected, as [checks] correct_sensors is false"
+
+_Evidence = tuple[float, float, float]
 
 # Fewer modes could hardly agree on a gain.
 _FEWEST_WAVES = 2
@@ -32,22 +43,9 @@ _SLACK = 1.02
 
 @dataclass(frozen=True)
 class _Change:
-    """What is to be done with a row.
+    """What is to be done with a row, and the finding that says so."""
 
-    Parameters
-    ----------
-    factor : float
-        What its FRF is multiplied with; 0 where it is left out.
-    source : int
-        Row that its FRF comes from.
-    gain : float
-        Measured over expected.
-    finding : Finding
-    """
-
-    factor: float
-    source: int
-    gain: float
+    correction: Correction
     finding: Finding
 
 
@@ -60,13 +58,18 @@ class ConsistencyCheck:
     frf : FRF
     findings : tuple of Finding
         One for every sensor that was corrected or left out, or why nothing was changed.
-    changed : bool
-        Whether `frf` differs from what was checked.
+    corrections : tuple of Correction
+        What makes `frf` of the FRFs that were checked; rows count those.
     """
 
     frf: FRF
     findings: tuple[Finding, ...]
-    changed: bool
+    corrections: tuple[Correction, ...] = ()
+
+    @property
+    def changed(self) -> bool:
+        """Whether `frf` differs from what was checked."""
+        return bool(self.corrections)
 
 
 def check_consistency(
@@ -94,21 +97,21 @@ def check_consistency(
     """
     changes = _force_changes(frf, ring_shapes(frf, model, followed_by=MAJORITY), settings)
     if changes:  # of whole runs: single sensors are judged once those are right
-        return _applied(frf, changes, [])
+        return _checked(frf, changes, [], settings)
     shapes = ring_shapes(frf, model)
     if shapes.n_waves < _FEWEST_WAVES:
-        return ConsistencyCheck(frf, (), changed=False)
+        return ConsistencyCheck(frf, ())
     changes = _sensor_changes(frf, shapes, settings, exclude=exclude)
     odd_runs = _odd_runs(frf, changes)
     changes = {
         row: change
         for row, change in changes.items()
-        if change.factor or frf.run[row] not in odd_runs
+        if not change.correction.excluded or frf.run[row] not in odd_runs
     }
     odd = [_odd_run_finding(frf, run, count) for run, count in odd_runs.items()]
     if _too_many(frf, changes, settings):
-        return ConsistencyCheck(frf, (*odd, _withheld_finding(changes, settings)), changed=False)
-    return _applied(frf, changes, odd)
+        return ConsistencyCheck(frf, (*odd, _withheld_finding(frf, model, changes, settings)))
+    return _checked(frf, changes, odd, settings)
 
 
 def is_better(before: tuple[FRF, ModalModel], after: tuple[FRF, ModalModel]) -> bool:
@@ -153,10 +156,10 @@ def _force_changes(frf: FRF, shapes: RingShapes, settings: CheckSettings) -> dic
             continue
         if not _reference_agrees(frf, run, common):
             continue
-        factor = _factor(common, settings)
+        std = float(np.median([std for _, std in gains.values()]))
         for row in rows:
-            finding = position_finding(frf, row, *_gain_finding(common, settings, whole_run=True))
-            changes[row] = _Change(factor, row, common, finding)
+            evidence = common, std, shapes.mismatch(row, common)
+            changes[row] = _gain_change(frf, row, evidence, settings, whole_run=True)
     return changes if len(changes) < frf.n_positions / 2 else {}
 
 
@@ -180,22 +183,69 @@ def _sensor_changes(
     suspects = []
     for row in range(frf.n_positions):
         gain, std = shapes.gain(row)
-        if shapes.mismatch(row, gain) > settings.contradiction_std:
+        mismatch = shapes.mismatch(row, gain)
+        if mismatch > settings.contradiction_std:
             suspects.append(row)
         elif _is_wrong(gain, std, settings) and shapes.n_telling(row) >= _FEWEST_WAVES:
-            finding = position_finding(frf, row, *_gain_finding(gain, settings))
-            changes[row] = _Change(_factor(gain, settings), row, gain, finding)
+            changes[row] = _gain_change(frf, row, (gain, std, mismatch), settings)
     for first, second in _swapped(frf, shapes, suspects, settings):
         for row, other in ((first, second), (second, first)):
-            text = f"swapped with {frf.channel[other]}; both corrected"
-            finding = position_finding(frf, row, Check.SWAPPED, Verdict.WARNING, text)
-            changes[row] = _Change(1.0, other, 1.0, finding)
+            text = f"swapped with {frf.channel[other]}"
+            evidence = _evidence(shapes, other, row)
+            changes[row] = _change(frf, row, Check.SWAPPED, text, evidence, source_row=other)
     for row in suspects:
         if row not in changes and exclude:
-            text = _contradiction(shapes, row)
-            finding = position_finding(frf, row, Check.INCONSISTENT, Verdict.EXCLUDED, text)
-            changes[row] = _Change(0.0, row, shapes.gain(row)[0], finding)
+            text, evidence = _contradiction(shapes, row), _evidence(shapes, row, row)
+            changes[row] = _change(frf, row, Check.INCONSISTENT, text, evidence, excluded=True)
     return changes
+
+
+def _evidence(shapes: RingShapes, row: int, place: int) -> _Evidence:
+    """Gain of a row at a place, its standard deviation, and the mismatch left."""
+    gain, std = shapes.gain(row, place)
+    return gain, std, shapes.mismatch(row, gain, place)
+
+
+def _change(
+    frf: FRF,
+    row: int,
+    check: Check,
+    text: str,
+    evidence: _Evidence,
+    *,
+    factor: float = 1.0,
+    source_row: int | None = None,
+    excluded: bool = False,
+) -> _Change:
+    finding = position_finding(
+        frf, row, check, Verdict.EXCLUDED if excluded else Verdict.WARNING, text
+    )
+    place = finding.run, finding.channel, finding.position_deg
+    source = row if source_row is None else source_row
+    known = (number if np.isfinite(number) else None for number in evidence)
+    return _Change(Correction(row, *place, check, factor, source, excluded, *known), finding)
+
+
+def _gain_change(
+    frf: FRF,
+    row: int,
+    evidence: _Evidence,
+    settings: CheckSettings,
+    *,
+    whole_run: bool = False,
+) -> _Change:
+    """Change for a sensor that reads the modes by a factor.
+
+    An inverted sensor of right sensitivity keeps its own calibration.
+    """
+    gain = evidence[0]
+    where = ", as do all sensors of this run: the force's sign or scale is wrong" * whole_run
+    if _is_usual(-gain, settings):
+        text = f"fits the modes with a factor of {gain:.2f}{where}"
+        return _change(frf, row, Check.FLIPPED, text, evidence, factor=-1.0)
+    turned = " and with the wrong sign" * (gain < 0)
+    text = f"reads {abs(gain):.3g} times the value expected from the modes{turned}{where}"
+    return _change(frf, row, Check.SCALED, text, evidence, factor=1 / gain)
 
 
 def _is_usual(gain: float, settings: CheckSettings) -> bool:
@@ -205,23 +255,6 @@ def _is_usual(gain: float, settings: CheckSettings) -> bool:
 def _is_wrong(gain: float, std: float, settings: CheckSettings) -> bool:
     significant = abs(gain - 1) > settings.gain_significance_std * std
     return significant and not _is_usual(gain, settings)
-
-
-def _factor(gain: float, settings: CheckSettings) -> float:
-    """What to multiply with: an inverted sensor of right sensitivity keeps its own calibration."""
-    return -1.0 if _is_usual(-gain, settings) else 1 / gain
-
-
-def _gain_finding(
-    gain: float, settings: CheckSettings, *, whole_run: bool = False
-) -> tuple[Check, Verdict, str]:
-    where = ", as do all sensors of this run: the force's sign or scale is wrong" * whole_run
-    if _is_usual(-gain, settings):
-        text = f"fits the modes with a factor of {gain:.2f}{where}: polarity inverted"
-        return Check.FLIPPED, Verdict.WARNING, text
-    turned = " and with the wrong sign" * (gain < 0)
-    text = f"reads {abs(gain):.3g} times the value expected from the modes{turned}{where}: "
-    return Check.SCALED, Verdict.WARNING, text + "gain corrected by this factor"
 
 
 def _contradiction(shapes: RingShapes, row: int) -> str:
@@ -256,7 +289,7 @@ def _fits(shapes: RingShapes, row: int, as_if: int, settings: CheckSettings) -> 
 
 def _odd_runs(frf: FRF, changes: dict[int, _Change]) -> dict[str, int]:
     """Runs most sensors of which would be left out, and how many those are."""
-    lost = [frf.run[row] for row, change in changes.items() if not change.factor]
+    lost = [frf.run[row] for row, change in changes.items() if change.correction.excluded]
     return {
         run: lost.count(run)
         for run in sorted(set(lost))
@@ -280,11 +313,16 @@ def _too_many(frf: FRF, changes: dict[int, _Change], settings: CheckSettings) ->
         return True
     of_sensor: dict[str, list[float]] = {}
     for row, change in changes.items():
-        of_sensor.setdefault(frf.channel[row], []).append(change.gain)
+        of_sensor.setdefault(frf.channel[row], []).append(change.correction.gain or 0.0)
     counted = sum(
         1 if _one_fault(gains, frf.channel.count(name)) else len(gains)
         for name, gains in of_sensor.items()
     )
+    # Two sensors swapped in all their runs are one mistake.
+    swapped = {
+        frf.channel[row] for row in changes if changes[row].correction.check == Check.SWAPPED
+    }
+    counted -= len(swapped) // 2
     return counted > max(1.0, settings.most_corrections_share * frf.n_positions)
 
 
@@ -295,7 +333,9 @@ def _one_fault(gains: Sequence[float], n_runs: int) -> bool:
     return len(gains) == n_runs and same
 
 
-def _withheld_finding(changes: dict[int, _Change], settings: CheckSettings) -> Finding:
+def _withheld_finding(
+    frf: FRF, model: ModalModel, changes: dict[int, _Change], settings: CheckSettings
+) -> Finding:
     most, share = settings.most_corrections_per_run, settings.most_corrections_share
     first = "; ".join(
         f"{change.finding.run} {change.finding.channel} {change.finding.check}"
@@ -303,29 +343,50 @@ def _withheld_finding(changes: dict[int, _Change], settings: CheckSettings) -> F
     )
     detail = (
         f"{len(changes)} sensors seem to contradict the modes ({first} …), more than fail at a "
-        f"time (at most {most} in a run and {100 * share:.0f} % of all): the tyre "
-        "changed between the runs, or positions are wrong. Nothing was changed"
+        f"time (at most {most} in a run and {100 * share:.0f} % of all). "
+        f"{_looks_like(frf, model, list(changes))}. Nothing was changed"
     )
     return Finding("", "", None, Check.CORRECTIONS_WITHHELD, Verdict.WARNING, detail)
 
 
-def _applied(frf: FRF, changes: dict[int, _Change], odd: Sequence[Finding]) -> ConsistencyCheck:
-    factor = np.ones(frf.n_positions)
-    source = np.arange(frf.n_positions)
-    for row, change in changes.items():
-        factor[row], source[row] = change.factor or 1.0, change.source
-    kept = [row for row in range(frf.n_positions) if row not in changes or changes[row].factor]
-    corrected = _corrected(frf, factor, source).rows(np.array(kept)) if changes else frf
-    findings = (*(changes[row].finding for row in sorted(changes)), *odd)
-    return ConsistencyCheck(corrected, findings, changed=bool(changes))
-
-
-def _corrected(frf: FRF, factor: NDArray[np.float64], source: NDArray[np.int_]) -> FRF:
-    moved = frf.rows(source)
-    return replace(
-        moved,
-        values=moved.values * factor[:, None],
-        std=moved.std * np.abs(factor)[:, None],
-        node=frf.node,
-        position_deg=frf.position_deg,
+def _looks_like(frf: FRF, model: ModalModel, rows: Sequence[int]) -> str:
+    """The likely cause where it is not the sensors; wrong positions were tried before."""
+    if model.drift.applied:
+        moved = float(np.max(np.abs(model.drift.percent)))
+        return f"It looks like drift: natural frequencies moved by {moved:.2g} % between the runs"
+    run, count = Counter(frf.run[row] for row in rows).most_common(1)[0]
+    if len(frf.run_names) > 1 and count > _ODD_RUN * len(rows):
+        return (
+            f"{count} of them are in {run}: it looks like wrong positions or another tyre, or the "
+            "same one in another state, in this run"
+        )
+    return (
+        "They are spread over the runs: it looks like a structure that is no even ring, or "
+        "positions that are wrong in several runs"
     )
+
+
+def _checked(
+    frf: FRF, changes: dict[int, _Change], odd: Sequence[Finding], settings: CheckSettings
+) -> ConsistencyCheck:
+    """Changes made, or only told where the user does not want any."""
+    made = [changes[row] for row in sorted(changes)]
+    if not settings.correct_sensors:
+        told = [
+            replace(
+                each.finding, verdict=Verdict.WARNING, detail=f"{each.finding.detail}: {_AS_IT_IS}"
+            )
+            for each in made
+        ]
+        return ConsistencyCheck(frf, (*told, *odd))
+    findings = [
+        replace(each.finding, detail=f"{each.finding.detail}: {_DONE[each.finding.check]}")
+        for each in made
+    ]
+    corrections = tuple(each.correction for each in made)
+    return ConsistencyCheck(corrected(frf, corrections), (*findings, *odd), corrections)
+
+
+def _told(finding: Finding, what: str, verdict: Verdict) -> Finding:
+    """The finding with what was done about it."""
+    return replace(finding, verdict=verdict, detail=f"{finding.detail}: {what}")

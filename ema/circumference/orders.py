@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.modes import Flag, Mode
+from ema.core.modes import Flag, Mode, Pair
 
 # Condition number of the least-squares problem above which orders get mixed up.
 _WELL_CONDITIONED = 10.0
@@ -125,7 +125,7 @@ def label_modes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> tup
         if not np.isfinite(gap_deg):
             return tuple(modes)
         remark = f"{gap_deg:.0f}° of the circle without a sensor: orders look alike"
-        return tuple(_without_order(mode, remark) for mode in modes)
+        return tuple(without_order(mode, remark) for mode in modes)
     contents = [order_content(mode.residues, position_deg) for mode in modes]
     labelled = [
         replace(mode, order=content.order, order_purity=content.purity)
@@ -140,9 +140,18 @@ def label_modes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> tup
     )
 
 
-def _without_order(mode: Mode, remark: str) -> Mode:
+def without_order(mode: Mode, remark: str) -> Mode:
+    """The mode, said to be of unknown order for a reason."""
     flags = (Flag.ORDER_UNKNOWN, *(flag for flag in mode.flags if flag is not Flag.ORDER_UNKNOWN))
-    return replace(mode, flags=flags, remark=remark)
+    return replace(
+        mode,
+        order=None,
+        member="",
+        order_purity=float("nan"),
+        pair=Pair.UNKNOWN,
+        flags=flags,
+        remark=remark,
+    )
 
 
 def _end_of_orders(modes: Sequence[Mode], highest: int) -> float:

@@ -72,6 +72,7 @@ class Check(StrEnum):
     SWAPPED = "swapped", "two sensors swapped, corrected"
     INCONSISTENT = "inconsistent", "sensors or runs that contradict the modes"
     CORRECTIONS_WITHHELD = "corrections withheld", "corrections of sensors that were not made"
+    POSITIONS = "positions", "angles of the sensors against the shapes of the modes"
     DRIVE_POINT = "drive point", "position and sign of the force against the modes"
     PLAUSIBILITY = "plausibility", "tuned ring against what tyres have"
     AMPLITUDE = "amplitude", "amplitude of the modes against the mass of the ring"

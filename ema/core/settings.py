@@ -19,6 +19,7 @@ def _setting(default: float, unit: str, effect: str, source: str) -> Any:
 
 _LIKELIHOOD = "Wilks (1938): likelihood-ratio test; chosen with benchmarks/accuracy.py"
 _ACCURACY = "benchmarks/accuracy.py"
+_LABORATORY = "benchmarks/laboratory.py"
 
 
 @dataclass(frozen=True)
@@ -152,6 +153,18 @@ class CheckSettings:
     most_corrections_share: float = _setting(
         0.1, "–", "more corrections of all rows are withheld", "sensors do not fail by the dozen"
     )
+    correct_sensors: bool = _setting(
+        True, "–", "false: suspicious sensors are named, but not corrected or left out", "choice"
+    )
+    position_share: float = _setting(
+        0.005, "–", "response in no wave of one order from which positions are doubted", _LABORATORY
+    )
+    no_wave_share: float = _setting(
+        0.1, "–", "… and from which all orders are doubted", _LABORATORY
+    )
+    position_factor: float = _setting(
+        4.0, "factor", "other angles have to explain the shapes this much better", _LABORATORY
+    )
     consistent_ratio: float = _setting(
         1.5, "σ", "the fixed sensor's runs differ by more than this: the tyre changed", _ACCURACY
     )
@@ -170,10 +183,20 @@ class CheckSettings:
     drive_point_clear: float = _setting(
         0.85, "–", "the same, from which another place is named", _ACCURACY
     )
+    drive_point_offset_deg: float = _setting(
+        2.0, "deg", "a place of the force that far off is named, if it fits better", _LABORATORY
+    )
 
 
 #: Defaults.
 IDENTIFICATION, CHECKS = IdentificationSettings(), CheckSettings()
+
+# Types of a value by that of the default, and the rule in words.
+_KINDS: dict[type, tuple[Any, str]] = {
+    bool: (bool, "it must be true or false"),
+    int: (int, "it must be a whole number"),
+    float: ((int, float), "it must be a number"),
+}
 
 Settings = TypeVar("Settings", IdentificationSettings, CheckSettings)
 
@@ -199,9 +222,7 @@ def settings_from(kind: type[Settings], table: Mapping[str, Any], place: str) ->
         if name not in known:
             rule = f"known settings: {', '.join(known)}"
             raise InputError(place, repr(name), rule, "Correct or remove it")
-        whole = isinstance(known[name].default, int)
-        allowed = int if whole else (int, float)
-        if isinstance(value, bool) or not isinstance(value, allowed):
-            rule = "it must be a whole number" if whole else "it must be a number"
+        allowed, rule = _KINDS[type(known[name].default)]
+        if not isinstance(value, allowed) or isinstance(value, bool) is not (allowed is bool):
             raise InputError(f"{place} {name}", repr(value), rule, "Correct or remove it")
     return kind(**table)

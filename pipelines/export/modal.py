@@ -54,6 +54,8 @@ def gather(
     """
     geometry, model = geometry_of(result), result.modal_model
     notes = accepted_notes(result.provenance, result.name)
+    if result.corrections or result.sensor_mass is not None:
+        notes = (*notes, "measured FRFs as fitted: corrected, masses compensated (see the result)")
     geometry = replace(geometry, notes=(*geometry.notes, *notes))
     shapes = np.array([mode.shape for mode in model.modes]).reshape(-1, geometry.n_measured)
     frf = replace(result.frf, node=geometry.node[: geometry.n_measured])

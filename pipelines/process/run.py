@@ -124,7 +124,7 @@ def process(
             result = tune(measured, options)
     in_force = replace(processing, band_hz=band_hz)
     record = provenance(campaign, inputs(), options, in_force, found.frf, watch)
-    mass = _sensor_mass(campaign)
+    mass = found.sensor_mass
     record["corrections"] = {
         "sensor_mass_kg": None if mass is None else mass.mass_kg or None,
         "live_mass_kg": None if mass is None else mass.live_mass_kg or None,
@@ -136,7 +136,7 @@ def _measured(
     campaign: Campaign, estimated: FRF, found: Identification, band_hz: tuple[float, float]
 ) -> Result:
     """Result before the ring steps, with the findings of all checks."""
-    notes = (*found.model.notes, *_live_mass_note(campaign), *_mass_note(campaign, found.model))
+    notes = (*found.model.notes, *_live_mass_note(found), *_mass_note(campaign, found))
     fixed, checks = found.frf.reference, campaign.checks
     reference = None if fixed is None else check_reference(fixed, band_hz, checks)
     compared: list[Finding] = []
@@ -146,6 +146,7 @@ def _measured(
         name=campaign.name,
         tyre=campaign.tyre,
         frf=found.frf,
+        measured=found.measured,
         diagram=found.diagram,
         modal_model=replace(found.model, notes=notes),
         reference=reference,
@@ -164,6 +165,8 @@ def _measured(
         ),
         opinions=found.opinions,
         notes=notes,
+        corrections=found.corrections,
+        sensor_mass=found.sensor_mass,
     )
 
 
@@ -256,24 +259,26 @@ def _sensor_mass(campaign: Campaign) -> SensorMass | None:
     return SensorMass(mass_kg or 0.0, seats, angle, campaign.live_mass_kg or 0.0)
 
 
-def _live_mass_note(campaign: Campaign) -> list[str]:
-    if not campaign.live_mass_kg or not campaign.has_circle:
+def _live_mass_note(found: Identification) -> list[str]:
+    if found.sensor_mass is None or not found.sensor_mass.live_mass_kg:
         return []
-    grams = 1e3 * campaign.live_mass_kg
+    grams = 1e3 * found.sensor_mass.live_mass_kg
     return [f"Corrected to the bare tyre: live mass of {grams:g} g at the force is compensated."]
 
 
-def _mass_note(campaign: Campaign, modal_model: ModalModel) -> list[str]:
+def _mass_note(campaign: Campaign, found: Identification) -> list[str]:
     mass_kg = campaign.sensor_mass_kg
     if not campaign.has_circle or (mass_kg is None and not campaign.runs):
         return []
     if mass_kg is None:
         sensors = max(angles.size for angles in sensors_of_runs(campaign).values())
-        return [loading_note(modal_model, sensors, campaign.excitation_deg or 0.0)]
-    if campaign.runs:
+        return [loading_note(found.model, sensors, campaign.excitation_deg or 0.0)]
+    if found.sensor_mass is not None and found.sensor_mass.mass_kg:
         grams = 1e3 * mass_kg
         return [f"Corrected to the bare tyre: sensor mass of {grams:g} g each is compensated."]
-    reason = "FRFs from a file do not state which sensors were on the tyre together"
+    reason = "the angles of the sensors are in doubt, or part of the circle has none"
+    if not campaign.runs:
+        reason = "FRFs from a file do not state which sensors were on the tyre together"
     return [f"The sensor mass is not compensated: {reason}."]
 
 

@@ -59,7 +59,7 @@ def save(
         for name, table in tables.csv_tables(result).items():
             write_csv(partial / name, table)
         write_parquet(partial / "poles.parquet", tables.poles(result.diagram))
-        tables.write_frfs(result.frf, partial)
+        tables.write_frfs(result.measured, partial)
         write_identification(result, partial)
         _write_tyre(result, partial / "tyre.toml")
         if report:

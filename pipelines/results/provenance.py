@@ -30,7 +30,8 @@ OPTIONAL_READ_BACK = ("reference.parquet",)
 PARTS = (
     *READ_BACK,
     *OPTIONAL_READ_BACK,
-    *("modes.csv", "shapes.csv", "orders.csv", "quality.csv", "validation.csv"),
+    *("modes.csv", "shapes.csv", "orders.csv", "quality.csv"),
+    *("corrections.csv", "validation.csv"),
     *("frf.uff", "tyre.toml"),
     *PAGES,
 )

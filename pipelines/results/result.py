@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.checks.corrections import Correction
 from ema.checks.quality import ReferenceCheck
 from ema.core.arrays import frame_of
 from ema.core.campaign import Tyre
@@ -15,6 +16,7 @@ from ema.core.display import band_text, facts, table
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, modes_html
+from ema.identify import SensorMass
 from ema.poles.cross_check import Opinion
 from ema.poles.stability import StabilityDiagram
 from model.damping import DampingResult
@@ -64,6 +66,9 @@ class Result:
     tyre : Tyre or None
         None for a structure that is not a tyre.
     frf : FRF
+        The FRFs that were fitted: `measured` with `corrections` applied and the mass compensated.
+    measured : FRF
+        The FRFs as measured, with all rows: what the result folder holds.
     diagram : StabilityDiagram
     modal_model : ModalModel
     reference : ReferenceCheck or None
@@ -78,6 +83,10 @@ class Result:
         Rows of ``quality.csv``.
     notes : tuple of str
         Remarks for readers of the report.
+    corrections : tuple of Correction
+        What is done with single rows before the fit.
+    sensor_mass : SensorMass or None
+        The mass that is compensated.
     provenance : dict
         Content of ``provenance.json``: versions, inputs with SHA-256, options, stage times.
 
@@ -94,6 +103,7 @@ class Result:
     name: str
     tyre: Tyre | None
     frf: FRF
+    measured: FRF
     diagram: StabilityDiagram
     modal_model: ModalModel
     reference: ReferenceCheck | None = None
@@ -105,6 +115,8 @@ class Result:
     opinions: tuple[Opinion, ...] = ()
     findings: tuple[Finding, ...] = ()
     notes: tuple[str, ...] = ()
+    corrections: tuple[Correction, ...] = ()
+    sensor_mass: SensorMass | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
 
     def to_frame(self) -> pd.DataFrame:

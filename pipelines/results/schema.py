@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from pydantic import StrictBool, StrictFloat, TypeAdapter, ValidationError
 
+from ema.checks.corrections import Correction
 from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Tyre
 from ema.core.errors import InputError
@@ -72,6 +73,16 @@ class StoredDrift:
 
 
 @dataclass(frozen=True)
+class StoredMass:
+    """A `SensorMass`."""
+
+    mass_kg: float
+    sensors_deg: dict[str, tuple[float, ...]]
+    excitation_deg: float
+    live_mass_kg: float
+
+
+@dataclass(frozen=True)
 class Stored:
     """Content of ``identification.json``."""
 
@@ -96,6 +107,8 @@ class Stored:
     clusters: tuple[StoredCluster, ...]
     indicator_hz: tuple[float, ...]
     indicator: tuple[float, ...]
+    corrections: tuple[Correction, ...] = ()
+    sensor_mass: StoredMass | None = None
 
 
 def read_identification_json(path: Path) -> Stored:
@@ -199,7 +212,7 @@ class _Provenance:
     campaign: str
     inputs: list[_Input]
     options: _Options
-    settings: dict[str, dict[str, StrictFloat]] = field(default_factory=dict)
+    settings: dict[str, dict[str, StrictBool | StrictFloat]] = field(default_factory=dict)
     stage_seconds: dict[str, float] = field(default_factory=dict)
     accepted_changes: dict[str, str] = field(default_factory=dict)
 

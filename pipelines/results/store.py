@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ema.checks.corrections import corrected
 from ema.checks.quality import check_reference
 from ema.circumference.orders import highest_order
 from ema.core.drift import Drift
@@ -21,6 +22,7 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode, ResidualTerms
 from ema.core.settings import CheckSettings
+from ema.identify import SensorMass, without_mass
 from ema.poles.stability import Cluster, StabilityDiagram
 from pipelines.results import schema
 from pipelines.results.labels import in_band
@@ -108,6 +110,7 @@ def write_identification(result: Result, folder: Path) -> None:
     model, diagram = result.modal_model, result.diagram
     sources: tuple[tuple[Any, tuple[str, ...]], ...] = (
         (result, ("name", "tyre", "excitation_deg", "reference_deg", "findings", "opinions")),
+        (result, ("corrections", "sensor_mass")),
         (result.frf, ("blocks", "n_effective")),
         (model, ("band_hz", "fit_band_hz", "misfit", "covariance", "frac", "drift", "notes")),
         (model, ("orders", "modes", "guard_modes")),
@@ -144,10 +147,9 @@ def _write_residues(model: ModalModel, path: Path) -> None:
 def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
     """Result without its ring steps from a folder and its provenance."""
     stored = schema.read_identification_json(folder / JSON_NAME)
-    frf = read_frf(folder / "frf.parquet")
-    frf = replace(frf, blocks=stored.blocks, n_effective=stored.n_effective)
-    if (folder / REFERENCE_NAME).is_file():
-        frf = replace(frf, reference=_read_reference(folder / REFERENCE_NAME, stored.band_hz))
+    measured = _read_measured(folder, stored)
+    mass = None if stored.sensor_mass is None else _sensor_mass(stored.sensor_mass)
+    frf = without_mass(corrected(measured, stored.corrections), mass)
     model = _read_model(stored, frf, folder / RESIDUES_NAME)
     recorded = record.get("settings", {}).get("checks", {})
     known = (each.name for each in fields(CheckSettings))
@@ -157,6 +159,7 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
         name=stored.name,
         tyre=stored.tyre,
         frf=frf,
+        measured=measured,
         diagram=_read_diagram(stored, folder / "poles.parquet"),
         modal_model=model,
         reference=None if fixed is None else check_reference(fixed, model.band_hz, checks),
@@ -165,8 +168,35 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
         findings=stored.findings,
         opinions=stored.opinions,
         notes=model.notes,
+        corrections=stored.corrections,
+        sensor_mass=mass,
         provenance={key: value for key, value in record.items() if key != "warnings"},
     )
+
+
+def _read_measured(folder: Path, stored: schema.Stored) -> FRF:
+    """FRFs as measured, those of the fixed sensor among them."""
+    frf = read_frf(folder / "frf.parquet")
+    frf = replace(frf, blocks=stored.blocks, n_effective=stored.n_effective)
+    _require_rows(folder / JSON_NAME, stored, frf.n_positions)
+    if (folder / REFERENCE_NAME).is_file():
+        frf = replace(frf, reference=_read_reference(folder / REFERENCE_NAME, stored.band_hz))
+    return frf
+
+
+def _require_rows(path: Path, stored: schema.Stored, n_rows: int) -> None:
+    """Refuse corrections of rows that the FRFs do not have, several of one, and of all."""
+    rows = [each.row for each in stored.corrections]
+    named = {*rows, *(each.source_row for each in stored.corrections)}
+    out = [each.row for each in stored.corrections if each.excluded]
+    if not named <= set(range(n_rows)) or len(set(rows)) < len(rows) or len(out) == n_rows:
+        rule = f"at most one for each of the {n_rows} FRFs, of which one or more must be used"
+        raise InputError(f"{path}, corrections", f"rows {sorted(rows)}", rule, schema.REMEDY)
+
+
+def _sensor_mass(stored: schema.StoredMass) -> SensorMass:
+    seats = {run: np.array(angles) for run, angles in stored.sensors_deg.items()}
+    return SensorMass(stored.mass_kg, seats, stored.excitation_deg, stored.live_mass_kg)
 
 
 def _read_reference(path: Path, band_hz: schema.Two) -> FRF:

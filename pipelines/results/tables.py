@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ema.checks.corrections import Correction
 from ema.core.frf import FRF
 from ema.core.modes import MODE_COLUMNS, OrderReport
 from ema.io.uff.write import write_frfs as write_universal
@@ -37,6 +39,7 @@ def csv_tables(result: Result) -> dict[str, pd.DataFrame]:
         "shapes.csv": shapes(result),
         "orders.csv": orders(result.modal_model.orders),
         "quality.csv": result.to_frame(),
+        "corrections.csv": corrections(result.corrections),
         "validation.csv": validation(result.validation),
     }
 
@@ -65,6 +68,12 @@ def orders(reports: tuple[OrderReport, ...]) -> pd.DataFrame:
         "evidence": [report.pair.evidence for report in reports],
     }
     return pd.DataFrame(columns)
+
+
+def corrections(changes: tuple[Correction, ...]) -> pd.DataFrame:
+    """``corrections.csv``: a row for each FRF that is not fitted as measured."""
+    names = [each.name for each in fields(Correction)]
+    return pd.DataFrame({name: [getattr(each, name) for each in changes] for name in names})
 
 
 def validation(found: Validation | None) -> pd.DataFrame:

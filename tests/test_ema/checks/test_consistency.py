@@ -119,6 +119,18 @@ def test_two_swapped_sensors_of_a_run_are_put_right(first, second):
     np.testing.assert_array_equal(corrected.position_deg, FRF.position_deg)
 
 
+def test_two_of_twelve_sensors_may_be_swapped():
+    nodes = np.arange(0, 72, 6)
+    full = swapped_model(18, 24)
+    modes = tuple(
+        replace(mode, residues=mode.residues[nodes], residues_std=mode.residues_std[nodes])
+        for mode in full.modes[:5]  # more are not told apart by twelve sensors
+    )
+    model = replace(full, modes=modes, node=nodes, position_deg=FULL_DEG[nodes])
+    findings = checked(FRF.rows(nodes), model)[1]
+    assert [f.check for f in findings] == ["swapped"] * 2
+
+
 def test_sensors_of_different_runs_cannot_have_been_swapped():
     findings = checked(FRF, swapped_model(12, 31))[1]
     assert {finding.check for finding in findings} == {"inconsistent"}

@@ -29,14 +29,14 @@ def at(frf, row):
 
 
 def test_healthy_channels_pass_untouched(healthy):
-    usable, findings = screen(healthy, BAND_HZ)
+    usable, findings, _ = screen(healthy, BAND_HZ)
     assert findings == []
     np.testing.assert_array_equal(usable.values, healthy.values)
 
 
 def test_a_constant_channel_is_dead(healthy):
     frf = systems.edited(healthy, ROW, values=0, coherence=0, std=0)
-    usable, findings = screen(frf, BAND_HZ)
+    usable, findings, _ = screen(frf, BAND_HZ)
     assert named(findings) == [(*at(frf, ROW), "dead", Verdict.EXCLUDED)]
     assert "constant" in findings[0].detail
     assert findings[0].position_deg == 50.0
@@ -47,7 +47,7 @@ def test_a_constant_channel_is_dead(healthy):
 @pytest.mark.parametrize(("level_db", "dead"), [(-80, True), (-55, True), (-45, False)])
 def test_a_channel_far_below_the_others_is_dead(healthy, level_db, dead):
     level = 10 ** (level_db / 20) * np.sqrt(np.mean(np.abs(healthy.values) ** 2))
-    usable, findings = screen(systems.edited(healthy, ROW, values=level), BAND_HZ)
+    usable, findings, _ = screen(systems.edited(healthy, ROW, values=level), BAND_HZ)
     assert (usable.n_positions == 71) is dead
     assert [finding.check for finding in findings] == ["dead"] * dead
 
@@ -57,14 +57,14 @@ def test_a_channel_far_below_the_others_is_dead(healthy, level_db, dead):
     [(0.02, Verdict.EXCLUDED), (2e-3, Verdict.EXCLUDED), (3e-4, Verdict.WARNING), (5e-5, None)],
 )
 def test_clipping_is_judged_by_how_many_samples_it_hits(healthy, share, verdict):
-    usable, findings = screen(systems.edited(healthy, ROW, clipped=share), BAND_HZ)
+    usable, findings, _ = screen(systems.edited(healthy, ROW, clipped=share), BAND_HZ)
     expected = [] if verdict is None else [(*at(healthy, ROW), "clipped", verdict)]
     assert named(findings) == expected
     assert usable.n_positions == 72 - (verdict == Verdict.EXCLUDED)
 
 
 def test_a_channel_that_sees_something_else_is_incoherent(healthy):
-    usable, findings = screen(systems.edited(healthy, ROW, coherence=0.05), BAND_HZ)
+    usable, findings, _ = screen(systems.edited(healthy, ROW, coherence=0.05), BAND_HZ)
     assert named(findings) == [(*at(healthy, ROW), "incoherent", Verdict.EXCLUDED)]
     assert "0.05, where the other channels have 1.00" in findings[0].detail
     assert usable.n_positions == 71
@@ -72,7 +72,7 @@ def test_a_channel_that_sees_something_else_is_incoherent(healthy):
 
 def test_low_coherence_everywhere_is_noise_and_no_fault(healthy):
     quiet = replace(healthy, coherence=np.full(healthy.coherence.shape, 0.2))
-    usable, findings = screen(systems.edited(quiet, ROW, coherence=0.15), BAND_HZ)
+    usable, findings, _ = screen(systems.edited(quiet, ROW, coherence=0.15), BAND_HZ)
     assert findings == []
     assert usable.n_positions == 72
 
@@ -90,7 +90,7 @@ def with_hum(frf, rows, tone_hz=50.0, factor=50):
 
 @pytest.mark.parametrize("tone_hz", [50.0, 60.0])
 def test_one_humming_channel_is_named(healthy, tone_hz):
-    usable, findings = screen(with_hum(healthy, ROW, tone_hz), BAND_HZ)
+    usable, findings, _ = screen(with_hum(healthy, ROW, tone_hz), BAND_HZ)
     assert named(findings) == [(*at(healthy, ROW), "hum", Verdict.WARNING)]
     assert f"{tone_hz:g} Hz hum" in findings[0].detail
     assert usable.n_positions == 72
@@ -109,7 +109,7 @@ def test_among_humming_channels_the_far_louder_one_is_named_too(healthy):
 
 def test_a_clipped_force_spoils_its_run(healthy):
     rows = np.array(healthy.run) == "run_3"
-    usable, findings = screen(systems.edited(healthy, rows, force_clipped=0.01), BAND_HZ)
+    usable, findings, _ = screen(systems.edited(healthy, rows, force_clipped=0.01), BAND_HZ)
     assert named(findings) == [("run_3", "force", "clipped", Verdict.WARNING)]
     assert usable.n_positions == 72
 
@@ -123,7 +123,7 @@ def test_several_faults_are_all_named(healthy):
     frf = systems.edited(healthy, 3, values=0, coherence=0)
     frf = systems.edited(frf, 40, clipped=0.1)
     frf = systems.edited(frf, 41, coherence=0.01)
-    usable, findings = screen(frf, BAND_HZ)
+    usable, findings, _ = screen(frf, BAND_HZ)
     assert [finding.check for finding in findings] == ["dead", "clipped", "incoherent"]
     assert usable.n_positions == 69
 
@@ -135,7 +135,7 @@ def test_no_channel_left_is_an_error_with_a_remedy(healthy):
 
 
 def test_runs_that_contradict_each_other_where_they_are_averaged(healthy):
-    usable, findings = screen(systems.edited(healthy, ROW, disagreement=0.4), BAND_HZ)
+    usable, findings, _ = screen(systems.edited(healthy, ROW, disagreement=0.4), BAND_HZ)
     assert usable.n_positions == healthy.n_positions
     assert [(f.check, f.verdict) for f in findings] == [("averaged runs", Verdict.WARNING)]
     assert "differ by 40 % of their power" in findings[0].detail

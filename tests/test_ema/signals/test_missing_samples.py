@@ -73,7 +73,7 @@ def test_gaps_are_reported_and_too_many_exclude(whole):
     damaged[3] = np.nan
     found = ema.estimate_frf(campaign(force, damaged), PROCESSING)
     assert found.n_effective == 19
-    usable, findings = screen(found, (20.0, 200.0))
+    usable, findings, _ = screen(found, (20.0, 200.0))
     assert usable.n_positions == 2
     assert [(f.check, f.verdict) for f in findings] == [
         ("missing samples", Verdict.WARNING),

@@ -9,7 +9,15 @@ from pipelines.report.save import save
 from pipelines.results.options import Options
 from pipelines.results.store import load
 
-TABLES = "[identification]\npair_p_value = 1e-6\n\n[checks]\npoor_coherence = 1.1\n\n[grid]"
+TABLES = """
+[identification]
+pair_p_value = 1e-6
+
+[checks]
+poor_coherence = 1.1
+correct_sensors = false
+
+[grid]"""
 
 
 def verdicts(result, check):
@@ -23,6 +31,7 @@ def test_those_of_the_manifest_are_used_and_recorded(campaign_copy, edit_manifes
     settings = result.provenance["settings"]
     assert settings["identification"]["pair_p_value"] == 1e-6
     assert settings["checks"]["poor_coherence"] == 1.1
+    assert settings["checks"]["correct_sensors"] is False
     save(result, tmp_path / "result", report=False)
     assert load(tmp_path / "result").provenance["settings"] == settings
 
@@ -42,7 +51,12 @@ def test_a_loaded_reference_is_checked_with_the_recorded_threshold(short_campaig
 
 
 @pytest.mark.parametrize(
-    ("table", "line"), [("identification", "pair = 1"), ("checks", 'poor_coherence = "low"')]
+    ("table", "line"),
+    [
+        ("identification", "pair = 1"),
+        ("checks", 'poor_coherence = "low"'),
+        ("checks", "correct_sensors = 0"),
+    ],
 )
 def test_what_is_unknown_or_not_a_number_is_refused(campaign_copy, edit_manifest, table, line):
     edit_manifest("[grid]", f"[{table}]\n{line}\n\n[grid]\n")
