@@ -52,15 +52,22 @@ def drive_point_finding(
     score = _agreement(waves, angles)
     best = int(np.argmax(np.abs(score)))
     elsewhere = abs(score[best]) > clear
-    if here > clear or (here > settings.drive_point_agrees and not elsewhere):
+    away_deg = abs((angles[best] - excitation_deg + 180) % 360 - 180)
+    off = away_deg > settings.drive_point_offset_deg
+    off = off and 1 - here > settings.position_factor * (1 - abs(score[best]))
+    if (here > clear and not off) or (here > settings.drive_point_agrees and not elsewhere):
         says = "the shapes are driven from where the force acts"
         return [_finding(excitation_deg, Verdict.OK, says)]
     says = "the shapes are not driven from there"
+    remedy = "Check [excitation] position_deg and the positions of the sensors"
     if elsewhere:
         turned = ", by a force of the other sign" if score[best] < 0 else ""
         says += f" but from about {angles[best]:g}°{turned}"
-    says += ". Check [excitation] position_deg and the positions of the sensors"
-    return [_finding(excitation_deg, Verdict.WARNING, says)]
+        remedy = (
+            f"If the force acts there, [excitation] position_deg = {angles[best]:g}; otherwise "
+            "check the positions of the sensors"
+        )
+    return [_finding(excitation_deg, Verdict.WARNING, f"{says}. {remedy}")]
 
 
 def _finding(position_deg: float, verdict: Verdict, detail: str) -> Finding:

@@ -49,7 +49,7 @@ def test_a_force_at_its_stated_place_is_confirmed(drive_deg, split_deg):
     assert found.verdict == "ok"
 
 
-@pytest.mark.parametrize("stated_deg", [10.0, 90.0, 180.0, 300.0])
+@pytest.mark.parametrize("stated_deg", [4.0, 10.0, 90.0, 180.0, 300.0])
 def test_a_force_elsewhere_is_named_with_its_place(stated_deg):
     found = only(drive_point_finding(model_of(0.0), stated_deg))
     assert found.verdict == "warning"
