@@ -32,7 +32,7 @@ HIT_LENGTH_S = (2.0e-3, 3.5e-3)
 SHORTEST_HIT_DISTANCE_S = 0.8
 BOUNCE_S = (0.015, 0.06)
 BOUNCE_PEAK = (0.2, 0.7)
-LARGEST_GROWTH = 30.0  # span of the exponent of the substitution; e^15 leaves ten digits
+LARGEST_GROWTH = 10.0  # span of the exponent of the substitution; e^10 leaves eleven digits
 LEVEL_TIME_S = 0.05  # softening follows the level smoothed over this time
 
 
