@@ -1,4 +1,4 @@
-"""Block plan of a recording: block length, window, overlap."""
+"""Block plan of a recording: block length, window, overlap; windows of the analyser."""
 
 from __future__ import annotations
 
@@ -96,6 +96,34 @@ class BlockPlan:
             shared = float(self.taper[shift:] @ self.taper[:-shift]) / self.block_samples
             correlation += 2 * (1 - lag / self.n_blocks) * shared**2
         return self.n_blocks / (1 + correlation)
+
+
+@dataclass(frozen=True)
+class ExponentialWindow:
+    """Exponential window e^{−t/τ} that an analyser applied to the responses.
+
+    It moves every pole by −1/τ.
+
+    Parameters
+    ----------
+    time_constant_s : float
+        τ.
+    std_s : float
+        Standard deviation of τ.
+    """
+
+    time_constant_s: float
+    std_s: float = 0.0
+
+    @property
+    def decay_per_s(self) -> float:
+        """Decay rate that it adds to every mode."""
+        return 1 / self.time_constant_s
+
+    @property
+    def decay_std_per_s(self) -> float:
+        """Standard deviation of `decay_per_s`."""
+        return self.std_s / self.time_constant_s**2
 
 
 def _window(name: str, n_samples: int) -> NDArray[np.float64]:

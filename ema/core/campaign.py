@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ema.core.block_plan import ExponentialWindow
 from ema.core.display import as_typed, counted, facts, number, table
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
@@ -40,6 +41,16 @@ class Processing:
     window: str | None = None
     overlap: float | None = None
     band_hz: tuple[float, float] | None = None
+    exponential_window_s: float | None = None  # time constant of a window the analyser applied
+    exponential_window_std_s: float = 0.0
+    force_window_s: float | None = None  # length of a window the analyser applied to the force
+
+    @property
+    def exponential_window(self) -> ExponentialWindow | None:
+        """The window that the analyser applied to the responses."""
+        if self.exponential_window_s is None:
+            return None
+        return ExponentialWindow(self.exponential_window_s, self.exponential_window_std_s)
 
 
 @dataclass(frozen=True, eq=False)

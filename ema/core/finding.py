@@ -57,6 +57,7 @@ class Check(StrEnum):
     LOST_SAMPLES = "lost samples", "samples lost in one or all channels"
     # FRFs
     PERIOD = "period", "block length against the period of the force"
+    EXCITATION = "excitation", "runs whose force is far below that of the others"
     AVERAGES = "averages", "number of averages"
     COHERENCE = "coherence", "median coherence in the band"
     HUM = "hum", "lines of the mains"
@@ -66,6 +67,9 @@ class Check(StrEnum):
     INCOHERENT = "incoherent", "channels with far less coherence than the others"
     AVERAGED_RUNS = "averaged runs", "agreement of runs averaged at one position"
     # modes
+    BAND = "band", "band of the modes, where the user gave none"
+    WITHIN_RUN = "within run", "frequencies at the end of a run against its start"
+    LEVEL_DEPENDENCE = "level dependence", "frequencies at higher level against those at lower"
     DRIFT = "drift", "frequencies and damping of each run against the first"
     FLIPPED = "flipped", "inverted polarity, corrected"
     SCALED = "scaled", "wrong gain, corrected"

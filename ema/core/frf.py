@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.arrays import frame_of, readonly
-from ema.core.block_plan import BlockPlan
+from ema.core.block_plan import BlockPlan, ExponentialWindow
 from ema.core.display import counted, facts
 from ema.core.errors import FitError, InputError
 from ema.core.finding import Check, Finding, Verdict
@@ -124,6 +124,8 @@ class FRF:
         Angle of the force; NaN where unknown.
     forces : dict of str to ForceRecord
         Force of each run, for H1 from recordings.
+    exponential_window : ExponentialWindow or None
+        Window that the analyser applied to the responses; its damping is part of the values.
 
     Examples
     --------
@@ -163,6 +165,7 @@ class FRF:
     findings: tuple[Finding, ...] = ()
     excitation_deg: float = float("nan")
     forces: Mapping[str, ForceRecord] = field(default_factory=dict)
+    exponential_window: ExponentialWindow | None = None
 
     def __post_init__(self) -> None:
         for name, dtype in (

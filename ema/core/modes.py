@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.arrays import frame_of, readonly
+from ema.core.block_plan import ExponentialWindow
 from ema.core.display import band_text, counted, number, table, value_with_std
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.mac import mpc, mpd_deg
@@ -213,6 +214,8 @@ class ModalModel:
         Drift over the runs; the modes are those of the first run's state.
     orders : tuple of OrderReport
         Verdict on the pair of each order of the ring, and what the order says by itself.
+    exponential_window : ExponentialWindow or None
+        Window that the analyser applied, whose damping the modes do not have.
     notes : tuple of str
         What was assumed, dropped or reached a bound, in words.
 
@@ -242,16 +245,13 @@ class ModalModel:
     position_deg: NDArray[np.float64]
     drift: Drift = NO_DRIFT
     orders: tuple[OrderReport, ...] = ()
+    exponential_window: ExponentialWindow | None = None
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, dtype in (
-            ("covariance", float),
-            ("frac", float),
-            ("node", int),
-            ("position_deg", float),
-        ):
-            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
+        for name in ("covariance", "frac", "position_deg"):
+            object.__setattr__(self, name, readonly(getattr(self, name)))
+        object.__setattr__(self, "node", readonly(self.node, int))
 
     @property
     def frequencies_hz(self) -> NDArray[np.float64]:
@@ -272,12 +272,10 @@ class ModalModel:
         ----------
         frequency_hz : ndarray, shape (n_frequencies,)
         run : sequence of str, optional
-            Run of each position, to see each in the state it was measured in; without it, all in
-            the state of the first run.
+            Run of each position, to see each as it was measured: in the state of its run, with
+            the window of the analyser. Without it, all in the state of the first run.
         """
-        everything = self.modes + self.guard_modes
-        poles = np.array([mode.pole for mode in everything])
-        residues = np.stack([mode.residues for mode in everything], axis=1)
+        poles, residues = self.poles_and_residues(as_measured=run is not None)
         names = np.array(list(run or [""] * len(residues)))
         values = np.empty((len(residues), np.size(frequency_hz)), dtype=complex)
         for name in np.unique(names):
@@ -286,6 +284,18 @@ class ModalModel:
             own = self.drift.poles_in(str(name), poles)
             values[rows] = synthesise(frequency_hz, own, residues[rows], *terms)
         return values
+
+    def poles_and_residues(
+        self, *, as_measured: bool = False
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Poles and residues, (n_positions, n_modes), of all modes, with or without the window."""
+        everything = self.modes + self.guard_modes
+        poles = np.array([mode.pole for mode in everything])
+        residues = np.stack([mode.residues for mode in everything], axis=1)
+        if self.exponential_window is None or not as_measured:
+            return poles, residues
+        seen = np.asarray(poles - self.exponential_window.decay_per_s, dtype=complex)
+        return seen, residues * (poles / seen) ** 2
 
     def to_frame(self) -> pd.DataFrame:
         """Table of the modes, one row for each.

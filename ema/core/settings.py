@@ -168,6 +168,16 @@ class CheckSettings:
     consistent_ratio: float = _setting(
         1.5, "σ", "the fixed sensor's runs differ by more than this: the tyre changed", _ACCURACY
     )
+    steadiness_p_value: float = _setting(
+        1e-4, "–", "a change within a run, or with level, is named below this chance", "t-test"
+    )
+    steady_change: float = _setting(
+        1e-3,
+        "–",
+        "change of frequencies within a run from which it is a warning; half of it if the level "
+        "doubles",
+        "adds 0.1 % to a damping ratio of 1 %",
+    )
     poor_coherence: float = _setting(
         0.5, "–", "median coherence below this is reported", "Bendat & Piersol (2010)"
     )

@@ -26,6 +26,7 @@ from ema.fitting.covariance import (
     parameter_covariance,
     residue_std,
 )
+from ema.fitting.exponential_window import with_own_factor, without_window
 from ema.fitting.fit_steps import (
     as_seen,
     drift_in_one_step,
@@ -106,7 +107,7 @@ def fit_modes(
     ('100.3 Hz', True)
     """
     selection = poles if isinstance(poles, PoleSelection) else PoleSelection.around(poles)
-    fit = CurveFit(frf, selection, band_hz or selection.band_hz, settings)
+    fit = CurveFit(with_own_factor(frf), selection, band_hz or selection.band_hz, settings)
     fit.start()
     fit.follow_drift()
     fit.compensate_leakage()
@@ -116,7 +117,7 @@ def fit_modes(
         fit.settle_orders()
     elif not selection.pinned:
         fit.drop_surplus()
-    return fit.modal_model()
+    return without_window(fit.modal_model(), frf.exponential_window)
 
 
 class CurveFit:

@@ -70,6 +70,8 @@ def second_opinion(
         ).poles
     except FitError:
         selection = np.zeros(0, dtype=complex)
+    if frf.exponential_window is not None:
+        selection = selection + frf.exponential_window.decay_per_s
     frequency_hz = np.abs(selection) / (2 * np.pi)
     free = [k for k, f in enumerate(frequency_hz) if band_hz[0] <= f <= band_hz[1]]
     opinions = []

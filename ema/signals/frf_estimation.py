@@ -71,12 +71,17 @@ def estimate_frf(
             f"it must be one of {', '.join(ESTIMATORS)}",
             "Choose one",
         )
+    processing = processing or campaign.processing
     if campaign.frf is not None:
         ordered = campaign.frf.rows(_order_of(campaign.frf.position_deg, campaign.frf.node))
-        return replace(ordered, excitation_deg=_number(campaign.excitation_deg))
+        return replace(
+            ordered,
+            excitation_deg=_number(campaign.excitation_deg),
+            exponential_window=processing.exponential_window,
+        )
     with ThreadPoolExecutor(available_threads()) as pool:
         runs, findings = without_damage(campaign.runs, pool.map)
-        plan = _common_plan(runs, processing or campaign.processing)
+        plan = _common_plan(runs, processing)
         spectra = []
         for part, slips in pool.map(lambda run: _run_spectra(run, plan), runs):
             spectra.append(part)
@@ -92,6 +97,7 @@ def estimate_frf(
         findings=findings,
         forces=forces,
         excitation_deg=_number(campaign.excitation_deg),
+        exponential_window=processing.exponential_window,
     )
 
 

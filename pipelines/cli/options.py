@@ -90,7 +90,12 @@ def processing_options(
     *,
     band_hz: Annotated[
         tuple[float, float] | None,
-        option("--band-hz", "Band in Hz. Default for a tyre: 20 260.", PROCESSING, "FROM TO"),
+        option(
+            "--band-hz",
+            "Band in Hz. Default: where coherence is good; for a tyre 20 300 at most.",
+            PROCESSING,
+            "FROM TO",
+        ),
     ] = None,
     averages: Annotated[
         int | None, option("--averages", "Averages; sets the block length.", PROCESSING, "N", min=1)

@@ -30,6 +30,7 @@ OPTIONS = {
     "processing.window": "window",
     "processing.overlap": "overlap",
     AVERAGES: "averages a run",
+    "processing.exponential_window_s": "exponential window / s",
     "processing.sampling_rate_hz": "sampling rate / Hz",
     "estimator": "FRF estimator",
     "method": "pole estimator",

@@ -24,10 +24,11 @@ from ema.checks.quality import (
 from ema.circumference.mass_loading import loading_note, sensors_of_runs
 from ema.core.campaign import Campaign, Tyre
 from ema.core.errors import InputError
-from ema.core.finding import Check, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
 from ema.identify import Identification, SensorMass
+from ema.signals.steadiness import steadiness_findings
 from model.identifiability import IDENTIFIED
 from model.tuning import TuningResult
 from pipelines.process.validate import (
@@ -81,7 +82,7 @@ def process(
     >>> import ringmodal as rm
     >>> result = rm.process("sample_data/tyre_225_55R17")
     >>> result
-    <Result tyre_225_55R17: 8 modes, ring tuned, 0 warnings>
+    <Result tyre_225_55R17: 9 modes, ring tuned, 0 warnings>
     >>> bool(abs(result.validation.error_percent).max() < 1.0)
     True
     """
@@ -104,6 +105,10 @@ def process(
         )
         _require_band(processing.band_hz, estimated)
         band_hz = processing.band_hz or _default_band(campaign, estimated)
+        findings = _band_finding(band_hz, stated=processing.band_hz is not None)
+        campaign = replace(
+            campaign, processing=processing, findings=(*campaign.findings, *findings)
+        )
     with checksummed(campaign.sources) as inputs:
         with watch.stage("modes", "Identifying modes"):
             found = ema.identify_modes(
@@ -126,6 +131,7 @@ def process(
     record = provenance(campaign, inputs(), options, in_force, found.frf, watch)
     mass = found.sensor_mass
     record["corrections"] = {
+        "exponential_window_s": in_force.exponential_window_s,
         "sensor_mass_kg": None if mass is None else mass.mass_kg or None,
         "live_mass_kg": None if mass is None else mass.live_mass_kg or None,
     }
@@ -136,7 +142,12 @@ def _measured(
     campaign: Campaign, estimated: FRF, found: Identification, band_hz: tuple[float, float]
 ) -> Result:
     """Result before the ring steps, with the findings of all checks."""
-    notes = (*found.model.notes, *_live_mass_note(found), *_mass_note(campaign, found))
+    notes = (
+        *found.model.notes,
+        *_window_note(campaign),
+        *_live_mass_note(found),
+        *_mass_note(campaign, found),
+    )
     fixed, checks = found.frf.reference, campaign.checks
     reference = None if fixed is None else check_reference(fixed, band_hz, checks)
     compared: list[Finding] = []
@@ -161,6 +172,7 @@ def _measured(
             *found.findings,
             *compared,
             *drift_findings(found.model.drift, found.model.frequencies_hz),
+            *steadiness_findings(campaign.runs, found.frf, found.model, checks),
             *drive_point_finding(found.model, campaign.excitation_deg, checks),
         ),
         opinions=found.opinions,
@@ -259,6 +271,13 @@ def _sensor_mass(campaign: Campaign) -> SensorMass | None:
     return SensorMass(mass_kg or 0.0, seats, angle, campaign.live_mass_kg or 0.0)
 
 
+def _window_note(campaign: Campaign) -> list[str]:
+    length_s = campaign.processing.force_window_s
+    if length_s is None:
+        return []
+    return [f"The analyser applied a force window of {length_s:g} s, which adds no damping."]
+
+
 def _live_mass_note(found: Identification) -> list[str]:
     if found.sensor_mass is None or not found.sensor_mass.live_mass_kg:
         return []
@@ -283,10 +302,23 @@ def _mass_note(campaign: Campaign, found: Identification) -> list[str]:
 
 
 def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:
-    """Band of a tyre; for any other structure the widest one that the force excites well."""
-    if campaign.has_circle or campaign.tyre is not None:
-        return TYRE_BAND_HZ[0], min(TYRE_BAND_HZ[1], float(frf.frequency_hz[-1]))
-    return coherent_band(frf, campaign.checks)
+    """Widest band that the force excites well; for a tyre from 20 Hz to its end, 300 Hz at most.
+
+    Below its first mode a tyre hardly responds: there, poor coherence does not end the band.
+    """
+    low, high = coherent_band(frf, campaign.checks)
+    if not campaign.has_circle and campaign.tyre is None:
+        return low, high
+    least, most = TYRE_BAND_HZ
+    return least, high if low < most and least < high < most else min(most, frf.frequency_hz[-1])
+
+
+def _band_finding(band_hz: tuple[float, float], *, stated: bool) -> list[Finding]:
+    """Say which band was chosen; nothing where the user chose it."""
+    if stated:
+        return []
+    detail = f"{band_hz[0]:g} to {band_hz[1]:g} Hz, as excited and coherent; set band_hz to change"
+    return [Finding("", "", None, Check.BAND, Verdict.OK, detail)]
 
 
 def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -> str:

@@ -206,9 +206,8 @@ def measured_data(values: NDArray[np.complex128]) -> dict[str, str]:
 
 def fitted_data(frf: FRF, model: ModalModel, rows: NDArray[np.int_]) -> dict[str, Any]:
     """Poles in the state of each run, the run of each position, residues and residual terms."""
-    everything = model.modes + model.guard_modes
-    poles = np.array([mode.pole for mode in everything])
-    residues = np.stack([mode.residues[rows] for mode in everything], axis=1)
+    poles, residues = model.poles_and_residues(as_measured=True)
+    residues = residues[rows]
     return {
         "band_hz": list(model.fit_band_hz),
         "states": [_parts(model.drift.poles_in(name, poles)) for name in frf.run_names],

@@ -52,7 +52,7 @@ def save(
     >>> import ringmodal as rm
     >>> rm.save(rm.load("result"), "copy", report=False)
     >>> rm.load("copy")
-    <Result tyre_225_55R17: 8 modes, no ring, 0 warnings>
+    <Result tyre_225_55R17: 9 modes, no ring, 0 warnings>
     """
     folder = Path(folder)
     with written_whole(folder, force=force, accepted=_replaceable(result)) as partial:

@@ -8,7 +8,8 @@ from ema.core.campaign import Campaign, Processing
 from ema.core.errors import InputError
 from ema.core.settings import CheckSettings, IdentificationSettings
 
-TYRE_BAND_HZ = (20.0, 260.0)
+#: Widest default band of a tyre.
+TYRE_BAND_HZ = (20.0, 300.0)
 
 
 @dataclass(frozen=True)
@@ -78,10 +79,14 @@ def processing_in_force(campaign: Campaign, chosen: Processing) -> Processing:
     manifest = campaign.processing
     has_length = chosen.averages is not None or chosen.block_seconds is not None
     lengths = chosen if has_length else manifest
+    windows = manifest if chosen.exponential_window_s is None else chosen
     return Processing(
         averages=lengths.averages,
         block_seconds=lengths.block_seconds,
         window=chosen.window or manifest.window,
         overlap=manifest.overlap if chosen.overlap is None else chosen.overlap,
         band_hz=chosen.band_hz or manifest.band_hz,
+        exponential_window_s=windows.exponential_window_s,
+        exponential_window_std_s=windows.exponential_window_std_s,
+        force_window_s=chosen.force_window_s or manifest.force_window_s,
     )

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from pydantic import StrictBool, StrictFloat, TypeAdapter, ValidationError
 
 from ema.checks.corrections import Correction
-from ema.core.block_plan import BlockPlan
+from ema.core.block_plan import BlockPlan, ExponentialWindow
 from ema.core.campaign import Tyre
 from ema.core.errors import InputError
 from ema.core.files import require_regular
@@ -100,6 +100,7 @@ class Stored:
     covariance: tuple[tuple[float, ...], ...]
     frac: tuple[float, ...]
     drift: StoredDrift
+    exponential_window: ExponentialWindow | None
     notes: tuple[str, ...]
     orders: tuple[OrderReport, ...]
     modes: tuple[StoredMode, ...]
@@ -180,6 +181,9 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
         counts = (plan.sampling_rate_hz, plan.block_samples, plan.step_samples, plan.n_blocks)
         wrong = [plan] if not (min(counts) > 0 and plan.period_samples >= 0) else []
         yield "blocks", wrong, "lengths and rates must be > 0"
+    if (window := found.exponential_window) is not None:
+        bad = [] if window.time_constant_s > 0 and window.std_s >= 0 else [window]
+        yield "exponential_window", bad, "its time constant must be > 0"
     if (tyre := found.tyre) is not None:
         given = (tyre.inflation_pressure_pa, tyre.mean_radius_m, tyre.belt_width_m)
         yield "tyre", [each for each in given if each is not None and not each > 0], "must be > 0"

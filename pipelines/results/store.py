@@ -63,7 +63,7 @@ def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
     --------
     >>> import ringmodal as rm
     >>> rm.load("result").modal_model
-    <ModalModel: 8 modes, 20 to 260 Hz>
+    <ModalModel: 9 modes, 20 to 300 Hz>
     """
     folder = Path(folder)
     for attempts_left in reversed(range(_ATTEMPTS)):
@@ -113,7 +113,7 @@ def write_identification(result: Result, folder: Path) -> None:
         (result, ("corrections", "sensor_mass")),
         (result.frf, ("blocks", "n_effective")),
         (model, ("band_hz", "fit_band_hz", "misfit", "covariance", "frac", "drift", "notes")),
-        (model, ("orders", "modes", "guard_modes")),
+        (model, ("orders", "modes", "guard_modes", "exponential_window")),
         (diagram, ("clusters", "indicator_hz", "indicator")),
     )
     content = {name: getattr(source, name) for source, names in sources for name in names}
@@ -231,6 +231,7 @@ def _read_model(stored: schema.Stored, frf: FRF, path: Path) -> ModalModel:
         position_deg=frf.position_deg,
         drift=Drift(**vars(stored.drift)),
         orders=stored.orders,
+        exponential_window=stored.exponential_window,
         notes=stored.notes,
     )
 

@@ -139,6 +139,13 @@ class ExcitationSection(_Section):
         return direction
 
 
+class UncertainSection(_Section):
+    """A value with its standard deviation."""
+
+    value: Positive
+    std: NotNegative
+
+
 class ProcessingSection(_Section):
     """``[processing]``: how recordings become FRFs."""
 
@@ -147,6 +154,8 @@ class ProcessingSection(_Section):
     window: str | None = None
     overlap: Annotated[float, Field(ge=0, lt=1, strict=True)] | None = None
     band_hz: tuple[NotNegative, Positive] | None = None
+    exponential_window_s: Positive | UncertainSection | None = None
+    force_window_s: Positive | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> ProcessingSection:
@@ -158,7 +167,11 @@ class ProcessingSection(_Section):
 
     def processing(self) -> Processing:
         """Return the settings."""
-        return Processing(**self.model_dump())
+        given = {name: getattr(self, name) for name in type(self).model_fields}
+        if isinstance(window := self.exponential_window_s, UncertainSection):
+            given["exponential_window_s"] = window.value
+            given["exponential_window_std_s"] = window.std
+        return Processing(**given)
 
 
 class RunSection(_Section):

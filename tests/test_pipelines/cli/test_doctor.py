@@ -105,7 +105,7 @@ def test_linear_algebra_is_named():
 def test_a_small_campaign_comes_back_as_its_modes():
     check = doctor.check_campaign()
     assert check.verdict == OK
-    assert check.found.startswith("8 modes")
+    assert check.found.startswith("9 modes")
 
 
 @pytest.mark.parametrize("errors", [[], [1e-4] * 3, [1e-4] * 7 + [0.01]])

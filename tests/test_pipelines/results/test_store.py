@@ -3,11 +3,13 @@
 import hashlib
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from ema.core.block_plan import ExponentialWindow
 from ema.core.errors import InputError
 from ema.core.finding import Check
 from pipelines.process.run import process, tune
@@ -55,6 +57,13 @@ def test_modes_come_back_exactly(short_result, stored):
     assert (model.band_hz, model.fit_band_hz) == (loaded.band_hz, loaded.fit_band_hz)
     assert model.misfit == loaded.misfit
     assert model.notes == loaded.notes
+
+
+def test_the_window_of_the_analyser_comes_back(short_result, tmp_path):
+    window = ExponentialWindow(0.4, 0.01)
+    model = replace(short_result.modal_model, exponential_window=window)
+    save(replace(short_result, modal_model=model), tmp_path / "result", report=False)
+    assert load(tmp_path / "result").modal_model.exponential_window == window
 
 
 def test_frfs_come_back(short_result, stored):

@@ -60,6 +60,18 @@ def change(folder, old, new):
     (folder / "campaign.toml").write_text(MANIFEST.replace(old, new, 1))
 
 
+@pytest.mark.parametrize(
+    ("text", "window"), [("0.5", (0.5, 0.0)), ("{ value = 0.5, std = 0.02 }", (0.5, 0.02))]
+)
+def test_windows_of_the_analyser_are_declared(folder, text, window):
+    declared = f"exponential_window_s = {text}\nforce_window_s = 0.01"
+    change(folder, "averages = 2", declared)
+    campaign = ema.read_campaign(folder)
+    found = campaign.processing.exponential_window
+    assert (found.time_constant_s, found.std_s) == window
+    assert campaign.processing.force_window_s == 0.01
+
+
 def test_manifest_gives_roles_and_places(folder):
     campaign = ema.read_campaign(folder)
     assert campaign.name == folder.name
@@ -107,6 +119,8 @@ def test_samples_stay_on_disk(folder):
         ("[20, 260.0]", "[260, 20]", "[lower, upper]"),
         ("averages = 2", "averages = 2\nblock_seconds = 4.0", "exclude each other"),
         ("averages = 2", "overlap = 1.0", "processing.overlap"),
+        ("averages = 2", "exponential_window_s = 0.0", "processing.exponential_window_s"),
+        ("averages = 2", "force_window_s = -1.0", "processing.force_window_s"),
         ("2000.0", "2048.0", "config_1.uff was sampled at 2000 Hz"),
         ('"config_1.uff"', '"config_3.uff"', "Did you mean"),
         ('"config_1.uff"', '"config_2.uff"', "runs.2.file: 'config_2.uff'; run 1 names"),

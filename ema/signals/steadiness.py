@@ -1,0 +1,286 @@
+"""Steadiness of the tyre within a run: change of its frequencies over time and with level.
+
+The force as recorded, passed through the identified modes, predicts the response over the whole
+run. What the response differs by is projected, piece by piece, on what a common relative change
+δ of all frequencies would add (one Gauss–Newton step). A line through δ over time and level gives
+the drift within the run and the dependence on level. This needs no windows and holds for any force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import ifft, rfft
+from scipy.ndimage import uniform_filter1d
+from scipy.special import stdtr
+
+from ema.core.campaign import Response, Run
+from ema.core.finding import Check, Finding, Verdict
+from ema.core.frf import FRF
+from ema.core.modes import ModalModel
+from ema.core.settings import CHECKS, CheckSettings
+
+# Sensors of a run that are looked at; more would cost time and tell the same.
+_SENSORS = 6
+# Length of a piece: a few time constants of a mode.
+_PIECE_S = 0.25
+# What happened before the recording is unknown; it has rung out after this time.
+_SETTLING_S = 0.5
+# Samples of a channel that are looked at, from its start.
+_MOST_SAMPLES = 1 << 22
+_SMOOTHING_HZ = 4.0
+# Share of a response's power from which the modes do not explain it.
+_UNEXPLAINED = 0.5
+_FEWEST_PIECES = 8
+# Scatter of the excited frequency over the pieces as a share of the band: noise has 0.04, an even
+# sweep 0.29.
+_SWEEPING = 0.15
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Relative change of all frequencies, its standard deviation, and by how many values."""
+
+    value: float
+    std: float
+    freedom: float
+
+    @property
+    def p_value(self) -> float:
+        """Probability of a change as large by chance."""
+        return float(2 * stdtr(self.freedom, -abs(self.value) / max(self.std, 1e-300)))
+
+
+@dataclass(frozen=True)
+class Steadiness:
+    """What one run shows.
+
+    Parameters
+    ----------
+    run : str
+    over_time : Estimate
+        Change from its start to its end.
+    over_level : Estimate or None
+        Change if the level doubles; None for a sweep, which excites one mode after the other.
+    """
+
+    run: str
+    over_time: Estimate
+    over_level: Estimate | None
+
+
+def steadiness_findings(
+    runs: Sequence[Run], frf: FRF, model: ModalModel, settings: CheckSettings = CHECKS
+) -> list[Finding]:
+    """Findings about changes within each run, and about the dependence on level.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+    frf : FRF
+        The FRFs that the modes were fitted to; its rows are those of `model`.
+    model : ModalModel
+    settings : CheckSettings
+    """
+    found = [each for run in runs if (each := run_steadiness(run, frf, model)) is not None]
+    findings = [_within_run(each, model, settings) for each in found]
+    levels = [each.over_level for each in found if each.over_level is not None]
+    return findings + ([_level(levels, settings)] if levels else [])
+
+
+def run_steadiness(run: Run, frf: FRF, model: ModalModel) -> Steadiness | None:
+    """Change of the frequencies within one run; None where nothing can be said.
+
+    Parameters
+    ----------
+    run : Run
+    frf : FRF
+    model : ModalModel
+    """
+    rate = run.recording.sampling_rate_hz
+    n = min(run.recording.n_samples, _MOST_SAMPLES)
+    first, last = (int(f * n / rate) for f in model.band_hz)
+    last = min(last, n // 2)
+    step = max(round(_PIECE_S * (last - first) * rate / n), 1)
+    n_pieces = (last - first) // step
+    force = rfft(_centred(run.force.block(0, n)))[first:last]
+    sensors = _sensors(run, frf)
+    if not np.all(np.isfinite(force)) or n_pieces < _FEWEST_PIECES or not sensors:
+        return None
+    omega = 2 * np.pi * np.arange(first, last) * rate / n
+    rows = np.array([row for _, row in sensors])
+    expected, slope = (part * force for part in _response(model, run.name, rows, omega))
+    smoothing = max(int(_SMOOTHING_HZ * n / rate), 1)
+    pieces = _Pieces(n_pieces, step)
+    for (sensor, _), own, moved in zip(sensors, expected, slope, strict=True):
+        seen = rfft(_centred(sensor.channel.block(0, n)))[first:last]
+        pieces.add(seen, own, moved, smoothing)
+    time = np.asarray((np.arange(n_pieces) + 0.5) * _PIECE_S)
+    over_time, over_level = _regression(pieces, time, n / rate) or (None, None)
+    if over_time is None:
+        return None
+    return Steadiness(run.name, over_time, None if _sweeps(force, n_pieces, step) else over_level)
+
+
+class _Pieces:
+    """Sums over the sensors of a run, piece by piece."""
+
+    def __init__(self, n_pieces: int, step: int) -> None:
+        self.n_samples, self.shape = n_pieces * step, (n_pieces, step)
+        self.projected, self.weight, self.power = np.zeros((3, n_pieces))
+
+    def add(
+        self,
+        seen: NDArray[np.complex128],
+        expected: NDArray[np.complex128],
+        moved: NDArray[np.complex128],
+        smoothing: int,
+    ) -> None:
+        """Add a sensor, unless the modes do not explain what it shows."""
+        own = max(float(np.sum(np.abs(expected) ** 2)), 1e-300)
+        gain = float(np.vdot(expected, seen).real) / own
+        rest = seen - gain * expected
+        left, there = (float(np.sum(np.abs(each) ** 2)) for each in (rest, seen))
+        if not np.isfinite(there) or not left < _UNEXPLAINED * there:
+            return
+        noise = np.sqrt(uniform_filter1d(np.abs(rest) ** 2, smoothing, mode="nearest"))
+        noise = np.maximum(noise, 1e-12 * np.abs(seen).max())
+        rest, moved = self._over_time(rest / noise), self._over_time(gain * moved / noise)
+        self.projected += np.sum((moved.conj() * rest).real, axis=1)
+        self.weight += np.sum(np.abs(moved) ** 2, axis=1)
+        self.power += np.sum(np.abs(self._over_time(seen)) ** 2, axis=1) / there
+
+    def _over_time(self, spectrum: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        return np.asarray(ifft(spectrum)[: self.n_samples].reshape(self.shape))
+
+
+def _sweeps(force: NDArray[np.complex128], n_pieces: int, step: int) -> bool:
+    """Whether the frequency that is excited moves over the band in time."""
+    signal = ifft(force, 2 * force.size)
+    turn = (signal[1:] * signal[:-1].conj())[: 2 * n_pieces * step - 1]
+    turn = np.append(turn, 0).reshape(n_pieces, -1)
+    power = np.abs(turn).sum(axis=1)
+    centre = np.angle(turn.sum(axis=1)) / np.pi  # 0 at one end of the band, 1 at the other
+    mean = np.average(centre, weights=power)
+    return bool(np.sqrt(np.average((centre - mean) ** 2, weights=power)) > _SWEEPING)
+
+
+def _sensors(run: Run, frf: FRF) -> list[tuple[Response, int]]:
+    """Sensors of a run with their rows, spread over the run."""
+    place = np.where(np.isfinite(frf.position_deg), np.round(frf.position_deg, 6), frf.node)
+    rows = {float(key): row for row, key in enumerate(place)}
+
+    def key(response: Response) -> float:
+        if response.position_deg is not None:
+            return float(np.round(response.position_deg, 6))
+        return float(-1 if response.node is None else response.node)
+
+    known = [(each, rows[key(each)]) for each in run.responses if key(each) in rows]
+    chosen = np.unique(np.linspace(0, len(known) - 1, min(_SENSORS, len(known))).astype(int))
+    return [known[k] for k in chosen]
+
+
+def _centred(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(samples - samples.mean())
+
+
+def _response(
+    model: ModalModel, run: str, rows: NDArray[np.int_], omega: NDArray[np.float64]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """FRFs of some rows in the state of a run, and their derivative to a common change."""
+    poles, residues = model.poles_and_residues(as_measured=True)
+    poles, residues = model.drift.poles_in(run, poles), residues[rows]
+    direct = 1 / (1j * omega - poles[:, None])
+    mirrored = 1 / (1j * omega - poles[:, None].conj())
+    terms = model.residual_terms
+    modal = residues @ direct + residues.conj() @ mirrored
+    values = -(omega**2) * (modal + terms.upper[rows, None]) + terms.lower[rows, None]
+    listed = slice(len(model.modes))
+    own, residues = poles[listed, None], residues[:, listed]
+    slope = residues @ (own * direct[listed] ** 2)
+    slope = slope + residues.conj() @ (own.conj() * mirrored[listed] ** 2)
+    return values, -(omega**2) * slope
+
+
+def _regression(
+    pieces: _Pieces, time: NDArray[np.float64], duration_s: float
+) -> tuple[Estimate, Estimate] | None:
+    """Line through δ over time and level, with a standard deviation from the scatter (HC3)."""
+    level = np.sqrt(pieces.power)
+    usable = (time > _SETTLING_S) & (pieces.weight > 0)
+    if np.count_nonzero(usable) < _FEWEST_PIECES:
+        return None
+    weight = pieces.weight[usable]
+    delta = pieces.projected[usable] / weight
+    level = level[usable] / np.average(level[usable], weights=weight) - 1
+    columns = np.column_stack([np.ones(weight.size), time[usable] / duration_s - 0.5, level])
+    inverse = np.linalg.pinv(columns.T @ (weight[:, None] * columns))
+    found = inverse @ columns.T @ (weight * delta)
+    leverage = weight * np.einsum("ka,ab,kb->k", columns, inverse, columns)
+    rest = weight * (delta - columns @ found) / np.maximum(1 - leverage, 0.1)
+    score = columns * rest[:, None]
+    std = np.sqrt(np.diag(inverse @ score.T @ score @ inverse))
+    # Where few pieces hold all the power, they are few values.
+    freedom = float(max(weight.sum() ** 2 / np.sum(weight**2) - 3, 1.0))
+    over_time, over_level = (Estimate(float(found[k]), float(std[k]), freedom) for k in (1, 2))
+    return over_time, over_level
+
+
+def _within_run(seen: Steadiness, model: ModalModel, settings: CheckSettings) -> Finding:
+    found = seen.over_time
+    moved = found.p_value < settings.steadiness_p_value
+    detail = (
+        f"natural frequencies {100 * found.value:+.3f} ± {100 * found.std:.3f} % from start to end"
+    )
+    if not moved:
+        return Finding(
+            seen.run, "", None, Check.WITHIN_RUN, Verdict.OK, f"{detail}; no more than chance"
+        )
+    broader = _added_damping(found.value, model)
+    mode = model.modes[int(np.argmax(broader))]
+    detail += (
+        f"; modes are averages over the run, and damping ratios up to {100 * broader.max():.2g} % "
+        f"of their value too high (at {mode.frequency_hz:.0f} Hz)"
+    )
+    if abs(found.value) < settings.steady_change:
+        return Finding(seen.run, "", None, Check.WITHIN_RUN, Verdict.OK, detail)
+    detail += ". Let the tyre settle (temperature, pressure), or record less at a time"
+    return Finding(seen.run, "", None, Check.WITHIN_RUN, Verdict.WARNING, detail)
+
+
+def _added_damping(change: float, model: ModalModel) -> NDArray[np.float64]:
+    """Relative error of each damping ratio if frequencies change evenly by a share in a run.
+
+    The mean of 1/(jω − s) over s with variance v is 1/(jω − s) − v/(jω − s)³, to which one pole
+    fits best (least squares over all lines) with a decay rate larger by v/σ; v = (ω change)²/12.
+    """
+    return np.asarray(change**2 / (12 * model.damping_ratios**2))
+
+
+def _level(found: Sequence[Estimate], settings: CheckSettings) -> Finding:
+    """Dependence on level, of all runs together."""
+    value, std = np.array([(each.value, each.std) for each in found]).T
+    weight = 1 / np.maximum(std, 1e-12) ** 2
+    mean = float(np.average(value, weights=weight))
+    # Runs that differ by more than their own ± count by how they differ.
+    spread = float(np.sum(weight * (value - mean) ** 2)) / max(len(found) - 1, 1)
+    error = float(np.sqrt(max(1.0, spread) / weight.sum()))
+    freedom = sum(each.freedom for each in found)
+    p_value = float(2 * stdtr(freedom, -abs(mean) / error))
+    detail = f"natural frequencies {100 * mean:+.3f} ± {100 * error:.3f} % where the level doubles"
+    if not p_value < settings.steadiness_p_value:
+        return Finding(
+            "", "", None, Check.LEVEL_DEPENDENCE, Verdict.OK, f"{detail}; no more than chance"
+        )
+    if abs(mean) < settings.steady_change / 2:
+        return Finding("", "", None, Check.LEVEL_DEPENDENCE, Verdict.OK, detail)
+    softer = "softer" if mean < 0 else "stiffer"
+    detail += (
+        f" for {_PIECE_S:g} s, and more where it stays high: the tyre is {softer} at higher level. "
+        "Modes hold for the level of this test, and damping ratios are too high; compare with a "
+        "test at another level"
+    )
+    return Finding("", "", None, Check.LEVEL_DEPENDENCE, Verdict.WARNING, detail)
