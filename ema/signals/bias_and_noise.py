@@ -15,18 +15,25 @@ from ema.core.frf import FRF
 _SMOOTHING_LINES = 21
 # A line whose σ is this many times the level around it carries hum or another tone.
 _SPIKE = 3.0
+# Coherence below this says nothing; in a file it is rounded to steps of about this.
+_LEAST_COHERENCE, _COHERENCE_STEP = 1e-3, 1e-5
 
 
 def noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
     """Standard deviation to weigh each of some lines with, (n_positions, n_frequencies).
 
-    Smoothed over neighbouring lines, except where a line sticks out. Where σ is unknown, lines are
-    taken as equally good relative to the FRFs around them.
+    Smoothed over neighbouring lines, except where a line sticks out. Where σ is unknown, the
+    coherence gives the weights; without it, lines are taken as equally good relative to the FRFs
+    around them.
     """
     values = frf.values[:, lines]
     floor = max(1e-12 * np.max(np.abs(values)) ** 2, np.finfo(float).tiny)
     if not np.all(np.isfinite(frf.std[:, lines])):
-        power = np.broadcast_to(np.mean(np.abs(values) ** 2, axis=0), values.shape)
+        coherence = frf.coherence[:, lines]
+        if np.isnan(frf.n_effective) and np.all(np.isfinite(coherence)):  # 1 of one average
+            power = incoherent_power(values, coherence)
+        else:
+            power = np.broadcast_to(np.mean(np.abs(values) ** 2, axis=0), values.shape)
         smooth = _smoothed(power)
         return np.asarray(np.sqrt(np.maximum(smooth, floor)))
     power = frf.std[:, lines] ** 2
@@ -34,6 +41,14 @@ def noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
     spikes = power > _SPIKE**2 * around
     smooth = _smoothed(np.where(spikes, around, power))
     return np.asarray(np.sqrt(np.maximum(np.where(spikes, power, smooth), floor)))
+
+
+def incoherent_power(
+    values: NDArray[np.complex128], coherence: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Power of what is not coherent with the force, |H|² (1 − γ²)/γ²."""
+    known = np.clip(coherence, _LEAST_COHERENCE, 1 - _COHERENCE_STEP)
+    return np.asarray(np.abs(values) ** 2 * (1 - known) / known)
 
 
 def without_spikes(

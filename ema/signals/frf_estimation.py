@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Campaign, Processing, Run
 from ema.core.errors import InputError
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, ForceRecord
 from ema.core.numerics import available_threads
+from ema.signals.bias_and_noise import incoherent_power
 from ema.signals.blocks import SHORTEST_PERIOD_S, plan_blocks
 from ema.signals.damage import without_damage, without_lost_samples
 from ema.signals.excitation import is_steady, period_samples, repeats_after
@@ -75,7 +76,7 @@ def estimate_frf(
     if campaign.frf is not None:
         ordered = campaign.frf.rows(_order_of(campaign.frf.position_deg, campaign.frf.node))
         return replace(
-            ordered,
+            with_given_averages(ordered, processing.averages),
             excitation_deg=_number(campaign.excitation_deg),
             exponential_window=processing.exponential_window,
         )
@@ -281,6 +282,30 @@ ESTIMATORS: dict[str, Callable[[Spectra], NDArray[np.complex128]]] = {
     "H2": _h2,
     "Hv": _hv,
 }
+
+
+def with_given_averages(frf: FRF, averages: int | None) -> FRF:
+    """FRFs of a file with the standard deviation that coherence and averages give.
+
+    σ² = |H|² (1 − γ²)/(2 (n − 1) γ²) for each quadrature (Bendat & Piersol 2010, eq. 9.89).
+    Without the number of averages, coherence only weighs the lines.
+    """
+    known = int(np.count_nonzero(np.isfinite(frf.coherence).all(axis=1)))
+    if not known:
+        return frf
+    said = f"coherence of {known} of {frf.n_positions} FRFs from the file: "
+    if averages is None or averages < 2:
+        said += "weights only, as the number of averages is unknown; state processing.averages"
+        return replace(
+            frf, findings=(*frf.findings, Finding("", "", None, Check.COHERENCE, Verdict.OK, said))
+        )
+    said += f"σ of the FRFs from it and {averages} averages (stated)"
+    return replace(
+        frf,
+        std=np.sqrt(incoherent_power(frf.values, frf.coherence) / (2 * (averages - 1))),
+        n_effective=float(averages),
+        findings=(*frf.findings, Finding("", "", None, Check.COHERENCE, Verdict.OK, said)),
+    )
 
 
 def _order_of(position_deg: NDArray[np.float64], node: NDArray[np.int_]) -> NDArray[np.int_]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from ema.io.uff.scan import Dataset, damaged, place
 
 _POWERS = {ACCELERATION: 0, VELOCITY: 1, DISPLACEMENT: 2}  # of jω, which make it inertance
 _SAME_FREQUENCY = 1e-6  # relative
+_ROUNDING = 1e-3  # by which a coherence may exceed 1
 _SAME_LINE = 1e-3  # of the step between lines
 
 #: Begins the third ID line of FRFs that ringmodal exported from modes.
@@ -83,6 +85,49 @@ def read_frf(
         run=(path.name,) * len(values),
     )
     return frf, tuple(findings)
+
+
+def with_coherence(
+    path: Path, frf: FRF, responses: Sequence[Dataset], coherences: Sequence[Dataset]
+) -> tuple[FRF, tuple[Finding, ...]]:
+    """FRFs with the coherence of the same ends (response and reference); NaN where there is none.
+
+    What belongs to no FRF, or is no coherence on its lines, is left out with a finding.
+    """
+    if not coherences:
+        return frf, ()
+    rows = {_ends(dataset): row for row, dataset in enumerate(responses)}
+    if len(rows) < len(responses):
+        rows = {}  # ends that do not tell the FRFs apart
+    found, odd = np.full(frf.values.shape, np.nan), []
+    for dataset in coherences:
+        abscissa, values = read_values(path, dataset)
+        row = rows.get(_ends(dataset))
+        fits = (
+            row is not None
+            and not dataset.header58.is_complex
+            and _same_lines(_lines(path, dataset, abscissa), frf.frequency_hz)
+            and np.all((values >= 0) & (values <= 1 + _ROUNDING))
+        )
+        if fits:
+            found[row] = np.minimum(values, 1.0)
+        else:
+            odd.append(dataset)
+    findings: tuple[Finding, ...] = ()
+    if odd:
+        detail = (
+            f"{len(odd)} of {len(coherences)} coherences left out (first: dataset "
+            f"{odd[0].index}): each needs the nodes and lines of one FRF, and values from 0 to 1"
+        )
+        findings = (remark(path, "", Check.COHERENCE, detail),)
+    return replace(frf, coherence=found) if len(odd) < len(coherences) else frf, findings
+
+
+def _ends(dataset: Dataset) -> tuple[int, ...]:
+    """Node and axis of response and reference; the sign of a direction does not matter."""
+    header = dataset.header58
+    response = header.response_node, abs(header.response_direction)
+    return (*response, header.reference_node, abs(header.reference_direction))
 
 
 def driven_node(datasets: Sequence[Dataset]) -> int | None:

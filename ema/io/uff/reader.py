@@ -15,8 +15,14 @@ from ema.core.recording import Channel, Recording
 from ema.io.columns import even_step, not_together, step_and_inverse
 from ema.io.content import FileContent, remark
 from ema.io.uff.dataset58 import read_form, read_values
-from ema.io.uff.dataset58_header import FREQUENCY_RESPONSE, TIME_RESPONSE, Header58, ordinate_unit
-from ema.io.uff.frf import driven_node, measured_only, read_frf
+from ema.io.uff.dataset58_header import (
+    COHERENCE,
+    FREQUENCY_RESPONSE,
+    TIME_RESPONSE,
+    Header58,
+    ordinate_unit,
+)
+from ema.io.uff.frf import driven_node, measured_only, read_frf, with_coherence
 from ema.io.uff.geometry import Surroundings, read_surroundings
 from ema.io.uff.scan import Dataset, damaged, place, scan
 
@@ -79,6 +85,9 @@ def _read(path: Path, read_samples: SampleReader) -> FileContent:
     if responses:
         frf, noticed = read_frf(path, responses, around.units, around.angle_deg)
         findings += noticed
+        coherences = [each for each in datasets if _function(each) == COHERENCE]
+        frf, noticed = with_coherence(path, frf, responses, coherences)
+        findings += noticed
     names = tuple(_channel_name(each.header58, row) for row, each in enumerate(responses, 1))
     return FileContent(path, recording, frf, names, driven_node(responses), tuple(findings))
 
@@ -88,7 +97,10 @@ def _describe_left_out(datasets: Sequence[Dataset]) -> str:
 
     Geometry, units and headers are named only in a file without time series and FRFs.
     """
-    left = [each for each in datasets if _function(each) not in (TIME_RESPONSE, FREQUENCY_RESPONSE)]
+    used = {TIME_RESPONSE, FREQUENCY_RESPONSE}
+    if any(_function(each) == FREQUENCY_RESPONSE for each in datasets):
+        used.add(COHERENCE)
+    left = [each for each in datasets if _function(each) not in used]
     if len(left) < len(datasets):
         left = [each for each in left if each.number not in _AROUND]
     shapes = dict.fromkeys(_name(each) for each in left if each.number in _SHAPES)

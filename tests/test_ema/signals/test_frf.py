@@ -7,8 +7,9 @@ import pytest
 import systems
 from systems import campaign_of, run_of, white
 
-from ema.core.campaign import Campaign
+from ema.core.campaign import Campaign, Processing
 from ema.core.errors import InputError
+from ema.signals.bias_and_noise import noise_level
 from ema.signals.frf_estimation import estimate_frf
 
 GAIN = 2.5
@@ -229,6 +230,36 @@ def test_frfs_of_a_file_are_handed_through_in_order():
     handed = estimate_frf(Campaign(name="file", frf=mixed))
     np.testing.assert_array_equal(handed.position_deg, frf.position_deg)
     np.testing.assert_array_equal(handed.values, frf.values)
+
+
+def from_file(frf, **processing):
+    unknown = np.full(frf.std.shape, np.nan)
+    read = replace(frf, std=unknown, n_effective=np.nan, blocks=None, forces={})
+    return estimate_frf(Campaign("file", frf=read, processing=Processing(**processing)))
+
+
+def test_coherence_and_averages_of_a_file_give_sigma(force):
+    """The one that the recordings themselves give."""
+    responses = GAIN * force + NOISE * white(N_SAMPLES, seed=2, n_rows=3)
+    run = run_of(force, responses)
+    frf = estimate_frf(campaign_of(run, averages=50, window="boxcar"))
+    given = from_file(frf, averages=50)
+    np.testing.assert_allclose(given.std, frf.std, rtol=1e-9)
+    assert given.n_effective == 50
+    assert [finding.check for finding in given.findings] == ["coherence"]
+
+
+def test_coherence_without_averages_gives_weights_only(force):
+    quiet, loud = (GAIN * force + level * white(N_SAMPLES, seed=3) for level in (0.1, 1.0))
+    run = run_of(force, [quiet, loud])
+    frf = estimate_frf(campaign_of(run, averages=50, window="boxcar"))
+    given = from_file(frf)
+    assert np.isnan(given.std).all()
+    weights = noise_level(given, slice(None))
+    np.testing.assert_allclose(weights, noise_level(frf, slice(None)) * np.sqrt(2 * 49), rtol=0.05)
+    without = from_file(replace(frf, coherence=np.full(frf.std.shape, np.nan)), averages=50)
+    assert np.isnan(without.std).all()
+    assert without.findings == ()
 
 
 def test_an_frf_cannot_be_changed_behind_its_back():

@@ -212,6 +212,44 @@ def test_time_series_and_frfs_of_one_file_are_both_there(tmp_path):
     assert found.frf_names == ("A01",)
 
 
+def coherence58(values, **header):
+    defaults = {"function_type": 6, "ordinate": 2, "n": len(values), "step": "  1.00000E+00"}
+    defaults |= {"abscissa": (18, 0, 0, "Frequency", "Hz")}
+    defaults |= {"reference_node": 1, "reference_direction": 3}
+    return binary58(floats(values), **defaults | header)
+
+
+def test_coherence_goes_with_the_frf_of_its_nodes(tmp_path):
+    """In any order, whatever the signs of directions; it is not among what was left out."""
+    one, two = [0.9, 0.8, 0.5, 1.0005], [0.1, 0.2, 0.3, 0.4]
+    found = read(
+        tmp_path,
+        coherence58(two, node=8) + frf58(H, node=7) + frf58(H, node=8) + coherence58(one, node=7),
+    )
+    np.testing.assert_allclose(found.frf.coherence, [np.minimum(one, 1.0), two], rtol=1e-6)
+    assert found.findings == ()
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        coherence58([0.9, 0.8, 0.5, 0.4], node=9),
+        coherence58([0.9, 0.8, 0.5, 0.4], node=8, step="  2.00000E+00"),
+        coherence58([0.9, 0.8, 1.5, 0.4], node=8),
+        coherence58([0.9, 0.8, np.nan, 0.4], node=8),
+    ],
+    ids=["nodes", "lines", "values", "not a number"],
+)
+def test_what_is_no_coherence_of_an_frf_is_left_out_and_named(tmp_path, odd):
+    good = coherence58([0.9, 0.8, 0.5, 0.4], node=7)
+    found = read(tmp_path, frf58(H, node=7) + frf58(H, node=8) + good + odd)
+    assert np.isfinite(found.frf.coherence[0]).all()
+    assert np.isnan(found.frf.coherence[1]).all()
+    (finding,) = found.findings
+    assert finding.check == "coherence"
+    assert finding.verdict == "warning"
+
+
 def test_uneven_lines_that_are_equidistant(tmp_path):
     rows = [part for k, h in enumerate(H) for part in (float(k), h.real, h.imag)]
     payload = floats(rows)
