@@ -21,6 +21,10 @@ from ema.signals.damage import without_damage, without_lost_samples
 from ema.signals.excitation import is_steady, period_samples, repeats_after
 from ema.signals.spectra import Spectra, disagreement, measure_spectra, pooled, ratio
 
+# A run whose force is this far below the median of the runs has no excitation: hits by hand and
+# steps of the level differ by 20 dB at most.
+_UNEXCITED_DB = -40.0
+
 
 def estimate_frf(
     campaign: Campaign,
@@ -89,8 +93,10 @@ def estimate_frf(
             findings += slips
             if progress is not None:
                 progress(len(spectra), len(runs))
+    runs, spectra, silent = _excited(runs, spectra)
+    findings += silent
     frf = _positions_frf(runs, spectra, plan, estimator)
-    reference = _reference_frf(campaign, spectra, plan, estimator)
+    reference = _reference_frf(runs, campaign.reference_deg, spectra, plan, estimator)
     forces = _force_records(runs, plan) if estimator == "H1" else {}
     return replace(
         frf,
@@ -130,7 +136,7 @@ def _common_plan(runs: Sequence[Run], processing: Processing) -> BlockPlan:
         rate,
         processing,
         shortest.name,
-        steady=is_steady(shortest.force),
+        steady=all(is_steady(run.force) for run in runs),
         period_samples=_common_period(runs, shortest, rate),
     )
 
@@ -173,6 +179,29 @@ def _require_signal(
         )
 
 
+def _excited(
+    runs: Sequence[Run], spectra: list[Spectra]
+) -> tuple[list[Run], list[Spectra], tuple[Finding, ...]]:
+    """Runs with their spectra, without those of hardly any force, and findings about these."""
+    power = np.array([np.sum(each.force[0]) / max(each.n_effective[0], 1.0) for each in spectra])
+    level_db = 10 * np.log10(np.maximum(power / np.median(power), 1e-30))
+    findings = tuple(
+        Finding(
+            run.name,
+            run.force.name,
+            None,
+            Check.EXCITATION,
+            Verdict.EXCLUDED,
+            f"the force is {-level:.0f} dB below that of the other runs: no hit in the recording, "
+            "or the excitation was off; the run is left out",
+        )
+        for run, level in zip(runs, level_db, strict=True)
+        if level < _UNEXCITED_DB
+    )
+    kept = [k for k in range(len(runs)) if level_db[k] >= _UNEXCITED_DB]
+    return [runs[k] for k in kept], [spectra[k] for k in kept], findings
+
+
 def _positions_frf(
     runs: Sequence[Run], spectra: list[Spectra], plan: BlockPlan, estimator: str
 ) -> FRF:
@@ -205,19 +234,23 @@ def _joined(words: list[str], place: NDArray[np.int_]) -> list[str]:
 
 
 def _reference_frf(
-    campaign: Campaign, spectra: list[Spectra], plan: BlockPlan, estimator: str
+    runs: Sequence[Run],
+    reference_deg: float | None,
+    spectra: list[Spectra],
+    plan: BlockPlan,
+    estimator: str,
 ) -> FRF | None:
-    pairs = [(r, s) for r, s in zip(campaign.runs, spectra, strict=True) if r.reference is not None]
+    pairs = [(r, s) for r, s in zip(runs, spectra, strict=True) if r.reference is not None]
     if len(pairs) < 2:
         return None
     last = pooled(
         [part.rows(slice(-1, None)) for _, part in pairs], np.arange(len(pairs)), len(pairs)
     )
     nodes = np.full(len(pairs), -1)
-    angle = np.full(len(pairs), _number(campaign.reference_deg))
-    runs = [run.name for run, _ in pairs]
+    angle = np.full(len(pairs), _number(reference_deg))
+    run_names = [run.name for run, _ in pairs]
     names = [run.reference.name for run, _ in pairs if run.reference is not None]
-    return _as_frf(last, plan, estimator, nodes, angle, runs, names)
+    return _as_frf(last, plan, estimator, nodes, angle, run_names, names)
 
 
 def _as_frf(

@@ -101,18 +101,12 @@ def with_coherence(
         rows = {}  # ends that do not tell the FRFs apart
     found, odd = np.full(frf.values.shape, np.nan), []
     for dataset in coherences:
-        abscissa, values = read_values(path, dataset)
         row = rows.get(_ends(dataset))
-        fits = (
-            row is not None
-            and not dataset.header58.is_complex
-            and _same_lines(_lines(path, dataset, abscissa), frf.frequency_hz)
-            and np.all((values >= 0) & (values <= 1 + _ROUNDING))
-        )
-        if fits:
-            found[row] = np.minimum(values, 1.0)
-        else:
+        values = None if row is None else _coherence(path, dataset, frf.frequency_hz)
+        if values is None:
             odd.append(dataset)
+        else:
+            found[row] = values
     findings: tuple[Finding, ...] = ()
     if odd:
         detail = (
@@ -121,6 +115,19 @@ def with_coherence(
         )
         findings = (remark(path, "", Check.COHERENCE, detail),)
     return replace(frf, coherence=found) if len(odd) < len(coherences) else frf, findings
+
+
+def _coherence(
+    path: Path, dataset: Dataset, frequency_hz: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """Coherence on these lines; None where it is on others, damaged or none."""
+    try:
+        abscissa, values = read_values(path, dataset)
+        lines = _lines(path, dataset, abscissa)
+    except RecordingFormatError:
+        return None
+    in_range = not np.iscomplexobj(values) and np.all((values >= 0) & (values <= 1 + _ROUNDING))
+    return np.minimum(values, 1.0) if in_range and _same_lines(lines, frequency_hz) else None
 
 
 def _ends(dataset: Dataset) -> tuple[int, ...]:

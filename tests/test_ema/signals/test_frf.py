@@ -213,6 +213,22 @@ def test_runs_of_different_rate_are_refused(force):
         estimate_frf(campaign_of(*runs))
 
 
+def test_a_run_without_excitation_is_left_out_and_named(force):
+    """Steady noise of its load cell does not decide on the blocks of the others' hits either."""
+    hit = np.zeros(4096)
+    hit[500:504] = 50.0
+    runs = [
+        run_of(0.01 * force[:4096], force[:4096], name="missed", position_deg=[0.0]),
+        run_of(hit, GAIN * hit, name="one", position_deg=[90.0]),
+        run_of(hit, GAIN * hit, name="two", position_deg=[180.0]),
+    ]
+    frf = estimate_frf(campaign_of(*runs))
+    assert frf.run == ("one", "two")
+    assert (frf.blocks.n_blocks, frf.blocks.window) == (1, "boxcar")
+    found = [f for f in frf.findings if f.check == "excitation"]
+    assert [(f.run, f.verdict) for f in found] == [("missed", "excluded")]
+
+
 def test_a_silent_force_is_refused(force):
     silent = run_of(np.full(N_SAMPLES, 50.0), force)
     with pytest.raises(InputError, match=r"run_1\.uff, channel 'force': a constant signal"):

@@ -237,8 +237,9 @@ def test_coherence_goes_with_the_frf_of_its_nodes(tmp_path):
         coherence58([0.9, 0.8, 0.5, 0.4], node=8, step="  2.00000E+00"),
         coherence58([0.9, 0.8, 1.5, 0.4], node=8),
         coherence58([0.9, 0.8, np.nan, 0.4], node=8),
+        coherence58([0.9, 0.8, 0.5, 0.4], node=8, step="  0.00000E+00"),
     ],
-    ids=["nodes", "lines", "values", "not a number"],
+    ids=["nodes", "lines", "values", "not a number", "damaged"],
 )
 def test_what_is_no_coherence_of_an_frf_is_left_out_and_named(tmp_path, odd):
     good = coherence58([0.9, 0.8, 0.5, 0.4], node=7)
