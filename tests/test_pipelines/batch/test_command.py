@@ -70,7 +70,7 @@ def test_it_says_what_became_of_each_campaign_and_ends_well(ringmodal, root, tmp
     assert code == 0
     page = out / "summary.html"
     assert output == f"2 done, 6 failed (see {page}), 0 already done\n"
-    assert re.search(r"^\[1/8, .+ left\] 2025/tyre_1: 8 modes, .* s$", errors, re.MULTILINE)
+    assert re.search(r"^\[1/8, .+ left\] 2025/tyre_1: 9 modes, .* s$", errors, re.MULTILINE)
     assert re.search(r"^\[8/8\] recording truncated: failed\. config_1", errors, re.MULTILINE)
     code, output, _ = ringmodal("batch", root, "--out", out, *ONCE, "--quiet")
     assert code == 0
