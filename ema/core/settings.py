@@ -70,6 +70,18 @@ class IdentificationSettings:
         "modes whose frequency is known to no better than this are not listed",
         "convention",
     )
+    visible_share: float = _setting(
+        0.1,
+        "–",
+        "without a circle: poles with less of the response at their own resonance are dropped",
+        "ruler, beam and wheel, measured",
+    )
+    pole_scatter: float = _setting(
+        0.5,
+        "half-widths",
+        "without a circle: poles known to no better than this are not listed",
+        "ruler, beam and wheel, measured",
+    )
     drift_p_value: float = _setting(
         1e-4, "–", "a drift of the runs is taken for real below this chance", _LIKELIHOOD
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +11,11 @@ from numpy.typing import NDArray
 from ema.core.block_plan import BlockPlan
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit
 from ema.fitting.variable_projection import Projection, Real, slope_rows
+
+# Lines within this many half-widths of a pole make up its resonance …
+_RESONANCE = 2.0
+# … but never more than this part of all lines.
+_FEWEST_PIECES = 8
 
 
 def line_correlation(plan: BlockPlan | None) -> float:
@@ -32,19 +37,56 @@ def parameter_covariance(fit: PoleFit, correlation: float) -> Real:
     """
     inverse = _inverse(fit.normal_matrix())
     middle = np.zeros_like(inverse)
-    for number, (part, rows) in enumerate(zip(fit.parts, fit.groups, strict=True)):
-        transform = fit.transform(number)
-        run, scale = fit.lines.run[rows], fit.lines.scale[rows]
-        for name in np.unique(run):
-            score = _line_scores(part, scale, run == name) @ transform
-            middle += score.T @ score
+    for score in _scores_of_runs(fit):
+        middle += score.T @ score
     slope = fit.likeness_slope()
     middle = correlation * middle + slope.T @ slope
     return np.asarray(inverse @ middle @ inverse)
 
 
+def std_of_waves(fit: PoleFit) -> Real:
+    """Standard deviations of frequency and damping ratio where residuals are no white noise.
+
+    What the model leaves out of a resonance changes slowly from line to line. Scores count together
+    with those of the lines around them, as far as the resonance reaches (Newey & West 1987).
+
+    Returns
+    -------
+    ndarray, shape (n_modes, 2)
+    """
+    n = 2 * fit.poles.size
+    towards = _inverse(fit.normal_matrix())[:, :n] @ _to_frequency_damping(fit.poles).T
+    step = float(np.diff(fit.lines.omega[:2])[0])
+    reach = np.repeat(np.ceil(_RESONANCE * -fit.poles.real / step).astype(int), 2)
+    variance = np.zeros(n)
+    for score in _scores_of_runs(fit):
+        influence = score @ towards
+        reach = np.clip(reach, 1, len(influence) // _FEWEST_PIECES)
+        for k, line in enumerate(influence.T):
+            variance[k] += line @ line
+            for lag in range(1, reach[k] + 1):
+                variance[k] += 2 * (1 - lag / (reach[k] + 1)) * (line[lag:] @ line[:-lag])
+    return np.sqrt(np.maximum(variance, 0)).reshape(-1, 2)
+
+
+def _scores_of_runs(fit: PoleFit) -> Iterator[Real]:
+    """Score of each line for all parameters, run by run, (n_frequencies, n_parameters)."""
+    for number, (part, rows) in enumerate(zip(fit.parts, fit.groups, strict=True)):
+        transform = fit.transform(number)
+        run, scale = fit.lines.run[rows], fit.lines.scale[rows]
+        for name in np.unique(run):
+            yield _line_scores(part, scale, run == name) @ transform
+
+
 def frequency_damping_covariance(poles: NDArray[np.complex128], covariance: Real) -> Real:
     """Covariance of (frequency_hz, damping_ratio), mode by mode, from that of (Re s, Im s)."""
+    n = 2 * poles.size
+    transform = _to_frequency_damping(poles)
+    return np.asarray(transform @ covariance[:n, :n] @ transform.T)
+
+
+def _to_frequency_damping(poles: NDArray[np.complex128]) -> Real:
+    """Derivative of (frequency_hz, damping_ratio) to (Re s, Im s), mode by mode."""
     n = 2 * poles.size
     transform = np.zeros((n, n))
     for r, s in enumerate(poles):
@@ -54,7 +96,7 @@ def frequency_damping_covariance(poles: NDArray[np.complex128], covariance: Real
             [s.real / size / (2 * np.pi), s.imag / size / (2 * np.pi)],
             [-(s.imag**2) / size**3, s.real * s.imag / size**3],
         ]
-    return np.asarray(transform @ covariance[:n, :n] @ transform.T)
+    return transform
 
 
 def residue_std(fit: PoleFit, covariance: Real, correlation: float) -> Real:

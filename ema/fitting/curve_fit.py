@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from scipy.special import chdtrc
 
 from ema.circumference.orders import label_modes, on_circle, order_content
-from ema.circumference.ring_modes import PURE, family, judged
+from ema.circumference.ring_modes import family, judged
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import FitError
 from ema.core.frf import FRF, widened_band
@@ -26,12 +26,21 @@ from ema.fitting.covariance import (
     parameter_covariance,
     residue_std,
 )
+from ema.fitting.evidence import (
+    is_beneath,
+    residue_size,
+    share_resonance,
+    visible_share,
+    with_model_error,
+)
 from ema.fitting.exponential_window import with_own_factor, without_window
 from ema.fitting.fit_steps import (
     as_seen,
     drift_in_one_step,
+    is_close,
     is_undetermined,
     modes_of,
+    surplus_poles,
     with_states,
     without_leakage,
 )
@@ -47,17 +56,24 @@ from ema.fitting.pole_fit import (
     starting_poles,
     with_stand_ins,
 )
+from ema.fitting.variable_projection import Real
 from ema.poles.selection import PoleSelection
 
 # A pole damped this many times more than the others, on its bound, is no mode.
 _BROAD = 3.0
-# Poles closer than this share of their half-width are one at first …
-_CLOSE = 0.5
-# … and, without a circle that could tell their orders, below this share.
+# Without a circle that could tell their orders, poles closer than this are one at first …
 _SAME = 0.15
 # … if their residues together have this share of their power in one order, or this MAC.
 _ONE_ORDER = 0.8
 NO_SHIFT = np.zeros((1, N_DRIFT))
+# A broad pole beneath a sharper one has to show this many times more than others.
+_BENEATH = 2.5
+# A pole with this share of the response makes up its resonance.
+_MAKES_UP = 0.8
+# Without a circle, one of several doubtful poles goes first if this many half-widths hold them.
+_AROUND = 4.0
+# Rounds in which poles that hardly show are dropped; more than five were never needed.
+_MOST_DROPS = 8
 # Rounds after which the poles of the orders have settled; more than two were never needed.
 _ROUNDS = 4
 
@@ -113,10 +129,12 @@ def fit_modes(
     fit.compensate_leakage()
     if not selection.pinned:
         fit.drop_insignificant()
-    if on_circle(frf.position_deg):
+    if fit.circle:
         fit.settle_orders()
     elif not selection.pinned:
         fit.drop_surplus()
+        fit.follow_poles()
+        fit.drop_hidden()
     return without_window(fit.modal_model(), frf.exponential_window)
 
 
@@ -159,12 +177,14 @@ class CurveFit:
         self.leakage_notes: list[str] = []
         self.notes: list[str] = []
         self.ring: tuple[RingOrder, ...] = ()
+        self.circle = on_circle(frf.position_deg)
 
     def start(self) -> None:
         """Fit all runs in one state, the members of close pairs as one pole at first."""
         if not self.selection.pinned:
             self.start_poles = self._merged(self.start_poles)
         pairs = self._pairs(evaluate(self.lines, self.start_poles, NO_SHIFT))
+        self.centre = self.start_poles
         self.fit = fit_bounded(self.lines, self.start_poles, self.settings, pairs=pairs)
 
     def _merged(self, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -178,7 +198,7 @@ class CurveFit:
         merged: list[complex] = []
         while rest:
             group = [rest.pop(0)]
-            while rest and _is_close(poles[group[-1]], poles[rest[0]]):
+            while rest and is_close(poles[group[-1]], poles[rest[0]]):
                 group.append(rest.pop(0))
             one = len(group) > 1 and self._look_alike(poles[group], fit.residues[:, group])
             merged += (
@@ -188,7 +208,7 @@ class CurveFit:
 
     def _look_alike(self, poles: NDArray[np.complex128], residues: NDArray[np.complex128]) -> bool:
         """Whether close poles share one order, or, without a circle, one shape."""
-        if on_circle(self.frf.position_deg):
+        if self.circle:
             together = order_content(residues.sum(axis=1), self.frf.position_deg)
             return together.purity > _ONE_ORDER
         apart = np.ptp(np.abs(poles)) / np.min(-poles.real)
@@ -222,23 +242,60 @@ class CurveFit:
         A pole may be stable from model order to model order and yet be only a wiggle of the noise.
         Of two that share a resonance, neither may be determined: only the lesser one goes.
         """
-        fit = self.fit
-        size = _residue_size(fit, self.correlation)
-        frequency_hz = np.abs(fit.poles) / (2 * np.pi)
+        size = residue_size(self.fit, self.correlation)
+        p_value = chdtrc(2 * self.fit.lines.scale.size, size)
+        noise = ~(p_value < self.settings.residue_p_value)
+        reach = 1.0 if self.circle else _AROUND
+        self._drop(noise, size, "its residues are no larger than their uncertainty", reach)
+
+    def follow_poles(self) -> None:
+        """Move bounds of frequencies along with poles that ended on them, main ones only."""
+        for _ in range(_ROUNDS):
+            poles = self.fit.poles
+            held = self.fit.at_bound[1::2] & self._is_inside(poles)
+            held &= visible_share(self.fit) > _MAKES_UP
+            if not np.any(held):
+                break
+            self._refit(poles, np.where(held, poles, self.centre))
+
+    def drop_hidden(self) -> None:
+        """Drop poles that hardly show at their own resonance, until none is left.
+
+        They follow what the model leaves out of other resonances.
+        """
+        for _ in range(_MOST_DROPS):
+            share = visible_share(self.fit)
+            beneath = is_beneath(self.fit)
+            least = self.settings.visible_share * np.where(beneath, _BENEATH, 1.0)
+            if not self._drop(share < least, share, "it hardly shows at its own resonance"):
+                break
+
+    def _drop(
+        self, doubtful: NDArray[np.bool_], size: Real, reason: str, reach: float = 1.0
+    ) -> bool:
+        """Fit again without doubtful poles of the band; of two in a resonance the lesser one goes.
+
+        False where there is none to drop, or no other.
+        """
+        poles = self.fit.poles
+        inside = self._is_inside(poles)
+        drop = inside & doubtful
+        drop &= ~np.any(drop & share_resonance(poles, reach) & (size[:, None] > size), axis=1)
+        if not np.any(drop) or np.all(drop | ~inside):
+            return False
+        self._refit(poles[~drop])
+        self.notes += [
+            f"The pole at {abs(pole) / (2 * np.pi):.2f} Hz was dropped: {reason}."
+            for pole in poles[drop]
+        ]
+        return True
+
+    def _is_inside(self, poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
+        """Which poles lie in the band."""
+        frequency_hz = np.abs(poles) / (2 * np.pi)
         inside = (frequency_hz >= self.band_hz[0]) & (frequency_hz <= self.band_hz[1])
         inside[-N_STAND_INS:] = False
-        p_value = chdtrc(2 * fit.lines.scale.size, size)
-        noise = inside & ~(p_value < self.settings.residue_p_value)
-        lesser = size[:, None] > size
-        noise &= ~np.any(noise & _share_resonance(fit.poles) & lesser, axis=1)
-        if not np.any(noise) or np.all(noise | ~inside):
-            return
-        self._refit(fit.poles[~noise])
-        self.notes += [
-            f"The pole at {hz:.2f} Hz was dropped: its residues are no larger than their "
-            "uncertainty."
-            for hz in frequency_hz[noise]
-        ]
+        return np.asarray(inside)
 
     def drop_surplus(self) -> None:
         """Drop poles that ended on the bound of their damping, far above that of the others."""
@@ -256,7 +313,7 @@ class CurveFit:
         """
         for _ in range(_ROUNDS):
             labelled = self._labelled(self.fit)
-            surplus = _surplus(labelled, self.fit)
+            surplus = surplus_poles(labelled, self.fit)
             if not np.any(surplus) or self.selection.pinned:
                 break
             self._refit(self.fit.poles[~surplus])
@@ -273,6 +330,8 @@ class CurveFit:
         both = frequency_damping_covariance(fit.poles, covariance)
         modes = modes_of(fit, both, residue_std(fit, covariance, self.correlation))
         modes = self._with_band_shift(modes, fit)
+        if not self.circle:
+            modes, both = with_model_error(modes, both, fit, self._again)
         inside = self._wanted(modes, fit)
         listed: list[Mode] = []
         blocks: list[NDArray[np.float64]] = []
@@ -326,16 +385,19 @@ class CurveFit:
     def _shifts(self) -> NDArray[np.float64] | None:
         return self.drift.states if self.drift.applied else None
 
-    def _refit(self, poles: NDArray[np.complex128]) -> None:
-        """Fit from other poles."""
+    def _refit(
+        self, poles: NDArray[np.complex128], around: NDArray[np.complex128] | None = None
+    ) -> None:
+        """Fit from other poles, with bounds around them or others."""
+        self.centre = poles if around is None else around
         shifts = NO_SHIFT if self._shifts is None else self._shifts
         pairs = self._pairs(evaluate(self.lines, poles, shifts))
-        fit = fit_bounded(self.lines, poles, self.settings, self._shifts, pairs=pairs)
-        self.fit, self.leakage_notes = without_leakage(self.frf, fit, poles, self.settings)
+        fit = fit_bounded(self.lines, poles, self.settings, self._shifts, self.centre, pairs)
+        self.fit, self.leakage_notes = without_leakage(self.frf, fit, self.centre, self.settings)
 
     def _pairs(self, fit: PoleFit) -> tuple[tuple[int, int], ...]:
         """Poles that are the two members of one order; none without a circle or known noise."""
-        if not on_circle(self.frf.position_deg) or not np.all(np.isfinite(self.frf.std)):
+        if not self.circle or not np.all(np.isfinite(self.frf.std)):
             return ()
         members = family(self._labelled(fit)).values()
         pairs = [sorted(chosen) for chosen in members if len(chosen) == 2]
@@ -357,25 +419,25 @@ class CurveFit:
         inside = [r for r in in_band if not aside[r]]
         if not inside:
             raise FitError("all poles left the band during the curve fit. Pin frequencies.")
-        known = [r for r in inside if not is_undetermined(modes[r], self.settings)]
+        known = [r for r in inside if not is_undetermined(modes[r], self.circle, self.settings)]
         if not known or self.selection.pinned:
             return inside
         self.notes += [
-            f"The pole at {modes[r].frequency_hz:.1f} Hz is fitted but not listed: its frequency "
-            f"is not determined (± {modes[r].frequency_std_hz:.2g} Hz, "
+            f"The pole at {modes[r].frequency_hz:.1f} Hz is fitted but not listed: it is not "
+            f"determined (± {modes[r].frequency_std_hz:.2g} Hz, "
             f"{modes[r].frequency_band_shift_hz:.2g} Hz with another band)."
             for r in inside
             if r not in known
         ]
         return known
 
-    def _with_band_shift(self, modes: Sequence[Mode], fit: PoleFit) -> list[Mode]:
+    def _again(self, lines: Lines, poles: NDArray[np.complex128]) -> PoleFit:
+        """Fit other lines from these poles."""
         drift = self.fit.drift if len(self.fit.drift) > 1 else None
+        return fit_bounded(lines, with_stand_ins(poles, lines), self.settings, drift)
 
-        def refit(lines: Lines, poles: NDArray[np.complex128]) -> PoleFit:
-            return fit_bounded(lines, with_stand_ins(poles, lines), self.settings, drift)
-
-        shifts = band_shift(refit(fit.lines, fit.poles[:-N_STAND_INS]), refit)
+    def _with_band_shift(self, modes: Sequence[Mode], fit: PoleFit) -> list[Mode]:
+        shifts = band_shift(self._again(fit.lines, fit.poles[:-N_STAND_INS]), self._again)
         return [
             replace(mode, frequency_band_shift_hz=float(hz), damping_band_shift=float(ratio))
             for mode, (hz, ratio) in zip(modes, shifts, strict=True)
@@ -386,52 +448,3 @@ class CurveFit:
             return self.drift
         own = slice(2 * fit.poles.size, None)
         return with_states(self.drift, fit.drift[1:], covariance[own, own])
-
-
-def _surplus(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
-    """Poles that only improve the fit of others.
-
-    They end on a bound of their damping, or lie within the resonance of a mode of the ring and
-    have its order or none: what an order's second mode is comes from the order's own FRFs.
-    """
-    surplus = np.zeros(fit.poles.size, dtype=bool)
-    members = family(labelled)
-    main = {found[0] for found in members.values()}
-    bound = fit.at_bound[0 : 2 * len(labelled) : 2]
-    for k, mode in enumerate(labelled):
-        if k in main:
-            continue
-        near = [
-            o
-            for o in main
-            if abs(labelled[o].frequency_hz - mode.frequency_hz)
-            < _CLOSE * labelled[o].damping_ratio * labelled[o].frequency_hz
-        ]
-        same = any(mode.order == labelled[o].order or mode.order_purity < PURE for o in near)
-        surplus[k] = bound[k] or same
-    return surplus
-
-
-def _is_close(one: complex, other: complex) -> bool:
-    """Whether two poles lie within half the half-width of each other's resonance."""
-    return bool(abs(one - other) < _CLOSE * min(-one.real, -other.real))
-
-
-def _residue_size(fit: PoleFit, correlation: float) -> NDArray[np.float64]:
-    """Residues of each pole over their standard deviations, squared and summed over positions.
-
-    What is uncertain about a pole moves its residues at all positions together. Where two poles
-    share a resonance this says nothing about whether both are there: they are judged at the poles
-    found.
-    """
-    covariance = parameter_covariance(fit, correlation)
-    alone = residue_std(fit, covariance, correlation)
-    beside = residue_std(fit, np.zeros_like(covariance), correlation)
-    std = np.where(np.any(_share_resonance(fit.poles), axis=1), beside, alone)
-    return np.asarray(np.sum(np.abs(fit.residues) ** 2 / std**2, axis=0))
-
-
-def _share_resonance(poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
-    """Which poles lie within the half-width of each other's resonance, (n_poles, n_poles)."""
-    near = np.abs(poles[:, None] - poles) < np.minimum.outer(-poles.real, -poles.real)
-    return np.asarray(near & ~np.eye(poles.size, dtype=bool))

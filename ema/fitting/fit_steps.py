@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.linalg import block_diag
 from scipy.special import chdtrc
 
 from ema.circumference.orders import order_basis
+from ema.circumference.ring_modes import PURE, family
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.frf import FRF
 from ema.core.modes import Flag, Mode
@@ -27,6 +29,8 @@ _LEAKAGE_ROUNDS = 2
 _FLOOR = np.array([1e-5, 2e-4])
 # Standard deviation of the share that each member of an unresolved pair has.
 _SHARE_STD = 0.3
+# Poles closer than this share of their half-width are one at first.
+CLOSE = 0.5
 # Imaginary over real part of such a share.
 _COMPLEX = 0.5
 
@@ -108,10 +112,15 @@ def _with_std(mode: Mode, covariance: NDArray[np.float64]) -> Mode:
     return replace(mode, frequency_std_hz=float(std[0]), damping_std=float(std[1]))
 
 
-def is_undetermined(mode: Mode, settings: IdentificationSettings) -> bool:
-    """Whether a frequency is known, or stays with another band, to no better than a tenth."""
+def is_undetermined(mode: Mode, circle: bool, settings: IdentificationSettings) -> bool:
+    """Whether a frequency is known, or stays with another band, to no better than a tenth.
+
+    Without a circle also whether the pole is known to no better than half its half-width.
+    """
     away = np.fmax(mode.frequency_std_hz, mode.frequency_band_shift_hz)
-    return bool(away > settings.undetermined_share * mode.frequency_hz)
+    pole = np.hypot(mode.frequency_std_hz / mode.frequency_hz, mode.damping_std)
+    blurred = not circle and pole > settings.pole_scatter * mode.damping_ratio
+    return bool(away > settings.undetermined_share * mode.frequency_hz or blurred)
 
 
 def drift_in_one_step(
@@ -184,3 +193,32 @@ def without_leakage(
         )
         return plain, [note]
     return cleared, ["The bias of window and block length was compensated in the curve fit."]
+
+
+def surplus_poles(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
+    """Poles that only improve the fit of others.
+
+    They end on a bound of their damping, or lie within the resonance of a mode of the ring and
+    have its order or none: what an order's second mode is comes from the order's own FRFs.
+    """
+    surplus = np.zeros(fit.poles.size, dtype=bool)
+    members = family(labelled)
+    main = {found[0] for found in members.values()}
+    bound = fit.at_bound[0 : 2 * len(labelled) : 2]
+    for k, mode in enumerate(labelled):
+        if k in main:
+            continue
+        near = [
+            o
+            for o in main
+            if abs(labelled[o].frequency_hz - mode.frequency_hz)
+            < CLOSE * labelled[o].damping_ratio * labelled[o].frequency_hz
+        ]
+        same = any(mode.order == labelled[o].order or mode.order_purity < PURE for o in near)
+        surplus[k] = bound[k] or same
+    return surplus
+
+
+def is_close(one: complex, other: complex) -> bool:
+    """Whether two poles lie within half the half-width of each other's resonance."""
+    return bool(abs(one - other) < CLOSE * min(-one.real, -other.real))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.circumference.orders import on_circle
 from ema.core.arrays import ReadonlyArrays, frame_of
 from ema.core.display import band_text, counted, table
 from ema.core.errors import InputError
@@ -177,7 +178,8 @@ def build_stability(
     else:
         matrix = reduced_normal_matrix(values, max_order, line_weight(frf.std[:, lines]))
     found = pole_history(matrix, piece, step_s, frequency_hz[0], settings.max_damping)
-    label, verdicts = interpret(found, max_order, settings)
+    late = not on_circle(frf.position_deg)
+    label, verdicts = interpret(found, max_order, settings, late=late)
     return StabilityDiagram(
         band_hz=band_hz,
         model_order=found.model_order,

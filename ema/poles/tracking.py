@@ -13,6 +13,11 @@ from ema.core.mac import auto_mac, mac
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.lsce import poles_of_order, shapes_of_poles
 
+# A cluster in this share of the orders, and in all since its first, is no chance.
+_LASTING = 0.25
+# A cluster has ended where others begin if this share of its poles lies below.
+_ENDED = 0.8
+
 
 @dataclass(frozen=True, eq=False)
 class PoleHistory:
@@ -107,12 +112,18 @@ class Verdict:
 
 
 def interpret(
-    history: PoleHistory, max_order: int, settings: IdentificationSettings = IDENTIFICATION
+    history: PoleHistory,
+    max_order: int,
+    settings: IdentificationSettings = IDENTIFICATION,
+    *,
+    late: bool = False,
 ) -> tuple[NDArray[np.int_], list[Verdict]]:
     """Group the poles of all orders and decide which groups are modes.
 
     Returns the number of the cluster of each pole, −1 for those that were cleared, and a verdict on
     each cluster, ascending in frequency.
+    Poles that only high orders show may be modes if `late`; on a circle they are mostly second
+    members of pairs, which the orders' own FRFs tell better.
     """
     step, poles, order = history.step_total, history.poles, history.model_order
     label = np.full(poles.size, -1)
@@ -130,6 +141,13 @@ def interpret(
     for number, rows in enumerate(members):
         label[rows] = number
     reasons = _reasons(sizes, large, max_order)
+    lasting = _lasting(members, large, max_order, history) if late else {}
+    for number, first in lasting.items():
+        for former in _replaced_by(number, members, large, history):
+            large[former] = False
+            reasons[former] = f"dropped: another pole is in its place from model order {first} on"
+        large[number] = True
+        reasons[number] = f"kept: in every model order from {first} on"
     for number, count in whole.items():
         large[number] = True
         reasons[number] = f"kept: with the pieces beside it in {count} of {max_order - 1} orders"
@@ -219,9 +237,8 @@ def _broken_up(
     is large, though the resonance shows in as many orders as any other. A piece counts where no
     large track lies within the half-width of its resonance.
     """
-    poles, order = history.poles, history.model_order
-    centre = np.array([_representative(poles[rows], order[rows]) for rows in members])
-    near = np.abs(centre[:, None] - centre) < np.minimum.outer(-centre.real, -centre.real)
+    order, near = history.model_order, _near(members, history)
+    np.fill_diagonal(near, val=True)
     whole: dict[int, int] = {}
     for number in np.argsort(-sizes):
         beside = near[number]
@@ -232,6 +249,47 @@ def _broken_up(
         if count >= sizes[large].min():
             whole[int(number)] = count
     return whole
+
+
+def _lasting(
+    members: list[NDArray[np.int_]],
+    large: NDArray[np.bool_],
+    max_order: int,
+    history: PoleHistory,
+) -> dict[int, int]:
+    """Clusters in every order from their first one to the highest, and that first order.
+
+    Weak or narrow modes appear late: an order must be high enough to spare a pole for them. What
+    then is there in each of a quarter of all orders did not come by chance. Two of them within one
+    half-width are pieces of one resonance.
+    """
+    orders = [np.unique(history.model_order[rows]) for rows in members]
+    lasts = np.array([o.size == max_order + 1 - o[0] > _LASTING * (max_order - 1) for o in orders])
+    beside = np.any(_near(members, history) & (lasts | large), axis=1)
+    return {int(k): int(orders[k][0]) for k in np.flatnonzero(lasts & ~large & ~beside)}
+
+
+def _replaced_by(
+    number: int, members: list[NDArray[np.int_]], large: NDArray[np.bool_], history: PoleHistory
+) -> list[int]:
+    """Large clusters that end where this one begins, each within the resonance of the other."""
+    poles, order = history.poles, history.model_order
+    centre = [_representative(poles[rows], order[rows]) for rows in members]
+    own, first = centre[number], order[members[number]].min()
+    return [
+        int(other)
+        for other in np.flatnonzero(large)
+        if np.mean(order[members[other]] < first) > _ENDED
+        and abs(centre[other] - own) < max(-centre[other].real, -own.real)
+    ]
+
+
+def _near(members: list[NDArray[np.int_]], history: PoleHistory) -> NDArray[np.bool_]:
+    """Which other clusters lie within the half-width of each cluster's resonance."""
+    poles, order = history.poles, history.model_order
+    centre = np.array([_representative(poles[rows], order[rows]) for rows in members])
+    near = np.abs(centre[:, None] - centre) < np.minimum.outer(-centre.real, -centre.real)
+    return np.asarray(near & ~np.eye(centre.size, dtype=bool))
 
 
 def _two_means(values: NDArray[np.float64], low: float, high: float) -> float:

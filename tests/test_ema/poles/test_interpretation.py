@@ -185,3 +185,15 @@ def test_an_excluded_frequency_is_left_out_of_the_selection(diagram):
 def test_a_frequency_to_exclude_that_is_no_mode_is_refused(diagram, nowhere_hz):
     with pytest.raises(FitError, match=f"no mode within 1 % of the excluded {nowhere_hz:g} Hz"):
         select_poles(diagram, excluded_hz=[nowhere_hz])
+
+
+def test_late_tracks_that_last_are_kept_where_no_circle_tells_better():
+    """From order 40 to the highest; the pole whose place they take ends there."""
+    diagram = Diagram().track(pole(80)).track(pole(160)).noise()
+    diagram.track(pole(120, 0.005), ORDERS[:38]).track(pole(121, 0.01), ORDERS[38:], SINE)
+    diagram.track(pole(200), ORDERS[30:45])
+    np.testing.assert_allclose(diagram.kept_hz(), [80, 120, 160], rtol=3e-3)
+    verdicts = interpret(diagram.history(), MAX_ORDER, late=True)[1]
+    kept = [abs(v.pole) / (2 * np.pi) for v in verdicts if v.kept]
+    np.testing.assert_allclose(kept, [80, 121, 160], rtol=3e-3)
+    assert any("in its place" in v.reason for v in verdicts)

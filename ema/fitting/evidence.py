@@ -1,0 +1,139 @@
+"""What speaks for a pole: its residues, its share of the response, and how far it stays in place.
+
+The residuals of a measured structure are not white: a resonance that is no exact one, or sensors
+that saw it in slightly different states, leave waves that further poles would follow. Statistics of
+the residuals cannot tell these from modes. Their size can, and fits to parts of the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.modes import Mode
+from ema.fitting.covariance import parameter_covariance, residue_std, std_of_waves
+from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit
+from ema.fitting.variable_projection import Complex, Real
+
+Refit = Callable[[Lines, Complex], PoleFit]
+Matrix = NDArray[np.bool_]
+
+# Parts of the positions that are left out one after the other.
+_PARTS = 3
+# Lines within this many half-widths belong to a resonance.
+_RESONANCE = 2.0
+# A jackknife variance of three parts is larger by this factor once in twenty (χ², 2 d.o.f.).
+_BEYOND_CHANCE = 3.0
+
+
+def scatter_over_positions(fit: PoleFit, refit: Refit) -> Real:
+    """Jackknife standard deviations of frequencies in Hz and of damping ratios, (n_modes, 2).
+
+    From three fits that leave out a third of the positions each (Efron & Stein 1981); 0 for one
+    position. `refit` fits lines from start poles; poles above the lines are not compared.
+    """
+    lines, poles = fit.lines, fit.poles[:-N_STAND_INS]
+    n_parts = min(_PARTS, lines.scale.size)
+    std = np.zeros((fit.poles.size, 2))
+    if n_parts < 2:
+        return std
+    part = np.arange(lines.scale.size) % n_parts
+    without = [refit(_of_rows(lines, part != k), poles).poles for k in range(n_parts)]
+    found = np.stack(without)[:, :-N_STAND_INS]
+    numbers = np.stack([np.abs(found) / (2 * np.pi), -found.real / np.abs(found)], axis=2)
+    std[:-N_STAND_INS] = np.sqrt((n_parts - 1) * np.var(numbers, axis=0))
+    return std
+
+
+def _of_rows(lines: Lines, rows: Matrix) -> Lines:
+    return replace(lines, values=lines.values[rows], scale=lines.scale[rows], run=lines.run[rows])
+
+
+def with_model_error(
+    modes: Sequence[Mode], covariance: Real, fit: PoleFit, refit: Refit
+) -> tuple[list[Mode], Real]:
+    """Modes of all poles whose ± contain the model's errors, and their covariance.
+
+    Residuals count as waves where they are, positions where they scatter by more than the residuals
+    explain, and the ends of the band by what they do to a pole.
+    """
+    own = np.array([(mode.frequency_std_hz, mode.damping_std) for mode in modes])
+    shift = np.array([(m.frequency_band_shift_hz, m.damping_band_shift) for m in modes])
+    std = np.fmax(own, std_of_waves(fit))
+    scatter = scatter_over_positions(fit, refit)
+    std = np.where(scatter**2 > _BEYOND_CHANCE * std**2, scatter, std)
+    whole = np.hypot(std, np.nan_to_num(shift))
+    grown = [
+        replace(mode, frequency_std_hz=float(hz), damping_std=float(ratio))
+        for mode, (hz, ratio) in zip(modes, whole, strict=True)
+    ]
+    return grown, covariance + np.diag(np.ravel(whole**2 - own**2))
+
+
+def visible_share(fit: PoleFit) -> Real:
+    """What would be missing without each pole, over the structure's response at its resonance.
+
+    RMS over positions and the lines of the resonance. A pole that shares the resonance of a
+    stronger one would be joined with it: residues of two poles so close may be of any size.
+    """
+    omega, poles = fit.lines.omega, fit.poles
+    strength = peak_response(fit)
+    beside = share_resonance(poles) & (strength[:, None] < strength)
+    share = np.empty(poles.size)
+    for k, pole in enumerate(poles):
+        distance = np.abs(1j * omega - pole)
+        near = distance <= max(_RESONANCE * -pole.real, float(distance.min()))
+        missing = _response(omega[near], poles[k], fit.residues[:, k])
+        if np.any(beside[k]):
+            other = int(np.argmax(np.where(beside[k], strength, 0.0)))
+            both = fit.residues[:, k] + fit.residues[:, other]
+            joined = np.vdot(both, fit.residues[:, [k, other]] @ poles[[k, other]])
+            missing += _response(omega[near], poles[other], fit.residues[:, other])
+            missing -= _response(omega[near], complex(joined / np.vdot(both, both)), both)
+        share[k] = np.linalg.norm(missing) / np.linalg.norm(fit.lines.values[:, near])
+    return share
+
+
+def peak_response(fit: PoleFit) -> Real:
+    """Response of each pole at its resonance, up to a factor; norm over the positions."""
+    return np.asarray(np.linalg.norm(fit.residues, axis=0) / -fit.poles.real)
+
+
+def is_beneath(fit: PoleFit) -> NDArray[np.bool_]:
+    """Whether a resonance with a higher peak lies within the half-width of a pole's own.
+
+    Such a broad pole follows the flanks of the other as readily as a mode of its own.
+    """
+    poles, strength = fit.poles, peak_response(fit)
+    within = np.abs(poles.imag[:, None] - poles.imag) < -poles.real[:, None]
+    stronger = strength[:, None] < strength
+    return np.asarray(np.any(within & stronger & ~share_resonance(poles), axis=1))
+
+
+def _response(omega: Real, pole: complex, residues: Complex) -> Complex:
+    """Inertances of one mode, (n_positions, n_frequencies)."""
+    direct, mirrored = 1 / (1j * omega - pole), 1 / (1j * omega - np.conj(pole))
+    return -(omega**2) * (np.outer(residues, direct) + np.outer(residues.conj(), mirrored))
+
+
+def residue_size(fit: PoleFit, correlation: float) -> Real:
+    """Residues of each pole over their standard deviations, squared and summed over positions.
+
+    What is uncertain about a pole moves its residues at all positions together. Where two poles
+    share a resonance this says nothing about whether both are there: they are judged at the poles
+    found.
+    """
+    covariance = parameter_covariance(fit, correlation)
+    alone = residue_std(fit, covariance, correlation)
+    beside = residue_std(fit, np.zeros_like(covariance), correlation)
+    std = np.where(np.any(share_resonance(fit.poles), axis=1), beside, alone)
+    return np.asarray(np.sum(np.abs(fit.residues) ** 2 / std**2, axis=0))
+
+
+def share_resonance(poles: Complex, reach: float = 1.0) -> Matrix:
+    """Which poles lie within `reach` half-widths of each other's resonance, (n_poles, n_poles)."""
+    near = np.abs(poles[:, None] - poles) < reach * np.minimum.outer(-poles.real, -poles.real)
+    return np.asarray(near & ~np.eye(poles.size, dtype=bool))

@@ -1,0 +1,117 @@
+"""Structures without a circle: as many modes as the data carry, and ± that hold."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import systems
+
+from ema.fitting.curve_fit import fit_modes
+from ema.fitting.evidence import is_beneath, scatter_over_positions, visible_share
+from ema.fitting.pole_fit import N_DRIFT, Lines, evaluate
+from ema.identify import identify_modes
+from ema.poles.selection import PoleSelection
+
+LINES_HZ = np.arange(1, 600) / 4
+BAND_HZ = (20.0, 130.0)
+TRUE_HZ = np.array([40.0, 42.0, 75.0, 110.0])
+POLES = systems.pole(TRUE_HZ, np.array([0.015, 0.012, 0.01, 0.02]))
+STAND_INS = systems.pole([160.0, 170.0], [0.02, 0.02])
+SHAPES = np.sin(np.outer(np.arange(1, 13), np.arange(1, 5)) * 0.4)
+RESIDUES = SHAPES * systems.residue(POLES)
+
+
+def frf_of(values, snr_db, seed=0):
+    """FRFs with white noise of unknown level."""
+    rng = np.random.default_rng(seed)
+    level = np.sqrt(np.mean(np.abs(values) ** 2)) * 10 ** (-snr_db / 20)
+    noise = rng.standard_normal((*values.shape, 2)) @ [1, 1j] * level / np.sqrt(2)
+    return systems.noise_free_frf(LINES_HZ, values + noise)
+
+
+def found_hz(frf, band_hz=BAND_HZ):
+    return np.array([mode.frequency_hz for mode in identify_modes(frf, band_hz).model.modes])
+
+
+@pytest.mark.parametrize("snr_db", [60, 40, 25])
+def test_close_and_weak_modes_of_a_structure_are_all_found(snr_db):
+    frf = frf_of(systems.inertance(LINES_HZ, POLES, RESIDUES), snr_db)
+    np.testing.assert_allclose(found_hz(frf), TRUE_HZ, rtol=2e-3)
+
+
+def test_sensors_that_saw_other_states_do_not_double_the_modes():
+    """Roving: each position was measured with the structure a little stiffer or softer."""
+    state = 1 + 3e-4 * np.random.default_rng(2).standard_normal(12)
+    rows = [systems.inertance(LINES_HZ, POLES * s, RESIDUES[[k]]) for k, s in enumerate(state)]
+    modes = identify_modes(frf_of(np.concatenate(rows), 60), BAND_HZ).model.modes
+    found = np.array([mode.frequency_hz for mode in modes])
+    std = np.array([mode.frequency_std_hz for mode in modes])
+    np.testing.assert_allclose(found, TRUE_HZ, rtol=1e-3)
+    assert np.all(np.abs(found - TRUE_HZ) < 4 * std)
+
+
+def test_a_bent_resonance_is_one_mode_and_its_width_bounds_what_is_known():
+    """A resonance that softens with its own response is no exact one."""
+    clean = systems.inertance(LINES_HZ, POLES, RESIDUES)
+    level = np.linalg.norm(clean, axis=0)
+    bent_hz = LINES_HZ * (1 + 5e-4 * level / level.max())
+    frf = frf_of(systems.inertance(bent_hz, POLES, RESIDUES), 70)
+    np.testing.assert_allclose(found_hz(frf), TRUE_HZ, rtol=2e-3)
+
+
+def test_what_changes_slowly_from_line_to_line_widens_the_error_bars():
+    """Residuals like those of a model that does not quite fit."""
+    clean = systems.inertance(LINES_HZ, POLES, RESIDUES)
+    rng = np.random.default_rng(3)
+    window = np.hanning(21)
+    z = []
+    for _ in range(6):
+        noise = [
+            np.convolve(row @ [1, 1j], window, "same") for row in rng.standard_normal((12, 599, 2))
+        ]
+        wave = np.array(noise) / np.linalg.norm(window) * np.sqrt(np.mean(np.abs(clean) ** 2))
+        frf = systems.noise_free_frf(LINES_HZ, clean + 0.01 * wave)
+        modes = fit_modes(frf, PoleSelection(POLES, BAND_HZ)).modes
+        z += [
+            (m.frequency_hz - hz) / m.frequency_std_hz for m, hz in zip(modes, TRUE_HZ, strict=True)
+        ]
+    assert np.sqrt(np.mean(np.square(z))) < 1.5
+
+
+def fit_of(poles, residues):
+    values = systems.inertance(LINES_HZ, POLES, residues)
+    ones = np.ones(LINES_HZ.size)
+    lines = Lines(LINES_HZ, values, ones, np.ones(12), np.zeros(12, dtype=int), ones)
+    return evaluate(lines, np.append(poles, STAND_INS), np.zeros((1, N_DRIFT)))
+
+
+def test_a_pole_shows_by_its_share_of_the_response():
+    weak = RESIDUES * np.array([1.0, 1.0, 1e-3, 1.0])
+    share = visible_share(fit_of(POLES, weak))
+    assert share[2] < 0.1
+    assert min(share[0], share[1], share[3]) > 0.3
+
+
+def test_two_poles_in_the_place_of_one_show_by_what_joining_them_leaves():
+    """Each has half of the mode's residues, and yet neither is needed."""
+    poles = np.append(POLES[:3], POLES[3] * np.array([1.002, 0.998]))
+    fit = fit_of(poles, RESIDUES)
+    np.testing.assert_allclose(np.abs(fit.residues[:, 3] / RESIDUES[:, 3]), 0.5, rtol=0.02)
+    assert visible_share(fit)[3:5].min() < 0.1
+
+
+def test_a_broad_pole_around_a_sharper_one_is_beneath_it():
+    poles = np.append(POLES, systems.pole([70.0], [0.12]))
+    assert is_beneath(fit_of(poles, RESIDUES)).tolist()[:5] == [False] * 4 + [True]
+
+
+def test_poles_that_hang_on_a_third_of_the_positions_scatter_without_them():
+    fit = fit_of(POLES, RESIDUES)
+    moves = iter((1.0, 1.03, 1.0))
+
+    def refit(lines, poles):
+        return replace(fit, poles=np.append(poles * next(moves), STAND_INS))
+
+    std = scatter_over_positions(fit, refit)
+    assert std[0, 0] == pytest.approx(40 * 0.03 * np.sqrt(2 * 2 / 9), rel=0.01)
+    assert np.all(std[-2:] == 0)
