@@ -337,7 +337,7 @@ class CurveFit:
         blocks: list[NDArray[np.float64]] = []
         for r in inside:
             own = both[2 * r : 2 * r + 2, 2 * r : 2 * r + 2]
-            seen = as_seen(modes[r], owner.get(r), own, frf.position_deg)
+            seen = as_seen(modes[r], owner.get(r), own, frf.position_deg, self.settings)
             listed += seen[0]
             blocks.append(seen[1])
         guards = [r for r in np.argsort(np.abs(fit.poles)) if r not in inside]

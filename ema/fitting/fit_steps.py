@@ -66,6 +66,7 @@ def as_seen(
     ring: RingOrder | None,
     covariance: NDArray[np.float64],
     position_deg: NDArray[np.float64],
+    settings: IdentificationSettings,
 ) -> tuple[list[Mode], NDArray[np.float64]]:
     """The mode or modes that a pole stands for, with their covariance.
 
@@ -77,6 +78,8 @@ def as_seen(
     floor = np.diag(_FLOOR * np.array([mode.frequency_hz, mode.damping_ratio])) ** 2
     if not ring.is_resolved:
         own = pair.covariance[4:, 4:] + floor + np.diag(_of_shares(pair) ** 2)
+        if ring.report.pair.chance < settings.pair_p_value:
+            own = own + np.diag(_to_stronger(pair))
         return [_with_std(mode, own)], own
     waves = ring.waves(position_deg)
     basis = order_basis(position_deg, ring.order)
@@ -105,6 +108,19 @@ def _of_shares(pair: PairFit) -> NDArray[np.float64]:
     apart = np.abs(pair.numbers[2:4] - pair.numbers[:2])
     spread = _SHARE_STD * np.sqrt(pair.share[0] * pair.share[1]) * apart
     return np.array([spread[0], np.hypot(spread[1], _COMPLEX * spread[0] / pair.numbers[4])])
+
+
+def _to_stronger(pair: PairFit) -> NDArray[np.float64]:
+    """Variance from taking the mean of two members that are seen for the stronger one.
+
+    Shares of complex modes can be so far from the power of the members that the mean lies beside
+    both; the 95 % interval reaches the stronger member and what is known of it.
+    """
+    to_stronger = np.zeros((2, 6))
+    stronger = 2 * int(np.argmax(pair.share))
+    to_stronger[[0, 1], [stronger, stronger + 1]], to_stronger[[0, 1], [4, 5]] = 1.0, -1.0
+    away = to_stronger @ pair.numbers
+    return np.asarray((away / 2) ** 2 + np.diag(to_stronger @ pair.covariance @ to_stronger.T))
 
 
 def _with_std(mode: Mode, covariance: NDArray[np.float64]) -> Mode:
