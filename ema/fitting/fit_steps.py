@@ -27,6 +27,9 @@ _WORSE = 1.05
 _LEAKAGE_ROUNDS = 2
 # No ± of a ring mode is below these shares of frequency and damping: benchmarks/accuracy.py.
 _FLOOR = np.array([1e-5, 2e-4])
+# What an uneven tyre mixes into a mode from other orders, an amplitude, moves the members of its
+# pair by this share of it, in half-widths and in damping ratios: benchmarks/laboratory.py.
+_MIXED = np.array([0.15, 0.4])
 # Standard deviation of the share that each member of an unresolved pair has.
 _SHARE_STD = 0.3
 # Poles closer than this share of their half-width are one at first.
@@ -84,6 +87,9 @@ def as_seen(
     waves = ring.waves(position_deg)
     basis = order_basis(position_deg, ring.order)
     rest = mode.residues - basis @ (np.linalg.pinv(basis) @ mode.residues)
+    impure = np.linalg.norm(rest) / np.linalg.norm(mode.residues)
+    mixed = impure * mode.damping_ratio * _MIXED * np.array([mode.frequency_hz, 1.0])
+    floor = floor + np.diag(mixed**2)
     own = pair.covariance[:4, :4] + block_diag(floor, floor)
     members = [
         _with_std(
