@@ -30,7 +30,8 @@ def numbered(number):
     frf = replace(RESULT.frf, values=np.full_like(RESULT.frf.values, number))
     model = replace(RESULT.modal_model, misfit=float(number))
     provenance = RESULT.provenance | {"campaign": str(number)}
-    return replace(RESULT, name=str(number), frf=frf, modal_model=model, provenance=provenance)
+    known = {"frf": frf, "measured": frf, "modal_model": model, "provenance": provenance}
+    return replace(RESULT, name=str(number), **known)
 
 
 def numbers(result):

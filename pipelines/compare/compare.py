@@ -71,7 +71,7 @@ class Comparison:
     >>> import ringmodal as rm
     >>> found = rm.compare(rm.load("result"), rm.load("result"))
     >>> len(found.modes), found.only_first, found.is_repeat
-    (8, (), False)
+    (9, (), False)
     """
 
     first: Result
@@ -116,7 +116,7 @@ def compare(first: Result, second: Result) -> Comparison:
     >>> import ringmodal as rm
     >>> first, second = rm.load("result"), rm.load("result")
     >>> rm.compare(first, second).mac.diagonal().round(3)
-    array([1., 1., 1., 1., 1., 1., 1., 1.])
+    array([1., 1., 1., 1., 1., 1., 1., 1., 1.])
     """
     shapes = common_shapes(first.modal_model, second.modal_model)
     one = seen_by(first.modal_model, second.modal_model)

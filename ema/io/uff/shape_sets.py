@@ -101,7 +101,7 @@ def read_shapes(path: Path | str) -> ShapeSet:
     >>> written = export("result", "modes.uff")
     >>> shapes = rm.read_shapes("modes.uff")
     >>> shapes.n_modes, shapes.values.shape[1] >= 72
-    (8, True)
+    (9, True)
     """
     path = Path(path)
     datasets = scan(path)

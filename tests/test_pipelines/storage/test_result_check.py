@@ -32,6 +32,7 @@ SEED = 1
 FILES = (
     *("identification.json", "frf.parquet", "residues.parquet", "poles.parquet"),
     *("reference.parquet", "modes.csv", "shapes.csv", "orders.csv", "quality.csv"),
+    "corrections.csv",
     *("validation.csv", "frf.uff", "tyre.toml", "report.html", MARKER),
 )
 CASES = [(name, way) for name in FILES for way in ways(Path(name))]
