@@ -16,9 +16,14 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, ForceRecord
 from ema.core.numerics import available_threads
 from ema.signals.bias_and_noise import incoherent_power
-from ema.signals.blocks import SHORTEST_PERIOD_S, plan_blocks
 from ema.signals.damage import without_damage, without_lost_samples
-from ema.signals.excitation import is_steady, period_samples, repeats_after
+from ema.signals.excitation import (
+    SHORTEST_PERIOD_S,
+    is_steady,
+    period_samples,
+    plan_blocks,
+    repeats_after,
+)
 from ema.signals.spectra import Spectra, disagreement, measure_spectra, pooled, ratio
 
 # A run whose force is this far below the median of the runs has no excitation: hits by hand and

@@ -12,7 +12,7 @@ from ema.core.errors import FitError, InputError, file_trouble, is_drive_trouble
 from model.errors import ParameterError
 from pipelines.cli import terminal
 from pipelines.cli.help import SETTINGS, Lazy, LazyGroup
-from pipelines.cli.interrupt import Interrupted
+from pipelines.cli.streams import Interrupted
 
 # Module in pipelines.cli, function, summary. Loading all of them costs a second.
 _COMMANDS = {

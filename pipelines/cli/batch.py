@@ -10,9 +10,9 @@ import typer
 from pipelines.batch.run import Batch, run_batch
 from pipelines.batch.state import Record
 from pipelines.batch.summary import campaign_rows
-from pipelines.cli.interrupt import Interrupted
 from pipelines.cli.options import FILES, Json, Quiet, argument, option, with_processing_options
 from pipelines.cli.screen import shown
+from pipelines.cli.streams import Interrupted
 from pipelines.cli.terminal import echo, print_json
 from pipelines.results.options import Options
 

@@ -5,11 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from pipelines.cli.interrupt import reporting_outcome
-from pipelines.cli.options import FILES, AcceptChanges, Json, argument, one_of, option, replacing
+from pipelines.cli.options import (
+    FILES,
+    AcceptChanges,
+    Json,
+    argument,
+    choice,
+    one_of,
+    option,
+    replacing,
+)
 from pipelines.cli.screen import columns_of, print_table
+from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
-from pipelines.cli.values import choice
 from pipelines.compare import shape_comparison as shapes
 from pipelines.compare.compare import compare_folders
 from pipelines.compare.shape_source import Alignment

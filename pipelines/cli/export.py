@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from pipelines.cli.interrupt import reporting_outcome
 from pipelines.cli.options import FILES, AcceptChanges, Json, argument, one_of, option, replacing
+from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.export.modal import export as write
 

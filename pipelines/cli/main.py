@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import sys
 
-from pipelines.cli.interrupt import Interrupted, interruptible
-from pipelines.cli.streams import make_tolerant, output_trouble, tolerant_output
+from pipelines.cli.streams import (
+    Interrupted,
+    interruptible,
+    make_tolerant,
+    output_trouble,
+    tolerant_output,
+)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Options that several commands share, each defined once."""
+"""Options that several commands share, each defined once, and their values: parsed and checked."""
 
 from __future__ import annotations
 
@@ -8,19 +8,39 @@ from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from ema.core.campaign import Processing
+from ema.core.errors import InputError, unknown
 from model.tuning_problem import PARAMETERS
-from pipelines.cli import values as value
-from pipelines.library.library import VARIABLE
+from pipelines.library.library import VARIABLE, numbers_of
 from pipelines.results.options import Options
+from pipelines.storage.atomic import require_free_file
 
 # Headings of the help
 FILES, PROCESSING = "Input and output", "Processing"
 POLES, RING, SCREEN = "Poles", "Ring", "Screen"
 LIBRARY = "Library"
 _HZ = "HZ,HZ,…"
+ESTIMATORS = ("H1", "H2", "Hv")
+METHODS = ("lsce", "plscf")
+OBJECTIVES = ("frequency", "paper")
+WINDOWS = (  # completed by the shell; any other window of scipy is accepted as well
+    *("boxcar", "hann", "hamming", "blackman", "blackmanharris", "flattop"),
+    *("bartlett", "bohman", "cosine", "nuttall", "parzen", "triang", "tukey"),
+)
+TABLE_ENDINGS = (".csv", ".parquet")
+FIGURE_ENDINGS = (".png", ".svg")
+# A simulation of one line or instant takes seconds and less than 200 MB for this many values.
+MOST_VALUES = 100_000
+MOST_ORDERS = 2000  # as many harmonics as are ever summed
+
+
+def completing(values: Sequence[str]) -> Callable[[str], list[str]]:
+    """Completions of an option that takes one of some values."""
+    return lambda incomplete: [value for value in values if value.startswith(incomplete)]
 
 
 def option(
@@ -32,7 +52,7 @@ def option(
 
 def one_of(name: str, values: Sequence[str], text: str, panel: str) -> Any:
     """An option that takes one of several names, which the shell completes."""
-    return option(name, text, panel, "NAME", autocompletion=value.completing(values))
+    return option(name, text, panel, "NAME", autocompletion=completing(values))
 
 
 def replacing(what: str) -> Any:
@@ -69,7 +89,7 @@ Objective = Annotated[
     str,
     one_of(
         "--objective",
-        value.OBJECTIVES,
+        OBJECTIVES,
         "What the tuning minimises: frequency (relative errors) or paper (eq. 18).",
         RING,
     ),
@@ -81,7 +101,7 @@ Given = Annotated[
         "A known ring parameter in SI units, such as mass_per_area_kg_m2=19.7; may be repeated.",
         RING,
         "NAME=VALUE",
-        autocompletion=value.completing([f"{name}=" for name in PARAMETERS]),
+        autocompletion=completing([f"{name}=" for name in PARAMETERS]),
     ),
 ]
 
@@ -111,7 +131,7 @@ def processing_options(
     ] = None,
     window: Annotated[
         str | None,
-        one_of("--window", value.WINDOWS, "Any window of scipy. Default: hann.", PROCESSING),
+        one_of("--window", WINDOWS, "Any window of scipy. Default: hann.", PROCESSING),
     ] = None,
     overlap: Annotated[
         float | None,
@@ -125,14 +145,14 @@ def processing_options(
         ),
     ] = None,
     estimator: Annotated[
-        str, one_of("--estimator", value.ESTIMATORS, "FRF estimator: H1, H2 or Hv.", PROCESSING)
+        str, one_of("--estimator", ESTIMATORS, "FRF estimator: H1, H2 or Hv.", PROCESSING)
     ] = "H1",
     max_order: Annotated[
         int, option("--max-order", "Highest model order of the poles.", POLES, "N", min=4, max=200)
     ] = 60,
     method: Annotated[
         str,
-        one_of("--method", value.METHODS, "lsce or plscf; the other is the cross-check.", POLES),
+        one_of("--method", METHODS, "lsce or plscf; the other is the cross-check.", POLES),
     ] = "lsce",
     pin: Annotated[
         list[str] | None,
@@ -152,14 +172,14 @@ def processing_options(
     """Options for the processing of a campaign, from the command line."""
     return Options(
         processing=Processing(averages, block_seconds, window, overlap, band_hz),
-        estimator=value.choice("--estimator", estimator, value.ESTIMATORS),
+        estimator=choice("--estimator", estimator, ESTIMATORS),
         max_order=max_order,
-        pinned_hz=value.numbers("--pin", pin),
-        excluded_hz=value.numbers("--exclude", exclude),
-        method=value.choice("--method", method, value.METHODS),
+        pinned_hz=numbers("--pin", pin),
+        excluded_hz=numbers("--exclude", exclude),
+        method=choice("--method", method, METHODS),
         tune=not no_tune,
-        objective=value.choice("--objective", objective, value.OBJECTIVES),
-        given=value.ring_parameters("--given", given),
+        objective=choice("--objective", objective, OBJECTIVES),
+        given=ring_parameters("--given", given),
         strict=strict,
     )
 
@@ -195,3 +215,73 @@ Reference = Annotated[
 AnySet = argument("SET", "NAME@VERSION, a result folder or a tyre.toml.")
 Note = Annotated[str, option("--note", "Reason; stored with it.", LIBRARY, "TEXT")]
 Author = Annotated[str, option("--author", "Default: your login name.", LIBRARY, "NAME")]
+
+
+def choice(option: str, value: str, known: Sequence[str]) -> str:
+    """The known value, in whatever case it was typed."""
+    for each in known:
+        if each.casefold() == value.casefold():
+            return each
+    raise unknown(option, value, f"it must be one of {', '.join(known)}", known)
+
+
+def numbers(option: str, texts: Sequence[str] | None) -> tuple[float, ...]:
+    """Numbers of a comma-separated option that may be repeated."""
+    text = ",".join(texts or ())
+    try:
+        return tuple(float(part) for part in text.split(",") if part.strip())
+    except ValueError as error:
+        rule = "it must be numbers separated by commas"
+        raise InputError(option, repr(text), rule, "Write e.g. 78.7,100.3") from error
+
+
+def ring_parameters(option: str, texts: Sequence[str] | None) -> dict[str, float]:
+    """Values of a repeated NAME=VALUE option, by the names of ring parameters."""
+    given = numbers_of(option, texts or (), "mass_per_area_kg_m2=19.7")
+    return {choice(option, name, PARAMETERS): number for name, number in given.items()}
+
+
+def values_of(option: str, text: str, most: int = MOST_VALUES) -> NDArray[np.float64]:
+    """Numbers from ``A``, ``A,B,C``, ``START:STOP`` or ``START:STOP:STEP``; at most `most`.
+
+    A range has a step of 1 unless it gives one, and includes its end where a whole number of steps
+    leads there.
+    """
+    try:
+        parts = [float(part) for part in text.replace(":", ",").split(",")]
+    except ValueError:
+        parts = []
+    is_range = ":" in text
+    if not (parts and np.all(np.isfinite(parts))) or (is_range and ("," in text or len(parts) > 3)):
+        rule = "it must be numbers separated by commas, or START:STOP:STEP"
+        raise InputError(option, repr(text), rule, "Write e.g. 67.3, or 1,2,5, or 0:100:0.5")
+    if not is_range:
+        return np.array(parts)
+    start, stop, step = (*parts, 1.0)[:3]
+    if not (step > 0 and stop >= start):
+        rule = "the step must be > 0 and the end must not be below the start"
+        raise InputError(option, repr(text), rule, "Write e.g. 0:100:0.5")
+    steps = (stop - start) / step
+    if not steps < most:
+        found, remedy = f"{text!r}, {steps:.3g} values", "Use a larger step or a narrower range"
+        raise InputError(option, found, f"at most {most} values are accepted", remedy)
+    return np.asarray(np.round(start + step * np.arange(int(steps + 1e-6) + 1), 12))
+
+
+def orders_of(option: str, text: str) -> NDArray[np.int_]:
+    """Whole numbers in the same notation."""
+    values = values_of(option, text, MOST_ORDERS)
+    whole = np.rint(values)
+    if np.any(whole != values):
+        rule = "circumferential orders must be whole numbers"
+        raise InputError(option, repr(text), rule, "Write e.g. 1:7")
+    return whole.astype(int)
+
+
+def require_target(path: Path, endings: tuple[str, ...]) -> Path:
+    """Refuse a file that could not be written, before anything is computed."""
+    if path.suffix.lower() not in endings:
+        rule = f"it must be {' or '.join(endings)}"
+        raise InputError(str(path), f"the ending {path.suffix!r}", rule, "Choose another name")
+    require_free_file(path, force=True)
+    return path

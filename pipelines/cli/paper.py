@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pipelines.cli.interrupt import reporting_outcome
 from pipelines.cli.options import Force, Json, Out, Quiet
 from pipelines.cli.screen import shown
+from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, print_json
 from pipelines.paper.reproduce import PAGE, reproduce_paper
 

@@ -9,9 +9,8 @@ from typing import Annotated, Any
 from ema.core.errors import InputError
 from model import TuningResult
 from pipelines.cli import options as opt
-from pipelines.cli import values
-from pipelines.cli.interrupt import reporting_outcome
 from pipelines.cli.screen import columns_of, print_table, shown, warn
+from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.process.run import process as run
 from pipelines.process.run import retune
@@ -82,8 +81,8 @@ def tune(
       ringmodal tune result --objective paper
       ringmodal tune result --given mass_per_area_kg_m2=19.7
     """  # noqa: D406, D407 - a heading of the help
-    objective = values.choice("--objective", objective, values.OBJECTIVES)
-    known = values.ring_parameters("--given", given)
+    objective = opt.choice("--objective", objective, opt.OBJECTIVES)
+    known = opt.ring_parameters("--given", given)
     with reporting_outcome(result_folder):
         result = retune(
             result_folder, objective, known, strict=strict, accept_changes=accept_changes

@@ -16,11 +16,20 @@ from model.forced import Direction
 from model.waves import Frame, WaveFrame
 from pipelines.cli import simulate_show
 from pipelines.cli.help import Command, Group
-from pipelines.cli.interrupt import reporting_outcome
-from pipelines.cli.options import AcceptChanges, Json, argument, option
+from pipelines.cli.options import (
+    FIGURE_ENDINGS,
+    TABLE_ENDINGS,
+    AcceptChanges,
+    Json,
+    argument,
+    option,
+    orders_of,
+    require_target,
+    values_of,
+)
 from pipelines.cli.simulate_show import Targets, announced
+from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, print_json
-from pipelines.cli.values import FIGURE_ENDINGS, TABLE_ENDINGS, orders_of, require_target, values_of
 from pipelines.simulate import responses
 from pipelines.simulate.campaign import simulate_campaign
 from pipelines.simulate.laboratory import simulate_laboratory

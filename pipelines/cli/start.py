@@ -13,10 +13,10 @@ from ema.core.display import counted
 from ema.core.finding import Finding
 from ema.core.frf import FRF
 from ema.signals.signal_checks import SignalSummary
-from pipelines.cli.interrupt import reporting_outcome
 from pipelines.cli.options import Json, argument, option, replacing
 from pipelines.cli.result import show
 from pipelines.cli.screen import columns_of, print_table
+from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.prepare.guesses import Layout
 from pipelines.prepare.inspection import ChannelReport, FileReport, Inspection, inspect_files

@@ -12,9 +12,9 @@ from ema.core.errors import InputError
 from pipelines.cli import options as opt
 from pipelines.cli import show_tyre
 from pipelines.cli.help import Command, Group
+from pipelines.cli.options import TABLE_ENDINGS, require_target
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.cli.tyre_tir import from_tir, modal_targets, update_tir
-from pipelines.cli.values import TABLE_ENDINGS, require_target
 from pipelines.library.export import export as write
 from pipelines.library.export import version_rows, write_table
 from pipelines.library.history import difference, history_of

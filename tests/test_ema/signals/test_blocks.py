@@ -9,7 +9,7 @@ from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Processing
 from ema.core.errors import InputError
 from ema.fitting.covariance import line_correlation
-from ema.signals.blocks import plan_blocks
+from ema.signals.excitation import plan_blocks
 
 RATE_HZ = 2000.0
 

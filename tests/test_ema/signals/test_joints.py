@@ -8,8 +8,8 @@ import systems
 import ema
 from ema.core.campaign import Processing
 from ema.core.finding import Check
-from ema.signals.blocks import plan_blocks
 from ema.signals.damage import without_lost_samples
+from ema.signals.excitation import plan_blocks
 from ema.signals.spectra import measure_spectra
 
 

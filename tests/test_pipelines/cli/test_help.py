@@ -11,8 +11,8 @@ import typer
 from ema.poles.stability import METHODS
 from model.tuning_problem import OBJECTIVES
 from pipelines.cli import app as cli
-from pipelines.cli import values as cli_values
-from pipelines.cli.values import choice, ring_parameters
+from pipelines.cli import options as cli_options
+from pipelines.cli.options import choice, ring_parameters
 
 COMMANDS = (
     *("demo", "doctor", "inspect", "init", "process", "tune", "report", "compare"),
@@ -156,13 +156,13 @@ def test_a_folder_that_is_not_there(ringmodal, campaign_copy, tmp_path, path, sa
 
 
 def test_known_values_are_taken_in_any_case():
-    assert choice("--estimator", "hv", cli_values.ESTIMATORS) == "Hv"
-    assert choice("--method", "LSCE", cli_values.METHODS) == "lsce"
+    assert choice("--estimator", "hv", cli_options.ESTIMATORS) == "Hv"
+    assert choice("--method", "LSCE", cli_options.METHODS) == "lsce"
 
 
 def test_known_values_are_those_of_the_methods():
-    assert METHODS == cli_values.METHODS
-    assert tuple(OBJECTIVES) == cli_values.OBJECTIVES
+    assert METHODS == cli_options.METHODS
+    assert tuple(OBJECTIVES) == cli_options.OBJECTIVES
 
 
 def test_given_parameters_are_numbers_by_name():

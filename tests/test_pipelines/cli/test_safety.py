@@ -19,7 +19,7 @@ from ema.core.finding import Check, Finding, Verdict
 from pipelines.cli import main as cli
 from pipelines.cli import result as cli_result
 from pipelines.cli import terminal
-from pipelines.cli.interrupt import Interrupted, interruptible, reporting_outcome
+from pipelines.cli.streams import Interrupted, interruptible, reporting_outcome
 from pipelines.report.save import save
 from pipelines.results.store import MARKER, load
 from pipelines.storage import result_folder

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ema.core.errors import InputError
-from pipelines.cli.values import orders_of, values_of
+from pipelines.cli.options import orders_of, values_of
 
 
 @pytest.mark.parametrize(
