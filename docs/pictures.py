@@ -28,13 +28,13 @@ def draw_result() -> bytes:
     model = result.modal_model
     row = int(np.argmin(np.abs(result.frf.position_deg - SHOWN_ANGLE_DEG)))
     margins = figures.Margins(1.6, 0.3, 1.15, 0.6, between_columns=0.4, between_rows=0.7)
-    with figures.styled_figure(26, 8.4, 2, 6, margins) as (figure, grid):
-        left = figure.add_subplot(grid[0, 0].get_gridspec()[:, :2])
+    with figures.styled_figure(26, 12.4, 3, 6, margins) as (figure, grid):
+        left = figure.add_subplot(grid[0, 0].get_gridspec()[:, :3])
         figures.plot_frf_magnitude(result.frf, model, row, left)
         left.set_xlabel("frequency / Hz")
-        for ax in grid[:, :2].flat:
+        for ax in grid[:, :3].flat:
             ax.remove()
-        for mode, ax in zip(model.modes, grid[:, 2:].flat, strict=False):
+        for mode, ax in zip(model.modes, grid[:, 3:].flat, strict=False):
             figures.plot_shape_on_circle(mode, model.position_deg, ax)
     return figures.png(figure)
 

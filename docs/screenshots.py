@@ -23,7 +23,7 @@ HEIGHTS = {
     "stability": 632,
     "modes": 445,
     "frf": 620,
-    "shapes": 970,
+    "shapes": 1095,
     "validation": 520,
     "parameters": 430,
 }
