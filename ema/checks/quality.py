@@ -78,7 +78,7 @@ def averages_finding(frf: FRF) -> list[Finding]:
         return []
     detail = (
         "a single average: coherence is always 1 and carries no information; ± is estimated "
-        "from the fit residuals. Record the sweep, burst or impact several times"
+        "from the fit residuals. Coherence needs several averages (processing.averages)"
     )
     return [Finding("", "", None, Check.AVERAGES, Verdict.WARNING, detail)]
 

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.checks.quality import ReferenceCheck
-from ema.core.drift import Drift
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
+from ema.core.modes import ModalModel
 from pipelines.plots import measurement as plots
 from pipelines.plots.chart import Chart
 from pipelines.report.blocks import Beside, Block, Facts, Paragraph, Section, Table
 from pipelines.results.labels import KNOWN, in_band, named
 from pipelines.results.result import Result
-from pipelines.storage.rounding import DASH, number, plain, value_with_std
+from pipelines.storage.rounding import DASH, number, plain, signed, value_with_std
 
 FINDING_HEAD = ("run", "channel", "position", "check", "detail")
 MOST_NAMED_RUNS = 12
@@ -53,7 +53,7 @@ def quality(result: Result) -> Section:
         *_coherence(result),
         *([Beside(tuple(beside))] if beside else []),
         *_verdicts(result),
-        *_drift(result.modal_model.drift),
+        *_drift(result.modal_model),
         *_findings(result.findings),
     ]
     return Section("quality", "Data quality", tuple(blocks))
@@ -162,10 +162,11 @@ def _reference_verdict(check: ReferenceCheck | None, *, judged_by_modes: bool) -
     return Paragraph(f"{found}: the tyre or the set-up changed between runs.", "warning")
 
 
-def _drift(drift: Drift) -> tuple[Block, ...]:
+def _drift(model: ModalModel) -> tuple[Block, ...]:
+    drift = model.drift
     if not drift.run:
         return ()
-    low_hz, high_hz = 0.5 * drift.middle_hz, 2 * drift.middle_hz
+    low_hz, high_hz = np.min(model.frequencies_hz), np.max(model.frequencies_hz)
 
     def with_std(values: NDArray[np.float64], stds: NDArray[np.float64]) -> list[str]:
         pairs = zip(values.tolist(), stds.tolist(), strict=True)
@@ -173,9 +174,9 @@ def _drift(drift: Drift) -> tuple[Block, ...]:
 
     columns = {
         "run": drift.run,
-        f"at {low_hz:.0f} Hz / %": [f"{value:+.3f}" for value in drift.at(low_hz)],
+        f"at {low_hz:.0f} Hz / %": [signed(value, 3) for value in drift.at(low_hz)],
         f"at {drift.middle_hz:.0f} Hz / %": with_std(drift.percent, drift.std_percent),
-        f"at {high_hz:.0f} Hz / %": [f"{value:+.3f}" for value in drift.at(high_hz)],
+        f"at {high_hz:.0f} Hz / %": [signed(value, 3) for value in drift.at(high_hz)],
         "damping / %": with_std(drift.damping_percent, drift.damping_std_percent),
     }
     text = "Modes are given in the state of the first run; the other runs are compared with it."
