@@ -39,6 +39,23 @@ def family(modes: Sequence[Mode]) -> dict[int, list[int]]:
     return members
 
 
+def further_resonances(modes: Sequence[Mode]) -> list[tuple[int, list[int]]]:
+    """Resonances of some order n ≥ 1 that are not on the ring's curve: order, main mode, partner.
+
+    A rim that moves, a sidewall or the air give orders of the ring a second resonance.
+    """
+    own = {k for chosen in family(modes).values() for k in chosen}
+    left = [k for k, m in enumerate(modes) if k not in own and m.order and m.order_purity >= PURE]
+    left.sort(key=lambda k: -drive(modes[k]))
+    found = []
+    while left:
+        main = left.pop(0)
+        partners = [p for p in left if _paired(modes[main], modes[p])][:1]
+        left = [k for k in left if k not in partners]
+        found.append((modes[main].order or 0, [main, *partners]))
+    return found
+
+
 def judged(modes: Sequence[Mode], reports: Sequence[OrderReport]) -> tuple[Mode, ...]:
     """Flag modes that are not of the ring and give members of resolved pairs their letter."""
     if not reports:

@@ -341,7 +341,7 @@ class CurveFit:
             listed += seen[0]
             blocks.append(seen[1])
         guards = [r for r in np.argsort(np.abs(fit.poles)) if r not in inside]
-        reports = tuple(each.report for each in self.ring)
+        reports = tuple(each.report for each in self.ring if each.is_main)
         model = ModalModel(
             modes=judged(label_modes(listed, frf.position_deg), reports),
             guard_modes=tuple(modes[r] for r in guards),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from ema.circumference.orders import circle_basis, highest_order
-from ema.circumference.ring_modes import family
+from ema.circumference.ring_modes import family, further_resonances
 from ema.core.frf import FRF
 from ema.core.modes import Mode, OrderReport, Pair, PairVerdict, synthesise
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.fitting.pole_fit import PoleFit
-from ema.fitting.ring_pair import PairFit, fit_pair
+from ema.fitting.pole_fit import N_STAND_INS, PoleFit
+from ema.fitting.ring_pair import Known, PairFit, fit_pair
 from ema.fitting.variable_projection import Complex, Real
 
 # The direction of the force is known to this many degrees of angle around the tyre (1 σ) …
@@ -24,6 +24,8 @@ _FORCE_STD_DEG = 0.5
 _ELSEWHERE_RAD, _UNKNOWN_RAD = 0.5, 0.3
 # Members that are known to no better than this share are not listed by themselves.
 _KNOWN_DAMPING = 0.008
+# Poles closer than this many half-widths of the broader one share a resonance.
+_SHARED = 1.5
 # An order whose other member has less than this share of the response shows one member.
 _ONE_MEMBER = 0.02
 
@@ -103,6 +105,8 @@ class RingOrder:
     report : OrderReport
     force_rad : float
         Direction that `pair` calls the force's, as angle of the wave.
+    is_main : bool
+        False for further resonances of an order, as of a rim or a sidewall.
     """
 
     order: int
@@ -110,11 +114,12 @@ class RingOrder:
     pair: PairFit | None
     report: OrderReport
     force_rad: float
+    is_main: bool
 
     @property
     def is_resolved(self) -> bool:
         """Whether both members are determined."""
-        return self.report.pair.verdict is Pair.RESOLVED
+        return self.is_main and self.report.pair.verdict is Pair.RESOLVED
 
     def waves(self, position_deg: NDArray[np.float64]) -> Complex:
         """Residues of members a and b as pure waves, (n_positions, 2)."""
@@ -152,31 +157,44 @@ def ring_orders(
     values = _in_one_state(fit)
     left = values - _synthesis(fit, range(fit.poles.size))
     decomposition = OrderDecomposition(frf)
-    members = {
-        order: found
-        for order, found in family(modes).items()
-        if order and band_hz[0] <= modes[found[0]].frequency_hz <= band_hz[1]
-    }
+    main = _inside(family(modes).items(), modes, band_hz)
+    further = _inside(further_resonances(modes), modes, band_hz)
     directions = {
-        order: _direction(decomposition.rows(order) @ fit.residues[:, found].sum(axis=1))
-        for order, found in members.items()
+        found[0]: _direction(decomposition.rows(order) @ fit.residues[:, found].sum(axis=1))
+        for order, found in main + further
     }
-    force_deg = frf.excitation_deg if _points_there(directions, frf.excitation_deg) else np.nan
+    on_curve = {order: directions[found[0]] for order, found in main}
+    known = _points_there(on_curve, frf.excitation_deg)
     orders = []
-    for order, found in members.items():
-        own = decomposition.order(order, lines, left + _synthesis(fit, found, residual_terms=False))
-        known = bool(np.isfinite(force_deg))
-        force_rad = order * np.deg2rad(force_deg) if known else directions[order]
-        spread = order * np.deg2rad(_FORCE_STD_DEG) if known else _UNKNOWN_RAD
+    for order, found in main + further:
         power = np.sum(np.abs(fit.residues[:, found]) ** 2, axis=0)
         start = complex(np.average(fit.poles[found], weights=power))
-        seen = own.seen_from(force_rad)
-        pair = fit_pair(
-            seen.frequency_hz, seen.values, seen.std, start, spread, correlation, settings
-        )
+        beside = _beside(fit.poles, found)
+        own = left + _synthesis(fit, [*found, *beside], residual_terms=False)
+        force_rad = order * np.deg2rad(frf.excitation_deg) if known else directions[found[0]]
+        spread = order * np.deg2rad(_FORCE_STD_DEG) if known else _UNKNOWN_RAD
+        seen = decomposition.order(order, lines, own).seen_from(force_rad)
+        before = Known(spread, correlation, settings, tuple(fit.poles[beside].tolist()))
+        pair = fit_pair(seen.frequency_hz, seen.values, seen.std, start, before)
         report = order_report(order, pair, settings)
-        orders.append(RingOrder(order, tuple(found), pair, report, force_rad))
+        is_main = (order, found) in main
+        orders.append(RingOrder(order, tuple(found), pair, report, force_rad, is_main))
     return tuple(orders)
+
+
+def _inside(
+    orders: Iterable[tuple[int, list[int]]], modes: Sequence[Mode], band_hz: tuple[float, float]
+) -> list[tuple[int, list[int]]]:
+    """Orders n ≥ 1 whose main mode lies in the band."""
+    low, high = band_hz
+    return [each for each in orders if each[0] and low <= modes[each[1][0]].frequency_hz <= high]
+
+
+def _beside(poles: Complex, own: Sequence[int]) -> list[int]:
+    """Poles that share the resonance of an order's own."""
+    widest = np.maximum.outer(-poles.real, -poles[own].real)
+    near = np.any(np.abs(poles[:, None] - poles[own]) < _SHARED * widest, axis=1)
+    return [int(k) for k in np.flatnonzero(near[: poles.size - N_STAND_INS]) if k not in own]
 
 
 def order_report(

@@ -84,6 +84,27 @@ class PairFit:
     parameters: NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Known:
+    """What is known of an order beforehand.
+
+    Parameters
+    ----------
+    force_std_rad : float
+        Standard deviation of η: how well n times the angle of the force is known.
+    correlation : float
+        Lines that share the information of one.
+    settings : IdentificationSettings
+    beside : tuple of complex
+        Poles of other orders in the same resonance, of which this order may hold any part.
+    """
+
+    force_std_rad: float
+    correlation: float
+    settings: IdentificationSettings = IDENTIFICATION
+    beside: tuple[complex, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class _Linear:
     """What is linear at some parameters."""
@@ -106,11 +127,7 @@ class PairProblem:
         Noise per quadrature of each row.
     start : complex
         Pole of the order as one mode.
-    force_std_rad : float
-        Standard deviation of η: how well n times the angle of the force is known.
-    correlation : float
-        Lines that share the information of one.
-    settings : IdentificationSettings
+    known : Known
     noise_known : bool
         Whether `std` was measured.
     """
@@ -121,32 +138,32 @@ class PairProblem:
         values: Complex,
         std: Real,
         start: complex,
-        force_std_rad: float,
-        correlation: float,
-        settings: IdentificationSettings = IDENTIFICATION,
+        known: Known,
         *,
         noise_known: bool = True,
     ) -> None:
         self.noise_known = noise_known
+        settings = known.settings
         self.omega = 2 * np.pi * frequency_hz
         self.size, self.ratio = abs(start), -start.real / abs(start)
         self.settings = settings
-        self.std = std * np.sqrt(correlation)
-        self.n_independent = 4 * frequency_hz.size / correlation
+        self.std = std * np.sqrt(known.correlation)
+        self.n_independent = 4 * frequency_hz.size / known.correlation
         self.priors = np.array(
             [
                 settings.pair_split,
                 settings.pair_split,
                 settings.pair_damping_likeness,
                 settings.pair_damping_likeness,
-                force_std_rad,
+                known.force_std_rad,
             ]
         )
-        ground = np.array([np.ones_like(self.omega), (self.omega / self.size) ** 2]).T
-        self.ground = np.linalg.qr(ground)[0]
+        beside = [wave / np.linalg.norm(wave) for wave in self._alone(np.array(known.beside))]
+        ground = [np.ones_like(self.omega), (self.omega / self.size) ** 2, *beside]
+        self.ground = np.linalg.qr(np.array(ground).T)[0]
         self.basis = self._span()
         self.inside = values @ self.basis.conj()
-        outside = values - (values @ self.ground) @ self.ground.T - self.inside @ self.basis.T
+        outside = self._above_ground(values) - self.inside @ self.basis.T
         self.outside = np.sum(np.abs(outside) ** 2, axis=1)
         self.scale = 1.0
         self.amplitude = 0.0
@@ -157,13 +174,17 @@ class PairProblem:
         frequencies = self.size * (1 + self.ratio * np.linspace(-2.5, 2.5, 9))
         widths = np.array([0.4, 0.7, 1.0, 1.5, 2.2])
         poles = np.array([f * (-self.ratio * w + 1j) for f in frequencies for w in widths])
-        functions = 1 / (
-            (1j * self.omega - poles[:, None]) * (1j * self.omega - poles.conj()[:, None])
-        )
-        functions *= self.omega**2
-        functions -= (functions @ self.ground) @ self.ground.T
+        functions = self._above_ground(self._alone(poles))
         functions /= np.linalg.norm(functions, axis=1, keepdims=True)
         return np.asarray(np.linalg.svd(functions, full_matrices=False)[2][:_DIMENSIONS].T)
+
+    def _alone(self, poles: Complex) -> Complex:
+        """FRFs of single poles, (n_poles, n_lines)."""
+        away = 1j * self.omega - poles[:, None], 1j * self.omega - poles.conj()[:, None]
+        return np.asarray(self.omega**2 / (away[0] * away[1]))
+
+    def _above_ground(self, values: Complex) -> Complex:
+        return np.asarray(values - (values @ self.ground.conj()) @ self.ground.T)
 
     def _states(self, x: Real) -> tuple[Complex, Complex, Complex]:
         """Pole s and coupling δ_c, δ_s of many parameter sets, (n_sets,) each."""
@@ -376,13 +397,7 @@ class PairProblem:
 
 
 def fit_pair(
-    frequency_hz: Real,
-    values: Complex,
-    std: Real,
-    start: complex,
-    force_std_rad: float,
-    correlation: float,
-    settings: IdentificationSettings = IDENTIFICATION,
+    frequency_hz: Real, values: Complex, std: Real, start: complex, known: Known
 ) -> PairFit | None:
     """Fit the pair of one order around its resonance; None where too few lines lie there.
 
@@ -391,45 +406,26 @@ def fit_pair(
     frequency_hz : ndarray, shape (n_lines,)
     values : ndarray of complex, shape (2, n_lines)
     std : ndarray, shape (2, n_lines)
-    start, force_std_rad, correlation, settings
+    start, known
         As for `PairProblem`.
     """
-    known = force_std_rad, correlation, settings
-    wide = _problem(frequency_hz, values, std, start, _REACH, *known)
+
+    def problem(reach: float) -> PairProblem | None:
+        width_hz = -start.real / (2 * np.pi)
+        near = np.abs(frequency_hz - abs(start) / (2 * np.pi)) < reach * width_hz
+        if np.count_nonzero(near) < _FEWEST_LINES:
+            return None
+        own = values[:, near]
+        level = np.sqrt(np.mean(std[:, near] ** 2, axis=1))
+        measured = bool(np.all(np.isfinite(level)) and np.all(level > 0))
+        noise = level if measured else np.full(2, np.sqrt(np.mean(np.abs(own) ** 2)))
+        return PairProblem(frequency_hz[near], own, noise, start, known, noise_known=measured)
+
+    wide, narrow = problem(_REACH), problem(_REACH / 2)
     if wide is None:
         return None
     pair = wide.solve()
-    narrow = _problem(frequency_hz, values, std, start, _REACH / 2, *known)
     return pair if narrow is None else _with_window(pair, wide, narrow)
-
-
-def _problem(
-    frequency_hz: Real,
-    values: Complex,
-    std: Real,
-    start: complex,
-    reach: float,
-    force_std_rad: float,
-    correlation: float,
-    settings: IdentificationSettings,
-) -> PairProblem | None:
-    width_hz = -start.real / (2 * np.pi)
-    near = np.abs(frequency_hz - abs(start) / (2 * np.pi)) < reach * width_hz
-    if np.count_nonzero(near) < _FEWEST_LINES:
-        return None
-    level = np.sqrt(np.mean(std[:, near] ** 2, axis=1))
-    known = bool(np.all(np.isfinite(level)) and np.all(level > 0))
-    noise = level if known else np.full(2, np.sqrt(np.mean(np.abs(values[:, near]) ** 2)))
-    return PairProblem(
-        frequency_hz[near],
-        values[:, near],
-        noise,
-        start,
-        force_std_rad,
-        correlation,
-        settings,
-        noise_known=known,
-    )
 
 
 def _with_window(pair: PairFit, wide: PairProblem, narrow: PairProblem) -> PairFit:
