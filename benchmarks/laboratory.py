@@ -190,9 +190,9 @@ def measure(options: dict[str, Any], seed: int, duration_s: float, *, toolbox: b
 def touched(campaign: Campaign, frf: FRF, found: ema.Identification, faulty: set[str]) -> int:
     """Healthy channels whose FRF is absent from the result or is not the measured one."""
     expected = frf
-    mass = _sensor_mass(campaign)
+    mass = found.sensor_mass
     if mass is not None:
-        expected = unloaded(frf, mass.sensors_deg, mass.mass_kg, mass.excitation_deg)
+        expected = unloaded(frf, mass.sensors_deg, mass.mass_kg, mass.excitation_deg, mass.drift)
     angles = {float(angle): row for row, angle in enumerate(found.frf.position_deg)}
     healthy = [row for row, name in enumerate(frf.channel) if name not in faulty]
     places = [(row, angles.get(float(expected.position_deg[row]))) for row in healthy]

@@ -23,6 +23,7 @@ from ema.checks.sensor_consistency import ConsistencyCheck, check_consistency, i
 from ema.circumference.mass_loading import unloaded, without_live_mass
 from ema.circumference.orders import on_circle, without_order
 from ema.core.display import band_text, counted
+from ema.core.drift import NO_DRIFT, Drift
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF, widened_band
 from ema.core.modes import ModalModel, model_html
@@ -35,6 +36,8 @@ from ema.poles.stability import StabilityDiagram, build_stability
 
 # A force of wrong sign first, then the sensors, then a look at what is left.
 _CONSISTENCY_PASSES = 3
+# What a drift does to the compensation of masses is a tenth of it each time.
+_DRIFT_PASSES = 2
 _ANGLES_IN_DOUBT = "the angles of the sensors are in doubt"
 
 
@@ -102,6 +105,8 @@ class SensorMass:
         Angle of the force.
     live_mass_kg : float
         Mass between load cell and tyre.
+    drift : Drift
+        Natural frequencies of the runs against each other.
 
     Examples
     --------
@@ -117,6 +122,7 @@ class SensorMass:
     sensors_deg: dict[str, NDArray[np.float64]]
     excitation_deg: float = 0.0
     live_mass_kg: float = 0.0
+    drift: Drift = NO_DRIFT
 
 
 @one_blas_thread
@@ -241,7 +247,11 @@ class _Asked:
             method=self.method,
             settings=self.settings,
         )
-        return diagram, select_poles(diagram, self.pinned_hz, self.excluded_hz, self.settings)
+        return diagram, self.selected(diagram)
+
+    def selected(self, diagram: StabilityDiagram) -> PoleSelection:
+        """Poles of a stability diagram."""
+        return select_poles(diagram, self.pinned_hz, self.excluded_hz, self.settings)
 
     def fit(self, frf: FRF, poles: _Poles | None = None) -> _Fit:
         """Modes from poles, or from poles yet to be found."""
@@ -311,9 +321,14 @@ def _consistent(
         state = after
         if not check.changed:
             break
+    for _ in range(_DRIFT_PASSES):
+        drift = fit[1].drift
+        if state.mass is None or not state.mass.mass_kg or not drift.applied:
+            break
+        state = replace(state, mass=replace(state.mass, drift=drift))
+        fitted, fit = state.fitted, asked.fit(state.fitted, (fit[0], asked.selected(fit[0])))
     if positions.unexplained > checks.no_wave_share and not positions.hypothesis:
-        selection = select_poles(fit[0], asked.pinned_hz, asked.excluded_hz, asked.settings)
-        share = unexplained_share(fitted, selection, asked.band_hz)
+        share = unexplained_share(fitted, asked.selected(fit[0]), asked.band_hz)
         state = state.told(no_wave_finding(share, checks))
     return state, fitted, fit
 
@@ -333,7 +348,13 @@ def without_mass(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
         frf = without_live_mass(frf, sensor_mass.live_mass_kg, sensor_mass.excitation_deg)
     if not sensor_mass.mass_kg:
         return frf
-    return unloaded(frf, sensor_mass.sensors_deg, sensor_mass.mass_kg, sensor_mass.excitation_deg)
+    return unloaded(
+        frf,
+        sensor_mass.sensors_deg,
+        sensor_mass.mass_kg,
+        sensor_mass.excitation_deg,
+        sensor_mass.drift,
+    )
 
 
 def identification_line(found: Identification) -> str:

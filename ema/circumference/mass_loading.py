@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from ema.circumference.orders import circle_basis, highest_order
 from ema.circumference.ring_modes import family
 from ema.core.campaign import Campaign
+from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
@@ -34,6 +37,7 @@ def unloaded(
     sensors_deg: dict[str, NDArray[np.float64]],
     mass_kg: float,
     excitation_deg: float = 0.0,
+    drift: Drift = NO_DRIFT,
 ) -> FRF:
     """FRFs of the bare tyre, without the mass of the sensors.
 
@@ -45,7 +49,9 @@ def unloaded(
 
     The FRFs are of a closed circle, `sensors_deg` are the angles of all sensors of each run from
     `sensors_of_runs` (`InputError` if those of a run are unknown), and `mass_kg` is that of one
-    sensor. The reference sensor's rows are corrected likewise, where its angle is known.
+    sensor. The reference sensor's rows are corrected likewise, where its angle is known. `drift`
+    has the natural frequencies of the runs against each other, where they are known: without it,
+    what a drift of 0.1 % does to the compensation looks like 1 to 2 % of damping.
     """
     fixed = frf.reference
     if fixed is not None and not np.all(np.isfinite(fixed.position_deg)):
@@ -62,7 +68,9 @@ def unloaded(
     pull = np.stack([_of_run(pulls, name) for name in names])
     run = np.array([names.index(name) for name in rows.run])
     noise = _noise_of_lines(rows)
-    values = rows.values + mass_push(rows.frequency_hz, rows.values, noise, basis, pull, run)
+    shift = _shifts(drift, names, rows.frequency_hz)
+    push = mass_push(rows.frequency_hz, rows.values, noise, basis, pull, run, shift)
+    values = rows.values + push
     if fixed is None:
         return replace(frf, values=values)
     return replace(
@@ -238,6 +246,8 @@ _FARTHEST = 2.0
 # Lines as clear as this share of the clearest one belong to the resonance.
 _RESONANT = 0.1
 _LINES_AT_ONCE = 200
+# Below this share of its middle the law of a drift is not continued.
+_LOWEST = 0.4
 
 
 def mass_push(
@@ -247,6 +257,7 @@ def mass_push(
     basis: Real,
     pull: Complex,
     run: NDArray[np.int_],
+    shift: Real,
 ) -> Complex:
     """What the sensors' mass takes from the FRFs of a ring, by least squares line by line.
 
@@ -255,7 +266,8 @@ def mass_push(
     added to the inertances `values`, (n_rows, n_frequencies), of standard deviation `noise`,
     (n_frequencies,), above 0. `basis`, (n_rows, 1 + 2 n_orders), is that of
     `ema.circumference.orders.circle_basis`; `pull`, (n_runs, 1 + 2 n_orders, n_frequencies), that
-    of the sensors of each run on each wave per unit force; `run`, (n_rows,), the run of each row.
+    of the sensors of each run on each wave per unit force; `run`, (n_rows,), the run of each row;
+    `shift`, (n_runs, n_frequencies), how far its natural frequencies are from the mean.
     """
     first = np.linalg.pinv(basis) @ values
     cosine, sine = first[1::2], first[2::2]
@@ -263,18 +275,46 @@ def mass_push(
         [_orientation(frequency_hz, c, s, noise) for c, s in zip(cosine, sine, strict=True)]
     ).T
     trust = noise / np.maximum(spread[:, None] * np.abs(cosine), 1e-6 * noise)
-    push = np.empty_like(values)
-    for start in range(0, noise.size, _LINES_AT_ONCE):
-        lines = slice(start, start + _LINES_AT_ONCE)
-        taken = _taken(basis, np.moveaxis(pull[:, :, lines], 2, 0)[:, run])
-        shaken = np.pad(basis, ((0, 0), (0, contrast.size)))
-        prior = _prior(contrast, trust[:, lines].T)
-        system = np.concatenate([shaken - taken, prior], axis=1)
+    shaken = np.pad(basis, ((0, 0), (0, contrast.size)))
+    parts = [slice(k, k + _LINES_AT_ONCE) for k in range(0, noise.size, _LINES_AT_ONCE)]
+
+    def taken(lines: slice) -> Complex:
+        return _taken(basis, np.moveaxis(pull[:, :, lines], 2, 0)[:, run])
+
+    found = np.empty((noise.size, shaken.shape[1]), dtype=complex)
+    for lines in parts:
+        system = np.concatenate(
+            [shaken - taken(lines), _prior(contrast, trust[:, lines].T)], axis=1
+        )
         right = np.pad(values[:, lines].T, ((0, 0), (0, contrast.size)))
         adjoint = system.conj().transpose(0, 2, 1)
-        found = np.linalg.solve(adjoint @ system, adjoint @ right[:, :, None])
-        push[:, lines] = (taken @ found)[:, :, 0].T
+        found[lines] = np.linalg.solve(adjoint @ system, adjoint @ right[:, :, None])[:, :, 0]
+    states = _in_states(frequency_hz, found, shift)
+    push = np.empty_like(values)
+    for lines in parts:
+        push[:, lines] = np.einsum("fru,rfu->rf", taken(lines), states[:, lines][run])
     return push
+
+
+def _in_states(frequency_hz: Real, found: Complex, shift: Real) -> Complex:
+    """Solution of all runs together as each run has it, (n_runs, n_lines, n_unknowns)."""
+    if not np.any(shift):
+        return np.broadcast_to(found, (len(shift), *found.shape))
+    curve = make_interp_spline(frequency_hz, found)
+    return np.asarray([curve(frequency_hz * (1 - own)) for own in shift])
+
+
+def _shifts(drift: Drift, names: Sequence[str], frequency_hz: Real) -> Real:
+    """How far the natural frequencies of each run are from the mean, (n_runs, n_frequencies)."""
+    shift = np.zeros((len(names), frequency_hz.size))
+    if not drift.applied:
+        return shift
+    known = drift.at(np.maximum(frequency_hz, _LOWEST * drift.middle_hz)[:, None]).T / 100
+    known -= known.mean(axis=0)
+    for own, name in zip(shift, names, strict=True):
+        runs = [drift.run.index(part) for part in (name, *name.split("+")) if part in drift.run]
+        own += known[runs].mean(axis=0) if runs else 0.0
+    return shift
 
 
 def _taken(basis: Real, pull: Complex) -> Complex:

@@ -56,8 +56,8 @@ class Drift(ReadonlyArrays):
         )
         return np.stack(columns, axis=1) / 100
 
-    def at(self, frequency_hz: float) -> NDArray[np.float64]:
-        """Shift of each run at a frequency in percent, (n_runs,)."""
+    def at(self, frequency_hz: float | NDArray[np.float64]) -> NDArray[np.float64]:
+        """Shift of each run at a frequency in percent, (n_runs,); of several, (n, 1), in rows."""
         lever = (self.middle_hz / frequency_hz) ** 2 - 1
         return np.asarray(
             self.percent + lever * self.slope_percent + lever**2 * self.curvature_percent

@@ -357,7 +357,7 @@ class PairProblem:
         poles, residues = self._members(best.x)
         power = np.sum(np.abs(residues) ** 2, axis=1)
         apart = np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-        split_std = float(np.sqrt(apart @ covariance @ apart))
+        split_std = float(np.sqrt(max(apart @ covariance @ apart, 0.0)))
         pole, along, _ = (complex(each[0]) for each in self._states(best.x[None]))
         return PairFit(
             poles=poles,
