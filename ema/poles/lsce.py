@@ -109,8 +109,8 @@ def shapes_of_poles(
 
     `responses`, (n_positions, n_samples), are those the poles came from; see `poles_of_order`.
     """
-    times_s = step_s * np.arange(responses.shape[1])
-    decay = np.exp((poles[None, :] - 2j * np.pi * lowest_hz) * times_s[:, None])
+    per_step = np.exp((poles - 2j * np.pi * lowest_hz) * step_s)
+    decay = np.vander(per_step, responses.shape[1], increasing=True).T
     scale = np.linalg.norm(decay, axis=0)
     orthonormal, triangle = np.linalg.qr(decay / scale)
     seen = orthonormal.conj().T @ responses.T

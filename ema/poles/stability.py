@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.circumference.orders import on_circle
-from ema.core.arrays import ReadonlyArrays, frame_of
+from ema.core.arrays import ReadonlyArrays, frame_of, readonly
 from ema.core.display import band_text, counted, table
 from ema.core.errors import InputError
 from ema.core.frf import FRF, widened_band
@@ -166,8 +167,7 @@ def build_stability(
             "poles", f"method {method!r}", f"it must be one of {', '.join(METHODS)}", "Choose one"
         )
     lines = widened_band(frf, band_hz)
-    frequency_hz, values = frf.frequency_hz[lines], align_runs(frf, lines)
-    values = without_spikes(frf, lines, values)
+    frequency_hz, values = frf.frequency_hz[lines], _prepared(frf, lines.start, lines.stop)
     responses, step_s = impulse_responses(frequency_hz, values)
     max_order = max(min(max_order, responses.shape[1] // 4), 2)
     length = useful_length(responses, shortest=3 * max_order)
@@ -194,6 +194,13 @@ def build_stability(
         indicator_hz=frequency_hz,
         indicator=np.sqrt(np.mean(np.abs(values) ** 2, axis=0)),
     )
+
+
+@lru_cache(maxsize=1)
+def _prepared(frf: FRF, start: int, stop: int) -> NDArray[np.complex128]:
+    """FRFs of some lines with runs aligned and tones taken out; both estimators ask for them."""
+    lines = slice(start, stop)
+    return readonly(without_spikes(frf, lines, align_runs(frf, lines)), complex)
 
 
 def diagram_line(diagram: StabilityDiagram) -> str:
