@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from ema.circumference.orders import circle_basis, highest_order
 from ema.circumference.ring_modes import family
 from ema.core.campaign import Campaign
 from ema.core.errors import InputError
-from ema.core.frf import FRF
+from ema.core.frf import FRF, ROW_ARRAYS
 from ema.core.modes import ModalModel
 
 # Share of an FRF that orders above the highest one resolved may hold.
@@ -123,17 +124,11 @@ def loading_percent(
 
 def _joined(frf: FRF, reference: FRF) -> FRF:
     """Positions and reference sensor as rows of one."""
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(frf, name), getattr(reference, name)]) for name in ROW_ARRAYS
+    }
     return replace(
-        frf,
-        values=np.concatenate([frf.values, reference.values]),
-        coherence=np.concatenate([frf.coherence, reference.coherence]),
-        std=np.concatenate([frf.std, reference.std]),
-        node=np.concatenate([frf.node, reference.node]),
-        position_deg=np.concatenate([frf.position_deg, reference.position_deg]),
-        run=frf.run + reference.run,
-        channel=frf.channel + reference.channel,
-        clipped=np.zeros(0),
-        force_clipped=np.zeros(0),
+        frf, run=frf.run + reference.run, channel=frf.channel + reference.channel, **arrays
     )
 
 
@@ -196,27 +191,21 @@ def without_live_mass(frf: FRF, mass_kg: float, excitation_deg: float) -> FRF:
     waves = np.linalg.pinv(circle_basis(frf.position_deg, highest)) @ frf.values
     at_force = (circle_basis(np.array([excitation_deg]), highest) @ waves)[0]
     factor = 1 / (1 - mass_kg * at_force)
+
+    def behind(rows: FRF) -> FRF:
+        return replace(rows, values=rows.values * factor, std=rows.std * np.abs(factor))
+
     fixed = frf.reference
-    return replace(
-        frf,
-        values=frf.values * factor,
-        std=frf.std * np.abs(factor),
-        reference=None
-        if fixed is None
-        else replace(fixed, values=fixed.values * factor, std=fixed.std * np.abs(factor)),
-    )
+    return replace(behind(frf), reference=None if fixed is None else behind(fixed))
 
 
 def _of_run(pulls: dict[str, NDArray[np.complex128]], name: str) -> NDArray[np.complex128]:
     """Pull of the sensors of a run, or their mean where a row was averaged over several runs."""
     known = [pulls[name]] if name in pulls else [pulls[p] for p in name.split("+") if p in pulls]
     if not known:
-        raise InputError(
-            f"run {name!r}",
-            "no sensors",
-            "taking off the sensors' mass needs the angles of all sensors of each run",
-            "Give the positions of its sensors, or remove the mass",
-        )
+        rule = "taking off the sensors' mass needs the angles of all sensors of each run"
+        remedy = "Give the positions of its sensors, or remove the mass"
+        raise InputError(f"run {name!r}", "no sensors", rule, remedy)
     return np.asarray(np.mean(known, axis=0))
 
 

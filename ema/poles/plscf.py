@@ -29,18 +29,8 @@ def reduced_normal_matrix(
     coefficient of the highest power to 1, which drives the poles of the noise unstable (Cauberghe,
     Guillaume, Verboven, Vanlanduit & Parloo 2005).
 
-    Parameters
-    ----------
-    values : ndarray of complex, shape (n_positions, n_lines)
-        Frequency responses of the band.
-    max_order : int
-        Highest model order, below n_lines / 2.
-    weight : ndarray, shape (n_lines,), optional
-        Weight w of each line, all equal by default.
-
-    Returns
-    -------
-    ndarray of complex, shape (max_order + 1, max_order + 1)
+    `values` are the frequency responses of the band, (n_positions, n_lines), `max_order` is below
+    n_lines / 2, and `weight` is w of each line, all equal by default.
     """
     squared = np.ones(values.shape[1]) if weight is None else weight**2
     inverse = np.linalg.inv(np.linalg.cholesky(_toeplitz(squared, max_order)))
