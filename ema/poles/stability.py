@@ -158,9 +158,8 @@ def build_stability(
     <StabilityDiagram: 20 to 260 Hz, ... poles up to model order 60, 8 modes seen>
     """
     if method not in METHODS:
-        raise InputError(
-            "poles", f"method {method!r}", f"it must be one of {', '.join(METHODS)}", "Choose one"
-        )
+        rule = f"it must be one of {', '.join(METHODS)}"
+        raise InputError("poles", f"method {method!r}", rule, "Choose one")
     lines = widened_band(frf, band_hz)
     frequency_hz, values = frf.frequency_hz[lines], _prepared(frf, lines.start, lines.stop)
     responses, step_s = impulse_responses(frequency_hz, values)

@@ -17,7 +17,7 @@ from ema.core.recording import Channel
 from ema.signals.lost_samples import lost_everywhere
 from ema.signals.slips import part_ends
 from ema.signals.spectra import Spectra
-from ema.signals.stuck_and_repeated import Repeat, Stretch, repeated_stretches, stuck_stretches
+from ema.signals.stuck_and_repeated import Stretch, repeated_stretches, stuck_stretches
 
 # Runs of one campaign are as long as each other within this share; stopped by hand they differ.
 SAME_LENGTH = 0.01
@@ -54,23 +54,15 @@ def without_damage(
 
     found = list(every(damage_of, runs))
     usable = [_left_out(run, damage) for run, damage in zip(runs, found, strict=True)]
-    findings = [
-        _finding(run, one) for run, damage in zip(runs, found, strict=True) for one in damage
-    ]
-    return usable, tuple(findings)
+    pairs = zip(runs, found, strict=True)
+    return usable, tuple(_finding(run, one) for run, damage in pairs for one in damage)
 
 
 def _finding(run: Run, damage: _Damage) -> Finding:
     channel = damage.channel
     places = {response.channel.name: response.position_deg for response in run.responses}
-    return Finding(
-        run=run.name,
-        channel="" if channel is None else channel.name,
-        position_deg=None if channel is None else places.get(channel.name),
-        check=damage.check,
-        verdict=Verdict.WARNING,
-        detail=damage.detail,
-    )
+    name, place = ("", None) if channel is None else (channel.name, places.get(channel.name))
+    return Finding(run.name, name, place, damage.check, Verdict.WARNING, damage.detail)
 
 
 def _left_out(run: Run, damage: Sequence[_Damage]) -> Run:
@@ -130,7 +122,7 @@ def _stuck(run: Run) -> Iterator[_Damage]:
 def _repeated(run: Run, others: Sequence[int]) -> Iterator[_Damage]:
     rate_hz = run.recording.sampling_rate_hz
     for repeat in repeated_stretches(run):
-        if repeat.throughout and not _is_appended(repeat, others):
+        if repeat.throughout and not any(abs(repeat.lag - n) <= SAME_LENGTH * n for n in others):
             continue  # a computed recording of whole periods
         copy, lag = repeat.copy, repeat.lag
         what = "all channels repeat" if repeat.of is None else "the force alone repeats"
@@ -145,11 +137,6 @@ def _repeated(run: Run, others: Sequence[int]) -> Iterator[_Damage]:
         wrong = (copy,) if repeat.of is None else (first, copy)
         says = _LEFT_OUT if repeat.of is None else "the averages with either are left out"
         yield _Damage(Check.REPEATED, repeat.of, wrong, f"{detail}; {says}")
-
-
-def _is_appended(repeat: Repeat, others: Sequence[int]) -> bool:
-    """Whether what repeats is as long as another run."""
-    return any(abs(repeat.lag - n) <= SAME_LENGTH * n for n in others)
 
 
 def _miscounted(run: Run) -> Iterator[_Damage]:

@@ -1,4 +1,4 @@
-"""Frequency response functions: the type, and their estimation from recordings."""
+"""Estimation of frequency response functions from recordings."""
 
 from __future__ import annotations
 
@@ -75,12 +75,8 @@ def estimate_frf(
     True
     """
     if estimator not in ESTIMATORS:
-        raise InputError(
-            "FRF",
-            f"estimator {estimator!r}",
-            f"it must be one of {', '.join(ESTIMATORS)}",
-            "Choose one",
-        )
+        rule = f"it must be one of {', '.join(ESTIMATORS)}"
+        raise InputError("FRF", f"estimator {estimator!r}", rule, "Choose one")
     processing = processing or campaign.processing
     if campaign.frf is not None:
         ordered = campaign.frf.rows(_order_of(campaign.frf.position_deg, campaign.frf.node))
@@ -116,9 +112,7 @@ def estimate_frf(
 def _force_records(runs: Sequence[Run], plan: BlockPlan) -> dict[str, ForceRecord]:
     """Force of each run whose samples are all known."""
     return {
-        run.name: ForceRecord(
-            run.force, plan.for_length(run.recording.n_samples), is_steady(run.force)
-        )
+        run.name: ForceRecord(run.force, plan.for_length(run.force.n_samples), is_steady(run.force))
         for run in runs
         if not run.force.gaps
     }
@@ -130,12 +124,10 @@ def _common_plan(runs: Sequence[Run], processing: Processing) -> BlockPlan:
     rate = shortest.recording.sampling_rate_hz
     for run in runs:
         if not np.isclose(run.recording.sampling_rate_hz, rate, rtol=1e-6):
-            raise InputError(
-                run.name,
-                f"{run.recording.sampling_rate_hz:g} Hz sampling rate",
-                f"{shortest.name} has {rate:g} Hz; all runs must have the same rate",
-                "Resample one of them or process them separately",
-            )
+            found = f"{run.recording.sampling_rate_hz:g} Hz sampling rate"
+            rule = f"{shortest.name} has {rate:g} Hz; all runs must have the same rate"
+            remedy = "Resample one of them or process them separately"
+            raise InputError(run.name, found, rule, remedy)
     return plan_blocks(
         shortest.recording.n_samples,
         rate,
@@ -166,22 +158,16 @@ def _run_spectra(run: Run, plan: BlockPlan) -> tuple[Spectra, tuple[Finding, ...
 def _require_signal(
     run: Run, spectra: Spectra, plan: BlockPlan, findings: Sequence[Finding]
 ) -> None:
+    where = f"{run.name}, channel {run.force.name!r}"
     if not np.any(spectra.n_effective):
         lost = "samples missing" if not run.force.gaps else "samples missing or wrong"
         said = "".join(f": {finding.detail}" for finding in findings)
-        raise InputError(
-            f"{run.name}, channel {run.force.name!r}",
-            f"{lost} in every block of {plan.block_s:g} s{said}",
-            "spectra need blocks in which no sample is missing",
-            "Export the run again or leave it out",
-        )
+        found = f"{lost} in every block of {plan.block_s:g} s{said}"
+        rule = "spectra need blocks in which no sample is missing"
+        raise InputError(where, found, rule, "Export the run again or leave it out")
     if not np.any(spectra.force > 0):
-        raise InputError(
-            f"{run.name}, channel {run.force.name!r}",
-            "a constant signal",
-            "the force must excite the tyre",
-            "Check the load cell cable, or choose another excitation channel",
-        )
+        remedy = "Check the load cell cable, or choose another excitation channel"
+        raise InputError(where, "a constant signal", "the force must excite the tyre", remedy)
 
 
 def _excited(
@@ -218,15 +204,8 @@ def _positions_frf(
     run = _joined([run.name for run, _ in responses], place)
     channel = _joined([response.channel.name for _, response in responses], place)
     parts = [part.rows(slice(len(run.responses))) for part, run in zip(spectra, runs, strict=True)]
-    frf = _as_frf(
-        pooled(parts, place, first.size),
-        plan,
-        estimator,
-        node[first],
-        angle[first],
-        run,
-        channel,
-    )
+    spectra_here = pooled(parts, place, first.size)
+    frf = _as_frf(spectra_here, plan, estimator, node[first], angle[first], run, channel)
     return replace(frf, disagreement=disagreement(parts, place, first.size))
 
 
@@ -248,9 +227,8 @@ def _reference_frf(
     pairs = [(r, s) for r, s in zip(runs, spectra, strict=True) if r.reference is not None]
     if len(pairs) < 2:
         return None
-    last = pooled(
-        [part.rows(slice(-1, None)) for _, part in pairs], np.arange(len(pairs)), len(pairs)
-    )
+    last_rows = [part.rows(slice(-1, None)) for _, part in pairs]
+    last = pooled(last_rows, np.arange(len(pairs)), len(pairs))
     nodes = np.full(len(pairs), -1)
     angle = np.full(len(pairs), _number(reference_deg))
     run_names = [run.name for run, _ in pairs]
@@ -331,19 +309,14 @@ def with_given_averages(frf: FRF, averages: int | None) -> FRF:
     known = int(np.count_nonzero(np.isfinite(frf.coherence).all(axis=1)))
     if not known:
         return frf
-    said = f"coherence of {known} of {frf.n_positions} FRFs from the file: "
-    if averages is None or averages < 2:
-        said += "weights only, as the number of averages is unknown; state processing.averages"
-        return replace(
-            frf, findings=(*frf.findings, Finding("", "", None, Check.COHERENCE, Verdict.OK, said))
-        )
-    said += f"σ of the FRFs from it and {averages} averages (stated)"
-    return replace(
-        frf,
-        std=np.sqrt(incoherent_power(frf.values, frf.coherence) / (2 * (averages - 1))),
-        n_effective=float(averages),
-        findings=(*frf.findings, Finding("", "", None, Check.COHERENCE, Verdict.OK, said)),
-    )
+    said = "weights only, as the number of averages is unknown; state processing.averages"
+    if averages is not None and averages > 1:
+        said = f"σ of the FRFs from it and {averages} averages (stated)"
+        std = np.sqrt(incoherent_power(frf.values, frf.coherence) / (2 * (averages - 1)))
+        frf = replace(frf, std=std, n_effective=float(averages))
+    said = f"coherence of {known} of {frf.n_positions} FRFs from the file: {said}"
+    finding = Finding("", "", None, Check.COHERENCE, Verdict.OK, said)
+    return replace(frf, findings=(*frf.findings, finding))
 
 
 def _order_of(position_deg: NDArray[np.float64], node: NDArray[np.int_]) -> NDArray[np.int_]:

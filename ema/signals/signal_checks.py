@@ -147,14 +147,10 @@ def summarise(channel: Channel, sampling_rate_hz: float = float("nan")) -> Signa
         highest=np.nan if empty else moments.highest,
         n_clipped_low=low if mean - moments.lowest > _LIMIT_RMS * rms_ac else 0,
         n_clipped_high=high if moments.highest - mean > _LIMIT_RMS * rms_ac else 0,
-        n_missing=gaps.n_missing,
-        first_missing=gaps.first_missing,
         longest_hold=plateaus.longest,
         longest_hold_start=plateaus.longest_start,
         hum=hum_meter.hum(rms_ac),
-        n_impossible=gaps.n_impossible,
-        first_impossible=gaps.first_impossible,
-        worst_impossible=gaps.worst_impossible,
+        **vars(gaps),
     )
 
 
@@ -236,7 +232,6 @@ def _hum(summary: SignalSummary) -> str:
 
 
 def _level(value: float, channel: Channel) -> str:
-
     return f"{value:.4g} {SI_UNIT.get(channel.quantity, '')}".rstrip()
 
 
