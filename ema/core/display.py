@@ -48,16 +48,8 @@ def value_with_std(value: float, std: float | None, digits: int = 4) -> str:
     """Value ± standard deviation, such as ``"100.31 ± 0.04"`` or ``"(8.27 ± 0.08) × 10⁶"``.
 
     Rounded by the rule of the Particle Data Group: two digits of the standard deviation up to 354,
-    one up to 949, and 1000 above, for its first three digits; the value ends at the same place.
-
-    Parameters
-    ----------
-    value : float
-        A dash is written if it is not finite.
-    std : float or None
-        Unknown if None, not finite or not positive.
-    digits : int
-        Significant digits of a value without a standard deviation.
+    one up to 949, and 1000 above, for its first three digits; the value ends at the same place. A
+    value whose standard deviation is not finite and positive has `digits` significant digits.
     """
     if std is None or not isfinite(std) or std <= 0 or not isfinite(value):
         return number(value, digits)

@@ -321,21 +321,8 @@ def synthesise(
     """Inertances from poles, residues and residual terms.
 
     H_i = −ω² Σ_r [A_ir/(jω−s_r) + A*_ir/(jω−s*_r)] + L_i − ω² U_i (Ewins 2000, eq. 4.29, as
-    inertance).
-
-    Parameters
-    ----------
-    frequency_hz : ndarray, shape (n_frequencies,)
-    poles : ndarray of complex, shape (n_modes,)
-        rad/s.
-    residues : ndarray of complex, shape (n_positions, n_modes)
-    lower, upper : ndarray, shape (n_positions,)
-        Residual terms L in (m/s²)/N and U in m/N.
-
-    Returns
-    -------
-    ndarray of complex, shape (n_positions, n_frequencies)
-        Inertance in (m/s²)/N.
+    inertance): (n_positions, n_frequencies) in (m/s²)/N of poles in rad/s, residues, (n_positions,
+    n_modes), and the residual terms `lower`, L in (m/s²)/N, and `upper`, U in m/N.
     """
     omega = 2 * np.pi * np.asarray(frequency_hz)
     direct = 1 / (1j * omega - poles[:, None])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 
-from ema.core.mac import auto_mac, mac
+from ema.core.mac import mac
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.lsce import poles_of_order, shapes_of_poles
 
@@ -79,14 +79,23 @@ def _matches(
     match, total = np.full(poles.size, -1), np.full(poles.size, np.inf)
     if not (old_poles.size and poles.size):
         return match, total
-    largest = np.maximum(np.abs(old_poles)[:, None], np.abs(poles)[None, :])
-    distance = np.abs(old_poles[:, None] - poles[None, :]) / largest
-    distance = distance + 1 - mac(old_shapes, shapes)
+    distance = _distance(old_poles, old_shapes, poles, shapes)
     nearest_old, nearest_new = distance.argmin(axis=0), distance.argmin(axis=1)
     mutual = np.flatnonzero(nearest_new[nearest_old] == np.arange(poles.size))
     match[mutual] = nearest_old[mutual]
     total[mutual] = distance[nearest_old[mutual], mutual]
     return match, total
+
+
+def _distance(
+    first: NDArray[np.complex128],
+    first_shapes: NDArray[np.complex128],
+    second: NDArray[np.complex128],
+    second_shapes: NDArray[np.complex128],
+) -> NDArray[np.float64]:
+    """|Δλ|/max|λ| + 1 − MAC of every pair, (n_first, n_second)."""
+    largest = np.maximum.outer(np.abs(first), np.abs(second))
+    return np.abs(first[:, None] - second) / largest + 1 - mac(first_shapes, second_shapes)
 
 
 def _changes(
@@ -247,12 +256,10 @@ def _cut(step: NDArray[np.float64], settings: IdentificationSettings) -> float:
 def _linked(
     poles: NDArray[np.complex128], shapes: NDArray[np.complex128], cut: float
 ) -> NDArray[np.int_]:
-    """Average-linkage clusters with d = |Δλ|/max|λ| + 1 − MAC."""
+    """Average-linkage clusters."""
     if poles.size < 2:
         return np.zeros(poles.size, dtype=int)
-    size = np.abs(poles)
-    distance = np.abs(poles[:, None] - poles[None, :]) / np.maximum(size[:, None], size[None, :])
-    distance = distance + 1 - np.clip(auto_mac(shapes), 0, 1)
+    distance = np.maximum(_distance(poles, shapes, poles, shapes), 0)  # whatever the rounding
     condensed = squareform((distance + distance.T) / 2, checks=False)
     return np.asarray(fcluster(linkage(condensed, "average"), cut, "distance"))
 
