@@ -13,8 +13,6 @@ from math import isfinite
 from ema.core.errors import visible
 
 DASH = "–"
-#: First three digits of a standard deviation up to which two are written (Particle Data Group).
-LARGEST_WITH_TWO_DIGITS = 3.54
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -55,7 +53,7 @@ def value_with_std(value: float, std: float | None, digits: int = 4) -> str:
         return number(value, digits)
     shift = _common_power(_exponent(max(abs(value), std)))
     first, _, exponent = f"{std:.2e}".partition("e")
-    end = int(exponent) - (float(first) <= LARGEST_WITH_TWO_DIGITS) - shift
+    end = int(exponent) - (float(first) <= 3.54) - shift
     text = f"{_fixed(value, shift, end)} ± {_fixed(std, shift, end)}"
     return _times_ten(f"({text})", shift) if shift else text
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-# Lines whose median is the noise level: σ of one line is itself uncertain, or that of a tone.
-_SMOOTHING_LINES = 21
+from ema.signals.bias_and_noise import SMOOTHING_LINES
 
 
 def reduced_normal_matrix(
@@ -50,7 +49,7 @@ def line_weight(std: NDArray[np.float64]) -> NDArray[np.float64] | None:
     level = np.median(std, axis=0)
     if not np.all(level > 0):
         return None
-    smooth = median_filter(level, _SMOOTHING_LINES, mode="nearest")
+    smooth = median_filter(level, SMOOTHING_LINES, mode="nearest")
     return np.asarray(smooth.min() / smooth)
 
 

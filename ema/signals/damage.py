@@ -249,7 +249,7 @@ def counter_jumps(run: Run) -> list[Jump]:
     """Gaps and repetitions that a counter among the channels that have no role tells of."""
     used = {channel.name for channel in run.channels}
     spare = [channel for channel in run.recording.channels if channel.name not in used]
-    return [jump for channel in spare if _step(channel) for jump in _jumps(channel)]
+    return [jump for channel in spare if (step := _step(channel)) for jump in _jumps(channel, step)]
 
 
 def _step(channel: Channel) -> float:
@@ -262,27 +262,19 @@ def _step(channel: Channel) -> float:
     return step if step > 0 and np.mean(steps == step) > 0.9 else 0.0
 
 
-def _jumps(channel: Channel) -> list[Jump]:
-    step, n = _step(channel), channel.n_samples
+def _jumps(channel: Channel, step: float) -> list[Jump]:
+    n = channel.n_samples
+    usual = [step, *(step - 2.0**bits for bits in _REGISTER_BITS)]
     places: list[NDArray[np.int_]] = []
     for start in range(0, n - 1, _PIECE):
         samples = piece(channel.samples, start, min(start + _PIECE + 1, n)).astype(np.float64)
-        places.append(start + 1 + np.flatnonzero(_is_jump(samples[:-1], samples[1:], step)))
+        places.append(start + 1 + np.flatnonzero(~np.isin(np.diff(samples), usual)))
     found = np.concatenate(places)
     if found.size > (1 - _USUAL) * n:
         return []
     jumps = [_jump(channel, int(place), step) for place in found]
     anew = {(jump.before, jump.after) for jump in jumps}
     return [] if len(jumps) > 1 and len(anew) == 1 else jumps  # an angle: it begins anew each turn
-
-
-def _is_jump(
-    before: NDArray[np.float64], after: NDArray[np.float64], step: float
-) -> NDArray[np.bool_]:
-    jump = after - before != step
-    for bits in _REGISTER_BITS:
-        jump &= after - before != step - 2.0**bits
-    return np.asarray(jump)
 
 
 def _jump(channel: Channel, place: int, step: float) -> Jump:

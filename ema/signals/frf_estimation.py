@@ -78,16 +78,29 @@ def estimate_frf(
         rule = f"it must be one of {', '.join(ESTIMATORS)}"
         raise InputError("FRF", f"estimator {estimator!r}", rule, "Choose one")
     processing = processing or campaign.processing
-    if campaign.frf is not None:
-        ordered = campaign.frf.rows(_order_of(campaign.frf.position_deg, campaign.frf.node))
-        return replace(
-            with_given_averages(ordered, processing.averages),
-            excitation_deg=_number(campaign.excitation_deg),
-            exponential_window=processing.exponential_window,
-        )
+    if campaign.frf is None:
+        frf = _estimated(campaign, processing, estimator, progress)
+    else:
+        frf = campaign.frf
+        ordered = frf.rows(np.lexsort((frf.node, np.nan_to_num(frf.position_deg))))
+        frf = with_given_averages(ordered, processing.averages)
+    return replace(
+        frf,
+        excitation_deg=_number(campaign.excitation_deg),
+        exponential_window=processing.exponential_window,
+    )
+
+
+def _estimated(
+    campaign: Campaign,
+    processing: Processing,
+    estimator: str,
+    progress: Callable[[int, int], None] | None,
+) -> FRF:
     with ThreadPoolExecutor(available_threads()) as pool:
         runs, findings = without_damage(campaign.runs, pool.map)
-        plan = _common_plan(runs, processing)
+        steady = {run.name: is_steady(run.force) for run in runs}
+        plan = _common_plan(runs, processing, steady=all(steady.values()))
         spectra = []
         for part, slips in pool.map(lambda run: _run_spectra(run, plan), runs):
             spectra.append(part)
@@ -98,27 +111,15 @@ def estimate_frf(
     findings += silent
     frf = _positions_frf(runs, spectra, plan, estimator)
     reference = _reference_frf(runs, campaign.reference_deg, spectra, plan, estimator)
-    forces = _force_records(runs, plan) if estimator == "H1" else {}
-    return replace(
-        frf,
-        reference=reference,
-        findings=findings,
-        forces=forces,
-        excitation_deg=_number(campaign.excitation_deg),
-        exponential_window=processing.exponential_window,
-    )
-
-
-def _force_records(runs: Sequence[Run], plan: BlockPlan) -> dict[str, ForceRecord]:
-    """Force of each run whose samples are all known."""
-    return {
-        run.name: ForceRecord(run.force, plan.for_length(run.force.n_samples), is_steady(run.force))
+    forces = {
+        run.name: ForceRecord(run.force, plan.for_length(run.force.n_samples), steady[run.name])
         for run in runs
-        if not run.force.gaps
+        if estimator == "H1" and not run.force.gaps
     }
+    return replace(frf, reference=reference, findings=findings, forces=forces)
 
 
-def _common_plan(runs: Sequence[Run], processing: Processing) -> BlockPlan:
+def _common_plan(runs: Sequence[Run], processing: Processing, *, steady: bool) -> BlockPlan:
     """Blocks for the shortest run; all runs share their length, so that their lines agree."""
     shortest = min(runs, key=lambda run: run.recording.n_samples)
     rate = shortest.recording.sampling_rate_hz
@@ -128,20 +129,16 @@ def _common_plan(runs: Sequence[Run], processing: Processing) -> BlockPlan:
             rule = f"{shortest.name} has {rate:g} Hz; all runs must have the same rate"
             remedy = "Resample one of them or process them separately"
             raise InputError(run.name, found, rule, remedy)
+    period = period_samples(shortest.force, round(SHORTEST_PERIOD_S * rate))
+    repeats = period > 0 and all(repeats_after(run.force, period) for run in runs)
     return plan_blocks(
         shortest.recording.n_samples,
         rate,
         processing,
         shortest.name,
-        steady=all(is_steady(run.force) for run in runs),
-        period_samples=_common_period(runs, shortest, rate),
+        steady=steady,
+        period_samples=period if repeats else 0,
     )
-
-
-def _common_period(runs: Sequence[Run], shortest: Run, rate_hz: float) -> int:
-    """Samples after which the force of every run repeats; 0 where one of them does not."""
-    period = period_samples(shortest.force, round(SHORTEST_PERIOD_S * rate_hz))
-    return period if period and all(repeats_after(run.force, period) for run in runs) else 0
 
 
 def _run_spectra(run: Run, plan: BlockPlan) -> tuple[Spectra, tuple[Finding, ...]]:
@@ -317,10 +314,6 @@ def with_given_averages(frf: FRF, averages: int | None) -> FRF:
     said = f"coherence of {known} of {frf.n_positions} FRFs from the file: {said}"
     finding = Finding("", "", None, Check.COHERENCE, Verdict.OK, said)
     return replace(frf, findings=(*frf.findings, finding))
-
-
-def _order_of(position_deg: NDArray[np.float64], node: NDArray[np.int_]) -> NDArray[np.int_]:
-    return np.lexsort((node, np.nan_to_num(position_deg)))
 
 
 def _number(value: float | None) -> float:

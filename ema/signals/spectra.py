@@ -180,7 +180,8 @@ def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spec
     def add(name: str) -> NDArray[Any]:
         rows = _stacked(parts, name)
         total = np.zeros((n_places, *rows.shape[1:]), dtype=rows.dtype)
-        np.add.at(total, place, rows)
+        for row, number in zip(rows, place, strict=True):  # np.add.at takes ten times as long
+            total[number] += row
         return total
 
     def largest(name: str) -> NDArray[Any]:

@@ -21,6 +21,7 @@ from ema.core.campaign import Response, Run
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
+from ema.core.recording import Channel
 from ema.core.settings import CHECKS, CheckSettings
 
 # Sensors of a run that are looked at; more would cost time and tell the same.
@@ -84,7 +85,7 @@ def run_steadiness(run: Run, frf: FRF, model: ModalModel) -> Steadiness | None:
     last = min(last, n // 2)
     step = max(round(_PIECE_S * (last - first) * rate / n), 1)
     n_pieces = (last - first) // step
-    force = rfft(_centred(run.force.block(0, n)))[first:last]
+    force = _spectrum(run.force, n)[first:last]
     sensors = _sensors(run, frf)
     if not np.all(np.isfinite(force)) or n_pieces < _FEWEST_PIECES or not sensors:
         return None
@@ -94,7 +95,7 @@ def run_steadiness(run: Run, frf: FRF, model: ModalModel) -> Steadiness | None:
     smoothing = max(int(_SMOOTHING_HZ * n / rate), 1)
     pieces = _Pieces(n_pieces, step)
     for (sensor, _), own, moved in zip(sensors, expected, slope, strict=True):
-        seen = rfft(_centred(sensor.channel.block(0, n)))[first:last]
+        seen = _spectrum(sensor.channel, n)[first:last]
         pieces.add(seen, own, moved, smoothing)
     time = np.asarray((np.arange(n_pieces) + 0.5) * _PIECE_S)
     over_time, over_level = _regression(pieces, time, n / rate) or (None, None)
@@ -161,8 +162,9 @@ def _sensors(run: Run, frf: FRF) -> list[tuple[Response, int]]:
     return [known[k] for k in chosen]
 
 
-def _centred(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(samples - samples.mean())
+def _spectrum(channel: Channel, n_samples: int) -> NDArray[np.complex128]:
+    samples = channel.block(0, n_samples)
+    return np.asarray(rfft(samples - samples.mean()))
 
 
 def _response(

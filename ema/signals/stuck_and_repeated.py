@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ema.core.campaign import Run
 from ema.core.files import piece
-from ema.core.recording import Channel
+from ema.core.recording import SENSELESS, Channel
 
 # A hold is looked for from here on: at 2 kHz a tyre's lowest modes turn many times meanwhile.
 _SHORTEST_S, _SHORTEST_SAMPLES = 0.1, 100
@@ -20,7 +20,6 @@ _RUNG_OUT_S = 0.25
 _LOOKS = 4
 # With more holds than these the signal is coarse, or slower than its rate: every top is flat.
 _MOST_HOLDS = 64
-_SENSELESS = 1e30  # no sensor gives such a number, in whatever unit
 # A signal of fewer steps than these in its rms lies flat by itself.
 _FEWEST_STEPS = 8.0
 # The others go on: their rms in the hold over that of the whole recording. Random vibration of a
@@ -140,7 +139,7 @@ def _look(channel: Channel, shortest: int) -> _Look:
     stride = max(shortest // _LOOKS, 1)
     seen = _every(channel.samples, stride)
     known = seen[np.isfinite(seen)].astype(float)
-    known = known[np.abs(known) < _SENSELESS]  # a flipped bit is no sign of life, and overflows
+    known = known[np.abs(known) < SENSELESS]  # a flipped bit is no sign of life, and overflows
     if not known.size:
         return _Look(channel, 0.0, 0.0, ())
     rms = float(np.std(known))
