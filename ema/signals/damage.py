@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Run
+from ema.core.display import counted
 from ema.core.files import piece
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Channel
@@ -94,10 +95,8 @@ def without_lost_samples(
 
     `spectra` are those of all its sensors, the reference sensor last, over its blocks, `plan`.
     """
-    damage = [
-        *_slipped(run, spectra.slip, plan),
-        *_joined(run, lost_everywhere(run, spectra, plan)),
-    ]
+    joints = lost_everywhere(run, spectra, plan)
+    damage = [*_slipped(run, spectra.slip, plan), *_joined(run, joints)]
     return _left_out(run, damage), tuple(_finding(run, one) for one in damage)
 
 
@@ -126,10 +125,8 @@ def _repeated(run: Run, others: Sequence[int]) -> Iterator[_Damage]:
             continue  # a computed recording of whole periods
         copy, lag = repeat.copy, repeat.lag
         what = "all channels repeat" if repeat.of is None else "the force alone repeats"
-        detail = (
-            f"{what} to the last bit what was recorded {lag / rate_hz:.4g} s before: "
-            f"{_where([copy], rate_hz)}"
-        )
+        detail = f"{what} to the last bit what was recorded {lag / rate_hz:.4g} s before: "
+        detail += _where([copy], rate_hz)
         if repeat.throughout:
             detail += "; the recording was appended to itself"
         first = Stretch(copy.start - lag, copy.stop - lag)
@@ -145,7 +142,7 @@ def _miscounted(run: Run) -> Iterator[_Damage]:
         return
     said = [_counted(jump) for jump in jumps[:_SHOWN]]
     more = f" and {len(jumps) - _SHOWN} more" if len(jumps) > _SHOWN else ""
-    detail = f"counter {jumps[0].channel!r} {_and(said)}{more}; {_LEFT_OUT}"
+    detail = f"counter {jumps[0].channel!r} {', '.join(said)}{more}; {_LEFT_OUT}"
     yield _Damage(Check.COUNTER, None, tuple(jump.wrong for jump in jumps), detail)
 
 
@@ -176,9 +173,9 @@ def _slipped(run: Run, slip: NDArray[np.float64], plan: BlockPlan) -> Iterator[_
         first = plan.starts[_first_doubtful_block(ends, part, samples)]
         behind = plan.starts[ends[part] - 1] + plan.block_samples
         start_s, stop_s = first / plan.sampling_rate_hz, behind / plan.sampling_rate_hz
-        count = max(round(abs(samples)), 1)
+        count = counted(max(round(abs(samples)), 1), "sample")
         detail = (
-            f"{count} sample{'s' if count > 1 else ''} {'lost' if samples > 0 else 'too many'} "
+            f"{count} {'lost' if samples > 0 else 'too many'} "
             f"against the other channels between {start_s:.4g} and {stop_s:.4g} s; the averages "
             "from there on are left out"
         )
@@ -215,14 +212,10 @@ def _first_ahead(slip: NDArray[np.float64]) -> int | None:
 
 
 def _where(stretches: Sequence[Stretch], rate_hz: float) -> str:
-    return _and(
+    return ", ".join(
         f"from {stretch.start / rate_hz:.4g} s for {len(stretch) / rate_hz:.3g} s"
         for stretch in stretches
     )
-
-
-def _and(texts: Iterable[str]) -> str:
-    return ", ".join(texts)
 
 
 # A ramp of whole numbers so long at the start is a counter …

@@ -1,10 +1,7 @@
-"""Leakage: what blocks and windows make of the response of a mode.
+"""Leakage: what blocks and windows make of the response of a mode (docs/theory/frf.md).
 
-With φ(ω) = −ω²/(jω−s) = jω + s + s²/(jω−s), only the decaying part s²e^{sτ} is touched. H1 of a
-mode is s² Σ F*Q / Σ|F|², with Q the spectra of the blocks of q, the force passed through the pole
-over the whole recording. So it is computed where the force is at hand, whatever its kind (random,
-burst, sweep, impacts). Elsewhere the force is taken for random noise, whose blocks give the
-transform of h(τ) r(τ), r being the autocorrelation of the window (Bendat & Piersol 2010, ch. 11).
+With φ(ω) = −ω²/(jω−s) = jω + s + s²/(jω−s), only the decaying part s²e^{sτ} is touched: computed
+with the force as recorded where that is at hand, and elsewhere as the mean over random forces.
 """
 
 from __future__ import annotations

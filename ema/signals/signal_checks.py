@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.display import counted
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import ACCELERATION, FORCE, Channel, Recording
 from ema.core.units import SI_UNIT, is_stated, parse_unit
@@ -185,9 +186,8 @@ def _impossible(summary: SignalSummary, channel: Channel) -> str:
     count = summary.n_impossible
     if not count:
         return ""
-    samples = "1 sample" if count == 1 else f"{count} samples"
     worst = _level(summary.worst_impossible, channel)
-    detail = f"{samples} of up to {worst}, which no sensor gave: taken as missing"
+    detail = f"{counted(count, 'sample')} of up to {worst}, which no sensor gave: taken as missing"
     if not np.isnan(summary.peak):
         detail += f"; all others are within {_level(summary.peak, channel)}"
     return f"{detail}; first at sample {summary.first_impossible}"

@@ -1,9 +1,7 @@
 """Steadiness of the tyre within a run: change of its frequencies over time and with level.
 
-The force as recorded, passed through the identified modes, predicts the response over the whole
-run. What the response differs by is projected, piece by piece, on what a common relative change
-δ of all frequencies would add (one Gauss–Newton step). A line through δ over time and level gives
-the drift within the run and the dependence on level. This needs no windows and holds for any force.
+What the response differs by from its prediction is projected, piece by piece, on what a common
+relative change δ of all frequencies would add (docs/identification.md).
 """
 
 from __future__ import annotations
