@@ -249,10 +249,7 @@ _FEWEST_LINES = 32
 def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:
     """Lines of the band and, where their noise allows, of a margin on both sides.
 
-    Raises
-    ------
-    FitError
-        Where the band holds too few lines to identify anything.
+    `FitError` where the band holds too few lines to identify anything.
     """
     frequency_hz = frf.frequency_hz
     low = int(np.searchsorted(frequency_hz, band_hz[0], side="left"))

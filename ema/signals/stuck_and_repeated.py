@@ -223,7 +223,7 @@ def repeated_stretches(run: Run) -> list[Repeat]:
     if not sensors or not _moves(run.force):
         return []
     found = [
-        _repeat(sensors[0], copy, lag, None)
+        Repeat(copy, lag, None, len(copy) == run.force.n_samples - lag)
         for copy, lag in _copies(sensors[0])
         if _is_lively(run.force, copy)
         and not _is_steady_state(run.force, copy, lag)
@@ -232,12 +232,8 @@ def repeated_stretches(run: Run) -> list[Repeat]:
     known = {repeat.lag for repeat in found}
     alone = [(copy, lag) for copy, lag in _copies(run.force) if lag not in known]
     if len(alone) == 1 and _is_force_alone(run.force, sensors, *alone[0]):
-        found.append(_repeat(run.force, *alone[0], run.force))
+        found.append(Repeat(*alone[0], run.force, throughout=False))
     return found
-
-
-def _repeat(channel: Channel, copy: Stretch, lag: int, of: Channel | None) -> Repeat:
-    return Repeat(copy, lag, of, len(copy) == channel.n_samples - lag)
 
 
 def _is_steady_state(force: Channel, copy: Stretch, lag: int) -> bool:
@@ -372,10 +368,9 @@ def _extended(channel: Channel, lag: int, place: int) -> Stretch:
 
 def _agreement(channel: Channel, stretch: Stretch, lag: int) -> float:
     """Share of the samples of a stretch that equal those `lag` before them."""
-    count = 0
-    for start in range(stretch.start, stretch.stop, _PIECE):
-        part = Stretch(start, min(start + _PIECE, stretch.stop))
-        count += int(np.count_nonzero(_same(channel, part, lag)))
+    starts = range(stretch.start, stretch.stop, _PIECE)
+    parts = (Stretch(start, min(start + _PIECE, stretch.stop)) for start in starts)
+    count = sum(np.count_nonzero(_same(channel, part, lag)) for part in parts)
     return count / max(len(stretch), 1)
 
 
