@@ -50,6 +50,8 @@ def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
     force, *sensors = run.channels
     groups = [sensors[k : k + _TOGETHER] for k in range(0, len(sensors), _TOGETHER)]
     parts = [_measured((force, *group), plan) for group in groups]
+    if len(parts) == 1:
+        return parts[0]
     return Spectra(*(_stacked(parts, field.name) for field in fields(Spectra)))
 
 
