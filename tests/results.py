@@ -12,7 +12,8 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.mac import auto_mac
 from ema.core.modes import ModalModel, Mode, ResidualTerms
-from ema.poles.stability import Cluster, StabilityDiagram
+from ema.poles.stability import StabilityDiagram
+from ema.poles.tracking import Cluster
 from model.damping import identify_damping
 from model.tuning import tune_ring
 from pipelines.results.result import Result, Validation

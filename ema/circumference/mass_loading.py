@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +15,17 @@ from ema.circumference.ring_modes import family
 from ema.core.campaign import Campaign
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError
-from ema.core.frf import FRF
+from ema.core.frf import FRF, ROW_ARRAYS
 from ema.core.modes import ModalModel
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 # Share of an FRF that orders above the highest one resolved may hold.
 _UNRESOLVED = 1e-3
 
 
-def sensors_of_runs(campaign: Campaign) -> dict[str, NDArray[np.float64]]:
+def sensors_of_runs(campaign: Campaign) -> dict[str, Real]:
     """Angles of all sensors that load the tyre in each run, the reference included."""
     angles = {}
     for run in campaign.runs:
@@ -34,7 +38,7 @@ def sensors_of_runs(campaign: Campaign) -> dict[str, NDArray[np.float64]]:
 
 def unloaded(
     frf: FRF,
-    sensors_deg: dict[str, NDArray[np.float64]],
+    sensors_deg: dict[str, Real],
     mass_kg: float,
     excitation_deg: float = 0.0,
     drift: Drift = NO_DRIFT,
@@ -111,12 +115,8 @@ def loading_note(model: ModalModel, n_sensors: int, excitation_deg: float) -> st
 
 
 def loading_percent(
-    frequencies_hz: NDArray[np.float64],
-    residues: NDArray[np.complex128],
-    drive_residues: NDArray[np.complex128],
-    n_sensors: int,
-    mass_kg: float,
-) -> NDArray[np.float64]:
+    frequencies_hz: Real, residues: Complex, drive_residues: Complex, n_sensors: int, mass_kg: float
+) -> Real:
     """How far sensors may lower each natural frequency, in percent; the worst run.
 
     First order, −½ m Σ_k φ_k²/M with the modal mass M from the residue at the drive point. The
@@ -131,26 +131,17 @@ def loading_percent(
 
 def _joined(frf: FRF, reference: FRF) -> FRF:
     """Positions and reference sensor as rows of one."""
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(frf, name), getattr(reference, name)]) for name in ROW_ARRAYS
+    }
     return replace(
-        frf,
-        values=np.concatenate([frf.values, reference.values]),
-        coherence=np.concatenate([frf.coherence, reference.coherence]),
-        std=np.concatenate([frf.std, reference.std]),
-        node=np.concatenate([frf.node, reference.node]),
-        position_deg=np.concatenate([frf.position_deg, reference.position_deg]),
-        run=frf.run + reference.run,
-        channel=frf.channel + reference.channel,
-        clipped=np.zeros(0),
-        force_clipped=np.zeros(0),
+        frf, run=frf.run + reference.run, channel=frf.channel + reference.channel, **arrays
     )
 
 
 def _waves(
-    frf: FRF,
-    rows: FRF,
-    sensors_deg: dict[str, NDArray[np.float64]],
-    excitation_deg: float,
-) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+    frf: FRF, rows: FRF, sensors_deg: dict[str, Real], excitation_deg: float
+) -> tuple[Real, dict[str, Real]]:
     """Waves around the shaker at all rows and at the sensors' seats of each run.
 
     To N sensors, orders n and n ± N look alike. A correction that differs from run to run shows in
@@ -165,12 +156,7 @@ def _waves(
     return basis, seats
 
 
-def _at_seats(
-    frf: FRF,
-    run: str,
-    angles_deg: NDArray[np.float64],
-    around: NDArray[np.complex128],
-) -> NDArray[np.complex128]:
+def _at_seats(frf: FRF, run: str, angles_deg: Real, around: Complex) -> Complex:
     """Inertance at each seat as measured, or as its neighbours say where nothing was usable."""
     for number, angle in enumerate(angles_deg):
         away = np.abs((frf.position_deg - angle + 180) % 360 - 180)
@@ -180,9 +166,7 @@ def _at_seats(
     return np.asarray(around)
 
 
-def _pull(
-    seats: NDArray[np.float64], radial: NDArray[np.complex128], waves: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
+def _pull(seats: Real, radial: Complex, waves: Complex) -> Complex:
     """Pull of unit masses at the seats on each wave, (n_waves, n_frequencies).
 
     A sensor moves along the belt too. A belt that does not stretch moves v = −w'/n² (Kim, Nam &
@@ -204,39 +188,30 @@ def without_live_mass(frf: FRF, mass_kg: float, excitation_deg: float) -> FRF:
     waves = np.linalg.pinv(circle_basis(frf.position_deg, highest)) @ frf.values
     at_force = (circle_basis(np.array([excitation_deg]), highest) @ waves)[0]
     factor = 1 / (1 - mass_kg * at_force)
+
+    def behind(rows: FRF) -> FRF:
+        return replace(rows, values=rows.values * factor, std=rows.std * np.abs(factor))
+
     fixed = frf.reference
-    return replace(
-        frf,
-        values=frf.values * factor,
-        std=frf.std * np.abs(factor),
-        reference=None
-        if fixed is None
-        else replace(fixed, values=fixed.values * factor, std=fixed.std * np.abs(factor)),
-    )
+    return replace(behind(frf), reference=None if fixed is None else behind(fixed))
 
 
-def _of_run(pulls: dict[str, NDArray[np.complex128]], name: str) -> NDArray[np.complex128]:
+def _of_run(pulls: dict[str, Complex], name: str) -> Complex:
     """Pull of the sensors of a run, or their mean where a row was averaged over several runs."""
     known = [pulls[name]] if name in pulls else [pulls[p] for p in name.split("+") if p in pulls]
     if not known:
-        raise InputError(
-            f"run {name!r}",
-            "no sensors",
-            "taking off the sensors' mass needs the angles of all sensors of each run",
-            "Give the positions of its sensors, or remove the mass",
-        )
+        rule = "taking off the sensors' mass needs the angles of all sensors of each run"
+        remedy = "Give the positions of its sensors, or remove the mass"
+        raise InputError(f"run {name!r}", "no sensors", rule, remedy)
     return np.asarray(np.mean(known, axis=0))
 
 
-def _noise_of_lines(frf: FRF) -> NDArray[np.float64]:
+def _noise_of_lines(frf: FRF) -> Real:
     """Standard deviation of each line, above what orders too high to be told apart may hold."""
     size = np.sqrt(np.mean(np.abs(frf.values) ** 2, axis=0))
     floor = np.maximum(_UNRESOLVED * size, 1e-12 * size.max())
     return np.asarray(np.fmax(np.median(frf.std, axis=0), floor))
 
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # Before the runs are asked, ss is known from the orientation of the pair to within this share of
 # cc, and not at all where the pair is driven so one-sidedly that its orientation does not show.

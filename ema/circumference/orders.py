@@ -23,13 +23,7 @@ PAIR_REACH = 0.06
 
 @dataclass(frozen=True, eq=False)
 class OrderContent:
-    """A shape as a sum of cos nθ and sin nθ.
-
-    Parameters
-    ----------
-    cosine, sine : ndarray of complex, shape (n_orders,)
-        Amplitudes of orders 0, 1, 2 …
-    """
+    """A shape as a sum of cos nθ and sin nθ: amplitudes of orders 0, 1, 2 …, (n_orders,)."""
 
     cosine: NDArray[np.complex128]
     sine: NDArray[np.complex128]
@@ -54,14 +48,9 @@ class OrderContent:
 
 
 def order_content(shape: NDArray[np.complex128], position_deg: NDArray[np.float64]) -> OrderContent:
-    """Resolve a shape into circumferential orders.
+    """Resolve a shape, (n_positions,), into circumferential orders.
 
     Least squares; on complete equidistant positions this is the spatial Fourier transform.
-
-    Parameters
-    ----------
-    shape : ndarray of complex, shape (n_positions,)
-    position_deg : ndarray, shape (n_positions,)
     """
     amplitude = _resolving(tuple(float(angle) for angle in position_deg)) @ shape
     cosine = np.concatenate([amplitude[:1], amplitude[1::2]])
@@ -81,9 +70,8 @@ def _highest_order(position_deg: tuple[float, ...]) -> int:
 @cache
 def _resolving(position_deg: tuple[float, ...]) -> NDArray[np.float64]:
     """Matrix that takes a shape to its orders."""
-    return np.asarray(
-        np.linalg.pinv(circle_basis(np.array(position_deg), _highest_order(position_deg)))
-    )
+    basis = circle_basis(np.array(position_deg), _highest_order(position_deg))
+    return np.asarray(np.linalg.pinv(basis))
 
 
 def highest_order(position_deg: NDArray[np.float64]) -> int:
@@ -143,15 +131,8 @@ def label_modes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> tup
 def without_order(mode: Mode, remark: str) -> Mode:
     """The mode, said to be of unknown order for a reason."""
     flags = (Flag.ORDER_UNKNOWN, *(flag for flag in mode.flags if flag is not Flag.ORDER_UNKNOWN))
-    return replace(
-        mode,
-        order=None,
-        member="",
-        order_purity=float("nan"),
-        pair=Pair.UNKNOWN,
-        flags=flags,
-        remark=remark,
-    )
+    unknown = replace(mode, order=None, member="", order_purity=float("nan"), pair=Pair.UNKNOWN)
+    return replace(unknown, flags=flags, remark=remark)
 
 
 def _end_of_orders(modes: Sequence[Mode], highest: int) -> float:

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ema.circumference.orders import PAIR_REACH
-from ema.core.modes import Flag, Mode, Pair
-
-if TYPE_CHECKING:
-    from ema.core.modes import OrderReport
+from ema.core.modes import Flag, Mode, OrderReport, Pair
 
 # A shape with less of its power in one order is not one of the ring's.
 PURE = 0.5

@@ -60,16 +60,7 @@ def stacked(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
 
 
 def frame_of(columns: Mapping[Any, Any], whole: Sequence[str] = ()) -> pd.DataFrame:
-    """Table with a copy of each column.
-
-    Parameters
-    ----------
-    columns : mapping of name to sequence
-        Columns of equal length.
-    whole : sequence of str
-        Columns of whole numbers of which some may be unknown (None).
-    """
-    # Half a second to load, for tables alone.
+    """Table with a copy of each column; those in `whole` are integers, with None where unknown."""
     import pandas as pd  # takes 0.3 s, more than `import ema`: only those who want tables wait
 
     return pd.DataFrame(

@@ -13,29 +13,14 @@ from ema.core.errors import InputError
 
 @dataclass(frozen=True)
 class BlockPlan:
-    """Blocks of one recording.
-
-    Parameters
-    ----------
-    sampling_rate_hz : float
-    block_samples : int
-        Length of a block.
-    step_samples : int
-        Distance from the start of one block to the next.
-    n_blocks : int
-        Number of blocks, the averages of one run.
-    window : str
-        Name of a scipy window.
-    period_samples : int
-        Samples after which the force repeats; 0 for one that does not.
-    """
+    """Blocks of one recording."""
 
     sampling_rate_hz: float
-    block_samples: int
-    step_samples: int
-    n_blocks: int
-    window: str
-    period_samples: int = 0
+    block_samples: int  # length of a block
+    step_samples: int  # from the start of one block to that of the next
+    n_blocks: int  # the averages of one run
+    window: str  # name of a scipy window
+    period_samples: int = 0  # after which the force repeats; 0 for one that does not
 
     @property
     def block_s(self) -> float:
@@ -75,13 +60,7 @@ class BlockPlan:
 
     @cached_property
     def taper(self) -> NDArray[np.float64]:
-        """The window, scaled to a mean square of 1.
-
-        Raises
-        ------
-        InputError
-            If there is no window of that name.
-        """
+        """The window, scaled to a mean square of 1; `InputError` if there is none of that name."""
         taper = _window(self.window, self.block_samples)
         return np.asarray(taper / np.sqrt(np.mean(taper**2)))
 
@@ -103,17 +82,10 @@ class ExponentialWindow:
     """Exponential window e^{−t/τ} that an analyser applied to the responses.
 
     It moves every pole by −1/τ.
-
-    Parameters
-    ----------
-    time_constant_s : float
-        τ.
-    std_s : float
-        Standard deviation of τ.
     """
 
-    time_constant_s: float
-    std_s: float = 0.0
+    time_constant_s: float  # τ
+    std_s: float = 0.0  # standard deviation of τ
 
     @property
     def decay_per_s(self) -> float:
@@ -138,9 +110,5 @@ def _window(name: str, n_samples: int) -> NDArray[np.float64]:
     try:
         return np.asarray(get_window(name, n_samples))
     except ValueError as error:
-        raise InputError(
-            "window",
-            repr(name),
-            "it must be a scipy window without parameters",
-            "Choose e.g. 'hann' or 'boxcar'",
-        ) from error
+        rule = "it must be a scipy window without parameters"
+        raise InputError("window", repr(name), rule, "Choose e.g. 'hann' or 'boxcar'") from error

@@ -64,27 +64,13 @@ class Response:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One recording with the roles of its channels.
+    """One recording with the roles of its channels."""
 
-    Parameters
-    ----------
-    name : str
-        The file's name, as messages and tables show it.
-    recording : Recording
-        Where the channels live.
-    force : Channel
-        The excitation.
-    responses : tuple of Response
-        The sensors on the grid (or on nodes), without the reference.
-    reference : Channel or None
-        The sensor that stays in place over all runs.
-    """
-
-    name: str
+    name: str  # of the file, as messages and tables show it
     recording: Recording
     force: Channel
-    responses: tuple[Response, ...]
-    reference: Channel | None = None
+    responses: tuple[Response, ...]  # on the grid (or on nodes), without the reference
+    reference: Channel | None = None  # the sensor that stays in place over all runs
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -157,56 +143,44 @@ class Campaign:
         return self.positions is not None
 
     def __repr__(self) -> str:
-        return campaign_line(self)
+        tyre = "no tyre" if self.tyre is None else f"tyre {self.tyre.designation}"
+        return f"<Campaign {self.name}: {self._content()}, {tyre}>"
 
     def _repr_html_(self) -> str:
-        return campaign_html(self)
-
-
-def campaign_line(campaign: Campaign) -> str:
-    """Name, runs and tyre."""
-    tyre = "no tyre" if campaign.tyre is None else f"tyre {campaign.tyre.designation}"
-    return f"<Campaign {campaign.name}: {_content(campaign)}, {tyre}>"
-
-
-def campaign_html(campaign: Campaign) -> str:
-    """What the lab handed over, run by run."""
-    pairs = [("content", _content(campaign))]
-    if campaign.tyre is not None:
+        pairs = [("content", self._content())]
+        if self.tyre is not None:
+            pairs += [
+                ("tyre", self.tyre.designation),
+                ("inflation pressure", as_typed(self.tyre.inflation_pressure_pa, "Pa")),
+                ("mean radius", as_typed(self.tyre.mean_radius_m, "m")),
+            ]
         pairs += [
-            ("tyre", campaign.tyre.designation),
-            ("inflation pressure", as_typed(campaign.tyre.inflation_pressure_pa, "Pa")),
-            ("mean radius", as_typed(campaign.tyre.mean_radius_m, "m")),
+            ("grid positions", "no grid" if self.positions is None else str(self.positions)),
+            ("excitation at", as_typed(self.excitation_deg, "°")),
+            ("reference sensor at", as_typed(self.reference_deg, "°")),
+            ("mass of one sensor", as_typed(self.sensor_mass_kg, "kg")),
         ]
-    pairs += [
-        ("grid positions", "no grid" if campaign.positions is None else str(campaign.positions)),
-        ("excitation at", as_typed(campaign.excitation_deg, "°")),
-        ("reference sensor at", as_typed(campaign.reference_deg, "°")),
-        ("mass of one sensor", as_typed(campaign.sensor_mass_kg, "kg")),
+        shown = facts(f"Campaign {self.name}", pairs) + (_runs_html(self.runs) if self.runs else "")
+        return shown + findings_html(self.findings)
+
+    def _content(self) -> str:
+        if self.frf is not None:
+            return f"FRFs of {counted(self.frf.n_positions, 'position')}"
+        sensors = sum(len(run.responses) for run in self.runs)
+        return f"{counted(len(self.runs), 'run')} with {counted(sensors, 'response')}"
+
+
+def _runs_html(runs: tuple[Run, ...]) -> str:
+    head = ("run", "rate / Hz", "length / s", "force", "sensors", "reference")
+    rows = [
+        (
+            run.name,
+            number(run.recording.sampling_rate_hz),
+            number(run.recording.duration_s),
+            run.force.name,
+            str(len(run.responses)),
+            "–" if run.reference is None else run.reference.name,
+        )
+        for run in runs
     ]
-    runs = table(
-        "Runs",
-        ("run", "rate / Hz", "length / s", "force", "sensors", "reference"),
-        [_run_row(run) for run in campaign.runs],
-        words=(0, 3, 5),
-    )
-    shown = facts(f"Campaign {campaign.name}", pairs) + (runs if campaign.runs else "")
-    return shown + findings_html(campaign.findings)
-
-
-def _run_row(run: Run) -> tuple[str, ...]:
-    return (
-        run.name,
-        number(run.recording.sampling_rate_hz),
-        number(run.recording.duration_s),
-        run.force.name,
-        str(len(run.responses)),
-        "–" if run.reference is None else run.reference.name,
-    )
-
-
-def _content(campaign: Campaign) -> str:
-    if campaign.frf is not None:
-        return f"FRFs of {counted(campaign.frf.n_positions, 'position')}"
-    sensors = sum(len(run.responses) for run in campaign.runs)
-    return f"{counted(len(campaign.runs), 'run')} with {counted(sensors, 'response')}"
+    return table("Runs", head, rows, words=(0, 3, 5))

@@ -13,8 +13,6 @@ from math import isfinite
 from ema.core.errors import visible
 
 DASH = "–"
-#: First three digits of a standard deviation up to which two are written (Particle Data Group).
-LARGEST_WITH_TWO_DIGITS = 3.54
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -48,22 +46,14 @@ def value_with_std(value: float, std: float | None, digits: int = 4) -> str:
     """Value ± standard deviation, such as ``"100.31 ± 0.04"`` or ``"(8.27 ± 0.08) × 10⁶"``.
 
     Rounded by the rule of the Particle Data Group: two digits of the standard deviation up to 354,
-    one up to 949, and 1000 above, for its first three digits; the value ends at the same place.
-
-    Parameters
-    ----------
-    value : float
-        A dash is written if it is not finite.
-    std : float or None
-        Unknown if None, not finite or not positive.
-    digits : int
-        Significant digits of a value without a standard deviation.
+    one up to 949, and 1000 above, for its first three digits; the value ends at the same place. A
+    value whose standard deviation is not finite and positive has `digits` significant digits.
     """
     if std is None or not isfinite(std) or std <= 0 or not isfinite(value):
         return number(value, digits)
     shift = _common_power(_exponent(max(abs(value), std)))
     first, _, exponent = f"{std:.2e}".partition("e")
-    end = int(exponent) - (float(first) <= LARGEST_WITH_TWO_DIGITS) - shift
+    end = int(exponent) - (float(first) <= 3.54) - shift
     text = f"{_fixed(value, shift, end)} ± {_fixed(std, shift, end)}"
     return _times_ten(f"({text})", shift) if shift else text
 

@@ -12,49 +12,28 @@ from ema.core.arrays import ReadonlyArrays
 
 @dataclass(frozen=True, eq=False)
 class Drift(ReadonlyArrays):
-    """How far the natural frequencies of each run are from those of the first.
+    """How far the natural frequencies of each run are from those of the first, (n_runs,).
 
-    Parameters
-    ----------
-    run : tuple of str
-        Run names in the order of the campaign; empty where there is nothing to compare.
-    percent, std_percent : ndarray, shape (n_runs,)
-        Shift of the frequencies at `middle_hz` and its standard deviation.
-    slope_percent : ndarray, shape (n_runs,)
-        Shift at f beside that, over the lever (middle_hz/f)² − 1: pressure moves high orders more
-        than low ones.
-    curvature_percent : ndarray, shape (n_runs,)
-        The same over the square of the lever.
-    damping_percent, damping_std_percent : ndarray, shape (n_runs,)
-        Change of the damping ratios and its standard deviation.
-    middle_hz : float
-    applied : bool
-        Whether the shift is more than chance, so that each run was fitted in its own state.
-    chance : float
-        Probability of shifts as large from noise alone; NaN where unknown.
+    The shift at a frequency f is quadratic in the lever (middle_hz/f)² − 1: pressure moves high
+    orders more than low ones.
     """
 
-    run: tuple[str, ...]
-    percent: NDArray[np.float64]
+    run: tuple[str, ...]  # in the order of the campaign; empty where there is nothing to compare
+    percent: NDArray[np.float64]  # shift at `middle_hz`, and its standard deviation
     std_percent: NDArray[np.float64]
-    slope_percent: NDArray[np.float64]
+    slope_percent: NDArray[np.float64]  # shift over the lever, and over its square
     curvature_percent: NDArray[np.float64]
-    damping_percent: NDArray[np.float64]
+    damping_percent: NDArray[np.float64]  # change of damping ratios, and its standard deviation
     damping_std_percent: NDArray[np.float64]
     middle_hz: float = 100.0
-    applied: bool = True
-    chance: float = float("nan")
+    applied: bool = True  # whether it is more than chance: each run was fitted in its own state
+    chance: float = float("nan")  # probability of shifts as large from noise alone
 
     @property
     def states(self) -> NDArray[np.float64]:
         """Shift, slope, curvature and change of damping of each run as fractions, (n_runs, 4)."""
-        columns = (
-            self.percent,
-            self.slope_percent,
-            self.curvature_percent,
-            self.damping_percent,
-        )
-        return np.stack(columns, axis=1) / 100
+        shift = (self.percent, self.slope_percent, self.curvature_percent)
+        return np.stack([*shift, self.damping_percent], axis=1) / 100
 
     def at(self, frequency_hz: float | NDArray[np.float64]) -> NDArray[np.float64]:
         """Shift of each run at a frequency in percent, (n_runs,); of several, (n, 1), in rows."""

@@ -85,26 +85,14 @@ class Check(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of ``quality.csv``.
+    """One line of ``quality.csv``."""
 
-    Parameters
-    ----------
-    run, channel : str
-        What it is about; empty where it concerns the whole campaign or run.
-    position_deg : float or None
-        Where the channel sits.
-    check : Check
-    verdict : Verdict
-    detail : str
-        The number found and the rule, in words.
-    """
-
-    run: str
-    channel: str
-    position_deg: float | None
+    run: str  # empty where it concerns the whole campaign
+    channel: str  # empty where it concerns the whole run
+    position_deg: float | None  # where the channel sits
     check: Check
     verdict: Verdict
-    detail: str
+    detail: str  # the number found and the rule, in words
 
     @property
     def is_ok(self) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import frame_of, readonly
+from ema.core.arrays import ReadonlyArrays, frame_of, readonly
 from ema.core.block_plan import BlockPlan, ExponentialWindow
 from ema.core.display import counted, facts
 from ema.core.errors import FitError, InputError
@@ -20,72 +20,24 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def frf_line(frf: FRF) -> str:
-    """Positions, lines and runs."""
-    return f"<FRF: {counted(frf.n_positions, 'position')}, {_lines(frf)}, {_runs(frf)}>"
-
-
-def frf_html(frf: FRF) -> str:
-    """Size, averages and quality."""
-    return facts(
-        "FRFs: inertance in (m/s²)/N",
-        [
-            ("positions", f"{frf.n_positions}, {_places(frf)}"),
-            ("frequencies", _lines(frf)),
-            ("runs", ", ".join(frf.run_names)),
-            ("independent averages", _averages(frf.n_effective)),
-            ("coherence γ², median", _median(frf.coherence)),
-            ("reference sensor", "no" if frf.reference is None else "yes, kept apart"),
-        ],
-    )
-
-
-def _lines(frf: FRF) -> str:
-    lines = frf.frequency_hz
-    if lines.size < 2:
-        return counted(int(lines.size), "line")
-    return f"{lines[0]:g} to {lines[-1]:g} Hz in steps of {lines[1] - lines[0]:.4g} Hz"
-
-
-def _places(frf: FRF) -> str:
-    if np.isfinite(frf.position_deg).all() and frf.n_positions:
-        return f"{frf.position_deg.min():g}° to {frf.position_deg.max():g}°"
-    return "by node"
-
-
-def _runs(frf: FRF) -> str:
-    return counted(len(frf.run_names), "run")
-
-
-def _median(values: NDArray[np.float64]) -> str:
-    known = values[np.isfinite(values)]
-    return f"{np.median(known):.4f}" if known.size else "unknown"
-
-
-def _averages(n_effective: float) -> str:
-    return f"{n_effective:.1f}" if np.isfinite(n_effective) else "unknown"
-
-
 @dataclass(frozen=True, eq=False)
 class ForceRecord:
-    """Force of one run as recorded, read when needed.
-
-    Parameters
-    ----------
-    force : Channel
-    plan : BlockPlan
-        Blocks of this run.
-    is_steady : bool
-        Whether it is steady noise, not a sweep, bursts or impacts.
-    """
+    """Force of one run as recorded, read when needed."""
 
     force: Channel
-    plan: BlockPlan
-    is_steady: bool
+    plan: BlockPlan  # blocks of this run
+    is_steady: bool  # whether it is steady noise, not a sweep, bursts or impacts
+
+
+#: Arrays of an `FRF` with one row for each position.
+ROW_ARRAYS = (
+    *("values", "coherence", "std", "node", "position_deg"),
+    *("clipped", "force_clipped", "missing", "disagreement"),
+)
 
 
 @dataclass(frozen=True, eq=False)
-class FRF:
+class FRF(ReadonlyArrays):
     """Inertances of all positions against one force, e^{+jωt}, H = X/F.
 
     Parameters
@@ -168,19 +120,7 @@ class FRF:
     exponential_window: ExponentialWindow | None = None
 
     def __post_init__(self) -> None:
-        for name, dtype in (
-            ("frequency_hz", float),
-            ("values", complex),
-            ("coherence", float),
-            ("std", float),
-            ("node", int),
-            ("position_deg", float),
-            ("clipped", float),
-            ("force_clipped", float),
-            ("missing", float),
-            ("disagreement", float),
-        ):
-            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
+        super().__post_init__()
         if not self.channel:
             object.__setattr__(self, "channel", ("",) * self.n_positions)
         for name in ("clipped", "force_clipped", "missing", "disagreement"):
@@ -201,20 +141,11 @@ class FRF:
 
     def rows(self, chosen: NDArray[np.generic]) -> FRF:
         """Keep the chosen rows (indices or a mask) only."""
-        return replace(
-            self,
-            values=self.values[chosen],
-            coherence=self.coherence[chosen],
-            std=self.std[chosen],
-            node=self.node[chosen],
-            position_deg=self.position_deg[chosen],
-            run=tuple(np.asarray(self.run, dtype=object)[chosen]),
-            channel=tuple(np.asarray(self.channel, dtype=object)[chosen]),
-            clipped=self.clipped[chosen],
-            force_clipped=self.force_clipped[chosen],
-            missing=self.missing[chosen],
-            disagreement=self.disagreement[chosen],
+        arrays = {name: getattr(self, name)[chosen] for name in ROW_ARRAYS}
+        run, channel = (
+            tuple(np.asarray(names, dtype=object)[chosen]) for names in (self.run, self.channel)
         )
+        return replace(self, run=run, channel=channel, **arrays)
 
     def to_frame(self, form: Literal["long", "wide"] = "long") -> pd.DataFrame:
         """Table of the FRFs.
@@ -254,11 +185,8 @@ class FRF:
             on_circle = bool(np.isfinite(self.position_deg).all())
             name = "position_deg" if on_circle else "node"
             wide = frame_of(dict(enumerate(self.values))).set_axis(getattr(self, name), axis=1)
-            return (
-                wide.set_axis(self.frequency_hz)
-                .rename_axis("frequency_hz")
-                .rename_axis(columns=name)
-            )
+            wide = wide.set_axis(self.frequency_hz)
+            return wide.rename_axis(index="frequency_hz", columns=name)
         if form != "long":
             raise InputError("form", repr(form), "it is 'long' or 'wide'", "Choose one of them")
         n_lines = self.frequency_hz.size
@@ -276,23 +204,39 @@ class FRF:
         )
 
     def __repr__(self) -> str:
-        return frf_line(self)
+        runs = counted(len(self.run_names), "run")
+        return f"<FRF: {counted(self.n_positions, 'position')}, {self._lines()}, {runs}>"
 
     def _repr_html_(self) -> str:
-        return frf_html(self)
+        angles = self.position_deg
+        on_circle = self.n_positions and np.isfinite(angles).all()
+        places = f"{angles.min():g}° to {angles.max():g}°" if on_circle else "by node"
+        averages = f"{self.n_effective:.1f}" if np.isfinite(self.n_effective) else "unknown"
+        known = self.coherence[np.isfinite(self.coherence)]
+        return facts(
+            "FRFs: inertance in (m/s²)/N",
+            [
+                ("positions", f"{self.n_positions}, {places}"),
+                ("frequencies", self._lines()),
+                ("runs", ", ".join(self.run_names)),
+                ("independent averages", averages),
+                ("coherence γ², median", f"{np.median(known):.4f}" if known.size else "unknown"),
+                ("reference sensor", "no" if self.reference is None else "yes, kept apart"),
+            ],
+        )
+
+    def _lines(self) -> str:
+        lines = self.frequency_hz
+        if lines.size < 2:
+            return counted(int(lines.size), "line")
+        return f"{lines[0]:g} to {lines[-1]:g} Hz in steps of {lines[1] - lines[0]:.4g} Hz"
 
 
 def position_finding(frf: FRF, row: int, check: Check, verdict: Verdict, detail: str) -> Finding:
     """Finding about one row of some FRFs."""
-    angle = frf.position_deg[row]
-    return Finding(
-        run=frf.run[row],
-        channel=frf.channel[row],
-        position_deg=float(angle) if np.isfinite(angle) else None,
-        check=check,
-        verdict=verdict,
-        detail=detail,
-    )
+    angle_deg = float(frf.position_deg[row])
+    place = angle_deg if np.isfinite(angle_deg) else None
+    return Finding(frf.run[row], frf.channel[row], place, check, verdict, detail)
 
 
 # Beyond the band, lines are used up to this share of its width, for modes just outside it …
@@ -305,13 +249,10 @@ _FEWEST_LINES = 32
 def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:
     """Lines of the band and, where their noise allows, of a margin on both sides.
 
-    Raises
-    ------
-    FitError
-        Where the band holds too few lines to identify anything.
+    `FitError` where the band holds too few lines to identify anything.
     """
     frequency_hz = frf.frequency_hz
-    low, high = np.searchsorted(frequency_hz, band_hz, side="left")
+    low = int(np.searchsorted(frequency_hz, band_hz[0], side="left"))
     high = int(np.searchsorted(frequency_hz, band_hz[1], side="right"))
     if high - low < _FEWEST_LINES:
         raise FitError(
@@ -321,12 +262,10 @@ def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:
             "rate."
         )
     margin = int(_MARGIN * (high - low))
-    first, last = max(int(low) - margin, 0), min(high + margin, frequency_hz.size)
+    first, last = max(low - margin, 0), min(high + margin, frequency_hz.size)
     noise = np.median(frf.std[:, first:last], axis=0)
     # FRFs without σ get no verdict on their noise: the margin stays whole.
     allowed = _MARGIN_NOISE * np.max(noise[low - first : high - first])
     barred = first + np.flatnonzero((noise > allowed) | (frequency_hz[first:last] <= 0))
     below, above = barred[barred < low], barred[barred >= high]
-    return slice(
-        int(below.max()) + 1 if below.size else first, int(above.min()) if above.size else last
-    )
+    return slice(int(below.max(initial=first - 1)) + 1, int(above.min(initial=last)))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import frame_of, readonly
+from ema.core.arrays import ReadonlyArrays, frame_of
 from ema.core.block_plan import ExponentialWindow
 from ema.core.display import band_text, counted, number, table, value_with_std
 from ema.core.drift import NO_DRIFT, Drift
@@ -56,7 +56,7 @@ class Flag(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Mode:
+class Mode(ReadonlyArrays):
     """One mode of vibration.
 
     Parameters
@@ -116,10 +116,6 @@ class Mode:
     frequency_band_shift_hz: float = float("nan")
     damping_band_shift: float = float("nan")
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "residues", readonly(self.residues, complex))
-        object.__setattr__(self, "residues_std", readonly(self.residues_std, float))
-
     @property
     def frequency_hz(self) -> float:
         """Undamped frequency |s|/2π."""
@@ -163,31 +159,21 @@ class Mode:
         return mpd_deg(self.residues)
 
     def __repr__(self) -> str:
-        return mode_line(self)
+        order = "" if self.order is None else f"order {self.order}{self.member}, "
+        frequency = value_with_std(self.frequency_hz, self.frequency_std_hz)
+        return f"<Mode: {order}{frequency} Hz, {_damping(self)} %, {self.status}>"
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualTerms:
-    """What the modes outside the band add to each FRF: L_i − ω² U_i.
+class ResidualTerms(ReadonlyArrays):
+    """What the modes outside the band add to each FRF, (n_positions,): L_i − ω² U_i."""
 
-    Parameters
-    ----------
-    lower : ndarray, shape (n_positions,)
-        L in (m/s²)/N, the modes below the band (1/mass).
-    upper : ndarray, shape (n_positions,)
-        U in m/N, the modes above the band (1/stiffness).
-    """
-
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "lower", readonly(self.lower))
-        object.__setattr__(self, "upper", readonly(self.upper))
+    lower: NDArray[np.float64]  # L in (m/s²)/N, the modes below the band (1/mass)
+    upper: NDArray[np.float64]  # U in m/N, the modes above the band (1/stiffness)
 
 
 @dataclass(frozen=True, eq=False)
-class ModalModel:
+class ModalModel(ReadonlyArrays):
     """The modes of a band and everything needed to draw the FRFs from them.
 
     Parameters
@@ -247,11 +233,6 @@ class ModalModel:
     orders: tuple[OrderReport, ...] = ()
     exponential_window: ExponentialWindow | None = None
     notes: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        for name in ("covariance", "frac", "position_deg"):
-            object.__setattr__(self, name, readonly(getattr(self, name)))
-        object.__setattr__(self, "node", readonly(self.node, int))
 
     @property
     def frequencies_hz(self) -> NDArray[np.float64]:
@@ -324,7 +305,7 @@ class ModalModel:
         return frame_of({"mode": np.arange(1, len(self.modes) + 1), **columns}, whole=("order",))
 
     def __repr__(self) -> str:
-        return model_line(self)
+        return f"<ModalModel: {counted(len(self.modes), 'mode')}, {band_text(self.band_hz)}>"
 
     def _repr_html_(self) -> str:
         return model_html(self)
@@ -340,41 +321,14 @@ def synthesise(
     """Inertances from poles, residues and residual terms.
 
     H_i = −ω² Σ_r [A_ir/(jω−s_r) + A*_ir/(jω−s*_r)] + L_i − ω² U_i (Ewins 2000, eq. 4.29, as
-    inertance).
-
-    Parameters
-    ----------
-    frequency_hz : ndarray, shape (n_frequencies,)
-    poles : ndarray of complex, shape (n_modes,)
-        rad/s.
-    residues : ndarray of complex, shape (n_positions, n_modes)
-    lower, upper : ndarray, shape (n_positions,)
-        Residual terms L in (m/s²)/N and U in m/N.
-
-    Returns
-    -------
-    ndarray of complex, shape (n_positions, n_frequencies)
-        Inertance in (m/s²)/N.
+    inertance): (n_positions, n_frequencies) in (m/s²)/N of poles in rad/s, residues, (n_positions,
+    n_modes), and the residual terms `lower`, L in (m/s²)/N, and `upper`, U in m/N.
     """
     omega = 2 * np.pi * np.asarray(frequency_hz)
     direct = 1 / (1j * omega - poles[:, None])
     mirrored = 1 / (1j * omega - poles[:, None].conj())
     modal = residues @ direct + residues.conj() @ mirrored
     return np.asarray(-(omega**2) * (modal + upper[:, None]) + lower[:, None])
-
-
-def mode_line(mode: Mode) -> str:
-    """Order, frequency and damping."""
-    order = "" if mode.order is None else f"order {mode.order}{mode.member}, "
-    return (
-        f"<Mode: {order}{value_with_std(mode.frequency_hz, mode.frequency_std_hz)} Hz, "
-        f"{_damping(mode)} %, {mode.status}>"
-    )
-
-
-def model_line(model: ModalModel) -> str:
-    """How many modes in which band."""
-    return f"<ModalModel: {counted(len(model.modes), 'mode')}, {band_text(model.band_hz)}>"
 
 
 def model_html(model: ModalModel) -> str:
@@ -407,39 +361,20 @@ def _damping(mode: Mode) -> str:
 
 @dataclass(frozen=True)
 class PairVerdict:
-    """Whether an order shows one mode of its pair or both, and on what evidence.
-
-    Parameters
-    ----------
-    order : int
-    verdict : Pair
-    chance : float
-        Probability that noise alone makes a second pole fit that much better (likelihood ratio);
-        NaN where it was not tested.
-    evidence : str
-        In words.
-    """
+    """Whether an order shows one mode of its pair or both, and on what evidence."""
 
     order: int
     verdict: Pair
-    chance: float
-    evidence: str
+    chance: float  # that noise alone makes a second pole fit that much better; NaN if not tested
+    evidence: str  # in words
 
 
 @dataclass(frozen=True)
 class OrderReport:
-    """What one circumferential order shows.
-
-    Parameters
-    ----------
-    pair : PairVerdict
-        One mode or both members of the pair, with the evidence.
-    frequency_hz, frequency_std_hz, damping_ratio, damping_std : float
-        Main mode identified from this order's FRFs alone; NaN where that failed.
-    """
+    """What one circumferential order shows, by its own FRFs alone; NaN where that failed."""
 
     pair: PairVerdict
-    frequency_hz: float = float("nan")
+    frequency_hz: float = float("nan")  # of the main mode, as all that follows
     frequency_std_hz: float = float("nan")
     damping_ratio: float = float("nan")
     damping_std: float = float("nan")

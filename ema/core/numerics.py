@@ -6,14 +6,10 @@ import os
 from collections.abc import Callable
 from functools import wraps
 from threading import Lock
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 
 import threadpoolctl
 from threadpoolctl import threadpool_limits
-
-if TYPE_CHECKING:
-    from threadpoolctl import threadpool_limits
-
 
 Arguments = ParamSpec("Arguments")
 Answer = TypeVar("Answer")
@@ -60,7 +56,6 @@ class _SharedLimit:
         self._limits: threadpool_limits | None = None
 
     def __enter__(self) -> None:
-
         with self._lock:
             if self._limits is None:
                 _take_control()

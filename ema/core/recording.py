@@ -24,41 +24,18 @@ SENSELESS = 1e30  # in SI, beyond any signal: what programs write where they hav
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One channel of a recording.
+    """One channel of a recording."""
 
-    Parameters
-    ----------
-    name : str
-        The name it is found by (UFF 58: first ID line; CSV: header cell without the unit).
-    quantity : str
-        ``"acceleration"``, ``"force"``, ``"velocity"``, ``"displacement"``, ``"voltage"`` or
-        ``"unknown"``.
-    unit : str
-        Unit as the file states it; empty where it states none.
-    samples : ndarray, shape (n_samples,)
-        Samples as stored, in the file's unit and precision; memory-mapped where the format allows.
-    scale_to_si : float
-        Factor from stored samples to SI (m/s², N, m/s, m, V); carries the direction's sign too.
-    node : int or None
-        Node number, where the file has one.
-    angle_deg : float or None
-        Angle from geometry in the same file (datasets 15, 2411), which overrides the grid.
-    gaps : tuple of (int, int)
-        Stretches, first sample and the one behind the last, that are known to be wrong: `block` and
-        `read_block` give NaN there, as for samples that are missing.
-    limit : float
-        Magnitude in SI beyond which a sample of this channel is impossible and counts as missing;
-        none is beyond 1e30 whatever the limit.
-    """
-
-    name: str
-    quantity: str
-    unit: str
-    samples: NDArray[Any]
-    scale_to_si: float = 1.0
-    node: int | None = None
-    angle_deg: float | None = None
+    name: str  # it is found by (UFF 58: first ID line; CSV: header cell without the unit)
+    quantity: str  # "acceleration", "force", "velocity", "displacement", "voltage" or "unknown"
+    unit: str  # as the file states it; empty where it states none
+    samples: NDArray[Any]  # as stored, in the file's unit and precision; memory-mapped if possible
+    scale_to_si: float = 1.0  # from stored samples (m/s², N, m/s, m, V), sign of the direction too
+    node: int | None = None  # where the file has one
+    angle_deg: float | None = None  # from geometry in the same file, which overrides the grid
+    #: Stretches known to be wrong, first sample and the one behind the last: NaN in `block`.
     gaps: tuple[tuple[int, int], ...] = ()
+    #: Magnitude in SI beyond which samples are impossible and missing; never beyond `SENSELESS`.
     limit: float = float("inf")
 
     @property
@@ -100,21 +77,11 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Channels recorded together at one rate.
+    """Channels recorded together at one rate."""
 
-    Parameters
-    ----------
-    path : Path
-        The file it was read from.
-    sampling_rate_hz : float
-        Sampling rate; NaN where the file does not say.
-    channels : tuple of Channel
-        All of the same length.
-    """
-
-    path: Path
-    sampling_rate_hz: float
-    channels: tuple[Channel, ...]
+    path: Path  # of the file it was read from
+    sampling_rate_hz: float  # NaN where the file does not say
+    channels: tuple[Channel, ...]  # all of the same length
 
     @property
     def n_samples(self) -> int:

@@ -226,18 +226,7 @@ Settings = TypeVar("Settings", IdentificationSettings, CheckSettings)
 def settings_from(kind: type[Settings], table: Mapping[str, Any], place: str) -> Settings:
     """Settings with the values of a manifest's table in place of the defaults.
 
-    Parameters
-    ----------
-    kind : type
-        `IdentificationSettings` or `CheckSettings`.
-    table : mapping
-    place : str
-        File and table, for messages.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown or a value is not a number.
+    `InputError`, which names `place`, if a name is unknown or a value is of the wrong type.
     """
     known = {each.name: each for each in fields(kind)}
     for name, value in table.items():

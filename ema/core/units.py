@@ -8,13 +8,7 @@ from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOC
 
 STANDARD_GRAVITY_M_S2 = 9.80665  # exact, CGPM 1901
 POUND_FORCE_N = 4.4482216152605  # exact, pound × standard gravity
-SI_UNIT = {
-    ACCELERATION: "m/s^2",
-    VELOCITY: "m/s",
-    DISPLACEMENT: "m",
-    FORCE: "N",
-    VOLTAGE: "V",
-}
+SI_UNIT = {ACCELERATION: "m/s^2", VELOCITY: "m/s", DISPLACEMENT: "m", FORCE: "N", VOLTAGE: "V"}
 
 _LENGTH_M = {
     "m": 1.0,

@@ -22,25 +22,13 @@ _ENOUGH = 40
 
 @dataclass(frozen=True)
 class Opinion:
-    """What another estimator says about one mode.
+    """What another estimator says about one mode; NaN where only one of the two sees it."""
 
-    Parameters
-    ----------
-    method : str
-        The other estimator.
-    mode_hz : float
-        Frequency of the mode; NaN where only the other estimator sees one.
-    frequency_hz, damping_ratio : float
-        The other estimator's pole; NaN where it sees none.
-    agrees : bool
-        Within 0.5 % of frequency and 10 % of damping.
-    """
-
-    method: str
-    mode_hz: float
-    frequency_hz: float
+    method: str  # the other estimator
+    mode_hz: float  # frequency of the mode
+    frequency_hz: float  # pole of the other estimator
     damping_ratio: float
-    agrees: bool
+    agrees: bool  # within `cross_check_frequency` and `cross_check_damping`
 
 
 def second_opinion(
@@ -51,18 +39,7 @@ def second_opinion(
     max_order: int,
     settings: IdentificationSettings = IDENTIFICATION,
 ) -> tuple[Opinion, ...]:
-    """Find the poles again with another method and compare them with the modes.
-
-    Parameters
-    ----------
-    frf : FRF
-    modes : sequence of Mode
-    band_hz : tuple of float
-    method : str
-        The other method, see `build_stability`.
-    max_order : int
-    settings : IdentificationSettings
-    """
+    """Find the poles again with another `method` and compare them with the modes."""
     highest = min(max_order, _ENOUGH)
     try:
         selection = select_poles(
@@ -72,25 +49,20 @@ def second_opinion(
         selection = np.zeros(0, dtype=complex)
     if frf.exponential_window is not None:
         selection = selection + frf.exponential_window.decay_per_s
-    frequency_hz = np.abs(selection) / (2 * np.pi)
+    frequency_hz = (np.abs(selection) / (2 * np.pi)).tolist()
+    damping_ratio = (-selection.real / np.abs(selection)).tolist()
     free = [k for k, f in enumerate(frequency_hz) if band_hz[0] <= f <= band_hz[1]]
-    opinions = []
+    nothing, opinions = float("nan"), []
     for mode in modes:
         near = min(free, key=lambda k: abs(frequency_hz[k] - mode.frequency_hz), default=None)
         apart = np.inf if near is None else abs(frequency_hz[near] / mode.frequency_hz - 1)
         if near is None or apart > 4 * settings.cross_check_frequency:
-            nothing = float("nan")
             opinions.append(Opinion(method, mode.frequency_hz, nothing, nothing, False))
             continue
         free.remove(near)
-        ratio = float(-selection[near].real / np.abs(selection[near]))
-        agrees = (
-            apart < settings.cross_check_frequency
-            and abs(ratio / mode.damping_ratio - 1) < settings.cross_check_damping
-        )
-        seen = float(frequency_hz[near])
-        opinions.append(Opinion(method, mode.frequency_hz, seen, ratio, bool(agrees)))
-    for k in free:
-        ratio = float(-selection[k].real / np.abs(selection[k]))
-        opinions.append(Opinion(method, float("nan"), float(frequency_hz[k]), ratio, False))
+        frequency, damping = frequency_hz[near], damping_ratio[near]
+        alike = abs(damping / mode.damping_ratio - 1) < settings.cross_check_damping
+        agrees = apart < settings.cross_check_frequency and alike
+        opinions.append(Opinion(method, mode.frequency_hz, frequency, damping, agrees))
+    opinions += [Opinion(method, nothing, frequency_hz[k], damping_ratio[k], False) for k in free]
     return tuple(opinions)

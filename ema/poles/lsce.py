@@ -16,21 +16,9 @@ def impulse_responses(
 ) -> tuple[NDArray[np.complex128], float]:
     """Impulse responses of a band, shifted so that its lowest line becomes zero frequency.
 
-    The lines of the band are taken as the whole spectrum of an analytic signal. Its step is the
-    inverse of the *band's* width; a pole s of the structure appears as s − jω₁, ω₁ the lowest line.
-
-    Parameters
-    ----------
-    frequency_hz : ndarray, shape (n_frequencies,)
-        Equidistant lines of the band.
-    values : ndarray of complex, shape (n_positions, n_frequencies)
-        Frequency responses.
-
-    Returns
-    -------
-    responses : ndarray of complex, shape (n_positions, n_samples)
-    step_s : float
-        Time between samples.
+    The lines of the band, equidistant, are taken as the whole spectrum of an analytic signal. Its
+    step is the inverse of the *band's* width; a pole s of the structure appears as s − jω₁, ω₁ the
+    lowest line. Returns the responses, (n_positions, n_samples), and the time between samples.
     """
     n_lines = frequency_hz.size
     spacing_hz = (frequency_hz[-1] - frequency_hz[0]) / (n_lines - 1)
@@ -74,21 +62,8 @@ def poles_of_order(
     predicting backwards leaves the structure's roots inside the unit circle and drives those of
     the noise outside (Kumaresan & Tufts 1982), so that most of them show as unstable.
 
-    Parameters
-    ----------
-    matrix : ndarray of complex
-        From `normal_matrix`.
-    order : int
-        Model order p, the number of poles.
-    step_s : float
-        Time step of the impulse responses.
-    lowest_hz : float
-        Frequency that was shifted to zero.
-
-    Returns
-    -------
-    ndarray of complex, shape (order,)
-        Poles in rad/s, unstable ones included.
+    `matrix` is that of `normal_matrix`, `step_s` the time step of the impulse responses and
+    `lowest_hz` the frequency that was shifted to zero. Returns p poles in rad/s, unstable ones too.
     """
     block = slice(1, order + 1)
     later = np.linalg.solve(matrix[block, block], -matrix[block, 0])
@@ -109,8 +84,8 @@ def shapes_of_poles(
 
     `responses`, (n_positions, n_samples), are those the poles came from; see `poles_of_order`.
     """
-    times_s = step_s * np.arange(responses.shape[1])
-    decay = np.exp((poles[None, :] - 2j * np.pi * lowest_hz) * times_s[:, None])
+    per_step = np.exp((poles - 2j * np.pi * lowest_hz) * step_s)
+    decay = np.vander(per_step, responses.shape[1], increasing=True).T
     scale = np.linalg.norm(decay, axis=0)
     orthonormal, triangle = np.linalg.qr(decay / scale)
     seen = orthonormal.conj().T @ responses.T

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-# Lines whose median is the noise level: σ of one line is itself uncertain, or that of a tone.
-_SMOOTHING_LINES = 21
+from ema.signals.bias_and_noise import SMOOTHING_LINES
 
 
 def reduced_normal_matrix(
@@ -29,18 +28,8 @@ def reduced_normal_matrix(
     coefficient of the highest power to 1, which drives the poles of the noise unstable (Cauberghe,
     Guillaume, Verboven, Vanlanduit & Parloo 2005).
 
-    Parameters
-    ----------
-    values : ndarray of complex, shape (n_positions, n_lines)
-        Frequency responses of the band.
-    max_order : int
-        Highest model order, below n_lines / 2.
-    weight : ndarray, shape (n_lines,), optional
-        Weight w of each line, all equal by default.
-
-    Returns
-    -------
-    ndarray of complex, shape (max_order + 1, max_order + 1)
+    `values` are the frequency responses of the band, (n_positions, n_lines), `max_order` is below
+    n_lines / 2, and `weight` is w of each line, all equal by default.
     """
     squared = np.ones(values.shape[1]) if weight is None else weight**2
     inverse = np.linalg.inv(np.linalg.cholesky(_toeplitz(squared, max_order)))
@@ -60,7 +49,7 @@ def line_weight(std: NDArray[np.float64]) -> NDArray[np.float64] | None:
     level = np.median(std, axis=0)
     if not np.all(level > 0):
         return None
-    smooth = median_filter(level, _SMOOTHING_LINES, mode="nearest")
+    smooth = median_filter(level, SMOOTHING_LINES, mode="nearest")
     return np.asarray(smooth.min() / smooth)
 
 

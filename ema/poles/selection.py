@@ -101,8 +101,10 @@ def select_poles(
     aside = [cluster.pole for cluster in kept if cluster.label in excluded]
     if pinned_hz is not None:
         pins = _pinned_poles(diagram, pinned_hz, aside, settings.pin_reach)
-        others = [pole for pole in wanted if not _near_any(pole, pins, settings)]
-        guards = [pole for pole in others if not _inside(pole, diagram.band_hz)]
+        near = settings.exclude_reach
+        others = [p for p in wanted if all(abs(abs(p) / abs(pin) - 1) >= near for pin in pins)]
+        low, high = 2 * np.pi * np.array(diagram.band_hz)
+        guards = [pole for pole in others if not low <= abs(pole) <= high]
         wanted = pins + guards
         aside += [pole for pole in others if pole not in guards]
     if not wanted:
@@ -114,14 +116,6 @@ def select_poles(
     return PoleSelection(
         poles[np.argsort(np.abs(poles))], diagram.band_hz, pinned_hz is not None, np.array(aside)
     )
-
-
-def _inside(pole: complex, band_hz: tuple[float, float]) -> bool:
-    return band_hz[0] <= abs(pole) / (2 * np.pi) <= band_hz[1]
-
-
-def _near_any(pole: complex, others: Sequence[complex], settings: IdentificationSettings) -> bool:
-    return any(abs(abs(pole) / abs(other) - 1) < settings.exclude_reach for other in others)
 
 
 def _pinned_poles(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.circumference.orders import on_circle
-from ema.core.arrays import ReadonlyArrays, frame_of
+from ema.core.arrays import ReadonlyArrays, frame_of, readonly
 from ema.core.display import band_text, counted, table
 from ema.core.errors import InputError
 from ema.core.frf import FRF, widened_band
@@ -18,7 +19,7 @@ from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.lsce import impulse_responses, normal_matrix, useful_length
 from ema.poles.plscf import line_weight, reduced_normal_matrix
 from ema.poles.run_alignment import align_runs
-from ema.poles.tracking import interpret, pole_history
+from ema.poles.tracking import Cluster, interpret, pole_history
 from ema.signals.bias_and_noise import without_spikes
 
 if TYPE_CHECKING:
@@ -26,27 +27,6 @@ if TYPE_CHECKING:
 
 #: Pole estimators.
 METHODS = ("lsce", "plscf")
-
-
-@dataclass(frozen=True)
-class Cluster:
-    """Poles of many model orders that belong together."""
-
-    label: int  # number used in `StabilityDiagram.cluster`
-    pole: complex  # representative pole in rad/s
-    size: int  # number of model orders that contain it
-    kept: bool  # whether it is taken for a mode
-    reason: str  # why it was kept or dropped, in words
-
-    @property
-    def frequency_hz(self) -> float:
-        """Undamped frequency |s|/2π."""
-        return abs(self.pole) / (2 * np.pi)
-
-    @property
-    def damping_ratio(self) -> float:
-        """Damping ratio −Re(s)/|s|."""
-        return -self.pole.real / abs(self.pole)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,10 +95,26 @@ class StabilityDiagram(ReadonlyArrays):
         return frame_of({"order": self.model_order, **columns})
 
     def __repr__(self) -> str:
-        return diagram_line(self)
+        kept = sum(_verdict(cluster, self.band_hz) == "yes" for cluster in self.clusters)
+        highest = int(self.model_order.max(initial=0))
+        return (
+            f"<StabilityDiagram: {band_text(self.band_hz)}, {counted(self.poles.size, 'pole')} up "
+            f"to model order {highest}, {counted(kept, 'mode')} seen>"
+        )
 
     def _repr_html_(self) -> str:
-        return diagram_html(self)
+        rows = [
+            (
+                _verdict(cluster, self.band_hz),
+                f"{cluster.frequency_hz:.2f}",
+                f"{100 * cluster.damping_ratio:.2f}",
+                str(cluster.size),
+                cluster.reason,
+            )
+            for cluster in sorted(self.clusters, key=lambda cluster: cluster.frequency_hz)
+        ]
+        head = ("a mode", "frequency / Hz", "damping / %", "model orders", "why")
+        return table(f"Clusters of poles, {band_text(self.band_hz)}", head, rows, words=(0, 4))
 
 
 @one_blas_thread
@@ -162,12 +158,10 @@ def build_stability(
     <StabilityDiagram: 20 to 260 Hz, ... poles up to model order 60, 8 modes seen>
     """
     if method not in METHODS:
-        raise InputError(
-            "poles", f"method {method!r}", f"it must be one of {', '.join(METHODS)}", "Choose one"
-        )
+        rule = f"it must be one of {', '.join(METHODS)}"
+        raise InputError("poles", f"method {method!r}", rule, "Choose one")
     lines = widened_band(frf, band_hz)
-    frequency_hz, values = frf.frequency_hz[lines], align_runs(frf, lines)
-    values = without_spikes(frf, lines, values)
+    frequency_hz, values = frf.frequency_hz[lines], _prepared(frf, lines.start, lines.stop)
     responses, step_s = impulse_responses(frequency_hz, values)
     max_order = max(min(max_order, responses.shape[1] // 4), 2)
     length = useful_length(responses, shortest=3 * max_order)
@@ -179,7 +173,7 @@ def build_stability(
         matrix = reduced_normal_matrix(values, max_order, line_weight(frf.std[:, lines]))
     found = pole_history(matrix, piece, step_s, frequency_hz[0], settings.max_damping)
     late = not on_circle(frf.position_deg)
-    label, verdicts = interpret(found, max_order, settings, late=late)
+    label, clusters = interpret(found, max_order, settings, late=late)
     return StabilityDiagram(
         band_hz=band_hz,
         model_order=found.model_order,
@@ -187,40 +181,17 @@ def build_stability(
         stable_frequency=found.step_frequency < settings.stable_frequency,
         stable_damping=found.step_damping < settings.stable_damping,
         cluster=label,
-        clusters=tuple(
-            Cluster(number, verdict.pole, verdict.size, verdict.kept, verdict.reason)
-            for number, verdict in enumerate(verdicts)
-        ),
+        clusters=tuple(clusters),
         indicator_hz=frequency_hz,
         indicator=np.sqrt(np.mean(np.abs(values) ** 2, axis=0)),
     )
 
 
-def diagram_line(diagram: StabilityDiagram) -> str:
-    """Band, poles and what was kept of them."""
-    kept = sum(_verdict(cluster, diagram.band_hz) == "yes" for cluster in diagram.clusters)
-    highest = int(diagram.model_order.max(initial=0))
-    return (
-        f"<StabilityDiagram: {band_text(diagram.band_hz)}, "
-        f"{counted(diagram.poles.size, 'pole')} up to "
-        f"model order {highest}, {counted(kept, 'mode')} seen>"
-    )
-
-
-def diagram_html(diagram: StabilityDiagram) -> str:
-    """Clusters of poles, and why each was kept or dropped."""
-    rows = [
-        (
-            _verdict(cluster, diagram.band_hz),
-            f"{cluster.frequency_hz:.2f}",
-            f"{100 * cluster.damping_ratio:.2f}",
-            str(cluster.size),
-            cluster.reason,
-        )
-        for cluster in sorted(diagram.clusters, key=lambda cluster: cluster.frequency_hz)
-    ]
-    head = ("a mode", "frequency / Hz", "damping / %", "model orders", "why")
-    return table(f"Clusters of poles, {band_text(diagram.band_hz)}", head, rows, words=(0, 4))
+@lru_cache(maxsize=1)
+def _prepared(frf: FRF, start: int, stop: int) -> NDArray[np.complex128]:
+    """FRFs of some lines with runs aligned and tones taken out; both estimators ask for them."""
+    lines = slice(start, stop)
+    return readonly(without_spikes(frf, lines, align_runs(frf, lines)), complex)
 
 
 def _verdict(cluster: Cluster, band_hz: tuple[float, float]) -> str:

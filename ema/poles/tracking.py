@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 
-from ema.core.mac import auto_mac, mac
+from ema.core.mac import mac
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.lsce import poles_of_order, shapes_of_poles
 
@@ -78,14 +79,23 @@ def _matches(
     match, total = np.full(poles.size, -1), np.full(poles.size, np.inf)
     if not (old_poles.size and poles.size):
         return match, total
-    largest = np.maximum(np.abs(old_poles)[:, None], np.abs(poles)[None, :])
-    distance = np.abs(old_poles[:, None] - poles[None, :]) / largest
-    distance = distance + 1 - mac(old_shapes, shapes)
+    distance = _distance(old_poles, old_shapes, poles, shapes)
     nearest_old, nearest_new = distance.argmin(axis=0), distance.argmin(axis=1)
     mutual = np.flatnonzero(nearest_new[nearest_old] == np.arange(poles.size))
     match[mutual] = nearest_old[mutual]
     total[mutual] = distance[nearest_old[mutual], mutual]
     return match, total
+
+
+def _distance(
+    first: NDArray[np.complex128],
+    first_shapes: NDArray[np.complex128],
+    second: NDArray[np.complex128],
+    second_shapes: NDArray[np.complex128],
+) -> NDArray[np.float64]:
+    """|Δλ|/max|λ| + 1 − MAC of every pair, (n_first, n_second)."""
+    largest = np.maximum.outer(np.abs(first), np.abs(second))
+    return np.abs(first[:, None] - second) / largest + 1 - mac(first_shapes, second_shapes)
 
 
 def _changes(
@@ -102,13 +112,56 @@ def _changes(
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """A cluster of poles and whether it is taken for a mode."""
+class Cluster:
+    """Poles of many model orders that belong together."""
 
-    pole: complex
-    size: int
-    kept: bool
-    reason: str
+    label: int  # number used in `StabilityDiagram.cluster`
+    pole: complex  # representative pole in rad/s
+    size: int  # number of model orders that contain it
+    kept: bool  # whether it is taken for a mode
+    reason: str  # why it was kept or dropped, in words
+
+    @property
+    def frequency_hz(self) -> float:
+        """Undamped frequency |s|/2π."""
+        return abs(self.pole) / (2 * np.pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio −Re(s)/|s|."""
+        return -self.pole.real / abs(self.pole)
+
+
+@dataclass(frozen=True, eq=False)
+class _Groups:
+    """Rows of a history that belong together, group by group."""
+
+    history: PoleHistory
+    members: list[NDArray[np.int_]]
+
+    @cached_property
+    def orders(self) -> list[NDArray[np.int_]]:
+        """Model orders that contain each group."""
+        return [np.unique(self.history.model_order[rows]) for rows in self.members]
+
+    @cached_property
+    def sizes(self) -> NDArray[np.int_]:
+        """Number of these."""
+        return np.array([orders.size for orders in self.orders])
+
+    @cached_property
+    def centre(self) -> NDArray[np.complex128]:
+        """Median pole of the higher half of the orders, where the noise is modelled best."""
+        poles, order = self.history.poles, self.history.model_order
+        upper = [poles[rows][order[rows] >= np.median(order[rows])] for rows in self.members]
+        return np.array([complex(np.median(each.real), np.median(each.imag)) for each in upper])
+
+    @cached_property
+    def near(self) -> NDArray[np.bool_]:
+        """Which groups lie within the half-width of each other's resonance, or are the same."""
+        width = -self.centre.real
+        near = np.abs(self.centre[:, None] - self.centre) < np.minimum.outer(width, width)
+        return np.asarray(near | np.eye(width.size, dtype=bool))
 
 
 def interpret(
@@ -117,33 +170,31 @@ def interpret(
     settings: IdentificationSettings = IDENTIFICATION,
     *,
     late: bool = False,
-) -> tuple[NDArray[np.int_], list[Verdict]]:
+) -> tuple[NDArray[np.int_], list[Cluster]]:
     """Group the poles of all orders and decide which groups are modes.
 
-    Returns the number of the cluster of each pole, −1 for those that were cleared, and a verdict on
-    each cluster, ascending in frequency.
+    Returns the label of the cluster of each pole, −1 for those that were cleared, and the clusters,
+    ascending in frequency.
     Poles that only high orders show may be modes if `late`; on a circle they are mostly second
     members of pairs, which the orders' own FRFs tell better.
     """
-    step, poles, order = history.step_total, history.poles, history.model_order
+    step, poles = history.step_total, history.poles
     label = np.full(poles.size, -1)
     matched = np.isfinite(step)
-    if np.count_nonzero(matched) < 2:
-        return label, []
-    tracks = _tracks(history, _cut(step[matched], settings))
+    tracks = _tracks(history, _cut(step[matched], settings)) if matched.sum() >= 2 else []
     if not tracks:
         return label, []
     members = _joined(tracks, history, settings.cluster_step_max)
     members.sort(key=lambda rows: float(np.median(np.abs(poles[rows]))))
-    sizes = np.array([np.unique(order[rows]).size for rows in members])
-    large = _large(sizes)
-    whole = _broken_up(members, sizes, large, history)
     for number, rows in enumerate(members):
         label[rows] = number
-    reasons = _reasons(sizes, large, max_order)
-    lasting = _lasting(members, large, max_order, history) if late else {}
+    groups = _Groups(history, members)
+    large = _large(groups.sizes)
+    whole = _broken_up(groups, large)
+    reasons = _reasons(groups.sizes, large, max_order)
+    lasting = _lasting(groups, large, max_order) if late else {}
     for number, first in lasting.items():
-        for former in _replaced_by(number, members, large, history):
+        for former in _replaced_by(number, groups, large):
             large[former] = False
             reasons[former] = f"dropped: another pole is in its place from model order {first} on"
         large[number] = True
@@ -151,11 +202,8 @@ def interpret(
     for number, count in whole.items():
         large[number] = True
         reasons[number] = f"kept: with the pieces beside it in {count} of {max_order - 1} orders"
-    verdicts = [
-        Verdict(_representative(poles[rows], order[rows]), int(size), bool(kept), reason)
-        for rows, size, kept, reason in zip(members, sizes, large, reasons, strict=True)
-    ]
-    return label, verdicts
+    columns = (groups.centre.tolist(), groups.sizes.tolist(), large.tolist(), reasons)
+    return label, [Cluster(n, *row) for n, row in enumerate(zip(*columns, strict=True))]
 
 
 def _tracks(history: PoleHistory, cut: float) -> list[NDArray[np.int_]]:
@@ -179,7 +227,7 @@ def _joined(
     Average linkage of the tracks' last poles; tracks that run side by side are different poles.
     """
     last = np.array([rows[-1] for rows in tracks])
-    groups = _groups(history.poles[last], history.shapes[last], cut)
+    groups = _linked(history.poles[last], history.shapes[last], cut)
     joined: list[NDArray[np.int_]] = []
     for number in dict.fromkeys(groups.tolist()):
         parts = [tracks[k] for k in np.flatnonzero(groups == number)]
@@ -205,15 +253,13 @@ def _cut(step: NDArray[np.float64], settings: IdentificationSettings) -> float:
     return float(np.clip(10**boundary, settings.cluster_step_min, settings.cluster_step_max))
 
 
-def _groups(
+def _linked(
     poles: NDArray[np.complex128], shapes: NDArray[np.complex128], cut: float
 ) -> NDArray[np.int_]:
-    """Average-linkage clusters with d = |Δλ|/max|λ| + 1 − MAC."""
+    """Average-linkage clusters."""
     if poles.size < 2:
         return np.zeros(poles.size, dtype=int)
-    size = np.abs(poles)
-    distance = np.abs(poles[:, None] - poles[None, :]) / np.maximum(size[:, None], size[None, :])
-    distance = distance + 1 - np.clip(auto_mac(shapes), 0, 1)
+    distance = np.maximum(_distance(poles, shapes, poles, shapes), 0)  # whatever the rounding
     condensed = squareform((distance + distance.T) / 2, checks=False)
     return np.asarray(fcluster(linkage(condensed, "average"), cut, "distance"))
 
@@ -225,71 +271,49 @@ def _large(sizes: NDArray[np.int_]) -> NDArray[np.bool_]:
     return np.asarray(sizes > boundary)
 
 
-def _broken_up(
-    members: list[NDArray[np.int_]],
-    sizes: NDArray[np.int_],
-    large: NDArray[np.bool_],
-    history: PoleHistory,
-) -> dict[int, int]:
+def _broken_up(groups: _Groups, large: NDArray[np.bool_]) -> dict[int, int]:
     """Largest pieces of tracks that broke up, with the number of orders that all pieces cover.
 
     Two poles that lie too close together for their shapes to settle swap and break off: neither
     is large, though the resonance shows in as many orders as any other. A piece counts where no
     large track lies within the half-width of its resonance.
     """
-    order, near = history.model_order, _near(members, history)
-    np.fill_diagonal(near, val=True)
     whole: dict[int, int] = {}
-    for number in np.argsort(-sizes):
-        beside = near[number]
+    for number in np.argsort(-groups.sizes):
+        beside = groups.near[number]
         if not np.any(large) or np.any(large & beside) or any(beside[k] for k in whole):
             continue
-        covered = np.concatenate([members[k] for k in np.flatnonzero(beside)])
-        count = int(np.unique(order[covered]).size)
-        if count >= sizes[large].min():
+        covered = np.concatenate([groups.orders[k] for k in np.flatnonzero(beside)])
+        count = int(np.unique(covered).size)
+        if count >= groups.sizes[large].min():
             whole[int(number)] = count
     return whole
 
 
-def _lasting(
-    members: list[NDArray[np.int_]],
-    large: NDArray[np.bool_],
-    max_order: int,
-    history: PoleHistory,
-) -> dict[int, int]:
-    """Clusters in every order from their first one to the highest, and that first order.
+def _lasting(groups: _Groups, large: NDArray[np.bool_], max_order: int) -> dict[int, int]:
+    """Groups in every order from their first one to the highest, and that first order.
 
     Weak or narrow modes appear late: an order must be high enough to spare a pole for them. What
     then is there in each of a quarter of all orders did not come by chance. Two of them within one
     half-width are pieces of one resonance.
     """
-    orders = [np.unique(history.model_order[rows]) for rows in members]
-    lasts = np.array([o.size == max_order + 1 - o[0] > _LASTING * (max_order - 1) for o in orders])
-    beside = np.any(_near(members, history) & (lasts | large), axis=1)
-    return {int(k): int(orders[k][0]) for k in np.flatnonzero(lasts & ~large & ~beside)}
+    first = np.array([orders[0] for orders in groups.orders])
+    lasts = (groups.sizes == max_order + 1 - first) & (groups.sizes > _LASTING * (max_order - 1))
+    others = groups.near & ~np.eye(first.size, dtype=bool)
+    beside = np.any(others & (lasts | large), axis=1)
+    return {int(k): int(first[k]) for k in np.flatnonzero(lasts & ~large & ~beside)}
 
 
-def _replaced_by(
-    number: int, members: list[NDArray[np.int_]], large: NDArray[np.bool_], history: PoleHistory
-) -> list[int]:
-    """Large clusters that end where this one begins, each within the resonance of the other."""
-    poles, order = history.poles, history.model_order
-    centre = [_representative(poles[rows], order[rows]) for rows in members]
-    own, first = centre[number], order[members[number]].min()
+def _replaced_by(number: int, groups: _Groups, large: NDArray[np.bool_]) -> list[int]:
+    """Large groups that end where this one begins, each within the resonance of the other."""
+    order, centre = groups.history.model_order, groups.centre
+    first = groups.orders[number][0]
     return [
         int(other)
         for other in np.flatnonzero(large)
-        if np.mean(order[members[other]] < first) > _ENDED
-        and abs(centre[other] - own) < max(-centre[other].real, -own.real)
+        if np.mean(order[groups.members[other]] < first) > _ENDED
+        and abs(centre[other] - centre[number]) < max(-centre[other].real, -centre[number].real)
     ]
-
-
-def _near(members: list[NDArray[np.int_]], history: PoleHistory) -> NDArray[np.bool_]:
-    """Which other clusters lie within the half-width of each cluster's resonance."""
-    poles, order = history.poles, history.model_order
-    centre = np.array([_representative(poles[rows], order[rows]) for rows in members])
-    near = np.abs(centre[:, None] - centre) < np.minimum.outer(-centre.real, -centre.real)
-    return np.asarray(near & ~np.eye(centre.size, dtype=bool))
 
 
 def _two_means(values: NDArray[np.float64], low: float, high: float) -> float:
@@ -304,12 +328,6 @@ def _two_means(values: NDArray[np.float64], low: float, high: float) -> float:
             break
         boundary = moved
     return float(boundary)
-
-
-def _representative(poles: NDArray[np.complex128], order: NDArray[np.int_]) -> complex:
-    """Median pole of the higher half of the orders, where the noise is modelled best."""
-    upper = poles[order >= np.median(order)]
-    return complex(np.median(upper.real), np.median(upper.imag))
 
 
 def _reasons(sizes: NDArray[np.int_], large: NDArray[np.bool_], max_order: int) -> list[str]:

@@ -11,8 +11,8 @@ from scipy.ndimage import correlate1d, median_filter
 from ema.core.arrays import readonly
 from ema.core.frf import FRF
 
-# Lines over which the level is smoothed: σ of one line is itself uncertain.
-_SMOOTHING_LINES = 21
+#: Lines over which the noise level is smoothed: σ of one is itself uncertain, or that of a tone.
+SMOOTHING_LINES = 21
 # A line whose σ is this many times the level around it carries hum or another tone.
 _SPIKE = 3.0
 # Coherence below this says nothing; in a file it is rounded to steps of about this.
@@ -73,11 +73,11 @@ def without_spikes(
 def _median_level(frf: FRF, start: int | None, stop: int | None) -> NDArray[np.float64]:
     """Median noise power around each line; both pole estimators and the fit ask for it."""
     power = frf.std[:, start:stop] ** 2
-    size = (1,) * (power.ndim - 1) + (_SMOOTHING_LINES,)
+    size = (1,) * (power.ndim - 1) + (SMOOTHING_LINES,)
     return readonly(median_filter(power, size, mode="nearest"))
 
 
 def _smoothed(power: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean over neighbouring lines; a running sum would lose the digits of small values."""
-    mean = np.full(_SMOOTHING_LINES, 1 / _SMOOTHING_LINES)
+    mean = np.full(SMOOTHING_LINES, 1 / SMOOTHING_LINES)
     return np.asarray(correlate1d(power, mean, mode="nearest"))

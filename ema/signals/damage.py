@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Run
+from ema.core.display import counted
 from ema.core.files import piece
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Channel
 from ema.signals.lost_samples import lost_everywhere
 from ema.signals.slips import part_ends
 from ema.signals.spectra import Spectra
-from ema.signals.stuck_and_repeated import Repeat, Stretch, repeated_stretches, stuck_stretches
+from ema.signals.stuck_and_repeated import Stretch, repeated_stretches, stuck_stretches
 
 # Runs of one campaign are as long as each other within this share; stopped by hand they differ.
 SAME_LENGTH = 0.01
@@ -54,23 +55,15 @@ def without_damage(
 
     found = list(every(damage_of, runs))
     usable = [_left_out(run, damage) for run, damage in zip(runs, found, strict=True)]
-    findings = [
-        _finding(run, one) for run, damage in zip(runs, found, strict=True) for one in damage
-    ]
-    return usable, tuple(findings)
+    pairs = zip(runs, found, strict=True)
+    return usable, tuple(_finding(run, one) for run, damage in pairs for one in damage)
 
 
 def _finding(run: Run, damage: _Damage) -> Finding:
     channel = damage.channel
     places = {response.channel.name: response.position_deg for response in run.responses}
-    return Finding(
-        run=run.name,
-        channel="" if channel is None else channel.name,
-        position_deg=None if channel is None else places.get(channel.name),
-        check=damage.check,
-        verdict=Verdict.WARNING,
-        detail=damage.detail,
-    )
+    name, place = ("", None) if channel is None else (channel.name, places.get(channel.name))
+    return Finding(run.name, name, place, damage.check, Verdict.WARNING, damage.detail)
 
 
 def _left_out(run: Run, damage: Sequence[_Damage]) -> Run:
@@ -102,10 +95,8 @@ def without_lost_samples(
 
     `spectra` are those of all its sensors, the reference sensor last, over its blocks, `plan`.
     """
-    damage = [
-        *_slipped(run, spectra.slip, plan),
-        *_joined(run, lost_everywhere(run, spectra, plan)),
-    ]
+    joints = lost_everywhere(run, spectra, plan)
+    damage = [*_slipped(run, spectra.slip, plan), *_joined(run, joints)]
     return _left_out(run, damage), tuple(_finding(run, one) for one in damage)
 
 
@@ -130,14 +121,12 @@ def _stuck(run: Run) -> Iterator[_Damage]:
 def _repeated(run: Run, others: Sequence[int]) -> Iterator[_Damage]:
     rate_hz = run.recording.sampling_rate_hz
     for repeat in repeated_stretches(run):
-        if repeat.throughout and not _is_appended(repeat, others):
+        if repeat.throughout and not any(abs(repeat.lag - n) <= SAME_LENGTH * n for n in others):
             continue  # a computed recording of whole periods
         copy, lag = repeat.copy, repeat.lag
         what = "all channels repeat" if repeat.of is None else "the force alone repeats"
-        detail = (
-            f"{what} to the last bit what was recorded {lag / rate_hz:.4g} s before: "
-            f"{_where([copy], rate_hz)}"
-        )
+        detail = f"{what} to the last bit what was recorded {lag / rate_hz:.4g} s before: "
+        detail += _where([copy], rate_hz)
         if repeat.throughout:
             detail += "; the recording was appended to itself"
         first = Stretch(copy.start - lag, copy.stop - lag)
@@ -147,18 +136,13 @@ def _repeated(run: Run, others: Sequence[int]) -> Iterator[_Damage]:
         yield _Damage(Check.REPEATED, repeat.of, wrong, f"{detail}; {says}")
 
 
-def _is_appended(repeat: Repeat, others: Sequence[int]) -> bool:
-    """Whether what repeats is as long as another run."""
-    return any(abs(repeat.lag - n) <= SAME_LENGTH * n for n in others)
-
-
 def _miscounted(run: Run) -> Iterator[_Damage]:
     jumps = counter_jumps(run)
     if not jumps:
         return
     said = [_counted(jump) for jump in jumps[:_SHOWN]]
     more = f" and {len(jumps) - _SHOWN} more" if len(jumps) > _SHOWN else ""
-    detail = f"counter {jumps[0].channel!r} {_and(said)}{more}; {_LEFT_OUT}"
+    detail = f"counter {jumps[0].channel!r} {', '.join(said)}{more}; {_LEFT_OUT}"
     yield _Damage(Check.COUNTER, None, tuple(jump.wrong for jump in jumps), detail)
 
 
@@ -189,9 +173,9 @@ def _slipped(run: Run, slip: NDArray[np.float64], plan: BlockPlan) -> Iterator[_
         first = plan.starts[_first_doubtful_block(ends, part, samples)]
         behind = plan.starts[ends[part] - 1] + plan.block_samples
         start_s, stop_s = first / plan.sampling_rate_hz, behind / plan.sampling_rate_hz
-        count = max(round(abs(samples)), 1)
+        count = counted(max(round(abs(samples)), 1), "sample")
         detail = (
-            f"{count} sample{'s' if count > 1 else ''} {'lost' if samples > 0 else 'too many'} "
+            f"{count} {'lost' if samples > 0 else 'too many'} "
             f"against the other channels between {start_s:.4g} and {stop_s:.4g} s; the averages "
             "from there on are left out"
         )
@@ -228,14 +212,10 @@ def _first_ahead(slip: NDArray[np.float64]) -> int | None:
 
 
 def _where(stretches: Sequence[Stretch], rate_hz: float) -> str:
-    return _and(
+    return ", ".join(
         f"from {stretch.start / rate_hz:.4g} s for {len(stretch) / rate_hz:.3g} s"
         for stretch in stretches
     )
-
-
-def _and(texts: Iterable[str]) -> str:
-    return ", ".join(texts)
 
 
 # A ramp of whole numbers so long at the start is a counter …
@@ -262,7 +242,7 @@ def counter_jumps(run: Run) -> list[Jump]:
     """Gaps and repetitions that a counter among the channels that have no role tells of."""
     used = {channel.name for channel in run.channels}
     spare = [channel for channel in run.recording.channels if channel.name not in used]
-    return [jump for channel in spare if _step(channel) for jump in _jumps(channel)]
+    return [jump for channel in spare if (step := _step(channel)) for jump in _jumps(channel, step)]
 
 
 def _step(channel: Channel) -> float:
@@ -275,27 +255,19 @@ def _step(channel: Channel) -> float:
     return step if step > 0 and np.mean(steps == step) > 0.9 else 0.0
 
 
-def _jumps(channel: Channel) -> list[Jump]:
-    step, n = _step(channel), channel.n_samples
+def _jumps(channel: Channel, step: float) -> list[Jump]:
+    n = channel.n_samples
+    usual = [step, *(step - 2.0**bits for bits in _REGISTER_BITS)]
     places: list[NDArray[np.int_]] = []
     for start in range(0, n - 1, _PIECE):
         samples = piece(channel.samples, start, min(start + _PIECE + 1, n)).astype(np.float64)
-        places.append(start + 1 + np.flatnonzero(_is_jump(samples[:-1], samples[1:], step)))
+        places.append(start + 1 + np.flatnonzero(~np.isin(np.diff(samples), usual)))
     found = np.concatenate(places)
     if found.size > (1 - _USUAL) * n:
         return []
     jumps = [_jump(channel, int(place), step) for place in found]
     anew = {(jump.before, jump.after) for jump in jumps}
     return [] if len(jumps) > 1 and len(anew) == 1 else jumps  # an angle: it begins anew each turn
-
-
-def _is_jump(
-    before: NDArray[np.float64], after: NDArray[np.float64], step: float
-) -> NDArray[np.bool_]:
-    jump = after - before != step
-    for bits in _REGISTER_BITS:
-        jump &= after - before != step - 2.0**bits
-    return np.asarray(jump)
 
 
 def _jump(channel: Channel, place: int, step: float) -> Jump:

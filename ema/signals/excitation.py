@@ -144,21 +144,17 @@ def plan_blocks(
     asked = round((processing.block_seconds or 0) * sampling_rate_hz)
     one_period = period_samples > 0 and (not chosen or asked == period_samples)
     window = processing.window or ("boxcar" if whole or one_period else DEFAULT_WINDOW)
-    overlap = processing.overlap
-    if overlap is None:
-        overlap = 0.0 if window == "boxcar" else 0.5
+    usual = 0.0 if window == "boxcar" else 0.5
+    overlap = usual if processing.overlap is None else processing.overlap
     duration_s = n_samples / sampling_rate_hz
     block_s = _block_seconds(duration_s, processing, overlap, whole)
     if period_samples and not chosen:
         block_s = period_samples / sampling_rate_hz
     block = int(block_s * sampling_rate_hz * (1 + 1e-9))
     if not 8 <= block <= n_samples:
-        raise InputError(
-            place,
-            f"blocks of {block_s:g} s in a recording of {duration_s:g} s",
-            "a block needs at least 8 samples and must not be longer than the recording",
-            "Choose other averages or block_seconds",
-        )
+        found = f"blocks of {block_s:g} s in a recording of {duration_s:g} s"
+        rule = "a block needs at least 8 samples and must not be longer than the recording"
+        raise InputError(place, found, rule, "Choose other averages or block_seconds")
     # Rounded down, so that the last of the averages asked for still fits.
     step = max(int(block * (1 - overlap) * (1 + 1e-9)), 1)
     n_blocks = 1 + (n_samples - block) // step

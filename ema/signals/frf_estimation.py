@@ -1,4 +1,4 @@
-"""Frequency response functions: the type, and their estimation from recordings."""
+"""Estimation of frequency response functions from recordings."""
 
 from __future__ import annotations
 
@@ -75,23 +75,32 @@ def estimate_frf(
     True
     """
     if estimator not in ESTIMATORS:
-        raise InputError(
-            "FRF",
-            f"estimator {estimator!r}",
-            f"it must be one of {', '.join(ESTIMATORS)}",
-            "Choose one",
-        )
+        rule = f"it must be one of {', '.join(ESTIMATORS)}"
+        raise InputError("FRF", f"estimator {estimator!r}", rule, "Choose one")
     processing = processing or campaign.processing
-    if campaign.frf is not None:
-        ordered = campaign.frf.rows(_order_of(campaign.frf.position_deg, campaign.frf.node))
-        return replace(
-            with_given_averages(ordered, processing.averages),
-            excitation_deg=_number(campaign.excitation_deg),
-            exponential_window=processing.exponential_window,
-        )
+    if campaign.frf is None:
+        frf = _estimated(campaign, processing, estimator, progress)
+    else:
+        frf = campaign.frf
+        ordered = frf.rows(np.lexsort((frf.node, np.nan_to_num(frf.position_deg))))
+        frf = with_given_averages(ordered, processing.averages)
+    return replace(
+        frf,
+        excitation_deg=_number(campaign.excitation_deg),
+        exponential_window=processing.exponential_window,
+    )
+
+
+def _estimated(
+    campaign: Campaign,
+    processing: Processing,
+    estimator: str,
+    progress: Callable[[int, int], None] | None,
+) -> FRF:
     with ThreadPoolExecutor(available_threads()) as pool:
         runs, findings = without_damage(campaign.runs, pool.map)
-        plan = _common_plan(runs, processing)
+        steady = {run.name: is_steady(run.force) for run in runs}
+        plan = _common_plan(runs, processing, steady=all(steady.values()))
         spectra = []
         for part, slips in pool.map(lambda run: _run_spectra(run, plan), runs):
             spectra.append(part)
@@ -102,54 +111,34 @@ def estimate_frf(
     findings += silent
     frf = _positions_frf(runs, spectra, plan, estimator)
     reference = _reference_frf(runs, campaign.reference_deg, spectra, plan, estimator)
-    forces = _force_records(runs, plan) if estimator == "H1" else {}
-    return replace(
-        frf,
-        reference=reference,
-        findings=findings,
-        forces=forces,
-        excitation_deg=_number(campaign.excitation_deg),
-        exponential_window=processing.exponential_window,
-    )
-
-
-def _force_records(runs: Sequence[Run], plan: BlockPlan) -> dict[str, ForceRecord]:
-    """Force of each run whose samples are all known."""
-    return {
-        run.name: ForceRecord(
-            run.force, plan.for_length(run.recording.n_samples), is_steady(run.force)
-        )
+    forces = {
+        run.name: ForceRecord(run.force, plan.for_length(run.force.n_samples), steady[run.name])
         for run in runs
-        if not run.force.gaps
+        if estimator == "H1" and not run.force.gaps
     }
+    return replace(frf, reference=reference, findings=findings, forces=forces)
 
 
-def _common_plan(runs: Sequence[Run], processing: Processing) -> BlockPlan:
+def _common_plan(runs: Sequence[Run], processing: Processing, *, steady: bool) -> BlockPlan:
     """Blocks for the shortest run; all runs share their length, so that their lines agree."""
     shortest = min(runs, key=lambda run: run.recording.n_samples)
     rate = shortest.recording.sampling_rate_hz
     for run in runs:
         if not np.isclose(run.recording.sampling_rate_hz, rate, rtol=1e-6):
-            raise InputError(
-                run.name,
-                f"{run.recording.sampling_rate_hz:g} Hz sampling rate",
-                f"{shortest.name} has {rate:g} Hz; all runs must have the same rate",
-                "Resample one of them or process them separately",
-            )
+            found = f"{run.recording.sampling_rate_hz:g} Hz sampling rate"
+            rule = f"{shortest.name} has {rate:g} Hz; all runs must have the same rate"
+            remedy = "Resample one of them or process them separately"
+            raise InputError(run.name, found, rule, remedy)
+    period = period_samples(shortest.force, round(SHORTEST_PERIOD_S * rate))
+    repeats = period > 0 and all(repeats_after(run.force, period) for run in runs)
     return plan_blocks(
         shortest.recording.n_samples,
         rate,
         processing,
         shortest.name,
-        steady=all(is_steady(run.force) for run in runs),
-        period_samples=_common_period(runs, shortest, rate),
+        steady=steady,
+        period_samples=period if repeats else 0,
     )
-
-
-def _common_period(runs: Sequence[Run], shortest: Run, rate_hz: float) -> int:
-    """Samples after which the force of every run repeats; 0 where one of them does not."""
-    period = period_samples(shortest.force, round(SHORTEST_PERIOD_S * rate_hz))
-    return period if period and all(repeats_after(run.force, period) for run in runs) else 0
 
 
 def _run_spectra(run: Run, plan: BlockPlan) -> tuple[Spectra, tuple[Finding, ...]]:
@@ -166,22 +155,16 @@ def _run_spectra(run: Run, plan: BlockPlan) -> tuple[Spectra, tuple[Finding, ...
 def _require_signal(
     run: Run, spectra: Spectra, plan: BlockPlan, findings: Sequence[Finding]
 ) -> None:
+    where = f"{run.name}, channel {run.force.name!r}"
     if not np.any(spectra.n_effective):
         lost = "samples missing" if not run.force.gaps else "samples missing or wrong"
         said = "".join(f": {finding.detail}" for finding in findings)
-        raise InputError(
-            f"{run.name}, channel {run.force.name!r}",
-            f"{lost} in every block of {plan.block_s:g} s{said}",
-            "spectra need blocks in which no sample is missing",
-            "Export the run again or leave it out",
-        )
+        found = f"{lost} in every block of {plan.block_s:g} s{said}"
+        rule = "spectra need blocks in which no sample is missing"
+        raise InputError(where, found, rule, "Export the run again or leave it out")
     if not np.any(spectra.force > 0):
-        raise InputError(
-            f"{run.name}, channel {run.force.name!r}",
-            "a constant signal",
-            "the force must excite the tyre",
-            "Check the load cell cable, or choose another excitation channel",
-        )
+        remedy = "Check the load cell cable, or choose another excitation channel"
+        raise InputError(where, "a constant signal", "the force must excite the tyre", remedy)
 
 
 def _excited(
@@ -218,15 +201,8 @@ def _positions_frf(
     run = _joined([run.name for run, _ in responses], place)
     channel = _joined([response.channel.name for _, response in responses], place)
     parts = [part.rows(slice(len(run.responses))) for part, run in zip(spectra, runs, strict=True)]
-    frf = _as_frf(
-        pooled(parts, place, first.size),
-        plan,
-        estimator,
-        node[first],
-        angle[first],
-        run,
-        channel,
-    )
+    spectra_here = pooled(parts, place, first.size)
+    frf = _as_frf(spectra_here, plan, estimator, node[first], angle[first], run, channel)
     return replace(frf, disagreement=disagreement(parts, place, first.size))
 
 
@@ -248,9 +224,8 @@ def _reference_frf(
     pairs = [(r, s) for r, s in zip(runs, spectra, strict=True) if r.reference is not None]
     if len(pairs) < 2:
         return None
-    last = pooled(
-        [part.rows(slice(-1, None)) for _, part in pairs], np.arange(len(pairs)), len(pairs)
-    )
+    last_rows = [part.rows(slice(-1, None)) for _, part in pairs]
+    last = pooled(last_rows, np.arange(len(pairs)), len(pairs))
     nodes = np.full(len(pairs), -1)
     angle = np.full(len(pairs), _number(reference_deg))
     run_names = [run.name for run, _ in pairs]
@@ -331,23 +306,14 @@ def with_given_averages(frf: FRF, averages: int | None) -> FRF:
     known = int(np.count_nonzero(np.isfinite(frf.coherence).all(axis=1)))
     if not known:
         return frf
-    said = f"coherence of {known} of {frf.n_positions} FRFs from the file: "
-    if averages is None or averages < 2:
-        said += "weights only, as the number of averages is unknown; state processing.averages"
-        return replace(
-            frf, findings=(*frf.findings, Finding("", "", None, Check.COHERENCE, Verdict.OK, said))
-        )
-    said += f"σ of the FRFs from it and {averages} averages (stated)"
-    return replace(
-        frf,
-        std=np.sqrt(incoherent_power(frf.values, frf.coherence) / (2 * (averages - 1))),
-        n_effective=float(averages),
-        findings=(*frf.findings, Finding("", "", None, Check.COHERENCE, Verdict.OK, said)),
-    )
-
-
-def _order_of(position_deg: NDArray[np.float64], node: NDArray[np.int_]) -> NDArray[np.int_]:
-    return np.lexsort((node, np.nan_to_num(position_deg)))
+    said = "weights only, as the number of averages is unknown; state processing.averages"
+    if averages is not None and averages > 1:
+        said = f"σ of the FRFs from it and {averages} averages (stated)"
+        std = np.sqrt(incoherent_power(frf.values, frf.coherence) / (2 * (averages - 1)))
+        frf = replace(frf, std=std, n_effective=float(averages))
+    said = f"coherence of {known} of {frf.n_positions} FRFs from the file: {said}"
+    finding = Finding("", "", None, Check.COHERENCE, Verdict.OK, said)
+    return replace(frf, findings=(*frf.findings, finding))
 
 
 def _number(value: float | None) -> float:

@@ -1,10 +1,7 @@
-"""Leakage: what blocks and windows make of the response of a mode.
+"""Leakage: what blocks and windows make of the response of a mode (docs/theory/frf.md).
 
-With φ(ω) = −ω²/(jω−s) = jω + s + s²/(jω−s), only the decaying part s²e^{sτ} is touched. H1 of a
-mode is s² Σ F*Q / Σ|F|², with Q the spectra of the blocks of q, the force passed through the pole
-over the whole recording. So it is computed where the force is at hand, whatever its kind (random,
-burst, sweep, impacts). Elsewhere the force is taken for random noise, whose blocks give the
-transform of h(τ) r(τ), r being the autocorrelation of the window (Bendat & Piersol 2010, ch. 11).
+With φ(ω) = −ω²/(jω−s) = jω + s + s²/(jω−s), only the decaying part s²e^{sτ} is touched: computed
+with the force as recorded where that is at hand, and elsewhere as the mean over random forces.
 """
 
 from __future__ import annotations
@@ -13,6 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import fft, ifft, irfft, rfft
 
 from ema.core.block_plan import BlockPlan
 from ema.core.frf import FRF, ForceRecord
@@ -46,10 +44,14 @@ def leakage_bias(
     if work > _MOST_WORK and all(each.is_steady for each in records):
         exact = {}
     run = np.array(frf.run)
+    of_noise: dict[bytes, NDArray[np.complex128]] = {}  # runs in the same state share it
     for name in frf.run_names:
         rows = run == name
         own = poles[name]
-        direct, mirrored = (_of_noise(plan, each)[:, lines] for each in (own, own.conj()))
+        if own.tobytes() not in of_noise:
+            of_noise[own.tobytes()] = _of_noise(plan, own)
+        around = of_noise[own.tobytes()]
+        direct, mirrored = around[:, lines], around[:, -lines].conj()
         bias[rows] = residues[rows] @ direct + residues[rows].conj() @ mirrored
         if name in exact:
             rows = exact[name]
@@ -78,29 +80,28 @@ def _of_force(
     n_samples = plan.starts[-1] + plan.block_samples
     n_block = plan.block_samples // step
     force = record.force.block(0, n_samples)
-    spectrum = np.fft.fft(force - force.mean())[: n_samples // step]
-    omega = 2 * np.pi * np.arange(spectrum.size) / n_samples * plan.sampling_rate_hz
+    spectrum = fft(force - force.mean())[: n_samples // step]
+    turn = np.exp(-2j * np.pi * np.arange(spectrum.size) / n_samples)
+    own_turn = np.exp(-2j * np.pi * lines / plan.block_samples)
     starts = np.array(plan.starts) // step
     place = starts[:, None] + np.arange(n_block)
     taper = plan.taper[::step]
 
     def blocks(through: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        return np.asarray(np.fft.fft(np.fft.ifft(through)[place] * taper)[:, lines])
+        return np.asarray(fft(ifft(through)[place] * taper, overwrite_x=True)[:, lines])
 
     of_force = blocks(spectrum)
     power = np.sum(np.abs(of_force) ** 2, axis=0)
+    weight = of_force.conj() / np.maximum(power, np.finfo(float).tiny)
     error = np.empty((poles.size, lines.size), dtype=complex)
-    own_omega = 2 * np.pi * lines / plan.block_s
+    step_s = 1 / plan.sampling_rate_hz
     for row, pole in enumerate(poles):
-        through = blocks(spectrum * _response(pole, omega, plan.sampling_rate_hz))
-        seen = np.sum(of_force.conj() * through, axis=0) / np.maximum(power, np.finfo(float).tiny)
-        error[row] = pole**2 * (seen - _response(pole, own_omega, plan.sampling_rate_hz))
+        decay = np.exp(pole * step_s)
+        # Steady response to sampled forces: Σ e^{s k Δt} e^{−jω k Δt} Δt.
+        through = blocks(step_s * spectrum / (1 - decay * turn))
+        seen = np.sum(weight * through, axis=0)
+        error[row] = pole**2 * (seen - step_s / (1 - decay * own_turn))
     return error
-
-
-def _response(pole: complex, omega: NDArray[np.floating], rate_hz: float) -> NDArray[np.complex128]:
-    """Steady response of a pole to sampled forces: Σ e^{s k Δt} e^{−jω k Δt} Δt."""
-    return np.asarray(1 / rate_hz / (1 - np.exp((pole - 1j * omega) / rate_hz)))
 
 
 def _decimation(plan: BlockPlan, highest_line: int) -> int:
@@ -108,23 +109,16 @@ def _decimation(plan: BlockPlan, highest_line: int) -> int:
     if plan.window == "boxcar":
         return 1
     common = np.gcd(plan.block_samples, plan.step_samples)
-    most = plan.block_samples / (_ROOM * highest_line)
-    return int(
-        max(
-            step
-            for step in range(1, int(common) + 1)
-            if common % step == 0 and step <= max(most, 1)
-        )
-    )
+    most = max(int(plan.block_samples / (_ROOM * highest_line)), 1)
+    return int(max(step for step in range(1, most + 1) if common % step == 0))
 
 
 def _of_noise(plan: BlockPlan, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Δφ on all lines of a block, (n_modes, block_samples)."""
     n, step_s = plan.block_samples, 1 / plan.sampling_rate_hz
-    spectrum = np.fft.rfft(plan.taper, 2 * n)
-    correlation = np.fft.irfft(np.abs(spectrum) ** 2)[:n] / n
-    decay = np.exp(poles[:, None] * np.arange(n) * step_s)
-    inside = np.fft.fft((correlation - 1) * decay, axis=1) * step_s
+    correlation = irfft(np.abs(rfft(plan.taper, 2 * n)) ** 2)[:n] / n
+    decay = np.vander(np.exp(poles * step_s), n, increasing=True)
+    inside = fft((correlation - 1) * decay) * step_s
     # Beyond one block r is zero: there the whole response is missing. e^{−jωT} = 1 on the lines.
     turn = np.exp(-2j * np.pi * np.arange(n) / n)
     beyond = np.exp(poles * n * step_s)[:, None] / (1 - np.exp(poles * step_s)[:, None] * turn)

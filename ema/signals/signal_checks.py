@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.display import counted
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import ACCELERATION, FORCE, Channel, Recording
 from ema.core.units import SI_UNIT, is_stated, parse_unit
@@ -147,14 +148,10 @@ def summarise(channel: Channel, sampling_rate_hz: float = float("nan")) -> Signa
         highest=np.nan if empty else moments.highest,
         n_clipped_low=low if mean - moments.lowest > _LIMIT_RMS * rms_ac else 0,
         n_clipped_high=high if moments.highest - mean > _LIMIT_RMS * rms_ac else 0,
-        n_missing=gaps.n_missing,
-        first_missing=gaps.first_missing,
         longest_hold=plateaus.longest,
         longest_hold_start=plateaus.longest_start,
         hum=hum_meter.hum(rms_ac),
-        n_impossible=gaps.n_impossible,
-        first_impossible=gaps.first_impossible,
-        worst_impossible=gaps.worst_impossible,
+        **vars(gaps),
     )
 
 
@@ -189,9 +186,8 @@ def _impossible(summary: SignalSummary, channel: Channel) -> str:
     count = summary.n_impossible
     if not count:
         return ""
-    samples = "1 sample" if count == 1 else f"{count} samples"
     worst = _level(summary.worst_impossible, channel)
-    detail = f"{samples} of up to {worst}, which no sensor gave: taken as missing"
+    detail = f"{counted(count, 'sample')} of up to {worst}, which no sensor gave: taken as missing"
     if not np.isnan(summary.peak):
         detail += f"; all others are within {_level(summary.peak, channel)}"
     return f"{detail}; first at sample {summary.first_impossible}"
@@ -236,7 +232,6 @@ def _hum(summary: SignalSummary) -> str:
 
 
 def _level(value: float, channel: Channel) -> str:
-
     return f"{value:.4g} {SI_UNIT.get(channel.quantity, '')}".rstrip()
 
 

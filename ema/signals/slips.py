@@ -49,9 +49,7 @@ class SlipMeter:
         aligned = _weighted(cross[:, lines], self._first[:, lines])
         turn = np.exp(0.5j * np.pi * lines / (cross.shape[1] - 1))  # of half a sample
         still, late, early = (
-            aligned.real.sum(axis=1),
-            (aligned * turn).real.sum(axis=1),
-            (aligned / turn).real.sum(axis=1),
+            each.real.sum(axis=1) for each in (aligned, aligned * turn, aligned / turn)
         )
         weight = np.abs(aligned).sum(axis=1)
         doubtful = (np.maximum(late, early) > still) | (still < 0.5 * weight)

@@ -1,9 +1,7 @@
 """Steadiness of the tyre within a run: change of its frequencies over time and with level.
 
-The force as recorded, passed through the identified modes, predicts the response over the whole
-run. What the response differs by is projected, piece by piece, on what a common relative change
-δ of all frequencies would add (one Gauss–Newton step). A line through δ over time and level gives
-the drift within the run and the dependence on level. This needs no windows and holds for any force.
+What the response differs by from its prediction is projected, piece by piece, on what a common
+relative change δ of all frequencies would add (docs/identification.md).
 """
 
 from __future__ import annotations
@@ -21,6 +19,7 @@ from ema.core.campaign import Response, Run
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
+from ema.core.recording import Channel
 from ema.core.settings import CHECKS, CheckSettings
 
 # Sensors of a run that are looked at; more would cost time and tell the same.
@@ -56,20 +55,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Steadiness:
-    """What one run shows.
-
-    Parameters
-    ----------
-    run : str
-    over_time : Estimate
-        Change from its start to its end.
-    over_level : Estimate or None
-        Change if the level doubles; None for a sweep, which excites one mode after the other.
-    """
+    """What one run shows."""
 
     run: str
-    over_time: Estimate
-    over_level: Estimate | None
+    over_time: Estimate  # change from its start to its end
+    over_level: Estimate | None  # if the level doubles; None for a sweep: one mode after the other
 
 
 def steadiness_findings(
@@ -77,13 +67,7 @@ def steadiness_findings(
 ) -> list[Finding]:
     """Findings about changes within each run, and about the dependence on level.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-    frf : FRF
-        The FRFs that the modes were fitted to; its rows are those of `model`.
-    model : ModalModel
-    settings : CheckSettings
+    `frf` are the FRFs that the modes were fitted to; its rows are those of `model`.
     """
     found = [each for run in runs if (each := run_steadiness(run, frf, model)) is not None]
     findings = [_within_run(each, model, settings) for each in found]
@@ -92,21 +76,14 @@ def steadiness_findings(
 
 
 def run_steadiness(run: Run, frf: FRF, model: ModalModel) -> Steadiness | None:
-    """Change of the frequencies within one run; None where nothing can be said.
-
-    Parameters
-    ----------
-    run : Run
-    frf : FRF
-    model : ModalModel
-    """
+    """Change of the frequencies within one run; None where nothing can be said."""
     rate = run.recording.sampling_rate_hz
     n = min(run.recording.n_samples, _MOST_SAMPLES)
     first, last = (int(f * n / rate) for f in model.band_hz)
     last = min(last, n // 2)
     step = max(round(_PIECE_S * (last - first) * rate / n), 1)
     n_pieces = (last - first) // step
-    force = rfft(_centred(run.force.block(0, n)))[first:last]
+    force = _spectrum(run.force, n)[first:last]
     sensors = _sensors(run, frf)
     if not np.all(np.isfinite(force)) or n_pieces < _FEWEST_PIECES or not sensors:
         return None
@@ -116,7 +93,7 @@ def run_steadiness(run: Run, frf: FRF, model: ModalModel) -> Steadiness | None:
     smoothing = max(int(_SMOOTHING_HZ * n / rate), 1)
     pieces = _Pieces(n_pieces, step)
     for (sensor, _), own, moved in zip(sensors, expected, slope, strict=True):
-        seen = rfft(_centred(sensor.channel.block(0, n)))[first:last]
+        seen = _spectrum(sensor.channel, n)[first:last]
         pieces.add(seen, own, moved, smoothing)
     time = np.asarray((np.arange(n_pieces) + 0.5) * _PIECE_S)
     over_time, over_level = _regression(pieces, time, n / rate) or (None, None)
@@ -183,8 +160,9 @@ def _sensors(run: Run, frf: FRF) -> list[tuple[Response, int]]:
     return [known[k] for k in chosen]
 
 
-def _centred(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(samples - samples.mean())
+def _spectrum(channel: Channel, n_samples: int) -> NDArray[np.complex128]:
+    samples = channel.block(0, n_samples)
+    return np.asarray(rfft(samples - samples.mean()))
 
 
 def _response(
@@ -230,25 +208,23 @@ def _regression(
 
 
 def _within_run(seen: Steadiness, model: ModalModel, settings: CheckSettings) -> Finding:
-    found = seen.over_time
-    moved = found.p_value < settings.steadiness_p_value
+    found, verdict = seen.over_time, Verdict.OK
     detail = (
         f"natural frequencies {100 * found.value:+.3f} ± {100 * found.std:.3f} % from start to end"
     )
-    if not moved:
-        return Finding(
-            seen.run, "", None, Check.WITHIN_RUN, Verdict.OK, f"{detail}; no more than chance"
+    if found.p_value < settings.steadiness_p_value:
+        broader = _added_damping(found.value, model)
+        mode = model.modes[int(np.argmax(broader))]
+        detail += (
+            f"; modes are averages over the run, and damping ratios up to {100 * broader.max():.2g}"
+            f" % of their value too high (at {mode.frequency_hz:.0f} Hz)"
         )
-    broader = _added_damping(found.value, model)
-    mode = model.modes[int(np.argmax(broader))]
-    detail += (
-        f"; modes are averages over the run, and damping ratios up to {100 * broader.max():.2g} % "
-        f"of their value too high (at {mode.frequency_hz:.0f} Hz)"
-    )
-    if abs(found.value) < settings.steady_change:
-        return Finding(seen.run, "", None, Check.WITHIN_RUN, Verdict.OK, detail)
-    detail += ". Let the tyre settle (temperature, pressure), or record less at a time"
-    return Finding(seen.run, "", None, Check.WITHIN_RUN, Verdict.WARNING, detail)
+        if abs(found.value) >= settings.steady_change:
+            verdict = Verdict.WARNING
+            detail += ". Let the tyre settle (temperature, pressure), or record less at a time"
+    else:
+        detail += "; no more than chance"
+    return Finding(seen.run, "", None, Check.WITHIN_RUN, verdict, detail)
 
 
 def _added_damping(change: float, model: ModalModel) -> NDArray[np.float64]:
@@ -268,19 +244,16 @@ def _level(found: Sequence[Estimate], settings: CheckSettings) -> Finding:
     # Runs that differ by more than their own ± count by how they differ.
     spread = float(np.sum(weight * (value - mean) ** 2)) / max(len(found) - 1, 1)
     error = float(np.sqrt(max(1.0, spread) / weight.sum()))
-    freedom = sum(each.freedom for each in found)
-    p_value = float(2 * stdtr(freedom, -abs(mean) / error))
+    p_value = Estimate(mean, error, sum(each.freedom for each in found)).p_value
+    verdict = Verdict.OK
     detail = f"natural frequencies {100 * mean:+.3f} ± {100 * error:.3f} % where the level doubles"
     if not p_value < settings.steadiness_p_value:
-        return Finding(
-            "", "", None, Check.LEVEL_DEPENDENCE, Verdict.OK, f"{detail}; no more than chance"
+        detail += "; no more than chance"
+    elif abs(mean) >= settings.steady_change / 2:
+        verdict, softer = Verdict.WARNING, "softer" if mean < 0 else "stiffer"
+        detail += (
+            f" for {_PIECE_S:g} s, and more where it stays high: the tyre is {softer} at higher "
+            "level. Modes hold for the level of this test, and damping ratios are too high; "
+            "compare with a test at another level"
         )
-    if abs(mean) < settings.steady_change / 2:
-        return Finding("", "", None, Check.LEVEL_DEPENDENCE, Verdict.OK, detail)
-    softer = "softer" if mean < 0 else "stiffer"
-    detail += (
-        f" for {_PIECE_S:g} s, and more where it stays high: the tyre is {softer} at higher level. "
-        "Modes hold for the level of this test, and damping ratios are too high; compare with a "
-        "test at another level"
-    )
-    return Finding("", "", None, Check.LEVEL_DEPENDENCE, Verdict.WARNING, detail)
+    return Finding("", "", None, Check.LEVEL_DEPENDENCE, verdict, detail)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ema.core.campaign import Run
 from ema.core.files import piece
-from ema.core.recording import Channel
+from ema.core.recording import SENSELESS, Channel
 
 # A hold is looked for from here on: at 2 kHz a tyre's lowest modes turn many times meanwhile.
 _SHORTEST_S, _SHORTEST_SAMPLES = 0.1, 100
@@ -20,7 +20,6 @@ _RUNG_OUT_S = 0.25
 _LOOKS = 4
 # With more holds than these the signal is coarse, or slower than its rate: every top is flat.
 _MOST_HOLDS = 64
-_SENSELESS = 1e30  # no sensor gives such a number, in whatever unit
 # A signal of fewer steps than these in its rms lies flat by itself.
 _FEWEST_STEPS = 8.0
 # The others go on: their rms in the hold over that of the whole recording. Random vibration of a
@@ -140,7 +139,7 @@ def _look(channel: Channel, shortest: int) -> _Look:
     stride = max(shortest // _LOOKS, 1)
     seen = _every(channel.samples, stride)
     known = seen[np.isfinite(seen)].astype(float)
-    known = known[np.abs(known) < _SENSELESS]  # a flipped bit is no sign of life, and overflows
+    known = known[np.abs(known) < SENSELESS]  # a flipped bit is no sign of life, and overflows
     if not known.size:
         return _Look(channel, 0.0, 0.0, ())
     rms = float(np.std(known))
@@ -224,7 +223,7 @@ def repeated_stretches(run: Run) -> list[Repeat]:
     if not sensors or not _moves(run.force):
         return []
     found = [
-        _repeat(sensors[0], copy, lag, None)
+        Repeat(copy, lag, None, len(copy) == run.force.n_samples - lag)
         for copy, lag in _copies(sensors[0])
         if _is_lively(run.force, copy)
         and not _is_steady_state(run.force, copy, lag)
@@ -233,12 +232,8 @@ def repeated_stretches(run: Run) -> list[Repeat]:
     known = {repeat.lag for repeat in found}
     alone = [(copy, lag) for copy, lag in _copies(run.force) if lag not in known]
     if len(alone) == 1 and _is_force_alone(run.force, sensors, *alone[0]):
-        found.append(_repeat(run.force, *alone[0], run.force))
+        found.append(Repeat(*alone[0], run.force, throughout=False))
     return found
-
-
-def _repeat(channel: Channel, copy: Stretch, lag: int, of: Channel | None) -> Repeat:
-    return Repeat(copy, lag, of, len(copy) == channel.n_samples - lag)
 
 
 def _is_steady_state(force: Channel, copy: Stretch, lag: int) -> bool:
@@ -373,10 +368,9 @@ def _extended(channel: Channel, lag: int, place: int) -> Stretch:
 
 def _agreement(channel: Channel, stretch: Stretch, lag: int) -> float:
     """Share of the samples of a stretch that equal those `lag` before them."""
-    count = 0
-    for start in range(stretch.start, stretch.stop, _PIECE):
-        part = Stretch(start, min(start + _PIECE, stretch.stop))
-        count += int(np.count_nonzero(_same(channel, part, lag)))
+    starts = range(stretch.start, stretch.stop, _PIECE)
+    parts = (Stretch(start, min(start + _PIECE, stretch.stop)) for start in starts)
+    count = sum(np.count_nonzero(_same(channel, part, lag)) for part in parts)
     return count / max(len(stretch), 1)
 
 

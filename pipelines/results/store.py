@@ -23,7 +23,8 @@ from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode, ResidualTerms
 from ema.core.settings import CheckSettings
 from ema.identify import SensorMass, without_mass
-from ema.poles.stability import Cluster, StabilityDiagram
+from ema.poles.stability import StabilityDiagram
+from ema.poles.tracking import Cluster
 from pipelines.results import schema
 from pipelines.results.labels import in_band
 from pipelines.results.provenance import CheckedResult, checked_result

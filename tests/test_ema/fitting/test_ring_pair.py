@@ -6,7 +6,7 @@ import systems
 
 from ema.core.modes import Pair
 from ema.fitting.mode_pairs import OrderFrf, order_report
-from ema.fitting.ring_pair import fit_pair
+from ema.fitting.ring_pair import Known, fit_pair
 
 LINES_HZ = np.arange(200, 400) / 2
 HZ, ZETA = 145.45, 0.022
@@ -34,7 +34,7 @@ def order_frf(split_percent, angle_deg=35.0, *, snr=1e3, seed=0, crosstalk=0.0, 
 
 def fitted(frf, start=None):
     start = complex(systems.pole([HZ * 1.002], [1.1 * ZETA])[0]) if start is None else start
-    return fit_pair(frf.frequency_hz, frf.values, frf.std, start, FORCE_STD, 1.0)
+    return fit_pair(frf.frequency_hz, frf.values, frf.std, start, Known(FORCE_STD, 1.0))
 
 
 def relative(pair, poles):
