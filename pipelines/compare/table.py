@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 from model.identifiability import GIVEN
@@ -47,18 +46,12 @@ def comparison_rows(comparison: Comparison) -> tuple[Row, ...]:
 
 def frequency_rows(comparison: Comparison) -> tuple[Row, ...]:
     """Frequencies in Hz under `MODE_HEAD`."""
-    return tuple(
-        _mode_row(mode, mode.frequency, mode.first.frequency_std_hz, mode.second.frequency_std_hz)
-        for mode in comparison.modes
-    )
+    return tuple(_mode_row(mode, mode.frequency, "frequency_std_hz") for mode in comparison.modes)
 
 
 def damping_rows(comparison: Comparison) -> tuple[Row, ...]:
     """Damping ratios in percent under `MODE_HEAD`."""
-    return tuple(
-        _mode_row(mode, mode.damping, mode.first.damping_std, mode.second.damping_std, 100)
-        for mode in comparison.modes
-    )
+    return tuple(_mode_row(mode, mode.damping, "damping_std", 100) for mode in comparison.modes)
 
 
 def parameter_rows(comparison: Comparison) -> tuple[Row, ...]:
@@ -86,13 +79,11 @@ def percent_text(difference: Difference) -> str:
     return _with_sign(difference.percent, difference.percent_std)
 
 
-def _mode_row(
-    mode: MatchedMode, difference: Difference, first_std: float, second_std: float, scale: float = 1
-) -> Row:
+def _mode_row(mode: MatchedMode, difference: Difference, std: str, scale: float = 1) -> Row:
     return (
         mode.name,
-        value_with_std(scale * difference.first, scale * first_std),
-        value_with_std(scale * difference.second, scale * second_std),
+        value_with_std(scale * difference.first, scale * getattr(mode.first, std)),
+        value_with_std(scale * difference.second, scale * getattr(mode.second, std)),
         _with_sign(scale * difference.value, scale * difference.std),
         percent_text(difference),
         signed(difference.z, 1),
@@ -129,8 +120,8 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
     return {
         "first": _result_record(comparison.first, comparison.names[0]),
         "second": _result_record(comparison.second, comparison.names[1]),
-        "findings": list(findings(comparison)),
-        "doubts": list(comparison.doubts),
+        "findings": findings(comparison),
+        "doubts": comparison.doubts,
         "level": LEVEL,
         "correction": "Holm",
         "modes": [_mode_record(mode) for mode in comparison.modes],
@@ -139,16 +130,16 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
         "mac": comparison.mac.tolist(),
         "shapes": comparison.shapes_note,
         "parameters": [
-            _fields(change, ["name"])
+            {"name": change.name}
             | _difference_record(change.difference)
-            | _fields(change, ["first_std", "second_std", "first_how", "second_how", "status"])
+            | _fields(change, "first_std", "second_std", "first_how", "second_how", "status")
             for change in comparison.parameters
         ],
         "agreement": found
         and {
             "frequency": _scatter_record(found.frequency),
             "damping": _scatter_record(found.damping),
-            **_fields(found, ["shift_percent", "shift_std_percent"]),
+            **_fields(found, "shift_percent", "shift_std_percent"),
             "apart_from_shift": _scatter_record(found.apart),
         },
         "repeat": comparison.is_repeat,
@@ -157,7 +148,7 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def _fields(found: object, names: Iterable[str]) -> dict[str, Any]:
+def _fields(found: object, *names: str) -> dict[str, Any]:
     return {name: getattr(found, name) for name in names}
 
 
@@ -165,16 +156,16 @@ def _result_record(result: Result, name: str) -> dict[str, Any]:
     return {
         "name": name,
         "designation": None if result.tyre is None else result.tyre.designation,
-        "band_hz": list(result.modal_model.band_hz),
+        "band_hz": result.modal_model.band_hz,
         "created": result.provenance.get("created"),
     }
 
 
 def _difference_record(difference: Difference) -> dict[str, Any]:
     return {
-        **_fields(difference, ["first", "second"]),
+        **_fields(difference, "first", "second"),
         "difference": difference.value,
-        **_fields(difference, ["std", "percent", "percent_std", "z"]),
+        **_fields(difference, "std", "percent", "percent_std", "z"),
         "chance": difference.p_value,
         "adjusted_chance": difference.adjusted_p_value,
     }
@@ -182,7 +173,7 @@ def _difference_record(difference: Difference) -> dict[str, Any]:
 
 def _mode_record(mode: MatchedMode) -> dict[str, Any]:
     return {
-        **_fields(mode.first, ["order", "member"]),
+        **_fields(mode.first, "order", "member"),
         "first_mode": mode.first_number,
         "second_mode": mode.second_number,
         "mac": mode.mac,
@@ -193,15 +184,15 @@ def _mode_record(mode: MatchedMode) -> dict[str, Any]:
 
 
 def _unmatched_record(mode: UnmatchedMode) -> dict[str, Any]:
-    of_mode = _fields(mode.mode, ["order", "member", "frequency_hz", "damping_ratio"])
+    of_mode = _fields(mode.mode, "order", "member", "frequency_hz", "damping_ratio")
     return {"mode": mode.number, **of_mode, "reason": mode.reason}
 
 
 def _scatter_record(scatter: Scatter) -> dict[str, Any]:
-    of_fit = _fields(scatter, ["freedom", "chi_square", "ratio"])
+    of_fit = _fields(scatter, "freedom", "chi_square", "ratio")
     return {**of_fit, "chance": scatter.p_value, "rms_percent": scatter.rms_percent}
 
 
 def _contrast_record(contrast: Contrast) -> dict[str, Any]:
-    texts = {name: text or None for name, text in _fields(contrast, ["first", "second"]).items()}
-    return {"name": contrast.name, **texts, "differs": contrast.differs}
+    stated = {"first": contrast.first or None, "second": contrast.second or None}
+    return {"name": contrast.name, **stated, "differs": contrast.differs}

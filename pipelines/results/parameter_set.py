@@ -133,6 +133,13 @@ def from_tuning(
     return ParameterSet(designation, conditions, ring, damped, {}, provenance)
 
 
+def tuned_parameters(
+    tuning: TuningResult | None, damping: DampingResult | None
+) -> dict[str, Parameter]:
+    """Parameters of a tuned ring and its damping by name; none without a ring."""
+    return {} if tuning is None else from_tuning("", tuning, damping, {}).ring_and_damping
+
+
 def _obtained(
     names: Iterable[str], values: object, how: Mapping[str, str], std: Mapping[str, float]
 ) -> dict[str, Parameter]:
