@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ema.core.errors import InputError, unknown
 from model.errors import ParameterError
-from pipelines.library.numbering import folder_in_use, folder_name, numbered_files, split_reference
+from pipelines.library.numbering import folder_name, numbered_files, split_reference
 from pipelines.library.tyre import LibraryTyre
 from pipelines.library.version import Entry, Version, login_name, signed_now
 from pipelines.results.parameter_set import (
@@ -20,6 +20,7 @@ from pipelines.results.parameter_set import (
     read_parameter_set,
 )
 from pipelines.results.provenance import checked_result
+from pipelines.storage.atomic import folder_in_use
 from pipelines.storage.checksums import DamagedFile, sha256
 
 VARIABLE = "RINGMODAL_LIBRARY"

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ema.core.errors import InputError
-from pipelines.storage.atomic import partial_name, remove_abandoned
+from pipelines.storage.atomic import folder_in_use, partial_name, remove_abandoned
 
 ABANDONED_S = 30.0  # a turn takes milliseconds; after this time without change it is abandoned
 _POLL_S = 0.02
@@ -63,20 +63,6 @@ def write_next(folder: Path, text_of: Callable[[int], str]) -> int:
             if _taken(numbered(folder, number), text_of(number)):
                 _flush_folder(folder)
                 return number
-
-
-@contextmanager
-def folder_in_use(folder: Path) -> Iterator[None]:
-    """Create a folder if missing; on an error it is removed again."""
-    is_new = not folder.exists()
-    folder.mkdir(parents=True, exist_ok=True)
-    try:
-        yield
-    except BaseException:
-        if is_new:
-            with suppress(OSError):  # another process has written there
-                folder.rmdir()
-        raise
 
 
 def _taken(place: Path, text: str) -> bool:

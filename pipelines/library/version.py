@@ -21,7 +21,7 @@ from pipelines.results.parameter_set import (
     parameter_set_of,
 )
 from pipelines.results.provenance import software_version
-from pipelines.storage.checksums import checksum, damaged, sealed, texts_of, unsealed
+from pipelines.storage.checksums import KEY, damaged, sealed, texts_of, unsealed
 
 SECTION = "version"
 _REQUIRED = ("author", "created", "software")
@@ -122,7 +122,7 @@ def read_version(path: Path, tyre: str, number: int) -> Version:
     except InputError as error:
         raise damaged(path, f"{error.found} at {error.where}") from error
     entry = Entry(**texts_of(path, section, _REQUIRED, _OPTIONAL))
-    return Version(tyre, number, parameters, entry, checksum(path))
+    return Version(tyre, number, parameters, entry, section[KEY])
 
 
 SCHEMA = 1
@@ -157,13 +157,10 @@ class Approval:
     note: str = ""
 
 
-def record_approval(
-    folder: Path, event: Event, version: Version, author: str, note: str
-) -> Approval:
+def record_approval(folder: Path, event: Event, version: Version, author: str, note: str) -> None:
     """Write an approval as the next event of a tyre's folder."""
-    signed = signed_now(author)
     record = {"event": event.value, "version": version.number, "version_sha256": version.sha256}
-    record |= {**signed, **({"note": note} if note else {})}
+    record |= signed_now(author) | ({"note": note} if note else {})
 
     def text_of(number: int) -> str:
         document = tomlkit.document()
@@ -171,7 +168,6 @@ def record_approval(
         return sealed(tomlkit.dumps(document))
 
     write_next(folder / FOLDER, text_of)
-    return Approval(event, version.number, version.sha256, author, signed["created"], note)
 
 
 def read_approvals(folder: Path) -> tuple[Approval, ...]:

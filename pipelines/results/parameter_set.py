@@ -172,9 +172,7 @@ def parameter_document(parameters: ParameterSet) -> TOMLDocument:
             document[name] = table = tomlkit.table()
             for key, parameter in section.items():
                 table[key] = entry = tomlkit.inline_table()
-                entry |= {"value": parameter.value, "how": parameter.how}
-                if parameter.std is not None:
-                    entry["std"] = parameter.std
+                entry |= {k: part for k, part in vars(parameter).items() if part is not None}
     if parameters.wheel:
         document["wheel"] = parameters.wheel
     if parameters.provenance:

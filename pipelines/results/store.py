@@ -148,7 +148,10 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
     """Result without its ring steps from a folder and its provenance."""
     stored = schema.read_identification_json(folder / JSON_NAME)
     measured = _read_measured(folder, stored)
-    mass = None if stored.sensor_mass is None else _sensor_mass(stored.sensor_mass)
+    mass = None
+    if (held := stored.sensor_mass) is not None:
+        seats = {run: np.array(angles) for run, angles in held.sensors_deg.items()}
+        mass = SensorMass(held.mass_kg, seats, held.excitation_deg, held.live_mass_kg)
     frf = without_mass(corrected(measured, stored.corrections), mass)
     model = _read_model(stored, frf, folder / RESIDUES_NAME)
     recorded = record.get("settings", {}).get("checks", {})
@@ -192,11 +195,6 @@ def _require_rows(path: Path, stored: schema.Stored, n_rows: int) -> None:
     if not named <= set(range(n_rows)) or len(set(rows)) < len(rows) or len(out) == n_rows:
         rule = f"at most one for each of the {n_rows} FRFs, of which one or more must be used"
         raise InputError(f"{path}, corrections", f"rows {sorted(rows)}", rule, schema.REMEDY)
-
-
-def _sensor_mass(stored: schema.StoredMass) -> SensorMass:
-    seats = {run: np.array(angles) for run, angles in stored.sensors_deg.items()}
-    return SensorMass(stored.mass_kg, seats, stored.excitation_deg, stored.live_mass_kg)
 
 
 def _read_reference(path: Path, band_hz: schema.Two) -> FRF:

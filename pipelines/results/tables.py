@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,12 @@ from pipelines.storage.tables import Table, write_parquet
 
 #: Columns of ``modes.csv``.
 MODES = ("mode", *MODE_COLUMNS)
+# Columns of ``orders.csv``, and where an `OrderReport` has them.
 _ORDERS = {
-    "frequency_hz": "frequency_hz",
-    "frequency_std_hz": "frequency_std_hz",
-    "damping_ratio": "damping_ratio",
-    "damping_ratio_std": "damping_std",
+    **{"order": "order", "verdict": "pair.verdict", "chance": "pair.chance"},
+    **{"frequency_hz": "frequency_hz", "frequency_std_hz": "frequency_std_hz"},
+    **{"damping_ratio": "damping_ratio", "damping_ratio_std": "damping_std"},
+    "evidence": "pair.evidence",
 }
 _VALIDATION = (
     *("order", "measured_hz", "model_hz", "error_percent"),
@@ -60,14 +62,7 @@ def shapes(result: Result) -> pd.DataFrame:
 
 def orders(reports: tuple[OrderReport, ...]) -> pd.DataFrame:
     """``orders.csv``: each order by itself, and the verdict on its pair."""
-    columns = {
-        "order": [report.order for report in reports],
-        "verdict": [report.pair.verdict for report in reports],
-        "chance": [report.pair.chance for report in reports],
-        **{name: [getattr(report, part) for report in reports] for name, part in _ORDERS.items()},
-        "evidence": [report.pair.evidence for report in reports],
-    }
-    return pd.DataFrame(columns)
+    return pd.DataFrame({name: map(attrgetter(part), reports) for name, part in _ORDERS.items()})
 
 
 def corrections(changes: tuple[Correction, ...]) -> pd.DataFrame:

@@ -17,11 +17,12 @@ from pathlib import Path
 
 from ema.core.errors import InputError
 from pipelines.storage.atomic import (
-    backup_name,
     backups,
     ended_backups,
+    folder_in_use,
     not_written,
     partial_folder,
+    partial_name,
 )
 from pipelines.storage.checksums import (
     Fault,
@@ -78,13 +79,11 @@ def written_whole(
     require_free(folder, force=force, marker=marker, accepted=accepted)
     with _as_input_error(folder):
         place = _resolved(folder)
-        with _folders_above(place), partial_folder(place) as partial:
+        with folder_in_use(place.parent), partial_folder(place) as partial:
             yield partial
             _to_disk(partial)
-
-            backup = _put(
-                partial, place, lambda: _refuse_occupied(folder, place, force, marker, accepted)
-            )
+            occupied = (folder, place, force, marker, accepted)
+            backup = _put(partial, place, lambda: _refuse_occupied(*occupied))
             if backup is not None and marker is not None:
                 _remove_backup(backup, place, marker, accepted)
 
@@ -151,20 +150,6 @@ def named(names: Sequence[str], most: int = 3) -> str:
     return f"{', '.join(names[:most])}{more}"
 
 
-@contextmanager
-def _folders_above(place: Path) -> Iterator[None]:
-    """Make the folders above `place`; remove them again after an error."""
-    missing = [path for path in place.parents if not path.exists()]
-    try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        yield
-    except BaseException:
-        for path in missing:
-            with suppress(OSError):  # not made, or in use by now
-                path.rmdir()
-        raise
-
-
 def _to_disk(folder: Path) -> None:
     """Wait until all is on the disk; a full or missing drive may only fail now."""
     for path in folder.rglob("*"):
@@ -190,7 +175,7 @@ def _swapped(partial: Path, place: Path) -> Path | None:
     if not os.path.lexists(place):
         partial.rename(place)
         return None
-    backup = backup_name(place)
+    backup = partial_name(place, "old")
     try:
         place.rename(backup)
         partial.rename(place)
