@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ema.core.errors import InputError
 from ema.core.numerics import available_cores
-from pipelines.batch.campaigns import CampaignFolder, Task, carry_out, find_campaigns, sweep
+from pipelines.batch.campaigns import Task, carry_out, find_campaigns, sweep
 from pipelines.batch.state import (
     BatchFolder,
     Record,
@@ -120,18 +120,21 @@ def run_batch(
         rule = "the workers are either on this machine or those of the scheduler"
         raise InputError(where, "both", rule, "Leave one of them out")
     if scheduler is not None and tasks:
-        records = on_cluster(
+        ended = on_cluster(
             tasks, carry_out, scheduler, announce, allow_unencrypted=allow_unencrypted
         )
     elif len(tasks) < 2:  # a single one needs no worker process
-        records = in_this_process(tasks, carry_out)
+        ended = in_this_process(tasks, carry_out)
     else:
-        records = on_this_machine(tasks, carry_out, min(jobs or available_cores(), len(tasks)))
-    fresh = _carried_out(tasks, records, finished)
+        ended = on_this_machine(tasks, carry_out, min(jobs or available_cores(), len(tasks)))
+    fresh = _carried_out(tasks, ended, finished)
     every = earlier | fresh
-    batch = Batch(folder, tuple(every[each.name] for each in campaigns), frozenset(fresh))
-    _write_overview(batch, campaigns)
-    return batch
+    records = tuple(every[each.name] for each in campaigns)
+    if not tables_are_current(records, folder):  # the campaigns' table last: it tells that
+        write_modes_and_parameters(records, folder)
+        write_summary(records, campaigns, folder)
+        write_campaigns(records, folder)
+    return Batch(folder, records, frozenset(fresh))
 
 
 def _earlier(task: Task, *, retry_failed: bool) -> Record | None:
@@ -168,11 +171,3 @@ def _carried_out(
             if task.campaign.name not in fresh:
                 sweep(task)
     return fresh
-
-
-def _write_overview(batch: Batch, campaigns: Sequence[CampaignFolder]) -> None:
-    """Write tables and summary unless they are current; the campaigns' table last."""
-    if not tables_are_current(batch.records, batch.folder):
-        write_modes_and_parameters(batch.records, batch.folder)
-        write_summary(batch.records, campaigns, batch.folder)
-        write_campaigns(batch.records, batch.folder)

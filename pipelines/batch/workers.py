@@ -311,7 +311,6 @@ def _shared(client: Any, tasks: Sequence[Task], work: Work) -> Iterator[Record]:
 
 
 def _record_of(future: Any, task: Task) -> Record:
-    distributed = import_module("distributed")
     try:
         record: Record = future.result()
     except CancelledError as error:
@@ -320,6 +319,6 @@ def _record_of(future: Any, task: Task) -> Record:
         raise InputError(task.campaign.name, "no answer", rule, remedy) from error
     except ImportError as error:
         raise _other_version(f"the worker that took {task.campaign.name}", str(error)) from error
-    except distributed.KilledWorker:
+    except import_module("distributed").KilledWorker:
         return given_up(task, "workers died")
     return record

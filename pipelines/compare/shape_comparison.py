@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.linalg import orth
 
 from ema.core.errors import InputError, unknown
 from ema.core.mac import mac
@@ -156,10 +157,8 @@ def explained_share(shape: NDArray[np.complex128], basis: NDArray[np.complex128]
     MAC of the shape, (n_places,), with its projection on the span of the others, (n_shapes,
     n_places): 1 − ‖φ − Pφ‖²/‖φ‖².
     """
-    left, sizes, _ = np.linalg.svd(basis.T, full_matrices=False)
-    span = left[:, sizes > _RANK * sizes[0]] if sizes[0] > 0 else left[:, :0]
     power = float(np.vdot(shape, shape).real)
-    inside = span.conj().T @ shape
+    inside = orth(basis.T, _RANK).conj().T @ shape
     return float(np.vdot(inside, inside).real) / power if power > 0 else 0.0
 
 

@@ -32,9 +32,8 @@ UNITS = {
 
 def write_json(found: ModalExport, path: Path) -> None:
     """Write JSON; complex arrays are objects of two arrays, ``real`` and ``imag``."""
-    with path.open("w", encoding="utf-8", newline="\n") as file:
-        text = json.dumps(_jsonable(content(found)), ensure_ascii=False, allow_nan=False)
-        file.write(escaped(text) + "\n")
+    text = json.dumps(_jsonable(content(found)), ensure_ascii=False, allow_nan=False)
+    path.write_text(escaped(text) + "\n", encoding="utf-8", newline="\n")
 
 
 def write_mat(found: ModalExport, path: Path) -> None:

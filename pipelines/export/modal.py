@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ema.core.errors import InputError, nearest
-from ema.core.frf import FRF
+from ema.core.errors import unknown
 from ema.core.modes import Mode
 from ema.io.uff.frf import SYNTHESISED
 from pipelines.export.data import BOTH, MEASURED, NONE, Geometry, ModalExport, geometry_of
@@ -61,10 +60,12 @@ def gather(
     frf = replace(result.frf, node=geometry.node[: geometry.n_measured])
     synthesised = None
     if frfs in (BOTH, SYNTHESISED):
-        frf = _within(frf, model.fit_band_hz)
+        fitted = in_band(frf.frequency_hz, model.fit_band_hz)
+        parts = {name: getattr(frf, name)[:, fitted] for name in ("values", "coherence", "std")}
+        frf = replace(frf, frequency_hz=frf.frequency_hz[fitted], **parts)
         values = model.synthesise(frf.frequency_hz, frf.run)
-        unknown = np.full(values.shape, np.nan)
-        synthesised = replace(frf, values=values, coherence=unknown, std=unknown)
+        blank = np.full(values.shape, np.nan)
+        synthesised = replace(frf, values=values, coherence=blank, std=blank)
     return ModalExport(
         result=result,
         geometry=geometry,
@@ -111,7 +112,7 @@ def export(
         unknown, or the place is taken.
     """
     if frfs not in FRF_CHOICES:
-        raise _unknown("--frfs", frfs, FRF_CHOICES)
+        raise unknown("--frfs", frfs, f"it must be one of {', '.join(FRF_CHOICES)}", FRF_CHOICES)
     chosen = _format_of(out, file_format)
     folder = Path(folder)
     loaded = load(folder, accept_changes=accept_changes)
@@ -129,36 +130,23 @@ def export(
 
 
 def _format_of(out: Path | str | None, file_format: str) -> str:
-    if file_format:
-        if file_format.casefold() not in FORMATS:
-            raise _unknown("--format", file_format, tuple(FORMATS))
-        return file_format.casefold()
     ending = Path(out).suffix.lower().lstrip(".") if out else "uff"
-    ending = {"unv": "uff", "": "csv"}.get(ending, ending)
-    if ending not in FORMATS:
-        raise _unknown(str(out), ending, tuple(FORMATS))
-    return ending
-
-
-def _unknown(where: str, found: str, known: tuple[str, ...]) -> InputError:
-    rule = f"it must be one of {', '.join(known)}"
-    return InputError(where, repr(found), rule, nearest(found.casefold(), known))
+    wanted = file_format.casefold() or {"unv": "uff", "": "csv"}.get(ending, ending)
+    if wanted not in FORMATS:
+        where, rule = "--format" if file_format else str(out), "it must be one of "
+        raise unknown(where, file_format or wanted, rule + ", ".join(FORMATS), FORMATS)
+    return wanted
 
 
 def _modal_a(mode: Mode, geometry: Geometry) -> complex:
+    unknown_a = complex(np.nan, np.nan)
     rows = np.flatnonzero(geometry.node[: geometry.n_measured] == geometry.reference_node)
     if rows.size == 0:
-        return complex(np.nan, np.nan)
+        return unknown_a
     at_force = complex(mode.residues[rows[0]])
     noise = float(mode.residues_std[rows[0]])
     if not abs(at_force) > _LEAST_DRIVE * (noise if np.isfinite(noise) else 0.0):
-        return complex(np.nan, np.nan)
+        return unknown_a
     modal_a = complex(mode.shape[rows[0]]) ** 2 / at_force
     is_mass = (modal_a / (2j * mode.pole.imag)).real > 0  # else the force acts elsewhere
-    return modal_a if is_mass else complex(np.nan, np.nan)
-
-
-def _within(frf: FRF, band_hz: tuple[float, float]) -> FRF:
-    chosen = in_band(frf.frequency_hz, band_hz)
-    parts = {name: getattr(frf, name)[:, chosen] for name in ("values", "coherence", "std")}
-    return replace(frf, frequency_hz=frf.frequency_hz[chosen], **parts)
+    return modal_a if is_mass else unknown_a

@@ -13,8 +13,7 @@ import pandas as pd
 from ema.core.errors import escaped, unknown
 from pipelines.export.belt import write_modal_targets
 from pipelines.library.history import history_of
-from pipelines.library.tyre import LibraryTyre
-from pipelines.library.version import ApprovalState, Version, values_of
+from pipelines.library.version import ApprovalState, LibraryTyre, Version, values_of
 from pipelines.results.parameter_set import (
     CONDITION_NAMES,
     DAMPING_NAMES,

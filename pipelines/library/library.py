@@ -11,8 +11,7 @@ from pathlib import Path
 from ema.core.errors import InputError, unknown
 from model.errors import ParameterError
 from pipelines.library.numbering import folder_name, numbered_files, split_reference
-from pipelines.library.tyre import LibraryTyre
-from pipelines.library.version import Entry, Version, login_name, signed_now
+from pipelines.library.version import Entry, LibraryTyre, Version, login_name, signed_now
 from pipelines.results.parameter_set import (
     CONDITION_NAMES,
     ParameterSet,

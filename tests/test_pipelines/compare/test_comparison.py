@@ -19,7 +19,7 @@ from model.reference import TABLE_4_RING
 from pipelines.compare.compare import common_positions, common_shapes, compare, compare_folders
 from pipelines.compare.modes import match_modes, std_of_difference
 from pipelines.compare.significance import Difference, agreement, holm, jointly_tested
-from pipelines.compare.summary_text import findings
+from pipelines.compare.summary import findings
 from pipelines.process.run import process, tune
 from pipelines.report.save import save
 from pipelines.results.options import Options
