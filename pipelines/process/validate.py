@@ -33,35 +33,23 @@ class RingOrder:
     """
 
     order: int
-    modes: tuple[Mode, ...]
-
-    @property
-    def frequency_hz(self) -> float:
-        """Mean frequency of the members."""
-        return float(np.mean([mode.frequency_hz for mode in self.modes]))
-
-    @property
-    def frequency_std_hz(self) -> float:
-        """Standard deviation of `frequency_hz`."""
-        return _std_of_mean([mode.frequency_std_hz for mode in self.modes])
-
-    @property
-    def damping_ratio(self) -> float:
-        """Mean damping ratio of the members."""
-        return float(np.mean([mode.damping_ratio for mode in self.modes]))
-
-    @property
-    def damping_std(self) -> float:
-        """Standard deviation of `damping_ratio`."""
-        return _std_of_mean([mode.damping_std for mode in self.modes])
+    modes: tuple[Mode, ...]  # the stronger one first
+    frequency_hz: float
+    damping_ratio: float
+    frequency_std_hz: float
+    damping_std: float
 
 
 def ring_orders(model: ModalModel) -> tuple[RingOrder, ...]:
-    """Ring modes by order, the stronger member of a pair first."""
-    members = family(model.modes)
-    return tuple(
-        RingOrder(order, tuple(model.modes[k] for k in members[order])) for order in sorted(members)
-    )
+    """Ring modes by order."""
+    found = []
+    for order, members in sorted(family(model.modes).items()):
+        modes = tuple(model.modes[k] for k in members)
+        values = np.mean([(mode.frequency_hz, mode.damping_ratio) for mode in modes], axis=0)
+        stds = np.array([(mode.frequency_std_hz, mode.damping_std) for mode in modes])
+        std_of_mean = np.sqrt(np.sum(stds**2, axis=0)) / len(modes)
+        found.append(RingOrder(order, modes, *values.tolist(), *std_of_mean.tolist()))
+    return tuple(found)
 
 
 def validate(
@@ -105,10 +93,6 @@ def aligned_shape(mode: Mode, position_deg: NDArray[np.float64]) -> NDArray[np.f
     cosine, sine = content.cosine[order].real, content.sine[order].real
     angle = np.deg2rad(position_deg) * order
     return np.asarray(cosine * np.cos(angle) + sine * np.sin(angle))
-
-
-def _std_of_mean(stds: list[float]) -> float:
-    return float(np.sqrt(np.sum(np.square(stds))) / len(stds))
 
 
 # Values of tyres, wide enough for motorcycles and trucks: natural frequency of order 1 on a fixed

@@ -119,7 +119,13 @@ def write_identification(result: Result, folder: Path) -> None:
     content = {name: getattr(source, name) for source, names in sources for name in names}
     text = json.dumps(content, default=_as_json)
     (folder / JSON_NAME).write_text(text, encoding="utf-8", newline="\n")
-    _write_residues(model, folder / RESIDUES_NAME)
+    # One row per position: residues of modes and guard modes, then residual terms.
+    modes, terms = (*model.modes, *model.guard_modes), model.residual_terms
+    columns: dict[str, Any] = {f"real_{r}": mode.residues.real for r, mode in enumerate(modes)}
+    columns |= {f"imag_{r}": mode.residues.imag for r, mode in enumerate(modes)}
+    columns |= {f"std_{r}": mode.residues_std for r, mode in enumerate(modes)}
+    columns |= {"lower": terms.lower, "upper": terms.upper, "row": np.arange(terms.lower.size)}
+    write_parquet(folder / RESIDUES_NAME, pd.DataFrame(columns))
 
 
 def _as_json(value: Any) -> Any:
@@ -130,18 +136,6 @@ def _as_json(value: Any) -> Any:
     if is_dataclass(value):
         return {field.name: getattr(value, field.name) for field in fields(value)}
     return value.tolist()
-
-
-def _write_residues(model: ModalModel, path: Path) -> None:
-    """One row per position: residues of modes and guard modes, then residual terms."""
-    modes = (*model.modes, *model.guard_modes)
-    columns = {f"real_{r}": mode.residues.real for r, mode in enumerate(modes)}
-    columns |= {f"imag_{r}": mode.residues.imag for r, mode in enumerate(modes)}
-    columns |= {f"std_{r}": mode.residues_std for r, mode in enumerate(modes)}
-    terms = model.residual_terms
-    row = np.arange(terms.lower.size)
-    table = pd.DataFrame({**columns, "lower": terms.lower, "upper": terms.upper, "row": row})
-    write_parquet(path, table)
 
 
 def _read_identification(folder: Path, record: dict[str, Any]) -> Result:

@@ -140,7 +140,12 @@ def read_frf(path: Path) -> FRF:
         index, texts = table.texts(name)
         return tuple(texts[at] for at in of_row(name, index))
 
-    _require_lines(table, lines.reshape(n_rows, -1))
+    by_row = lines.reshape(n_rows, -1)
+    if n_lines < 2 or np.any(by_row != by_row[0]):
+        rule = "all must have the same two or more"
+        raise table.unusable("frequencies differ between FRFs", rule)
+    if by_row[0, 0] < 0 or np.any(np.diff(by_row[0]) <= 0):
+        raise table.unusable("negative or repeated frequencies", "must be ≥ 0 and rise")
     return FRF(
         frequency_hz=lines[:n_lines],
         values=grid(table.numbers("real")) + 1j * grid(table.numbers("imag")),
@@ -161,11 +166,3 @@ def _row_numbers(table: Table, frequency_hz: NDArray[np.float64]) -> NDArray[np.
             raise table.unusable(f"row {numbers.min()} to {numbers.max()}", "they count from 0")
         return numbers
     return np.concatenate([[0], np.cumsum(np.diff(frequency_hz) <= 0)])[: table.n_rows]
-
-
-def _require_lines(table: Table, lines: NDArray[np.float64]) -> None:
-    if lines.shape[1] < 2 or np.any(lines != lines[0]):
-        rule = "all must have the same two or more"
-        raise table.unusable("frequencies differ between FRFs", rule)
-    if lines[0, 0] < 0 or np.any(np.diff(lines[0]) <= 0):
-        raise table.unusable("negative or repeated frequencies", "must be ≥ 0 and rise")
