@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -156,7 +156,7 @@ def _earlier(task: Task, *, retry_failed: bool) -> Record | None:
 
 
 def _carried_out(
-    tasks: Sequence[Task], records: Iterator[Record], finished: Finished
+    tasks: Sequence[Task], records: Generator[Record], finished: Finished
 ) -> dict[str, Record]:
     """Records by campaign; after an interruption half-written results are removed."""
     fresh: dict[str, Record] = {}
@@ -165,8 +165,7 @@ def _carried_out(
             fresh[record.campaign] = record
             finished(record, len(fresh), len(tasks))
     finally:
-        if isinstance(records, Generator):
-            records.close()  # ends the workers
+        records.close()  # ends the workers
         for task in tasks:
             if task.campaign.name not in fresh:
                 sweep(task)
