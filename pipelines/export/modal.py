@@ -105,8 +105,9 @@ def _format_of(out: Path | str | None, file_format: str) -> str:
     ending = Path(out).suffix.lower().lstrip(".") if out else "uff"
     wanted = file_format.casefold() or {"unv": "uff", "": "csv"}.get(ending, ending)
     if wanted not in FORMATS:
-        where, rule = "--format" if file_format else str(out), "it must be one of "
-        raise unknown(where, file_format or wanted, rule + ", ".join(FORMATS), FORMATS)
+        where = "--format" if file_format else str(out)
+        rule = f"it must be one of {', '.join(FORMATS)}"
+        raise unknown(where, file_format or wanted, rule, FORMATS)
     return wanted
 
 

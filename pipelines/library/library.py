@@ -115,20 +115,17 @@ class TyreLibrary:
             source=Path(source).resolve().name,
             source_sha256=sha256(path),
         )
-        self._require_place()
-        with folder_in_use(self.folder):
-            wanted = folder_name(parameters.designation, tyre_id)
-            same = [t for t in self.tyres() if t.name.casefold() == wanted.casefold()]
-            tyre = same[0] if same else LibraryTyre(self.folder / wanted)
-            return tyre.add(parameters, entry)
-
-    def _require_place(self) -> None:
-        """Refuse a folder whose parent does not exist, as after a typing error."""
+        # A missing parent is a typing error.
         if not self.folder.absolute().parent.is_dir():
             rule = "the parent folder of a library must exist"
             raise InputError(str(self.folder), "no such folder", rule, "Check the path")
         if self.folder.exists() and not self.folder.is_dir():
             raise InputError(str(self.folder), "a file", "it must be a folder", "Name a folder")
+        with folder_in_use(self.folder):
+            wanted = folder_name(parameters.designation, tyre_id)
+            same = [t for t in self.tyres() if t.name.casefold() == wanted.casefold()]
+            tyre = same[0] if same else LibraryTyre(self.folder / wanted)
+            return tyre.add(parameters, entry)
 
 
 def resolve(

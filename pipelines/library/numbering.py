@@ -12,8 +12,8 @@ import os
 import re
 import time
 import unicodedata
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from ema.core.errors import InputError
@@ -67,12 +67,16 @@ def write_next(folder: Path, text_of: Callable[[int], str]) -> int:
 
 def _taken(place: Path, text: str) -> bool:
     """Write `text` to a place; False if the place is taken."""
-    with _hidden(place, text) as partial:
-        try:
-            return _renamed(partial, place) if _RENAME_KEEPS else _linked(partial, place)
-        except OSError as error:
-            if _RENAME_KEEPS or error.errno not in _NO_LINKS:
-                raise
+    partial = partial_name(place.with_name(_NEXT))
+    try:
+        _write(partial, text)
+        return _renamed(partial, place) if _RENAME_KEEPS else _linked(partial, place)
+    except OSError as error:
+        if _RENAME_KEEPS or error.errno not in _NO_LINKS:
+            raise
+    finally:
+        with suppress(OSError):  # renamed, or not written
+            partial.unlink()
     return _taken_in_turn(place, text)
 
 
@@ -134,17 +138,6 @@ def _await_turn(turn: Path, text: str) -> None:
             elif time.monotonic() - since_s > ABANDONED_S:
                 turn.rename(aside := partial_name(turn.with_name(_NEXT)))
                 aside.unlink()
-
-
-@contextmanager
-def _hidden(place: Path, text: str) -> Iterator[Path]:
-    partial = partial_name(place.with_name(_NEXT))
-    try:
-        _write(partial, text)
-        yield partial
-    finally:
-        with suppress(OSError):  # renamed, or not written
-            partial.unlink()
 
 
 def _write(path: Path, text: str) -> None:

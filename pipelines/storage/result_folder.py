@@ -51,7 +51,7 @@ def require_free(
     `accepted` are checksums, by name, of changed files that may be replaced too.
     """
     with _as_input_error(folder):
-        place = _resolved(folder)
+        place = Path(os.path.realpath(folder))  # a link to a folder stays
         recover(place, marker)
         if marker is not None and (place / marker).is_file():
             for left in ended_backups(place):
@@ -78,7 +78,7 @@ def written_whole(
     """
     require_free(folder, force=force, marker=marker, accepted=accepted)
     with _as_input_error(folder):
-        place = _resolved(folder)
+        place = Path(os.path.realpath(folder))
         with folder_in_use(place.parent), partial_folder(place) as partial:
             yield partial
             _to_disk(partial)
@@ -90,7 +90,7 @@ def written_whole(
 
 def recover(folder: Path, marker: str | None = MARKER) -> None:
     """Put an earlier result back that a killed process had moved aside."""
-    place = _resolved(folder)
+    place = Path(os.path.realpath(folder))
     if marker is None or place.exists():
         return
     with suppress(OSError):  # another process did it, or the drive is read-only
@@ -105,11 +105,6 @@ def _is_complete(backup: Path, marker: str) -> bool:
     if not found.files:  # then nothing is ever removed
         return any(backup.iterdir())
     return all((backup / name).exists() for name in found.files)
-
-
-def _resolved(folder: Path) -> Path:
-    """The folder itself if `folder` is a link to it: the link stays."""
-    return Path(os.path.realpath(folder))
 
 
 def _refuse_occupied(
