@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import shutil
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
@@ -191,19 +192,14 @@ def save_tir(tir: TirFile, path: Path) -> Path | None:
 
 def _backed_up(path: Path) -> Path:
     """Copy a file to FILE.bak, or to FILE.bak2 and so on, whichever is free."""
-    content = path.read_bytes()
     for number in count(1):
         backup = path.with_name(f"{path.name}.bak{number if number > 1 else ''}")
-        try:
-            copy = backup.open("xb")
-        except FileExistsError:
-            continue
-        try:
-            with copy:
-                copy.write(content)
-            shutil.copystat(path, backup)
-        except BaseException:
-            backup.unlink()
-            raise
-        return backup
-    raise AssertionError("counting never ends")
+        with suppress(FileExistsError):
+            backup.touch(exist_ok=False)
+            break
+    try:
+        shutil.copy2(path, backup)
+    except BaseException:
+        backup.unlink()
+        raise
+    return backup

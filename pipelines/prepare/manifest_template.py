@@ -12,7 +12,7 @@ import tomlkit
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ema.core.errors import InputError
-from ema.core.recording import VOLTAGE, Channel
+from ema.core.recording import VOLTAGE
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.campaign.read import recordings_in
 from ema.io.formats import read_file
@@ -63,10 +63,6 @@ class _Sketch:
     def is_structure(self) -> bool:
         """Whether positions are numbered, but not on a circle."""
         return bool(self.places.known_from) and self.places.positions is None
-
-    @property
-    def sensors(self) -> list[Channel]:
-        return [c for source in self.runs for c in sensors_in(source, self.reference)]
 
 
 def draft_manifest(
@@ -193,8 +189,10 @@ def _force_is_open(sketch: _Sketch) -> bool:
 
 def _uncalibrated(sketch: _Sketch) -> tuple[list[str], list[str]]:
     """Names of the channels in volts, and of those without unit."""
-    used = {sketch.reference, *(c.name for c in sketch.sensors)}
-    used.update(name for source in sketch.runs for name in forces_in(source))
+    used = {sketch.reference}
+    for source in sketch.runs:
+        sensors = (channel.name for channel in sensors_in(source, sketch.reference))
+        used.update(sensors, forces_in(source))
     channels = [c for run in sketch.runs for c in run.channels if c.name in used]
     channels = [channel for channel in channels if needs_calibration(channel)]
     volts = dict.fromkeys(c.name for c in channels if c.quantity == VOLTAGE)
