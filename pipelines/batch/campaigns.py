@@ -20,7 +20,6 @@ from pipelines.batch.state import (
     FAILED,
     BatchFolder,
     Record,
-    Row,
     choices,
     fingerprint_of,
     glance,
@@ -30,8 +29,7 @@ from pipelines.batch.state import (
 from pipelines.process.run import process
 from pipelines.report.save import save
 from pipelines.results.options import Options
-from pipelines.results.parameter_set import from_tuning
-from pipelines.results.result import Result
+from pipelines.results.parameter_set import tuned_parameters
 from pipelines.storage.atomic import remove_abandoned
 from pipelines.storage.result_folder import MARKER, require_free
 from pipelines.storage.tables import plain_rows
@@ -218,15 +216,11 @@ def _processed(task: Task) -> Record:
         inflation_pressure_pa=None if result.tyre is None else result.tyre.inflation_pressure_pa,
         n_warnings=sum(not finding.is_ok for finding in result.findings),
         modes=tuple(plain_rows(result.modal_model.to_frame())),
-        parameters=_parameters(result),
+        parameters=tuple(
+            (name, each.value, each.std, each.how)
+            for name, each in tuned_parameters(result.tuning, result.damping).items()
+        ),
     )
-
-
-def _parameters(result: Result) -> tuple[Row, ...]:
-    if result.tuning is None:
-        return ()
-    both = from_tuning("", result.tuning, result.damping, {}).ring_and_damping
-    return tuple((name, each.value, each.std, each.how) for name, each in both.items())
 
 
 def _explained(error: Exception) -> tuple[str, str]:

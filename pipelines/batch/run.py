@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ema.core.errors import InputError
 from ema.core.numerics import available_cores
-from pipelines.batch.campaigns import CampaignFolder, Task, carry_out, find_campaigns, sweep
+from pipelines.batch.campaigns import Task, carry_out, find_campaigns, sweep
 from pipelines.batch.state import (
     BatchFolder,
     Record,
@@ -120,18 +120,21 @@ def run_batch(
         rule = "the workers are either on this machine or those of the scheduler"
         raise InputError(where, "both", rule, "Leave one of them out")
     if scheduler is not None and tasks:
-        records = on_cluster(
+        ended = on_cluster(
             tasks, carry_out, scheduler, announce, allow_unencrypted=allow_unencrypted
         )
     elif len(tasks) < 2:  # a single one needs no worker process
-        records = in_this_process(tasks, carry_out)
+        ended = in_this_process(tasks, carry_out)
     else:
-        records = on_this_machine(tasks, carry_out, min(jobs or available_cores(), len(tasks)))
-    fresh = _carried_out(tasks, records, finished)
+        ended = on_this_machine(tasks, carry_out, min(jobs or available_cores(), len(tasks)))
+    fresh = _carried_out(tasks, ended, finished)
     every = earlier | fresh
-    batch = Batch(folder, tuple(every[each.name] for each in campaigns), frozenset(fresh))
-    _write_overview(batch, campaigns)
-    return batch
+    records = tuple(every[each.name] for each in campaigns)
+    if not tables_are_current(records, folder):  # the campaigns' table last: it tells that
+        write_modes_and_parameters(records, folder)
+        write_summary(records, campaigns, folder)
+        write_campaigns(records, folder)
+    return Batch(folder, records, frozenset(fresh))
 
 
 def _earlier(task: Task, *, retry_failed: bool) -> Record | None:
@@ -153,7 +156,7 @@ def _earlier(task: Task, *, retry_failed: bool) -> Record | None:
 
 
 def _carried_out(
-    tasks: Sequence[Task], records: Iterator[Record], finished: Finished
+    tasks: Sequence[Task], records: Generator[Record], finished: Finished
 ) -> dict[str, Record]:
     """Records by campaign; after an interruption half-written results are removed."""
     fresh: dict[str, Record] = {}
@@ -162,17 +165,8 @@ def _carried_out(
             fresh[record.campaign] = record
             finished(record, len(fresh), len(tasks))
     finally:
-        if isinstance(records, Generator):
-            records.close()  # ends the workers
+        records.close()  # ends the workers
         for task in tasks:
             if task.campaign.name not in fresh:
                 sweep(task)
     return fresh
-
-
-def _write_overview(batch: Batch, campaigns: Sequence[CampaignFolder]) -> None:
-    """Write tables and summary unless they are current; the campaigns' table last."""
-    if not tables_are_current(batch.records, batch.folder):
-        write_modes_and_parameters(batch.records, batch.folder)
-        write_summary(batch.records, campaigns, batch.folder)
-        write_campaigns(batch.records, batch.folder)

@@ -10,6 +10,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from ema.core.errors import InputError, ManifestError
 from ema.core.files import require_regular
 from ema.io.campaign.manifest import MANIFEST_NAME, read_manifest, resolve
@@ -62,12 +64,7 @@ def read_record(path: Path) -> Record | None:
         content = json.loads(require_regular(path).read_text(encoding="utf-8"))
         if content.pop("schema") != SCHEMA:
             return None
-        fingerprint = content.pop("fingerprint")
-        files = tuple(FileState(**state) for state in fingerprint["files"])
-        content["fingerprint"] = Fingerprint(fingerprint["digest"], files)
-        for name in ("modes", "parameters"):
-            content[name] = tuple(map(tuple, content[name]))
-        return Record(**content)
+        return TypeAdapter(Record).validate_python(content)
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return None
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from operator import attrgetter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -39,17 +38,19 @@ _CAMPAIGNS = {
 
 def write_modes_and_parameters(records: Sequence[Record], folder: BatchFolder) -> None:
     """Write ``modes.parquet`` and ``parameters.parquet``."""
-    modes = [(*_campaign(each), *row) for each in records for row in each.modes]
-    parameters = [(*_campaign(each), *row) for each in records for row in each.parameters]
-    _write_rows(folder.modes, _types(MODES), modes)
-    _write_rows(folder.parameters, _types(PARAMETERS), parameters)
+    for name, columns in (("modes", MODES), ("parameters", PARAMETERS)):
+        rows = [
+            (each.campaign, each.designation, each.inflation_pressure_pa, *row)
+            for each in records
+            for row in getattr(each, name)
+        ]
+        _write_rows(getattr(folder, name), _types(columns), rows)
 
 
 def write_campaigns(records: Sequence[Record], folder: BatchFolder) -> None:
     """Write ``campaigns.parquet``, from which a later run sees whether the tables are current."""
-    _write_rows(
-        folder.campaigns, _CAMPAIGNS, [tuple(each.values()) for each in campaign_rows(records)]
-    )
+    rows = [tuple(each.values()) for each in campaign_rows(records)]
+    _write_rows(folder.campaigns, _CAMPAIGNS, rows)
 
 
 def tables_are_current(records: Sequence[Record], folder: BatchFolder) -> bool:
@@ -65,18 +66,11 @@ def tables_are_current(records: Sequence[Record], folder: BatchFolder) -> bool:
 
 def campaign_rows(records: Sequence[Record]) -> list[dict[str, Any]]:
     """Rows of ``campaigns.parquet`` with the names of their columns."""
-    derived: dict[str, Callable[[Record], Any]] = {
-        "n_modes": lambda record: len(record.modes),
-        "fingerprint": lambda record: record.fingerprint.digest,
-    }
     return [
-        {name: derived.get(name, attrgetter(name))(record) for name in _CAMPAIGNS}
+        {name: getattr(record, name, None) for name in _CAMPAIGNS}
+        | {"n_modes": len(record.modes), "fingerprint": record.fingerprint.digest}
         for record in records
     ]
-
-
-def _campaign(record: Record) -> tuple[Any, ...]:
-    return record.campaign, record.designation, record.inflation_pressure_pa
 
 
 def _types(columns: Sequence[str]) -> dict[str, str]:

@@ -12,7 +12,7 @@ import os
 import signal
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -37,12 +37,12 @@ _ENCRYPTED = ("tls://", "wss://")
 _WITHIN = "inproc://"  # a scheduler in this process
 
 
-def in_this_process(tasks: Sequence[Task], work: Work) -> Iterator[Record]:
+def in_this_process(tasks: Sequence[Task], work: Work) -> Generator[Record]:
     """Do one task after the other."""
     yield from map(work, tasks)
 
 
-def on_this_machine(tasks: Sequence[Task], work: Work, n_workers: int) -> Iterator[Record]:
+def on_this_machine(tasks: Sequence[Task], work: Work, n_workers: int) -> Generator[Record]:
     """Share the tasks among processes with one thread of linear algebra each.
 
     Yields records as tasks end. A task whose worker dies is tried again after the others.
@@ -75,7 +75,7 @@ class _Crew:
         self._deaths: Counter[str] = Counter()
         self._n_stillborn = 0  # killed in a row before they were ready
 
-    def records(self) -> Iterator[Record]:
+    def records(self) -> Generator[Record]:
         """Records as tasks end."""
         while self._waiting or self._busy():
             self._fill()
@@ -216,7 +216,7 @@ def on_cluster(
     announce: Callable[[str], None],
     *,
     allow_unencrypted: bool = False,
-) -> Iterator[Record]:
+) -> Generator[Record]:
     """Share the tasks among the workers of a scheduler; yields records as tasks end.
 
     The folders of the tasks are under the same paths on all machines. `announce` is called with
@@ -299,7 +299,7 @@ def _other_version(where: str, found: str) -> InputError:
     return InputError(where, found, rule, "Install it where the scheduler and the workers start")
 
 
-def _shared(client: Any, tasks: Sequence[Task], work: Work) -> Iterator[Record]:
+def _shared(client: Any, tasks: Sequence[Task], work: Work) -> Generator[Record]:
     """Records as tasks end; the others are cancelled when this is closed."""
     waiting = {client.submit(work, task, pure=False): task for task in tasks}
     try:
@@ -311,7 +311,6 @@ def _shared(client: Any, tasks: Sequence[Task], work: Work) -> Iterator[Record]:
 
 
 def _record_of(future: Any, task: Task) -> Record:
-    distributed = import_module("distributed")
     try:
         record: Record = future.result()
     except CancelledError as error:
@@ -320,6 +319,6 @@ def _record_of(future: Any, task: Task) -> Record:
         raise InputError(task.campaign.name, "no answer", rule, remedy) from error
     except ImportError as error:
         raise _other_version(f"the worker that took {task.campaign.name}", str(error)) from error
-    except distributed.KilledWorker:
+    except import_module("distributed").KilledWorker:
         return given_up(task, "workers died")
     return record

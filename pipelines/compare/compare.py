@@ -29,7 +29,7 @@ from pipelines.compare.modes import (
 from pipelines.compare.significance import Agreement, ParameterChange, agreement, parameter_changes
 from pipelines.process.run import retune
 from pipelines.results.labels import short
-from pipelines.results.parameter_set import Parameter, from_tuning
+from pipelines.results.parameter_set import tuned_parameters
 from pipelines.results.result import Result
 
 #: Longest name of a result in headings, characters.
@@ -38,8 +38,6 @@ LONGEST_NAME = 40
 SAME_PLACE_DEG = 0.5
 #: Fewest common nodes at which shapes are compared.
 FEWEST_NODES = 3
-
-Shapes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,10 +116,10 @@ def compare(first: Result, second: Result) -> Comparison:
     >>> rm.compare(first, second).mac.diagonal().round(3)
     array([1., 1., 1., 1., 1., 1., 1., 1., 1.])
     """
-    shapes = common_shapes(first.modal_model, second.modal_model)
+    mac_of_all, shapes_note = common_shapes(first.modal_model, second.modal_model)
     one = seen_by(first.modal_model, second.modal_model)
     two = seen_by(second.modal_model, first.modal_model)
-    table = common_shapes(one.model, two.model).mac
+    table, _ = common_shapes(one.model, two.model)
     matches = match_modes(one.model.modes, two.model.modes, table)
     modes = matched_modes(one, two, matches, table)
     conditions = condition_contrasts(first, second)
@@ -133,9 +131,12 @@ def compare(first: Result, second: Result) -> Comparison:
         modes=modes,
         only_first=unmatched_modes(one, two, dict(matches)),
         only_second=unmatched_modes(two, one, {j: i for i, j in matches}),
-        mac=shapes.mac,
-        shapes_note=shapes.how,
-        parameters=parameter_changes(_parameters(first), _parameters(second)),
+        mac=mac_of_all,
+        shapes_note=shapes_note,
+        parameters=parameter_changes(
+            tuned_parameters(first.tuning, first.damping),
+            tuned_parameters(second.tuning, second.damping),
+        ),
         conditions=conditions,
         processing=processing,
         doubts=doubts(first, second, modes, conditions, processing),
@@ -176,47 +177,35 @@ def _names(first: str, second: str) -> tuple[str, str]:
     return (one, two) if one != two else (f"{one} (first)", f"{two} (second)")
 
 
-def _parameters(result: Result) -> dict[str, Parameter]:
-    if result.tuning is None:
-        return {}
-    return from_tuning("", result.tuning, result.damping, {}).ring_and_damping
+def common_shapes(first: ModalModel, second: ModalModel) -> tuple[NDArray[np.float64], str]:
+    """MAC of the shapes of two results, and where these are compared, as a sentence.
 
-
-@dataclass(frozen=True, eq=False)
-class CommonShapes:
-    """Shapes of two results at common places or as common orders, and how, as a sentence.
-
-    One row per mode; no columns where they have nothing in common.
+    On a circle: at the common positions if these resolve all orders found, otherwise by amplitudes
+    of the orders that both grids resolve. Without angles: at the common nodes. NaN where nothing
+    is common.
     """
-
-    first: Shapes
-    second: Shapes
-    how: str
-
-    @property
-    def mac(self) -> NDArray[np.float64]:
-        """MAC of the first (rows) against the second; NaN where nothing is common."""
-        if self.first.size == 0 or self.second.size == 0:
-            return np.full((len(self.first), len(self.second)), np.nan)
-        return mac(self.first, self.second)
-
-
-def common_shapes(first: ModalModel, second: ModalModel) -> CommonShapes:
-    """Shapes of two results in a form that can be compared.
-
-    On a circle: at the common positions if these resolve all orders found, otherwise as amplitudes
-    of the orders that both grids resolve. Without angles: at the common nodes.
-    """
+    ours, theirs = _residues(first), _residues(second)
     if not (on_circle(first.position_deg) and on_circle(second.position_deg)):
-        return _at_common_nodes(first, second)
+        nodes, here, there = np.intersect1d(first.node, second.node, return_indices=True)
+        if nodes.size < FEWEST_NODES:
+            how = f"Shapes are not compared: the results have {nodes.size} nodes in common."
+            return np.full((len(ours), len(theirs)), np.nan), how
+        places = f"the {nodes.size} nodes that both results have, by their numbers"
+        how = f"Shapes are compared at {places}."
+        return mac(ours[:, here], theirs[:, there]), how
     here, there = common_positions(first.position_deg, second.position_deg)
     orders = [mode.order for mode in first.modes + second.modes if mode.order is not None]
     if here.size and highest_order(first.position_deg[here]) >= max(orders, default=0):
         whole = here.size == first.position_deg.size == second.position_deg.size
         which = "all" if whole else "the"
         how = f"Shapes are compared at {which} {here.size} positions that both results have."
-        return CommonShapes(_residues(first)[:, here], _residues(second)[:, there], how)
-    return _order_by_order(first, second)
+        return mac(ours[:, here], theirs[:, there]), how
+    highest = min(highest_order(model.position_deg) for model in (first, second))
+    how = (
+        "The grids differ: shapes are compared by their amplitudes of cos nθ and sin nθ, orders "
+        f"0 to {highest}, which each grid resolves."
+    )
+    return mac(_amplitudes(first, highest), _amplitudes(second, highest)), how
 
 
 def common_positions(
@@ -233,25 +222,7 @@ def common_positions(
     return here, nearest[here]
 
 
-def _at_common_nodes(first: ModalModel, second: ModalModel) -> CommonShapes:
-    nodes, here, there = np.intersect1d(first.node, second.node, return_indices=True)
-    if nodes.size < FEWEST_NODES:
-        how = f"Shapes are not compared: the results have {nodes.size} nodes in common."
-        return CommonShapes(_residues(first)[:, :0], _residues(second)[:, :0], how)
-    how = f"Shapes are compared at the {nodes.size} nodes that both results have, by their numbers."
-    return CommonShapes(_residues(first)[:, here], _residues(second)[:, there], how)
-
-
-def _order_by_order(first: ModalModel, second: ModalModel) -> CommonShapes:
-    highest = min(highest_order(model.position_deg) for model in (first, second))
-    how = (
-        "The grids differ: shapes are compared by their amplitudes of cos nθ and sin nθ, orders "
-        f"0 to {highest}, which each grid resolves."
-    )
-    return CommonShapes(_amplitudes(first, highest), _amplitudes(second, highest), how)
-
-
-def _amplitudes(model: ModalModel, highest: int) -> Shapes:
+def _amplitudes(model: ModalModel, highest: int) -> NDArray[np.complex128]:
     """Order amplitudes of all modes, scaled so that their MAC is that on the whole circle."""
     resolved = highest_order(model.position_deg)
     waves = np.linalg.pinv(circle_basis(model.position_deg, resolved))[: 2 * highest + 1]
@@ -260,6 +231,6 @@ def _amplitudes(model: ModalModel, highest: int) -> Shapes:
     return np.asarray(_residues(model) @ (waves * rms[:, None]).T)
 
 
-def _residues(model: ModalModel) -> Shapes:
+def _residues(model: ModalModel) -> NDArray[np.complex128]:
     rows = [mode.residues for mode in model.modes]
     return np.array(rows, dtype=complex).reshape(len(rows), model.node.size)

@@ -21,24 +21,28 @@ RECORD_KEEPING = frozenset(
 BOUNDARY = frozenset(
     {"boundary", "boundary_condition", "boundary_conditions", "mounting", "support"}
 )
-BAND = "processing.band_hz"
-AVERAGES = "processing.averages_per_run"  # follows from the length of a run; part of σ
-#: Options that affect results: place in ``provenance.json`` under ``options``, and its title.
+BAND = "options.processing.band_hz"
+AVERAGES = "options.processing.averages_per_run"  # follows from the length of a run; part of σ
+SENSORS, DRIFT = "corrections.sensor_mass_kg", "drift"
+#: What affects results: place in ``provenance.json``, and its title.
 OPTIONS = {
     BAND: "band / Hz",
-    "processing.block_seconds": "block length / s",
-    "processing.window": "window",
-    "processing.overlap": "overlap",
+    "options.processing.block_seconds": "block length / s",
+    "options.processing.window": "window",
+    "options.processing.overlap": "overlap",
     AVERAGES: "averages a run",
-    "processing.exponential_window_s": "exponential window / s",
-    "processing.sampling_rate_hz": "sampling rate / Hz",
-    "estimator": "FRF estimator",
-    "method": "pole estimator",
-    "max_order": "highest model order",
-    "pinned_hz": "frequencies pinned / Hz",
-    "excluded_hz": "frequencies excluded / Hz",
-    "objective": "objective of the tuning",
-    "given": "ring parameters given",
+    "options.processing.exponential_window_s": "exponential window / s",
+    "options.processing.sampling_rate_hz": "sampling rate / Hz",
+    "options.estimator": "FRF estimator",
+    "options.method": "pole estimator",
+    "options.max_order": "highest model order",
+    "options.pinned_hz": "frequencies pinned / Hz",
+    "options.excluded_hz": "frequencies excluded / Hz",
+    "options.objective": "objective of the tuning",
+    "options.given": "ring parameters given",
+    SENSORS: "mass of the sensors",
+    DRIFT: "drift between runs",
+    "software.ringmodal": "version of ringmodal",
 }
 NO_TYRE = "structure, not described as a tyre"
 
@@ -86,7 +90,7 @@ def processing_contrasts(first: Result, second: Result) -> tuple[Contrast, ...]:
     one, two = _processing(first), _processing(second)
     return tuple(
         Contrast(key, title, one[key], two[key], _differ(one[key], two[key]))
-        for key, title in (OPTIONS | _MORE).items()
+        for key, title in OPTIONS.items()
         if one[key] or two[key]
     )
 
@@ -111,25 +115,15 @@ def _stated(result: Result) -> dict[str, str]:
     return stated
 
 
-_SENSORS, _DRIFT, _VERSION = "corrections.sensor_mass_kg", "drift", "software.ringmodal"
-_MORE = {
-    _SENSORS: "mass of the sensors",
-    _DRIFT: "drift between runs",
-    _VERSION: "version of ringmodal",
-}
-
-
 def _processing(result: Result) -> dict[str, str]:
-    """Texts of everything in `OPTIONS` and `_MORE`; empty where a result does not record it."""
-    record = result.provenance
-    texts = {place: _text(_at(record.get("options"), place)) for place in OPTIONS}
-    if "corrections" in record:
-        mass_kg = _at(record, _SENSORS)
-        texts[_SENSORS] = f"{1e3 * mass_kg:g} g compensated" if mass_kg else "not compensated"
+    """Texts of everything in `OPTIONS`; empty where a result does not record it."""
+    texts = {place: _text(_at(result.provenance, place)) for place in OPTIONS}
+    if "corrections" in result.provenance:
+        mass_kg = _at(result.provenance, SENSORS)
+        texts[SENSORS] = f"{1e3 * mass_kg:g} g compensated" if mass_kg else "not compensated"
     drifting = result.modal_model.drift.applied
-    texts[_DRIFT] = "corrected, state of the first run" if drifting else "none found"
-    texts[_VERSION] = _text(_at(record, _VERSION))
-    return {_SENSORS: "", **texts}
+    texts[DRIFT] = "corrected, state of the first run" if drifting else "none found"
+    return texts
 
 
 def _at(value: Any, place: str) -> Any:

@@ -73,8 +73,7 @@ def matched_modes(
     first: Side, second: Side, matches: Matches, mac: NDArray[np.float64]
 ) -> tuple[MatchedMode, ...]:
     """Matched modes with their differences; frequencies and damping are tested together."""
-    same_band = first.model.band_hz == second.model.band_hz
-    rows = [_matched(first, second, i, j, float(mac[i, j]), same_band) for i, j in matches]
+    rows = [_matched(first, second, i, j, float(mac[i, j])) for i, j in matches]
     tested = jointly_tested([row.frequency for row in rows] + [row.damping for row in rows])
     half = len(rows)
     return tuple(
@@ -121,8 +120,9 @@ def unmatched_modes(
     )
 
 
-def _matched(first: Side, second: Side, i: int, j: int, mac: float, same_band: bool) -> MatchedMode:
+def _matched(first: Side, second: Side, i: int, j: int, mac: float) -> MatchedMode:
     one, two = first.model.modes[i], second.model.modes[j]
+    same_band = first.model.band_hz == second.model.band_hz
 
     def difference(name: str, std: str, shift: str) -> Difference:
         values, stds, shifts = ((getattr(one, of), getattr(two, of)) for of in (name, std, shift))

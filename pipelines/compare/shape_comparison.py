@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
+from scipy.linalg import orth
 
 from ema.core.errors import InputError, unknown
 from ema.core.mac import mac
@@ -26,7 +28,7 @@ from pipelines.compare.shape_source import (
 )
 from pipelines.results.store import load
 from pipelines.storage.rounding import DASH, number, signed, value_with_std
-from pipelines.storage.tables import table_of, write_csv
+from pipelines.storage.tables import write_csv
 
 #: MAC from which shapes are called the same (customary limit), or similar.
 SAME, SIMILAR = 0.9, 0.6
@@ -155,18 +157,14 @@ def explained_share(shape: NDArray[np.complex128], basis: NDArray[np.complex128]
     MAC of the shape, (n_places,), with its projection on the span of the others, (n_shapes,
     n_places): 1 − ‖φ − Pφ‖²/‖φ‖².
     """
-    left, sizes, _ = np.linalg.svd(basis.T, full_matrices=False)
-    span = left[:, sizes > _RANK * sizes[0]] if sizes[0] > 0 else left[:, :0]
     power = float(np.vdot(shape, shape).real)
-    inside = span.conj().T @ shape
+    inside = orth(basis.T, _RANK).conj().T @ shape
     return float(np.vdot(inside, inside).real) / power if power > 0 else 0.0
 
 
 def _check(chosen: Alignment) -> None:
-    for option, value, known in (
-        ("--by", chosen.by, WAYS),
-        ("--direction", chosen.direction, DIRECTIONS),
-    ):
+    choices = {"--by": (chosen.by, WAYS), "--direction": (chosen.direction, DIRECTIONS)}
+    for option, (value, known) in choices.items():
         if value and value not in known:
             raise unknown(option, value, f"it must be one of {', '.join(known)}", known)
     if not 0 < chosen.tolerance_deg <= 180:
@@ -189,9 +187,7 @@ def match_rows(found: ShapeComparison) -> list[tuple[str, ...]]:
     result, other = found.result, found.other
     rows: list[tuple[str, ...]] = []
     for match in found.matches:
-        own_hz, std_hz = (
-            float(each[match.mode]) for each in (result.frequency_hz, result.frequency_std_hz)
-        )
+        own_hz, std_hz = result.frequency_hz[match.mode], result.frequency_std_hz[match.mode]
         counterpart = (
             other.mode_name[match.other],
             number(float(other.frequency_hz[match.other]), 5),
@@ -222,12 +218,9 @@ def comparison_record(found: ShapeComparison) -> dict[str, Any]:
 
 def write_table(found: ShapeComparison, path: Path) -> None:
     """Write best matches as CSV, followed by a column of MACs for each other mode."""
-    records = [_record(found, match) for match in found.matches]
+    matches = pd.DataFrame([_record(found, match) for match in found.matches])
     others = [f"mac_{other + 1}" for other in range(found.mac.shape[1])]
-    rows = [
-        (*record.values(), *macs) for record, macs in zip(records, found.mac.tolist(), strict=True)
-    ]
-    write_csv(path, table_of((*records[0], *others), rows))
+    write_csv(path, matches.join(pd.DataFrame(found.mac, columns=others)))
 
 
 def _record(found: ShapeComparison, match: Match) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +34,7 @@ class ShapeSource(ReadonlyArrays):
     name: str  # result, file or table
     # shape (n_modes,); NaN where unknown
     frequency_hz: NDArray[np.float64]
+    frequency_std_hz: NDArray[np.float64]
     damping_ratio: NDArray[np.float64]
     mode_name: tuple[str, ...]
     node: NDArray[np.int_]  # shape (n_places,); 0 where there are no numbers
@@ -43,14 +44,7 @@ class ShapeSource(ReadonlyArrays):
     # unknown
     radius_m: NDArray[np.float64]
     across_m: NDArray[np.float64]
-    # shape (n_modes,); NaN where unknown
-    frequency_std_hz: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()  # assumptions
-
-    def __post_init__(self) -> None:
-        if not self.frequency_std_hz.size:
-            object.__setattr__(self, "frequency_std_hz", np.full(self.frequency_hz.size, np.nan))
-        super().__post_init__()
 
     @property
     def has_angles(self) -> bool:
@@ -70,6 +64,7 @@ def of_result(result: Result, name: str) -> ShapeSource:
     return ShapeSource(
         name=name,
         frequency_hz=model.frequencies_hz,
+        frequency_std_hz=np.array([mode.frequency_std_hz for mode in model.modes]),
         damping_ratio=model.damping_ratios,
         mode_name=tuple(
             f"{number}" if mode.order is None else f"{number} (n = {mode.order}{mode.member})"
@@ -80,7 +75,6 @@ def of_result(result: Result, name: str) -> ShapeSource:
         values=np.array([mode.shape for mode in model.modes]).reshape(-1, places),
         radius_m=np.full(places, np.nan if radius_m is None else radius_m),
         across_m=np.zeros(places),
-        frequency_std_hz=np.array([mode.frequency_std_hz for mode in model.modes]),
         notes=accepted_notes(result.provenance, name),
     )
 
@@ -104,17 +98,13 @@ def read_source(
     if path.suffix.lower() == ".csv":
         return _of_table(path)
     found = read_radial_shapes(path, direction, on_wheel=on_wheel)
+    n_modes = found.frequency_hz.size
+    notes = tuple(f"{path.name}: {note}" for note in found.notes)
     return ShapeSource(
         name=path.name,
-        frequency_hz=found.frequency_hz,
-        damping_ratio=found.damping_ratio,
-        mode_name=tuple(str(number) for number in range(1, found.frequency_hz.size + 1)),
-        node=found.node,
-        angle_deg=found.angle_deg,
-        values=found.values,
-        radius_m=found.radius_m,
-        across_m=found.across_m,
-        notes=tuple(f"{path.name}: {note}" for note in found.notes),
+        mode_name=tuple(str(number) for number in range(1, n_modes + 1)),
+        frequency_std_hz=np.full(n_modes, np.nan),
+        **{**vars(found), "notes": notes},
     )
 
 
@@ -125,15 +115,14 @@ _DEFAULTS = {"node": 0.0, "position_deg": np.nan, "imag": 0.0, "frequency_hz": n
 def _of_table(path: Path) -> ShapeSource:
     """Shapes of a table with the columns mode, node or position_deg, real, imag, frequency_hz."""
     rows = _read_table(path)
+    # A place is a node, an angle, or both.
     place = rows.groupby(["node", "position_deg"], dropna=False, sort=False).ngroup()
-    twice = pd.DataFrame({"mode": rows["mode"], "place": place}).duplicated()
+    twice = rows.duplicated(["mode", "node", "position_deg"])
     if twice.any():  # the direction of the second one is unknown
         row = rows[twice].iloc[0]
         where = f"node {row['node']:g}" if row["node"] else f"{row['position_deg']:g} degrees"
-        found = f"two values of mode {row['mode']:g} at {where}"
-        raise InputError(
-            str(path), found, "a mode has one value at each place", "Keep one direction"
-        )
+        found, rule = f"two values of mode {row['mode']:g} at {where}", "a mode has one value"
+        raise InputError(str(path), found, f"{rule} at each place", "Keep one direction")
     modes, mode_at = np.unique(rows["mode"], return_inverse=True)
     places = rows[~place.duplicated()]
     values = np.full((modes.size, len(places)), complex(np.nan, np.nan))
@@ -144,6 +133,7 @@ def _of_table(path: Path) -> ShapeSource:
     return ShapeSource(
         name=path.name,
         frequency_hz=frequency_hz,
+        frequency_std_hz=np.full(modes.size, np.nan),
         damping_ratio=np.full(modes.size, np.nan),
         mode_name=tuple(f"{mode:g}" for mode in modes),
         node=places["node"].to_numpy(int),
@@ -159,9 +149,9 @@ def _read_table(path: Path) -> pd.DataFrame:
         cells = pd.read_csv(
             require_regular(path), dtype=str, keep_default_na=False, encoding="utf-8-sig"
         )
-    except (ValueError, pd.errors.ParserError) as error:
-        if isinstance(error, InputError):
-            raise
+    except InputError:
+        raise
+    except ValueError as error:  # UTF-8, or what pandas raises
         raise InputError(str(path), str(error), "it must be a table in UTF-8", _REMEDY) from error
     held = set(map(str, cells))
     if not {"mode", "real"} <= held or not held & {"node", "position_deg"}:
@@ -234,7 +224,7 @@ def common_places(result: ShapeSource, other: ShapeSource, alignment: Alignment)
             what = "angles" if way == ANGLE else "node numbers"
             remedy = f"Choose --by {NODE if way == ANGLE else ANGLE}"
             raise InputError(each.name, f"no {what}", f"places are matched by {way}", remedy)
-    usable: NDArray[np.bool_] = np.asarray(np.isfinite(other.values).all(axis=0))
+    usable = np.asarray(np.isfinite(other.values).all(axis=0))
     if way == ANGLE:
         pairs, how = _by_angle(result, other, usable, alignment)
         names = [f"{angle:g}°" for angle in result.angle_deg]

@@ -1,38 +1,43 @@
-"""Export of a result's modes to other programs."""
+"""Export of a result's modes to other programs: universal file, tables, JSON, MATLAB."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.io import savemat
 
-from ema.core.errors import InputError, nearest
-from ema.core.frf import FRF
+from ema.core.errors import escaped, unknown
 from ema.core.modes import Mode
+from ema.io.uff import write as uff
 from ema.io.uff.frf import SYNTHESISED
 from pipelines.export.data import BOTH, MEASURED, NONE, Geometry, ModalExport, geometry_of
-from pipelines.export.formats import FOLDER_MARKER, write_json, write_mat, write_tables, write_uff
 from pipelines.results.labels import in_band
-from pipelines.results.provenance import accepted_notes
+from pipelines.results.provenance import accepted_notes, software_version
 from pipelines.results.result import Result
 from pipelines.results.store import load
 from pipelines.storage.atomic import file_written_whole, require_free_file
+from pipelines.storage.checksums import write_marker
 from pipelines.storage.result_folder import written_whole
+from pipelines.storage.rounding import jsonable
+from pipelines.storage.tables import write_csv
 
 FRF_CHOICES = (BOTH, MEASURED, SYNTHESISED, NONE)
-
-_LEAST_DRIVE = 3.0  # smallest residue at the force for modal A, in standard deviations
-
-#: Writers by the name of their format; each takes the content and the place.
-FORMATS: dict[str, Callable[[ModalExport, Path], None]] = {
-    "uff": write_uff,
-    "csv": write_tables,
-    "json": write_json,
-    "mat": write_mat,
+FOLDER_MARKER = "export.json"  # lists the files of an export that is a folder
+UNITS = {
+    **{"frequency_hz": "Hz", "damping_ratio": "1", "poles": "rad/s", "position_deg": "deg"},
+    **{"xyz_m": "m", "shapes": "1, largest part of each mode 1", "residues": "m/(N s)"},
+    **{"modal_a": "N s/m", "modal_mass_kg": "kg", "lower_residual": "(m/s^2)/N"},
+    **{"upper_residual": "m/N", "frf": "(m/s^2)/N", "coherence": "1"},
 }
-FOLDERS = ("csv",)  # formats that write a folder
+_LEAST_DRIVE = 3.0  # smallest residue at the force for modal A, in standard deviations
 
 
 @dataclass(frozen=True)
@@ -42,38 +47,6 @@ class Written:
     path: Path
     file_format: str
     export: ModalExport
-
-
-def gather(
-    result: Result, *, real: bool = False, frfs: str = BOTH, text: bool = False
-) -> ModalExport:
-    """Collect modes, geometry and FRFs of a result.
-
-    Synthesised FRFs cover the fitted band; with both, the measured ones are cut to it, as many
-    programs need the same frequencies in all FRFs of a file.
-    """
-    geometry, model = geometry_of(result), result.modal_model
-    notes = accepted_notes(result.provenance, result.name)
-    if result.corrections or result.sensor_mass is not None:
-        notes = (*notes, "measured FRFs as fitted: corrected, masses compensated (see the result)")
-    geometry = replace(geometry, notes=(*geometry.notes, *notes))
-    shapes = np.array([mode.shape for mode in model.modes]).reshape(-1, geometry.n_measured)
-    frf = replace(result.frf, node=geometry.node[: geometry.n_measured])
-    synthesised = None
-    if frfs in (BOTH, SYNTHESISED):
-        frf = _within(frf, model.fit_band_hz)
-        values = model.synthesise(frf.frequency_hz, frf.run)
-        unknown = np.full(values.shape, np.nan)
-        synthesised = replace(frf, values=values, coherence=unknown, std=unknown)
-    return ModalExport(
-        result=result,
-        geometry=geometry,
-        shapes=shapes.real if real else shapes.astype(complex),
-        modal_a=np.array([_modal_a(mode, geometry) for mode in model.modes], dtype=complex),
-        measured=frf if frfs in (BOTH, MEASURED) else None,
-        synthesised=synthesised,
-        frfs_as_text=text,
-    )
 
 
 def export(
@@ -111,7 +84,7 @@ def export(
         unknown, or the place is taken.
     """
     if frfs not in FRF_CHOICES:
-        raise _unknown("--frfs", frfs, FRF_CHOICES)
+        raise unknown("--frfs", frfs, f"it must be one of {', '.join(FRF_CHOICES)}", FRF_CHOICES)
     chosen = _format_of(out, file_format)
     folder = Path(folder)
     loaded = load(folder, accept_changes=accept_changes)
@@ -129,36 +102,261 @@ def export(
 
 
 def _format_of(out: Path | str | None, file_format: str) -> str:
-    if file_format:
-        if file_format.casefold() not in FORMATS:
-            raise _unknown("--format", file_format, tuple(FORMATS))
-        return file_format.casefold()
     ending = Path(out).suffix.lower().lstrip(".") if out else "uff"
-    ending = {"unv": "uff", "": "csv"}.get(ending, ending)
-    if ending not in FORMATS:
-        raise _unknown(str(out), ending, tuple(FORMATS))
-    return ending
+    wanted = file_format.casefold() or {"unv": "uff", "": "csv"}.get(ending, ending)
+    if wanted not in FORMATS:
+        where = "--format" if file_format else str(out)
+        rule = f"it must be one of {', '.join(FORMATS)}"
+        raise unknown(where, file_format or wanted, rule, FORMATS)
+    return wanted
 
 
-def _unknown(where: str, found: str, known: tuple[str, ...]) -> InputError:
-    rule = f"it must be one of {', '.join(known)}"
-    return InputError(where, repr(found), rule, nearest(found.casefold(), known))
+def gather(
+    result: Result, *, real: bool = False, frfs: str = BOTH, text: bool = False
+) -> ModalExport:
+    """Collect modes, geometry and FRFs of a result.
+
+    Synthesised FRFs cover the fitted band; with both, the measured ones are cut to it, as many
+    programs need the same frequencies in all FRFs of a file.
+    """
+    geometry, model = geometry_of(result), result.modal_model
+    notes = accepted_notes(result.provenance, result.name)
+    if result.corrections or result.sensor_mass is not None:
+        notes = (*notes, "measured FRFs as fitted: corrected, masses compensated (see the result)")
+    geometry = replace(geometry, notes=(*geometry.notes, *notes))
+    shapes = np.array([mode.shape for mode in model.modes]).reshape(-1, geometry.n_measured)
+    frf = replace(result.frf, node=geometry.node[: geometry.n_measured])
+    synthesised = None
+    if frfs in (BOTH, SYNTHESISED):
+        fitted = in_band(frf.frequency_hz, model.fit_band_hz)
+        parts = {name: getattr(frf, name)[:, fitted] for name in ("values", "coherence", "std")}
+        frf = replace(frf, frequency_hz=frf.frequency_hz[fitted], **parts)
+        values = model.synthesise(frf.frequency_hz, frf.run)
+        blank = np.full(values.shape, np.nan)
+        synthesised = replace(frf, values=values, coherence=blank, std=blank)
+    return ModalExport(
+        result=result,
+        geometry=geometry,
+        shapes=shapes.real if real else shapes.astype(complex),
+        modal_a=np.array([_modal_a(mode, geometry) for mode in model.modes], dtype=complex),
+        measured=frf if frfs in (BOTH, MEASURED) else None,
+        synthesised=synthesised,
+        frfs_as_text=text,
+    )
 
 
 def _modal_a(mode: Mode, geometry: Geometry) -> complex:
+    unknown_a = complex(np.nan, np.nan)
     rows = np.flatnonzero(geometry.node[: geometry.n_measured] == geometry.reference_node)
     if rows.size == 0:
-        return complex(np.nan, np.nan)
+        return unknown_a
     at_force = complex(mode.residues[rows[0]])
     noise = float(mode.residues_std[rows[0]])
     if not abs(at_force) > _LEAST_DRIVE * (noise if np.isfinite(noise) else 0.0):
-        return complex(np.nan, np.nan)
+        return unknown_a
     modal_a = complex(mode.shape[rows[0]]) ** 2 / at_force
     is_mass = (modal_a / (2j * mode.pole.imag)).real > 0  # else the force acts elsewhere
-    return modal_a if is_mass else complex(np.nan, np.nan)
+    return modal_a if is_mass else unknown_a
 
 
-def _within(frf: FRF, band_hz: tuple[float, float]) -> FRF:
-    chosen = in_band(frf.frequency_hz, band_hz)
-    parts = {name: getattr(frf, name)[:, chosen] for name in ("values", "coherence", "std")}
-    return replace(frf, frequency_hz=frf.frequency_hz[chosen], **parts)
+def write_json(found: ModalExport, path: Path) -> None:
+    """Write JSON; complex arrays are objects of two arrays, ``real`` and ``imag``."""
+    text = json.dumps(_jsonable(content(found)), ensure_ascii=False, allow_nan=False)
+    path.write_text(escaped(text) + "\n", encoding="utf-8", newline="\n")
+
+
+def write_mat(found: ModalExport, path: Path) -> None:
+    """Write a MATLAB file (version 5) with the names of JSON; groups are structs, texts cells."""
+    with path.open("wb") as file:  # savemat adds an ending to names
+        savemat(file, _matlab(content(found)), do_compression=True)
+
+
+def content(found: ModalExport) -> dict[str, Any]:
+    """Everything by name; modes as rows, positions as columns, standard deviations as ``…_std``."""
+    geometry, model = found.geometry, found.result.modal_model
+    places = ("node", "position_deg", "xyz_m", "direction", "n_measured")
+    everything: dict[str, Any] = {
+        "source": found.result.name,
+        "software": f"ringmodal {software_version()}",
+        "units": UNITS,
+        "notes": [*geometry.notes, *found.result.notes],
+        "nodes": {name: getattr(geometry, name) for name in places}
+        | {"force_node": geometry.reference_node},
+        "modes": mode_columns(found),
+        "covariance": model.covariance,
+        "shapes": found.shapes,
+        "residues": np.array([mode.residues for mode in found.modes]),
+        "residues_std": np.array([mode.residues_std for mode in found.modes]),
+        "lower_residual": model.residual_terms.lower,
+        "upper_residual": model.residual_terms.upper,
+        "band_hz": list(model.band_hz),
+        "fit_band_hz": list(model.fit_band_hz),
+    }
+    for name, frf in (("measured", found.measured), ("synthesised", found.synthesised)):
+        if frf is not None:
+            everything[name] = part = {"frequency_hz": frf.frequency_hz, "frf": frf.values}
+            if np.isfinite(frf.std).any():
+                part["frf_std"] = frf.std
+            if np.isfinite(frf.coherence).any():
+                part["coherence"] = frf.coherence
+    return everything
+
+
+def mode_columns(found: ModalExport) -> dict[str, Any]:
+    """The modes, column by column."""
+    modes = found.modes
+
+    def column(name: str) -> NDArray[Any]:
+        return np.array([getattr(mode, name) for mode in modes])
+
+    return {
+        "mode": np.arange(1, len(modes) + 1),
+        "order": np.array([np.nan if m.order is None else float(m.order) for m in modes]),
+        "member": [mode.member for mode in modes],
+        "frequency_hz": column("frequency_hz"),
+        "frequency_hz_std": column("frequency_std_hz"),
+        "damping_ratio": column("damping_ratio"),
+        "damping_ratio_std": column("damping_std"),
+        "poles": column("pole"),
+        "modal_a": found.modal_a,
+        "modal_mass_kg": found.modal_mass_kg,
+        "mpc": column("mpc"),
+        "status": [mode.status for mode in modes],
+        "pair": [mode.pair.value for mode in modes],
+    }
+
+
+def _jsonable(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _jsonable(entry) for name, entry in value.items()}
+    if isinstance(value, np.ndarray):
+        if np.iscomplexobj(value):
+            return {"real": _jsonable(value.real), "imag": _jsonable(value.imag)}
+        if value.dtype.kind != "f" or np.isfinite(value).all():
+            return value.tolist()  # faster than number by number
+        value = value.tolist()
+    return jsonable(value)
+
+
+def _matlab(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _matlab(entry) for name, entry in value.items()}
+    if isinstance(value, list) and all(isinstance(entry, str) for entry in value):
+        return np.array(value, dtype=object)
+    return value
+
+
+def write_tables(found: ModalExport, folder: Path) -> None:
+    """Write ``nodes.csv``, ``modes.csv``, ``shapes.csv``, FRFs, and ``export.json`` with the rest.
+
+    FRFs have one line per frequency and two columns per node, real and imaginary part.
+    """
+    geometry = found.geometry
+    points = dict(zip(("x_m", "y_m", "z_m"), geometry.xyz_m.T, strict=True))
+    nodes = {"node": geometry.node, "position_deg": geometry.position_deg, **points}
+    write_csv(folder / "nodes.csv", pd.DataFrame(nodes))
+    write_csv(folder / "modes.csv", _modes(found))
+    write_csv(folder / "shapes.csv", _shapes(found))
+    for name, frf in (("measured", found.measured), ("synthesised", found.synthesised)):
+        if frf is not None:
+            parts = np.ascontiguousarray(frf.values.T).view(np.float64)
+            columns = [f"{part}_node_{n}" for n in frf.node.tolist() for part in ("real", "imag")]
+            cells = np.column_stack([frf.frequency_hz, parts])
+            table = pd.DataFrame(cells, columns=["frequency_hz", *columns])
+            write_csv(folder / f"frf_{name}.csv", table)
+    about: dict[str, Any] = {"source": found.result.name, "notes": list(geometry.notes)}
+    about |= {"force_node": geometry.reference_node, "units": UNITS}
+    write_marker(folder / FOLDER_MARKER, about)
+
+
+def _modes(found: ModalExport) -> pd.DataFrame:
+    """The modes; complex columns as two."""
+    columns: dict[str, Any] = {}
+    for name, values in mode_columns(found).items():
+        if np.iscomplexobj(values):
+            columns |= {f"{name}_real": values.real, f"{name}_imag": values.imag}
+        else:
+            columns[name] = values
+    columns["order"] = pd.array([mode.order for mode in found.modes], dtype="Int64")
+    return pd.DataFrame(columns)
+
+
+def _shapes(found: ModalExport) -> pd.DataFrame:
+    geometry, n_modes = found.geometry, len(found.modes)
+    measured = slice(geometry.n_measured)
+    shapes = np.concatenate(found.shapes).astype(complex)
+    repeat = np.repeat(np.arange(n_modes), geometry.n_measured)
+    columns = {
+        "mode": repeat + 1,
+        "frequency_hz": np.array([mode.frequency_hz for mode in found.modes])[repeat],
+        "node": np.tile(geometry.node[measured], n_modes),
+        "position_deg": np.tile(geometry.position_deg[measured], n_modes),
+    }
+    return pd.DataFrame({**columns, "real": shapes.real, "imag": shapes.imag})
+
+
+def write_uff(found: ModalExport, path: Path) -> None:
+    """Write datasets 151, 164, 2420, 2411, 82, 55 and 58b or 58.
+
+    Shapes are in Cartesian components: the motion along the measured direction as x, y, z.
+    """
+    geometry = found.geometry
+    program = f"ringmodal {software_version()}"
+    notes = "; ".join(geometry.notes)
+    with path.open("wb") as file:
+        file.write(uff.header_151(found.result.name, notes, program, datetime.now().astimezone()))
+        file.write(uff.units_164() + uff.coordinate_system_2420())
+        file.write(uff.nodes_2411(geometry.node, geometry.xyz_m))
+        file.write(uff.trace_lines_82("ring" if geometry.is_closed else "line", geometry.path))
+        for number in range(1, len(found.modes) + 1):
+            file.write(uff.shape_55(_shape(found, number)))
+        meaning = "radial, outward" if geometry.is_closed else "as measured"
+        for kind, frf in ((MEASURED, found.measured), (SYNTHESISED, found.synthesised)):
+            if frf is not None:
+                uff.append_frfs(
+                    file,
+                    frf,
+                    reference_node=geometry.reference_node,
+                    direction=geometry.direction_code,
+                    note=f"{kind}; direction {geometry.direction_code} is {meaning}",
+                    byte_order=None if found.frfs_as_text else "little",
+                )
+
+
+def _shape(found: ModalExport, number: int) -> uff.ShapeDataset:
+    mode, geometry = found.modes[number - 1], found.geometry
+    along = found.shapes[number - 1]
+    directions = geometry.direction[: geometry.n_measured]
+    modal_a, mass_kg = complex(found.modal_a[number - 1]), float(found.modal_mass_kg[number - 1])
+    order = "" if mode.order is None else f", order {mode.order}{mode.member}"
+    motion = "radial motion" if geometry.is_closed else "measured motion"
+    stds = f"{_known(mode.frequency_std_hz, 'Hz')}, {_known(100 * mode.damping_std, '%')}"
+    return uff.ShapeDataset(
+        number=number,
+        id_lines=(
+            f"Mode {number}{order}, {mode.frequency_hz:.4f} Hz, {100 * mode.damping_ratio:.4f} %",
+            found.result.name,
+            f"std {stds} damping",
+            f"{motion} as x, y, z; largest part 1",
+            f"status {mode.status}",
+        ),
+        pole=mode.pole,
+        node=geometry.node[: geometry.n_measured],
+        values=along[:, None] * directions,
+        modal_a=0.0 if np.isnan(modal_a) else modal_a,
+        modal_mass_kg=0.0 if np.isnan(mass_kg) else mass_kg,
+    )
+
+
+def _known(std: float, unit: str) -> str:
+    return f"{std:.2g} {unit}" if np.isfinite(std) else f"unknown {unit}"
+
+
+#: Writers by the name of their format; each takes the content and the place.
+FORMATS: dict[str, Callable[[ModalExport, Path], None]] = {
+    "uff": write_uff,
+    "csv": write_tables,
+    "json": write_json,
+    "mat": write_mat,
+}
+FOLDERS = ("csv",)  # formats that write a folder

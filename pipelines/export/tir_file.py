@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import shutil
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
@@ -56,19 +57,20 @@ class TirFile:
         """The file, byte for byte."""
         return "".join(self.lines).encode(_ENCODING, _UNDECODED)
 
-    def sections(self) -> tuple[str, ...]:
-        """Names of the sections in their order, upper case, with repetitions."""
-        found = map(_SECTION.match, self.lines)
-        return tuple(match["name"].strip().upper() for match in found if match)
+    @cached_property
+    def headings(self) -> tuple[tuple[str, int], ...]:
+        """Name, in upper case, and line of each section in their order, with repetitions."""
+        found = ((_SECTION.match(line), number) for number, line in enumerate(self.lines, 1))
+        return tuple((match["name"].strip().upper(), number) for match, number in found if match)
 
     @cached_property
     def entries(self) -> tuple[TirEntry, ...]:
         """All lines that give a value to a key, without comments and rows of tables."""
         section, found = "", []
+        section_at = {number: name for name, number in self.headings}
         for number, line in enumerate(self.lines, 1):
-            if heading := _SECTION.match(line):
-                section = heading["name"].strip().upper()
-            elif entry := _ENTRY.match(line):
+            section = section_at.get(number, section)
+            if number not in section_at and (entry := _ENTRY.match(line)):
                 key, value = entry["key"].lstrip("\ufeff \t").upper(), entry["value"]
                 text = value[1:-1] if _quote(value) else value
                 found.append(TirEntry(section, key, text, number))
@@ -144,14 +146,9 @@ class TirFile:
 
     def _last_line(self, section: str) -> int | None:
         """Number of the last entry of a section, or of its heading; None where it is missing."""
-        current, last = "", None
-        for number, line in enumerate(self.lines, 1):
-            heading = _SECTION.match(line)
-            if heading:
-                current = heading["name"].strip().upper()
-            if current == section and (heading or _ENTRY.match(line)):
-                last = number
-        return last
+        lines = [number for name, number in self.headings if name == section]
+        lines += [entry.line for entry in self.entries if entry.section == section]
+        return max(lines, default=None)
 
 
 def tir_of(content: bytes, name: str) -> TirFile:
@@ -171,7 +168,7 @@ def read_tir(path: Path) -> TirFile:
         found = "UTF-16, or not text"
         raise InputError(str(path), found, rule, "Save it as UTF-8, or choose a .tir file")
     tir = tir_of(content, path.name)
-    if not tir.sections():
+    if not tir.headings:
         rule = "a tyre property file must have sections, e.g. [UNITS]"
         raise InputError(str(path), "no section", rule, "Choose a .tir file")
     return tir
@@ -195,19 +192,14 @@ def save_tir(tir: TirFile, path: Path) -> Path | None:
 
 def _backed_up(path: Path) -> Path:
     """Copy a file to FILE.bak, or to FILE.bak2 and so on, whichever is free."""
-    content = path.read_bytes()
     for number in count(1):
         backup = path.with_name(f"{path.name}.bak{number if number > 1 else ''}")
-        try:
-            copy = backup.open("xb")
-        except FileExistsError:
-            continue
-        try:
-            with copy:
-                copy.write(content)
-            shutil.copystat(path, backup)
-        except BaseException:
-            backup.unlink()
-            raise
-        return backup
-    raise AssertionError("counting never ends")
+        with suppress(FileExistsError):
+            backup.touch(exist_ok=False)
+            break
+    try:
+        shutil.copy2(path, backup)
+    except BaseException:
+        backup.unlink()
+        raise
+    return backup

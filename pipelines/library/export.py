@@ -13,16 +13,15 @@ import pandas as pd
 from ema.core.errors import escaped, unknown
 from pipelines.export.belt import write_modal_targets
 from pipelines.library.history import history_of
-from pipelines.library.tyre import LibraryTyre
-from pipelines.library.version import ApprovalState, Version, values_of
+from pipelines.library.version import ApprovalState, LibraryTyre, Version, values_of
 from pipelines.results.parameter_set import (
     CONDITION_NAMES,
     DAMPING_NAMES,
     RING_NAMES,
-    SCHEMA,
     WHEEL_NAMES,
     Parameter,
     ParameterSet,
+    parameter_document,
     write_parameter_set,
 )
 from pipelines.storage import tables
@@ -30,33 +29,28 @@ from pipelines.storage.atomic import file_written_whole, require_free_file
 from pipelines.storage.checksums import DamagedFile
 from pipelines.storage.rounding import jsonable
 
-COLUMNS = ("section", "name", "value", "std", "how")
+COLUMNS = ["section", "name", "value", "std", "how"]
 
 
 def write_json(parameters: ParameterSet, path: Path) -> None:
     """Write a parameter set as JSON, sections and names as in TOML."""
-    sections = {key: part for key, part in asdict(parameters).items() if part}
-    for name in {"ring", "damping"} & sections.keys():
-        sections[name] = {
-            key: {field: value for field, value in entry.items() if value is not None}
-            for key, entry in sections[name].items()
-        }
-    content = jsonable({"schema": SCHEMA, **sections})
+    content = jsonable(parameter_document(parameters).unwrap())
     text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
     path.write_text(escaped(text) + "\n", encoding="utf-8", newline="\n")
 
 
 def write_csv(parameters: ParameterSet, path: Path) -> None:
     """Write a parameter set as a table of section, name, value, standard deviation and origin."""
+    sections = {
+        "conditions": {name: Parameter(value) for name, value in parameters.conditions.items()},
+        "ring": parameters.ring,
+        "damping": parameters.damping,
+        "wheel": {name: Parameter(value) for name, value in parameters.wheel.items()},
+    }
     rows: list[tuple[Any, ...]] = [("", "designation", parameters.designation, None, "")]
-    for name, value in parameters.conditions.items():
-        rows.append(("conditions", name, value, None, "given"))
-    wheel = {name: Parameter(value) for name, value in parameters.wheel.items()}
-    sections = {"ring": parameters.ring, "damping": parameters.damping, "wheel": wheel}
     for section, entries in sections.items():
-        for name, entry in entries.items():
-            rows.append((section, name, entry.value, entry.std, entry.how))
-    tables.write_csv(path, tables.table_of(COLUMNS, rows))
+        rows += [(section, name, each.value, each.std, each.how) for name, each in entries.items()]
+    tables.write_csv(path, pd.DataFrame(rows, columns=COLUMNS, dtype=object))
 
 
 #: Writers by the name of their format: each takes a parameter set and the file to write.

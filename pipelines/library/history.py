@@ -9,8 +9,14 @@ from typing import Any
 from pipelines.compare.significance import ParameterChange, parameter_changes
 from pipelines.library.library import NamedSet
 from pipelines.library.series import PRESSURE, UNITS_PA
-from pipelines.library.tyre import LibraryTyre
-from pipelines.library.version import ApprovalState, Version, read_approvals, recordings, values_of
+from pipelines.library.version import (
+    ApprovalState,
+    LibraryTyre,
+    Version,
+    read_approvals,
+    recordings,
+    values_of,
+)
 from pipelines.storage.checksums import DamagedFile
 from pipelines.storage.rounding import signed
 

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from ema.core.errors import InputError, unknown
 from model.errors import ParameterError
-from pipelines.library.numbering import folder_in_use, folder_name, numbered_files, split_reference
-from pipelines.library.tyre import LibraryTyre
-from pipelines.library.version import Entry, Version, login_name, signed_now
+from pipelines.library.numbering import folder_name, numbered_files, split_reference
+from pipelines.library.version import Entry, LibraryTyre, Version, login_name, signed_now
 from pipelines.results.parameter_set import (
     CONDITION_NAMES,
     ParameterSet,
@@ -20,6 +19,7 @@ from pipelines.results.parameter_set import (
     read_parameter_set,
 )
 from pipelines.results.provenance import checked_result
+from pipelines.storage.atomic import folder_in_use
 from pipelines.storage.checksums import DamagedFile, sha256
 
 VARIABLE = "RINGMODAL_LIBRARY"
@@ -115,20 +115,17 @@ class TyreLibrary:
             source=Path(source).resolve().name,
             source_sha256=sha256(path),
         )
-        self._require_place()
-        with folder_in_use(self.folder):
-            wanted = folder_name(parameters.designation, tyre_id)
-            same = [t for t in self.tyres() if t.name.casefold() == wanted.casefold()]
-            tyre = same[0] if same else LibraryTyre(self.folder / wanted)
-            return tyre.add(parameters, entry)
-
-    def _require_place(self) -> None:
-        """Refuse a folder whose parent does not exist, as after a typing error."""
+        # A missing parent is a typing error.
         if not self.folder.absolute().parent.is_dir():
             rule = "the parent folder of a library must exist"
             raise InputError(str(self.folder), "no such folder", rule, "Check the path")
         if self.folder.exists() and not self.folder.is_dir():
             raise InputError(str(self.folder), "a file", "it must be a folder", "Name a folder")
+        with folder_in_use(self.folder):
+            wanted = folder_name(parameters.designation, tyre_id)
+            same = [t for t in self.tyres() if t.name.casefold() == wanted.casefold()]
+            tyre = same[0] if same else LibraryTyre(self.folder / wanted)
+            return tyre.add(parameters, entry)
 
 
 def resolve(

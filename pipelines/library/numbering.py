@@ -12,12 +12,12 @@ import os
 import re
 import time
 import unicodedata
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from ema.core.errors import InputError
-from pipelines.storage.atomic import partial_name, remove_abandoned
+from pipelines.storage.atomic import folder_in_use, partial_name, remove_abandoned
 
 ABANDONED_S = 30.0  # a turn takes milliseconds; after this time without change it is abandoned
 _POLL_S = 0.02
@@ -65,28 +65,18 @@ def write_next(folder: Path, text_of: Callable[[int], str]) -> int:
                 return number
 
 
-@contextmanager
-def folder_in_use(folder: Path) -> Iterator[None]:
-    """Create a folder if missing; on an error it is removed again."""
-    is_new = not folder.exists()
-    folder.mkdir(parents=True, exist_ok=True)
-    try:
-        yield
-    except BaseException:
-        if is_new:
-            with suppress(OSError):  # another process has written there
-                folder.rmdir()
-        raise
-
-
 def _taken(place: Path, text: str) -> bool:
     """Write `text` to a place; False if the place is taken."""
-    with _hidden(place, text) as partial:
-        try:
-            return _renamed(partial, place) if _RENAME_KEEPS else _linked(partial, place)
-        except OSError as error:
-            if _RENAME_KEEPS or error.errno not in _NO_LINKS:
-                raise
+    partial = partial_name(place.with_name(_NEXT))
+    try:
+        _write(partial, text)
+        return _renamed(partial, place) if _RENAME_KEEPS else _linked(partial, place)
+    except OSError as error:
+        if _RENAME_KEEPS or error.errno not in _NO_LINKS:
+            raise
+    finally:
+        with suppress(OSError):  # renamed, or not written
+            partial.unlink()
     return _taken_in_turn(place, text)
 
 
@@ -148,17 +138,6 @@ def _await_turn(turn: Path, text: str) -> None:
             elif time.monotonic() - since_s > ABANDONED_S:
                 turn.rename(aside := partial_name(turn.with_name(_NEXT)))
                 aside.unlink()
-
-
-@contextmanager
-def _hidden(place: Path, text: str) -> Iterator[Path]:
-    partial = partial_name(place.with_name(_NEXT))
-    try:
-        _write(partial, text)
-        yield partial
-    finally:
-        with suppress(OSError):  # renamed, or not written
-            partial.unlink()
 
 
 def _write(path: Path, text: str) -> None:

@@ -77,7 +77,12 @@ def pressure_series(versions: Sequence[Version], names: Sequence[str] = ()) -> S
     trends = tuple(trend for trend in found.values() if trend is not None)
     missing = [name for name, trend in found.items() if trend is None]
     if not trends or (names and missing):
-        raise _no_series(used, versions[0].tyre, missing if names else [])
+        pressures = sorted({each.parameters.conditions[PRESSURE] for each in used})
+        bar = ", ".join(f"{pressure / UNITS_PA['bar']:g}" for pressure in pressures)
+        sought = ", ".join(missing if names else []) or "any parameter"
+        rule = f"a series needs {sought} identified at two different pressures"
+        remedy = "Add results measured at other pressures"
+        raise InputError(versions[0].tyre, f"recordings at {bar} bar", rule, remedy)
     return Series(versions[0].tyre, trends, tuple(_notes(versions, used, missing)))
 
 
@@ -127,16 +132,6 @@ def _trend(name: str, versions: Sequence[Version]) -> Trend | None:
     std = np.array([nan if point[2] is None else point[2] for point in points])
     numbers = tuple(point[3] for point in points)
     return Trend(name, pressure_pa, value, std, numbers, fit_line(pressure_pa, value, std))
-
-
-def _no_series(used: Sequence[Version], tyre: str, missing: Sequence[str]) -> InputError:
-    pressures = sorted({each.parameters.conditions[PRESSURE] for each in used})
-    found = ", ".join(f"{pressure / UNITS_PA['bar']:g}" for pressure in pressures)
-    what = ", ".join(missing) or "any parameter"
-    rule = f"a series needs {what} identified at two different pressures"
-    return InputError(
-        tyre, f"recordings at {found} bar", rule, "Add results measured at other pressures"
-    )
 
 
 def _notes(

@@ -95,11 +95,14 @@ def inspect_files(sources: Sequence[Path], *, levels: bool = True) -> Inspection
 def _look(source: Path, levels: bool) -> Iterator[FileReport | InputError]:
     """Report on each file of a source, or its error."""
     manifest, files = None, [source]
-    if is_folder(source) or source.suffix.lower() == ".toml":
+    in_folder = is_folder(source)
+    if in_folder or source.suffix.lower() == ".toml":
         files = []
         try:
-            files = recordings_in(source) if is_folder(source) else []
-            manifest = _manifest_of(source)
+            files = recordings_in(source) if in_folder else []
+            path = source / MANIFEST_NAME if in_folder else source
+            if not in_folder or exists(path):
+                manifest = read_manifest(path)
             if manifest is not None and not files:
                 files = [resolve(source, run.file) for run in manifest.runs]
         except InputError as error:
@@ -109,11 +112,6 @@ def _look(source: Path, levels: bool) -> Iterator[FileReport | InputError]:
             yield _report(path, manifest, levels)
         except InputError as error:
             yield error
-
-
-def _manifest_of(source: Path) -> Manifest | None:
-    path = source / MANIFEST_NAME if is_folder(source) else source
-    return None if is_folder(source) and not exists(path) else read_manifest(path)
 
 
 @one_blas_thread

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import tomlkit
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ema.core.errors import InputError
-from ema.core.recording import VOLTAGE, Channel
+from ema.core.recording import VOLTAGE
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.campaign.read import recordings_in
 from ema.io.formats import read_file
@@ -35,15 +36,6 @@ from pipelines.storage.result_folder import named
 
 _MOST_NAMED = 6  # channels in a message
 _BARE_KEY = re.compile(r"^[A-Za-z0-9_-]+$")
-_TO_FILL_IN = """\
-# Template made from the recordings. Replace angle brackets by values and remove the # before those
-# lines; check the rest. The README shows a complete manifest.
-"""
-_ANGLES = "# Angles in degrees around the tyre, from the force, in the same direction in all runs."
-_POSITIONS = """\
-# positions = <number>           # positions around the tyre: 72 if they are 5 degrees apart
-"""
-_REFERENCE = '# reference = "<channel>"        # the sensor that stays in place in all runs, if any'
 
 
 @dataclass(frozen=True)
@@ -71,10 +63,6 @@ class _Sketch:
     def is_structure(self) -> bool:
         """Whether positions are numbered, but not on a circle."""
         return bool(self.places.known_from) and self.places.positions is None
-
-    @property
-    def sensors(self) -> list[Channel]:
-        return [c for source in self.runs for c in sensors_in(source, self.reference)]
 
 
 def draft_manifest(
@@ -201,8 +189,10 @@ def _force_is_open(sketch: _Sketch) -> bool:
 
 def _uncalibrated(sketch: _Sketch) -> tuple[list[str], list[str]]:
     """Names of the channels in volts, and of those without unit."""
-    used = {sketch.reference, *(c.name for c in sketch.sensors)}
-    used.update(name for source in sketch.runs for name in forces_in(source))
+    used = {sketch.reference}
+    for source in sketch.runs:
+        sensors = (channel.name for channel in sensors_in(source, sketch.reference))
+        used.update(sensors, forces_in(source))
     channels = [c for run in sketch.runs for c in run.channels if c.name in used]
     channels = [channel for channel in channels if needs_calibration(channel)]
     volts = dict.fromkeys(c.name for c in channels if c.quantity == VOLTAGE)
@@ -211,110 +201,44 @@ def _uncalibrated(sketch: _Sketch) -> tuple[list[str], list[str]]:
 
 
 def _text_of(sketch: _Sketch) -> str:
-    instead = "FRFs, instead of the time series"
-    parts = [
-        _TO_FILL_IN,
-        "schema = 1\n",
-        _tyre(sketch),
-        _acquisition(sketch),
-        _calibration(sketch),
-        _grid(sketch),
-        _excitation(sketch),
-        *(_run(sketch, source) for source in sketch.runs),
-        *(_commented_run(source.path, instead) for source in sketch.frfs),
-        *(_commented_run(path, "left out: unreadable") for path in sketch.unread),
-    ]
-    return "\n".join(part for part in parts if part)
-
-
-def _tyre(sketch: _Sketch) -> str:
-    lines = [
-        "[tyre]",
-        f"designation = {_text(sketch.name)}",
-        "# inflation_pressure_pa = <Pa>   # required for the ring parameters",
-        "# mean_radius_m = <m>            # required for the ring parameters",
-        "# belt_width_m = <m>             # optional: absolute amplitudes of the ring model",
-    ]
-    if sketch.is_structure:  # a tyre without data and circle would be refused
-        lines = ["# Only for a tyre:", *(f"# {line.removeprefix('# ')}" for line in lines)]
-    return _joined(lines)
-
-
-def _acquisition(sketch: _Sketch) -> str:
-    rates = _rates(sketch)
-    if len(rates) == 1:
-        return f"[acquisition]\nsampling_rate_hz = {rates[0]!r}\n"
-    if sketch.runs[0].has_frfs:
-        return ""
-    why = "not in the files" if not rates else "the files differ; all runs need the same rate"
-    return f"[acquisition]\n# sampling_rate_hz = <Hz>          # {why}\n"
-
-
-def _calibration(sketch: _Sketch) -> str:
+    environment = Environment(
+        loader=PackageLoader("pipelines.prepare", "."),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters.update({"text": _text, "key": _key})
     volts, unitless = _uncalibrated(sketch)
-    if not volts and not unitless:
-        return ""
-    lines = ['[calibration]                     # a key may be a pattern such as "A*"']
-    for name in volts:
-        unit = "mV/N" if name == sketch.force else "mV/g"
-        lines.append(f'# {_key(name)} = {{ sensitivity = "<number> {unit}" }}')
-    for name in unitless:
-        unit = "N, kN, …" if name == sketch.force else "m/s^2, g, …"
-        lines.append(f'# {_key(name)} = {{ unit = "<{unit}>" }}')
-    return _joined(lines)
+    instead = "FRFs, instead of the time series"
+    return environment.get_template("campaign.toml.j2").render(
+        vars(sketch),
+        is_structure=sketch.is_structure,
+        rates=_rates(sketch),
+        has_series=not sketch.runs[0].has_frfs,
+        volts=volts,
+        unitless=unitless,
+        force_is_open=_force_is_open(sketch),
+        angle_deg=excitation_deg(sketch.runs, sketch.places),
+        runs=[(source, _positions(sketch, source)) for source in sketch.runs],
+        left_out=[
+            *((source.path, instead) for source in sketch.frfs),
+            *((path, "left out: unreadable") for path in sketch.unread),
+        ],
+    )
 
 
-def _grid(sketch: _Sketch) -> str:
-    positions, known_from = sketch.places.positions, sketch.places.known_from
-    if positions is not None:
-        guess = "   # a guess: check it" if sketch.places.is_guess else ""
-        return f"[grid]\npositions = {positions}{guess}\n"
-    what = "Only for a circle of sensors:" if known_from else "For a circle of sensors:"
-    return f"# {what}\n# [grid]\n{_POSITIONS}"
-
-
-def _excitation(sketch: _Sketch) -> str:
-    lines = ["[excitation]"]
-    if sketch.force is not None:
-        lines.append(f"channel = {_text(sketch.force)}")
-    elif _force_is_open(sketch):
-        lines.append("# channel = <name of the force>")
-    if not sketch.is_structure:
-        angle = excitation_deg(sketch.runs, sketch.places)
-        assumed = "               # assumed" if angle is None else ""
-        lines += [f"position_deg = {angle or 0.0!r}{assumed}", 'direction = "radial"']
-    return _joined(lines) if len(lines) > 1 else ""
-
-
-def _run(sketch: _Sketch, source: Source) -> str:
-    lines = ["[[runs]]", f"file = {_text(source.path.name)}"]
-    if sketch.reference in [channel.name for channel in source.channels]:
-        lines.append(f"reference = {_text(str(sketch.reference))}")
-    elif sketch.reference is None and len(sketch.runs) > 1 and not source.has_frfs:
-        lines.append(_REFERENCE)
-    sensors = sensors_in(source, sketch.reference)
-    places = sketch.places
+def _positions(sketch: _Sketch, source: Source) -> str:
+    """The line of a run about the positions of its sensors."""
+    sensors, places = sensors_in(source, sketch.reference), sketch.places
     # Positions in the file are those of accelerations; uncalibrated channels are listed.
     in_file = places.known_from in (GEOMETRY, NODES) and not any(map(needs_calibration, sensors))
     if in_file or sketch.is_structure:
-        lines.append(f"# positions follow from {places.known_from}")
-    elif places.angle_deg is not None:
-        known = (f"{_key(c.name)} = {places.angle_deg[source.path, c.name]!r}" for c in sensors)
-        lines.append(f"positions_deg = {{ {', '.join(known)} }}")
-    else:
-        open_places = (f"{_key(channel.name)} = <deg>" for channel in sensors)
-        lines = lines if source is not sketch.runs[0] else [_ANGLES, *lines]
-        lines.append(f"# positions_deg = {{ {', '.join(open_places)} }}")
-    return _joined(lines)
-
-
-def _commented_run(path: Path, why: str) -> str:
-    name = path.name.encode("utf-8", "replace").decode()
-    return f"# {why}\n# [[runs]]\n# file = {_text(name)}\n"
-
-
-def _joined(lines: Sequence[str]) -> str:
-    return "\n".join(lines) + "\n"
+        return f"# positions follow from {places.known_from}"
+    if places.angle_deg is None:
+        return f"# positions_deg = {{ {', '.join(f'{_key(c.name)} = <deg>' for c in sensors)} }}"
+    known = (f"{_key(c.name)} = {places.angle_deg[source.path, c.name]!r}" for c in sensors)
+    return f"positions_deg = {{ {', '.join(known)} }}"
 
 
 def _key(name: str) -> str:
@@ -322,5 +246,5 @@ def _key(name: str) -> str:
 
 
 def _text(value: str) -> str:
-    """A string of TOML, with escapes as needed."""
-    return tomlkit.item(value).as_string()
+    """A string of TOML, with escapes as needed; names of files may have any bytes."""
+    return tomlkit.item(value.encode("utf-8", "replace").decode()).as_string()

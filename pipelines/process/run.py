@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -105,10 +106,12 @@ def process(
         )
         _require_band(processing.band_hz, estimated)
         band_hz = processing.band_hz or _default_band(campaign, estimated)
-        findings = _band_finding(band_hz, stated=processing.band_hz is not None)
-        campaign = replace(
-            campaign, processing=processing, findings=(*campaign.findings, *findings)
-        )
+        findings = campaign.findings
+        if processing.band_hz is None:
+            why = "as excited and coherent; set band_hz to change"
+            detail = f"{band_hz[0]:g} to {band_hz[1]:g} Hz, {why}"
+            findings = (*findings, Finding("", "", None, Check.BAND, Verdict.OK, detail))
+        campaign = replace(campaign, processing=processing, findings=findings)
     with checksummed(campaign.sources) as inputs:
         with watch.stage("modes", "Identifying modes"):
             found = ema.identify_modes(
@@ -142,12 +145,7 @@ def _measured(
     campaign: Campaign, estimated: FRF, found: Identification, band_hz: tuple[float, float]
 ) -> Result:
     """Result before the ring steps, with the findings of all checks."""
-    notes = (
-        *found.model.notes,
-        *_window_note(campaign),
-        *_live_mass_note(found),
-        *_mass_note(campaign, found),
-    )
+    notes = (*found.model.notes, *_mass_notes(campaign, found))
     fixed, checks = found.frf.reference, campaign.checks
     reference = None if fixed is None else check_reference(fixed, band_hz, checks)
     compared: list[Finding] = []
@@ -271,34 +269,27 @@ def _sensor_mass(campaign: Campaign) -> SensorMass | None:
     return SensorMass(mass_kg or 0.0, seats, angle, campaign.live_mass_kg or 0.0)
 
 
-def _window_note(campaign: Campaign) -> list[str]:
-    length_s = campaign.processing.force_window_s
-    if length_s is None:
-        return []
-    return [f"The analyser applied a force window of {length_s:g} s, which adds no damping."]
-
-
-def _live_mass_note(found: Identification) -> list[str]:
-    if found.sensor_mass is None or not found.sensor_mass.live_mass_kg:
-        return []
-    grams = 1e3 * found.sensor_mass.live_mass_kg
-    return [f"Corrected to the bare tyre: live mass of {grams:g} g at the force is compensated."]
-
-
-def _mass_note(campaign: Campaign, found: Identification) -> list[str]:
-    mass_kg = campaign.sensor_mass_kg
+def _mass_notes(campaign: Campaign, found: Identification) -> Iterator[str]:
+    """What was done about force windows of the analyser and about the mass of the sensors."""
+    if (length_s := campaign.processing.force_window_s) is not None:
+        yield f"The analyser applied a force window of {length_s:g} s, which adds no damping."
+    mass_kg, compensated = campaign.sensor_mass_kg, found.sensor_mass
+    if compensated is not None and compensated.live_mass_kg:
+        grams = 1e3 * compensated.live_mass_kg
+        yield f"Corrected to the bare tyre: live mass of {grams:g} g at the force is compensated."
     if not campaign.has_circle or (mass_kg is None and not campaign.runs):
-        return []
+        return
     if mass_kg is None:
         sensors = max(angles.size for angles in sensors_of_runs(campaign).values())
-        return [loading_note(found.model, sensors, campaign.excitation_deg or 0.0)]
-    if found.sensor_mass is not None and found.sensor_mass.mass_kg:
+        yield loading_note(found.model, sensors, campaign.excitation_deg or 0.0)
+    elif compensated is not None and compensated.mass_kg:
         grams = 1e3 * mass_kg
-        return [f"Corrected to the bare tyre: sensor mass of {grams:g} g each is compensated."]
-    reason = "the angles of the sensors are in doubt, or part of the circle has none"
-    if not campaign.runs:
-        reason = "FRFs from a file do not state which sensors were on the tyre together"
-    return [f"The sensor mass is not compensated: {reason}."]
+        yield f"Corrected to the bare tyre: sensor mass of {grams:g} g each is compensated."
+    else:
+        reason = "the angles of the sensors are in doubt, or part of the circle has none"
+        if not campaign.runs:
+            reason = "FRFs from a file do not state which sensors were on the tyre together"
+        yield f"The sensor mass is not compensated: {reason}."
 
 
 def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:
@@ -311,14 +302,6 @@ def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:
         return low, high
     least, most = TYRE_BAND_HZ
     return least, high if low < most and least < high < most else min(most, frf.frequency_hz[-1])
-
-
-def _band_finding(band_hz: tuple[float, float], *, stated: bool) -> list[Finding]:
-    """Say which band was chosen; nothing where the user chose it."""
-    if stated:
-        return []
-    detail = f"{band_hz[0]:g} to {band_hz[1]:g} Hz, as excited and coherent; set band_hz to change"
-    return [Finding("", "", None, Check.BAND, Verdict.OK, detail)]
 
 
 def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -> str:
@@ -395,11 +378,10 @@ def retune(
     if strict:
         refuse_warnings(result.findings)
     earlier = result.provenance["options"]
-    options = Options(
-        tune=True if objective is not None else earlier["tune"],
-        objective=objective or earlier["objective"],
-        given=earlier["given"] if given is None else given,
-    )
-    chosen = {"tune": options.tune, "objective": options.objective, "given": options.given}
-    again = tune(result, options)
+    chosen: dict[str, Any] = {
+        "tune": True if objective is not None else earlier["tune"],
+        "objective": objective or earlier["objective"],
+        "given": earlier["given"] if given is None else given,
+    }
+    again = tune(result, Options(**chosen))
     return replace(again, provenance={**result.provenance, "options": {**earlier, **chosen}})

@@ -33,35 +33,23 @@ class RingOrder:
     """
 
     order: int
-    modes: tuple[Mode, ...]
-
-    @property
-    def frequency_hz(self) -> float:
-        """Mean frequency of the members."""
-        return float(np.mean([mode.frequency_hz for mode in self.modes]))
-
-    @property
-    def frequency_std_hz(self) -> float:
-        """Standard deviation of `frequency_hz`."""
-        return _std_of_mean([mode.frequency_std_hz for mode in self.modes])
-
-    @property
-    def damping_ratio(self) -> float:
-        """Mean damping ratio of the members."""
-        return float(np.mean([mode.damping_ratio for mode in self.modes]))
-
-    @property
-    def damping_std(self) -> float:
-        """Standard deviation of `damping_ratio`."""
-        return _std_of_mean([mode.damping_std for mode in self.modes])
+    modes: tuple[Mode, ...]  # the stronger one first
+    frequency_hz: float
+    damping_ratio: float
+    frequency_std_hz: float
+    damping_std: float
 
 
 def ring_orders(model: ModalModel) -> tuple[RingOrder, ...]:
-    """Ring modes by order, the stronger member of a pair first."""
-    members = family(model.modes)
-    return tuple(
-        RingOrder(order, tuple(model.modes[k] for k in members[order])) for order in sorted(members)
-    )
+    """Ring modes by order."""
+    found = []
+    for order, members in sorted(family(model.modes).items()):
+        modes = tuple(model.modes[k] for k in members)
+        values = np.mean([(mode.frequency_hz, mode.damping_ratio) for mode in modes], axis=0)
+        stds = np.array([(mode.frequency_std_hz, mode.damping_std) for mode in modes])
+        std_of_mean = np.sqrt(np.sum(stds**2, axis=0)) / len(modes)
+        found.append(RingOrder(order, modes, *values.tolist(), *std_of_mean.tolist()))
+    return tuple(found)
 
 
 def validate(
@@ -107,34 +95,13 @@ def aligned_shape(mode: Mode, position_deg: NDArray[np.float64]) -> NDArray[np.f
     return np.asarray(cosine * np.cos(angle) + sine * np.sin(angle))
 
 
-def _std_of_mean(stds: list[float]) -> float:
-    return float(np.sqrt(np.sum(np.square(stds))) / len(stds))
-
-
-@dataclass(frozen=True)
-class TyreLimits:
-    """Values of tyres, wide enough for motorcycles and trucks.
-
-    Parameters
-    ----------
-    lowest_order_1_hz, highest_order_1_hz : float
-        Natural frequency of order 1 on a fixed rim, Hz. Car tyres have 65 to 100 Hz (Gong 1993;
-        Zegelaar 1998; Kindt 2009), truck tyres from 45 Hz.
-    lightest_kg_m2, heaviest_kg_m2 : float
-        Mass of belt and tread per area. Car tyres have 12 to 25 kg/m² (the same), truck tyres up to
-        50.
-    usual_hz, usual_kg_m2 : float
-        Of a car tyre; a likely cause brings the values near these.
-    """
-
-    lowest_order_1_hz: float = 40.0
-    highest_order_1_hz: float = 130.0
-    lightest_kg_m2: float = 7.0
-    heaviest_kg_m2: float = 60.0
-    usual_hz: float = 80.0
-    usual_kg_m2: float = 18.0
-
-
+# Values of tyres, wide enough for motorcycles and trucks: natural frequency of order 1 on a fixed
+# rim (car tyres have 65 to 100 Hz: Gong 1993, Zegelaar 1998, Kindt 2009; truck tyres from 45 Hz),
+# and mass of belt and tread per area (car tyres 12 to 25 kg/m², the same; truck tyres up to 50).
+_ORDER_1_HZ = (40.0, 130.0)
+_KG_M2 = (7.0, 60.0)
+# Of a car tyre; a likely cause brings the values near these.
+_USUAL_HZ, _USUAL_KG_M2 = 80.0, 18.0
 # Common errors of sampling rates, as factors: half or double (complex or real samples, Nyquist
 # limit given as rate), decades, decimation, two common rates of acquisition hardware.
 _RATE_FACTORS = (2.0, 0.5, 2.56, 1 / 2.56, 10.0, 0.1, 4.0, 0.25, 51.2 / 48, 1e3, 1e-3)
@@ -163,32 +130,21 @@ _UNITS = (
 
 
 def plausibility_finding(
-    orders: Sequence[RingOrder], mass_per_area_kg_m2: float | None, limits: TyreLimits | None = None
+    orders: Sequence[RingOrder], mass_per_area_kg_m2: float | None
 ) -> Finding | None:
-    """Compare the lowest ring mode and the tuned mass with those of tyres.
+    """Compare the lowest ring mode and the tuned mass with those of tyres on a fixed rim.
 
-    Parameters
-    ----------
-    orders : sequence of RingOrder
-        Of a tyre on a fixed rim.
-    mass_per_area_kg_m2 : float or None
-        ρh from frequencies and pressure; None if it was given or not determined.
-    limits : TyreLimits, optional
-
-    Returns
-    -------
-    Finding or None
-        None if there is nothing to compare.
+    The mass per area is None if it was given or not determined; without both there is no finding.
     """
-    limits = limits or TyreLimits()
     first_hz = next((order.frequency_hz for order in orders if order.order == 1), None)
     seen = _Tyre(first_hz, mass_per_area_kg_m2)
     if first_hz is None and mass_per_area_kg_m2 is None:
         return None
-    if seen.is_usual(limits):
+    if seen.is_usual:
         detail = f"{seen.text()}, as tyres have"
         return Finding("", "", None, Check.PLAUSIBILITY, Verdict.OK, detail)
-    detail = f"{seen.text()}; tyres have {_usual_text(limits, seen)}. {_cause(seen, limits)}"
+    usual = seen.text("{1:g} to {2:g} Hz", "{1:g} to {2:g} kg/m²")
+    detail = f"{seen.text()}; tyres have {usual}. {_cause(seen)}"
     return Finding("", "", None, Check.PLAUSIBILITY, Verdict.WARNING, detail)
 
 
@@ -204,39 +160,36 @@ class _Tyre:
         first_hz = None if self.first_hz is None else self.first_hz / rate
         return _Tyre(first_hz, None if self.mass is None else self.mass * rate**2 / pressure)
 
-    def is_usual(self, limits: TyreLimits) -> bool:
-        low_hz, high_hz = limits.lowest_order_1_hz, limits.highest_order_1_hz
-        light, heavy = limits.lightest_kg_m2, limits.heaviest_kg_m2
-        usual_hz = self.first_hz is None or low_hz <= self.first_hz <= high_hz
-        return usual_hz and (self.mass is None or light <= self.mass <= heavy)
+    @property
+    def is_usual(self) -> bool:
+        known = ((self.first_hz, _ORDER_1_HZ), (self.mass, _KG_M2))
+        return all(value is None or low <= value <= high for value, (low, high) in known)
 
-    def distance(self, limits: TyreLimits) -> float:
+    @property
+    def distance(self) -> float:
         """Largest |log| of a ratio to a usual tyre; the mass scales with the rate squared."""
-        ratios = [self.first_hz / limits.usual_hz] if self.first_hz else []
-        ratios += [np.sqrt(self.mass / limits.usual_kg_m2)] if self.mass else []
+        ratios = [self.first_hz / _USUAL_HZ] if self.first_hz else []
+        ratios += [np.sqrt(self.mass / _USUAL_KG_M2)] if self.mass else []
         return float(max(np.abs(np.log(ratios)), default=0.0))
 
     def text(
-        self, hz: str = "order 1 at {:.4g} Hz", mass: str = "a mass per area of {:.3g} kg/m²"
+        self, hz: str = "order 1 at {0:.4g} Hz", mass: str = "a mass per area of {0:.3g} kg/m²"
     ) -> str:
-        """Known values in words."""
-        known = [(hz, self.first_hz), (mass, self.mass)]
-        return " and ".join(words.format(value) for words, value in known if value is not None)
+        """Known values, or their limits, in words."""
+        known = ((hz, self.first_hz, _ORDER_1_HZ), (mass, self.mass, _KG_M2))
+        return " and ".join(
+            words.format(value, *limits) for words, value, limits in known if value is not None
+        )
 
 
-def _usual_text(limits: TyreLimits, seen: _Tyre) -> str:
-    hz = f"{limits.lowest_order_1_hz:g} to {limits.highest_order_1_hz:g} Hz"
-    return seen.text(hz, f"{limits.lightest_kg_m2:g} to {limits.heaviest_kg_m2:g} kg/m²")
-
-
-def _cause(seen: _Tyre, limits: TyreLimits) -> str:
+def _cause(seen: _Tyre) -> str:
     causes = {_rate_text(factor, seen): seen.scaled(rate=factor) for factor in _RATE_FACTORS}
     if seen.mass is not None:
         for factor, what in _PRESSURES:
             text = f"the inflation pressure is wrong ({what})"
             causes[text] = seen.scaled(pressure=factor)
-    best = min(causes, key=lambda text: causes[text].distance(limits))
-    if causes[best].distance(limits) < np.log(_CAUSE_WITHIN):
+    best = min(causes, key=lambda text: causes[text].distance)
+    if causes[best].distance < np.log(_CAUSE_WITHIN):
         return f"Most likely {best}"
     return "Check the sampling rate, the inflation pressure and the mean radius"
 
@@ -257,24 +210,12 @@ def amplitude_finding(
     *,
     ring_is_doubted: bool = False,
 ) -> list[Finding]:
-    """Compare the modal masses from the residues with those of the tuned ring.
+    """Compare the modal masses from the residues with those of the tuned ring, if it has a width.
 
     At an antinode an order has the residue A = 1/(2jωm), m its modal mass, both members of a pair
     together. The ring's mass comes from frequencies and pressure alone, so a wrong unit or
-    sensitivity of all sensors or of the force is a common factor.
-
-    Parameters
-    ----------
-    modal_model : ModalModel
-    orders : tuple of RingOrder
-    ring : RingParameters
-    ring_is_doubted : bool
-        Whether the ring's mass is implausible: then no unit is named as the cause.
-
-    Returns
-    -------
-    list of Finding
-        Empty for a ring without belt width.
+    sensitivity of all sensors or of the force is a common factor. If the ring's mass is doubted
+    itself, no unit is named as the cause.
     """
     if ring.belt_width_m is None:
         return []

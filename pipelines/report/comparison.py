@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.compare import shape_comparison as shapes
-from pipelines.compare import table as tables
+from pipelines.compare import summary as tables
 from pipelines.compare.compare import Comparison
 from pipelines.compare.modes import MatchedMode
-from pipelines.compare.summary_text import CAUTION, METHOD, findings
+from pipelines.compare.summary import CAUTION, METHOD, findings
 from pipelines.plots.chart import Chart
 from pipelines.plots.comparison import change_chart, cross_mac_chart, frf_charts
 from pipelines.plots.modes import matrix_chart

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ema.core.campaign import Campaign, Processing
 from ema.core.errors import InputError
@@ -77,16 +77,9 @@ def processing_in_force(campaign: Campaign, chosen: Processing) -> Processing:
         found = f"{chosen.band_hz[0]:g} to {chosen.band_hz[1]:g} Hz"
         raise InputError("band_hz", found, "a band rises from 0 Hz or above", "Correct the limits")
     manifest = campaign.processing
-    has_length = chosen.averages is not None or chosen.block_seconds is not None
-    lengths = chosen if has_length else manifest
-    windows = manifest if chosen.exponential_window_s is None else chosen
-    return Processing(
-        averages=lengths.averages,
-        block_seconds=lengths.block_seconds,
-        window=chosen.window or manifest.window,
-        overlap=manifest.overlap if chosen.overlap is None else chosen.overlap,
-        band_hz=chosen.band_hz or manifest.band_hz,
-        exponential_window_s=windows.exponential_window_s,
-        exponential_window_std_s=windows.exponential_window_std_s,
-        force_window_s=chosen.force_window_s or manifest.force_window_s,
-    )
+    if chosen.averages is not None or chosen.block_seconds is not None:
+        manifest = replace(manifest, averages=None, block_seconds=None)
+    given = {name: value for name, value in vars(chosen).items() if value is not None}
+    if chosen.exponential_window_s is None:
+        del given["exponential_window_std_s"]
+    return replace(manifest, **given)

@@ -133,6 +133,13 @@ def from_tuning(
     return ParameterSet(designation, conditions, ring, damped, {}, provenance)
 
 
+def tuned_parameters(
+    tuning: TuningResult | None, damping: DampingResult | None
+) -> dict[str, Parameter]:
+    """Parameters of a tuned ring and its damping by name; none without a ring."""
+    return {} if tuning is None else from_tuning("", tuning, damping, {}).ring_and_damping
+
+
 def _obtained(
     names: Iterable[str], values: object, how: Mapping[str, str], std: Mapping[str, float]
 ) -> dict[str, Parameter]:
@@ -165,9 +172,7 @@ def parameter_document(parameters: ParameterSet) -> TOMLDocument:
             document[name] = table = tomlkit.table()
             for key, parameter in section.items():
                 table[key] = entry = tomlkit.inline_table()
-                entry |= {"value": parameter.value, "how": parameter.how}
-                if parameter.std is not None:
-                    entry["std"] = parameter.std
+                entry |= {k: part for k, part in vars(parameter).items() if part is not None}
     if parameters.wheel:
         document["wheel"] = parameters.wheel
     if parameters.provenance:

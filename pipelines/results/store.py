@@ -120,7 +120,13 @@ def write_identification(result: Result, folder: Path) -> None:
     content = {name: getattr(source, name) for source, names in sources for name in names}
     text = json.dumps(content, default=_as_json)
     (folder / JSON_NAME).write_text(text, encoding="utf-8", newline="\n")
-    _write_residues(model, folder / RESIDUES_NAME)
+    # One row per position: residues of modes and guard modes, then residual terms.
+    modes, terms = (*model.modes, *model.guard_modes), model.residual_terms
+    columns: dict[str, Any] = {f"real_{r}": mode.residues.real for r, mode in enumerate(modes)}
+    columns |= {f"imag_{r}": mode.residues.imag for r, mode in enumerate(modes)}
+    columns |= {f"std_{r}": mode.residues_std for r, mode in enumerate(modes)}
+    columns |= {"lower": terms.lower, "upper": terms.upper, "row": np.arange(terms.lower.size)}
+    write_parquet(folder / RESIDUES_NAME, pd.DataFrame(columns))
 
 
 def _as_json(value: Any) -> Any:
@@ -133,23 +139,14 @@ def _as_json(value: Any) -> Any:
     return value.tolist()
 
 
-def _write_residues(model: ModalModel, path: Path) -> None:
-    """One row per position: residues of modes and guard modes, then residual terms."""
-    modes = (*model.modes, *model.guard_modes)
-    columns = {f"real_{r}": mode.residues.real for r, mode in enumerate(modes)}
-    columns |= {f"imag_{r}": mode.residues.imag for r, mode in enumerate(modes)}
-    columns |= {f"std_{r}": mode.residues_std for r, mode in enumerate(modes)}
-    terms = model.residual_terms
-    row = np.arange(terms.lower.size)
-    table = pd.DataFrame({**columns, "lower": terms.lower, "upper": terms.upper, "row": row})
-    write_parquet(path, table)
-
-
 def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
     """Result without its ring steps from a folder and its provenance."""
     stored = schema.read_identification_json(folder / JSON_NAME)
     measured = _read_measured(folder, stored)
-    mass = None if stored.sensor_mass is None else _sensor_mass(stored.sensor_mass)
+    mass = None
+    if (held := stored.sensor_mass) is not None:
+        seats = {run: np.array(angles) for run, angles in held.sensors_deg.items()}
+        mass = SensorMass(held.mass_kg, seats, held.excitation_deg, held.live_mass_kg)
     frf = without_mass(corrected(measured, stored.corrections), mass)
     model = _read_model(stored, frf, folder / RESIDUES_NAME)
     recorded = record.get("settings", {}).get("checks", {})
@@ -193,11 +190,6 @@ def _require_rows(path: Path, stored: schema.Stored, n_rows: int) -> None:
     if not named <= set(range(n_rows)) or len(set(rows)) < len(rows) or len(out) == n_rows:
         rule = f"at most one for each of the {n_rows} FRFs, of which one or more must be used"
         raise InputError(f"{path}, corrections", f"rows {sorted(rows)}", rule, schema.REMEDY)
-
-
-def _sensor_mass(stored: schema.StoredMass) -> SensorMass:
-    seats = {run: np.array(angles) for run, angles in stored.sensors_deg.items()}
-    return SensorMass(stored.mass_kg, seats, stored.excitation_deg, stored.live_mass_kg)
 
 
 def _read_reference(path: Path, band_hz: schema.Two) -> FRF:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,12 @@ from pipelines.storage.tables import Table, write_parquet
 
 #: Columns of ``modes.csv``.
 MODES = ("mode", *MODE_COLUMNS)
+# Columns of ``orders.csv``, and where an `OrderReport` has them.
 _ORDERS = {
-    "frequency_hz": "frequency_hz",
-    "frequency_std_hz": "frequency_std_hz",
-    "damping_ratio": "damping_ratio",
-    "damping_ratio_std": "damping_std",
+    **{"order": "order", "verdict": "pair.verdict", "chance": "pair.chance"},
+    **{"frequency_hz": "frequency_hz", "frequency_std_hz": "frequency_std_hz"},
+    **{"damping_ratio": "damping_ratio", "damping_ratio_std": "damping_std"},
+    "evidence": "pair.evidence",
 }
 _VALIDATION = (
     *("order", "measured_hz", "model_hz", "error_percent"),
@@ -60,14 +62,7 @@ def shapes(result: Result) -> pd.DataFrame:
 
 def orders(reports: tuple[OrderReport, ...]) -> pd.DataFrame:
     """``orders.csv``: each order by itself, and the verdict on its pair."""
-    columns = {
-        "order": [report.order for report in reports],
-        "verdict": [report.pair.verdict for report in reports],
-        "chance": [report.pair.chance for report in reports],
-        **{name: [getattr(report, part) for report in reports] for name, part in _ORDERS.items()},
-        "evidence": [report.pair.evidence for report in reports],
-    }
-    return pd.DataFrame(columns)
+    return pd.DataFrame({name: map(attrgetter(part), reports) for name, part in _ORDERS.items()})
 
 
 def corrections(changes: tuple[Correction, ...]) -> pd.DataFrame:
@@ -145,7 +140,12 @@ def read_frf(path: Path) -> FRF:
         index, texts = table.texts(name)
         return tuple(texts[at] for at in of_row(name, index))
 
-    _require_lines(table, lines.reshape(n_rows, -1))
+    by_row = lines.reshape(n_rows, -1)
+    if n_lines < 2 or np.any(by_row != by_row[0]):
+        rule = "all must have the same two or more"
+        raise table.unusable("frequencies differ between FRFs", rule)
+    if by_row[0, 0] < 0 or np.any(np.diff(by_row[0]) <= 0):
+        raise table.unusable("negative or repeated frequencies", "must be ≥ 0 and rise")
     return FRF(
         frequency_hz=lines[:n_lines],
         values=grid(table.numbers("real")) + 1j * grid(table.numbers("imag")),
@@ -166,11 +166,3 @@ def _row_numbers(table: Table, frequency_hz: NDArray[np.float64]) -> NDArray[np.
             raise table.unusable(f"row {numbers.min()} to {numbers.max()}", "they count from 0")
         return numbers
     return np.concatenate([[0], np.cumsum(np.diff(frequency_hz) <= 0)])[: table.n_rows]
-
-
-def _require_lines(table: Table, lines: NDArray[np.float64]) -> None:
-    if lines.shape[1] < 2 or np.any(lines != lines[0]):
-        rule = "all must have the same two or more"
-        raise table.unusable("frequencies differ between FRFs", rule)
-    if lines[0, 0] < 0 or np.any(np.diff(lines[0]) <= 0):
-        raise table.unusable("negative or repeated frequencies", "must be ≥ 0 and rise")

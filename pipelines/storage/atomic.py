@@ -76,14 +76,12 @@ _OWNER = r"(\d{1,9})-[0-9a-f]{8}"
 _ANY_PARTIAL = re.compile(rf"\..+\.\w+-{_OWNER}\.partial")
 
 
-def partial_name(place: Path) -> Path:
-    """A new hidden name beside `place` with the machine and the process it belongs to."""
-    return _new_name(place, "partial")
+def partial_name(place: Path, ending: str = "partial") -> Path:
+    """A new hidden name beside `place` with the machine and the process it belongs to.
 
-
-def backup_name(place: Path) -> Path:
-    """A new hidden name beside `place` for what is replaced there."""
-    return _new_name(place, "old")
+    The ending is ``"old"`` for what is replaced there.
+    """
+    return place.with_name(f"{_prefix(place)}{os.getpid()}-{secrets.token_hex(4)}.{ending}")
 
 
 def backups(place: Path) -> list[Path]:
@@ -122,6 +120,20 @@ def partial_folder(place: Path) -> Iterator[Path]:
         shutil.rmtree(partial, ignore_errors=True)
 
 
+@contextmanager
+def folder_in_use(folder: Path) -> Iterator[None]:
+    """Make a folder and those above it; after an error the new ones are removed again."""
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except BaseException:
+        for path in missing:
+            with suppress(OSError):  # not made, or in use by now
+                path.rmdir()
+        raise
+
+
 def remove_abandoned(place: Path) -> None:
     """Remove what ended processes left half-written beside `place`.
 
@@ -152,10 +164,6 @@ def _remove_flat(folder: Path) -> None:
         for entry in entries:
             entry.unlink()
         folder.rmdir()
-
-
-def _new_name(place: Path, ending: str) -> Path:
-    return place.with_name(f"{_prefix(place)}{os.getpid()}-{secrets.token_hex(4)}.{ending}")
 
 
 def _prefix(place: Path) -> str:

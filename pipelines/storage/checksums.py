@@ -140,7 +140,7 @@ def sealed(text: str) -> str:
 
 
 def unsealed(path: Path) -> dict[str, Any]:
-    """Content of a file of a library without its checksum; line ends may have been converted."""
+    """Content of a file of a library whose checksum fits; line ends may have been converted."""
     if path.exists() and not path.is_file():
         raise damaged(path, "not a regular file")
     try:
@@ -156,7 +156,7 @@ def unsealed(path: Path) -> dict[str, Any]:
     if last + "\n" != _seal(body):
         raise damaged(path, "a checksum that does not fit its content")
     try:
-        return tomllib.loads(body)
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # TOML, an endless number, nesting
         raise damaged(path, f"not TOML ({error})") from error
 
@@ -180,11 +180,6 @@ def is_sealed(path: Path) -> bool:
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - _LONGEST_SEAL))
         return _SEAL.search(file.read()) is not None
-
-
-def checksum(path: Path) -> str:
-    """Checksum in a file of a library; `unsealed` verifies it."""
-    return path.read_text(encoding="utf-8").rstrip("\n").rpartition('= "')[2].rstrip('"')
 
 
 def damaged(path: Path, found: str) -> DamagedFile:

@@ -17,11 +17,12 @@ from pathlib import Path
 
 from ema.core.errors import InputError
 from pipelines.storage.atomic import (
-    backup_name,
     backups,
     ended_backups,
+    folder_in_use,
     not_written,
     partial_folder,
+    partial_name,
 )
 from pipelines.storage.checksums import (
     Fault,
@@ -50,7 +51,7 @@ def require_free(
     `accepted` are checksums, by name, of changed files that may be replaced too.
     """
     with _as_input_error(folder):
-        place = _resolved(folder)
+        place = Path(os.path.realpath(folder))  # a link to a folder stays
         recover(place, marker)
         if marker is not None and (place / marker).is_file():
             for left in ended_backups(place):
@@ -77,21 +78,19 @@ def written_whole(
     """
     require_free(folder, force=force, marker=marker, accepted=accepted)
     with _as_input_error(folder):
-        place = _resolved(folder)
-        with _folders_above(place), partial_folder(place) as partial:
+        place = Path(os.path.realpath(folder))
+        with folder_in_use(place.parent), partial_folder(place) as partial:
             yield partial
             _to_disk(partial)
-
-            backup = _put(
-                partial, place, lambda: _refuse_occupied(folder, place, force, marker, accepted)
-            )
+            occupied = (folder, place, force, marker, accepted)
+            backup = _put(partial, place, lambda: _refuse_occupied(*occupied))
             if backup is not None and marker is not None:
                 _remove_backup(backup, place, marker, accepted)
 
 
 def recover(folder: Path, marker: str | None = MARKER) -> None:
     """Put an earlier result back that a killed process had moved aside."""
-    place = _resolved(folder)
+    place = Path(os.path.realpath(folder))
     if marker is None or place.exists():
         return
     with suppress(OSError):  # another process did it, or the drive is read-only
@@ -106,11 +105,6 @@ def _is_complete(backup: Path, marker: str) -> bool:
     if not found.files:  # then nothing is ever removed
         return any(backup.iterdir())
     return all((backup / name).exists() for name in found.files)
-
-
-def _resolved(folder: Path) -> Path:
-    """The folder itself if `folder` is a link to it: the link stays."""
-    return Path(os.path.realpath(folder))
 
 
 def _refuse_occupied(
@@ -151,20 +145,6 @@ def named(names: Sequence[str], most: int = 3) -> str:
     return f"{', '.join(names[:most])}{more}"
 
 
-@contextmanager
-def _folders_above(place: Path) -> Iterator[None]:
-    """Make the folders above `place`; remove them again after an error."""
-    missing = [path for path in place.parents if not path.exists()]
-    try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        yield
-    except BaseException:
-        for path in missing:
-            with suppress(OSError):  # not made, or in use by now
-                path.rmdir()
-        raise
-
-
 def _to_disk(folder: Path) -> None:
     """Wait until all is on the disk; a full or missing drive may only fail now."""
     for path in folder.rglob("*"):
@@ -190,7 +170,7 @@ def _swapped(partial: Path, place: Path) -> Path | None:
     if not os.path.lexists(place):
         partial.rename(place)
         return None
-    backup = backup_name(place)
+    backup = partial_name(place, "old")
     try:
         place.rename(backup)
         partial.rename(place)

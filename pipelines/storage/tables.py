@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,6 @@ from pipelines.storage.atomic import file_written_whole
 _REPEATING = ("position_deg", "frequency_hz", "node", "order", "row")
 # No number of a result is as large in SI units, and its fourth power is still a double.
 LARGEST = 1e30
-
-
-def table_of(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> pd.DataFrame:
-    """Table of rows with unchanged cells, such as whole numbers next to unknown ones."""
-    return pd.DataFrame(list(rows), columns=list(columns), dtype=object)
 
 
 def plain_rows(table: pd.DataFrame) -> list[tuple[Any, ...]]:

@@ -13,16 +13,18 @@ from ema.core.campaign import Tyre
 from ema.core.errors import InputError
 from pipelines.compare.compare import compare
 from pipelines.compare.significance import Difference, Scatter, jointly_tested
-from pipelines.compare.summary_text import findings, movement, scatter_text
-from pipelines.compare.table import (
+from pipelines.compare.summary import (
     COMPARISON_HEAD,
     MODE_HEAD,
     PARAMETER_HEAD,
     comparison_record,
     comparison_rows,
     damping_rows,
+    findings,
     frequency_rows,
+    movement,
     parameter_rows,
+    scatter_text,
 )
 from pipelines.plots.chart import Chart
 from pipelines.report.comparison import comparison_sections, render_comparison, write_comparison

@@ -93,7 +93,7 @@ def test_an_added_line_leaves_all_others(content, section):
 
 def test_entries_are_found_by_key_in_any_case():
     file = tir("\ufeff[Units]\r\nlength = 'mm'  $unit\r\n! MASS = 3\r\n[INERTIA]\nMass=1.5D+01")
-    assert file.sections() == ("UNITS", "INERTIA")
+    assert file.headings == (("UNITS", 1), ("INERTIA", 4))
     assert file.find("LENGTH", "UNITS").text == "mm"
     assert file.number("mass") == 15.0
     assert file.find("mass", "INERTIA").line == 5

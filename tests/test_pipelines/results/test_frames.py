@@ -5,7 +5,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from pipelines.storage.tables import plain_rows, table_of, write_csv, write_parquet, write_table
+from pipelines.storage.tables import plain_rows, write_csv, write_parquet, write_table
 
 
 def test_modes_are_a_table(short_result):
@@ -67,7 +67,7 @@ def test_csv_keeps_every_digit_and_whole_numbers(tmp_path):
     cells = (tmp_path / "a.csv").read_text(encoding="utf-8").split()[1:]
     assert cells == [repr(value) for value in values.tolist()]
     rows = [(1, None, 0.1 + 0.2), (None, float("nan"), 3)]
-    write_csv(tmp_path / "b.csv", table_of(("a", "b", "c"), rows))
+    write_csv(tmp_path / "b.csv", pd.DataFrame(rows, columns=["a", "b", "c"], dtype=object))
     content = (tmp_path / "b.csv").read_text(encoding="utf-8")
     assert content == "a,b,c\n1,,0.30000000000000004\n,,3\n"
 

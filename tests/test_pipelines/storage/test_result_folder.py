@@ -14,7 +14,7 @@ import pytest
 
 from ema.core.errors import InputError
 from pipelines.storage import atomic as partial
-from pipelines.storage.atomic import backup_name, partial_name, remove_abandoned
+from pipelines.storage.atomic import partial_name, remove_abandoned
 from pipelines.storage.checksums import read_marker, write_marker
 from pipelines.storage.result_folder import MARKER, recover, require_free, written_whole
 
@@ -206,7 +206,7 @@ def test_a_failure_while_writing_leaves_nothing_and_makes_no_folders(place):
 @pytest.mark.parametrize("of_version_0_1_0", [True, False])
 def test_what_was_moved_aside_is_put_back(place, of_version_0_1_0):
     write(place, "old")
-    aside = place.with_name(".result.old") if of_version_0_1_0 else backup_name(place)
+    aside = place.with_name(".result.old") if of_version_0_1_0 else partial_name(place, "old")
     place.rename(aside)
     recover(place)
     assert content(place) == "old"
