@@ -16,9 +16,7 @@ from scipy.optimize import brentq
 
 from model.parameters import RingDamping, RingParameters
 from pipelines.simulate.laboratory_effects import Effects
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from pipelines.simulate.truth import Complexes, Floats, System, solve
 
 HIGHEST_ORDER = 14
 GRID = 256  # points of the integration; exact up to order 128 of integrand
@@ -84,44 +82,6 @@ def random_ring(seed: int) -> tuple[RingParameters, RingDamping]:
         poles = LaboratoryTyre(ring, damping, Effects()).solve().poles
         if np.sort(np.abs(poles))[2 * 7] < 2 * np.pi * HIGHEST_ORDER_7_HZ:
             return ring, damping
-
-
-@dataclass(frozen=True, eq=False)
-class System:
-    """Poles and residue vectors of a tyre in one state, driven at one point."""
-
-    poles: Complexes  # shape (n_modes,); poles in the upper half plane, ascending, rad/s
-    vectors: Complexes  # shape (n_coordinates, n_modes); mode shapes in the coordinates of the tyre
-    # shape (n_modes,); factor from shape to residue of receptance for a unit force at the drive
-    # point
-    participation: Complexes
-    # shape (n_modes, n_coordinates); velocity part of the left vectors times the inverse mass, for
-    # perturbations
-    left: Complexes
-
-    def part(self, modes: NDArray[np.int_]) -> System:
-        """Some of its modes alone."""
-        poles, vectors = self.poles[modes], self.vectors[:, modes]
-        return System(poles, vectors, self.participation[modes], self.left[modes])
-
-    def residues(self, rows: Floats) -> Complexes:
-        """Residues of receptance at points whose motion is ``rows @ coordinates``."""
-        return np.asarray((rows @ self.vectors) * self.participation, dtype=complex)
-
-    def inertance(self, rows: Floats, omega: Floats) -> Complexes:
-        """Inertance at points, shape (n_points, n_lines), (m/s²)/N."""
-        residues = self.residues(rows)
-        values = np.empty((len(rows), omega.size), dtype=complex)
-        for start in range(0, omega.size, 8192):
-            lines = slice(start, start + 8192)
-            s = 1j * omega[lines]
-            values[:, lines] = residues @ (1 / (s - self.poles[:, None]))
-            values[:, lines] += residues.conj() @ (1 / (s - self.poles.conj()[:, None]))
-        return np.asarray(values * -(omega**2))
-
-    def pole_rates(self, stiffness: Floats) -> Complexes:
-        """First-order change of the poles with an added stiffness matrix."""
-        return np.asarray(-np.einsum("rc,cd,dr->r", self.left, stiffness, self.vectors), complex)
 
 
 @dataclass(frozen=True, eq=False)
@@ -361,16 +321,6 @@ class LaboratoryTyre:
 
         `extra_mass` is the mass matrix of what hangs on the tyre.
         """
-        size = self.size
         drive = self.surface(np.zeros(1))[0] if drive is None else drive
         mass = self.mass if extra_mass is None else self.mass + extra_mass
-        inverse = np.linalg.inv(mass)
-        matrix = np.zeros((2 * size, 2 * size))
-        matrix[:size, size:] = np.eye(size)
-        matrix[size:, :size] = -inverse @ self.stiffness(state)
-        matrix[size:, size:] = -inverse @ self.damping_matrix(state)
-        poles, vectors = np.linalg.eig(matrix)
-        left = np.linalg.inv(vectors)[:, size:] @ inverse
-        upper = np.flatnonzero(poles.imag > 0)
-        upper = upper[np.argsort(np.abs(poles[upper]))]
-        return System(poles[upper], vectors[:size, upper], left[upper] @ drive, left[upper])
+        return solve(mass, self.damping_matrix(state), self.stiffness(state), drive)
