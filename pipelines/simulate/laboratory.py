@@ -25,15 +25,8 @@ from pipelines.simulate.campaign import (
 )
 from pipelines.simulate.laboratory_effects import Effects, describe_effects
 from pipelines.simulate.laboratory_truth import LaboratoryMode, Truth, modes_of, truth_content
-from pipelines.simulate.laboratory_tyre import (
-    STIFFNESSES,
-    Complexes,
-    Floats,
-    LaboratoryTyre,
-    State,
-    System,
-    random_ring,
-)
+from pipelines.simulate.laboratory_tyre import STIFFNESSES, LaboratoryTyre, State, random_ring
+from pipelines.simulate.truth import Complexes, Floats, System
 from pipelines.storage.result_folder import written_whole
 
 _STEP = 1e-3  # relative step of the pressure for its effect on the poles

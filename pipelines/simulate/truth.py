@@ -21,6 +21,7 @@ _LINES_AT_ONCE = 8192
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+Modes = NDArray[np.int_] | slice
 
 
 @dataclass(frozen=True)
@@ -83,18 +84,13 @@ class System:
     # perturbations
     left: Complexes
 
-    def part(self, modes: NDArray[np.int_]) -> System:
-        """Some of its modes alone."""
-        poles, vectors = self.poles[modes], self.vectors[:, modes]
-        return System(poles, vectors, self.participation[modes], self.left[modes])
-
     def residues(self, rows: Floats) -> Complexes:
         """Residues of receptance at points whose motion is ``rows @ coordinates``."""
         return np.asarray((rows @ self.vectors) * self.participation, dtype=complex)
 
-    def inertance(self, rows: Floats, omega: Floats) -> Complexes:
-        """Inertance at points, shape (n_points, n_lines), (m/s²)/N."""
-        return _inertance(self.poles, self.residues(rows), omega)
+    def inertance(self, rows: Floats, omega: Floats, modes: Modes = slice(None)) -> Complexes:
+        """Inertance at points, of all or some `modes`, shape (n_points, n_lines), (m/s²)/N."""
+        return _inertance(self.poles[modes], self.residues(rows)[:, modes], omega)
 
     def pole_rates(self, stiffness: Floats) -> Complexes:
         """First-order change of the poles with an added stiffness matrix."""
