@@ -68,6 +68,11 @@ class Laboratory:
         object.__setattr__(self, "tyre", LaboratoryTyre(ring, damping, self.effects))
 
     @property
+    def name(self) -> str:
+        """Designation of the tyre."""
+        return f"laboratory tyre {self.effects.seed}"
+
+    @property
     def drive(self) -> Floats:
         """Row of the coordinates at the force."""
         return np.asarray(self.tyre.surface(np.array([self.force_deg]))[0])
@@ -127,12 +132,12 @@ class Laboratory:
 
     def signals(self, run: int) -> tuple[Floats, Floats]:
         """What a perfect chain would record: force and accelerations of a run."""
-        driven = self._driven(run)
-        if self._moves:
+        driven, effects = self._driven(run), self.effects
+        if effects.pressure_drift_within or effects.drift_within or effects.softening:
             found = chain.moving_responses(driven, self._shift(run, driven))
         else:
             found = chain.responses(driven)
-        kept = slice(driven.period - self.effects.n_samples, None)
+        kept = slice(driven.period - effects.n_samples, None)
         return irfft(driven.spectrum, driven.period)[kept], found[:, kept]
 
     def _driven(self, run: int) -> chain.Driven:
@@ -145,11 +150,6 @@ class Laboratory:
             spectrum = chain.with_shaker(spectrum, omega, drive)
         rows = self.tyre.surface(mounting.actual_deg, mounting.tilt_deg)
         return chain.Driven(system, rows, spectrum, omega, mounting)
-
-    @property
-    def _moves(self) -> bool:
-        effects = self.effects
-        return bool(effects.pressure_drift_within or effects.drift_within or effects.softening)
 
     def _shift(self, run: int, driven: chain.Driven) -> Complexes:
         """Change of the excited poles over the period, against half-way through the run."""
@@ -179,34 +179,43 @@ class Laboratory:
 
     def channels(self, run: int) -> list[Channel]:
         """Channels of a run in single precision: the force, the turned sensors, the reference."""
+        return channels_of(*self.recordings(run), self.places(run))
+
+    def places(self, run: int) -> dict[str, float]:
+        """Declared angle of every sensor of a run, degrees."""
         mounting = self.mounting(run)
-        places = dict(zip(mounting.names, mounting.declared_deg.tolist(), strict=True))
-        return channels_of(*self.recordings(run), places)
+        return dict(zip(mounting.names, mounting.declared_deg.tolist(), strict=True))
 
     def campaign(self) -> Campaign:
         """The campaign in memory, as `ema.estimate_frf` takes it."""
         effects = self.effects
         runs = []
         for run in range(effects.runs):
-            channels = self.channels(run)
-            name = f"run_{run + 1}.uff"
-            angles = self.mounting(run).declared_deg
-            sensors = tuple(
-                Response(channel, channel.node, float(angle))
-                for channel, angle in zip(channels[1:-1], angles, strict=False)
-            )
-            recording = Recording(Path(name), effects.sampling_rate_hz, tuple(channels))
-            runs.append(Run(name, recording, channels[0], sensors, channels[-1]))
-        ring, name = self.tyre.ring, f"laboratory tyre {effects.seed}"
+            force, *sensors, reference = self.channels(run)
+            name, angles = f"run_{run + 1}.uff", self.mounting(run).declared_deg[:-1].tolist()
+            seen = zip(sensors, angles, strict=True)
+            responses = tuple(Response(channel, channel.node, angle) for channel, angle in seen)
+            channels = force, *sensors, reference
+            recording = Recording(Path(name), effects.sampling_rate_hz, channels)
+            runs.append(Run(name, recording, force, responses, reference))
+        ring = self.tyre.ring
         return Campaign(
             "laboratory",
             tuple(runs),
-            tyre=Tyre(name, ring.inflation_pressure_pa, ring.mean_radius_m, ring.belt_width_m),
+            tyre=Tyre(self.name, ring.inflation_pressure_pa, ring.mean_radius_m, ring.belt_width_m),
             positions=POSITIONS,
             excitation_deg=effects.force_deg,
             reference_deg=REFERENCE_DEG,
             sensor_mass_kg=effects.declared_mass_kg or None,
         )
+
+    @property
+    def manifest(self) -> str:
+        """The campaign as the laboratory declares it, errors not included."""
+        ring, effects = self.tyre.ring, self.effects
+        declared = {"sensor_mass_kg": effects.declared_mass_kg, "force_deg": effects.force_deg}
+        places = {f"run_{run + 1}.uff": self.places(run) for run in range(effects.runs)}
+        return manifest_text(self.name, ring, effects.sampling_rate_hz, places, **declared)
 
     @cached_property
     def truth(self) -> Truth:
@@ -262,28 +271,11 @@ def simulate_laboratory(folder: Path | str, effects: Effects) -> Path:
         for run in range(effects.runs):
             file = partial / f"run_{run + 1}.uff"
             write_time_series(file, laboratory.channels(run), effects.sampling_rate_hz)
-        write_text(partial / "campaign.toml", _manifest(laboratory))
+        write_text(partial / "campaign.toml", laboratory.manifest)
         truth = json.dumps(truth_content(laboratory.truth), indent=1)
         write_text(partial / "truth.json", truth + "\n")
         write_text(partial / "README.md", _readme(effects))
     return folder
-
-
-def _manifest(laboratory: Laboratory) -> str:
-    """The campaign as the laboratory declares it, errors not included."""
-    effects = laboratory.effects
-    mountings = map(laboratory.mounting, range(effects.runs))
-    return manifest_text(
-        f"laboratory tyre {effects.seed}",
-        laboratory.tyre.ring,
-        effects.sampling_rate_hz,
-        {
-            f"run_{run}.uff": dict(zip(each.names, each.declared_deg.tolist(), strict=True))
-            for run, each in enumerate(mountings, 1)
-        },
-        force_deg=effects.force_deg,
-        sensor_mass_kg=effects.declared_mass_kg,
-    )
 
 
 def _readme(effects: Effects) -> str:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import fft, ifft, irfft, next_fast_len, rfft
 
-from pipelines.simulate.campaign import HUM_HZ, OFFSET_M_S2
+from pipelines.simulate.campaign import HUM_HZ, OFFSET_M_S2, noise_spectrum, scaled
 from pipelines.simulate.laboratory_effects import Effects, Excitation
 from pipelines.simulate.truth import Complexes, Floats, System
 
@@ -94,22 +94,19 @@ def force_spectrum(effects: Effects, random: np.random.Generator) -> Complexes:
         spectrum = rfft(_hits(effects, period, random))
         spectrum[-1] = 0
         return np.asarray(spectrum)
-    low, high = (2 * np.pi * limit for limit in effects.band_hz)
     if kind is Excitation.SWEEP:
+        low, high = (2 * np.pi * limit for limit in effects.band_hz)
         time = np.arange(period) / rate % effects.event_s
         climb = (high - low) / (2 * effects.event_s)
         spectrum = rfft(np.sin((low + climb * time) * time))
     else:
-        inside = (omega >= low) & (omega <= high)
-        spectrum = np.zeros(omega.size, dtype=complex)
-        spectrum[inside] = random.standard_normal((np.count_nonzero(inside), 2)) @ [1.0, 1j]
+        spectrum = noise_spectrum(omega, effects.band_hz, random)
         if kind is Excitation.PINK:
-            spectrum[inside] /= np.sqrt(1 + omega[inside] / (2 * np.pi * PINK_HZ))
+            spectrum /= np.sqrt(1 + omega / (2 * np.pi * PINK_HZ))
         if kind is Excitation.BURST:
             spectrum = rfft(irfft(spectrum, period) * _gate(effects, period, random))
     spectrum[[0, -1]] = 0
-    rms = np.sqrt(2 * np.sum(np.abs(spectrum) ** 2)) / period
-    return np.asarray(spectrum * (effects.force_rms_n / rms))
+    return scaled(spectrum, effects.force_rms_n, period)
 
 
 def _gate(effects: Effects, period: int, random: np.random.Generator) -> Floats:

@@ -121,10 +121,7 @@ class Effects:
         for entry in fields(self):
             object.__setattr__(self, entry.name, _converted(entry, getattr(self, entry.name)))
         ascending = len(self.circle_deg) == 2 and self.circle_deg[0] < self.circle_deg[1]
-        most, faulty = (
-            f"a run has at most {MOST_SAMPLES} samples",
-            max(self.faulty_sensors, default=0),
-        )
+        faulty = max(self.faulty_sensors, default=0)
         for name, holds, rule in (
             ("duration_s", self.n_samples <= MOST_SAMPLES, f"at most {MOST_SAMPLES} samples a run"),
             ("circle_deg", ascending, "two ascending angles"),
