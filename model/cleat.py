@@ -178,10 +178,11 @@ class CleatTest:
             return np.asarray(np.exp(poles * times))
         during = np.minimum(times, self.cleat.duration_s)
         shift = self._shift(block)[:, None, None]
-        (rise, up), (fall, down) = self.cleat.exponents
-        during_blow = rise * exponential_convolution(up + 1j * shift, poles, during)
-        during_blow += fall * exponential_convolution(down + 1j * shift, poles, during)
-        return np.asarray(during_blow * np.exp(poles * (times - during)))
+        blow = sum(
+            factor * exponential_convolution(exponent + 1j * shift, poles, during)
+            for factor, exponent in self.cleat.exponents
+        )
+        return np.asarray(blow * np.exp(poles * (times - during)))
 
     def _amplitudes(
         self, block: slice, row: int, derivative: int, turning: float, times: Array
@@ -215,12 +216,13 @@ class CleatTest:
         """Fourier transform of the blow of unit momentum."""
         if self.cleat.duration_s == 0:
             return np.ones(omega.shape, dtype=complex)
-        length = np.asarray(self.cleat.duration_s)
-        zero = np.zeros(1, dtype=complex)
-        (rise, up), (fall, down) = self.cleat.exponents
-        first = exponential_convolution(up - 1j * omega, zero, length)
-        second = exponential_convolution(down - 1j * omega, zero, length)
-        return np.asarray(rise * first + fall * second)
+        length, zero = np.asarray(self.cleat.duration_s), np.zeros(1, dtype=complex)
+        return np.asarray(
+            sum(
+                factor * exponential_convolution(exponent - 1j * omega, zero, length)
+                for factor, exponent in self.cleat.exponents
+            )
+        )
 
 
 def _component_and_derivative(direction: str, quantity: str) -> tuple[int, int]:
@@ -301,12 +303,9 @@ def exponential_convolution(exponent: Complex, poles: Complex, times_s: Array) -
 
     Arguments are p and s in 1/s and t ≥ 0 in s, of shapes that broadcast; the result is in s.
     """
-    argument = (exponent - poles) * times_s
-    close = np.abs(argument) < 1e-2
-    z = np.where(close, argument, 0.0)
-    series = 1.0 + z * (0.5 + z * (1 / 6 + z * (1 / 24 + z * (1 / 120 + z * (1 / 720 + z / 5040)))))
-    decay = np.exp(poles * times_s)
+    z = (exponent - poles) * times_s
+    close, decay = np.abs(z) < 1.0, np.exp(poles * times_s)
+    near = np.where(close & (z != 0), z, 1.0)
+    together = times_s * decay * np.where(z == 0, 1.0, np.expm1(near) / near)
     apart = np.where(close, 1.0, exponent - poles)
-    return np.asarray(
-        np.where(close, times_s * decay * series, (np.exp(exponent * times_s) - decay) / apart)
-    )
+    return np.asarray(np.where(close, together, (np.exp(exponent * times_s) - decay) / apart))
