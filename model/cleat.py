@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import Array, ReadonlyArrays, finite_array, require_number, require_one_of
 from model.coefficients import characteristic_roots
 from model.errors import InstabilityError, ParameterError
-from model.forced import Direction
+from model.forced import ORDERS_AT_ONCE, Complex, Direction, ForcedRing, angular_frequency
 from model.ring import belt_width_m
-from model.transfer import ORDERS_AT_ONCE, Complex, ForcedRing, angular_frequency
 from model.waves import Frame, require_frame
 
 #: What is read at the response point: u, its first or its second derivative in time.
@@ -177,12 +176,17 @@ class CleatTest:
         if self.cleat.duration_s == 0:
             return np.asarray(np.exp(poles * times))
         during = np.minimum(times, self.cleat.duration_s)
-        shift = self._shift(block)[:, None, None]
-        blow = sum(
-            factor * exponential_convolution(exponent + 1j * shift, poles, during)
-            for factor, exponent in self.cleat.exponents
-        )
+        blow = self._blow(1j * self._shift(block)[:, None, None], poles, during)
         return np.asarray(blow * np.exp(poles * (times - during)))
+
+    def _blow(self, shift: Complex, poles: Complex, times: Array) -> Complex:
+        """Poles driven by the half-sine of unit momentum, its exponents shifted by `shift`."""
+        return np.asarray(
+            sum(
+                factor * exponential_convolution(exponent + shift, poles, times)
+                for factor, exponent in self.cleat.exponents
+            )
+        )
 
     def _amplitudes(
         self, block: slice, row: int, derivative: int, turning: float, times: Array
@@ -216,13 +220,8 @@ class CleatTest:
         """Fourier transform of the blow of unit momentum."""
         if self.cleat.duration_s == 0:
             return np.ones(omega.shape, dtype=complex)
-        length, zero = np.asarray(self.cleat.duration_s), np.zeros(1, dtype=complex)
-        return np.asarray(
-            sum(
-                factor * exponential_convolution(exponent - 1j * omega, zero, length)
-                for factor, exponent in self.cleat.exponents
-            )
-        )
+        zero = np.zeros(1, dtype=complex)
+        return self._blow(-1j * omega, zero, np.asarray(self.cleat.duration_s))
 
 
 def _component_and_derivative(direction: str, quantity: str) -> tuple[int, int]:

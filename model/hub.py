@@ -21,10 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import Array, ReadonlyArrays, require_one_of
 from model.coefficients import REAL_ROOT, PressureLoad
 from model.errors import ParameterError
-from model.forced import Direction
+from model.forced import Complex, Direction, ForcedRing, angular_frequency
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m
-from model.transfer import Complex, ForcedRing, angular_frequency
 
 _UNDAMPED = RingDamping(0.0, 0.0, 0.0)
 
