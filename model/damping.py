@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import nnls
+from scipy.optimize import least_squares
 
 from model.arrays import Array, ReadonlyArrays, measured_orders, whole_orders
 from model.coefficients import PressureLoad, characteristic_roots, harmonics
@@ -194,24 +194,17 @@ def _scale(ring: RingParameters, orders: NDArray[np.int_]) -> Array:
 
 
 def _fit(model: Callable[[Array], Array], measured: Array, scale: Array) -> tuple[Array, Array]:
-    """Gauss-Newton, parameters ≥ 0: ratios are nearly linear in light damping.
-
-    Returns the parameters and d(model/measured)/d(parameter) there.
-    """
-    values = np.zeros(scale.size)
-    for _ in range(20):
-        at_values = model(values)
-        slope = np.column_stack(
-            [(model(values + 1e-4 * step) - at_values) / 1e-4 for step in np.diag(scale)]
-        )
-        slope /= measured[:, None]
-        target = 1.0 - at_values / measured + slope @ (values / scale)
-        updated = nnls(slope, target)[0] * scale
-        done = np.allclose(updated, values, rtol=1e-9, atol=1e-12 * scale.max())
-        values = updated
-        if done:
-            break
-    return values, slope / scale
+    """Least squares, parameters ≥ 0; they and d(model/measured)/d(parameter) there."""
+    found = least_squares(
+        lambda shares: model(shares * scale) / measured - 1.0,
+        np.zeros(scale.size),
+        bounds=(0.0, np.inf),
+        method="dogbox",
+        ftol=1e-15,
+        xtol=1e-12,
+        gtol=1e-15,
+    )
+    return found.x * scale, found.jac / scale
 
 
 def _notes(how: dict[str, str], n_ratios: int) -> list[str]:

@@ -192,11 +192,9 @@ class LoadedRing(ReadonlyArrays):
             _refuse_buckling(float(squared[0]))
             return LoadedModes(self.fields, np.sqrt(squared) / (2.0 * np.pi), shapes)
         size = self.coefficients.size
-        state = np.zeros((2 * size, 2 * size))
-        state[:size, size:] = np.eye(size)
-        state[size:, :size] = -self.stiffness / self._mass
-        state[size:, size:] = -2.0 * self.speed_rad_s * self.fields.convection
-        poles, shapes = np.linalg.eig(state)
+        coriolis = 2.0 * self.speed_rad_s * self.fields.convection
+        below = np.hstack([-self.stiffness / self._mass, -coriolis])
+        poles, shapes = np.linalg.eig(np.vstack([np.eye(size, 2 * size, size), below]))
         growth = float(poles.real.max())
         if growth > 1e-6 * np.abs(poles).max():
             found = f"a motion grows by {growth:.4g} 1/s"

@@ -101,11 +101,8 @@ def solve(mass: Floats, damping: Floats, stiffness: Floats, drive: Floats) -> Sy
     """Exact poles and residue vectors for a force on ``drive @ coordinates``."""
     size = len(mass)
     inverse = np.linalg.inv(mass)
-    state = np.zeros((2 * size, 2 * size))
-    state[:size, size:] = np.eye(size)
-    state[size:, :size] = -inverse @ stiffness
-    state[size:, size:] = -inverse @ damping
-    poles, vectors = np.linalg.eig(state)
+    below = np.hstack([-inverse @ stiffness, -inverse @ damping])
+    poles, vectors = np.linalg.eig(np.vstack([np.eye(size, 2 * size, size), below]))
     left = np.linalg.inv(vectors)[:, size:] @ inverse
     upper = np.flatnonzero(poles.imag > 0)
     upper = upper[np.argsort(np.abs(poles[upper]))]
