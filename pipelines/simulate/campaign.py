@@ -266,33 +266,24 @@ def manifest_text(
     sensor_mass_kg: float = 0.0,
 ) -> str:
     """Manifest of simulated recordings with the angles of the sensors, by file and channel."""
-    sensors = f"\n[sensors]\nmass_kg = {sensor_mass_kg}\n" if sensor_mass_kg else ""
-    runs = "".join(
-        f'\n[[runs]]\nfile = "{name}"\nreference = "{REFERENCE}"\npositions_deg = {{ '
-        + ", ".join(f"{channel} = {angle}" for channel, angle in places.items())
-        + " }\n"
-        for name, places in positions_deg.items()
-    )
-    return f"""schema = 1
-
-[tyre]
-designation = "{designation}"
-inflation_pressure_pa = {ring.inflation_pressure_pa}
-mean_radius_m = {ring.mean_radius_m}
-belt_width_m = {ring.belt_width_m}
-origin = "simulated, see README.md"
-
-[acquisition]
-sampling_rate_hz = {sampling_rate_hz}
-{sensors}
-[grid]
-positions = {POSITIONS}
-
-[excitation]
-channel = "force"
-position_deg = {force_deg}
-direction = "radial"
-{runs}"""
+    names = ("inflation_pressure_pa", "mean_radius_m", "belt_width_m")
+    tyre = {"designation": designation, **{name: getattr(ring, name) for name in names}}
+    sensors = {"sensors": {"mass_kg": sensor_mass_kg}} if sensor_mass_kg else {}
+    runs = []
+    for name, places in positions_deg.items():
+        angles = tomlkit.inline_table()
+        angles.update(places)
+        runs.append({"file": name, "reference": REFERENCE, "positions_deg": angles})
+    content = {
+        "schema": 1,
+        "tyre": {**tyre, "origin": "simulated, see README.md"},
+        "acquisition": {"sampling_rate_hz": sampling_rate_hz},
+        **sensors,
+        "grid": {"positions": POSITIONS},
+        "excitation": {"channel": "force", "position_deg": force_deg, "direction": "radial"},
+        "runs": runs,
+    }
+    return tomlkit.dumps(content)
 
 
 def _readme(folder: Path, names: list[str], setup: Setup) -> str:
