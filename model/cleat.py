@@ -53,7 +53,7 @@ class Cleat:
     def exponents(self) -> tuple[tuple[complex, complex], ...]:
         """Half-sine of unit momentum as exponentials: pairs of factor and exponent, 1/s."""
         rate = math.pi / self.duration_s
-        factor = rate / 2.0 / 2.0j
+        factor = rate / 4.0j
         return (factor, 1j * rate), (-factor, -1j * rate)
 
     def unit_force(self, times_s: Array) -> Array:
@@ -214,14 +214,9 @@ class CleatTest:
         weight = (self.modes.shapes[block][:, row] * drive)[:, :, None]
         poles = self.modes.poles[block][:, :, None]
         receptance = (weight / (1j * omega[:, None, :] - poles)).sum(axis=1)
-        return np.asarray(receptance * self._blow_spectrum(omega - self._shift(block)[:, None]))
-
-    def _blow_spectrum(self, omega: Array) -> Complex:
-        """Fourier transform of the blow of unit momentum."""
-        if self.cleat.duration_s == 0:
-            return np.ones(omega.shape, dtype=complex)
-        zero = np.zeros(1, dtype=complex)
-        return self._blow(-1j * omega, zero, np.asarray(self.cleat.duration_s))
+        length, shift = np.asarray(self.cleat.duration_s), self._shift(block)[:, None] - omega
+        blow = self._blow(1j * shift, np.zeros(1, dtype=complex), length) if length else 1.0
+        return np.asarray(receptance * blow)
 
 
 def _component_and_derivative(direction: str, quantity: str) -> tuple[int, int]:

@@ -322,20 +322,16 @@ def _fields_and_pressure(
 ) -> tuple[CircleFields, Array]:
     if isinstance(contact, ContactPatch):
         fields = circle_fields(ring, highest_order, _points(highest_order))
-        return fields, _patch_pressure(contact, fields)
+        # Each point has the mean over its angle: the patch may end between points.
+        fine = (np.arange(16) + 0.5) / 16.0 - 0.5
+        angles = fields.angles_rad[:, None] + fine * fields.weight_rad
+        return fields, np.asarray(contact.pressure_pa(angles).mean(axis=1))
     pressure = finite_array("contact", contact)
     if pressure.ndim != 1 or pressure.size <= 2 * highest_order:
         rule = f"must be a list of more than {2 * highest_order} values for this highest order"
         remedy = "Refine the angles or lower the highest order"
         raise ParameterError("contact", f"shape {pressure.shape}", rule, remedy)
     return circle_fields(ring, highest_order, pressure.size), pressure
-
-
-def _patch_pressure(patch: ContactPatch, fields: CircleFields) -> Array:
-    """Pressure at the points, each the mean over its angle: the patch may end between them."""
-    fine = (np.arange(16) + 0.5) / 16.0 - 0.5
-    angles = fields.angles_rad[:, None] + fine * fields.weight_rad
-    return np.asarray(patch.pressure_pa(angles).mean(axis=1))
 
 
 def _press(state: LoadedRing, target_pa: Array) -> LoadedRing:

@@ -167,7 +167,8 @@ class Laboratory:
                 self.tyre.stiffness(replace(state, pressure=state.pressure + step))
                 for step in (-_STEP, _STEP)
             )
-            rates = driven.system.pole_rates((up - down) / (2 * _STEP))[: poles.size]
+            system, slope = driven.system, (up - down) / (2 * _STEP)
+            rates = -np.einsum("rc,cd,dr->r", system.left, slope, system.vectors)[: poles.size]
             shift = shift + rates[:, None] * effects.pressure_drift_within * time
         return np.asarray(shift)
 
@@ -302,14 +303,12 @@ Effects that differ from an ideal test of an ideal tyre:
 def _angles_deg(effects: Effects, run: int) -> tuple[Floats, Floats]:
     """Angles of the sensors of a run as declared and as they are, the reference last."""
     first, last = effects.circle_deg
-    gaps = effects.sensors if effects.is_full_circle else effects.sensors - 1
+    gaps = effects.sensors - (last - first != 360.0)  # on a full circle, the first is also the last
     spacing = (last - first) / gaps
-    places = first + spacing * np.arange(effects.sensors)
-    step = spacing / effects.runs * run
-    declared = places + step
-    actual = places + (-step if effects.mirrored_step else step)
+    places, step = first + spacing * np.arange(effects.sensors), spacing / effects.runs * run
+    actual = places - step if effects.mirrored_step else places + step
     if effects.reversed_sequence:
         actual = -places + step
     if effects.offset_run in (0, run + 1):
         actual = actual + effects.offset_deg
-    return np.append(declared, REFERENCE_DEG), np.append(actual, REFERENCE_DEG)
+    return np.append(places + step, REFERENCE_DEG), np.append(actual, REFERENCE_DEG)

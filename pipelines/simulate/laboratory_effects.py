@@ -142,11 +142,6 @@ class Effects:
         return self.sensor_mass_kg if self.declare_mass else 0.0
 
     @property
-    def is_full_circle(self) -> bool:
-        """Whether the sensors cover the circle."""
-        return self.circle_deg[1] - self.circle_deg[0] == 360.0
-
-    @property
     def band_hz(self) -> tuple[float, float]:
         """Band of the force, as far as its time course is free."""
         return LOWEST_EXCITED_HZ, HIGHEST_EXCITED * self.sampling_rate_hz

@@ -92,10 +92,6 @@ class System:
         """Inertance at points, of all or some `modes`, shape (n_points, n_lines), (m/s²)/N."""
         return _inertance(self.poles[modes], self.residues(rows)[:, modes], omega)
 
-    def pole_rates(self, stiffness: Floats) -> Complexes:
-        """First-order change of the poles with an added stiffness matrix."""
-        return np.asarray(-np.einsum("rc,cd,dr->r", self.left, stiffness, self.vectors), complex)
-
 
 def solve(mass: Floats, damping: Floats, stiffness: Floats, drive: Floats) -> System:
     """Exact poles and residue vectors for a force on ``drive @ coordinates``."""
