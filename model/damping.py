@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from model.arrays import Array, ReadonlyArrays, measured_orders, whole_orders
-from model.coefficients import PressureLoad, characteristic_roots, harmonics
+from model.coefficients import PressureLoad, characteristic_roots
 from model.identifiability import AT_BOUND, NOT_IDENTIFIED, Correlation, LinearFit, assess
 from model.parameters import DAMPING_NAMES, RingDamping, RingParameters
 from model.ring import natural_frequencies_hz, torsion_frequency_hz
@@ -99,10 +99,7 @@ def torsion_damping_ratio(
         Where the static stiffness of the torsion is negative.
     """
     torsion_frequency_hz(ring, pressure_load=pressure_load)  # raises where the ring has none
-    terms = harmonics(ring, 0, pressure_load=pressure_load, damping=damping)
-    stiffness = complex(terms.m22) / ring.mass_per_area_kg_m2
-    rate = 0.5 * damping.circumferential_n_s_m3 / ring.mass_per_area_kg_m2
-    root = 1j * rate + np.sqrt(stiffness - rate**2)  # m22 − ρhω² + iωc_θ = 0
+    root = characteristic_roots(ring, 0, pressure_load=pressure_load, damping=damping)[0]
     return float(root.imag / abs(root))
 
 

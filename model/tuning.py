@@ -108,17 +108,11 @@ class TuningResult(ReadonlyArrays):
         """
         import pandas as pd  # takes 0.3 s to load, which only tables need
 
-        parameters = listed_parameters(self.ring)
-        keys = [key for key, *_ in parameters]
-        return pd.DataFrame(
-            {
-                "parameter": keys,
-                "value": [value for *_, value, _ in parameters],
-                "std": np.array([self.std.get(key, np.nan) for key in keys], dtype=float),
-                "unit": [unit for *_, unit in parameters],
-                "how": [self.how.get(key, GIVEN) for key in keys],
-            }
-        )
+        keys, _, _, values, units = zip(*listed_parameters(self.ring), strict=True)
+        std = np.array([self.std.get(key, np.nan) for key in keys], dtype=float)
+        how = [self.how.get(key, GIVEN) for key in keys]
+        columns = {"parameter": keys, "value": values, "std": std, "unit": units, "how": how}
+        return pd.DataFrame(columns)
 
     def __repr__(self) -> str:
         identified = [RING_NAMES[name][1] for name, how in self.how.items() if how == IDENTIFIED]
