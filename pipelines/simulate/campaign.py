@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -27,6 +26,7 @@ from pipelines.simulate.truth import (
     modal_sum,
     truth_modes,
 )
+from pipelines.storage.checksums import sha256
 from pipelines.storage.result_folder import written_whole
 
 POSITIONS = 72
@@ -153,7 +153,6 @@ def simulate_campaign(
     if file_format not in ("uff", "csv"):
         rule = "must be uff or csv"
         raise InputError("file_format", repr(file_format), rule, "Choose one of them")
-    require_empty(folder)
     modes = truth_modes(split_percent=split_percent, shaker_between=shaker_between)
     write = write_time_series if file_format == "uff" else write_csv
     with written_whole(folder, marker=None) as partial:
@@ -244,13 +243,6 @@ def _disturbance(noise: float, n_samples: int, rate: float, random: _Random) -> 
     return np.asarray(noise * random.standard_normal(n_samples) + hum + offset)
 
 
-def require_empty(folder: Path) -> None:
-    """Refuse a folder that is not empty."""
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        rule = "a campaign needs a new or empty folder"
-        raise InputError(str(folder), "it already exists", rule, "Choose another folder")
-
-
 def write_text(path: Path, text: str) -> None:
     """Write UTF-8 with the line ends of every system alike."""
     path.write_text(text, encoding="utf-8", newline="\n")
@@ -288,9 +280,7 @@ def manifest_text(
 
 def _readme(folder: Path, names: list[str], setup: Setup) -> str:
     listed = [*names, "campaign.toml", "truth.toml"]
-    sums = "\n".join(
-        f"{hashlib.sha256((folder / name).read_bytes()).hexdigest()}  {name}" for name in listed
-    )
+    sums = "\n".join(f"{sha256(folder / name)}  {name}" for name in listed)
     options = "\n".join(f"- `{name}`: {value:g}" for name, value in asdict(setup).items())
     return f"""# Simulated campaign on a tyre {DESIGNATION}
 

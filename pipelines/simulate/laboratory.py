@@ -20,7 +20,6 @@ from pipelines.simulate.campaign import (
     REFERENCE_DEG,
     channels_of,
     manifest_text,
-    require_empty,
     write_text,
 )
 from pipelines.simulate.laboratory_effects import Effects, describe_effects
@@ -266,7 +265,6 @@ def simulate_laboratory(folder: Path | str, effects: Effects) -> Path:
     ['README.md', 'campaign.toml', 'run_1.uff']
     """
     folder = Path(folder)
-    require_empty(folder)
     laboratory = Laboratory(effects)
     with written_whole(folder, marker=None) as partial:
         for run in range(effects.runs):
