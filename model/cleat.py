@@ -49,12 +49,12 @@ class Cleat:
             finite_array(name, getattr(self, name))
         require_number("duration_s", self.duration_s, zero_allowed=True)
 
-    @property
-    def exponents(self) -> tuple[tuple[complex, complex], ...]:
-        """Half-sine of unit momentum as exponentials: pairs of factor and exponent, 1/s."""
+    def through(self, shift: Complex, poles: Complex, times_s: Array) -> Complex:
+        """Response of `poles` to the half-sine of unit momentum times e^{shift·t}."""
         rate = math.pi / self.duration_s
-        factor = rate / 4.0j
-        return (factor, 1j * rate), (-factor, -1j * rate)
+        rise = exponential_convolution(shift + 1j * rate, poles, times_s)
+        fall = exponential_convolution(shift - 1j * rate, poles, times_s)
+        return np.asarray(rate / 4.0j * (rise - fall))
 
     def unit_force(self, times_s: Array) -> Array:
         """Half-sine of unit momentum at `times_s`, 1/s; zero outside the blow."""
@@ -176,17 +176,8 @@ class CleatTest:
         if self.cleat.duration_s == 0:
             return np.asarray(np.exp(poles * times))
         during = np.minimum(times, self.cleat.duration_s)
-        blow = self._blow(1j * self._shift(block)[:, None, None], poles, during)
+        blow = self.cleat.through(1j * self._shift(block)[:, None, None], poles, during)
         return np.asarray(blow * np.exp(poles * (times - during)))
-
-    def _blow(self, shift: Complex, poles: Complex, times: Array) -> Complex:
-        """Poles driven by the half-sine of unit momentum, its exponents shifted by `shift`."""
-        return np.asarray(
-            sum(
-                factor * exponential_convolution(exponent + shift, poles, times)
-                for factor, exponent in self.cleat.exponents
-            )
-        )
 
     def _amplitudes(
         self, block: slice, row: int, derivative: int, turning: float, times: Array
@@ -215,7 +206,7 @@ class CleatTest:
         poles = self.modes.poles[block][:, :, None]
         receptance = (weight / (1j * omega[:, None, :] - poles)).sum(axis=1)
         length, shift = np.asarray(self.cleat.duration_s), self._shift(block)[:, None] - omega
-        blow = self._blow(1j * shift, np.zeros(1, dtype=complex), length) if length else 1.0
+        blow = self.cleat.through(1j * shift, np.zeros(1, dtype=complex), length) if length else 1.0
         return np.asarray(receptance * blow)
 
 
