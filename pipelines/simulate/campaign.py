@@ -206,9 +206,7 @@ def _simulate_run(
 
 
 def channels_of(
-    force: Floats,
-    signals: Iterable[Floats],
-    positions_deg: Mapping[str, float],
+    force: Floats, signals: Iterable[Floats], positions_deg: Mapping[str, float]
 ) -> list[Channel]:
     """The force and the accelerations at declared angles in single precision."""
     channels = [Channel("force", FORCE, "N", force.astype(np.float32))]

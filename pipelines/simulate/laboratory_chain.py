@@ -41,14 +41,11 @@ class Mounting:
     """Where the sensors of a run are and how they see."""
 
     names: tuple[str, ...]  # channel names, the reference last
-    # shape (n_sensors,); angles in the manifest, on the tyre, and of the sensor axis against the
-    # radius
-    declared_deg: Floats
-    actual_deg: Floats
-    tilt_deg: Floats
-    # shape (n_sensors,); sensitivity over the declared one, delay of the channel
-    gain: Floats
-    delay_s: Floats
+    declared_deg: Floats  # angles in the manifest; shape (n_sensors,), as all below
+    actual_deg: Floats  # angles on the tyre
+    tilt_deg: Floats  # of the sensor's axis against the radius
+    gain: Floats  # sensitivity over the declared one
+    delay_s: Floats  # of the channel
 
 
 @dataclass(frozen=True, eq=False)

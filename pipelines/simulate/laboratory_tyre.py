@@ -92,9 +92,7 @@ class LaboratoryTyre:
     """A ring with rim, lateral modes and air; uneven around the circumference where asked for."""
 
     ring: RingParameters  # means around the circumference
-    # the loss factor acts as a viscous damping that gives the same loss at the frequency of each
-    # order
-    damping: RingDamping
+    damping: RingDamping  # its loss factor acts as the viscous damping of equal loss, per order
     effects: Effects
 
     @cached_property

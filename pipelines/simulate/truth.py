@@ -29,8 +29,7 @@ class TruthMode:
     """One real mode of a tyre with radial shape cos(n(θ − orientation))."""
 
     order: int  # circumferential order n
-    # empty if the two members of the order coincide, ``"a"`` or ``"b"`` for one of a split pair
-    member: str
+    member: str  # "a" or "b" of a split pair; empty if both members of the order coincide
     frequency_hz: float  # undamped natural frequency
     damping_ratio: float
     modal_mass_kg: float  # for a unit amplitude of the shape
@@ -80,9 +79,7 @@ class System:
     poles: Complexes  # shape (n_modes,); poles in the upper half plane, ascending, rad/s
     vectors: Complexes  # shape (n_coordinates, n_modes); mode shapes
     participation: Complexes  # shape (n_modes,); from shape to residue of receptance, unit force
-    # shape (n_modes, n_coordinates); velocity part of the left vectors times the inverse mass, for
-    # perturbations
-    left: Complexes
+    left: Complexes  # shape (n_modes, n_coordinates); velocity part of left vectors over the mass
 
     def residues(self, rows: Floats) -> Complexes:
         """Residues of receptance at points whose motion is ``rows @ coordinates``."""
