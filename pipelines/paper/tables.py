@@ -298,13 +298,11 @@ def _on_frequencies(
 
 
 def _on_parameters(paper: TuningResult) -> Statement:
-    off = {
-        name: abs(getattr(paper.ring, name) - getattr(TABLE_4_RING, name))
-        for name in TABLE_4_NAMES
-        if name in paper.std
-    }
-    within = all(off[name] < paper.std[name] for name in off)
-    where = "within one standard deviation" if within else "not within one standard deviation"
+    within = all(
+        abs(getattr(paper.ring, name) - getattr(TABLE_4_RING, name)) < std
+        for name, std in paper.std.items()
+    )
+    where = f"{'' if within else 'not '}within one standard deviation"
     return Statement(
         "Table 4",
         "the values minimise the sum of squares of eq 18",

@@ -109,8 +109,7 @@ class Laboratory:
         errors = effects.angle_error_deg * moved.uniform(-1, 1, declared.size)
         tilt = effects.tilt_deg * moved.standard_normal(declared.size)
         errors[-1], tilt[-1] = reference[0], effects.tilt_deg * reference[1]
-        names = (*(f"A{k + 1:02d}" for k in range(effects.sensors)), REFERENCE)
-        return chain.Mounting(names, declared, actual + errors, tilt, gain, delay)
+        return chain.Mounting(declared, actual + errors, tilt, gain, delay)
 
     def system(self, run: int) -> System:
         """The tyre as tested in a run, with everything that hangs on it."""
@@ -183,20 +182,18 @@ class Laboratory:
 
     def places(self, run: int) -> dict[str, float]:
         """Declared angle of every sensor of a run, degrees."""
-        mounting = self.mounting(run)
-        return dict(zip(mounting.names, mounting.declared_deg.tolist(), strict=True))
+        names = (*(f"A{k + 1:02d}" for k in range(self.effects.sensors)), REFERENCE)
+        return dict(zip(names, self.mounting(run).declared_deg.tolist(), strict=True))
 
     def campaign(self) -> Campaign:
         """The campaign in memory, as `ema.estimate_frf` takes it."""
         effects = self.effects
         runs = []
         for run in range(effects.runs):
-            force, *sensors, reference = self.channels(run)
-            name, angles = f"run_{run + 1}.uff", self.mounting(run).declared_deg[:-1].tolist()
-            seen = zip(sensors, angles, strict=True)
-            responses = tuple(Response(channel, channel.node, angle) for channel, angle in seen)
-            channels = force, *sensors, reference
-            recording = Recording(Path(name), effects.sampling_rate_hz, channels)
+            name, places = f"run_{run + 1}.uff", self.places(run)
+            force, *sensors, reference = channels = self.channels(run)
+            responses = tuple(Response(each, each.node, places[each.name]) for each in sensors)
+            recording = Recording(Path(name), effects.sampling_rate_hz, tuple(channels))
             runs.append(Run(name, recording, force, responses, reference))
         ring = self.tyre.ring
         return Campaign(

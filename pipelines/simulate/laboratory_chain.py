@@ -40,7 +40,6 @@ LEVEL_TIME_S = 0.05  # softening follows the level smoothed over this time
 class Mounting:
     """Where the sensors of a run are and how they see."""
 
-    names: tuple[str, ...]  # channel names, the reference last
     declared_deg: Floats  # angles in the manifest; shape (n_sensors,), as all below
     actual_deg: Floats  # angles on the tyre
     tilt_deg: Floats  # of the sensor's axis against the radius
