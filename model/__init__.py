@@ -9,10 +9,10 @@ eq 3, eq 40        hoop strain: `circle_fields`
 eq 4, eq 47        work of the loads on the belt: `coefficients`, `circle_fields`
 eq 5               equilibrium: `coefficients.equilibrium`
 eq 6, eq 7         motion of the belt (7 as corrected: the bracket of both K terms is negative and
-                   holds u_r°, not u_r'): `coefficients`, `transfer`
+                   holds u_r°, not u_r'): `coefficients`, `forced`
 eq 8, eq 9, eq 10  motion of the wheel: `hub`
 eq 11a, 11b        harmonic waves e^{i(nθ + ωt)}: `coefficients`
-eq 12              matrix of a harmonic: `coefficients.harmonics`, damped in `transfer`
+eq 12              matrix of a harmonic: `coefficients.harmonics`, damped in `forced`
 eq 14              characteristic polynomial and its roots: `coefficients`
 eq 16              K from the radial growth: `tuning_problem.TuningProblem.axial_stiffness_n_m`
 eq 17, eq 18       the paper's objective: `tuning_problem.TuningProblem.residual`

@@ -10,7 +10,7 @@ from .coefficients import (
 )
 from .damping import DampingResult, damping_ratios, identify_damping, torsion_damping_ratio
 from .errors import InstabilityError, ParameterError
-from .forced import inertance, inextensional_inertance
+from .forced import ForcedRing, inertance, inextensional_inertance
 from .foundation import Foundation, foundation_from_belt_modes
 from .hub import HubResponse, free_hub_roots, hub_response
 from .identifiability import Sensitivity, frequency_sensitivity
@@ -24,7 +24,6 @@ from .ring import (
     radial_shape,
     torsion_frequency_hz,
 )
-from .transfer import ForcedRing
 from .tuning import TuningResult, tune_ring
 from .waves import Bifurcation, WavePair, bifurcation, critical_speeds_rad_s, wave_pair
 

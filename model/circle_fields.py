@@ -40,8 +40,7 @@ class CircleFields(ReadonlyArrays):
     def orders(self) -> NDArray[np.int_]:
         """Circumferential order of each coefficient."""
         half = np.arange(1, self.highest_order + 1)
-        one = np.concatenate([[0], half, half])
-        return np.concatenate([one, one])
+        return np.tile(np.concatenate([[0], half, half]), 2)
 
     def uniform_radial(self, value: float) -> Array:
         """Coefficients of u_r = `value`, u_θ = 0."""
@@ -71,11 +70,8 @@ class LoadedModes(ReadonlyArrays):
     @property
     def share_of_order(self) -> Array:
         """Share of each order in the power of each shape, (highest_order + 1, n_modes)."""
-        power = np.abs(self.shapes) ** 2
-        orders = self.fields.orders
-        shares = np.stack(
-            [power[orders == order].sum(axis=0) for order in range(self.fields.highest_order + 1)]
-        )
+        shares = np.zeros((self.fields.highest_order + 1, self.shapes.shape[1]))
+        np.add.at(shares, self.fields.orders, np.abs(self.shapes) ** 2)
         return np.asarray(shares / shares.sum(axis=0))
 
     @property

@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import Array, ReadonlyArrays, finite_array, require_number, require_one_of
 from model.coefficients import characteristic_roots
 from model.errors import InstabilityError, ParameterError
-from model.forced import Direction
+from model.forced import ORDERS_AT_ONCE, Complex, Direction, ForcedRing, angular_frequency
 from model.ring import belt_width_m
-from model.transfer import ORDERS_AT_ONCE, Complex, ForcedRing, angular_frequency
 from model.waves import Frame, require_frame
 
 #: What is read at the response point: u, its first or its second derivative in time.
@@ -50,12 +49,12 @@ class Cleat:
             finite_array(name, getattr(self, name))
         require_number("duration_s", self.duration_s, zero_allowed=True)
 
-    @property
-    def exponents(self) -> tuple[tuple[complex, complex], ...]:
-        """Half-sine of unit momentum as exponentials: pairs of factor and exponent, 1/s."""
+    def through(self, shift: Complex, poles: Complex, times_s: Array) -> Complex:
+        """Response of `poles` to the half-sine of unit momentum times e^{shift·t}."""
         rate = math.pi / self.duration_s
-        factor = rate / 2.0 / 2.0j
-        return (factor, 1j * rate), (-factor, -1j * rate)
+        rise = exponential_convolution(shift + 1j * rate, poles, times_s)
+        fall = exponential_convolution(shift - 1j * rate, poles, times_s)
+        return np.asarray(rate / 4.0j * (rise - fall))
 
     def unit_force(self, times_s: Array) -> Array:
         """Half-sine of unit momentum at `times_s`, 1/s; zero outside the blow."""
@@ -177,11 +176,8 @@ class CleatTest:
         if self.cleat.duration_s == 0:
             return np.asarray(np.exp(poles * times))
         during = np.minimum(times, self.cleat.duration_s)
-        shift = self._shift(block)[:, None, None]
-        (rise, up), (fall, down) = self.cleat.exponents
-        during_blow = rise * exponential_convolution(up + 1j * shift, poles, during)
-        during_blow += fall * exponential_convolution(down + 1j * shift, poles, during)
-        return np.asarray(during_blow * np.exp(poles * (times - during)))
+        blow = self.cleat.through(1j * self._shift(block)[:, None, None], poles, during)
+        return np.asarray(blow * np.exp(poles * (times - during)))
 
     def _amplitudes(
         self, block: slice, row: int, derivative: int, turning: float, times: Array
@@ -209,18 +205,9 @@ class CleatTest:
         weight = (self.modes.shapes[block][:, row] * drive)[:, :, None]
         poles = self.modes.poles[block][:, :, None]
         receptance = (weight / (1j * omega[:, None, :] - poles)).sum(axis=1)
-        return np.asarray(receptance * self._blow_spectrum(omega - self._shift(block)[:, None]))
-
-    def _blow_spectrum(self, omega: Array) -> Complex:
-        """Fourier transform of the blow of unit momentum."""
-        if self.cleat.duration_s == 0:
-            return np.ones(omega.shape, dtype=complex)
-        length = np.asarray(self.cleat.duration_s)
-        zero = np.zeros(1, dtype=complex)
-        (rise, up), (fall, down) = self.cleat.exponents
-        first = exponential_convolution(up - 1j * omega, zero, length)
-        second = exponential_convolution(down - 1j * omega, zero, length)
-        return np.asarray(rise * first + fall * second)
+        length, shift = np.asarray(self.cleat.duration_s), self._shift(block)[:, None] - omega
+        blow = self.cleat.through(1j * shift, np.zeros(1, dtype=complex), length) if length else 1.0
+        return np.asarray(receptance * blow)
 
 
 def _component_and_derivative(direction: str, quantity: str) -> tuple[int, int]:
@@ -301,12 +288,9 @@ def exponential_convolution(exponent: Complex, poles: Complex, times_s: Array) -
 
     Arguments are p and s in 1/s and t ≥ 0 in s, of shapes that broadcast; the result is in s.
     """
-    argument = (exponent - poles) * times_s
-    close = np.abs(argument) < 1e-2
-    z = np.where(close, argument, 0.0)
-    series = 1.0 + z * (0.5 + z * (1 / 6 + z * (1 / 24 + z * (1 / 120 + z * (1 / 720 + z / 5040)))))
-    decay = np.exp(poles * times_s)
+    z = (exponent - poles) * times_s
+    close, decay = np.abs(z) < 1.0, np.exp(poles * times_s)
+    near = np.where(close & (z != 0), z, 1.0)
+    together = times_s * decay * np.where(z == 0, 1.0, np.expm1(near) / near)
     apart = np.where(close, 1.0, exponent - poles)
-    return np.asarray(
-        np.where(close, times_s * decay * series, (np.exp(exponent * times_s) - decay) / apart)
-    )
+    return np.asarray(np.where(close, together, (np.exp(exponent * times_s) - decay) / apart))

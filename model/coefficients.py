@@ -53,11 +53,6 @@ class Equilibrium(ReadonlyArrays):
         """Radius a + u_r° of the spinning ring, m."""
         return self.mean_radius_m * (1.0 + self.hoop_strain)
 
-    @property
-    def hoop_tension_n_m(self) -> Array:
-        """Hoop tension N0 per unit of belt width, N/m."""
-        return self.mean_radius_m**2 * self.tension_stiffness_n_m3
-
 
 def equilibrium(
     ring: RingParameters, speed_rad_s: ArrayLike = 0.0, *, pressure_load: PressureLoad = "dead"

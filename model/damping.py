@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import nnls
+from scipy.optimize import least_squares
 
 from model.arrays import Array, ReadonlyArrays, measured_orders, whole_orders
-from model.coefficients import PressureLoad, characteristic_roots, harmonics
+from model.coefficients import PressureLoad, characteristic_roots
 from model.identifiability import AT_BOUND, NOT_IDENTIFIED, Correlation, LinearFit, assess
 from model.parameters import DAMPING_NAMES, RingDamping, RingParameters
 from model.ring import natural_frequencies_hz, torsion_frequency_hz
@@ -99,10 +99,7 @@ def torsion_damping_ratio(
         Where the static stiffness of the torsion is negative.
     """
     torsion_frequency_hz(ring, pressure_load=pressure_load)  # raises where the ring has none
-    terms = harmonics(ring, 0, pressure_load=pressure_load, damping=damping)
-    stiffness = complex(terms.m22) / ring.mass_per_area_kg_m2
-    rate = 0.5 * damping.circumferential_n_s_m3 / ring.mass_per_area_kg_m2
-    root = 1j * rate + np.sqrt(stiffness - rate**2)  # m22 − ρhω² + iωc_θ = 0
+    root = characteristic_roots(ring, 0, pressure_load=pressure_load, damping=damping)[0]
     return float(root.imag / abs(root))
 
 
@@ -194,24 +191,17 @@ def _scale(ring: RingParameters, orders: NDArray[np.int_]) -> Array:
 
 
 def _fit(model: Callable[[Array], Array], measured: Array, scale: Array) -> tuple[Array, Array]:
-    """Gauss-Newton, parameters ≥ 0: ratios are nearly linear in light damping.
-
-    Returns the parameters and d(model/measured)/d(parameter) there.
-    """
-    values = np.zeros(scale.size)
-    for _ in range(20):
-        at_values = model(values)
-        slope = np.column_stack(
-            [(model(values + 1e-4 * step) - at_values) / 1e-4 for step in np.diag(scale)]
-        )
-        slope /= measured[:, None]
-        target = 1.0 - at_values / measured + slope @ (values / scale)
-        updated = nnls(slope, target)[0] * scale
-        done = np.allclose(updated, values, rtol=1e-9, atol=1e-12 * scale.max())
-        values = updated
-        if done:
-            break
-    return values, slope / scale
+    """Least squares, parameters ≥ 0; they and d(model/measured)/d(parameter) there."""
+    found = least_squares(
+        lambda shares: model(shares * scale) / measured - 1.0,
+        np.zeros(scale.size),
+        bounds=(0.0, np.inf),
+        method="dogbox",
+        ftol=1e-15,
+        xtol=1e-12,
+        gtol=1e-15,
+    )
+    return found.x * scale, found.jac / scale
 
 
 def _notes(how: dict[str, str], n_ratios: int) -> list[str]:

@@ -26,24 +26,33 @@ def table(
 
 def number(value: float) -> str:
     """Value with four significant digits, a dash where there is none."""
-    if not isfinite(value):
-        return "–"
     if value == 0:
         return "0"
-    exponent = _exponent(value, 4)
-    shift = _common_power(exponent)
-    return _times_ten(_fixed(value, shift, min(0, exponent - shift - 3)), shift)
+    if not isfinite(value):
+        return "–"
+    exponent = int(f"{value:.3e}".partition("e")[2])
+    return _written(exponent, exponent - 3 if exponent >= 5 else min(0, exponent - 3), value)
 
 
 def value_with_std(value: float, std: float | None) -> str:
     """Value ± standard deviation, both rounded by it, exactly as in the report."""
     if std is None or not isfinite(std) or std <= 0 or not isfinite(value):
         return number(value)
-    shift = _common_power(_exponent(max(abs(value), std)))
     first, _, exponent = f"{std:.2e}".partition("e")
-    end = int(exponent) - (float(first) <= 3.54) - shift  # rule of the Particle Data Group
-    text = f"{_fixed(value, shift, end)} ± {_fixed(std, shift, end)}"
-    return _times_ten(f"({text})", shift) if shift else text
+    end = int(exponent) - (float(first) <= 3.54)  # rule of the Particle Data Group
+    return _written(int(f"{max(abs(value), std):.15e}".partition("e")[2]), end, value, std)
+
+
+def _written(exponent: int, end: int, *values: float) -> str:
+    """Values that end at 10^end; large and small ones are written over a power of ten."""
+    power = exponent if exponent >= 5 or exponent < -3 else 0
+    unit = Decimal(1).scaleb(end - power)
+    rounded = (Decimal(value).scaleb(-power).quantize(unit) + 0 for value in values)  # no −0
+    text = " ± ".join(f"{each:f}".replace("-", "−") for each in rounded)
+    if not power:
+        return text
+    raised = str(power).translate(_SUPERSCRIPT)
+    return f"{f'({text})' if len(values) > 1 else text} × 10{raised}"
 
 
 def _row(tag: str, cells: Iterable[str], columns: Sequence[str]) -> str:
@@ -52,23 +61,3 @@ def _row(tag: str, cells: Iterable[str], columns: Sequence[str]) -> str:
         for cell, column in zip(cells, columns, strict=True)
     )
     return f"<tr>{''.join(written)}</tr>"
-
-
-def _common_power(exponent: int) -> int:
-    """Power of ten in front of which large and small numbers are written."""
-    return exponent if exponent >= 5 or exponent < -3 else 0
-
-
-def _times_ten(text: str, power: int) -> str:
-    return f"{text} × 10{str(power).translate(_SUPERSCRIPT)}" if power else text
-
-
-def _exponent(value: float, digits: int = 16) -> int:
-    """Power of ten of the first digit of `value`, rounded to `digits` digits."""
-    return int(f"{value:.{digits - 1}e}".partition("e")[2])
-
-
-def _fixed(value: float, shift: int, end: int) -> str:
-    """Value in units of 10^shift, ending at 10^end."""
-    rounded = Decimal(value).scaleb(-shift).quantize(Decimal(1).scaleb(end))
-    return f"{abs(rounded) if rounded == 0 else rounded:f}".replace("-", "−")

@@ -79,30 +79,21 @@ def foundation_from_belt_modes(
         if radial <= 0:
             rule = "torsion must be below √2 times translation"
             raise ParameterError("frequencies", pair, rule, "Check both frequencies")
+        axial = axial_stiffness_n_m
+        if axial is None:
+            axial = growth.axial_stiffness_n_m(radial)
+        stiffnesses = radial, max(circumferential, 0.0), axial, bending_stiffness_n_m
         ring = RingParameters(
-            mean_radius_m=mean_radius_m,
-            mass_per_area_kg_m2=mass_per_area_kg_m2,
-            radial_stiffness_n_m3=radial,
-            circumferential_stiffness_n_m3=max(circumferential, 0.0),
-            axial_stiffness_n_m=axial_stiffness_n_m
-            if axial_stiffness_n_m is not None
-            else growth.axial_stiffness_n_m(radial),
-            bending_stiffness_n_m=bending_stiffness_n_m,
-            inflation_pressure_pa=inflation_pressure_pa,
+            mean_radius_m, mass_per_area_kg_m2, *stiffnesses, inflation_pressure_pa
         )
         before = radial, circumferential
-        radial, circumferential = _improved(ring, both, around)
+        # k_r and k_θ from the belt's share at the present ones: about two more digits per step.
+        torsion = harmonics(ring, 0, pressure_load="follower")
+        circumferential = around - float(torsion.m22 - ring.circumferential_stiffness_n_m3)
+        belt = float(harmonics(ring, 1).c)  # for n = 1: m11 = c + k_r, m22 = c + k_θ
+        rest = circumferential - both
+        radial = both - belt * rest / (belt + rest)  # (m11 − ρhω²)(m22 − ρhω²) = c²
         if np.allclose(before, (radial, circumferential), rtol=1e-14, atol=1e-14 * both):
-            return Foundation(radial, circumferential, ring.axial_stiffness_n_m)
+            return Foundation(radial, circumferential, axial)
     rule = "the search for k_r and k_θ does not converge"
     raise ParameterError("frequencies", pair, rule, "Check both frequencies")
-
-
-def _improved(ring: RingParameters, both: float, around: float) -> tuple[float, float]:
-    """k_r and k_θ from the belt's share at the present ones: about two more digits per step."""
-    torsion = harmonics(ring, 0, pressure_load="follower")
-    circumferential = around - float(torsion.m22 - ring.circumferential_stiffness_n_m3)
-    belt = float(harmonics(ring, 1).c)  # for n = 1: m11 = c + k_r, m22 = c + k_θ
-    rest = circumferential - both
-    radial = both - belt * rest / (belt + rest)  # (m11 − ρhω²)(m22 − ρhω²) = c²
-    return radial, circumferential

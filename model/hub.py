@@ -21,10 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import Array, ReadonlyArrays, require_one_of
 from model.coefficients import REAL_ROOT, PressureLoad
 from model.errors import ParameterError
-from model.forced import Direction
+from model.forced import Complex, Direction, ForcedRing, angular_frequency
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m
-from model.transfer import Complex, ForcedRing, angular_frequency
 
 _UNDAMPED = RingDamping(0.0, 0.0, 0.0)
 
@@ -69,11 +68,8 @@ def free_hub_roots(
         raise ParameterError("order", f"{order}", "the wheel couples to 0 and 1", "Use 0 or 1")
     forced = ForcedRing(ring, damping or _UNDAMPED, speed_rad_s, wheel, pressure_load)
     inertia, first, static = _matrix_polynomial(forced, order)
-    companion = np.zeros((6, 6), dtype=complex)
-    companion[:3, 3:] = np.eye(3)
-    companion[3:, :3] = static / inertia[:, None]
-    companion[3:, 3:] = first / inertia[:, None]
-    roots = np.linalg.eigvals(companion)
+    below = np.hstack([static, first]) / inertia[:, None]
+    roots = np.linalg.eigvals(np.vstack([np.eye(3, 6, 3), below]))
     if damping is None:
         flat = np.abs(roots.imag) <= REAL_ROOT * np.abs(roots).max()
         roots = np.where(flat, roots.real, roots)
@@ -194,29 +190,19 @@ def _one_order(
     forced: ForcedRing, order: int, omega: Array, force_rad: float, direction: Direction
 ) -> tuple[Complex, Complex]:
     """Force on the wheel and the wheel's motion in the unknown of one order."""
-    radial_u, circumferential_u = _belt_motion(forced, order, omega, force_rad, direction)
+    found = forced.compliance(np.array([order]), omega)
+    radial, cross, circumferential = (part[0] for part in found)
+    line = np.pi * forced.ring.mean_radius_m * belt_width_m(forced.ring)
+    load = np.exp(-1j * order * force_rad) / (2.0 * line)
+    radial_u, around_u = (radial, cross) if direction == "radial" else (-cross, circumferential)
     turning = forced.rotating_omega(np.array([order]), omega)[0]
     inertia = forced.wheel_inertia(order, turning)
-    line = np.pi * forced.ring.mean_radius_m * belt_width_m(forced.ring)
     if order == 0:
         coupling, own = forced.turning_terms(turning)
-        pull, line = -coupling * circumferential_u, 2.0 * line
+        pull, line = -coupling * load * around_u, 2.0 * line
     else:
-        radial, around = forced.bed(turning)
-        pull = radial * radial_u - 1j * order * around * circumferential_u
-        own = radial + around
+        radial_bed, around_bed = forced.bed(turning)
+        pull = load * (radial_bed * radial_u - 1j * order * around_bed * around_u)
+        own = radial_bed + around_bed
     moved = pull / (own - inertia)
     return line * (pull - own * moved), moved
-
-
-def _belt_motion(
-    forced: ForcedRing, order: int, omega: Array, force_rad: float, direction: Direction
-) -> tuple[Complex, Complex]:
-    radial, cross, circumferential = (
-        part[0] for part in forced.compliance(np.array([order]), omega)
-    )
-    load = np.exp(-1j * order * force_rad)
-    load /= 2.0 * np.pi * forced.ring.mean_radius_m * belt_width_m(forced.ring)
-    if direction == "radial":
-        return load * radial, load * cross
-    return -load * cross, load * circumferential

@@ -98,7 +98,7 @@ class LinearFit(ReadonlyArrays):
         """Whether each parameter can change without changing any residual (rank of the slopes)."""
         if not self.names:
             return {}
-        _, singular, rows = np.linalg.svd(self._scaled_slope(), full_matrices=True)
+        _, singular, rows = np.linalg.svd(self.residual_slope * self._scale, full_matrices=True)
         padded = np.zeros(len(self.names))
         padded[: singular.size] = singular
         null = rows[padded <= _RANK * padded.max()]
@@ -112,14 +112,12 @@ class LinearFit(ReadonlyArrays):
 
     def moved(self, residual_changes: Array) -> Array:
         """Change of the parameters for changes of the residuals, (n_data,) or (n_data, n)."""
-        inverse = np.linalg.pinv(self._scaled_slope(), rcond=_RANK) * self._scale()[:, None]
-        return np.asarray(-inverse @ residual_changes)
+        inverse = np.linalg.pinv(self.residual_slope * self._scale, rcond=_RANK)
+        return np.asarray(-self._scale[:, None] * inverse @ residual_changes)
 
+    @property
     def _scale(self) -> Array:
         return np.where(self.values > 0, self.values, 1.0)
-
-    def _scaled_slope(self) -> Array:
-        return np.asarray(self.residual_slope * self._scale())
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,15 +157,10 @@ def assess(
         how[name] = NOT_IDENTIFIED if vague else IDENTIFIED
         if known and not undetermined[name]:
             std[name] = deviation
-    return Assessment(how, std, _correlation(fit.names, covariance), relative, note)
-
-
-def _correlation(names: tuple[str, ...], covariance: Array) -> Correlation:
-    """Normalise a covariance; NaN where a variance is zero or unknown."""
-    std = np.sqrt(np.diag(covariance))
-    product = np.outer(std, std)
-    known = np.where(product > 0, product, 1.0)
-    return Correlation(names, np.where(product > 0, covariance / known, np.nan))
+    size = np.sqrt(np.diag(covariance))
+    with np.errstate(divide="ignore", invalid="ignore"):  # NaN where a variance is zero
+        correlation = Correlation(fit.names, covariance / np.outer(size, size))
+    return Assessment(how, std, correlation, relative, note)
 
 
 def _error_level(fit: LinearFit, residual: Array, given: Array | None) -> tuple[Array, str]:

@@ -192,11 +192,9 @@ class LoadedRing(ReadonlyArrays):
             _refuse_buckling(float(squared[0]))
             return LoadedModes(self.fields, np.sqrt(squared) / (2.0 * np.pi), shapes)
         size = self.coefficients.size
-        state = np.zeros((2 * size, 2 * size))
-        state[:size, size:] = np.eye(size)
-        state[size:, :size] = -self.stiffness / self._mass
-        state[size:, size:] = -2.0 * self.speed_rad_s * self.fields.convection
-        poles, shapes = np.linalg.eig(state)
+        coriolis = 2.0 * self.speed_rad_s * self.fields.convection
+        below = np.hstack([-self.stiffness / self._mass, -coriolis])
+        poles, shapes = np.linalg.eig(np.vstack([np.eye(size, 2 * size, size), below]))
         growth = float(poles.real.max())
         if growth > 1e-6 * np.abs(poles).max():
             found = f"a motion grows by {growth:.4g} 1/s"
@@ -324,20 +322,16 @@ def _fields_and_pressure(
 ) -> tuple[CircleFields, Array]:
     if isinstance(contact, ContactPatch):
         fields = circle_fields(ring, highest_order, _points(highest_order))
-        return fields, _patch_pressure(contact, fields)
+        # Each point has the mean over its angle: the patch may end between points.
+        fine = (np.arange(16) + 0.5) / 16.0 - 0.5
+        angles = fields.angles_rad[:, None] + fine * fields.weight_rad
+        return fields, np.asarray(contact.pressure_pa(angles).mean(axis=1))
     pressure = finite_array("contact", contact)
     if pressure.ndim != 1 or pressure.size <= 2 * highest_order:
         rule = f"must be a list of more than {2 * highest_order} values for this highest order"
         remedy = "Refine the angles or lower the highest order"
         raise ParameterError("contact", f"shape {pressure.shape}", rule, remedy)
     return circle_fields(ring, highest_order, pressure.size), pressure
-
-
-def _patch_pressure(patch: ContactPatch, fields: CircleFields) -> Array:
-    """Pressure at the points, each the mean over its angle: the patch may end between them."""
-    fine = (np.arange(16) + 0.5) / 16.0 - 0.5
-    angles = fields.angles_rad[:, None] + fine * fields.weight_rad
-    return np.asarray(patch.pressure_pa(angles).mean(axis=1))
 
 
 def _press(state: LoadedRing, target_pa: Array) -> LoadedRing:

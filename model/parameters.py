@@ -73,7 +73,15 @@ class RingParameters:
         for entry in fields(self):
             allowed = entry.name not in positive
             require_number(entry.name, getattr(self, entry.name), zero_allowed=allowed)
-        self._require_thin()
+        ratio = self.thickness_m / self.mean_radius_m
+        if ratio > LARGEST_THICKNESS_RATIO:
+            raise ParameterError(
+                "bending_stiffness_n_m and axial_stiffness_n_m",
+                f"D = {self.bending_stiffness_n_m:g}, K = {self.axial_stiffness_n_m:g}: thickness "
+                f"√(12D/K) = {self.thickness_m:.3g} m, {ratio:.2g} of the radius",
+                f"must be ≤ {LARGEST_THICKNESS_RATIO:g} of the radius for a thin ring",
+                "Lower D or raise K",
+            )
         bearable = self.radial_resistance_pa(LARGEST_HOOP_STRAIN)
         if self.inflation_pressure_pa > bearable:
             found, limit = f"{self.inflation_pressure_pa:g}", f"{LARGEST_HOOP_STRAIN:g}"
@@ -91,17 +99,6 @@ class RingParameters:
         bed = self.radial_stiffness_n_m3 * self.mean_radius_m
         e = hoop_strain
         return membrane * (e + 1.5 * e**2 + 0.5 * e**3) + bed * e
-
-    def _require_thin(self) -> None:
-        ratio = self.thickness_m / self.mean_radius_m
-        if ratio > LARGEST_THICKNESS_RATIO:
-            raise ParameterError(
-                "bending_stiffness_n_m and axial_stiffness_n_m",
-                f"D = {self.bending_stiffness_n_m:g}, K = {self.axial_stiffness_n_m:g}: thickness "
-                f"√(12D/K) = {self.thickness_m:.3g} m, {ratio:.2g} of the radius",
-                f"must be ≤ {LARGEST_THICKNESS_RATIO:g} of the radius for a thin ring",
-                "Lower D or raise K",
-            )
 
     def _repr_html_(self) -> str:
         """Every parameter with its symbol and unit."""

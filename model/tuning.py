@@ -108,17 +108,11 @@ class TuningResult(ReadonlyArrays):
         """
         import pandas as pd  # takes 0.3 s to load, which only tables need
 
-        parameters = listed_parameters(self.ring)
-        keys = [key for key, *_ in parameters]
-        return pd.DataFrame(
-            {
-                "parameter": keys,
-                "value": [value for *_, value, _ in parameters],
-                "std": np.array([self.std.get(key, np.nan) for key in keys], dtype=float),
-                "unit": [unit for *_, unit in parameters],
-                "how": [self.how.get(key, GIVEN) for key in keys],
-            }
-        )
+        keys, _, _, values, units = zip(*listed_parameters(self.ring), strict=True)
+        std = np.array([self.std.get(key, np.nan) for key in keys], dtype=float)
+        how = [self.how.get(key, GIVEN) for key in keys]
+        columns = {"parameter": keys, "value": values, "std": std, "unit": units, "how": how}
+        return pd.DataFrame(columns)
 
     def __repr__(self) -> str:
         identified = [RING_NAMES[name][1] for name, how in self.how.items() if how == IDENTIFIED]
@@ -131,25 +125,20 @@ class TuningResult(ReadonlyArrays):
 
     def _repr_html_(self) -> str:
         """Every parameter with ± and how it was obtained, then the frequencies order by order."""
-        rows = [
-            (name, symbol, self._value(key, value), unit, self.how.get(key, "–"))
-            for key, name, symbol, value, unit in listed_parameters(self.ring)
-        ]
+        rows = []
+        for key, name, symbol, value, unit in listed_parameters(self.ring):
+            how = self.how.get(key, "–")
+            text = as_typed(value) if how == GIVEN else value_with_std(value, self.std.get(key))
+            rows.append((name, symbol, text, unit, how))
         head = ("parameter", "symbol", "value", "unit", "how obtained")
-        return table("Tuned ring", head, rows, words=(0, 1, 3, 4)) + self._frequencies()
-
-    def _value(self, key: str, value: float) -> str:
-        given = self.how.get(key) == GIVEN
-        return as_typed(value) if given else value_with_std(value, self.std.get(key))
-
-    def _frequencies(self) -> str:
         columns = zip(self.orders, self.measured_hz, self.model_hz, self.error_percent, strict=True)
-        rows = [
+        by_order = [
             (str(order), f"{measured:.2f}", f"{ring:.2f}", f"{error:+.2f}".replace("-", "−"))
             for order, measured, ring, error in columns
         ]
-        head = ("order n", "measured / Hz", "ring / Hz", "deviation / %")
-        return table("Frequencies it was tuned to", head, rows, words=())
+        heads = ("order n", "measured / Hz", "ring / Hz", "deviation / %")
+        parameters = table("Tuned ring", head, rows, words=(0, 1, 3, 4))
+        return parameters + table("Frequencies it was tuned to", heads, by_order, words=())
 
 
 def tune_ring(

@@ -67,7 +67,13 @@ class TuningProblem(ReadonlyArrays):
         for name in ("mean_radius_m", "inflation_pressure_pa", "radial_growth_m"):
             require_number(name, getattr(self, name))
         require_pressure_load(self.pressure_load)
-        self._require_consistent()
+        require_one_of("objective", self.objective, OBJECTIVES)
+        if self.objective == "paper" and 0 in self.orders:
+            raise ParameterError("orders", "0", "eq 18 is for n ≥ 1", "Use objective='frequency'")
+        if self.radial_growth_m is not None and (AXIAL in self.given or 0 in self.orders):
+            found = f"{self.radial_growth_m:g}"
+            rule = "K would be determined twice: by eq 16 and by a given K or the breathing mode"
+            raise ParameterError("radial_growth_m", found, rule, "Give one of the two")
 
     @property
     def growth_m(self) -> float:
@@ -116,15 +122,6 @@ class TuningProblem(ReadonlyArrays):
     def _squared_and_polynomial(self, ring: RingParameters) -> tuple[Any, tuple[Any, ...]]:
         terms = harmonics(ring, self.orders, pressure_load=self.pressure_load)
         return (2.0 * np.pi * self.measured_hz) ** 2, terms.polynomial
-
-    def _require_consistent(self) -> None:
-        require_one_of("objective", self.objective, OBJECTIVES)
-        if self.objective == "paper" and 0 in self.orders:
-            raise ParameterError("orders", "0", "eq 18 is for n ≥ 1", "Use objective='frequency'")
-        if self.radial_growth_m is not None and (AXIAL in self.given or 0 in self.orders):
-            found = f"{self.radial_growth_m:g}"
-            rule = "K would be determined twice: by eq 16 and by a given K or the breathing mode"
-            raise ParameterError("radial_growth_m", found, rule, "Give one of the two")
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +213,13 @@ def plan_search(problem: TuningProblem) -> Search:
         if len(open_ones) > problem.orders.size and name in open_ones:
             open_ones.remove(name)
             assumed[name] = problem.start.get(name, TYPICAL[name])
-    _require_enough(problem, open_ones)
+    if not open_ones:
+        rule = "at least one parameter must be free"
+        raise ParameterError("given", "every parameter", rule, "Leave one parameter out")
+    if problem.orders.size < len(open_ones):
+        rule = f"fewer than the unknowns {', '.join(open_ones)}"
+        remedy = "Measure more orders or give more parameters"
+        raise ParameterError("frequencies_hz", f"{problem.orders.size} values", rule, remedy)
     typical = TYPICAL | {AXIAL: _typical_axial(problem)}
     box = _default_bounds(problem) | dict(problem.bounds)
     lower, upper = (np.array([box[name][side] for name in open_ones]) for side in (0, 1))
@@ -226,16 +229,6 @@ def plan_search(problem: TuningProblem) -> Search:
             raise ParameterError(where, found, "must satisfy 0 ≤ lower < upper", "Correct them")
     scale = np.array([typical[name] for name in open_ones])
     return Search(problem, tuple(open_ones), assumed, scale, lower, upper)
-
-
-def _require_enough(problem: TuningProblem, open_ones: list[str]) -> None:
-    if not open_ones:
-        rule = "at least one parameter must be free"
-        raise ParameterError("given", "every parameter", rule, "Leave one parameter out")
-    if problem.orders.size < len(open_ones):
-        rule = f"fewer than the unknowns {', '.join(open_ones)}"
-        remedy = "Measure more orders or give more parameters"
-        raise ParameterError("frequencies_hz", f"{problem.orders.size} values", rule, remedy)
 
 
 def _typical_axial(problem: TuningProblem) -> float:
@@ -288,13 +281,9 @@ def _linear_solution(search: Search, mass: float | None) -> dict[str, float]:
     matrix = np.column_stack([columns[name] for name in wanted]) * scale / inertia[:, None]
     found = nnls(matrix, right / inertia)[0] * scale
     solution = {**known, **dict(zip(wanted, map(float, found), strict=True))}
-    solution.setdefault(AXIAL, _axial_from_breathing(problem, solution))
-    return solution
-
-
-def _axial_from_breathing(problem: TuningProblem, solution: Mapping[str, float]) -> float:
-    if 0 not in problem.orders:
-        return _typical_axial(problem)
-    breathing = 2.0 * np.pi * float(problem.measured_hz[problem.orders == 0][0])
-    a = problem.mean_radius_m
-    return max(solution[MASS] * breathing**2 - solution[RADIAL], 0.0) * a**2
+    axial = _typical_axial(problem)
+    if 0 in problem.orders:
+        breathing = 2.0 * np.pi * float(problem.measured_hz[~used][0])
+        excess = max(solution[MASS] * breathing**2 - solution[RADIAL], 0.0)
+        axial = excess * problem.mean_radius_m**2
+    return {AXIAL: axial} | solution

@@ -58,18 +58,15 @@ class WavePair:
         """Speed β of the stationary frame against the rotating one (eq 32), rad/s."""
         return (self.progressive_rad_s - self.regressive_rad_s) / (2.0 * self.order)
 
-    def frame_speed_rad_s(self, frame: WaveFrame) -> float:
-        """Angular speed of a reference system against the rotating one, rad/s.
+    def frequencies_rad_s(self, frame: WaveFrame) -> tuple[float, float]:
+        """Frequencies seen from `frame`: regressive, progressive (eqs 21, 25, 30), rad/s.
 
-        Zero for "rotating", −Ω for "absolute" (eq 1c: θ = φ − Ωt), β for "stationary" (eq 29).
+        Against the rotating frame, the absolute one turns at −Ω (eq 1c: θ = φ − Ωt) and the
+        stationary one at β (eq 29).
         """
         speeds = {"rotating": 0.0, "absolute": -self.speed_rad_s, "stationary": self.beta_rad_s}
         require_one_of("frame", frame, speeds)
-        return speeds[frame]
-
-    def frequencies_rad_s(self, frame: WaveFrame) -> tuple[float, float]:
-        """Frequencies seen from `frame`: regressive, progressive (eqs 21, 25, 30), rad/s."""
-        drift = self.order * self.frame_speed_rad_s(frame)
+        drift = self.order * speeds[frame]
         return self.regressive_rad_s + drift, self.progressive_rad_s - drift
 
     def propagation_speeds_rad_s(self, frame: WaveFrame) -> tuple[float, float]:

@@ -13,37 +13,20 @@
 >>> [f"{f:.1f} Hz" for f in rm.natural_frequencies_hz(ring, [2, 3])]
 ['100.7 Hz', '122.4 Hz']
 
-The names come from `ema` (measurement), `model` (ring) and `pipelines` (whole campaigns), and load
-where they are first used.
+The names come from `ema` (measurement), `model` (ring) and `pipelines` (whole campaigns). They are
+listed in ``__init__.pyi`` and load where they are first used.
 """
 
 from __future__ import annotations
 
+import ast
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
-_HOME = {
-    "ema": (
-        *("Campaign", "FRF", "FitError", "Identification", "InputError", "ModalModel", "Mode"),
-        *("Processing", "SensorMass", "StabilityDiagram", "build_stability", "estimate_frf"),
-        *("fit_modes", "identify_modes", "read_campaign", "read_shapes", "select_poles"),
-    ),
-    "ema.core.settings": ("CheckSettings", "IdentificationSettings"),
-    "ema.core.mac": ("auto_mac", "frac", "mac", "mpc", "mpd_deg"),
-    "model": (
-        *("ParameterError", "RingDamping", "RingParameters", "TuningResult", "identify_damping"),
-        *("inertance", "natural_frequencies_hz", "tune_ring"),
-    ),
-    "pipelines.compare.compare": ("Comparison", "compare", "compare_folders"),
-    "pipelines.process": ("process", "retune"),
-    "pipelines.report.save": ("save",),
-    "pipelines.report.write": ("write_report",),
-    "pipelines.results.options": ("Options",),
-    "pipelines.results.result": ("Result",),
-    "pipelines.results.store": ("load",),
-    "pipelines.simulate.campaign": ("simulate_campaign",),
-}
-_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+_STUB = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+_IMPORTS = [statement for statement in _STUB.body if isinstance(statement, ast.ImportFrom)]
+_MODULE_OF = {alias.name: str(each.module) for each in _IMPORTS for alias in each.names}
 
 __all__ = [*_MODULE_OF, "__version__"]  # noqa: PLE0604
 

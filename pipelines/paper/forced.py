@@ -11,7 +11,6 @@ from ema.core.mac import frac
 from model import Bifurcation, ForcedRing, bifurcation
 from model.parameters import RingDamping
 from model.reference import TABLE_3_ORDERS, TABLE_4_RING, TABLE_5_DAMPING
-from pipelines.paper.identification import refitted, response_row
 from pipelines.paper.parts import (
     FORCE_DEG,
     HIGHEST_HZ,
@@ -23,6 +22,7 @@ from pipelines.paper.parts import (
     Statement,
     verdict,
 )
+from pipelines.paper.tables import refitted, response_row
 from pipelines.plots.chart import Chart
 from pipelines.plots.plot import FITTED, MEASURED, RING, Margins, Plot
 from pipelines.plots.simulated import inertances

@@ -7,9 +7,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from pipelines.paper.forced import forced_response
-from pipelines.paper.identification import damping, identification
 from pipelines.paper.parts import Chapter, NumberTable, paper_page, statements_table
-from pipelines.paper.tuning import tuning
+from pipelines.paper.tables import damping, identification, tuning
 from pipelines.paper.waves import waves
 from pipelines.plots.chart import Chart
 from pipelines.plots.style import png

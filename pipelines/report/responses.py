@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
-from model.forced import inertance
-from model.transfer import ForcedRing
+from model.forced import ForcedRing, inertance
 from pipelines.plots.chart import Chart, packed
 from pipelines.plots.modes import fitted_curves, frac_chart, frf_plot, position_names, shown_band_hz
 from pipelines.report.blocks import Block, Chooser, Paragraph, Section

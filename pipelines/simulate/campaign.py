@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -11,7 +10,6 @@ from typing import Literal
 
 import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len
 
 from ema.core.errors import InputError
@@ -20,7 +18,15 @@ from ema.io.text.csv import write_csv
 from ema.io.uff.write import write_time_series
 from model.parameters import RingParameters
 from model.reference import DESIGNATION, TABLE_4_RING
-from pipelines.simulate.truth import HIGHEST_ORDER, TruthMode, modal_sum, truth_modes
+from pipelines.simulate.truth import (
+    HIGHEST_ORDER,
+    Complexes,
+    Floats,
+    TruthMode,
+    modal_sum,
+    truth_modes,
+)
+from pipelines.storage.checksums import sha256
 from pipelines.storage.result_folder import written_whole
 
 POSITIONS = 72
@@ -40,6 +46,7 @@ _SETTLING_S = 2.0
 _LIMITS = {
     **{"seed": (0, math.inf), "snr_db": (-300.0, math.inf), "split_percent": (-50.0, 50.0)},
     **{"shaker_between": (0.0, 1.0), "sensor_mass_kg": (0.0, 1.0), "drift_percent": (-10.0, 10.0)},
+    "sampling_rate_hz": (2.0 * FORCE_BAND_HZ[1] + 1.0, math.inf),
 }
 MOST_SAMPLES = 10_000_000  # 80 minutes at 2 kHz; a run is made in memory
 SAMPLE = Path("sample_data") / "tyre_225_55R17"
@@ -77,20 +84,16 @@ class Setup:
     drift_percent: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, above in (("duration_s", 0.0), ("sampling_rate_hz", 2.0 * FORCE_BAND_HZ[1])):
-            value = getattr(self, name)
-            if not value > above:
-                raise InputError(name, f"{value:g}", f"must be > {above:g}", "Correct the value")
         for name, (least, most) in _LIMITS.items():
             value = getattr(self, name)
             if not least <= value <= most:
                 rule = f"must be {least:g} to {most:g}"
                 raise InputError(name, f"{value:g}", rule, "Correct the value")
         samples = self.duration_s * self.sampling_rate_hz
-        if not samples <= MOST_SAMPLES:
+        if not 1 <= samples <= MOST_SAMPLES:
             found = f"{self.duration_s:g} s at {self.sampling_rate_hz:g} Hz, {samples:.3g} samples"
-            rule = f"a run has at most {MOST_SAMPLES} samples of each channel"
-            raise InputError("duration_s", found, rule, "Shorten the runs or lower the rate")
+            rule = f"a run has 1 to {MOST_SAMPLES} samples of each channel"
+            raise InputError("duration_s", found, rule, "Change the length of the runs or the rate")
 
     @property
     def n_samples(self) -> int:
@@ -145,12 +148,11 @@ def simulate_campaign(
     <Campaign virtual_tyre: 6 runs with 72 responses, tyre 225/55R17>
     """
     folder = Path(folder)
-    runs = seed, duration_s, sampling_rate_hz, snr_db
-    setup = Setup(*runs, split_percent, shaker_between, sensor_mass_kg, drift_percent)
+    pair = split_percent, shaker_between
+    setup = Setup(seed, duration_s, sampling_rate_hz, snr_db, *pair, sensor_mass_kg, drift_percent)
     if file_format not in ("uff", "csv"):
         rule = "must be uff or csv"
         raise InputError("file_format", repr(file_format), rule, "Choose one of them")
-    require_empty(folder)
     modes = truth_modes(split_percent=split_percent, shaker_between=shaker_between)
     write = write_time_series if file_format == "uff" else write_csv
     with written_whole(folder, marker=None) as partial:
@@ -190,7 +192,7 @@ def _simulate_run(
     rate, kept = setup.sampling_rate_hz, setup.n_samples
     period = next_fast_len(kept + round(_SETTLING_S * rate), real=True)
     omega = 2.0 * np.pi * np.arange(period // 2 + 1) * rate / period
-    spectrum = _force_spectrum(omega, period, random)
+    spectrum = scaled(noise_spectrum(omega, FORCE_BAND_HZ, random), FORCE_RMS_N, period)
     force = irfft(spectrum, period)[-kept:] + PRELOAD_N
     force += FORCE_RMS_N * 10.0 ** (-FORCE_NOISE_DB / 20.0) * random.standard_normal(kept)
     angles = np.array(list(positions_deg.values()))
@@ -204,9 +206,7 @@ def _simulate_run(
 
 
 def channels_of(
-    force: NDArray[np.float64],
-    signals: Iterable[NDArray[np.float64]],
-    positions_deg: Mapping[str, float],
+    force: Floats, signals: Iterable[Floats], positions_deg: Mapping[str, float]
 ) -> list[Channel]:
     """The force and the accelerations at declared angles in single precision."""
     channels = [Channel("force", FORCE, "N", force.astype(np.float32))]
@@ -217,32 +217,28 @@ def channels_of(
     return channels
 
 
-def _force_spectrum(
-    omega: NDArray[np.float64], period: int, random: _Random
-) -> NDArray[np.complex128]:
-    """Gaussian noise of `FORCE_RMS_N` within the band, zero outside."""
-    low, high = (2.0 * np.pi * limit for limit in FORCE_BAND_HZ)
+def noise_spectrum(omega: Floats, band_hz: tuple[float, float], random: _Random) -> Complexes:
+    """Gaussian noise within the band, zero outside."""
+    low, high = (2.0 * np.pi * limit for limit in band_hz)
     inside = (omega >= low) & (omega <= high)
     spectrum = np.zeros(omega.size, dtype=complex)
     spectrum[inside] = random.standard_normal((np.count_nonzero(inside), 2)) @ [1.0, 1j]
-    rms = np.sqrt(2.0 * np.sum(np.abs(spectrum) ** 2)) / period
-    return np.asarray(spectrum * (FORCE_RMS_N / rms))
+    return spectrum
 
 
-def _disturbance(noise: float, n_samples: int, rate: float, random: _Random) -> NDArray[np.float64]:
+def scaled(spectrum: Complexes, rms: float, period: int) -> Complexes:
+    """A spectrum of `period` samples, scaled to the given rms over time."""
+    factor = rms * period / np.sqrt(2.0 * np.sum(np.abs(spectrum) ** 2))
+    return np.asarray(factor * spectrum)
+
+
+def _disturbance(noise: float, n_samples: int, rate: float, random: _Random) -> Floats:
     """Sensor noise, mains hum and offset of one sensor, m/s²."""
     phase = random.uniform(0.0, 2.0 * np.pi)
     offset = OFFSET_M_S2 * random.standard_normal()
     time = np.arange(n_samples) / rate
     hum = np.sqrt(2.0) * HUM_OVER_NOISE * noise * np.sin(2.0 * np.pi * HUM_HZ * time + phase)
     return np.asarray(noise * random.standard_normal(n_samples) + hum + offset)
-
-
-def require_empty(folder: Path) -> None:
-    """Refuse a folder that is not empty."""
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        rule = "a campaign needs a new or empty folder"
-        raise InputError(str(folder), "it already exists", rule, "Choose another folder")
 
 
 def write_text(path: Path, text: str) -> None:
@@ -260,40 +256,29 @@ def manifest_text(
     sensor_mass_kg: float = 0.0,
 ) -> str:
     """Manifest of simulated recordings with the angles of the sensors, by file and channel."""
-    sensors = f"\n[sensors]\nmass_kg = {sensor_mass_kg}\n" if sensor_mass_kg else ""
-    runs = "".join(
-        f'\n[[runs]]\nfile = "{name}"\nreference = "{REFERENCE}"\npositions_deg = {{ '
-        + ", ".join(f"{channel} = {angle}" for channel, angle in places.items())
-        + " }\n"
-        for name, places in positions_deg.items()
-    )
-    return f"""schema = 1
-
-[tyre]
-designation = "{designation}"
-inflation_pressure_pa = {ring.inflation_pressure_pa}
-mean_radius_m = {ring.mean_radius_m}
-belt_width_m = {ring.belt_width_m}
-origin = "simulated, see README.md"
-
-[acquisition]
-sampling_rate_hz = {sampling_rate_hz}
-{sensors}
-[grid]
-positions = {POSITIONS}
-
-[excitation]
-channel = "force"
-position_deg = {force_deg}
-direction = "radial"
-{runs}"""
+    names = ("inflation_pressure_pa", "mean_radius_m", "belt_width_m")
+    tyre = {"designation": designation, **{name: getattr(ring, name) for name in names}}
+    sensors = {"sensors": {"mass_kg": sensor_mass_kg}} if sensor_mass_kg else {}
+    runs = []
+    for name, places in positions_deg.items():
+        angles = tomlkit.inline_table()
+        angles.update(places)
+        runs.append({"file": name, "reference": REFERENCE, "positions_deg": angles})
+    content = {
+        "schema": 1,
+        "tyre": {**tyre, "origin": "simulated, see README.md"},
+        "acquisition": {"sampling_rate_hz": sampling_rate_hz},
+        **sensors,
+        "grid": {"positions": POSITIONS},
+        "excitation": {"channel": "force", "position_deg": force_deg, "direction": "radial"},
+        "runs": runs,
+    }
+    return tomlkit.dumps(content)
 
 
 def _readme(folder: Path, names: list[str], setup: Setup) -> str:
     listed = [*names, "campaign.toml", "truth.toml"]
-    sums = "\n".join(
-        f"{hashlib.sha256((folder / name).read_bytes()).hexdigest()}  {name}" for name in listed
-    )
+    sums = "\n".join(f"{sha256(folder / name)}  {name}" for name in listed)
     options = "\n".join(f"- `{name}`: {value:g}" for name, value in asdict(setup).items())
     return f"""# Simulated campaign on a tyre {DESIGNATION}
 

@@ -20,20 +20,12 @@ from pipelines.simulate.campaign import (
     REFERENCE_DEG,
     channels_of,
     manifest_text,
-    require_empty,
     write_text,
 )
 from pipelines.simulate.laboratory_effects import Effects, describe_effects
 from pipelines.simulate.laboratory_truth import LaboratoryMode, Truth, modes_of, truth_content
-from pipelines.simulate.laboratory_tyre import (
-    STIFFNESSES,
-    Complexes,
-    Floats,
-    LaboratoryTyre,
-    State,
-    System,
-    random_ring,
-)
+from pipelines.simulate.laboratory_tyre import STIFFNESSES, LaboratoryTyre, State, random_ring
+from pipelines.simulate.truth import Complexes, Floats, System
 from pipelines.storage.result_folder import written_whole
 
 _STEP = 1e-3  # relative step of the pressure for its effect on the poles
@@ -75,6 +67,11 @@ class Laboratory:
         object.__setattr__(self, "tyre", LaboratoryTyre(ring, damping, self.effects))
 
     @property
+    def name(self) -> str:
+        """Designation of the tyre."""
+        return f"laboratory tyre {self.effects.seed}"
+
+    @property
     def drive(self) -> Floats:
         """Row of the coordinates at the force."""
         return np.asarray(self.tyre.surface(np.array([self.force_deg]))[0])
@@ -112,8 +109,7 @@ class Laboratory:
         errors = effects.angle_error_deg * moved.uniform(-1, 1, declared.size)
         tilt = effects.tilt_deg * moved.standard_normal(declared.size)
         errors[-1], tilt[-1] = reference[0], effects.tilt_deg * reference[1]
-        names = (*(f"A{k + 1:02d}" for k in range(effects.sensors)), REFERENCE)
-        return chain.Mounting(names, declared, actual + errors, tilt, gain, delay)
+        return chain.Mounting(declared, actual + errors, tilt, gain, delay)
 
     def system(self, run: int) -> System:
         """The tyre as tested in a run, with everything that hangs on it."""
@@ -134,12 +130,12 @@ class Laboratory:
 
     def signals(self, run: int) -> tuple[Floats, Floats]:
         """What a perfect chain would record: force and accelerations of a run."""
-        driven = self._driven(run)
-        if self._moves:
+        driven, effects = self._driven(run), self.effects
+        if effects.pressure_drift_within or effects.drift_within or effects.softening:
             found = chain.moving_responses(driven, self._shift(run, driven))
         else:
             found = chain.responses(driven)
-        kept = slice(driven.period - self.effects.n_samples, None)
+        kept = slice(driven.period - effects.n_samples, None)
         return irfft(driven.spectrum, driven.period)[kept], found[:, kept]
 
     def _driven(self, run: int) -> chain.Driven:
@@ -152,11 +148,6 @@ class Laboratory:
             spectrum = chain.with_shaker(spectrum, omega, drive)
         rows = self.tyre.surface(mounting.actual_deg, mounting.tilt_deg)
         return chain.Driven(system, rows, spectrum, omega, mounting)
-
-    @property
-    def _moves(self) -> bool:
-        effects = self.effects
-        return bool(effects.pressure_drift_within or effects.drift_within or effects.softening)
 
     def _shift(self, run: int, driven: chain.Driven) -> Complexes:
         """Change of the excited poles over the period, against half-way through the run."""
@@ -174,7 +165,8 @@ class Laboratory:
                 self.tyre.stiffness(replace(state, pressure=state.pressure + step))
                 for step in (-_STEP, _STEP)
             )
-            rates = driven.system.pole_rates((up - down) / (2 * _STEP))[: poles.size]
+            system, slope = driven.system, (up - down) / (2 * _STEP)
+            rates = -np.einsum("rc,cd,dr->r", system.left, slope, system.vectors)[: poles.size]
             shift = shift + rates[:, None] * effects.pressure_drift_within * time
         return np.asarray(shift)
 
@@ -186,34 +178,41 @@ class Laboratory:
 
     def channels(self, run: int) -> list[Channel]:
         """Channels of a run in single precision: the force, the turned sensors, the reference."""
-        mounting = self.mounting(run)
-        places = dict(zip(mounting.names, mounting.declared_deg.tolist(), strict=True))
-        return channels_of(*self.recordings(run), places)
+        return channels_of(*self.recordings(run), self.places(run))
+
+    def places(self, run: int) -> dict[str, float]:
+        """Declared angle of every sensor of a run, degrees."""
+        names = (*(f"A{k + 1:02d}" for k in range(self.effects.sensors)), REFERENCE)
+        return dict(zip(names, self.mounting(run).declared_deg.tolist(), strict=True))
 
     def campaign(self) -> Campaign:
         """The campaign in memory, as `ema.estimate_frf` takes it."""
         effects = self.effects
         runs = []
         for run in range(effects.runs):
-            channels = self.channels(run)
-            name = f"run_{run + 1}.uff"
-            angles = self.mounting(run).declared_deg
-            sensors = tuple(
-                Response(channel, channel.node, float(angle))
-                for channel, angle in zip(channels[1:-1], angles, strict=False)
-            )
+            name, places = f"run_{run + 1}.uff", self.places(run)
+            force, *sensors, reference = channels = self.channels(run)
+            responses = tuple(Response(each, each.node, places[each.name]) for each in sensors)
             recording = Recording(Path(name), effects.sampling_rate_hz, tuple(channels))
-            runs.append(Run(name, recording, channels[0], sensors, channels[-1]))
-        ring, name = self.tyre.ring, f"laboratory tyre {effects.seed}"
+            runs.append(Run(name, recording, force, responses, reference))
+        ring = self.tyre.ring
         return Campaign(
             "laboratory",
             tuple(runs),
-            tyre=Tyre(name, ring.inflation_pressure_pa, ring.mean_radius_m, ring.belt_width_m),
+            tyre=Tyre(self.name, ring.inflation_pressure_pa, ring.mean_radius_m, ring.belt_width_m),
             positions=POSITIONS,
             excitation_deg=effects.force_deg,
             reference_deg=REFERENCE_DEG,
             sensor_mass_kg=effects.declared_mass_kg or None,
         )
+
+    @property
+    def manifest(self) -> str:
+        """The campaign as the laboratory declares it, errors not included."""
+        ring, effects = self.tyre.ring, self.effects
+        declared = {"sensor_mass_kg": effects.declared_mass_kg, "force_deg": effects.force_deg}
+        places = {f"run_{run + 1}.uff": self.places(run) for run in range(effects.runs)}
+        return manifest_text(self.name, ring, effects.sampling_rate_hz, places, **declared)
 
     @cached_property
     def truth(self) -> Truth:
@@ -263,34 +262,16 @@ def simulate_laboratory(folder: Path | str, effects: Effects) -> Path:
     ['README.md', 'campaign.toml', 'run_1.uff']
     """
     folder = Path(folder)
-    require_empty(folder)
     laboratory = Laboratory(effects)
     with written_whole(folder, marker=None) as partial:
         for run in range(effects.runs):
             file = partial / f"run_{run + 1}.uff"
             write_time_series(file, laboratory.channels(run), effects.sampling_rate_hz)
-        write_text(partial / "campaign.toml", _manifest(laboratory))
+        write_text(partial / "campaign.toml", laboratory.manifest)
         truth = json.dumps(truth_content(laboratory.truth), indent=1)
         write_text(partial / "truth.json", truth + "\n")
         write_text(partial / "README.md", _readme(effects))
     return folder
-
-
-def _manifest(laboratory: Laboratory) -> str:
-    """The campaign as the laboratory declares it, errors not included."""
-    effects = laboratory.effects
-    mountings = map(laboratory.mounting, range(effects.runs))
-    return manifest_text(
-        f"laboratory tyre {effects.seed}",
-        laboratory.tyre.ring,
-        effects.sampling_rate_hz,
-        {
-            f"run_{run}.uff": dict(zip(each.names, each.declared_deg.tolist(), strict=True))
-            for run, each in enumerate(mountings, 1)
-        },
-        force_deg=effects.force_deg,
-        sensor_mass_kg=effects.declared_mass_kg,
-    )
 
 
 def _readme(effects: Effects) -> str:
@@ -317,14 +298,12 @@ Effects that differ from an ideal test of an ideal tyre:
 def _angles_deg(effects: Effects, run: int) -> tuple[Floats, Floats]:
     """Angles of the sensors of a run as declared and as they are, the reference last."""
     first, last = effects.circle_deg
-    gaps = effects.sensors if effects.is_full_circle else effects.sensors - 1
+    gaps = effects.sensors - (last - first != 360.0)  # on a full circle, the first is also the last
     spacing = (last - first) / gaps
-    places = first + spacing * np.arange(effects.sensors)
-    step = spacing / effects.runs * run
-    declared = places + step
-    actual = places + (-step if effects.mirrored_step else step)
+    places, step = first + spacing * np.arange(effects.sensors), spacing / effects.runs * run
+    actual = places - step if effects.mirrored_step else places + step
     if effects.reversed_sequence:
         actual = -places + step
     if effects.offset_run in (0, run + 1):
         actual = actual + effects.offset_deg
-    return np.append(declared, REFERENCE_DEG), np.append(actual, REFERENCE_DEG)
+    return np.append(places + step, REFERENCE_DEG), np.append(actual, REFERENCE_DEG)

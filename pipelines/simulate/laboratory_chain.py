@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import fft, ifft, irfft, next_fast_len, rfft
 
-from pipelines.simulate.campaign import HUM_HZ, OFFSET_M_S2
+from pipelines.simulate.campaign import HUM_HZ, OFFSET_M_S2, noise_spectrum, scaled
 from pipelines.simulate.laboratory_effects import Effects, Excitation
-from pipelines.simulate.laboratory_tyre import Complexes, Floats, System
+from pipelines.simulate.truth import Complexes, Floats, System
 
 SETTLING_S = 3.0  # kept before the recording; the slowest mode decays to e^-12 and less
 DEAD = 1e-4  # of the signal is left of a dead sensor
@@ -40,15 +40,11 @@ LEVEL_TIME_S = 0.05  # softening follows the level smoothed over this time
 class Mounting:
     """Where the sensors of a run are and how they see."""
 
-    names: tuple[str, ...]  # channel names, the reference last
-    # shape (n_sensors,); angles in the manifest, on the tyre, and of the sensor axis against the
-    # radius
-    declared_deg: Floats
-    actual_deg: Floats
-    tilt_deg: Floats
-    # shape (n_sensors,); sensitivity over the declared one, delay of the channel
-    gain: Floats
-    delay_s: Floats
+    declared_deg: Floats  # angles in the manifest; shape (n_sensors,), as all below
+    actual_deg: Floats  # angles on the tyre
+    tilt_deg: Floats  # of the sensor's axis against the radius
+    gain: Floats  # sensitivity over the declared one
+    delay_s: Floats  # of the channel
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,24 +90,19 @@ def force_spectrum(effects: Effects, random: np.random.Generator) -> Complexes:
         spectrum = rfft(_hits(effects, period, random))
         spectrum[-1] = 0
         return np.asarray(spectrum)
-    low, high = (2 * np.pi * limit for limit in effects.band_hz)
-    inside = (omega >= low) & (omega <= high)
     if kind is Excitation.SWEEP:
+        low, high = (2 * np.pi * limit for limit in effects.band_hz)
         time = np.arange(period) / rate % effects.event_s
         climb = (high - low) / (2 * effects.event_s)
-        force = np.sin((low + climb * time) * time)
-        spectrum = rfft(force)
+        spectrum = rfft(np.sin((low + climb * time) * time))
     else:
-        spectrum = np.zeros(omega.size, dtype=complex)
-        draws = random.standard_normal((np.count_nonzero(inside), 2)) @ [1.0, 1j]
-        spectrum[inside] = draws
+        spectrum = noise_spectrum(omega, effects.band_hz, random)
         if kind is Excitation.PINK:
-            spectrum[inside] /= np.sqrt(1 + omega[inside] / (2 * np.pi * PINK_HZ))
+            spectrum /= np.sqrt(1 + omega / (2 * np.pi * PINK_HZ))
         if kind is Excitation.BURST:
             spectrum = rfft(irfft(spectrum, period) * _gate(effects, period, random))
     spectrum[[0, -1]] = 0
-    rms = np.sqrt(2 * np.sum(np.abs(spectrum) ** 2)) / period
-    return np.asarray(spectrum * (effects.force_rms_n / rms))
+    return scaled(spectrum, effects.force_rms_n, period)
 
 
 def _gate(effects: Effects, period: int, random: np.random.Generator) -> Floats:
@@ -139,11 +130,10 @@ def _hits(effects: Effects, period: int, random: np.random.Generator) -> Floats:
     force = np.zeros(period)
     for start in starts:
         peak, length = random.uniform(*HIT_PEAK_N), random.uniform(*HIT_LENGTH_S)
+        bounce, later = random.uniform(), random.uniform(*BOUNCE_S)
+        second = random.uniform(*BOUNCE_PEAK) * (bounce < effects.double_hits)
         force += peak * _pulse(time - start, length)
-        bounce, later, height = random.uniform(), random.uniform(*BOUNCE_S), BOUNCE_PEAK
-        height_n = peak * random.uniform(*height)
-        if bounce < effects.double_hits:
-            force += height_n * _pulse(time - start - later, length)
+        force += second * peak * _pulse(time - start - later, length)
     return force
 
 
@@ -179,7 +169,7 @@ def moving_responses(driven: Driven, shift: Complexes) -> Floats:
     growth = (np.cumsum(shift - mean, axis=1) - (shift - mean) / 2) * step
     moving = np.flatnonzero(np.ptp(growth.real, axis=1) < LARGEST_GROWTH)
     still = np.setdiff1d(np.arange(system.poles.size), moving)
-    found = irfft(system.part(still).inertance(rows, omega) * spectrum, period, axis=1)
+    found = irfft(system.inertance(rows, omega, still) * spectrum, period, axis=1)
     force, force_rate = irfft(spectrum, period), irfft(1j * omega * spectrum, period)
     lines = np.concatenate([omega[:-1], -omega[:0:-1]])
     second = np.empty((moving.size, period), dtype=complex)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ HIGHEST_EXCITED = 0.45  # of the sampling rate
 
 def _effect(default: Any, unit: str, help_text: str, least: float = 0.0, most: float = 1.0) -> Any:
     """A field with unit, limits and explanation."""
-    metadata = {"unit": unit, "help": help_text, "least": least, "most": most}
+    metadata = {"unit": unit, "help": help_text, "limits": (least, most)}
     return field(default=default, metadata=metadata)
 
 
@@ -119,25 +119,17 @@ class Effects:
 
     def __post_init__(self) -> None:
         for entry in fields(self):
-            value = _converted(entry.name, getattr(self, entry.name))
-            object.__setattr__(self, entry.name, value)
-        samples = self.n_samples
-        rules = {
-            "duration_s": (samples <= MOST_SAMPLES, f"a run has at most {MOST_SAMPLES} samples"),
-            "circle_deg": (
-                len(self.circle_deg) == 2 and self.circle_deg[0] < self.circle_deg[1],
-                "two ascending angles",
-            ),
-            "rim_hz": (len(self.rim_hz) in (0, 2), "no frequency or two, of x and z"),
-            "sensors": (
-                max(self.faulty_sensors, default=0) <= self.sensors,
-                "faulty sensors are among them",
-            ),
-            "bits": (self.bits == 0 or self.bits >= 4, "0, or 4 and more"),
-        }
-        for name, (holds, rule) in rules.items():
-            if not holds:
-                raise InputError(name, f"{getattr(self, name)}", rule, "Correct the value")
+            object.__setattr__(self, entry.name, _converted(entry, getattr(self, entry.name)))
+        ascending = len(self.circle_deg) == 2 and self.circle_deg[0] < self.circle_deg[1]
+        faulty = max(self.faulty_sensors, default=0)
+        for name, holds, rule in (
+            ("duration_s", self.n_samples <= MOST_SAMPLES, f"at most {MOST_SAMPLES} samples a run"),
+            ("circle_deg", ascending, "two ascending angles"),
+            ("rim_hz", len(self.rim_hz) in (0, 2), "no frequency or two, of x and z"),
+            ("sensors", faulty <= self.sensors, "faulty sensors are among them"),
+            ("bits", self.bits == 0 or self.bits >= 4, "0, or 4 and more"),
+        ):
+            _require(holds, name, getattr(self, name), rule)
 
     @property
     def n_samples(self) -> int:
@@ -148,11 +140,6 @@ class Effects:
     def declared_mass_kg(self) -> float:
         """Mass of each sensor as the manifest states it; 0 where it does not."""
         return self.sensor_mass_kg if self.declare_mass else 0.0
-
-    @property
-    def is_full_circle(self) -> bool:
-        """Whether the sensors cover the circle."""
-        return self.circle_deg[1] - self.circle_deg[0] == 360.0
 
     @property
     def band_hz(self) -> tuple[float, float]:
@@ -176,43 +163,41 @@ class Effects:
         }
 
 
-_ENTRIES = {entry.name: entry for entry in fields(Effects)}
+def _require(holds: bool, name: str, value: Any, rule: str) -> None:
+    if not holds:
+        raise InputError(name, repr(value), rule, "Correct the value")
 
 
-def _converted(name: str, value: Any) -> Any:
+def _converted(entry: Field[Any], value: Any) -> Any:
     """The value in the type of its default, within its limits."""
-    entry = _ENTRIES[name]
     default = entry.default
-    if isinstance(default, StrEnum):
-        if value not in tuple(Excitation):
-            rule = f"one of {', '.join(Excitation)}"
-            raise InputError(name, repr(value), rule, "Choose one of them")
-        return Excitation(value)
     if isinstance(default, bool):
-        if not isinstance(value, bool):
-            raise InputError(name, repr(value), "true or false", "Correct the value")
+        _require(isinstance(value, bool), entry.name, value, "true or false")
         return value
-    several = isinstance(default, tuple) and isinstance(value, list | tuple)
-    numbers = tuple(value) if several else (value,)
-    least, most = entry.metadata["least"], entry.metadata["most"]
-    kinds = int if isinstance(default, int) else (int, float)
-    for number in numbers:
-        if isinstance(number, bool) or not isinstance(number, kinds):
-            kind = "a whole number" if isinstance(default, int) else "a number"
-            raise InputError(name, repr(number), f"it must be {kind}", "Correct the value")
-        if not least <= number <= most:
-            rule = f"it must lie between {least:g} and {most:g}"
-            raise InputError(name, f"{number:g}", rule, "Correct the value")
+    if isinstance(default, StrEnum):
+        _require(value in tuple(Excitation), entry.name, value, f"one of {', '.join(Excitation)}")
+        return Excitation(value)
     if isinstance(default, tuple):
-        return tuple(float(number) for number in numbers)
-    return float(value) if isinstance(default, float) else value
+        several = value if isinstance(value, list | tuple) else (value,)
+        return tuple(_number(entry, each) for each in several)
+    return _number(entry, value)
+
+
+def _number(entry: Field[Any], value: Any) -> float:
+    whole, (least, most) = isinstance(entry.default, int), entry.metadata["limits"]
+    known = isinstance(value, int if whole else int | float) and not isinstance(value, bool)
+    _require(known, entry.name, value, f"it must be a {'whole ' if whole else ''}number")
+    rule = f"it must lie between {least:g} and {most:g}"
+    _require(least <= value <= most, entry.name, value, rule)
+    return value if whole else float(value)
 
 
 def effects_from(table: Mapping[str, Any], place: str = "effects") -> Effects:
     """Effects from a table of names and values; `place` is where it comes from, for messages."""
+    known = [entry.name for entry in fields(Effects)]
     for name in table:
-        if name not in _ENTRIES:
-            rule = f"known effects: {', '.join(_ENTRIES)}"
+        if name not in known:
+            rule = f"known effects: {', '.join(known)}"
             raise InputError(place, repr(name), rule, "Correct or remove it")
     return Effects(**table)
 
@@ -247,6 +232,6 @@ def effects_of(
 def describe_effects() -> list[tuple[str, Any, str, str]]:
     """Name, default, unit and explanation of every effect."""
     return [
-        (name, entry.default, entry.metadata["unit"], entry.metadata["help"])
-        for name, entry in _ENTRIES.items()
+        (entry.name, entry.default, entry.metadata["unit"], entry.metadata["help"])
+        for entry in fields(Effects)
     ]

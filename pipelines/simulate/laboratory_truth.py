@@ -13,7 +13,8 @@ from ema.core.errors import InputError
 from model.parameters import RingDamping, RingParameters
 from pipelines.simulate.campaign import POSITIONS
 from pipelines.simulate.laboratory_effects import Effects
-from pipelines.simulate.laboratory_tyre import Complexes, LaboratoryTyre, System
+from pipelines.simulate.laboratory_tyre import LaboratoryTyre
+from pipelines.simulate.truth import Complexes, System
 
 TRUTH_DEG = np.arange(POSITIONS) * 360.0 / POSITIONS
 HIGHEST_TRUTH_HZ = 600.0
@@ -88,20 +89,13 @@ class Truth:
 
 def modes_of(tyre: LaboratoryTyre, system: System, force_deg: float) -> tuple[LaboratoryMode, ...]:
     """Modes of a system up to `HIGHEST_TRUTH_HZ`; poles that coincide are one mode."""
-    rows = tyre.surface(np.append(TRUTH_DEG, force_deg))
-    residues = system.residues(rows)
-    found: list[LaboratoryMode] = []
-    last = 0
+    residues = system.residues(tyre.surface(np.append(TRUTH_DEG, force_deg)))
     poles = system.poles[np.abs(system.poles) < 2 * np.pi * HIGHEST_TRUTH_HZ]
-    for first in range(poles.size):
-        if first < last:
-            continue
-        last = first + 1
-        while last < poles.size and abs(poles[last] / poles[first] - 1) < _SAME_POLE:
-            last += 1
-        shape = residues[:, first:last].sum(axis=1)
-        found.append(_mode(tyre, poles[first], system.vectors[:, first], shape))
-    return tuple(found)
+    apart = np.abs(poles[1:] / poles[:-1] - 1) >= _SAME_POLE
+    return tuple(
+        _mode(tyre, poles[same[0]], system.vectors[:, same[0]], residues[:, same].sum(axis=1))
+        for same in np.split(np.arange(poles.size), np.flatnonzero(apart) + 1)
+    )
 
 
 def _mode(
@@ -110,8 +104,7 @@ def _mode(
     kind, share = _kind(tyre, vector)
     shape = residues[:-1] / np.abs(residues[:-1]).max()
     lines = np.abs(np.fft.fft(shape)) ** 2
-    power = lines[: POSITIONS // 2 + 1].copy()
-    power[1:-1] += lines[-1 : POSITIONS // 2 : -1]
+    power = np.bincount(np.abs(np.fft.fftfreq(POSITIONS, 1 / POSITIONS)).astype(int), lines)
     order = int(np.argmax(power))
     purity, size = float(power[order] / power.sum()), float(abs(pole))
     strength = float(2 * size * abs(residues[-1]))

@@ -16,11 +16,12 @@ from scipy.optimize import brentq
 
 from model.parameters import RingDamping, RingParameters
 from pipelines.simulate.laboratory_effects import Effects
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from pipelines.simulate.truth import Complexes, Floats, System, solve
 
 HIGHEST_ORDER = 14
+# Orders of the coordinates of a direction, and whether each is a sine.
+ORDERS = np.append(0, np.repeat(np.arange(1, HIGHEST_ORDER + 1), 2))
+SINE = np.append(0, np.tile([0, 1], HIGHEST_ORDER))
 GRID = 256  # points of the integration; exact up to order 128 of integrand
 _VARIED_ORDERS = 2 * HIGHEST_ORDER  # order 2n of a variation splits the pair n
 SPLICE_DEG = 8.0
@@ -59,7 +60,7 @@ CAVITY_DAMPING = 0.004
 CAVITY_MASS_KG = 0.1
 CAVITY_SPEED_M_S = 344.0
 CAVITY_RADIUS = 0.82  # radius of the air's centre line over that of the belt
-CAVITY_SPLIT = 0.004
+CAVITY_PAIR = np.array([0.996, 1.004])  # both frequencies over that of air alone
 
 
 @dataclass(frozen=True)
@@ -87,59 +88,17 @@ def random_ring(seed: int) -> tuple[RingParameters, RingDamping]:
 
 
 @dataclass(frozen=True, eq=False)
-class System:
-    """Poles and residue vectors of a tyre in one state, driven at one point."""
-
-    poles: Complexes  # shape (n_modes,); poles in the upper half plane, ascending, rad/s
-    vectors: Complexes  # shape (n_coordinates, n_modes); mode shapes in the coordinates of the tyre
-    # shape (n_modes,); factor from shape to residue of receptance for a unit force at the drive
-    # point
-    participation: Complexes
-    # shape (n_modes, n_coordinates); velocity part of the left vectors times the inverse mass, for
-    # perturbations
-    left: Complexes
-
-    def part(self, modes: NDArray[np.int_]) -> System:
-        """Some of its modes alone."""
-        poles, vectors = self.poles[modes], self.vectors[:, modes]
-        return System(poles, vectors, self.participation[modes], self.left[modes])
-
-    def residues(self, rows: Floats) -> Complexes:
-        """Residues of receptance at points whose motion is ``rows @ coordinates``."""
-        return np.asarray((rows @ self.vectors) * self.participation, dtype=complex)
-
-    def inertance(self, rows: Floats, omega: Floats) -> Complexes:
-        """Inertance at points, shape (n_points, n_lines), (m/s²)/N."""
-        residues = self.residues(rows)
-        values = np.empty((len(rows), omega.size), dtype=complex)
-        for start in range(0, omega.size, 8192):
-            lines = slice(start, start + 8192)
-            s = 1j * omega[lines]
-            values[:, lines] = residues @ (1 / (s - self.poles[:, None]))
-            values[:, lines] += residues.conj() @ (1 / (s - self.poles.conj()[:, None]))
-        return np.asarray(values * -(omega**2))
-
-    def pole_rates(self, stiffness: Floats) -> Complexes:
-        """First-order change of the poles with an added stiffness matrix."""
-        return np.asarray(-np.einsum("rc,cd,dr->r", self.left, stiffness, self.vectors), complex)
-
-
-@dataclass(frozen=True, eq=False)
 class LaboratoryTyre:
     """A ring with rim, lateral modes and air; uneven around the circumference where asked for."""
 
     ring: RingParameters  # means around the circumference
-    # the loss factor acts as a viscous damping that gives the same loss at the frequency of each
-    # order
-    damping: RingDamping
+    damping: RingDamping  # its loss factor acts as the viscous damping of equal loss, per order
     effects: Effects
 
     @cached_property
     def labels(self) -> list[tuple[str, int]]:
         """Kind and order of every coordinate; sine and cosine share theirs."""
-        ring = [("radial", 0), ("tangential", 0)]
-        for order in range(1, HIGHEST_ORDER + 1):
-            ring += [("radial", order)] * 2 + [("tangential", order)] * 2
+        ring = [(kind, n) for n in ORDERS.tolist() for kind in ("radial", "tangential")]
         rim = [("rim", 1)] * 2 if self.effects.rim_hz else []
         turning = [("turning", 0)] if self.effects.rim_turning_hz else []
         lateral = [("lateral", k) for k in range(len(self.effects.lateral_hz))]
@@ -159,14 +118,15 @@ class LaboratoryTyre:
         """Radial and tangential motion of the belt by coordinate, or a derivative by the angle."""
         theta = np.deg2rad(np.asarray(angles_deg, dtype=float))[:, None]
         radial, around = (np.zeros((theta.size, self.size)) for _ in range(2))
-        turn = derivative * np.pi / 2
-        for name, fields in (("radial", radial), ("tangential", around)):
-            columns = self.columns(name)
-            orders = np.array([self.labels[column][1] for column in columns])
-            sine = np.append(0, np.tile([0, 1], HIGHEST_ORDER))
-            waves = np.cos(orders * theta - sine * np.pi / 2 + turn)
-            fields[:, columns] = waves * np.power(orders.astype(float), derivative)
+        turn = (derivative - SINE) * np.pi / 2
+        waves = np.cos(ORDERS * theta + turn) * ORDERS.astype(float) ** derivative
+        radial[:, self.columns("radial")] = around[:, self.columns("tangential")] = waves
         return radial, around
+
+    @cached_property
+    def _grid(self) -> list[tuple[Floats, Floats]]:
+        """Motion of the belt at the points of the integration, and two derivatives."""
+        return [self._fields(np.arange(GRID) * 360.0 / GRID, k) for k in range(3)]
 
     def surface(self, angles_deg: Floats, tilt_deg: Floats | float = 0.0) -> Floats:
         """Motion seen by sensors, shape (n_angles, n_coordinates); tilted ones see tangential."""
@@ -212,10 +172,6 @@ class LaboratoryTyre:
         return np.asarray(fields.T @ (weights[:, None] * fields))
 
     @cached_property
-    def _grid_deg(self) -> Floats:
-        return np.arange(GRID) * 360.0 / GRID
-
-    @cached_property
     def _splice(self) -> Floats:
         """Factor of the splice on mass and belt stiffness."""
         return np.asarray(1 + self.effects.splice * self._draws["splice"])
@@ -223,29 +179,32 @@ class LaboratoryTyre:
     @cached_property
     def mass(self) -> Floats:
         """Mass matrix of the bare tyre."""
-        density = self.ring.mass_per_area_kg_m2 * self._splice
-        density = density * (1 + self.effects.mass_variation * self._draws["mass"])
-        radial, around = self._fields(self._grid_deg)
-        mass = self._integral(radial, density) + self._integral(around, density)
-        for column, (own_mass, _, _) in self._oscillators.items():
-            mass[column, column] += own_mass
-        return mass
+        density = self._splice * (1 + self.effects.mass_variation * self._draws["mass"])
+        own_kg, _, _ = self._oscillators
+        return self._inertia(self.ring.mass_per_area_kg_m2 * density) + np.diag(own_kg)
+
+    def _inertia(self, density: Floats | float) -> Floats:
+        radial, around = self._grid[0]
+        return self._integral(radial, density) + self._integral(around, density)
 
     @cached_property
-    def _oscillators(self) -> dict[int, tuple[float, float, float]]:
-        """Mass, frequency in Hz and damping ratio of every coordinate beside the ring's."""
+    def _oscillators(self) -> Floats:
+        """Mass, frequency in rad/s and damping ratio of what is not the ring; zeros elsewhere."""
         effects = self.effects
-        found = {}
-        for column, hz in zip(self.columns("rim"), effects.rim_hz, strict=True):
-            found[int(column)] = (effects.rim_mass_kg, hz, RIM_DAMPING)
-        for column in self.columns("turning"):
-            inertia = effects.rim_mass_kg * RIM_GYRATION_M**2
-            found[int(column)] = (inertia, effects.rim_turning_hz, RIM_DAMPING)
-        for column, hz in zip(self.columns("lateral"), effects.lateral_hz, strict=True):
-            found[int(column)] = (LATERAL_MASS_KG, hz, LATERAL_DAMPING)
-        alone = CAVITY_SPEED_M_S / (2 * np.pi * CAVITY_RADIUS * self.ring.mean_radius_m)
-        for column, sign in zip(self.columns("cavity"), (-1, 1), strict=False):
-            found[int(column)] = (CAVITY_MASS_KG, alone * (1 + sign * CAVITY_SPLIT), CAVITY_DAMPING)
+        alone_hz = CAVITY_SPEED_M_S / (2 * np.pi * CAVITY_RADIUS * self.ring.mean_radius_m)
+        inertia = effects.rim_mass_kg * RIM_GYRATION_M**2
+        parts = {
+            "rim": (effects.rim_mass_kg, effects.rim_hz, RIM_DAMPING),
+            "turning": (inertia, effects.rim_turning_hz, RIM_DAMPING),
+            "lateral": (LATERAL_MASS_KG, effects.lateral_hz, LATERAL_DAMPING),
+            "cavity": (CAVITY_MASS_KG, alone_hz * CAVITY_PAIR, CAVITY_DAMPING),
+        }
+        found = np.zeros((3, self.size))
+        for kind, (mass, hz, ratio) in parts.items():
+            columns = self.columns(kind)
+            if columns.size:
+                found[0, columns], found[2, columns] = mass, ratio
+                found[1, columns] = 2 * np.pi * np.asarray(hz)
         return found
 
     def growth_strain(self, pressure: float) -> float:
@@ -264,25 +223,22 @@ class LaboratoryTyre:
         ring, a = self.ring, self.ring.mean_radius_m
         e = self.growth_strain(pressure)
         tension = ring.axial_stiffness_n_m * (e + e**2 / 2)
-        (w, v), (w1, v1), (w2, _) = (self._fields(self._grid_deg, k) for k in range(3))
+        (w, v), (w1, v1), (w2, _) = self._grid
         membrane = ring.axial_stiffness_n_m * (1 + e) ** 2 * around
         extension = self._integral((w + v1) / a, membrane)
         pulled = self._integral((w + v1) / a, tension) + self._integral((v - w1) / a, tension)
         bent = self._integral((v1 - w2) / a**2, ring.bending_stiffness_n_m * around)
         return extension + pulled + bent, extension
 
-    def _sidewall(self, radial: Floats, around: Floats) -> Floats:
+    def _sidewall(self, radial: Floats | float, around: Floats | float) -> Floats:
         """∫ over the motion of the belt against the rim of radial and tangential densities."""
-        w, v = self._fields(self._grid_deg)
-        theta = np.deg2rad(self._grid_deg)
-        cos, sin = np.cos(theta), np.sin(theta)
-        for column, (radial_part, along) in zip(
-            self.columns("rim"), ((cos, sin), (sin, -cos)), strict=False
-        ):
-            w[:, column] -= radial_part
-            v[:, column] += along
-        for column in self.columns("turning"):
-            v[:, column] -= self.ring.mean_radius_m
+        w, v = (field.copy() for field in self._grid[0])
+        theta = np.arange(GRID) * 2 * np.pi / GRID
+        rim = self.columns("rim")
+        if rim.size:
+            w[:, rim] -= np.column_stack([np.cos(theta), np.sin(theta)])
+            v[:, rim] += np.column_stack([np.sin(theta), -np.cos(theta)])
+        v[:, self.columns("turning")] -= self.ring.mean_radius_m
         return self._integral(w, radial) + self._integral(v, around)
 
     def stiffness(self, state: State = NOMINAL) -> Floats:
@@ -292,8 +248,8 @@ class LaboratoryTyre:
         stiff = self._belt(state.pressure, self._splice)[0] + self._sidewall(
             ring.radial_stiffness_n_m3 * varied[0], ring.circumferential_stiffness_n_m3 * varied[1]
         )
-        for column, (mass, hz, _) in self._oscillators.items():
-            stiff[column, column] += mass * (2 * np.pi * hz) ** 2
+        mass, omega, _ = self._oscillators
+        stiff += np.diag(mass * omega**2)
         cavity = self.columns("cavity")
         if cavity.size:
             angle = self._draws["cavity"][0]
@@ -311,35 +267,26 @@ class LaboratoryTyre:
         damping = self._sidewall(
             self.damping.radial_n_s_m3 * varied, self.damping.circumferential_n_s_m3 * varied
         )
-        damping += self._belt_damping
-        for column, (mass, hz, ratio) in self._oscillators.items():
-            damping[column, column] += 2 * ratio * mass * 2 * np.pi * hz
+        mass, omega, ratio = self._oscillators
+        damping += self._belt_damping + np.diag(2 * ratio * mass * omega)
         return damping * state.frequency * state.damping
 
     @cached_property
     def _belt_damping(self) -> Floats:
-        return np.asarray(self.damping.loss_factor * self._belt(1.0, 1.0)[0] * self._per_frequency)
-
-    @cached_property
-    def _per_frequency(self) -> Floats:
-        """1/ω of the order of each pair of coordinates, of the uniform tyre's lowest mode."""
-        stiff = self._belt(1.0, 1.0)[0] + self._sidewall(
-            np.full(GRID, self.ring.radial_stiffness_n_m3),
-            np.full(GRID, self.ring.circumferential_stiffness_n_m3),
-        )
-        radial, around = self._fields(self._grid_deg)
-        density = self.ring.mass_per_area_kg_m2
-        mass = self._integral(radial, density) + self._integral(around, density)
-        factors = np.zeros((self.size, self.size))
+        """η K/ω with ω of each order, that of the uniform tyre's lowest mode."""
+        ring, belt = self.ring, self._belt(1.0, 1.0)[0]
+        bed = self._sidewall(ring.radial_stiffness_n_m3, ring.circumferential_stiffness_n_m3)
+        mass = self._inertia(ring.mass_per_area_kg_m2)
+        damping = np.zeros_like(belt)
         for order in range(HIGHEST_ORDER + 1):
-            belt = ("radial", order), ("tangential", order)
-            own = [k for k, label in enumerate(self.labels) if label in belt]
+            kinds = ("radial", order), ("tangential", order)
+            own = [k for k, label in enumerate(self.labels) if label in kinds]
             block = np.ix_(own, own)
-            squares = np.linalg.eigvals(np.linalg.solve(mass[block], stiff[block])).real
+            squares = np.linalg.eigvals(np.linalg.solve(mass[block], (belt + bed)[block])).real
             # Of order 0 the torsion does not strain the belt: the breathing counts.
             square = squares.max() if order == 0 else squares.min()
-            factors[block] = 1 / np.sqrt(square)
-        return factors
+            damping[block] = self.damping.loss_factor * belt[block] / np.sqrt(square)
+        return damping
 
     def extension_share(self, vector: Complexes) -> float:
         """Share of the belt's extension in the elastic energy of a shape."""
@@ -361,16 +308,6 @@ class LaboratoryTyre:
 
         `extra_mass` is the mass matrix of what hangs on the tyre.
         """
-        size = self.size
         drive = self.surface(np.zeros(1))[0] if drive is None else drive
         mass = self.mass if extra_mass is None else self.mass + extra_mass
-        inverse = np.linalg.inv(mass)
-        matrix = np.zeros((2 * size, 2 * size))
-        matrix[:size, size:] = np.eye(size)
-        matrix[size:, :size] = -inverse @ self.stiffness(state)
-        matrix[size:, size:] = -inverse @ self.damping_matrix(state)
-        poles, vectors = np.linalg.eig(matrix)
-        left = np.linalg.inv(vectors)[:, size:] @ inverse
-        upper = np.flatnonzero(poles.imag > 0)
-        upper = upper[np.argsort(np.abs(poles[upper]))]
-        return System(poles[upper], vectors[:size, upper], left[upper] @ drive, left[upper])
+        return solve(mass, self.damping_matrix(state), self.stiffness(state), drive)

@@ -93,10 +93,9 @@ class Observer:
     """A point where a response is read."""
 
     at_deg: float
-    # {"rotating", "absolute"}; whether it is fixed to the tyre or in space
-    frame: Frame = "rotating"
-    direction: Direction = "radial"  # {"radial", "circumferential"}
-    quantity: Quantity = "acceleration"  # {"displacement", "velocity", "acceleration"}
+    frame: Frame = "rotating"  # whether it is fixed to the tyre or in space
+    direction: Direction = "radial"
+    quantity: Quantity = "acceleration"
 
     @property
     def unit(self) -> str:
@@ -112,8 +111,7 @@ class CleatResponse(ReadonlyArrays):
     time_s: NDArray[np.float64]  # shape (n_times,); from the start of the impact
     response: NDArray[np.float64]  # shape (n_times,); in the observer's unit
     frequency_hz: NDArray[np.float64]  # shape (n_frequencies,)
-    # shape (n_frequencies,); ∫x(t)e^{−jωt}dt, in the observer's unit times s
-    spectrum: NDArray[np.complex128]
+    spectrum: NDArray[np.complex128]  # ∫x(t)e^{−jωt}dt there, in the observer's unit times s
 
     @property
     def columns(self) -> dict[str, NDArray[np.float64]]:
@@ -146,11 +144,9 @@ class LoadedSweep(ReadonlyArrays):
 
     load_n: NDArray[np.float64]  # shape (n_loads,)
     frequency_hz: NDArray[np.float64]  # shape (n_loads, n_modes); ascending
-    # shape (n_loads, n_modes); order with the largest share of each shape
-    dominant_order: NDArray[np.int_]
+    dominant_order: NDArray[np.int_]  # that with the largest share of each shape
     angle_deg: NDArray[np.float64]  # shape (n_angles,); angles from the contact
-    # shape (n_angles,); radial deflection by the largest load, relative to the inflated tyre, m
-    deflection_m: NDArray[np.float64]
+    deflection_m: NDArray[np.float64]  # there, radial, by the largest load, on the inflated tyre
 
     @property
     def contact_deflection_m(self) -> float:

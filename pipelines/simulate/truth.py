@@ -17,7 +17,11 @@ from model.reference import (
 )
 
 HIGHEST_ORDER = 16
-_LINES_AT_ONCE = 65_536
+_LINES_AT_ONCE = 8192
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Modes = NDArray[np.int_] | slice
 
 
 @dataclass(frozen=True)
@@ -25,14 +29,13 @@ class TruthMode:
     """One real mode of a tyre with radial shape cos(n(θ − orientation))."""
 
     order: int  # circumferential order n
-    # empty if the two members of the order coincide, ``"a"`` or ``"b"`` for one of a split pair
-    member: str
+    member: str  # "a" or "b" of a split pair; empty if both members of the order coincide
     frequency_hz: float  # undamped natural frequency
     damping_ratio: float
     modal_mass_kg: float  # for a unit amplitude of the shape
     orientation_deg: float = 0.0  # angle of an antinode
 
-    def shape(self, angles_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shape(self, angles_deg: Floats) -> Floats:
         """Radial shape at `angles_deg`."""
         return np.asarray(np.cos(self.order * np.deg2rad(angles_deg - self.orientation_deg)))
 
@@ -70,25 +73,59 @@ def truth_modes(
 
 
 @dataclass(frozen=True, eq=False)
+class System:
+    """Poles and residue vectors of a structure in one state, driven at one point."""
+
+    poles: Complexes  # shape (n_modes,); poles in the upper half plane, ascending, rad/s
+    vectors: Complexes  # shape (n_coordinates, n_modes); mode shapes
+    participation: Complexes  # shape (n_modes,); from shape to residue of receptance, unit force
+    left: Complexes  # shape (n_modes, n_coordinates); velocity part of left vectors over the mass
+
+    def residues(self, rows: Floats) -> Complexes:
+        """Residues of receptance at points whose motion is ``rows @ coordinates``."""
+        return np.asarray((rows @ self.vectors) * self.participation, dtype=complex)
+
+    def inertance(self, rows: Floats, omega: Floats, modes: Modes = slice(None)) -> Complexes:
+        """Inertance at points, of all or some `modes`, shape (n_points, n_lines), (m/s²)/N."""
+        return _inertance(self.poles[modes], self.residues(rows)[:, modes], omega)
+
+
+def solve(mass: Floats, damping: Floats, stiffness: Floats, drive: Floats) -> System:
+    """Exact poles and residue vectors for a force on ``drive @ coordinates``."""
+    size = len(mass)
+    inverse = np.linalg.inv(mass)
+    below = np.hstack([-inverse @ stiffness, -inverse @ damping])
+    poles, vectors = np.linalg.eig(np.vstack([np.eye(size, 2 * size, size), below]))
+    left = np.linalg.inv(vectors)[:, size:] @ inverse
+    upper = np.flatnonzero(poles.imag > 0)
+    upper = upper[np.argsort(np.abs(poles[upper]))]
+    return System(poles[upper], vectors[:size, upper], left[upper] @ drive, left[upper])
+
+
+def _inertance(poles: Complexes, residues: Complexes, omega: Floats) -> Complexes:
+    """H = −ω² Σ_r [A_r/(jω − s_r) + A*_r/(jω − s*_r)] of residues A, shape (..., n_modes)."""
+    values = np.empty((*residues.shape[:-1], omega.size), dtype=complex)
+    for start in range(0, omega.size, _LINES_AT_ONCE):
+        lines = slice(start, start + _LINES_AT_ONCE)
+        s = 1j * omega[lines]
+        values[..., lines] = residues @ (1 / (s - poles[:, None]))
+        values[..., lines] += residues.conj() @ (1 / (s - poles.conj()[:, None]))
+    return np.asarray(values * -(omega**2))
+
+
+@dataclass(frozen=True, eq=False)
 class ModalSum:
-    """Inertance as a sum over poles: H_i = −ω² Σ_r [A_ir/(jω − s_r) + A*_ir/(jω − s*_r)]."""
+    """Inertance as a sum over poles."""
 
-    poles: NDArray[np.complex128]  # shape (n_modes,); poles s_r in the upper half plane, rad/s
-    residues: NDArray[np.complex128]  # shape (n_positions, n_modes); residues A_ir of receptance
+    poles: Complexes  # shape (n_modes,); poles s_r in the upper half plane, rad/s
+    residues: Complexes  # shape (n_positions, n_modes); residues A_ir of receptance
 
-    def inertance(self, position: int, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def inertance(self, position: int, omega: Floats) -> Complexes:
         """Inertance of one position at angular frequencies `omega`, (m/s²)/N."""
-        values = np.empty(omega.size, dtype=complex)
-        for start in range(0, omega.size, _LINES_AT_ONCE):
-            lines = slice(start, start + _LINES_AT_ONCE)
-            s = 1j * omega[lines, None]
-            residue = self.residues[position]
-            sums = residue / (s - self.poles) + residue.conj() / (s - self.poles.conj())
-            values[lines] = -(omega[lines] ** 2) * sums.sum(axis=1)
-        return values
+        return _inertance(self.poles, self.residues[position], omega)
 
 
-def _along(mode: TruthMode, angles_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+def _along(mode: TruthMode, angles_deg: Floats) -> Floats:
     """Tangential part of a shape: a quarter wave further on, 1/n of the radial one."""
     if not mode.order:
         return np.zeros(angles_deg.size)
@@ -97,7 +134,7 @@ def _along(mode: TruthMode, angles_deg: NDArray[np.float64]) -> NDArray[np.float
 
 def modal_sum(
     modes: tuple[TruthMode, ...],
-    angles_deg: NDArray[np.float64],
+    angles_deg: Floats,
     force_deg: float,
     *,
     sensor_mass_kg: float = 0.0,
@@ -114,16 +151,6 @@ def modal_sum(
     at_force = np.array([mode.shape(np.array([force_deg]))[0] for mode in modes])
     along = np.column_stack([_along(mode, angles_deg) for mode in modes])
     inertia = np.diag(mass) + sensor_mass_kg * (shapes.T @ shapes + along.T @ along)
-
-    size = len(modes)
-    state = np.zeros((2 * size, 2 * size))
-    state[:size, size:] = np.eye(size)
-    state[size:, :size] = -np.linalg.solve(inertia, np.diag(mass * omega**2))
-    state[size:, size:] = -np.linalg.solve(inertia, np.diag(2.0 * mass * ratio * omega))
-    poles, vectors = np.linalg.eig(state)
-    drive = np.concatenate([np.zeros(size), np.linalg.solve(inertia, at_force)])
-    participation = np.linalg.solve(vectors, drive.astype(complex))
-    upper = np.flatnonzero(poles.imag > 0)
-    upper = upper[np.argsort(poles[upper].imag)]
-    residues = shapes @ vectors[:size, upper] * participation[upper]
-    return ModalSum(poles[upper], residues)
+    stiffness, damping = np.diag(mass * omega**2), np.diag(2.0 * mass * ratio * omega)
+    system = solve(inertia, damping, stiffness, at_force)
+    return ModalSum(system.poles, system.residues(shapes))

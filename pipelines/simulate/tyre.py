@@ -92,27 +92,20 @@ def frequency_columns(found: Bifurcation) -> dict[str, NDArray[Any]]:
 
 def frequency_lists(found: Bifurcation) -> dict[str, NDArray[Any]]:
     """Content of ``--json``: one value per order, or one list over speed per order."""
-    single = found.speed_rad_s.size == 1
-    content: dict[str, NDArray[Any]] = {} if single else {"speed_rad_s": found.speed_rad_s}
-    content["orders"] = found.orders
-    for name in ("regressive_hz", "progressive_hz"):
-        values = getattr(found, name)
-        content[name] = values[:, 0] if single else values
-    return content
+    lists = {"regressive_hz": found.regressive_hz, "progressive_hz": found.progressive_hz}
+    if found.speed_rad_s.size > 1:
+        return {"speed_rad_s": found.speed_rad_s, "orders": found.orders, **lists}
+    return {"orders": found.orders} | {name: values[:, 0] for name, values in lists.items()}
 
 
 def instabilities(found: Bifurcation) -> tuple[str, ...]:
     """One sentence for each order that is unstable at some speed."""
-    sentences = []
-    for order, rates in zip(found.orders, found.growth_rate_1_s, strict=True):
-        unstable = np.flatnonzero(rates > 0)
-        if unstable.size:
-            first = found.speed_rad_s[unstable[0]]
-            sentences.append(
-                f"Order {order} is unstable at {first:g} rad/s, where it grows by "
-                f"{rates[unstable[0]]:.4g} 1/s: it has no frequency there."
-            )
-    return tuple(sentences)
+    rows, first = np.flatnonzero(~found.stable.all(axis=1)), found.stable.argmin(axis=1)
+    return tuple(
+        f"Order {found.orders[row]} is unstable at {found.speed_rad_s[first[row]]:g} rad/s, where "
+        f"it grows by {found.growth_rate_1_s[row, first[row]]:.4g} 1/s: it has no frequency there."
+        for row in rows
+    )
 
 
 def hub_columns(found: HubResponse, *, free: bool) -> dict[str, NDArray[np.float64]]:
@@ -120,8 +113,7 @@ def hub_columns(found: HubResponse, *, free: bool) -> dict[str, NDArray[np.float
     columns = {"frequency_hz": found.frequency_hz}
     for name in (*FORCES, *MOTIONS) if free else FORCES:
         values = getattr(found, name)
-        columns[f"{name}_real"] = values.real
-        columns[f"{name}_imag"] = values.imag
+        columns |= {f"{name}_real": values.real, f"{name}_imag": values.imag}
     return columns
 
 

@@ -10,6 +10,7 @@ from ema.core.errors import InputError
 from model import bifurcation, natural_frequencies_hz, wave_pair
 from model.reference import TABLE_3_FREQUENCIES_HZ, TABLE_3_ORDERS, TABLE_4_RING
 from pipelines.paper import reproduce as paper
+from pipelines.paper import tables
 from pipelines.paper.forced import pairs_apart
 from pipelines.paper.parts import AGREES, DIFFERS, OWN_DATA, Column, NumberTable
 from pipelines.paper.waves import cycle_s, turn_per_cycle_deg
@@ -34,10 +35,10 @@ def folder(chapters, sample_result, tmp_path_factory):
 @pytest.fixture(scope="module")
 def columns(chapters):
     """Columns of a table by the table's name."""
-    tables = {
+    named = {
         part.name: part for one in chapters for part in one.parts if isinstance(part, NumberTable)
     }
-    return lambda name: {column.name: column.values for column in tables[name].columns}
+    return lambda name: {column.name: column.values for column in named[name].columns}
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +53,8 @@ def verdicts(chapters):
 def test_every_figure_and_table_is_there(chapters):
     parts = [part for chapter in chapters for part in chapter.parts]
     assert {part.name for part in parts if isinstance(part, Chart)} == FIGURES
-    tables = {part.name for part in parts if isinstance(part, NumberTable)}
-    assert {"table_3", "table_4", "table_5"} < tables
+    names = {part.name for part in parts if isinstance(part, NumberTable)}
+    assert {"table_3", "table_4", "table_5"} < names
 
 
 def test_table_3_is_identified_from_recordings(columns):
@@ -209,11 +210,9 @@ def test_a_folder_with_other_files_is_refused_before_anything_is_computed(tmp_pa
 
 
 def test_an_order_that_was_not_found_is_told(sample_result, monkeypatch):
-    from pipelines.paper import identification as paper_identification
-
-    found = paper_identification.ring_orders(sample_result.modal_model)
-    monkeypatch.setattr(paper_identification, "ring_orders", lambda model: found[1:])
-    chapter = paper_identification.identification(sample_result)
+    found = tables.ring_orders(sample_result.modal_model)
+    monkeypatch.setattr(tables, "ring_orders", lambda model: found[1:])
+    chapter = tables.identification(sample_result)
     assert chapter.statements[0].verdict == DIFFERS
     assert "Not all of the seven orders" in chapter.statements[0].found
     table = next(part for part in chapter.parts if isinstance(part, NumberTable))

@@ -217,5 +217,5 @@ def test_refusals(tmp_path, options, rule):
 
 
 def test_nothing_is_overwritten(folder):
-    with pytest.raises(InputError, match="already exists"):
+    with pytest.raises(InputError, match="new or empty folder"):
         simulate_campaign(folder)

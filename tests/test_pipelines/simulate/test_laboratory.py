@@ -49,7 +49,7 @@ def ring_hz(modes):
 def plain_mounting(angles_deg):
     zeros = np.zeros(len(angles_deg))
     angles = np.array(angles_deg, dtype=float)
-    return Mounting(("A",) * len(angles), angles, angles, zeros, zeros + 1, zeros)
+    return Mounting(angles, angles, zeros, zeros + 1, zeros)
 
 
 def test_poles_of_an_even_tyre_are_those_of_the_ring_model():
