@@ -77,7 +77,7 @@ def content_of_columns(
     signals = [column for column in columns if column not in times]
     _check_columns(path, columns, signals)
     if times:
-        rate_hz = _agreed_rate(path, _rate_of_column(path, times[0]), rate_hz)
+        rate_hz = _rate_of_column(path, times[0], rate_hz)
     noticed = list(findings)
     channels = tuple(_channel(path, column, noticed) for column in signals)
     return FileContent(path, Recording(path, rate_hz, channels), findings=tuple(noticed))
@@ -115,21 +115,19 @@ def _channel(path: Path, column: Column, findings: list[Finding]) -> Channel:
     return Channel(column.name, quantity, column.unit, column.samples, scale_to_si=factor)
 
 
-def _rate_of_column(path: Path, time: Column) -> float:
+def _rate_of_column(path: Path, time: Column, stated: float) -> float:
+    """Rate by the time column; a rate that the file states beside it must be the same."""
     stamps = np.asarray(time.samples, dtype=np.float64) * _SECONDS[time.unit]
     steps = even_step(stamps)
-    if steps is not None:
-        return steps[1]
     where = f"{path.name}, column {time.name!r}"
-    rule = "time is not at equal steps, and spectra need a constant sampling rate"
-    raise RecordingFormatError(where, uneven(stamps), rule, "Look for dropped samples, or resample")
-
-
-def _agreed_rate(path: Path, of_time: float, stated: float) -> float:
-    if np.isnan(stated) or abs(of_time - stated) <= SAME_RATE * stated:
-        return of_time
-    found = f"{stated:g} Hz stated, {of_time:g} Hz by the time column"
-    raise RecordingFormatError(path.name, found, "a recording has one sampling rate", EXPORT_AGAIN)
+    if steps is None:
+        rule = "time is not at equal steps, and spectra need a constant sampling rate"
+        remedy = "Look for dropped samples, or resample"
+        raise RecordingFormatError(where, uneven(stamps), rule, remedy)
+    if abs(steps[1] - stated) > SAME_RATE * stated:
+        found = f"{stated:g} Hz stated, {steps[1]:g} Hz by the time column"
+        raise RecordingFormatError(where, found, "a recording has one sampling rate", EXPORT_AGAIN)
+    return steps[1]
 
 
 def matrix_columns(
@@ -148,12 +146,13 @@ def matrix_columns(
         raise RecordingFormatError(where, found, rule, "Give as many names as channels")
     signals = matrix.T if columns == n_channels else matrix
     labels = names or [f"channel {number}" for number in range(1, n_channels + 1)]
-    stated = unit_of_each(where, n_channels, units)
-    pairs = [name_and_unit(label) for label in labels]
-    return [
-        Column(name, unit or own, samples)
-        for (name, own), unit, samples in zip(pairs, stated, signals, strict=True)
-    ]
+    columns = []
+    for label, unit, samples in zip(
+        labels, unit_of_each(where, n_channels, units), signals, strict=True
+    ):
+        name, own = name_and_unit(label)
+        columns.append(Column(name, unit or own, samples))
+    return columns
 
 
 def unit_of_each(where: str, n_channels: int, units: Sequence[str]) -> list[str]:
@@ -162,8 +161,8 @@ def unit_of_each(where: str, n_channels: int, units: Sequence[str]) -> list[str]
         found = f"{len(units)} units for {n_channels} channels"
         rule = "there must be one unit for each channel, or one for all"
         raise RecordingFormatError(where, found, rule, "Correct the list of units")
-    stated = units if len(units) == n_channels else list(units or ("",)) * n_channels
-    return [unit.strip() for unit in stated]
+    stated = [unit.strip() for unit in units] or [""]
+    return stated if len(stated) == n_channels else stated * n_channels
 
 
 def parse_number(text: str) -> float:
@@ -197,19 +196,15 @@ def step_and_inverse(printed: str) -> tuple[float, float]:
     if not 0.0 < step < math.inf or not 0.0 < 1.0 / step < math.inf:
         raise ValueError(f"{printed!r} is not a positive step")
     mantissa = printed.strip().upper().replace("D", "E").partition("E")[0]
-    decimals = len(mantissa.partition(".")[2])
-    digits = len(mantissa.replace(".", "").strip("+-0")) or 1
-    last_place = 10.0**-decimals / max(abs(parse_number(mantissa)), 10.0**-decimals)
+    digits = len(mantissa.replace(".", "").strip("+-0"))
+    last_place = 10.0 ** -len(mantissa.partition(".")[2]) / parse_number(mantissa)
     inverse, inverse_digits = plainest(1.0 / step, last_place / step)
     return (1.0 / inverse, inverse) if inverse_digits <= digits else (step, 1.0 / step)
 
 
 def even_step(abscissa: NDArray[np.float64]) -> tuple[float, float] | None:
     """Step and its inverse of rounded times or frequencies; None where they are not equidistant."""
-    if len(abscissa) < 2:
-        return None
-    largest = max(abs(float(np.min(abscissa))), abs(float(np.max(abscissa))))
-    if not largest < _SENSELESS:
+    if len(abscissa) < 2 or not -_SENSELESS < np.min(abscissa) <= np.max(abscissa) < _SENSELESS:
         return None
     span = float(abscissa[-1] - abscissa[0])
     if not span > 0.0:
@@ -262,9 +257,7 @@ def stated_rate(path: Path, statements: Mapping[str, object]) -> float:
         for place, value in statements.items()
         if states_rate(name := place.rpartition("/")[2])
     }
-    if not rates:
-        return math.nan
-    first, rate = next(iter(rates.items()))
+    first, rate = next(iter(rates.items()), ("", math.nan))
     for place, other in rates.items():
         if abs(other - rate) > _SAME_STATEMENT * rate:
             raise not_together(path, f"{rate:g} Hz by {first!r}, {other:g} Hz by {place!r}")
@@ -275,30 +268,16 @@ def _plain(name: str) -> str:
     return re.sub(r"[_\s-]", "", name.lower()).removesuffix("hz")
 
 
-def _stated(where: str, name: str, value: object) -> float:
-    number = _number(value)
-    rate = number if _plain(name) in _RATES else _inverse(number)
+def _stated(where: str, name: str, value: Any) -> float:
+    try:
+        number = value.item() if isinstance(value, np.ndarray | np.generic) else value
+        text = number.decode("latin-1") if isinstance(number, bytes) else number
+        rate = float(text.strip().removesuffix("Hz") if isinstance(text, str) else text)
+        if _plain(name) not in _RATES:
+            rate = plainest(1.0 / rate, _ROUNDING / rate)[0]
+    except (ArithmeticError, TypeError, ValueError):
+        rate = math.nan
     if 0.0 < rate < math.inf:
         return rate
     rule = "a sampling rate in Hz or a time step in s must be one positive number"
     raise RecordingFormatError(where, repr(str(value)[:40]), rule, EXPORT_AGAIN)
-
-
-def _number(value: object) -> float:
-    if isinstance(value, bytes):
-        value = value.decode("latin-1")
-    if isinstance(value, np.ndarray) and value.size == 1:
-        value = value.reshape(-1)[0]
-    try:
-        if isinstance(value, str):
-            return float(value.strip().removesuffix("Hz"))
-        is_real = isinstance(value, int | float | np.integer | np.floating)
-        return float(value) if is_real else math.nan  # type: ignore[arg-type]
-    except (ValueError, OverflowError, TypeError):
-        return math.nan
-
-
-def _inverse(step: float) -> float:
-    if not 0.0 < step < math.inf or math.isinf(1.0 / step):
-        return math.nan
-    return plainest(1.0 / step, _ROUNDING / step)[0]

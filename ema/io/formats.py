@@ -21,24 +21,13 @@ from ema.io.uff import reader as uff
 Reader = Callable[[Path], FileContent]
 
 FORMATS = (arrow, csv, hdf5, lvm, matlab, tdms, uff, wav)
-
-
-def _found(endings: str, verb: str = "read") -> dict[str, Reader]:
-    """Readers by the endings that their modules list under a name."""
-    table: dict[str, Reader] = {}
-    for module in FORMATS:
-        table |= dict.fromkeys(getattr(module, endings, ()), getattr(module, verb, module.read))
-    return table
-
-
-READERS: dict[str, Reader] = _found("SUFFIXES")
-_NAMED_READERS: dict[str, Reader] = _found("NAMED_SUFFIXES")
-_HEADER_READERS: dict[str, Reader] = _found("SUFFIXES", "read_headers")
+READERS = {ending: module for module in FORMATS for ending in module.SUFFIXES}
+_NAMED = {end: module for module in FORMATS for end in getattr(module, "NAMED_SUFFIXES", ())}
 
 
 def is_recording(path: Path) -> bool:
     """Whether the ending of the name is one of a known format."""
-    return _reader(path, READERS) is not None
+    return path.name.lower().endswith(tuple(READERS))
 
 
 def exists(path: Path) -> bool:
@@ -64,7 +53,7 @@ def _suggestion(path: Path) -> str:
     return f"Did you mean {path.with_name(similar[0])}?" if similar else "Check the name"
 
 
-def read_file(path: Path) -> FileContent:
+def read_file(path: Path, *, headers_only: bool = False) -> FileContent:
     """Read one file by the reader of its ending.
 
     `RecordingFormatError` if the file is missing, damaged, or of a format that is not known.
@@ -72,10 +61,11 @@ def read_file(path: Path) -> FileContent:
     if not exists(path):
         rule = "the path must lead to a recording"
         raise RecordingFormatError(str(path), "file not found", rule, _suggestion(path))
-    reader = _reader(path, READERS) or _reader(path, _NAMED_READERS)
-    if reader is None or not path.is_file():
+    known = READERS | _NAMED
+    fitting = [ending for ending in known if path.name.lower().endswith(ending)]
+    if not fitting or not path.is_file():
         found = f"ending {path.suffix!r}" if path.is_file() else "not a file"
-        rule = f"recordings end in {', '.join(sorted({**READERS, **_NAMED_READERS}))}"
+        rule = f"recordings end in {', '.join(sorted(known))}"
         raise RecordingFormatError(str(path), found, rule, "Export to one of these formats")
     try:
         with path.open("rb") as file:
@@ -85,17 +75,11 @@ def read_file(path: Path) -> FileContent:
     if is_empty:
         rule = "a recording must contain samples"
         raise RecordingFormatError(str(path), "the file is empty", rule, COPY_AGAIN)
+    module = known[max(fitting, key=len)]  # .csv.gz before .gz
+    reader: Reader = getattr(module, "read_headers", module.read) if headers_only else module.read
     return reader(path)
 
 
 def read_headers(path: Path) -> FileContent:
     """Read headers only; samples of formats that must be parsed for them may be NaN."""
-    reader = _reader(path, _HEADER_READERS) if exists(path) and path.is_file() else None
-    return read_file(path) if reader is None else reader(path)
-
-
-def _reader(path: Path, table: dict[str, Reader]) -> Reader | None:
-    """Reader of the longest ending that fits: ``.csv.gz`` before ``.gz``."""
-    name = path.name.lower()
-    fitting = [ending for ending in table if name.endswith(ending)]
-    return table[max(fitting, key=len)] if fitting else None
+    return read_file(path, headers_only=True)
