@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import mmap
 import struct
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,19 +21,11 @@ from ema.io.columns import Column, content_of_columns
 from ema.io.content import EXPORT_AGAIN, LEAVE_OUT, FileContent, reading, remark
 
 SUFFIXES = (".wav",)
-_INTEGER, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
-_SAMPLE_BYTES = {_INTEGER: (1, 2, 3, 4), _FLOAT: (4, 8)}
+_EXTENSIBLE = 0xFFFE  # the code is in the chunk's extension
 _IN_DS64 = 0xFFFFFFFF  # the size is in the chunk 'ds64': files beyond 4 GB
-
-
-@dataclass(frozen=True)
-class _Format:
-    """How samples are stored."""
-
-    code: int
-    n_channels: int
-    rate_hz: int
-    sample_bytes: int
+# Types of samples by format code (1 integers, 3 floats) and number of bits.
+_TYPES = {(1, 8): "u1", (1, 16): "<i2", (1, 24): "V3", (1, 32): "<i4", (3, 32): "<f4"}
+_TYPES |= {(3, 64): "<f8"}
 
 
 def read(path: Path) -> FileContent:
@@ -46,31 +37,23 @@ def read(path: Path) -> FileContent:
     """
     with reading(path, "a WAV file"), path.open("rb") as file:
         data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    layout, start, size = _layout(path, data)
-    tracks = enumerate(_samples(data, layout, start, size).T, start=1)
+    places = {name: (start, size) for name, start, size in _chunks(path, data)}
+    start, size = _place(path, places, b"fmt ")
+    layout, n_channels, rate_hz = _format(f"{path.name}, 'fmt '", data[start : start + size])
+    start, size = _place(path, places, b"data")
+    row = n_channels * layout.itemsize
+    if start + size > len(data):
+        found = f"{len(data) - start} of {size} bytes of samples"
+        raise RecordingFormatError(path.name, found, "the file is truncated", LEAVE_OUT)
+    if size % row:
+        found, rule = f"{size} bytes of samples", f"each instant takes {row} bytes"
+        raise RecordingFormatError(path.name, found, rule, LEAVE_OUT)
+    stored = np.frombuffer(data, layout, size // layout.itemsize, start)
+    tracks = enumerate(_fractions(stored).reshape(-1, n_channels).T, start=1)
     columns = [Column(f"channel {number}", "", track) for number, track in tracks]
     detail = "WAV files have no unit; samples are fractions of full scale"
     findings = [remark(path, "", Check.UNIT, detail)]
-    return content_of_columns(path, columns, rate_hz=float(layout.rate_hz), findings=findings)
-
-
-def _layout(path: Path, data: mmap.mmap) -> tuple[_Format, int, int]:
-    """Format, and where the samples are: first byte and number of bytes."""
-    layout = None
-    for name, start, size in _chunks(path, data):
-        if name == b"fmt ":
-            layout = _format(f"{path.name}, 'fmt '", data[start : start + size])
-        if name == b"data" and layout is not None:
-            row = layout.n_channels * layout.sample_bytes
-            if start + size > len(data):
-                found = f"{len(data) - start} of {size} bytes of samples"
-                raise RecordingFormatError(path.name, found, "the file is truncated", LEAVE_OUT)
-            if size % row:
-                found, rule = f"{size} bytes of samples", f"each instant takes {row} bytes"
-                raise RecordingFormatError(path.name, found, rule, LEAVE_OUT)
-            return layout, start, size
-    found = "no chunk 'data'" if layout else "no chunk 'fmt ' before the samples"
-    raise RecordingFormatError(path.name, found, "it needs 'fmt ' and 'data'", LEAVE_OUT)
+    return content_of_columns(path, columns, rate_hz=float(rate_hz), findings=findings)
 
 
 def _chunks(path: Path, data: mmap.mmap) -> Iterator[tuple[bytes, int, int]]:
@@ -90,37 +73,42 @@ def _chunks(path: Path, data: mmap.mmap) -> Iterator[tuple[bytes, int, int]]:
         start += size + size % 2
 
 
-def _format(where: str, chunk: bytes) -> _Format:
+def _place(path: Path, places: Mapping[bytes, tuple[int, int]], name: bytes) -> tuple[int, int]:
+    if name in places:
+        return places[name]
+    found = f"no chunk {name.decode()!r}"
+    raise RecordingFormatError(path.name, found, "it needs 'fmt ' and 'data'", LEAVE_OUT)
+
+
+def _format(where: str, chunk: bytes) -> tuple[np.dtype[Any], int, int]:
+    """Type of the samples, number of channels, sampling rate."""
     if len(chunk) < 16:
         raise RecordingFormatError(where, f"{len(chunk)} bytes", "it takes at least 16", LEAVE_OUT)
     code, n_channels, rate_hz, _, row, n_bits = struct.unpack("<HHIIHH", chunk[:16])
     if code == _EXTENSIBLE and len(chunk) >= 26:
         code = struct.unpack("<H", chunk[24:26])[0]
-    sample_bytes = -(-n_bits // 8)
-    if sample_bytes not in _SAMPLE_BYTES.get(code, ()) or n_bits % 8:
+    if (code, n_bits) not in _TYPES:
         rule = "integers of 8, 16, 24 or 32 bit and floats of 32 or 64 bit can be read"
         raise RecordingFormatError(where, f"format {code} of {n_bits} bit", rule, EXPORT_AGAIN)
-    if not n_channels or not rate_hz or row != n_channels * sample_bytes:
-        found = f"{n_channels} channels of {sample_bytes} bytes in rows of {row}, {rate_hz} Hz"
+    layout = np.dtype(_TYPES[code, n_bits])
+    if not n_channels or not rate_hz or row != n_channels * layout.itemsize:
+        found = f"{n_channels} channels of {layout.itemsize} bytes in rows of {row}, {rate_hz} Hz"
         rule = "each row must have one sample per channel, and the rate must be positive"
         raise RecordingFormatError(where, found, rule, LEAVE_OUT)
-    return _Format(code, n_channels, rate_hz, sample_bytes)
+    return layout, n_channels, rate_hz
 
 
-def _samples(data: mmap.mmap, layout: _Format, start: int, size: int) -> NDArray[Any]:
-    """Samples as fractions of full scale, (n_samples, n_channels)."""
-    width, shape = layout.sample_bytes, (-1, layout.n_channels)
-    if layout.code == _FLOAT:
-        return np.frombuffer(data, f"<f{width}", size // width, start).reshape(shape)
-    if width == 3:  # as integers of 32 bit with an empty lowest byte, which the shift removes
-        wide = np.zeros((size // 3, 4), dtype=np.uint8)
-        wide[:, 1:] = np.frombuffer(data, np.uint8, size, start).reshape(-1, 3)
-        stored: NDArray[Any] = wide.view("<i4")[:, 0] >> 8
-    else:
-        kind = "u1" if width == 1 else f"<i{width}"
-        stored = np.frombuffer(data, kind, size // width, start)
-    values: NDArray[Any] = stored.astype(np.float64 if width == 4 else np.float32)
-    if width == 1:  # the only unsigned ones, with zero in the middle
+def _fractions(stored: NDArray[Any]) -> NDArray[Any]:
+    """Samples as fractions of full scale; floats stay as they are."""
+    if stored.dtype.kind == "f":
+        return stored
+    precision = np.float64 if stored.itemsize == 4 else np.float32
+    if stored.dtype.kind == "V":  # 24 bit as 32 with an empty lowest byte
+        wide = np.zeros((len(stored), 4), dtype=np.uint8)
+        wide[:, 1:] = stored.view(np.uint8).reshape(-1, 3)
+        stored = wide.view("<i4")[:, 0]
+    values: NDArray[Any] = stored.astype(precision)
+    if stored.dtype.kind == "u":  # 8 bit, with zero in the middle
         values -= 128
-    values /= 1 << (8 * width - 1)
-    return values.reshape(shape)
+    values /= 1 << (8 * stored.itemsize - 1)
+    return values
