@@ -22,7 +22,8 @@ _TIME_NAMES = {
     *("t", "time", "zeit", "timestamp", "time stamp", "x_value", "x value"),
     *("elapsed time", "uhrzeit", "temps", "tid", "tiempo", "tempo"),
 }
-_SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6}
+_SECONDS = dict.fromkeys(("", "s", "sec", "secs", "second", "seconds", "sekunden"), 1.0)
+_SECONDS |= {"ms": 1e-3, "msec": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6}
 _LABEL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
 _RATES = {
     *("fs", "fsamp", "fsample", "rate", "samplefrequency", "samplerate"),
@@ -57,7 +58,7 @@ def name_and_unit(label: str) -> tuple[str, str]:
 
 def is_time(name: str, unit: str) -> bool:
     """Whether a column of this name and unit contains time stamps."""
-    return name.lower() in _TIME_NAMES and unit in _SECONDS
+    return name.lower() in _TIME_NAMES and unit.lower() in _SECONDS
 
 
 def content_of_columns(
@@ -117,7 +118,7 @@ def _channel(path: Path, column: Column, findings: list[Finding]) -> Channel:
 
 def _rate_of_column(path: Path, time: Column, stated: float) -> float:
     """Rate by the time column; a rate that the file states beside it must be the same."""
-    stamps = np.asarray(time.samples, dtype=np.float64) * _SECONDS[time.unit]
+    stamps = np.asarray(time.samples, dtype=np.float64) * _SECONDS[time.unit.lower()]
     steps = even_step(stamps)
     where = f"{path.name}, column {time.name!r}"
     if steps is None:

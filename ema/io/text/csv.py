@@ -16,7 +16,7 @@ from ema.core.units import is_stated
 from ema.io.columns import Column, content_of_columns, is_time
 from ema.io.content import EXPORT_AGAIN, FileContent, remark
 from ema.io.text.layout import Layout, find_layout
-from ema.io.text.source import open_text, time_unit
+from ema.io.text.source import open_text
 from ema.io.text.table import Cells, missing_samples, read_cells
 from ema.io.uff.write import check_time_series, in_own_unit
 
@@ -50,8 +50,7 @@ def _wanted(path: Path, layout: Layout) -> tuple[list[int], list[Finding]]:
     """Columns that are time or channels, and findings about the others."""
     wanted: list[int] = []
     findings: list[Finding] = []
-    headings = list(zip(layout.names, map(time_unit, layout.names, layout.units), strict=True))
-    times = [index for index, heading in enumerate(headings) if is_time(*heading)]
+    times = [i for i, each in enumerate(map(is_time, layout.names, layout.units)) if each]
     has_time = not layout.clocks.issuperset(times)
     for index, name in enumerate(layout.names):
         if not name and index >= layout.filled:
@@ -83,7 +82,7 @@ def _column(
         findings.append(remark(path, name, Check.IGNORED, "no number in any row; left out"))
         return None
     findings += missing_samples(path, name, cells)
-    return Column(name, time_unit(name, unit), cells.samples)
+    return Column(name, unit, cells.samples)
 
 
 def write_csv(

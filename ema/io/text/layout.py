@@ -11,24 +11,23 @@ from itertools import islice
 
 from ema.core.errors import RecordingFormatError
 from ema.core.units import is_stated
-from ema.io.columns import SAME_RATE, step_and_inverse
+from ema.io.columns import SAME_RATE, is_time, step_and_inverse
 from ema.io.content import EXPORT_AGAIN
 from ema.io.text.source import (
     BLANKS,
+    CLOCK,
+    MISSING,
+    NOT_A_NUMBER,
+    THOUSANDS,
     Line,
     TextSource,
     cells_of,
     heading_cells,
     holds_numbers_alone,
-    is_clock,
     is_known_unit,
-    is_missing,
-    is_not_a_number,
     is_number,
-    is_time_label,
     label,
     lines_of,
-    may_hold_thousands,
 )
 
 _MOST_PREAMBLE = 200  # lines
@@ -81,7 +80,7 @@ class _Row:
     def is_heading(self) -> bool:
         """Whether one of the cells is the name of a time column."""
         cells = cells_of(self.line.text, self.separator)[:_TIME_WITHIN]
-        return self.texts > 0 and any(map(is_time_label, cells))
+        return self.texts > 0 and any(is_time(*label(cell)) for cell in cells)
 
     @property
     def is_data(self) -> bool:
@@ -150,9 +149,9 @@ def _row(line: Line, dialect: Dialect) -> _Row:
     filled = numbers = texts = 0
     for index, cell in enumerate(cells, 1):
         filled = index if cell else filled
-        if is_number(cell, dialect.decimal) or is_not_a_number(cell):
+        if is_number(cell, dialect.decimal) or cell.lower() in NOT_A_NUMBER:
             numbers += 1
-        elif not is_missing(cell) and not is_clock(cell):
+        elif cell.lower() not in MISSING and not CLOCK.fullmatch(cell):
             texts += 1
     return _Row(line, dialect.separator, len(cells), filled, numbers, texts)
 
@@ -270,7 +269,7 @@ def _layout(
         ),
         first_line=row.line.number,
         start=row.line.start,
-        clocks=frozenset(index for index, cell in enumerate(clocks) if is_clock(cell)),
+        clocks=frozenset(index for index, cell in enumerate(clocks) if CLOCK.fullmatch(cell)),
         filled=max(each.filled for each in table.rows),
         either_decimal=_either_decimal(table, tables),
         rate_hz=_rate_above(where, lines, table),
@@ -282,7 +281,7 @@ def _check_commas(where: str, table: _Table) -> None:
     if table.dialect != Dialect(",", ","):
         return
     cells = [cell for row in table.rows for cell in cells_of(row.line.text, ",") if "," in cell]
-    if cells and all(map(may_hold_thousands, cells)):
+    if cells and all(map(THOUSANDS.fullmatch, cells)):
         place = f"{where}, line {table.rows[0].line.number}"
         rule = "the comma may be a decimal comma or separate thousands"
         raise RecordingFormatError(place, repr(cells[0]), rule, "Export plain numbers")
@@ -346,11 +345,14 @@ def stated_rate_hz(line: str, decimal: str) -> float | None:
     match = _STATEMENT.fullmatch(line) if len(line) <= _LONGEST else None
     if match is None:
         return None
-    value = _plain(match["value"], decimal)
+    value = match["value"].replace(",", ".")
+    other = "," if decimal == "." else "."
+    if value.count(".") > 1 or (other in match["value"] and THOUSANDS.fullmatch(match["value"])):
+        return None
     unit = (match["unit"] or match["behind"] or "").strip().lower()
     unit = unit.replace("µ", "u").replace("μ", "u")
     factor = (_HERTZ if match["rate"] else _PER_SECOND).get(unit)
-    if value is None or factor is None:
+    if factor is None:
         return None
     try:
         step, inverse = step_and_inverse(value)
@@ -358,11 +360,3 @@ def stated_rate_hz(line: str, decimal: str) -> float | None:
         return None
     rate_hz = float(value) * factor if match["rate"] else inverse * factor
     return rate_hz if step > 0.0 and math.isfinite(rate_hz) else None
-
-
-def _plain(value: str, decimal: str) -> str | None:
-    """Number with a decimal point; None where that is not clear."""
-    other = "," if decimal == "." else "."
-    plain = value.replace(",", ".")
-    unclear = (other in value and may_hold_thousands(value)) or plain.count(".") > 1
-    return None if unclear else plain

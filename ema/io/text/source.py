@@ -69,10 +69,6 @@ class TextSource:
         if carried:
             yield carried
 
-    def share_read(self) -> float:
-        """How much of the file has been read, above 0 and up to 1."""
-        return min(max(self._file.tell(), 1) / max(self._size, 1), 1.0)
-
     def _pieces(self, rest: bytes, size: int) -> Iterator[bytes]:
         for start in range(0, len(rest), size):
             yield rest[start : start + size]
@@ -193,15 +189,17 @@ _NUMBER = {
     decimal: re.compile(rf"[+-]?(?:[0-9]+(?:{sign}[0-9]*)?|{sign}[0-9]+)(?:[eEdD][+-]?[0-9]+)?")
     for decimal, sign in ((".", r"\."), (",", ","))
 }
-_NO_NUMBERS = ("nan", "-nan", "+nan", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind")
-_MISSING = frozenset(_NO_NUMBERS)
-_MISSING |= {"", "-", "--", "null", "none", "n/a", "na"}
-_MISSING |= {"inf", "-inf", "+inf", "infinity", "-infinity", "1.#inf", "-1.#inf"}
-_MISSING |= {"#n/a", "#nv", "#num!", "#wert!", "#value!", "#div/0!", "#ref!"}  # of spreadsheets
-_CLOCK = re.compile(
+# Cells, in lower case, that cannot be mistaken for a name, and all that mark a missing sample.
+NOT_A_NUMBER = frozenset(("nan", "-nan", "+nan", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind"))
+MISSING = NOT_A_NUMBER | {"", "-", "--", "null", "none", "n/a", "na"}
+MISSING |= {"inf", "-inf", "+inf", "infinity", "-infinity", "1.#inf", "-1.#inf"}
+MISSING |= {"#n/a", "#nv", "#num!", "#wert!", "#value!", "#div/0!", "#ref!"}  # of spreadsheets
+# A time of day, or a date and time as in ISO 8601.
+CLOCK = re.compile(
     r"(?:[0-9]{4}([-/])[0-9]{2}\1[0-9]{2}[T ])?[0-9]{2}:[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,9})?Z?"
 )
-_THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:[.,][0-9]{3})+")
+# Numbers whose points or commas may as well separate thousands: 1,234.
+THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:[.,][0-9]{3})+")
 # Units behind a name without square brackets: "Force (N)", and "Kraft / N" as in DIN 461.
 _OTHER_LABELS = (
     re.compile(r"(?P<name>.*\S)\s*\((?P<unit>[^()]*(?:\([^()]*\))?[^()]*)\)"),
@@ -209,32 +207,11 @@ _OTHER_LABELS = (
 )
 _COMMENT_MARK = re.compile(r"^ *(?:[#!']+|//|%+(?= )) *")
 _LONGEST_NAME = 400
-_SECONDS = {"seconds": "s", "second": "s", "secs": "s", "sekunden": "s", "msec": "ms"}
 
 
 def is_number(cell: str, decimal: str) -> bool:
     """Whether a cell is a number with this decimal sign."""
     return _NUMBER[decimal].fullmatch(cell) is not None
-
-
-def may_hold_thousands(cell: str) -> bool:
-    """Whether points or commas in a number may as well separate thousands: ``1,234``."""
-    return _THOUSANDS.fullmatch(cell) is not None
-
-
-def is_missing(cell: str) -> bool:
-    """Whether a cell marks a missing sample, such as ``NaN`` or ``-``."""
-    return cell.lower() in _MISSING
-
-
-def is_clock(cell: str) -> bool:
-    """Whether a cell is a time of day, ``hh:mm:ss.s``, or a date and time as in ISO 8601."""
-    return _CLOCK.fullmatch(cell) is not None
-
-
-def is_not_a_number(cell: str) -> bool:
-    """Whether a cell is a missing sample that cannot be mistaken for a name."""
-    return cell.lower() in _NO_NUMBERS
 
 
 def holds_numbers_alone(line: str) -> bool:
@@ -276,7 +253,7 @@ def heading_cells(line: str, separator: str, width: int) -> list[str]:
 def is_known_unit(text: str) -> bool:
     """Whether a text is a unit of a channel or of time."""
     text = text.strip().removeprefix("[").removesuffix("]")
-    return bool(text) and (parse_unit(text) is not None or is_time("t", _plain_time(text)))
+    return bool(text) and (parse_unit(text) is not None or is_time("t", text))
 
 
 def label(cell: str) -> tuple[str, str]:
@@ -289,18 +266,3 @@ def label(cell: str) -> tuple[str, str]:
         if match and is_known_unit(match["unit"]):
             return match["name"], match["unit"].strip()
     return name, ""
-
-
-def is_time_label(cell: str) -> bool:
-    """Whether a heading is that of a time column."""
-    name, unit = label(cell)
-    return is_time(name, _plain_time(unit))
-
-
-def time_unit(name: str, unit: str) -> str:
-    """Unit of a column, that of a time column in the spelling that `is_time` knows."""
-    return _plain_time(unit) if is_time(name, "") else unit
-
-
-def _plain_time(unit: str) -> str:
-    return _SECONDS.get(unit.lower(), unit)

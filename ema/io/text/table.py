@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from ema.core.finding import Check, Finding
 from ema.io.columns import is_time
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, arrow_reader, remark
 from ema.io.text.layout import Dialect, Layout
-from ema.io.text.source import BLANKS, TextSource, cells_of, is_clock, is_missing, is_number
+from ema.io.text.source import BLANKS, CLOCK, MISSING, TextSource, cells_of, is_number
 
 _BLOCK_BYTES = 1 << 20
 _NARROW_BYTES = 4  # cells of fewer bytes are kept in single precision where that is exact
@@ -50,7 +50,7 @@ def read_cells(
     """
     reader = _Reader(source.path.name, layout, wanted)
     for section in sections:
-        reader.take(section, source.share_read)
+        reader.take(section)
     return reader.columns()
 
 
@@ -64,31 +64,27 @@ def missing_samples(path: Path, name: str, cells: Cells) -> list[Finding]:
 class _Column:
     """Samples of one column, section by section."""
 
-    def __init__(self, dtype: type[np.generic]) -> None:
-        self._array: NDArray[Any] = np.empty(0, dtype)
+    def __init__(self) -> None:
+        self._pieces: list[NDArray[Any]] = []
         self._n = self._n_missing = self._first_missing = 0
 
-    def append(self, values: NDArray[Any], n_expected: int, *, narrow: bool) -> None:
-        """Add samples of about `n_expected` in all; the caller ignores overflow."""
+    def append(self, values: NDArray[Any], *, narrow: bool) -> None:
+        """Add samples; the caller ignores overflow."""
         if not math.isfinite(values.sum()):  # far faster than a look at each sample
             absent = ~np.isfinite(values)
             values = np.where(absent, np.nan, values)
             if not self._n_missing and absent.any():
                 self._first_missing = self._n + int(np.argmax(absent)) + 1
             self._n_missing += int(np.count_nonzero(absent))
-        if self._array.dtype == np.float32 and not (narrow and _is_single(values)):
-            self._array = self._array.astype(np.float64)
-        end = self._n + len(values)
-        if end > len(self._array):
-            larger = np.empty(max(end, n_expected), self._array.dtype)
-            larger[: self._n] = self._array[: self._n]
-            self._array = larger
-        self._array[self._n : end] = values
-        self._n = end
+        if narrow and values.dtype == np.float64:
+            single = values.astype(np.float32)
+            values = single if np.array_equal(values, single, equal_nan=True) else values
+        self._pieces.append(values)
+        self._n += len(values)
 
     def cells(self) -> Cells:
-        self._array.resize(self._n, refcheck=False)
-        samples = self._array
+        samples = np.concatenate(self._pieces)
+        self._pieces.clear()
         if samples.dtype == np.int64:
             samples = (samples - samples[:1]) * 1e-9
         return Cells(samples, self._n_missing, self._first_missing)
@@ -99,21 +95,19 @@ class _Reader:
 
     def __init__(self, where: str, layout: Layout, wanted: Sequence[int]) -> None:
         self._where, self._layout = where, layout
-        self._columns = {
-            index: _Column(np.int64 if index in layout.clocks else np.float32) for index in wanted
-        }
+        self._columns = {index: _Column() for index in wanted}
         self._decimal_is_open = layout.either_decimal
         self._line, self._n_rows = layout.first_line, 0
         self._tail = self._held = b""
 
-    def take(self, section: bytes, share_read: Callable[[], float]) -> None:
+    def take(self, section: bytes) -> None:
         """Read the next section into the columns."""
         section = section.rstrip(b"\x1a")  # DOS programs end a text with it
         if not section or section.isspace():
             if self._layout.width == 1:
                 self._held += section
             else:
-                self._line += _n_lines(section)
+                self._line += section.count(b"\n")
             return
         if self._layout.width == 1:
             section = self._without_blank_end(section)
@@ -122,16 +116,14 @@ class _Reader:
             self._check_end(section)
         table = self._parsed(section)
         self._n_rows += table.num_rows
-        n_expected = int(1.02 * self._n_rows / share_read())
         narrow = len(section) < _NARROW_BYTES * table.num_rows * self._layout.width
         with np.errstate(over="ignore", invalid="ignore"):
             for (index, column), values in zip(self._columns.items(), table.columns, strict=True):
                 if index in self._layout.clocks:
                     values = self._nanoseconds(section, index, values)
                 for chunk in values.chunks:
-                    samples = chunk.to_numpy(zero_copy_only=False)
-                    column.append(samples, n_expected, narrow=narrow)
-        self._line += _n_lines(section)
+                    column.append(chunk.to_numpy(zero_copy_only=False), narrow=narrow)
+        self._line += section.count(b"\n")
         self._tail = section[-(1 << 16) :]
 
     def columns(self) -> dict[int, Cells]:
@@ -216,14 +208,14 @@ class _Reader:
         for index in self._columns:
             cell = cells[index]
             if index in self._layout.clocks:
-                if not is_clock(cell):
+                if not CLOCK.fullmatch(cell):
                     found = repr(cell[:40]) if cell else "no time"
                     raise self._fault(number, found, _STAMP_RULE, index)
                 checked[index] = f'"{cell}"'
             elif is_number(cell, decimal):
                 number_text = cell.upper().replace("D", "E")
                 checked[index] = f'"{number_text}"' if decimal in number_text else number_text
-            elif not is_missing(cell):
+            elif cell.lower() not in MISSING:
                 rule = f"a cell must be empty or a number with a decimal {_DECIMAL[decimal]}"
                 if is_time(self._layout.names[index], ""):
                     rule += f"; {_STAMP_RULE}"
@@ -235,20 +227,20 @@ class _Reader:
     ) -> RecordingFormatError:
         width = self._layout.width
         found = f"{len(cells)} cells, {width} columns: {line[:40]!r}"
+        rule, remedy = f"each row must have {width} cells", EXPORT_AGAIN
         if not any(is_number(cell, self._layout.dialect.decimal) for cell in cells):
             found = f"text where numbers go on: {line[:40]!r}"
-            return self._fault(number, found, "below the header there must be only rows of numbers")
-        if is_cut and len(cells) < width:
-            where = f"{self._where}, line {number}"
-            return RecordingFormatError(where, found, _CUT_SHORT, COPY_AGAIN)
-        return self._fault(number, found, f"each row must have {width} cells")
+            rule = "below the header there must be only rows of numbers"
+        elif is_cut and len(cells) < width:
+            rule, remedy = _CUT_SHORT, COPY_AGAIN
+        return self._fault(number, found, rule, remedy=remedy)
 
     def _fault(
-        self, line: int, found: str, rule: str, index: int | None = None
+        self, line: int, found: str, rule: str, index: int = -1, remedy: str = EXPORT_AGAIN
     ) -> RecordingFormatError:
-        column = "" if index is None else f", column {self._layout.names[index]!r}"
+        column = "" if index < 0 else f", column {self._layout.names[index]!r}"
         where = f"{self._where}, line {line}{column}"
-        return RecordingFormatError(where, found, rule, EXPORT_AGAIN)
+        return RecordingFormatError(where, found, rule, remedy)
 
     def _check_end(self, section: bytes) -> None:
         """Refuse a last line, without a line end, that stops within its last number.
@@ -262,9 +254,8 @@ class _Reader:
         *others, end = (len(cell.partition(decimal)[2]) for cell in last)
         is_empty = len(last) > 1 and all(last[:-1]) and not last[-1]
         if is_empty or (len(last) > _TAIL_ROWS // 2 and min(others) == max(others) > end):
-            where = f"{self._where}, line {self._line}"
             found = f"the last row ends in {last[-1]!r}, those before in {last[-2]!r} and the like"
-            raise RecordingFormatError(where, found, _CUT_SHORT, COPY_AGAIN)
+            raise self._fault(self._line, found, _CUT_SHORT, remedy=COPY_AGAIN)
 
     def _nanoseconds(self, section: bytes, index: int, stamps: pa.ChunkedArray) -> pa.ChunkedArray:
         """Time stamps as integer nanoseconds since some moment."""
@@ -282,18 +273,9 @@ class _Reader:
         raise self._fault(self._line, found, _STAMP_RULE, index)
 
 
-def _n_lines(section: bytes) -> int:
-    return int(np.count_nonzero(np.frombuffer(section, np.uint8) == ord("\n")))
-
-
 def _single_blanks(section: bytes) -> bytes:
     """Runs of blanks and tabs as one blank, none at a line's ends."""
     section = section.replace(b"\t", b" ").replace(b"\r", b"")
     while b"  " in section:
         section = section.replace(b"  ", b" ")
     return section.replace(b"\n ", b"\n").replace(b" \n", b"\n").strip(b" ")
-
-
-def _is_single(values: NDArray[np.float64]) -> bool:
-    """Whether all values are exact in single precision."""
-    return np.array_equal(values, values.astype(np.float32), equal_nan=True)
