@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Check
+from ema.core.finding import Check, Finding
 from ema.io.columns import Column, content_of_columns, not_together, step_and_inverse
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, remark
 from ema.io.text.layout import Dialect, Layout
@@ -22,89 +21,6 @@ SUFFIXES = (".lvm",)
 _NEXT_HEADER = re.compile(
     rb"^(?:Channels|Test_|UUT_|Model_Number|Serial_Number|Notes|\*\*\*)", re.MULTILINE
 )
-
-
-def read(path: Path) -> FileContent:
-    """Read the first segment of a LabVIEW measurement file.
-
-    The rate follows from ``Delta_X``, and where the file has a column of time, from that too.
-    Comments beside the numbers are left out. A file may have several segments, one for each time
-    LabVIEW was started or triggered. They are separate events, not one longer recording: those
-    after the first are left out with a finding. `RecordingFormatError` if headers are missing or
-    faulty, there are fewer or more rows than they state, a cell is not a number, or time is uneven.
-    """
-    with open_text(path) as source:
-        header = _read_header(path.name, source.head)
-        names = header.columns
-        units = ("",) * len(names)
-        layout = Layout(header.dialect, names, units, header.first_line, header.start)
-        has_time = header.x_columns != "no"
-        wanted = range(0 if has_time else 1, len(names))
-        segment = _Segment(source.sections(header.start))
-        sections = (_without_comments(part, layout) for part in segment)
-        cells = read_cells(source, layout, wanted, sections)
-        detail = "the first segment is read; later ones are separate events and left out"
-        findings = [] if segment.is_last else [remark(path, "", Check.SEGMENTS, detail)]
-    _check_rows(path, header, cells)
-    read_in = [_time(path, header, cells)] if has_time else []
-    for place, name, unit in zip(header.places, header.names, header.units, strict=True):
-        read_in.append(Column(name, unit, cells[place].samples))
-        findings += missing_samples(path, name, cells[place])
-    return content_of_columns(path, read_in, rate_hz=header.rate_hz, findings=findings)
-
-
-class _Segment:
-    """Text up to the header of another segment; `is_last` where there is none."""
-
-    def __init__(self, sections: Iterator[bytes]) -> None:
-        self._sections = sections
-        self.is_last = True
-
-    def __iter__(self) -> Iterator[bytes]:
-        for section in self._sections:
-            header = _NEXT_HEADER.search(section)
-            if header is not None:
-                self.is_last = False
-                yield _without_blank_end(section[: header.start()])
-                return
-            yield section
-
-
-def _without_blank_end(section: bytes) -> bytes:
-    """Drop the lines at the end that contain only separators."""
-    filled = len(section.rstrip(b"\t,; \r\n"))
-    return section[: section.find(b"\n", filled) + 1 or None] if filled else b""
-
-
-def _without_comments(section: bytes, layout: Layout) -> bytes:
-    """Cut the last column, comments, which only some rows have."""
-    separator = layout.dialect.separator.encode()
-    n_lines = section.count(b"\n")
-    if section.count(separator) <= n_lines * (layout.width - 1):
-        return section
-    cut = bytearray()
-    for line in section.splitlines():
-        cut += separator.join(line.split(separator, layout.width)[: layout.width]) + b"\n"
-    return bytes(cut) if section.endswith(b"\n") else bytes(cut[:-1])
-
-
-def _check_rows(path: Path, header: _Header, cells: dict[int, Cells]) -> None:
-    n_rows = len(cells[header.places[0]].samples)
-    stated = max(header.n_samples, default=n_rows)
-    if n_rows != stated:
-        found = f"{n_rows} rows of numbers, {stated} samples by the header"
-        rule = "the file is cut short" if n_rows < stated else "the numbers must be the same"
-        raise RecordingFormatError(path.name, found, rule, COPY_AGAIN)
-
-
-def _time(path: Path, header: _Header, cells: dict[int, Cells]) -> Column:
-    """The column of time, which all channels share."""
-    stamps: NDArray[np.float64] = cells[0].samples
-    for place, name in zip(header.places, header.names, strict=True):
-        own = cells[place - 1].samples if header.x_columns == "multi" else stamps
-        if not np.array_equal(own, stamps, equal_nan=True):
-            raise not_together(path, f"{name!r} and {header.names[0]!r} have different times")
-    return Column("X_Value", "s", stamps)
 
 
 _FIRST_WORDS = "LabVIEW Measurement"
@@ -119,27 +35,82 @@ _X_COLUMNS = ("no", "one", "multi")
 class _Header:
     """What the headers state about the first segment."""
 
-    dialect: Dialect
+    layout: Layout
     x_columns: str  # "no" column of time, "one", or one for each channel: "multi"
-    names: tuple[str, ...]  # of the channels
-    units: tuple[str, ...]
-    n_samples: tuple[int, ...]  # of the channels; empty where not stated
+    units: Sequence[str]  # of the channels
+    n_rows: int | None  # None where not stated
     rate_hz: float  # by Delta_X; NaN where not stated
-    first_line: int  # of the numbers in the file, counted from 1
-    start: int  # first character of the numbers
 
     @property
-    def places(self) -> list[int]:
+    def places(self) -> range:
         """Columns of the channels."""
-        stride = 2 if self.x_columns == "multi" else 1
-        return [1 + stride * number for number in range(len(self.names))]
+        return range(1, self.layout.width, 2 if self.x_columns == "multi" else 1)
 
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Heading of each column of numbers: ``X_Value`` or that of a channel."""
-        if self.x_columns == "multi":
-            return tuple(text for name in self.names for text in ("X_Value", name))
-        return "X_Value", *self.names
+
+def read(path: Path) -> FileContent:
+    """Read the first segment of a LabVIEW measurement file.
+
+    The rate follows from ``Delta_X``, and where the file has a column of time, from that too.
+    Comments beside the numbers are left out. A file may have several segments, one for each time
+    LabVIEW was started or triggered. They are separate events, not one longer recording: those
+    after the first are left out with a finding. `RecordingFormatError` if headers are missing or
+    faulty, there are fewer or more rows than they state, a cell is not a number, or time is uneven.
+    """
+    findings: list[Finding] = []
+    with open_text(path) as source:
+        header = _read_header(path.name, source.head)
+        layout, has_time = header.layout, header.x_columns != "no"
+        wanted = range(0 if has_time else 1, layout.width)
+        segment = _first_segment(path, source.sections(layout.start), findings)
+        sections = (_without_comments(part, layout) for part in segment)
+        cells = read_cells(source, layout, wanted, sections)
+    n_rows = len(cells[1].samples)
+    if n_rows != (stated := n_rows if header.n_rows is None else header.n_rows):
+        found = f"{n_rows} rows of numbers, {stated} samples by the header"
+        rule = "the file is cut short" if n_rows < stated else "the numbers must be the same"
+        raise RecordingFormatError(path.name, found, rule, COPY_AGAIN)
+    columns = [_time(path, header, cells)] if has_time else []
+    for place, unit in zip(header.places, header.units, strict=True):
+        columns.append(Column(layout.names[place], unit, cells[place].samples))
+        findings += missing_samples(path, layout.names[place], cells[place])
+    return content_of_columns(path, columns, rate_hz=header.rate_hz, findings=findings)
+
+
+def _first_segment(
+    path: Path, sections: Iterator[bytes], findings: list[Finding]
+) -> Iterator[bytes]:
+    """Text up to the header of another segment, without lines of separators alone before it."""
+    for section in sections:
+        header = _NEXT_HEADER.search(section)
+        if header is None:
+            yield section
+            continue
+        detail = "the first segment is read; later ones are separate events and left out"
+        findings.append(remark(path, "", Check.SEGMENTS, detail))
+        filled = len(section[: header.start()].rstrip(b"\t,; \r\n"))
+        yield section[: section.find(b"\n", filled) + 1] if filled else b""
+        return
+
+
+def _without_comments(section: bytes, layout: Layout) -> bytes:
+    """Cut the last column, comments, which only some rows have."""
+    separator = layout.dialect.separator.encode()
+    n_lines = section.count(b"\n")
+    if section.count(separator) <= n_lines * (layout.width - 1):
+        return section
+    cut = bytearray()
+    for line in section.splitlines():
+        cut += separator.join(line.split(separator, layout.width)[: layout.width]) + b"\n"
+    return bytes(cut) if section.endswith(b"\n") else bytes(cut[:-1])
+
+
+def _time(path: Path, header: _Header, cells: dict[int, Cells]) -> Column:
+    """The column of time, which all channels share."""
+    stamps, names = cells[0].samples, header.layout.names
+    for place in header.places if header.x_columns == "multi" else ():
+        if not np.array_equal(cells[place - 1].samples, stamps, equal_nan=True):
+            raise not_together(path, f"{names[place]!r} and {names[1]!r} have different times")
+    return Column("X_Value", "s", stamps)
 
 
 def _read_header(where: str, text: str) -> _Header:
@@ -203,6 +174,7 @@ def _separator(where: str, lines: list[str]) -> str:
 def _header(
     general: _Entries, segment: _Entries, heading: list[str], first_line: int, start: int
 ) -> _Header:
+    """What both headers state, with the row of names below them."""
     decimal = general.one("Decimal_Separator", ".")
     x_columns = general.one("X_Columns", "one")
     if decimal not in (".", ",") or x_columns not in _X_COLUMNS:
@@ -215,23 +187,18 @@ def _header(
         rule = f"it must be the number of channels, and {len(heading)} names are below the header"
         raise segment.fault("Channels", repr(count), rule)
     n = int(count)
+    samples = segment.of_channels("Samples", n)
+    if not all(value.isdecimal() and len(value) < 16 for value in samples):
+        raise segment.fault("Samples", repr(samples[:3]), "there must be one number for each")
+    names = tuple(cell.strip() for cell in heading[: 2 + stride * (n - 1)])
+    dialect = Dialect(general.separator, decimal)
     return _Header(
-        dialect=Dialect(general.separator, decimal),
+        layout=Layout(dialect, names, ("",) * len(names), first_line, start),
         x_columns=x_columns,
-        names=tuple(cell.strip() for cell in heading[1 : 1 + stride * n : stride]),
-        units=tuple(segment.of_channels("Y_Unit_Label", n) or [""] * n),
-        n_samples=_n_samples(segment, n),
+        units=segment.of_channels("Y_Unit_Label", n) or [""] * n,
+        n_rows=max(map(int, samples), default=None),
         rate_hz=_rate_hz(segment, n, decimal),
-        first_line=first_line,
-        start=start,
     )
-
-
-def _n_samples(segment: _Entries, n: int) -> tuple[int, ...]:
-    values = segment.of_channels("Samples", n)
-    if not all(value.isdecimal() and len(value) < 16 for value in values):
-        raise segment.fault("Samples", repr(values[:3]), "there must be one number for each")
-    return tuple(map(int, values))
 
 
 def _rate_hz(segment: _Entries, n: int, decimal: str) -> float:
