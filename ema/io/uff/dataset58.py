@@ -27,12 +27,17 @@ _SENSIBLE = (1e-15, 1e15)  # of motion or force, in whatever unit
 _FORTRAN_TO_C = bytes.maketrans(b"Dde", b"EEE")
 
 
-def read_values(path: Path, dataset: Dataset) -> tuple[NDArray[np.float64] | None, NDArray[Any]]:
+def read_values(
+    path: Path, dataset: Dataset, *, form_only: bool = False
+) -> tuple[NDArray[np.float64] | None, NDArray[Any]]:
     """Read abscissa (None where the header gives minimum and step) and values of a dataset 58.
 
     Values are real or complex, and a read-only memory map of the file where the payload is binary.
+    With `form_only`, long text of equal lines and even spacing is not read: its samples are NaN.
     """
     header = dataset.header58
+    if form_only and header.even and dataset.is_equal_lines:
+        return None, constant(np.nan, (header.n_values,))
     if dataset.layout is None:
         return _split(header, _read_text(path, dataset, header))
     begin, _ = dataset.payload
@@ -44,17 +49,6 @@ def read_values(path: Path, dataset: Dataset) -> tuple[NDArray[np.float64] | Non
         return None, records
     with np.errstate(invalid="ignore"):  # signalling NaNs; the abscissa is checked where used
         return records["abscissa"].astype(np.float64), records["value"]
-
-
-def read_form(path: Path, dataset: Dataset) -> tuple[NDArray[np.float64] | None, NDArray[Any]]:
-    """Read a dataset as `read_values` does, but with NaN for every sample of long text.
-
-    Text is read where its length does not fit the number of values, or with an uneven abscissa.
-    """
-    header = dataset.header58
-    if dataset.layout is not None or not header.even or not dataset.is_equal_lines:
-        return read_values(path, dataset)
-    return None, constant(np.nan, (header.n_values,))
 
 
 def _split(

@@ -28,7 +28,7 @@ QUANTITY = {
     DATA_FORCE: FORCE,
 }
 _GENERAL_TYPES = (0, 1)  # the only ones whose unit exponents have a meaning
-REAL_SINGLE, REAL_DOUBLE, COMPLEX_SINGLE, COMPLEX_DOUBLE = 2, 4, 5, 6
+REAL_SINGLE, REAL_DOUBLE, COMPLEX_SINGLE, COMPLEX_DOUBLE = _ORDINATES = 2, 4, 5, 6
 LITTLE_ENDIAN, BIG_ENDIAN = 1, 2
 IEEE_FLOATS = 2
 
@@ -41,7 +41,7 @@ _IDENTITY_COLUMNS = {
     "reference_node": (66, 76),
     "reference_direction": (76, 80),
 }
-_FORM_COLUMNS = {"ordinate": (0, 10), "n_values": (10, 20), "spacing": (20, 30)}
+_FORM_COLUMNS = {"ordinate": (0, 10), "n_values": (10, 20), "even": (20, 30)}
 _ABSCISSA_COLUMNS = {"abscissa_min": (30, 43), "abscissa_step": (43, 56)}
 _AXIS_COLUMNS = {"data_type": (0, 10), "length_exponent": (10, 15), "force_exponent": (15, 20)}
 
@@ -126,6 +126,11 @@ def _columns(
     return values
 
 
+def _require(is_right: bool, line: int, found: str, rule: str) -> None:
+    if not is_right:
+        raise HeaderError(line, found, rule)
+
+
 def _axis(line: str, number: int) -> Axis:
     codes = _columns(line, _AXIS_COLUMNS, number, _integer)
     return Axis(**codes, label=line[26:46].strip(), unit=line[47:67].strip())
@@ -138,20 +143,15 @@ def _form(line: str) -> dict[str, Any]:
         line = "".join(f"{word:>10}" for word in words[:3])
         line += "".join(f"{word[:13]:>13}" for word in words[3:])
     form = _columns(line, _FORM_COLUMNS, 9, _integer)
-    text = _columns(line, _ABSCISSA_COLUMNS, 9, lambda text: text.strip() or "0")
-    numbers = _columns(line, _ABSCISSA_COLUMNS, 9, lambda text: parse_number(text.strip() or "0"))
-    if form["ordinate"] not in (REAL_SINGLE, REAL_DOUBLE, COMPLEX_SINGLE, COMPLEX_DOUBLE):
-        found, rule = f"ordinate data type {form['ordinate']}", "it must be 2, 4, 5 or 6"
-        raise HeaderError(9, found, rule)
-    if form["n_values"] < 1:
-        raise HeaderError(9, f"{form['n_values']} values", "there must be at least one value")
-    for name, value in numbers.items():
-        if not math.isfinite(value):
-            raise HeaderError(9, repr(text[name]), f"the {name.replace('_', ' ')} must be finite")
-    even = form.pop("spacing")
-    if even not in (0, 1):
-        raise HeaderError(9, f"abscissa spacing {even}", "it must be 0 (uneven) or 1 (even)")
-    return form | numbers | {"even": even == 1, "abscissa_step": text["abscissa_step"]}
+    form |= _columns(line, _ABSCISSA_COLUMNS, 9, lambda text: parse_number(text.strip() or "0"))
+    for name, (first, last) in _ABSCISSA_COLUMNS.items():
+        rule = f"the {name.replace('_', ' ')} must be finite"
+        _require(math.isfinite(form[name]), 9, repr(line[first:last]), rule)
+    kind, n_values, even = form["ordinate"], form["n_values"], form["even"]
+    _require(kind in _ORDINATES, 9, f"ordinate data type {kind}", "it must be 2, 4, 5 or 6")
+    _require(n_values > 0, 9, f"{n_values} values", "there must be at least one value")
+    _require(even in (0, 1), 9, f"abscissa spacing {even}", "it must be 0 (uneven) or 1 (even)")
+    return form | {"even": even == 1, "abscissa_step": line[43:56].strip() or "0"}
 
 
 def _binary(line: str) -> dict[str, Any]:
@@ -159,13 +159,12 @@ def _binary(line: str) -> dict[str, Any]:
     if line[6:7].lower() != "b":
         return {}
     codes = _columns(line, _BINARY_COLUMNS, 2, _integer)
-    if codes["byte_order"] not in (LITTLE_ENDIAN, BIG_ENDIAN):
-        rule = "it must be 1 (little endian) or 2 (big endian)"
-        raise HeaderError(2, f"byte order {codes['byte_order']}", rule)
-    if codes["float_format"] != IEEE_FLOATS:
-        rule = "only IEEE 754 numbers (format 2) can be read"
-        raise HeaderError(2, f"floating-point format {codes['float_format']}", rule)
-    return {"binary": True, "byte_order": codes["byte_order"], "n_bytes": codes["n_bytes"]}
+    order, kind = codes["byte_order"], codes.pop("float_format")
+    rule = "it must be 1 (little endian) or 2 (big endian)"
+    _require(order in (LITTLE_ENDIAN, BIG_ENDIAN), 2, f"byte order {order}", rule)
+    rule = "only IEEE 754 numbers (format 2) can be read"
+    _require(kind == IEEE_FLOATS, 2, f"floating-point format {kind}", rule)
+    return {"binary": True, **codes}
 
 
 def parse_header(lines: list[str]) -> Header58:
@@ -224,11 +223,6 @@ class UnitSystem:
     length: float = 1.0
     force: float = 1.0
 
-    @property
-    def is_valid(self) -> bool:
-        """Whether both factors are positive numbers."""
-        return 0.0 < self.length < math.inf and 0.0 < self.force < math.inf
-
 
 @dataclass(frozen=True)
 class AxisUnit:
@@ -249,17 +243,15 @@ def ordinate_unit(axis: Axis, system: UnitSystem) -> AxisUnit:
     typed = QUANTITY.get(axis.data_type)
     text = axis.unit if is_stated(axis.unit) else ""
     label = parse_unit(text)
-    if label is not None and label.quantity == UNKNOWN:
-        return AxisUnit(UNKNOWN, text, 1.0)
-    if label is not None:
+    if label is not None and label.quantity != UNKNOWN:
         doubt = f"type {axis.data_type} means {typed}, but the unit is {text!r}; the unit is used"
         agrees = typed in (None, label.quantity)
         return AxisUnit(label.quantity, text, label.factor, "" if agrees else doubt)
-    if typed is not None:
+    if label is None and typed is not None:
         factor = 1.0 / (system.force if typed == FORCE else system.length)
         doubt = f"unit {text!r} is not known; taken as SI (dataset 164)" if text else ""
         return AxisUnit(typed, text, factor, doubt)
-    if axis.data_type in _GENERAL_TYPES:
+    if label is None and axis.data_type in _GENERAL_TYPES:
         return _general_unit(axis, text, system)
     return AxisUnit(UNKNOWN, text, 1.0)
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from ema.io.columns import even_step, step_and_inverse
 from ema.io.content import remark
 from ema.io.uff.dataset58 import read_values
 from ema.io.uff.dataset58_header import AxisUnit, UnitSystem, ordinate_unit
+from ema.io.uff.geometry import Surroundings
 from ema.io.uff.scan import Dataset, damaged, place
 
 _POWERS = {ACCELERATION: 0, VELOCITY: 1, DISPLACEMENT: 2}  # of jω, which make it inertance
@@ -33,29 +33,31 @@ _SAME_LINE = 1e-3  # of the step between lines
 SYNTHESISED = "synthesised"
 
 
-def measured_only(path: Path, datasets: list[Dataset]) -> tuple[list[Dataset], tuple[Finding, ...]]:
-    """FRFs without those marked as synthesised, where there are others, and a finding about it."""
+def measured_only(path: Path, datasets: list[Dataset], findings: list[Finding]) -> list[Dataset]:
+    """FRFs without those marked as synthesised, where there are others."""
     others = [each for each in datasets if not each.header58.id_lines[2].startswith(SYNTHESISED)]
-    n_drawn = len(datasets) - len(others)
-    if not n_drawn:
-        return datasets, ()
-    detail = f"{n_drawn} FRFs synthesised from modes, left out beside {len(others)} measured ones"
-    if not others:
-        detail = "all FRFs are synthesised, none is measured"
-    return others or datasets, (remark(path, "", Check.CONTENT, detail),)
+    if n_drawn := len(datasets) - len(others):
+        detail = f"{n_drawn} FRFs synthesised from modes, left out beside {len(others)} measured"
+        if not others:
+            detail = "all FRFs are synthesised, none is measured"
+        findings.append(remark(path, "", Check.CONTENT, detail))
+    return others or datasets
 
 
 def read_frf(
-    path: Path, datasets: Sequence[Dataset], units: UnitSystem, angle_deg: Mapping[int, float]
-) -> tuple[FRF, tuple[Finding, ...]]:
-    """Read the FRFs of a file as inertance in (m/s²)/N; coherence and deviation are unknown.
+    path: Path,
+    datasets: Sequence[Dataset],
+    coherences: Sequence[Dataset],
+    around: Surroundings,
+    findings: list[Finding],
+) -> tuple[FRF, int | None]:
+    """Read the FRFs of a file as inertance in (m/s²)/N, and the node of the end that all share.
 
-    Mobility is multiplied by jω, receptance by −ω². Where the response stays and the force
-    roves, by reciprocity the nodes of the force are the positions.
+    Mobility is multiplied by jω, receptance by −ω². Where the response stays and the force roves,
+    by reciprocity the nodes of the force are the positions. The deviation is unknown.
     """
     frequency_hz = np.empty(0)
     values = np.empty((0, 0), dtype=np.complex128)
-    findings: list[Finding] = []
     for row, dataset in enumerate(datasets):
         abscissa, ordinate = read_values(path, dataset)
         lines = _lines(path, dataset, abscissa)
@@ -67,57 +69,56 @@ def read_frf(
             rule = "all FRFs must have the same frequency lines"
             remedy = "Export them with one resolution, or in separate files"
             raise RecordingFormatError(place(path, dataset.index), found, rule, remedy)
-        values[row], noticed = _inertance(path, dataset, ordinate, units, frequency_hz)
-        findings += noticed
-    nodes, roving = _nodes(path, datasets)
-    if roving:
-        detail = "one response, roving force: by reciprocity, the force nodes are used as positions"
-        findings.append(remark(path, "", Check.RECIPROCITY, detail))
+        values[row] = _inertance(path, dataset, ordinate, around.units, frequency_hz, findings)
+    nodes, shared = _nodes(path, datasets, findings)
     values.setflags(write=False)
-    unknown = constant(np.nan, values.shape)
     frf = FRF(
         frequency_hz=frequency_hz,
         values=values,
-        coherence=unknown,
-        std=unknown,
+        coherence=_coherence(path, datasets, coherences, frequency_hz, findings),
+        std=constant(np.nan, values.shape),
         node=np.array(nodes),
-        position_deg=np.array([angle_deg.get(node, np.nan) for node in nodes]),
+        position_deg=np.array([around.angle_deg.get(node, np.nan) for node in nodes]),
         run=(path.name,) * len(values),
     )
-    return frf, tuple(findings)
+    return frf, shared
 
 
-def with_coherence(
-    path: Path, frf: FRF, responses: Sequence[Dataset], coherences: Sequence[Dataset]
-) -> tuple[FRF, tuple[Finding, ...]]:
-    """FRFs with the coherence of the same ends (response and reference); NaN where there is none.
+def _coherence(
+    path: Path,
+    responses: Sequence[Dataset],
+    coherences: Sequence[Dataset],
+    frequency_hz: NDArray[np.float64],
+    findings: list[Finding],
+) -> NDArray[np.float64]:
+    """Coherence of the same ends (response and reference) as each FRF; NaN where there is none.
 
     What belongs to no FRF, or is no coherence on its lines, is left out with a finding.
     """
+    unknown = constant(np.nan, (len(responses), len(frequency_hz)))
     if not coherences:
-        return frf, ()
+        return unknown
     rows = {_ends(dataset): row for row, dataset in enumerate(responses)}
     if len(rows) < len(responses):
         rows = {}  # ends that do not tell the FRFs apart
-    found, odd = np.full(frf.values.shape, np.nan), []
+    found, odd = unknown.copy(), []
     for dataset in coherences:
         row = rows.get(_ends(dataset))
-        values = None if row is None else _coherence(path, dataset, frf.frequency_hz)
+        values = None if row is None else _coherence_on(path, dataset, frequency_hz)
         if values is None:
             odd.append(dataset)
         else:
             found[row] = values
-    findings: tuple[Finding, ...] = ()
     if odd:
         detail = (
             f"{len(odd)} of {len(coherences)} coherences left out (first: dataset "
             f"{odd[0].index}): each needs the nodes and lines of one FRF, and values from 0 to 1"
         )
-        findings = (remark(path, "", Check.COHERENCE, detail),)
-    return replace(frf, coherence=found) if len(odd) < len(coherences) else frf, findings
+        findings.append(remark(path, "", Check.COHERENCE, detail))
+    return found if len(odd) < len(coherences) else unknown
 
 
-def _coherence(
+def _coherence_on(
     path: Path, dataset: Dataset, frequency_hz: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
     """Coherence on these lines; None where it is on others, damaged or none."""
@@ -135,15 +136,6 @@ def _ends(dataset: Dataset) -> tuple[int, ...]:
     header = dataset.header58
     response = header.response_node, abs(header.response_direction)
     return (*response, header.reference_node, abs(header.reference_direction))
-
-
-def driven_node(datasets: Sequence[Dataset]) -> int | None:
-    """Node of the end that all FRFs share: the force, or by reciprocity the response; or None."""
-    headers = [each.header58 for each in datasets]
-    for ends in ({h.reference_node for h in headers}, {h.response_node for h in headers}):
-        if len(ends) == 1:
-            return ends.pop() or None
-    return None
 
 
 def _same_lines(lines: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
@@ -185,21 +177,25 @@ def _inertance(
     values: NDArray[Any],
     units: UnitSystem,
     frequency_hz: NDArray[np.float64],
-) -> tuple[NDArray[np.complex128], list[Finding]]:
+    findings: list[Finding],
+) -> NDArray[np.complex128]:
     header = dataset.header58
+    name = header.id_lines[0]
     motion, force = _motion_and_force(path, dataset, units)
+    for each in (motion, force):
+        if each.remark:
+            findings.append(remark(path, name, Check.UNIT, each.remark))
     sign = -1.0 if (header.response_direction < 0) != (header.reference_direction < 0) else 1.0
     power = _POWERS[motion.quantity]
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite stays so
         scaled = values.astype(np.complex128) * (sign * motion.factor / force.factor)
-        row = scaled if power == 0 else scaled * (2j * np.pi * frequency_hz) ** power
-    name = header.id_lines[0]
-    notes = [remark(path, name, Check.UNIT, each.remark) for each in (motion, force) if each.remark]
-    if power:
-        factor = "jω" if power == 1 else "−ω²"
-        detail = f"{motion.quantity} over force, converted to inertance (factor {factor})"
-        notes.append(remark(path, name, Check.QUANTITY, detail))
-    return row, notes
+        if not power:
+            return scaled
+        scaled *= (2j * np.pi * frequency_hz) ** power
+    factor = "jω" if power == 1 else "−ω²"
+    detail = f"{motion.quantity} over force, converted to inertance (factor {factor})"
+    findings.append(remark(path, name, Check.QUANTITY, detail))
+    return scaled
 
 
 def _motion_and_force(path: Path, dataset: Dataset, units: UnitSystem) -> tuple[AxisUnit, AxisUnit]:
@@ -223,15 +219,18 @@ def _motion_and_force(path: Path, dataset: Dataset, units: UnitSystem) -> tuple[
     return motion, force
 
 
-def _nodes(path: Path, datasets: Sequence[Dataset]) -> tuple[list[int], bool]:
-    """Nodes of the rows, and whether it was the force that roved."""
-    headers = [each.header58 for each in datasets]
-    responses = [each.response_node for each in headers]
-    forces = [each.reference_node for each in headers]
+def _nodes(
+    path: Path, datasets: Sequence[Dataset], findings: list[Finding]
+) -> tuple[list[int], int | None]:
+    """Nodes of the rows, and the node of the end that all share: the force or the response."""
+    responses = [each.header58.response_node for each in datasets]
+    forces = [each.header58.reference_node for each in datasets]
     if len(set(forces)) == 1:
-        return responses, False
+        return responses, forces[0] or None
     if len(set(responses)) == 1:
-        return forces, True
+        detail = "one response, roving force: by reciprocity, the force nodes are used as positions"
+        findings.append(remark(path, "", Check.RECIPROCITY, detail))
+        return forces, responses[0] or None
     found = f"{len(set(forces))} force nodes and {len(set(responses))} response nodes"
     rule = "all FRFs must have one force (or one response, where the force roves)"
     raise RecordingFormatError(path.name, found, rule, "Export one reference per file")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from ema.io.uff.dataset58_header import UnitSystem
 from ema.io.uff.scan import Dataset, Lines, damaged
 
 _NODES, _NODES_DOUBLE, _UNITS = 15, 2411, 164  # kinds of datasets
+_SYSTEMS, _SYSTEMS_DOUBLE = 18, 2420
 _GLOBAL = (0, 1)  # numbers of the global system, which files usually do not define
 _PARALLEL = 1e-6  # sine of the angle between the x axis of a system and a point on its x-z plane
 _ROUND = 0.05  # radii may differ by this share of the radius
@@ -41,14 +42,13 @@ def read_nodes(
     Dataset 2411 gives them in the global Cartesian system; without it, dataset 15 gives each in a
     system that dataset 18 or 2420 defines. They stay in the unit of the file.
     """
-    double = [each for each in datasets if each.number == _NODES_DOUBLE]
-    if double:
-        return {node: xyz for each in double for node, xyz in _nodes_2411(path, each)}, ""
-    own = [row for each in datasets if each.number == _NODES for row in _nodes_15(path, each)]
+    is_global = any(each.number == _NODES_DOUBLE for each in datasets)
+    kind = _NODES_DOUBLE if is_global else _NODES
+    own = [row for each in datasets if each.number == kind for row in _nodes(path, each)]
     systems: dict[int, _System] = {}
     for each in datasets:
-        if each.number in _READ_SYSTEMS and own:
-            systems |= _READ_SYSTEMS[each.number](path, each)
+        if each.number in (_SYSTEMS, _SYSTEMS_DOUBLE) and own and not is_global:
+            systems |= _systems(path, each)
     unknown = sorted({system for _, system, _ in own} - systems.keys() - set(_GLOBAL))
     listed = ", ".join(map(str, unknown[:5]))
     doubt = f"nodes in coordinate system {listed}, which the file does not define; read as x y z"
@@ -57,40 +57,41 @@ def read_nodes(
     return nodes, doubt if unknown else ""
 
 
-def _nodes_2411(path: Path, dataset: Dataset) -> list[tuple[int, NDArray[np.float64]]]:
+def _nodes(path: Path, dataset: Dataset) -> Iterator[tuple[int, int, NDArray[np.float64]]]:
+    """Label, coordinate system (0 in dataset 2411) and coordinates of each node."""
     lines = Lines(path, dataset)
-    nodes = []
     while lines.more():
-        label = lines.integers(1)[0]
-        nodes.append((label, np.array(lines.numbers((25,) * 3, 3)[:3])))
-    return nodes
+        if dataset.number == _NODES_DOUBLE:
+            label, system = lines.integers(1)[0], 0
+            xyz = lines.numbers((25,) * 3, 3)[:3]
+        else:
+            numbers = lines.numbers((10,) * 4 + (13,) * 3, 7)
+            label, system = lines.as_integers(numbers[:2])
+            xyz = numbers[4:7]
+        yield label, system, np.array(xyz)
 
 
-def _nodes_15(path: Path, dataset: Dataset) -> list[tuple[int, int, NDArray[np.float64]]]:
-    """Label, coordinate system, and coordinates of each node."""
+def _systems(path: Path, dataset: Dataset) -> dict[int, _System]:
+    """Systems given by three points (dataset 18), or by their axes and origin (2420)."""
     lines = Lines(path, dataset)
-    nodes = []
-    while lines.more():
-        numbers = lines.numbers((10,) * 4 + (13,) * 3, 7)
-        label, system = lines.as_integers(numbers[:2])
-        nodes.append((label, system, np.array(numbers[4:7])))
-    return nodes
-
-
-def _systems_18(path: Path, dataset: Dataset) -> dict[int, _System]:
-    """Systems given by their origin, a point on +x and one on the x-z plane."""
-    lines = Lines(path, dataset)
+    has_points = dataset.number == _SYSTEMS
+    if not has_points:
+        lines.text(2)
     systems = {}
     while lines.more():
-        number, kind, reference, *_ = lines.integers(3)
+        number, kind, *others = lines.integers(3 if has_points else 2)
         lines.text()
-        first = lines.numbers((13,) * 6, 6)
-        points = np.reshape(first[:6] + lines.numbers((13,) * 3, 3)[:3], (3, 3))
-        axes = _axes(points)
-        if axes is None:
-            rule = "its three points must span a plane"
-            raise damaged(lines.where, f"coordinate system {number}", rule)
-        systems[number] = _System(kind, reference, points[0], axes, lines.where)
+        if has_points:
+            numbers = lines.numbers((13,) * 6, 6)[:6] + lines.numbers((13,) * 3, 3)[:3]
+            axes, origin = _axes(np.reshape(numbers, (3, 3))), np.array(numbers[:3])
+            if axes is None:
+                rule = "its three points must span a plane"
+                raise damaged(lines.where, f"coordinate system {number}", rule)
+        else:
+            rows = np.array([lines.numbers((25,) * 3, 3)[:3] for _ in range(4)])
+            axes, origin = rows[:3], rows[3]
+        reference = others[0] if has_points else 0
+        systems[number] = _System(kind, reference, origin, axes, lines.where)
     return systems
 
 
@@ -105,25 +106,6 @@ def _axes(points: NDArray[np.float64]) -> NDArray[np.float64] | None:
         return None
     along_y /= sine
     return np.array([along_x, along_y, np.cross(along_x, along_y)])
-
-
-def _systems_2420(path: Path, dataset: Dataset) -> dict[int, _System]:
-    """Systems given by the rows of a matrix: three axes, and the origin last."""
-    lines = Lines(path, dataset)
-    lines.text(2)
-    systems = {}
-    while lines.more():
-        number, kind, *_ = lines.integers(2)
-        lines.text()
-        rows = np.array([lines.numbers((25,) * 3, 3)[:3] for _ in range(4)])
-        systems[number] = _System(kind, 0, rows[3], rows[:3], lines.where)
-    return systems
-
-
-_READ_SYSTEMS: dict[int, Callable[[Path, Dataset], dict[int, _System]]] = {
-    18: _systems_18,
-    2420: _systems_2420,
-}
 
 
 def _in_global(
@@ -166,16 +148,14 @@ class Surroundings:
 
 def read_surroundings(path: Path, datasets: Sequence[Dataset], in_use: set[int]) -> Surroundings:
     """Read units and the geometry of the nodes in use."""
-    units = UnitSystem()
-    for each in datasets:
-        if each.number == _UNITS:
-            units = read_units(path, each)
+    units = [read_units(path, each) for each in datasets if each.number == _UNITS]
     nodes, doubt = read_nodes(path, datasets)
     carrying = {node: point for node, point in nodes.items() if node in in_use}
     angles = angles_on_circle(carrying)
     if carrying and not angles:
         doubt = "the nodes of the file's geometry are not on a circle; no angles available"
-    return Surroundings(units, angles, (remark(path, "", Check.GEOMETRY, doubt),) if doubt else ())
+    findings = (remark(path, "", Check.GEOMETRY, doubt),) if doubt else ()
+    return Surroundings([UnitSystem(), *units][-1], angles, findings)
 
 
 def read_units(path: Path, dataset: Dataset) -> UnitSystem:
@@ -183,11 +163,10 @@ def read_units(path: Path, dataset: Dataset) -> UnitSystem:
     lines = Lines(path, dataset)
     lines.text()
     length, force, *_ = lines.numbers((25,) * 3, 2)
-    units = UnitSystem(length, force)
-    if not units.is_valid:
+    if not (0.0 < length < np.inf and 0.0 < force < np.inf):
         found = f"units {length:g} (length) and {force:g} (force)"
         raise damaged(lines.where, found, "factors of dataset 164 must be positive")
-    return units
+    return UnitSystem(length, force)
 
 
 def angles_on_circle(nodes: Mapping[int, NDArray[np.float64]]) -> dict[int, float]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from ema.core.finding import Check, Finding
 from ema.core.recording import Channel, Recording
 from ema.io.columns import even_step, not_together, step_and_inverse
 from ema.io.content import FileContent, remark
-from ema.io.uff.dataset58 import read_form, read_values
+from ema.io.uff.dataset58 import read_values
 from ema.io.uff.dataset58_header import (
     COHERENCE,
     FREQUENCY_RESPONSE,
@@ -22,12 +21,11 @@ from ema.io.uff.dataset58_header import (
     Header58,
     ordinate_unit,
 )
-from ema.io.uff.frf import driven_node, measured_only, read_frf, with_coherence
+from ema.io.uff.frf import measured_only, read_frf
 from ema.io.uff.geometry import Surroundings, read_surroundings
 from ema.io.uff.scan import Dataset, damaged, place, scan
 
 SUFFIXES = (".uff", ".unv", ".uf", ".bunv", ".58", ".ufb")
-SampleReader = Callable[[Path, Dataset], tuple[NDArray[np.float64] | None, NDArray[Any]]]
 _SAME_RATE = 1e-6  # relative
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
 _SHAPES = (55, 2414)
@@ -53,43 +51,40 @@ def read(path: Path) -> FileContent:
     finding. `RecordingFormatError` if the file is missing, damaged or truncated, or its channels do
     not belong together.
     """
-    return _read(path, read_values)
+    return _read(path)
 
 
 def read_headers(path: Path) -> FileContent:
     """Read a universal file without the numbers of long text: those samples are NaN."""
-    return _read(path, read_form)
+    return _read(path, form_only=True)
 
 
-def _read(path: Path, read_samples: SampleReader) -> FileContent:
+def _read(path: Path, *, form_only: bool = False) -> FileContent:
     datasets = scan(path)
     times = [each for each in datasets if _function(each) == TIME_RESPONSE]
     responses = [each for each in datasets if _function(each) == FREQUENCY_RESPONSE]
-    responses, drawn = measured_only(path, responses)
-    findings = [
+    findings: list[Finding] = []
+    if others := _describe_left_out(datasets):
+        findings.append(remark(path, "", Check.CONTENT, others))
+    responses = measured_only(path, responses, findings)
+    findings += [
         remark(path, each.header58.id_lines[0], Check.BYTE_COUNT, each.remark)
         for each in (*times, *responses)
         if each.remark
     ]
-    if others := _describe_left_out(datasets):
-        findings.append(remark(path, "", Check.CONTENT, others))
-    findings += drawn
     if not times and not responses:
         return FileContent(path, findings=tuple(findings))
     in_use = {each.header58.response_node for each in (*times, *responses)}
     around = read_surroundings(path, datasets, in_use)
     findings += around.findings
-    recording, noticed = _read_recording(path, times, around, read_samples) if times else (None, ())
-    findings += noticed
-    frf = None
+    recording, frf, shared_node = None, None, None
+    if times:
+        recording = _read_recording(path, times, around, findings, form_only=form_only)
     if responses:
-        frf, noticed = read_frf(path, responses, around.units, around.angle_deg)
-        findings += noticed
         coherences = [each for each in datasets if _function(each) == COHERENCE]
-        frf, noticed = with_coherence(path, frf, responses, coherences)
-        findings += noticed
+        frf, shared_node = read_frf(path, responses, coherences, around, findings)
     names = tuple(_channel_name(each.header58, row) for row, each in enumerate(responses, 1))
-    return FileContent(path, recording, frf, names, driven_node(responses), tuple(findings))
+    return FileContent(path, recording, frf, names, shared_node, tuple(findings))
 
 
 def _describe_left_out(datasets: Sequence[Dataset]) -> str:
@@ -123,14 +118,18 @@ def _name(dataset: Dataset) -> str:
 
 
 def _read_recording(
-    path: Path, datasets: Sequence[Dataset], around: Surroundings, read_samples: SampleReader
-) -> tuple[Recording, tuple[Finding, ...]]:
+    path: Path,
+    datasets: Sequence[Dataset],
+    around: Surroundings,
+    findings: list[Finding],
+    *,
+    form_only: bool,
+) -> Recording:
     channels: list[Channel] = []
     rates: list[float] = []
-    findings: list[Finding] = []
     for dataset in datasets:
         header = dataset.header58
-        abscissa, values = read_samples(path, dataset)
+        abscissa, values = read_values(path, dataset, form_only=form_only)
         if header.is_complex:
             found = f"{header.id_lines[0]!r} has complex values"
             raise damaged(place(path, dataset.index), found, "a time response must be real")
@@ -143,8 +142,13 @@ def _read_recording(
         factor = -unit.factor if header.response_direction < 0 else unit.factor
         angle_deg = around.angle_deg.get(node)
         channels.append(Channel(name, unit.quantity, unit.text, values, factor, node, angle_deg))
-    _check_together(path, channels, rates)
-    return Recording(path, rates[0], tuple(channels)), tuple(findings)
+        if len(values) != channels[0].n_samples:
+            first = f"{channels[0].n_samples} samples of {channels[0].name!r}"
+            raise not_together(path, f"{first}, {len(values)} of {name!r}")
+        if abs(rates[-1] - rates[0]) > _SAME_RATE * rates[0]:
+            first = f"{rates[0]:g} Hz of {channels[0].name!r}"
+            raise not_together(path, f"{first}, {rates[-1]:g} Hz of {name!r}")
+    return Recording(path, rates[0], tuple(channels))
 
 
 def _channel_name(header: Header58, number: int) -> str:
@@ -172,16 +176,3 @@ def _sampling_rate(path: Path, dataset: Dataset, abscissa: NDArray[np.float64] |
     except ValueError:
         found, rule = f"time step {header.abscissa_step!r}", "the time step must be positive"
         raise damaged(place(path, dataset.index, 9), found, rule) from None
-
-
-def _check_together(path: Path, channels: Sequence[Channel], rates: Sequence[float]) -> None:
-    """Channels of one file share length and rate; name the first two that do not."""
-    first = channels[0]
-    for channel, rate in zip(channels, rates, strict=True):
-        if channel.n_samples != first.n_samples:
-            what = f"{first.n_samples} samples of {first.name!r}, {channel.n_samples}"
-        elif abs(rate - rates[0]) > _SAME_RATE * rates[0]:
-            what = f"{rates[0]:g} Hz of {first.name!r}, {rate:g} Hz"
-        else:
-            continue
-        raise not_together(path, f"{what} of {channel.name!r}")
