@@ -39,7 +39,7 @@ class Dataset:
     start: int  # first byte of the opening delimiter
     stop: int  # first byte behind the closing delimiter
     header: Header58 | None = None  # of a dataset 58
-    payload: tuple[int, int] = (0, 0)  # first and last byte (exclusive) of its values
+    payload: tuple[int, int] = (0, 0)  # first and last byte (exclusive) of its values or lines
     layout: np.dtype[np.void] | np.dtype[np.inexact] | None = None  # of a binary record
     remark: str = ""  # what does not fit the definition but could be read
     is_equal_lines: bool = False  # whether the payload is long text of equally long lines
@@ -104,34 +104,30 @@ def _dataset(path: Path, data: mmap.mmap, index: int, start: int, after: int) ->
     if not (text.isascii() and text.isdigit()):
         found = repr(line[:20].decode("latin-1")) if line else "the end of the file"
         raise damaged(place(path, index), found, "the number of the dataset must be here")
-    number = int(text)
+    number, header, closing = int(text), None, None
     if number == 58:
-        return _function(path, data, index, start, after)
-    closing = _find_delimiter(data, body - 1)
-    if closing is None:
-        raise _unclosed(path, index, number)
-    return Dataset(index, number, start, _line(data, closing)[1])
+        header, body = _header(path, data, index, after)
+        if header.binary:
+            return _binary_function(path, data, Dataset(index, 58, start, start, header), body)
+        closing = _predicted_delimiter(data, body, header)
+    is_predicted = closing is not None
+    if closing is None and (closing := _find_delimiter(data, body - 1)) is None:
+        rule = 'each dataset ends with a line "    -1": the file is truncated'
+        raise damaged(place(path, index), f"no closing delimiter of dataset type {number}", rule)
+    stop, payload = _line(data, closing)[1], (body, closing)
+    return Dataset(index, number, start, stop, header, payload, is_equal_lines=is_predicted)
 
 
-def _function(path: Path, data: mmap.mmap, index: int, start: int, after: int) -> Dataset:
+def _header(path: Path, data: mmap.mmap, index: int, position: int) -> tuple[Header58, int]:
+    """Header of a dataset 58, and where its values begin."""
     lines: list[str] = []
-    position = after
     while len(lines) <= HEADER_LINES and position < len(data):
         line, position = _line(data, position)
         lines.append(line.decode("latin-1"))
     try:
-        header = parse_header(lines)
+        return parse_header(lines), position
     except HeaderError as fault:
         raise damaged(place(path, index, fault.line), fault.found, fault.rule) from None
-    if header.binary:
-        return _binary_function(path, data, Dataset(index, 58, start, start, header), position)
-    predicted = _predicted_delimiter(data, position, header)
-    closing = _find_delimiter(data, position - 1) if predicted is None else predicted
-    if closing is None:
-        raise _unclosed(path, index, 58)
-    stop = _line(data, closing)[1]
-    equal = predicted is not None
-    return Dataset(index, 58, start, stop, header, (position, closing), is_equal_lines=equal)
 
 
 def _binary_function(path: Path, data: mmap.mmap, dataset: Dataset, begin: int) -> Dataset:
@@ -181,11 +177,6 @@ def _layouts(header: Header58) -> list[np.dtype[np.void] | np.dtype[np.inexact]]
         np.dtype([("abscissa", f"{order}f{x}"), ("value", f"{order}{kind}{y * parts}")])
         for x, y in pairs
     ]
-
-
-def _unclosed(path: Path, index: int, number: int) -> RecordingFormatError:
-    rule = 'each dataset ends with a line "    -1": the file is truncated'
-    return damaged(place(path, index), f"no closing delimiter of dataset type {number}", rule)
 
 
 def _line(data: mmap.mmap, position: int) -> tuple[bytes, int]:
@@ -255,9 +246,9 @@ class Lines:
     def __init__(self, path: Path, dataset: Dataset) -> None:
         self._path, self._index = path, dataset.index
         with path.open("rb") as file:
-            file.seek(dataset.start)
-            text = file.read(dataset.stop - dataset.start).decode("latin-1")
-        self._lines = [line.rstrip("\r") for line in text.rstrip().split("\n")[2:-1]]
+            file.seek(dataset.payload[0])
+            text = file.read(dataset.payload[1] - dataset.payload[0]).decode("latin-1")
+        self._lines = [line.rstrip("\r") for line in text.split("\n")[:-1]]
         self._next = 0
 
     @property
