@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -151,13 +150,8 @@ def _with_manifest(
     rate_hz = manifest.acquisition.sampling_rate_hz
     if np.isnan(recording.sampling_rate_hz) and rate_hz is not None:
         recording = replace(recording, sampling_rate_hz=rate_hz)
-    sections = {
-        key: section
-        for key, section in manifest.calibration.items()
-        if key in recording.names or fnmatch.filter(recording.names, key)
-    }
-    recordings, findings = calibrated([recording], sections)
-    return recordings[0], findings
+    findings: list[Finding] = []
+    return calibrated(recording, manifest.calibration, findings), findings
 
 
 def _remarks(recording: Recording) -> list[Finding]:

@@ -123,33 +123,32 @@ def _degrees(angles: Sequence[float]) -> str:
 
 
 def merge(
-    contents: Sequence[FileContent],
-    positions_deg: Sequence[dict[str, float] | None],
+    files: Sequence[tuple[FileContent, dict[str, float] | None]],
     positions: int | None,
-) -> tuple[FRF, list[Finding]]:
+    findings: list[Finding],
+) -> FRF:
     """Stack the FRFs of all files, which must have the same frequency lines.
 
-    `positions_deg` are angles by name for each file, `positions` is the number on the grid.
+    Each file comes with angles by name, where given; `positions` is the number on the grid.
     """
-    frfs = [content.frf for content in contents if content.frf is not None]
+    frfs = [content.frf for content, _ in files if content.frf is not None]
     first = frfs[0].frequency_hz
-    for content, frf in zip(contents, frfs, strict=True):
+    for (content, _), frf in zip(files, frfs, strict=True):
         lines = frf.frequency_hz
         if len(lines) != len(first) or not np.allclose(lines, first, rtol=_SAME_LINES):
             found = f"{len(lines)} lines to {lines[-1]:g} Hz"
-            rule = f"{contents[0].path.name} has {len(first)} lines to {first[-1]:g} Hz"
+            rule = f"{files[0][0].path.name} has {len(first)} lines to {first[-1]:g} Hz"
             remedy = "Process files of different resolution separately"
             raise RecordingFormatError(content.path.name, found, rule, remedy)
     rows = [
         (content.path, channel, given)
-        for content, given in zip(contents, positions_deg, strict=True)
+        for content, given in files
         for channel in _rows_as_channels(content)
     ]
     grid = Grid.over(positions, [channel for _, channel, _ in rows])
-    findings: list[Finding] = []
     places = [grid.place(*row, findings) for row in rows]
     angles = [np.nan if place.angle_deg is None else place.angle_deg for place in places]
-    merged = FRF(
+    return FRF(
         frequency_hz=first,
         values=stacked([frf.values for frf in frfs]),
         coherence=stacked([frf.coherence for frf in frfs]),
@@ -158,7 +157,6 @@ def merge(
         position_deg=np.array(angles),
         run=tuple(run for frf in frfs for run in frf.run),
     )
-    return merged, findings
 
 
 def _rows_as_channels(content: FileContent) -> list[Channel]:

@@ -5,18 +5,19 @@ from __future__ import annotations
 import fnmatch
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 from ema.core.errors import ManifestError, nearest
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import UNKNOWN, VOLTAGE, Channel, Recording
-from ema.core.units import Unit, is_stated, parse_unit
+from ema.core.units import SI_UNIT, Unit, is_stated, parse_unit
 from ema.io.campaign.manifest import MANIFEST_NAME, CalibrationSection
 from ema.io.content import remark
 
 _SENSITIVITY = re.compile(r"^\s*([+-]?[0-9.,]+(?:[eE][+-]?[0-9]+)?)\s*(.+?)\s*$")
 _AMBIGUOUS = re.compile(r"^[+-]?[1-9][0-9]{0,2},[0-9]{3}$")  # decimal comma or thousands?
+_MECHANICAL = SI_UNIT.keys() - {VOLTAGE}  # quantities
 _WRITE = "Give the number and its unit as on the calibration sheet, e.g. '10.2 mV/g'"
 
 
@@ -37,55 +38,51 @@ def parse_sensitivity(text: str) -> Sensitivity | None:
         value = float(match[1].replace(",", "."))
     except ValueError:
         return None
-    above, below = _parts(match[2])
-    if above is None or below is None or not value or not math.isfinite(value):
+    units = _parts(match[2])
+    if units is None or not value or not math.isfinite(value):
         return None
-    if above.quantity == VOLTAGE and _mechanical(below):
+    above, below = units
+    if above.quantity == VOLTAGE and below.quantity in _MECHANICAL:
         return Sensitivity(below.quantity, value * above.factor / below.factor)
-    if below.quantity == VOLTAGE and _mechanical(above):
+    if below.quantity == VOLTAGE and above.quantity in _MECHANICAL:
         return Sensitivity(above.quantity, below.factor / (value * above.factor))
     return None
 
 
-def _parts(text: str) -> tuple[Unit | None, Unit | None]:
+def _parts(text: str) -> tuple[Unit, Unit] | None:
     """Units above and below a slash outside of all brackets; mV/m/s^2 means mV/(m/s^2)."""
     for place, sign in enumerate(text):
         if sign == "/" and text.count("(", 0, place) == text.count(")", 0, place):
             above, below = parse_unit(text[:place]), parse_unit(text[place + 1 :])
             if above is not None and below is not None:
                 return above, below
-    return None, None
+    return None
 
 
-def _mechanical(unit: Unit) -> bool:
-    return unit.quantity not in (UNKNOWN, VOLTAGE)
-
-
-def calibrated(
-    recordings: Sequence[Recording], sections: Mapping[str, CalibrationSection]
-) -> tuple[list[Recording], list[Finding]]:
-    """Apply ``[calibration]`` of the manifest to all channels that its keys name.
-
-    Keys are names of channels, or patterns such as ``"A*"``; a name has priority.
-    """
-    names = {name for recording in recordings for name in recording.names}
+def check_keys(names: Collection[str], sections: Mapping[str, CalibrationSection]) -> None:
+    """Refuse a key of ``[calibration]`` that names no channel."""
     for key in sections:
         if key not in names and not fnmatch.filter(names, key):
             where = f"{MANIFEST_NAME}, calibration.{key}"
             rule = "no recording has a channel of that name"
             raise ManifestError(where, repr(key), rule, nearest(key, sorted(names)))
-    findings: list[Finding] = []
-    result = []
-    for recording in recordings:
-        channels = []
-        for channel in recording.channels:
-            fitting = (key for key in sections if fnmatch.fnmatchcase(channel.name, key))
-            entry = channel.name if channel.name in sections else next(fitting, None)
-            if entry is not None:
-                channel = _calibrate(recording, channel, entry, sections[entry], findings)
-            channels.append(channel)
-        result.append(replace(recording, channels=tuple(channels)))
-    return result, findings
+
+
+def calibrated(
+    recording: Recording, sections: Mapping[str, CalibrationSection], findings: list[Finding]
+) -> Recording:
+    """Apply ``[calibration]`` of the manifest to all channels that its keys name.
+
+    Keys are names of channels, or patterns such as ``"A*"``; a name has priority.
+    """
+    channels = []
+    for channel in recording.channels:
+        fitting = (key for key in sections if fnmatch.fnmatchcase(channel.name, key))
+        entry = channel.name if channel.name in sections else next(fitting, None)
+        if entry is not None:
+            channel = _calibrate(recording, channel, entry, sections[entry], findings)
+        channels.append(channel)
+    return replace(recording, channels=tuple(channels))
 
 
 def _calibrate(

@@ -15,7 +15,7 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Recording
 from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
 from ema.io.campaign import agreement
-from ema.io.campaign.calibration import calibrated
+from ema.io.campaign.calibration import calibrated, check_keys
 from ema.io.campaign.manifest import MANIFEST_NAME, USE_SLASHES, Manifest, read_manifest, resolve
 from ema.io.campaign.roles import Grid, Wanted, assign
 from ema.io.columns import SAME_RATE
@@ -69,9 +69,8 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
         raise RecordingFormatError("campaign", "no files", rule, "Name the recordings")
     else:
         name = paths[0].stem if len(paths) == 1 else paths[0].resolve().parent.name
-    contents = _read_all(paths)
-    campaign = Campaign(name=name, sources=tuple(path.resolve() for path in paths))
-    return _fill(campaign, contents, [Wanted()] * len(contents))
+    files = [(content, Wanted()) for content in _read_all(paths)]
+    return _fill(Campaign(name=name, sources=tuple(path.resolve() for path in paths)), files)
 
 
 def recordings_in(folder: Path) -> list[Path]:
@@ -98,14 +97,12 @@ def _number(part: str) -> tuple[int, str]:
 def _with_manifest(path: Path) -> Campaign:
     manifest = read_manifest(path)
     files = _files_of(path, manifest)
-    force = manifest.excitation.channel
-    runs = enumerate(manifest.runs, 1)
-    wanted = [Wanted.from_section(section, number, force) for number, section in runs]
     contents = _read_all(files)
-    _refuse_empty(contents, wanted)
-    rate = manifest.acquisition.sampling_rate_hz
-    contents = [replace(each, recording=_with_rate(each.recording, rate)) for each in contents]
-    contents = _calibrated(contents, manifest)
+    names = {name for each in contents if each.recording for name in each.recording.names}
+    check_keys(names, manifest.calibration)
+    runs = [
+        _run_by_manifest(content, manifest, number) for number, content in enumerate(contents, 1)
+    ]
     angle = manifest.excitation.position_deg
     campaign = Campaign(
         name=path.resolve().parent.name,
@@ -121,7 +118,7 @@ def _with_manifest(path: Path) -> Campaign:
         checks=settings_from(CheckSettings, manifest.checks, f"{path.name}, [checks]"),
         sources=(path.resolve(), *files),
     )
-    return _fill(campaign, contents, wanted)
+    return _fill(campaign, runs)
 
 
 def _files_of(path: Path, manifest: Manifest) -> list[Path]:
@@ -159,32 +156,27 @@ def _read_all(paths: Sequence[Path]) -> list[FileContent]:
     return contents
 
 
-def _refuse_empty(contents: Sequence[FileContent], wanted: Sequence[Wanted]) -> None:
-    """Refuse runs of the manifest without usable data, which would be missing unnoticed."""
-    for content, each in zip(contents, wanted, strict=True):
-        if content.recording is None and content.frf is None:
-            notes = "; ".join(finding.detail for finding in content.findings)
-            found = "neither time series nor FRFs" + (f" ({notes})" if notes else "")
-            rule = "each run must contain time series or FRFs"
-            raise ManifestError(each.where, found, rule, "Give another file or remove the run")
+def _run_by_manifest(
+    content: FileContent, manifest: Manifest, number: int
+) -> tuple[FileContent, Wanted]:
+    """A run with its rate and calibration by the manifest, and what that states about it."""
+    wanted = Wanted.from_section(manifest.runs[number - 1], number, manifest.excitation.channel)
+    if content.recording is not None:
+        findings = list(content.findings)
+        recording = _with_rate(content.recording, manifest.acquisition.sampling_rate_hz)
+        recording = calibrated(recording, manifest.calibration, findings)
+        content = replace(content, recording=recording, findings=tuple(findings))
+    elif content.frf is None:
+        notes = "; ".join(finding.detail for finding in content.findings)
+        found = "neither time series nor FRFs" + (f" ({notes})" if notes else "")
+        rule = "each run must contain time series or FRFs"
+        raise ManifestError(wanted.where, found, rule, "Give another file or remove the run")
+    return content, wanted
 
 
-def _calibrated(contents: list[FileContent], manifest: Manifest) -> list[FileContent]:
-    recordings = [each.recording for each in contents if each.recording is not None]
-    if not manifest.calibration:
-        return contents
-    done, findings = calibrated(recordings, manifest.calibration)
-    by_path = {recording.path: recording for recording in done}
-    contents = [
-        each if each.recording is None else replace(each, recording=by_path[each.recording.path])
-        for each in contents
-    ]
-    return [replace(contents[0], findings=(*contents[0].findings, *findings)), *contents[1:]]
-
-
-def _with_rate(recording: Recording | None, rate_hz: float | None) -> Recording | None:
+def _with_rate(recording: Recording, rate_hz: float | None) -> Recording:
     """Check the rate of the file against the manifest, or take that of the manifest."""
-    if recording is None or rate_hz is None:
+    if rate_hz is None:
         return recording
     if np.isnan(recording.sampling_rate_hz):
         return replace(recording, sampling_rate_hz=rate_hz)
@@ -195,35 +187,25 @@ def _with_rate(recording: Recording | None, rate_hz: float | None) -> Recording 
     return recording
 
 
-def _fill(
-    campaign: Campaign, contents: Sequence[FileContent], wanted: Sequence[Wanted]
-) -> Campaign:
+def _fill(campaign: Campaign, files: Sequence[tuple[FileContent, Wanted]]) -> Campaign:
     """Add FRFs where the files have some, and else the runs."""
-    findings = [finding for content in contents for finding in content.findings]
-    if any(content.frf is not None for content in contents):
-        pairs = zip(contents, wanted, strict=True)
-        chosen = [(content, each.positions_deg) for content, each in pairs if content.frf]
-        detail = "time series beside FRFs: the FRFs are used, the time series are left out"
-        findings += [
-            Finding(each.path.name, "", None, Check.CONTENT, Verdict.EXCLUDED, detail)
-            for each in contents
-            if each.recording is not None
-        ]
-        files, positions_deg = zip(*chosen, strict=True)
-        frf, noticed = agreement.merge(files, positions_deg, campaign.positions)
-        findings += noticed
-        return replace(campaign, frf=frf, findings=tuple(findings))
-    return _fill_runs(campaign, contents, wanted, findings)
+    findings = [finding for content, _ in files for finding in content.findings]
+    recordings = [(each.recording, wanted) for each, wanted in files if each.recording is not None]
+    frfs = [(each, wanted.positions_deg) for each, wanted in files if each.frf is not None]
+    if not frfs:
+        return _fill_runs(campaign, recordings, findings)
+    detail = "time series beside FRFs: the FRFs are used, the time series are left out"
+    findings += [
+        Finding(recording.path.name, "", None, Check.CONTENT, Verdict.EXCLUDED, detail)
+        for recording, _ in recordings
+    ]
+    frf = agreement.merge(frfs, campaign.positions, findings)
+    return replace(campaign, frf=frf, findings=tuple(findings))
 
 
 def _fill_runs(
-    campaign: Campaign,
-    contents: Sequence[FileContent],
-    wanted: Sequence[Wanted],
-    findings: list[Finding],
+    campaign: Campaign, recordings: Sequence[tuple[Recording, Wanted]], findings: list[Finding]
 ) -> Campaign:
-    pairs = zip(contents, wanted, strict=True)
-    recordings = [(content.recording, each) for content, each in pairs if content.recording]
     agreement.check_rates([recording for recording, _ in recordings])
     candidates = [
         channel
