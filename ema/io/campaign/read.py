@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -160,7 +161,10 @@ def _run_by_manifest(
     content: FileContent, manifest: Manifest, number: int
 ) -> tuple[FileContent, Wanted]:
     """A run with its rate and calibration by the manifest, and what that states about it."""
-    wanted = Wanted.from_section(manifest.runs[number - 1], number, manifest.excitation.channel)
+    section = manifest.runs[number - 1]
+    where = f"{MANIFEST_NAME}, runs.{number} ({section.file})"
+    force = manifest.excitation.channel
+    wanted = Wanted(where, force, section.reference, section.positions_deg)
     if content.recording is not None:
         findings = list(content.findings)
         recording = _with_rate(content.recording, manifest.acquisition.sampling_rate_hz)
@@ -170,7 +174,7 @@ def _run_by_manifest(
         notes = "; ".join(finding.detail for finding in content.findings)
         found = "neither time series nor FRFs" + (f" ({notes})" if notes else "")
         rule = "each run must contain time series or FRFs"
-        raise ManifestError(wanted.where, found, rule, "Give another file or remove the run")
+        raise ManifestError(where, found, rule, "Give another file or remove the run")
     return content, wanted
 
 
@@ -207,18 +211,13 @@ def _fill_runs(
     campaign: Campaign, recordings: Sequence[tuple[Recording, Wanted]], findings: list[Finding]
 ) -> Campaign:
     agreement.check_rates([recording for recording, _ in recordings])
-    candidates = [
-        channel
-        for recording, each in recordings
-        for channel in filter(each.may_be_response, recording.channels)
-    ]
-    grid = Grid.over(campaign.positions, candidates)
+    channels = [filter(each.may_be_response, recording.channels) for recording, each in recordings]
+    grid = Grid.over(campaign.positions, list(chain.from_iterable(channels)))
     runs, reference_deg, excitation_deg = [], None, campaign.excitation_deg
     names = agreement.run_names([recording.path for recording, _ in recordings])
     for name, (recording, each) in zip(names, recordings, strict=True):
-        run, noticed = assign(with_limits(recording), each, grid, name)
+        run = assign(with_limits(recording), each, grid, name, findings)
         runs.append(run)
-        findings += noticed
         if run.reference is not None:
             reference_deg = _same_place(run, each, grid, reference_deg)
         if excitation_deg is None:

@@ -11,7 +11,7 @@ from ema.core.errors import InputError, ManifestError, RecordingFormatError, nea
 from ema.core.finding import Check, Finding
 from ema.core.recording import ACCELERATION, FORCE, UNKNOWN, VOLTAGE, Channel, Recording
 from ema.core.units import SI_UNIT, is_stated
-from ema.io.campaign.manifest import MANIFEST_NAME, RunSection
+from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.content import remark
 
 _INIT = "Write a manifest that names it; `ringmodal init FOLDER` writes a template"
@@ -22,11 +22,10 @@ _ON_GRID = 1e-3  # of a grid step
 class Wanted:
     """What the manifest states about a run; all empty without a manifest."""
 
-    manifest: bool = False
+    where: str = ""  # place of the run in the manifest; empty without one
     force: str | None = None  # name of the channel of the excitation
     reference: str | None = None  # name of the channel of the reference sensor
     positions_deg: dict[str, float] | None = None  # angles by name of the channel
-    where: str = ""  # place of the run in the manifest
 
     def may_be_response(self, channel: Channel) -> bool:
         """Whether a channel may be a response: it has a position, or else is an acceleration."""
@@ -36,18 +35,12 @@ class Wanted:
             return channel.name in self.positions_deg
         return channel.quantity == ACCELERATION
 
-    @classmethod
-    def from_section(cls, section: RunSection, number: int, force: str | None) -> Wanted:
-        """Take what `section`, the `number`-th run of a manifest, states."""
-        where = f"{MANIFEST_NAME}, runs.{number} ({section.file})"
-        return cls(True, force, section.reference, section.positions_deg, where)
-
 
 def assign(
-    recording: Recording, wanted: Wanted, grid: Grid, name: str
-) -> tuple[Run, list[Finding]]:
+    recording: Recording, wanted: Wanted, grid: Grid, name: str, findings: list[Finding]
+) -> Run:
     """Give each channel of a recording its role and place; `name` is that of the run."""
-    roles = _Roles(recording, wanted)
+    roles = _Roles(recording, wanted, findings)
     roles.check_names()
     force = roles.force()
     reference = roles.reference(force)
@@ -56,10 +49,10 @@ def assign(
     taken = {force.name} | ({reference.name} if reference is not None else set())
     responses = []
     for channel in roles.responses(taken):
-        place = grid.place(recording.path, channel, wanted.positions_deg, roles.findings)
+        place = grid.place(recording.path, channel, wanted.positions_deg, findings)
         responses.append(Response(channel, place.node, place.angle_deg))
     roles.check_places(responses)
-    return Run(name, recording, force, tuple(responses), reference), roles.findings
+    return Run(name, recording, force, tuple(responses), reference)
 
 
 @dataclass(frozen=True)
@@ -68,13 +61,13 @@ class _Roles:
 
     recording: Recording
     wanted: Wanted
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[Finding]
 
     def note(self, channel: str, check: Check, detail: str) -> None:
         self.findings.append(remark(self.recording.path, channel, check, detail))
 
     def fault(self, found: str, rule: str, remedy: str) -> InputError:
-        if self.wanted.manifest:
+        if self.wanted.where:
             return ManifestError(self.wanted.where, found, rule, remedy)
         return RecordingFormatError(self.recording.path.name, found, rule, remedy)
 
@@ -127,7 +120,7 @@ class _Roles:
         found = f"no force among {self._listed}"
         if forces:
             found = f"{len(forces)} forces: {', '.join(each.name for each in forces)}"
-        remedy = "Set excitation.channel in the manifest" if self.wanted.manifest else _INIT
+        remedy = "Set excitation.channel in the manifest" if self.wanted.where else _INIT
         raise self.fault(found, "FRFs need exactly one excitation, a force in N", remedy)
 
     def reference(self, force: Channel) -> Channel | None:
@@ -198,23 +191,19 @@ class Grid:
         names = dict.fromkeys(channel.name for channel in channels)
         return cls(positions, False, {name: number for number, name in enumerate(names, 1)})
 
-    def angle_of(self, node: int | None) -> float | None:
-        """Angle of node k, k·360/positions, in degrees; None for a node that is not on the grid.
+    def known_place(self, channel: Channel, positions_deg: dict[str, float] | None) -> Place:
+        """Place of a channel by the manifest, the geometry in the file, or its node on the grid.
 
         Nodes may be counted from 0 or from 1: the last one then meets node 0.
         """
-        if node is None or self.positions is None or not 0 <= node <= self.positions:
-            return None
-        return (node % self.positions) * 360.0 / self.positions
-
-    def known_place(self, channel: Channel, positions_deg: dict[str, float] | None) -> Place:
-        """Place of a channel by the manifest, the geometry in the file, or its node on the grid."""
         node = channel.node if self.nodes_are_set else None
         if self.positions is None:
             return Place(self.numbers.get(channel.name) if node is None else node)
         angle = (positions_deg or {}).get(channel.name, channel.angle_deg)
-        if angle is None and (angle := self.angle_of(node)) is None:
-            return Place(node)
+        if angle is None:
+            if node is None or not 0 <= node <= self.positions:
+                return Place(node)
+            angle = node * 360.0 / self.positions
         angle = angle % 360.0
         steps = angle * self.positions / 360.0
         if abs(steps - round(steps)) > _ON_GRID:
