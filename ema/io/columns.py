@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,6 +49,7 @@ class Column:
     name: str  # without the unit
     unit: str  # as the file states it; empty where it states none
     samples: NDArray[Any]  # integers or floats, at best a memory map; NaN where missing
+    place: str = ""  # in the file, which becomes the name of a channel whose name repeats
 
 
 def name_and_unit(label: str) -> tuple[str, str]:
@@ -80,7 +82,8 @@ def content_of_columns(
     if times:
         rate_hz = _rate_of_column(path, times[0], rate_hz)
     noticed = list(findings)
-    channels = tuple(_channel(path, column, noticed) for column in signals)
+    repeated = Counter(column.name for column in signals)
+    channels = tuple(_channel(path, each, repeated[each.name] > 1, noticed) for each in signals)
     return FileContent(path, Recording(path, rate_hz, channels), findings=tuple(noticed))
 
 
@@ -107,13 +110,14 @@ def not_together(path: Path, found: str) -> RecordingFormatError:
     return RecordingFormatError(path.name, found, rule, remedy)
 
 
-def _channel(path: Path, column: Column, findings: list[Finding]) -> Channel:
+def _channel(path: Path, column: Column, is_repeated: bool, findings: list[Finding]) -> Channel:
+    name = column.place if column.place and is_repeated else column.name
     unit = parse_unit(column.unit)
     if unit is None and is_stated(column.unit):
-        findings.append(remark(path, column.name, Check.UNIT, f"unit {column.unit!r} is not known"))
+        findings.append(remark(path, name, Check.UNIT, f"unit {column.unit!r} is not known"))
     column.samples.setflags(write=False)
     quantity, factor = (UNKNOWN, 1.0) if unit is None else (unit.quantity, unit.factor)
-    return Channel(column.name, quantity, column.unit, column.samples, scale_to_si=factor)
+    return Channel(name, quantity, column.unit, column.samples, scale_to_si=factor)
 
 
 def _rate_of_column(path: Path, time: Column, stated: float) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import mmap
 import struct
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,7 +18,6 @@ from ema.io import content
 from ema.io.columns import (
     Column,
     content_of_columns,
-    is_time,
     matrix_columns,
     name_and_unit,
     stated_rate,
@@ -69,8 +67,7 @@ def read(path: Path) -> FileContent:
         held = "; ".join(f"{place}: {why}" for place, why in skipped.items()) or "nothing"
         rule = "a channel is a dataset of one dimension, or a row or column of a matrix"
         raise RecordingFormatError(path.name, held, rule, "Export the samples in this layout")
-    repeated = Counter(array.name for array in series)
-    columns = [column for array in series for column in _columns(path, array, repeated)]
+    columns = [column for array in series for column in _columns(path, array)]
     rate_hz = stated_rate(path, _rates(arrays, series, groups))
     findings = content.left_out(path, skipped)
     return content_of_columns(path, columns, rate_hz=rate_hz, findings=findings)
@@ -108,15 +105,13 @@ def _attributes(item: Any) -> dict[str, Any]:
     return found
 
 
-def _columns(path: Path, array: _Array, repeated: Counter[str]) -> list[Column]:
+def _columns(path: Path, array: _Array) -> list[Column]:
     samples = np.squeeze(array.samples)
     units = _texts(array, _UNITS)
     if samples.ndim == 2:
         return matrix_columns(f"{path.name}, {array.path}", samples, _texts(array, _NAMES), units)
     name, unit = name_and_unit(array.name)
-    unit = units[0] if units else unit
-    alone = repeated[array.name] == 1 or is_time(name, unit)
-    return [Column(name if alone else array.path.strip("/"), unit, samples)]
+    return [Column(name, units[0] if units else unit, samples, array.path.strip("/"))]
 
 
 def _rates(

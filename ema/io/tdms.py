@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import struct
-from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check
-from ema.io.columns import Column, content_of_columns, is_time, name_and_unit, stated_rate
+from ema.io.columns import Column, content_of_columns, name_and_unit, stated_rate
 from ema.io.content import LEAVE_OUT, FileContent, check_stored, reading, remark, require
 
 if TYPE_CHECKING:
@@ -55,7 +54,8 @@ def read(path: Path) -> FileContent:
         if channel not in wanted
     ]
     rate_hz = stated_rate(path, statements)
-    return content_of_columns(path, _columns(wanted, samples), rate_hz=rate_hz, findings=findings)
+    columns = [_column(channel, array) for channel, array in zip(wanted, samples, strict=True)]
+    return content_of_columns(path, columns, rate_hz=rate_hz, findings=findings)
 
 
 class _BoundedFile(io.BufferedReader):
@@ -130,13 +130,7 @@ def _precision(channel: TdmsChannel) -> np.dtype[Any]:
     return np.dtype(np.float32) if single else channel.dtype
 
 
-def _columns(channels: list[TdmsChannel], samples: list[NDArray[Any]]) -> list[Column]:
-    repeated = Counter(channel.name for channel in channels)
-    columns = []
-    for channel, array in zip(channels, samples, strict=True):
-        name, unit = name_and_unit(channel.name)
-        stated = next((channel.properties[key] for key in _UNITS if key in channel.properties), "")
-        unit = str(stated).strip() or unit
-        alone = repeated[channel.name] == 1 or is_time(name, unit)
-        columns.append(Column(name if alone else f"{channel.group_name}/{name}", unit, array))
-    return columns
+def _column(channel: TdmsChannel, samples: NDArray[Any]) -> Column:
+    name, unit = name_and_unit(channel.name)
+    stated = next((channel.properties[key] for key in _UNITS if key in channel.properties), "")
+    return Column(name, str(stated).strip() or unit, samples, f"{channel.group_name}/{name}")

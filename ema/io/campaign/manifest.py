@@ -233,7 +233,9 @@ def resolve(manifest: Path, file: str) -> Path:
         target = _as_stored(folder / file).resolve()
         # From Python 3.13 on a loop of links is handed back as it is.
         is_loop = any(part.is_symlink() for part in (target, *target.parents))
-        inside = not (_starts_elsewhere(file) or is_loop) and target.is_relative_to(folder)
+        # Absolute, or with a drive or a share, on any system.
+        elsewhere = PureWindowsPath(file).anchor or PurePosixPath(file).is_absolute()
+        inside = not (elsewhere or is_loop) and target.is_relative_to(folder)
     except (OSError, ValueError, RuntimeError):  # a NUL in the name, a loop of links
         inside = False
     if not inside:
@@ -252,16 +254,12 @@ def _as_stored(path: Path) -> Path:
     return next(alike, path)
 
 
-def _starts_elsewhere(file: str) -> bool:
-    """Whether a path is absolute or has a drive or a share, on any system."""
-    return bool(PureWindowsPath(file).anchor) or PurePosixPath(file).is_absolute()
-
-
 def _explain(path: Path, error: ValidationError) -> ManifestError:
     # A misspelt key is also missing under its right name: name the misspelt one.
     first = min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
     place = tuple(first["loc"])
-    where = f"{path.name}, {_dotted(place)}" if place else path.name
+    dotted = ".".join(str(part + 1 if isinstance(part, int) else part) for part in place)
+    where = f"{path.name}, {dotted}" if place else path.name
     if first["type"] == "extra_forbidden":
         remedy = nearest(str(place[-1]), _valid_keys(place[:-1]))
         return ManifestError(where, f"key {place[-1]!r}", "it is not known here", remedy)
@@ -271,11 +269,6 @@ def _explain(path: Path, error: ValidationError) -> ManifestError:
     found = repr(first["input"])
     found = found if len(found) <= _LONGEST_VALUE else f"{found[:_LONGEST_VALUE]}…"
     return ManifestError(where, found, message[:1].lower() + message[1:], "Correct the value")
-
-
-def _dotted(place: tuple[Any, ...]) -> str:
-    """Name a place, with runs counted from 1."""
-    return ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in place)
 
 
 def _valid_keys(place: tuple[Any, ...]) -> list[str]:
