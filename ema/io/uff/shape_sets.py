@@ -105,15 +105,14 @@ def read_shapes(path: Path | str) -> ShapeSet:
     """
     path = Path(path)
     datasets = scan(path)
-    modes: list[_Mode] = []
-    left_out: list[str] = []
-    for dataset in datasets:
-        if dataset.number in (_DATA_AT_NODES, _ANALYSIS_DATA):
-            found = _read_mode(path, dataset)
-            if isinstance(found, _Mode):
-                modes.append(found)
-            else:
-                left_out.append(f"dataset {dataset.index} ({dataset.number}): {found}")
+    kinds = (_DATA_AT_NODES, _ANALYSIS_DATA)
+    read_in = [(each, _read_mode(path, each)) for each in datasets if each.number in kinds]
+    modes = [found for _, found in read_in if isinstance(found, _Mode)]
+    left_out = [
+        f"dataset {each.index} ({each.number}): {found}"
+        for each, found in read_in
+        if isinstance(found, str)
+    ]
     if not any(len(mode.node) for mode in modes):
         held = "; ".join(left_out[:3]) or f"{len(datasets)} datasets, none of them 55 or 2414"
         rule = "mode shapes are normal or complex modes in datasets 55 or 2414"
@@ -274,9 +273,9 @@ class RadialShapes(ReadonlyArrays):
 
 
 class _Wheel(NamedTuple):
-    """Cylindrical coordinates of nodes, (3, n_nodes): angle, radius, place along the axle."""
+    """Nodes around an axle."""
 
-    coordinates: NDArray[np.float64]
+    coordinates: NDArray[np.float64]  # (3, n_nodes): angle, radius, place along the axle
     axes: tuple[int, int]  # of the plane in which angles count
     note: str
 
@@ -302,8 +301,7 @@ def read_radial_shapes(
     values, note = _along(path, found, node, wheel, direction)
     coordinates = np.full((3, node.size), np.nan) if wheel is None else wheel.coordinates
     notes = (note,) if wheel is None else (wheel.note, note)
-    angle_deg, radius_m, across_m = coordinates
-    modes = (found.frequency_hz, found.damping_ratio)
+    modes, (angle_deg, radius_m, across_m) = (found.frequency_hz, found.damping_ratio), coordinates
     return RadialShapes(*modes, node, angle_deg, radius_m, across_m, values, notes)
 
 
@@ -337,30 +335,24 @@ def _along(
     path: Path, found: ShapeSet, node: NDArray[np.int_], wheel: _Wheel | None, direction: str
 ) -> tuple[NDArray[np.complex128], str]:
     """Values (n_modes, n_nodes) along the direction, and what it is."""
-    # Along x, y and z; 0 along axes that the file leaves out.
-    components = np.stack([_shapes_table(found, node, axis) for axis in _TRANSLATIONS], axis=2)
+    # By direction, 0 to 3; 0 along axes that the file leaves out.
+    tables = np.zeros((1 + len(_TRANSLATIONS), found.n_modes, node.size), dtype=complex)
+    rows = np.flatnonzero(found.direction <= _TRANSLATIONS[-1])
+    place = np.searchsorted(node, found.node[rows])
+    tables[found.direction[rows], :, place] = found.values[:, rows].T
+    components = tables[1:]
     if direction in AXES:
-        return components[:, :, AXES.index(direction)], f"motion along {direction}"
+        return components[AXES.index(direction)], f"motion along {direction}"
     if not np.isin(found.direction, _TRANSLATIONS).any():
-        note = "one value per node without direction, taken as it is"
-        return _shapes_table(found, node, 0), note
+        return tables[0], "one value per node without direction, taken as it is"
     if wheel is not None:
         turn = np.deg2rad(wheel.coordinates[0])
-        first, second = (components[:, :, axis] for axis in wheel.axes)
+        first, second = components[list(wheel.axes)]
         return first * np.cos(turn) + second * np.sin(turn), "radial motion, outward"
-    moving = [axis for axis in range(3) if np.nan_to_num(components[:, :, axis]).any()]
+    moving = [axis for axis in range(3) if np.nan_to_num(components[axis]).any()]
     if len(moving) == 1 and direction != RADIAL:
-        return components[:, :, moving[0]], f"motion along {AXES[moving[0]]}, the only one"
+        return components[moving[0]], f"motion along {AXES[moving[0]]}, the only one"
     held = ", ".join(AXES[axis] for axis in moving)
     rule = "without nodes around an axle there is no radial direction"
     remedy = "Add the nodes (dataset 2411 or 15) to the file, or choose x, y or z"
     raise InputError(path.name, f"shapes along {held}", rule, remedy)
-
-
-def _shapes_table(
-    found: ShapeSet, node: NDArray[np.int_], direction: int
-) -> NDArray[np.complex128]:
-    rows = np.flatnonzero(found.direction == direction)
-    table = np.zeros((found.n_modes, node.size), dtype=complex)
-    table[:, np.searchsorted(node, found.node[rows])] = found.values[:, rows]
-    return table

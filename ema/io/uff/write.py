@@ -5,7 +5,7 @@ pyuff writes everything but dataset 58; the architecture page has the measuremen
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -29,7 +29,6 @@ ByteOrder = Literal["little", "big"]
 RADIAL = 1  # first axis of a cylindrical system, as modal programs expect it
 _DATA_TYPE = {quantity: code for code, quantity in QUANTITY.items()}
 _ASCII_FIELD = {False: ("%13.5E", 6), True: ("%20.12E", 4)}  # double precision: width, per line
-_LINES_PER_WRITE = 10_000
 
 
 def write_time_series(
@@ -44,12 +43,10 @@ def write_time_series(
 ) -> None:
     """Write channels that share one clock as datasets 58b (or 58), function type 1.
 
-    Samples are written as they are, under their own unit. Where the unit does not explain the
-    channel's factor to SI, they are converted and written in SI. The default precision is single
-    for float32 samples, double for all others. Without `binary`, ASCII has 6 (single) or 13
-    (double) digits. `directions` has a code 1 to 3 (X, Y, Z) for each channel, by default 1; a
-    channel with a negative factor gets the negative code.
-
+    Samples are written in their own unit, or in SI where that does not explain the channel's
+    factor. The default precision is single for float32 samples, double for all others. Without
+    `binary`, ASCII has 6 (single) or 13 (double) digits. `directions` has a code 1 to 3 (X, Y, Z)
+    for each channel, by default 1; a channel with a negative factor gets the negative code.
     `InputError` if there are no channels, their lengths differ, or the rate is not positive.
     """
     check_time_series(path, channels, sampling_rate_hz, directions)
@@ -155,12 +152,12 @@ def in_own_unit(channel: Channel) -> tuple[NDArray[np.floating], str, int]:
     sense = -1 if channel.scale_to_si < 0 else 1
     unit = parse_unit(channel.unit)
     explained = 1.0 if unit is None else unit.factor
-    samples = np.asarray(channel.samples)
+    samples, in_si = np.asarray(channel.samples), SI_UNIT.get(channel.quantity, "NONE")
     if samples.dtype.kind != "f":
         samples = samples.astype(np.float64)
     if sense * channel.scale_to_si == explained:
-        return samples, channel.unit or SI_UNIT.get(channel.quantity, "NONE"), sense
-    return samples * abs(channel.scale_to_si), SI_UNIT.get(channel.quantity, "NONE"), sense
+        return samples, channel.unit or in_si, sense
+    return samples * abs(channel.scale_to_si), in_si, sense
 
 
 def _one_line(text: str) -> str:
@@ -179,8 +176,7 @@ def _write_dataset(
     """Header, payload (binary where a byte order is given) and closing delimiter."""
     if byte_order is None:
         file.write(format_header(header))
-        for lines in _ascii_lines(values, header.is_double):
-            file.write(lines)
+        _write_text(file, values, header.is_double)
     else:
         order = "<" if byte_order == "little" else ">"
         kind = "c" if header.is_complex else "f"
@@ -193,17 +189,15 @@ def _write_dataset(
     file.write(DELIMITER + b"\n")
 
 
-def _ascii_lines(values: NDArray[np.inexact], double: bool) -> Iterable[bytes]:
+def _write_text(file: BinaryIO, values: NDArray[np.inexact], double: bool) -> None:
     """Lines of numbers in fixed columns; real and imaginary parts alternate."""
     pattern, per_line = _ASCII_FIELD[double]
     if np.iscomplexobj(values):
         values = np.ascontiguousarray(values, dtype=np.complex128).view(np.float64)
-    step = per_line * _LINES_PER_WRITE
-    for start in range(0, len(values), step):
-        block = values[start : start + step].tolist()
-        full, rest = divmod(len(block), per_line)
-        text = (pattern * per_line + "\n") * full + (pattern * rest + "\n" if rest else "")
-        yield (text % tuple(block)).encode("ascii")
+    full = len(values) - len(values) % per_line
+    np.savetxt(file, values[:full].reshape(-1, per_line), pattern, delimiter="")
+    if full < len(values):
+        np.savetxt(file, values[np.newaxis, full:], pattern, delimiter="")
 
 
 CARTESIAN = 1  # number of the only coordinate system, the global one
