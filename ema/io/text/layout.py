@@ -254,24 +254,23 @@ def _no_header(where: str, lines: Sequence[Line], table: _Table) -> RecordingFor
 def _layout(
     where: str, lines: Sequence[Line], table: _Table, tables: Sequence[_Table | None]
 ) -> Layout:
-    row = table.rows[0]
-    assert table.names is not None
+    first, dialect = table.rows[0].line, table.dialect
     _check_commas(where, table)
     labels = [label(cell) for cell in _heading(table, table.names)]
-    units = [""] * row.width if table.units is None else _heading(table, table.units)
-    clocks = cells_of(row.line.text, table.dialect.separator)
+    clocks = cells_of(first.text, dialect.separator)
+    other = replace(dialect, decimal="," if dialect.decimal == "." else ".")
     return Layout(
-        dialect=table.dialect,
+        dialect=dialect,
         names=tuple(name for name, _ in labels),
         units=tuple(
             unit or below.strip().removeprefix("[").removesuffix("]").strip()
-            for (_, unit), below in zip(labels, units, strict=True)
+            for (_, unit), below in zip(labels, _heading(table, table.units), strict=True)
         ),
-        first_line=row.line.number,
-        start=row.line.start,
+        first_line=first.number,
+        start=first.start,
         clocks=frozenset(index for index, cell in enumerate(clocks) if CLOCK.fullmatch(cell)),
         filled=max(each.filled for each in table.rows),
-        either_decimal=_either_decimal(table, tables),
+        either_decimal=any(t and t.dialect == other and t.rank == table.rank for t in tables),
         rate_hz=_rate_above(where, lines, table),
     )
 
@@ -287,34 +286,25 @@ def _check_commas(where: str, table: _Table) -> None:
         raise RecordingFormatError(place, repr(cells[0]), rule, "Export plain numbers")
 
 
-def _heading(table: _Table, line: Line) -> list[str]:
-    """Cells of a line of names or units, as many as the table has columns."""
+def _heading(table: _Table, line: Line | None) -> list[str]:
+    """Cells of a line of names or units, as many as the table has columns; empty without a line."""
     width = table.rows[0].width
-    cells = heading_cells(line.text, table.dialect.separator, width)
+    cells = heading_cells(line.text, table.dialect.separator, width) if line else []
     return [*cells, *[""] * width][:width]
-
-
-def _either_decimal(table: _Table, tables: Sequence[_Table | None]) -> bool:
-    decimal = "," if table.dialect.decimal == "." else "."
-    other = replace(table.dialect, decimal=decimal)
-    return any(each and each.dialect == other and each.rank == table.rank for each in tables)
 
 
 def _rate_above(where: str, lines: Sequence[Line], table: _Table) -> float:
     """The sampling rate that lines above the table state; NaN where none does."""
-    assert table.names is not None
-    stated: list[tuple[int, float]] = []
-    for line in lines:
-        rate_hz = stated_rate_hz(line.text, table.dialect.decimal)
-        if line.number >= table.names.number or rate_hz is None:
-            continue
-        stated.append((line.number, rate_hz))
-        first, other = stated[0]
-        if abs(rate_hz - other) > SAME_RATE * other:
-            found = f"{rate_hz:g} Hz, and {other:g} Hz in line {first}"
+    rate_hz, first = math.nan, 0
+    for line in lines[: lines.index(table.names)]:
+        stated = stated_rate_hz(line.text, table.dialect.decimal)
+        if stated is not None and abs(stated - rate_hz) > SAME_RATE * rate_hz:
+            found = f"{stated:g} Hz, and {rate_hz:g} Hz in line {first}"
             rule = "a recording has one sampling rate"
             raise RecordingFormatError(f"{where}, line {line.number}", found, rule, EXPORT_AGAIN)
-    return stated[0][1] if stated else math.nan
+        if stated is not None and not first:
+            rate_hz, first = stated, line.number
+    return rate_hz
 
 
 _RATE = (

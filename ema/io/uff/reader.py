@@ -44,22 +44,18 @@ _FUNCTIONS |= {19: "force pattern", 20: "partial power", 21: "partial coherence"
 _FUNCTIONS |= {24: "shock response spectrum", 26: "multiple coherence", 27: "order function"}
 
 
-def read(path: Path) -> FileContent:
+def read_headers(path: Path) -> FileContent:
+    """Read a universal file without the numbers of long text: those samples are NaN."""
+    return read(path, form_only=True)
+
+
+def read(path: Path, *, form_only: bool = False) -> FileContent:
     """Read the time series and FRFs of a universal file.
 
     Payloads of 58b stay on disk as memory maps. Other function types and datasets are named in a
     finding. `RecordingFormatError` if the file is missing, damaged or truncated, or its channels do
     not belong together.
     """
-    return _read(path)
-
-
-def read_headers(path: Path) -> FileContent:
-    """Read a universal file without the numbers of long text: those samples are NaN."""
-    return _read(path, form_only=True)
-
-
-def _read(path: Path, *, form_only: bool = False) -> FileContent:
     datasets = scan(path)
     times = [each for each in datasets if _function(each) == TIME_RESPONSE]
     responses = [each for each in datasets if _function(each) == FREQUENCY_RESPONSE]
