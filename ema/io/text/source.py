@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -24,7 +25,7 @@ _SMALLEST_SECTION = 1 << 18
 _LARGEST_SECTION = 1 << 23
 _LONGEST_LINE = 1 << 26
 _MOST_PACKED = 50  # digits pack 3 to 10 times; far more is not a measurement
-_UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 class TextSource:
@@ -56,7 +57,8 @@ class TextSource:
         self._bytes, self.head = b"", ""
         size = min(max(self._size // 4, _SMALLEST_SECTION), _LARGEST_SECTION)
         carried = b""
-        for piece in self._pieces(rest, size):
+        pieces = (rest[begin : begin + size] for begin in range(0, len(rest), size))
+        for piece in chain(pieces, iter(lambda: self._plain(self._raw(size)), b"")):
             end = piece.rfind(b"\n") + 1
             if end:
                 yield b"".join((carried, memoryview(piece)[:end]))
@@ -69,26 +71,22 @@ class TextSource:
         if carried:
             yield carried
 
-    def _pieces(self, rest: bytes, size: int) -> Iterator[bytes]:
-        for start in range(0, len(rest), size):
-            yield rest[start : start + size]
-        while piece := self._read(size):
-            yield piece
-
     def _beginning(self) -> bytes:
         raw = self._raw(_HEAD_BYTES)
-        codec = _UTF_16.get(raw[:2])
-        if codec is not None:
-            self._decoder = codecs.getincrementaldecoder(codec)()
-            raw = self._in_utf_8(raw[2:])
-        raw = raw.removeprefix(codecs.BOM_UTF8)
+        if raw.startswith(_UTF_16):
+            self._decoder = codecs.getincrementaldecoder("utf-16")()
+        raw = self._plain(raw).removeprefix(codecs.BOM_UTF8)
         self._has_cr_alone = b"\r" in raw and b"\n" not in raw
         return raw.replace(b"\r", b"\n") if self._has_cr_alone else raw
 
-    def _read(self, size: int) -> bytes:
-        raw = self._raw(size)
+    def _plain(self, raw: bytes) -> bytes:
+        """What was read, with UTF-16 as UTF-8 and a carriage return alone as a line end."""
         if self._decoder is not None:
-            raw = self._in_utf_8(raw)
+            try:
+                raw = self._decoder.decode(raw, final=not raw).encode()
+            except UnicodeDecodeError as error:
+                rule = "the file begins as UTF-16 and must be UTF-16 to its end"
+                raise RecordingFormatError(self.path.name, str(error), rule, COPY_AGAIN) from error
         return raw.replace(b"\r", b"\n") if self._has_cr_alone else raw
 
     def _raw(self, size: int) -> bytes:
@@ -105,14 +103,6 @@ class TextSource:
             rule = f"measured numbers do not pack more than {_MOST_PACKED} times"
             raise RecordingFormatError(self.path.name, found, rule, "Unpack it if you trust it")
         return raw
-
-    def _in_utf_8(self, raw: bytes) -> bytes:
-        assert self._decoder is not None
-        try:
-            return self._decoder.decode(raw, final=not raw).encode()
-        except UnicodeDecodeError as error:
-            rule = "the file begins as UTF-16 and must be UTF-16 to its end"
-            raise RecordingFormatError(self.path.name, str(error), rule, COPY_AGAIN) from error
 
 
 @contextmanager
