@@ -45,22 +45,15 @@ def read(path: Path) -> FileContent:
     `RecordingFormatError` if h5py is not installed, the file is missing or damaged, claims to be
     far larger than it is, or its datasets do not belong together.
     """
-    arrays: list[_Array] = []
-    groups: dict[str, dict[str, Any]] = {}
     skipped: dict[str, str] = {}
     with opened(path, "an HDF5 file") as file:
-        groups[""] = _attributes(file.root)
-        for place, item in _items(file, file.root):
-            if file.is_group(item):
-                groups[place] = _attributes(item)
-            elif why := file.unreadable(item):
-                skipped[place] = why
-            else:
-                arrays.append(_Array(place, file.samples(item), _attributes(item)))
+        arrays = list(_arrays(file, file.root, "", {}, skipped))
+    stated = {array.path: array.samples for array in arrays if array.samples.size == 1}
     series = []
     for array in arrays:
         if array.samples.size > 1 and np.squeeze(array.samples).ndim <= 2:
             series.append(array)
+            stated |= array.stated
         elif not states_rate(array.name):
             skipped[array.path] = f"array of shape {array.samples.shape}"
     if not series:
@@ -68,7 +61,7 @@ def read(path: Path) -> FileContent:
         rule = "a channel is a dataset of one dimension, or a row or column of a matrix"
         raise RecordingFormatError(path.name, held, rule, "Export the samples in this layout")
     columns = [column for array in series for column in _columns(path, array)]
-    rate_hz = stated_rate(path, _rates(arrays, series, groups))
+    rate_hz = stated_rate(path, stated)
     findings = content.left_out(path, skipped)
     return content_of_columns(path, columns, rate_hz=rate_hz, findings=findings)
 
@@ -80,18 +73,27 @@ class _Array:
     path: str
     samples: NDArray[Any]
     attributes: dict[str, Any]
+    stated: dict[str, Any]  # attributes of its groups and its own, by their place
 
     @property
     def name(self) -> str:
         return self.path.rpartition("/")[2]
 
 
-def _items(file: Hdf5File, group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Path and object of everything below a group."""
+def _arrays(
+    file: Hdf5File, group: Any, prefix: str, above: dict[str, Any], skipped: dict[str, str]
+) -> Iterator[_Array]:
+    """Arrays below a group; what is `skipped` comes with the reason."""
+    above = above | {f"{prefix}/{name}": value for name, value in _attributes(group).items()}
     for place, item in file.members(group, prefix):
-        yield place, item
         if file.is_group(item):
-            yield from _items(file, item, place)
+            yield from _arrays(file, item, place, above, skipped)
+        elif why := file.unreadable(item):
+            skipped[place] = why
+        else:
+            own = _attributes(item)
+            stated = above | {f"{place}/{name}": value for name, value in own.items()}
+            yield _Array(place, file.samples(item), own, stated)
 
 
 def _attributes(item: Any) -> dict[str, Any]:
@@ -112,20 +114,6 @@ def _columns(path: Path, array: _Array) -> list[Column]:
         return matrix_columns(f"{path.name}, {array.path}", samples, _texts(array, _NAMES), units)
     name, unit = name_and_unit(array.name)
     return [Column(name, units[0] if units else unit, samples, array.path.strip("/"))]
-
-
-def _rates(
-    arrays: list[_Array], series: list[_Array], groups: dict[str, dict[str, Any]]
-) -> dict[str, object]:
-    """All that is stated about rates: on the series, on their groups, and beside them."""
-    found: dict[str, object] = {}
-    for array in series:
-        found |= {f"{array.path}/{name}": value for name, value in array.attributes.items()}
-        group = array.path
-        while group:
-            group = group.rpartition("/")[0]
-            found |= {f"{group}/{name}": value for name, value in groups[group].items()}
-    return found | {array.path: array.samples for array in arrays if array.samples.size == 1}
 
 
 def _texts(array: _Array, names: tuple[str, ...]) -> list[str]:

@@ -103,9 +103,14 @@ def _check_scales(path: Path, properties: Mapping[str, Any]) -> None:
 
 def _samples(path: Path, tdms: TdmsFile, channels: list[TdmsChannel]) -> list[NDArray[Any]]:
     """Scaled samples of all channels, in one pass over the file."""
-    size = path.stat().st_size
-    check_stored(path.name, sum(len(each) * _stored_bytes(each) for each in channels), size)
-    arrays = [np.empty(len(channel), _precision(channel)) for channel in channels]
+    widths = [max(1, channel.data_type.size or 1) for channel in channels]
+    n_claimed = sum(len(each) * width for each, width in zip(channels, widths, strict=True))
+    check_stored(path.name, n_claimed, path.stat().st_size)
+    arrays = [
+        # Single precision is exact for converters of 16 bit.
+        np.empty(len(each), np.float32 if each.dtype.kind == "f" and width <= 2 else each.dtype)
+        for each, width in zip(channels, widths, strict=True)
+    ]
     filled = [0] * len(channels)
     with np.errstate(over="ignore", invalid="ignore"):  # infinite is missing, not a warning
         for chunk in tdms.data_chunks():
@@ -118,16 +123,6 @@ def _samples(path: Path, tdms: TdmsFile, channels: list[TdmsChannel]) -> list[ND
             where, found = f"{path.name}, {channel.path}", f"{count} of {array.size} samples"
             raise RecordingFormatError(where, found, "the file is truncated", LEAVE_OUT)
     return arrays
-
-
-def _stored_bytes(channel: TdmsChannel) -> int:
-    return max(1, channel.data_type.size or 1)
-
-
-def _precision(channel: TdmsChannel) -> np.dtype[Any]:
-    """Type of scaled samples: single precision is exact for converters of 16 bit."""
-    single = channel.dtype.kind == "f" and _stored_bytes(channel) <= 2
-    return np.dtype(np.float32) if single else channel.dtype
 
 
 def _column(channel: TdmsChannel, samples: NDArray[Any]) -> Column:

@@ -62,10 +62,21 @@ def check_rates(recordings: Sequence[Recording]) -> None:
 def coverage_findings(runs: Sequence[Run], positions: int | None) -> list[Finding]:
     """Findings about lengths, references and positions that make the result poorer."""
     findings = _lengths(runs)
-    if positions is not None:
-        findings += [*_without_reference(runs), *_missing_positions(runs, positions)]
-        findings += _repeated_positions(runs)
-    return findings
+    if positions is None:
+        return findings
+    without = [run.name for run in runs if run.reference is None]
+    if without and len(runs) > 1:
+        detail = "no run has a reference sensor: only the modes can show whether the tyre changed"
+        if len(without) < len(runs):
+            named = ", ".join(without)
+            detail = f"no reference sensor in {named}: not compared with the other runs"
+        findings.append(Finding("", "", None, Check.REFERENCE, Verdict.WARNING, detail))
+    measured = {response.node for run in runs for response in run.responses}
+    missing = [node * 360.0 / positions for node in range(positions) if node not in measured]
+    if missing:
+        detail = f"{len(missing)} of {positions} grid positions not measured: {_degrees(missing)}"
+        findings.append(Finding("", "", None, Check.GRID, Verdict.WARNING, detail))
+    return findings + _repeated_positions(runs)
 
 
 def _lengths(runs: Sequence[Run]) -> list[Finding]:
@@ -84,23 +95,6 @@ def _lengths(runs: Sequence[Run]) -> list[Finding]:
             detail = f"{duration_s:.4g} s long, others {usual:.4g} s: {count} averages"
             findings.append(Finding(run.name, "", None, Check.LENGTH, verdict, detail))
     return findings
-
-
-def _without_reference(runs: Sequence[Run]) -> list[Finding]:
-    without = [run.name for run in runs if run.reference is None]
-    if len(runs) < 2 or not without:
-        return []
-    detail = "no run has a reference sensor: only the modes can show whether the tyre changed"
-    if len(without) < len(runs):
-        detail = f"no reference sensor in {', '.join(without)}: not compared with the other runs"
-    return [Finding("", "", None, Check.REFERENCE, Verdict.WARNING, detail)]
-
-
-def _missing_positions(runs: Sequence[Run], positions: int) -> list[Finding]:
-    measured = {response.node for run in runs for response in run.responses}
-    missing = [node * 360.0 / positions for node in range(positions) if node not in measured]
-    detail = f"{len(missing)} of {positions} grid positions not measured: {_degrees(missing)}"
-    return [Finding("", "", None, Check.GRID, Verdict.WARNING, detail)] if missing else []
 
 
 def _repeated_positions(runs: Sequence[Run]) -> list[Finding]:

@@ -6,7 +6,6 @@ import difflib
 import re
 import tomllib
 import unicodedata
-from collections.abc import Callable
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, Literal, get_args
 
@@ -37,7 +36,7 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
 
-def _between(lowest: float, highest: float, rule: str) -> Callable[[float], float]:
+def _between(lowest: float, highest: float, rule: str) -> AfterValidator:
     """Check the size of a number, to find wrong units."""
 
     def check(value: float) -> float:
@@ -45,19 +44,15 @@ def _between(lowest: float, highest: float, rule: str) -> Callable[[float], floa
             raise ValueError(rule)
         return value
 
-    return check
+    return AfterValidator(check)
 
 
-_Pascals = Annotated[
-    Positive,
-    AfterValidator(_between(1e3, 1e7, "tyres have 1000 to 10 000 000 Pa (1 bar is 100000 Pa)")),
-]
-_Metres = Annotated[
-    Positive, AfterValidator(_between(1e-3, 10.0, "tyres have 0.001 to 10 m (330 mm are 0.33 m)"))
-]
-_Kilograms = Annotated[
-    NotNegative, AfterValidator(_between(0.0, 1.0, "sensors have up to 1 kg (4 g are 0.004 kg)"))
-]
+_pressure = _between(1e3, 1e7, "tyres have 1000 to 10 000 000 Pa (1 bar is 100000 Pa)")
+_length = _between(1e-3, 10.0, "tyres have 0.001 to 10 m (330 mm are 0.33 m)")
+_mass = _between(0.0, 1.0, "sensors have up to 1 kg (4 g are 0.004 kg)")
+_Pascals = Annotated[Positive, _pressure]
+_Metres = Annotated[Positive, _length]
+_Kilograms = Annotated[NotNegative, _mass]
 
 
 class _Section(BaseModel):

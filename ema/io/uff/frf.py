@@ -36,10 +36,11 @@ SYNTHESISED = "synthesised"
 def measured_only(path: Path, datasets: list[Dataset], findings: list[Finding]) -> list[Dataset]:
     """FRFs without those marked as synthesised, where there are others."""
     others = [each for each in datasets if not each.header58.id_lines[2].startswith(SYNTHESISED)]
-    if n_drawn := len(datasets) - len(others):
-        detail = f"{n_drawn} FRFs synthesised from modes, left out beside {len(others)} measured"
-        if not others:
-            detail = "all FRFs are synthesised, none is measured"
+    if len(others) < len(datasets):
+        detail = "all FRFs are synthesised, none is measured"
+        if others:
+            drawn = f"{len(datasets) - len(others)} FRFs synthesised from modes"
+            detail = f"{drawn}, left out beside {len(others)} measured ones"
         findings.append(remark(path, "", Check.CONTENT, detail))
     return others or datasets
 
