@@ -8,10 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pyarrow.types as types
-from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.io.columns import Column, content_of_columns, name_and_unit, stated_rate
@@ -23,7 +21,6 @@ SUFFIXES = (".parquet", ".feather", ".arrow")
 _FEATHER_1 = b"FEA1"
 _ARROW_FILE = b"ARROW1"
 _BEFORE_STREAM = 8  # bytes of the padded magic; what follows in a file is a stream
-_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
 def read(path: Path) -> FileContent:
@@ -96,23 +93,14 @@ def _is_stamp(field: pa.Field) -> bool:
 
 def _column(field: pa.Field, values: pa.ChunkedArray) -> Column:
     values.validate()  # until then, lengths are what the file claims
-    if _is_stamp(field):
-        return Column("time", "s", _seconds(values, field.type.unit))
+    if _is_stamp(field):  # time since the first stamp, exact for any date
+        stamps = values.to_numpy()
+        return Column("time", "s", (stamps - stamps[:1]) / np.timedelta64(1, "s"))
     name, unit = name_and_unit(field.name)
     stated = (field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace")
     # One piece without gaps is a view of the file where that is mapped.
     samples = values.chunk(0) if values.num_chunks == 1 else values
     return Column(name, unit or stated.strip(), np.asarray(samples))
-
-
-def _seconds(values: pa.ChunkedArray, unit: str) -> NDArray[np.float64]:
-    """Time since the first stamp, exact for any date."""
-    stamps = values.cast(pa.int64())
-    first = stamps[0].as_py() if len(stamps) else None
-    if first is None:
-        return np.full(len(stamps), np.nan)
-    since = pc.subtract(stamps, first)
-    return np.asarray(since.to_numpy(), dtype=np.float64) / _PER_SECOND[unit]
 
 
 # pyarrow unpacks a compressed batch in full before it can be asked how large it is. The sizes are

@@ -158,18 +158,16 @@ def poles_and_shapes_for_sdypy(model: ModalModel) -> SdypyModes:
 
 
 def _series(recording: Recording, channel: Channel) -> dict[str, Any]:
-    found: dict[str, Any] = {
+    found = {
         "name": channel.name,
         "data": channel.block(0, channel.n_samples),
         "fs": float(recording.sampling_rate_hz),
         "unit_str": SI_UNIT.get(channel.quantity, channel.unit).replace("^2", "²"),
         "group": recording.path.name,
+        "quantity": _LETTER.get(channel.quantity),
+        "node": channel.node,
     }
-    if channel.quantity in _LETTER:
-        found["quantity"] = _LETTER[channel.quantity]
-    if channel.node is not None:
-        found["node"] = channel.node
-    return found
+    return {name: value for name, value in found.items() if value is not None}
 
 
 def _channel(series: Mapping[str, Any], number: int) -> Channel:

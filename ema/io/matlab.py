@@ -33,6 +33,7 @@ _LAYOUTS = (
     "fs, dt or t; or a struct of those"
 )
 _SAVE_AGAIN = "Save it in one of these layouts"
+_KINDS = {np.ndarray: "a single number", str: "text", list: "a cell array", dict: "a struct"}
 # Larger texts and cell arrays in files of level 7.3 are left out.
 _LONGEST_TEXT = 4096
 _MOST_CELLS = 10_000
@@ -130,16 +131,12 @@ def _cells(file: Hdf5File, item: Any) -> Any:
 
 def _unwrapped(variables: Mapping[str, Any]) -> Mapping[str, Any]:
     """Fields of the only struct, where the file has no samples beside it."""
-    structs = [
-        name
-        for name, value in variables.items()
-        if isinstance(value, dict) and _plain(name) not in _UNITS
-    ]
+    structs = [k for k, v in variables.items() if isinstance(v, dict) and _plain(k) not in _UNITS]
     has_series = any(isinstance(v, np.ndarray) and v.size > 1 for v in variables.values())
     if len(structs) != 1 or has_series:
         return variables
-    beside = {name: value for name, value in variables.items() if name != structs[0]}
-    return _unwrapped({**beside, **variables[structs[0]]})
+    beside = {name: value for name, value in variables.items() if name not in structs}
+    return _unwrapped(beside | variables[structs[0]])
 
 
 def _plain(name: str) -> str:
@@ -158,9 +155,8 @@ def _sorted(path: Path, variables: Mapping[str, Any]) -> _Variables:
         elif isinstance(value, np.ndarray) and value.size != 1:
             _sort_array(name, value, found)
         else:
-            found.left_out[name] = _what(value)
-    structs = [name for name, value in variables.items() if isinstance(value, dict)]
-    structs = [name for name in structs if name in found.left_out]
+            found.left_out[name] = value.why if isinstance(value, LeftOut) else _KINDS[type(value)]
+    structs = [name for name in found.left_out if isinstance(variables[name], dict)]
     if len(structs) > 1 and not found.vectors and not found.matrices:
         held = f"structs {', '.join(structs)}"
         raise RecordingFormatError(path.name, held, _LAYOUTS, _SAVE_AGAIN)
@@ -175,13 +171,6 @@ def _sort_array(name: str, value: NDArray[Any], found: _Variables) -> None:
         found.matrices[name] = value.reshape(sides, order="F")
     else:
         found.left_out[name] = f"an array of {' × '.join(map(str, value.shape))}"
-
-
-def _what(value: Any) -> str:
-    if isinstance(value, LeftOut):
-        return value.why
-    names = {np.ndarray: "a single number", str: "text", list: "a cell array", dict: "a struct"}
-    return names[type(value)]
 
 
 def _texts(value: Any) -> list[str]:

@@ -133,23 +133,22 @@ def _header(path: Path, data: mmap.mmap, index: int, position: int) -> tuple[Hea
 def _binary_function(path: Path, data: mmap.mmap, dataset: Dataset, begin: int) -> Dataset:
     """End at the byte count if the delimiter is there, otherwise where the values must end."""
     header = dataset.header58
-    layouts = _layouts(header)
-    sizes = [header.n_bytes, *(layout.itemsize * header.n_values for layout in layouts)]
-    for size in sizes:
+    layouts = {layout.itemsize * header.n_values: layout for layout in _layouts(header)}
+    defined = next(iter(layouts.values()))
+    for size in (header.n_bytes, *layouts):
         stop = _closed_at(data, begin + size)
         if stop is None:
             continue
-        fitting = [one for one in layouts if one.itemsize * header.n_values == size]
-        if not fitting:
+        if size not in layouts:
             break
-        remark = ""
-        if size != header.n_bytes or fitting[0] != layouts[0]:
-            each = f"{fitting[0].itemsize} for each of {header.n_values} values"
+        layout, remark = layouts[size], ""
+        if size != header.n_bytes or layout != defined:
+            each = f"{layout.itemsize} for each of {header.n_values} values"
             stated = f"{header.n_bytes} bytes of kind {header.ordinate}"
             remark = f"header: {stated}; found: {size} bytes, {each}; read as such"
         payload = (begin, begin + size)
-        return replace(dataset, stop=stop, payload=payload, layout=fitting[0], remark=remark)
-    item = layouts[0].itemsize
+        return replace(dataset, stop=stop, payload=payload, layout=layout, remark=remark)
+    item = defined.itemsize
     end = begin + item * header.n_values
     closing = _find_delimiter(data, begin, min(end + item, len(data)), at_line_start=False)
     held = ((len(data) if closing is None else closing) - begin) // item
