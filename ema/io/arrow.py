@@ -24,15 +24,11 @@ _BEFORE_STREAM = 8  # bytes of the padded magic; what follows in a file is a str
 
 
 def read(path: Path) -> FileContent:
-    """Read the time series of a Parquet, Feather or Arrow file.
+    """Read the time series of a Parquet, Feather or Arrow file: columns are in docs/recordings.md.
 
-    The unit of a column is in its name (``A01 [m/s^2]``) or in the metadata of its field under
-    ``unit``. The rate follows from a column ``time`` or ``t``, from a column of time stamps, or
-    from the metadata of the table (``sampling_rate_hz``, ``fs``, ``dt``). Missing values become
-    NaN. A Feather file without compression and in one piece stays on disk as a memory map.
-
-    `RecordingFormatError` if the file is missing or damaged, claims to be far larger than it is,
-    has no column of numbers, or time is uneven.
+    Missing values become NaN. A Feather file without compression and in one piece stays on disk as
+    a memory map. `RecordingFormatError` if the file is missing or damaged, claims to be far larger
+    than it is, has no column of numbers, or time is uneven.
     """
     parquet = path.suffix.lower() == ".parquet"
     with reading(path, "a Parquet file" if parquet else "a Feather or Arrow file"):

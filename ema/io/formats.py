@@ -1,10 +1,4 @@
-"""The formats that can be read: a new one is a module in `ema.io` and a name in `FORMATS`.
-
-A module has ``SUFFIXES``, the endings that mark a file as a recording, ``read(path)``, which
-returns a `FileContent`, and perhaps ``read_headers(path)`` and ``NAMED_SUFFIXES``: endings that are
-too common (``.txt``) to take every such file of a folder for a recording; these are read only where
-the user names the file. Libraries that are optional are imported inside the functions.
-"""
+"""The formats that can be read, each a module of `ema.io`; docs/dev/adding.md adds one."""
 
 from __future__ import annotations
 

@@ -32,16 +32,9 @@ _DEEPEST = 32  # groups in groups
 
 
 def read(path: Path) -> FileContent:
-    """Read the time series of an HDF5 file.
+    """Read the time series of an HDF5 file: layouts are in docs/recordings.md.
 
-    A dataset of one dimension is a channel, named by the last part of its path (by all of it where
-    names repeat); one of two dimensions has several, named in its attribute ``names``, ``channels``
-    or ``labels``. The unit is in the attribute ``unit`` or ``units``, or in square brackets behind
-    the name. The rate follows from a dataset ``time`` or ``t``, or from ``sampling_rate_hz``,
-    ``fs``, ``sample_rate``, ``dt`` and the like: attributes of the dataset, its groups or the file,
-    or datasets of one number. Datasets stored in one piece stay on disk; others (compressed, in
-    chunks) are read.
-
+    Datasets stored in one piece stay on disk; others (compressed, in chunks) are read.
     `RecordingFormatError` if h5py is not installed, the file is missing or damaged, claims to be
     far larger than it is, or its datasets do not belong together.
     """

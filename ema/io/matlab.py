@@ -52,15 +52,11 @@ class _Variables:
 
 
 def read(path: Path) -> FileContent:
-    """Read the time series of a MATLAB file (level 5, compressed or not, or 7.3).
+    """Read the time series of a MATLAB file, level 5 or 7.3: layouts are in docs/recordings.md.
 
-    Understood are a vector for each channel, named like it, or one matrix (samples × channels or
-    the other way round) with its names in a cell array ``names``, ``channels`` or ``labels``;
-    ``units`` beside them; the rate from ``fs``, ``dt`` or a time vector ``t``. All of it may be in
-    a struct. Variables of other kinds are left out with a finding.
-
-    `RecordingFormatError` if the file is missing, damaged or of level 4, claims to be far larger
-    than it is, or its variables can be understood in more than one way.
+    Variables of other kinds are left out with a finding. `RecordingFormatError` if the file is
+    missing, damaged or of level 4, claims to be far larger than it is, or its variables can be
+    understood in more than one way.
     """
     found = _sorted(path, _unwrapped(_variables(path)))
     columns = _columns(path, found)

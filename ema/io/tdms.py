@@ -29,8 +29,6 @@ _UNITS = ("unit_string", "NI_UnitDescription", "unit")
 def read(path: Path) -> FileContent:
     """Read the time series of a TDMS file, with LabVIEW's scaling applied.
 
-    A channel keeps its name, with its group in front where names repeat. The unit is the property
-    ``unit_string``; the rate follows from ``wf_increment`` or a channel ``time``.
     `RecordingFormatError` if npTDMS is not installed, the file is missing, damaged or truncated, or
     its groups differ in rate or length.
     """

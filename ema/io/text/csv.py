@@ -27,15 +27,9 @@ NAMED_SUFFIXES = (".txt", ".asc", ".dat", ".txt.gz")
 def read(path: Path) -> FileContent:
     """Read the time series of a table with a header row such as ``time [s],A01 [m/s^2]``.
 
-    Columns are separated by comma, semicolon, tab, bar or blanks, with a decimal point or comma;
-    the text is UTF-8, UTF-16 with a byte-order mark, or latin-1, and may be packed by gzip. There
-    may be up to 200 lines of other text above the names, and units in a row below them. The rate
-    follows from a column of time in s or of time stamps, from a line above the names such as
-    ``Sampling rate: 2 kHz``, or from both, which must agree; it is NaN without either. Empty cells
-    and ``NaN`` are missing samples.
-
-    `RecordingFormatError` if the file is missing or empty, has no header, a cell is not a number,
-    rows differ in length, the last one is cut short, or time is uneven.
+    What such a table may look like is in docs/recordings.md. `RecordingFormatError` if the file is
+    missing or empty, has no header, a cell is not a number, rows differ in length, the last one is
+    cut short, or time is uneven.
     """
     with open_text(path) as source:
         layout = find_layout(source)

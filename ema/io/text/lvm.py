@@ -48,13 +48,11 @@ class _Header:
 
 
 def read(path: Path) -> FileContent:
-    """Read the first segment of a LabVIEW measurement file.
+    """Read the first segment of a LabVIEW measurement file; comments are left out.
 
-    The rate follows from ``Delta_X``, and where the file has a column of time, from that too.
-    Comments beside the numbers are left out. A file may have several segments, one for each time
-    LabVIEW was started or triggered. They are separate events, not one longer recording: those
-    after the first are left out with a finding. `RecordingFormatError` if headers are missing or
-    faulty, there are fewer or more rows than they state, a cell is not a number, or time is uneven.
+    Later segments are separate events, not one longer recording: they are left out with a finding.
+    `RecordingFormatError` if headers are missing or faulty, there are fewer or more rows than they
+    state, a cell is not a number, or time is uneven.
     """
     findings: list[Finding] = []
     with open_text(path) as source:
