@@ -221,7 +221,7 @@ def _fill_runs(
         if run.reference is not None:
             reference_deg = _same_place(run, each, grid, reference_deg)
         if excitation_deg is None:
-            excitation_deg = grid.known_place(run.force, each.positions_deg).angle_deg
+            excitation_deg = grid.known_place(run.force, each.positions_deg).position_deg
         findings += spike_findings(name, run.channels)
         findings += level_findings(replace(recording, channels=run.channels))
     findings += agreement.coverage_findings(runs, campaign.positions)
@@ -237,7 +237,7 @@ def _fill_runs(
 def _same_place(run: Run, wanted: Wanted, grid: Grid, others: float | None) -> float | None:
     """Angle of the reference, which must be the same in all runs."""
     assert run.reference is not None
-    angle = grid.known_place(run.reference, wanted.positions_deg).angle_deg
+    angle = grid.known_place(run.reference, wanted.positions_deg).position_deg
     if angle is not None and others is not None and abs(angle - others) > _SAME_ANGLE_DEG:
         found = f"reference at {angle:g} degrees"
         rule = f"in earlier runs it is at {others:g}, and it must stay in place"

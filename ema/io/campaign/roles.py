@@ -47,10 +47,10 @@ def assign(
     if wanted.positions_deg is not None and grid.positions is None:
         roles.note("", Check.GRID, "positions_deg without [grid]: no circle, angles not used")
     taken = {force.name} | ({reference.name} if reference is not None else set())
-    responses = []
-    for channel in roles.responses(taken):
-        place = grid.place(recording.path, channel, wanted.positions_deg, findings)
-        responses.append(Response(channel, place.node, place.angle_deg))
+    responses = [
+        grid.place(recording.path, channel, wanted.positions_deg, findings)
+        for channel in roles.responses(taken)
+    ]
     roles.check_places(responses)
     return Run(name, recording, force, tuple(responses), reference)
 
@@ -168,14 +168,6 @@ class _Roles:
 
 
 @dataclass(frozen=True)
-class Place:
-    """Node and angle of a sensor, each as far as it is known."""
-
-    node: int | None = None
-    angle_deg: float | None = None
-
-
-@dataclass(frozen=True)
 class Grid:
     """Positions of the nodes."""
 
@@ -191,24 +183,25 @@ class Grid:
         names = dict.fromkeys(channel.name for channel in channels)
         return cls(positions, False, {name: number for number, name in enumerate(names, 1)})
 
-    def known_place(self, channel: Channel, positions_deg: dict[str, float] | None) -> Place:
+    def known_place(self, channel: Channel, positions_deg: dict[str, float] | None) -> Response:
         """Place of a channel by the manifest, the geometry in the file, or its node on the grid.
 
         Nodes may be counted from 0 or from 1: the last one then meets node 0.
         """
         node = channel.node if self.nodes_are_set else None
         if self.positions is None:
-            return Place(self.numbers.get(channel.name) if node is None else node)
+            node = self.numbers.get(channel.name) if node is None else node
+            return Response(channel, node, None)
         angle = (positions_deg or {}).get(channel.name, channel.angle_deg)
         if angle is None:
             if node is None or not 0 <= node <= self.positions:
-                return Place(node)
+                return Response(channel, node, None)
             angle = node * 360.0 / self.positions
         angle = angle % 360.0
         steps = angle * self.positions / 360.0
         if abs(steps - round(steps)) > _ON_GRID:
-            return Place(None, angle)
-        return Place(round(steps) % self.positions, angle)
+            return Response(channel, None, angle)
+        return Response(channel, round(steps) % self.positions, angle)
 
     def place(
         self,
@@ -216,7 +209,7 @@ class Grid:
         channel: Channel,
         positions_deg: dict[str, float] | None,
         findings: list[Finding],
-    ) -> Place:
+    ) -> Response:
         """Place of a response, which must be known; assumptions are added to `findings`."""
         place = self.known_place(channel, positions_deg)
         if self.positions is None:
@@ -224,13 +217,15 @@ class Grid:
                 detail = f"no node numbers in the files; node {place.node} assumed"
                 findings.append(remark(path, channel.name, Check.NODE, detail))
             return place
-        if place.angle_deg is None:
+        if place.position_deg is None:
             node = "no node" if place.node is None else f"node {place.node}"
             found = f"no position of {channel.name!r} ({node}) in {path.name}"
             rule = f"each response needs a position or a node from 0 to {self.positions}"
             remedy = "Add positions_deg = { CHANNEL = degrees, … } to its run"
             raise ManifestError(f"{MANIFEST_NAME}, runs", found, rule, remedy)
         if place.node is None:
-            detail = f"{place.angle_deg:g} degrees is none of the {self.positions} grid positions"
+            detail = (
+                f"{place.position_deg:g} degrees is none of the {self.positions} grid positions"
+            )
             findings.append(remark(path, channel.name, Check.GRID, detail))
         return place
