@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,8 +44,7 @@ class LeftOut:
     why: str
 
 
-@dataclass(frozen=True)
-class _Element:
+class _Element(NamedTuple):
     """A tagged piece of the file: its data type and its bytes."""
 
     kind: int
@@ -70,12 +69,10 @@ class Mat5Reader:
         damaged or truncated, or claims to be far larger than it is.
         """
         found: dict[str, Any] = {}
-        for element in self._elements(self._bytes[HEADER_BYTES:]):
-            if element.kind == _COMPRESSED:
-                element = self._unpacked(element.data)
-            if element.kind != _MATRIX:
-                raise self._damaged(f"an element of type {element.kind} among the variables")
-            name, value = self._matrix(element.data, 0)
+        for kind, content in self._elements(self._bytes[HEADER_BYTES:]):
+            if kind == _COMPRESSED:
+                kind, content = self._unpacked(content)
+            name, value = self._matrix(_Element(kind, content), 0)
             if name in found:
                 raise self._damaged(f"two variables {name!r}")
             if name:  # MATLAB keeps what belongs to objects in a variable without a name
@@ -124,17 +121,17 @@ class Mat5Reader:
             raise self._damaged(f"{len(content)} of {size} bytes of a compressed variable")
         return _Element(kind, memoryview(content))
 
-    def _matrix(self, data: memoryview, depth: int) -> tuple[str, Any]:
+    def _matrix(self, element: _Element, depth: int) -> tuple[str, Any]:
         """Name and value of an array of any class."""
-        if not len(data):
+        if element.kind != _MATRIX:
+            raise self._damaged(f"an element of type {element.kind} where an array is expected")
+        if not len(element.data):
             return "", LeftOut("empty")
         if depth > _DEEPEST:
             raise self._damaged(f"arrays nested more than {_DEEPEST} deep")
-        flags, rest = self._first(data)
-        words = self._integers(flags)
-        if not words:
-            raise self._damaged("an array without flags")
-        kind, marks = words[0] & 0xFF, words[0]
+        flags, rest = self._first(element.data)
+        marks = next(iter(self._integers(flags)), 0)
+        kind = marks & 0xFF
         if kind in _OTHERS:
             texts = (each for each in self._elements(rest) if each.kind == 1)
             return next(map(self._text, texts), ""), LeftOut(_OTHERS[kind])
@@ -166,11 +163,7 @@ class Mat5Reader:
         return values.reshape(shape, order="F")
 
     def _cells(self, count: int, rest: memoryview, depth: int) -> list[Any]:
-        values = []
-        for element in self._elements(rest):
-            if element.kind != _MATRIX:
-                raise self._damaged(f"an element of type {element.kind} in a cell or struct")
-            values.append(self._matrix(element.data, depth + 1)[1])
+        values = [self._matrix(element, depth + 1)[1] for element in self._elements(rest)]
         if len(values) != count:
             raise self._damaged(f"{len(values)} of {count} cells")
         return values
@@ -206,9 +199,9 @@ class Mat5Reader:
         encoding = _TEXTS.get(element.kind)
         if encoding is None:
             raise self._damaged(f"an element of type {element.kind} where text is expected")
-        ends = {"<": "-le", ">": "-be"}[self._order]
-        suffix = ends if encoding in ("utf-16", "utf-32") else ""
-        return bytes(element.data).decode(encoding + suffix, "replace").rstrip("\0")
+        if encoding in ("utf-16", "utf-32"):
+            encoding += "-le" if self._order == "<" else "-be"
+        return bytes(element.data).decode(encoding, "replace").rstrip("\0")
 
     def _rows_of_text(self, shape: tuple[int, ...], element: _Element) -> str | list[str]:
         """One text, or one for each row of a character matrix."""

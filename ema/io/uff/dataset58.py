@@ -65,24 +65,19 @@ def _split(
 def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.float64]:
     begin, end = dataset.payload
     where = place(path, dataset.index)
-    widths = _widths(header)
-    per_value = header.numbers_per_value
-    expected = header.n_values * per_value
-    # A number takes two bytes at least: no header makes this larger than four times the file.
-    numbers = np.empty(min(expected, (end - begin) // 2 + 1))
-    count = 0
+    widths, per_value = _widths(header), header.numbers_per_value
+    blocks = [np.empty(0)]
     with path.open("rb") as file:
         file.seek(begin)
         while file.tell() < end:
             text = file.read(min(_CHUNK_BYTES, end - file.tell()))
             text += file.readline(min(_LONGEST_LINE, end - file.tell()))
-            block = _convert(text, widths, where)
-            room = numbers[count : count + len(block)]
-            room[:] = block[: len(room)]
-            count += len(block)
-    if count != expected:
-        rule = "the file is truncated" if count < expected else "there are more than stated"
-        raise damaged(where, f"{count // per_value} of {header.n_values} values", rule)
+            blocks.append(_convert(text, widths, where))
+    numbers = np.concatenate(blocks)
+    surplus = len(numbers) - header.n_values * per_value
+    if surplus:
+        rule = "the file is truncated" if surplus < 0 else "there are more than stated"
+        raise damaged(where, f"{len(numbers) // per_value} of {header.n_values} values", rule)
     return numbers
 
 
