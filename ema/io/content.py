@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import struct
+import textwrap
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -101,11 +102,10 @@ def reading(path: Path, kind: str) -> Iterator[None]:
     except InputError:
         raise
     except _ON_DAMAGE as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        if len(reason) > _LONGEST_REASON:
-            reason = f"{reason[:_LONGEST_REASON]} …"
+        reason = textwrap.shorten(str(error), _LONGEST_REASON, placeholder=" …")
         rule = f"the file is damaged, cut short or something else than {kind}"
-        raise RecordingFormatError(path.name, reason, rule, COPY_AGAIN) from error
+        found = reason or type(error).__name__
+        raise RecordingFormatError(path.name, found, rule, COPY_AGAIN) from error
 
 
 def arrow_reader(content: bytes) -> pa.BufferReader:

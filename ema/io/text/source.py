@@ -37,7 +37,7 @@ class TextSource:
     """
 
     def __init__(self, path: Path, file: BinaryIO) -> None:
-        self.path, self._file = path, file
+        self.path = path
         self._size = os.fstat(file.fileno()).st_size
         self._packed = path.name.lower().endswith(".gz")
         self._stream = cast(BinaryIO, gzip.GzipFile(fileobj=file)) if self._packed else file

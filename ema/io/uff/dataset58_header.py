@@ -79,7 +79,6 @@ class Header58:
     binary: bool = False  # 58b, with a byte count
     byte_order: int = LITTLE_ENDIAN  # of 58b
     n_bytes: int = 0  # of the binary payload, as stated
-    response_name: str = "NONE"
     response_node: int = 0
     response_direction: int = 0  # negative: the opposite sense
     reference_node: int = 0
@@ -178,7 +177,6 @@ def parse_header(lines: list[str]) -> Header58:
     codes = _columns(lines[6], _IDENTITY_COLUMNS, 8, _integer)
     return Header58(
         id_lines=tuple(line.strip() for line in lines[1:6]),
-        response_name=lines[6][31:41].strip(),
         abscissa=_axis(lines[8], 10),
         ordinate_axis=_axis(lines[9], 11),
         denominator_axis=_axis(lines[10], 12),
@@ -200,8 +198,7 @@ def format_header(header: Header58) -> bytes:
     if header.binary:
         sizes = f"{HEADER_LINES:12d}{header.n_bytes:12d}{0:6d}{0:6d}{0:12d}{0:12d}"
         kind += f"b{header.byte_order:6d}{IEEE_FLOATS:6d}{sizes}"
-    name = f" {visible_line(header.response_name)[:10]:<10}"
-    response = f"{name}{header.response_node:10d}{header.response_direction:4d}"
+    response = f" {'NONE':<10}{header.response_node:10d}{header.response_direction:4d}"
     reference = f" {'NONE':<10}{header.reference_node:10d}{header.reference_direction:4d}"
     form = f"{header.ordinate:10d}{header.n_values:10d}{int(header.even):10d}"
     abscissa = f"{header.abscissa_min:13.5E}{header.abscissa_step:>13}{0.0:13.5E}"
