@@ -248,7 +248,7 @@ def uneven(stamps: NDArray[np.float64]) -> str:
 
 def states_rate(name: str) -> bool:
     """Whether a variable or attribute of this name states a sampling rate or a time step."""
-    return _plain(name) in _RATES | _STEPS
+    return plain_name(name) in _RATES | _STEPS
 
 
 def stated_rate(path: Path, statements: Mapping[str, object]) -> float:
@@ -269,7 +269,8 @@ def stated_rate(path: Path, statements: Mapping[str, object]) -> float:
     return rate
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
+    """A name without case, separators and its unit Hz."""
     return re.sub(r"[_\s-]", "", name.lower()).removesuffix("hz")
 
 
@@ -278,7 +279,7 @@ def _stated(where: str, name: str, value: Any) -> float:
         number = value.item() if isinstance(value, np.ndarray | np.generic) else value
         text = number.decode("latin-1") if isinstance(number, bytes) else number
         rate = float(text.strip().removesuffix("Hz") if isinstance(text, str) else text)
-        if _plain(name) not in _RATES:
+        if plain_name(name) not in _RATES:
             rate = plainest(1.0 / rate, _ROUNDING / rate)[0]
     except (ArithmeticError, TypeError, ValueError):
         rate = math.nan

@@ -16,6 +16,7 @@ from ema.io.columns import (
     content_of_columns,
     is_time,
     matrix_columns,
+    plain_name,
     stated_rate,
     states_rate,
     unit_of_each,
@@ -127,7 +128,8 @@ def _cells(file: Hdf5File, item: Any) -> Any:
 
 def _unwrapped(variables: Mapping[str, Any]) -> Mapping[str, Any]:
     """Fields of the only struct, where the file has no samples beside it."""
-    structs = [k for k, v in variables.items() if isinstance(v, dict) and _plain(k) not in _UNITS]
+    structs = [name for name, value in variables.items() if isinstance(value, dict)]
+    structs = [name for name in structs if plain_name(name) not in _UNITS]
     has_series = any(isinstance(v, np.ndarray) and v.size > 1 for v in variables.values())
     if len(structs) != 1 or has_series:
         return variables
@@ -135,16 +137,12 @@ def _unwrapped(variables: Mapping[str, Any]) -> Mapping[str, Any]:
     return _unwrapped(beside | variables[structs[0]])
 
 
-def _plain(name: str) -> str:
-    return name.lower().replace("_", "")
-
-
 def _sorted(path: Path, variables: Mapping[str, Any]) -> _Variables:
     found = _Variables()
     for name, value in variables.items():
-        if _plain(name) in _NAMES and _texts(value):
+        if plain_name(name) in _NAMES and _texts(value):
             found.names = _texts(value)
-        elif _plain(name) in _UNITS and not isinstance(value, np.ndarray):
+        elif plain_name(name) in _UNITS and not isinstance(value, np.ndarray):
             found.units = value if isinstance(value, dict) else _texts(value)
         elif states_rate(name) and not isinstance(value, LeftOut):
             found.rates[name] = value

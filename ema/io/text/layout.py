@@ -130,7 +130,11 @@ def find_layout(source: TextSource) -> Layout:
         tables += [_table(lines, dialect) for dialect in _dialects(lines, (BLANKS,))]
         best = max((each for each in tables if each), key=lambda each: each.rank, default=None)
     if best is None:
-        raise _no_numbers(where, lines)
+        found = "only blank rows, or rows of over a megabyte"
+        if lines:
+            found = f"no rows of numbers below the header, down to line {lines[-1].number}"
+        rule = f"numbers must follow a header row, after at most {_MOST_PREAMBLE} other rows"
+        raise RecordingFormatError(where, found, rule, EXPORT_AGAIN)
     if best.names is None:
         raise _no_header(where, lines, best)
     return _layout(where, lines, best, tables)
@@ -226,14 +230,6 @@ def _holds_units(row: _Row, dialect: Dialect, width: int) -> bool:
     cells = heading_cells(row.line.text, dialect.separator, width)
     cells = [cell for cell in cells if is_stated(cell)]
     return 2 * sum(map(is_known_unit, cells)) > len(cells) and not row.is_heading
-
-
-def _no_numbers(where: str, lines: Sequence[Line]) -> RecordingFormatError:
-    found = "only blank rows, or rows of over a megabyte"
-    if lines:
-        found = f"no rows of numbers below the header, down to line {lines[-1].number}"
-    rule = f"numbers must follow a header row, which follows at most {_MOST_PREAMBLE} other rows"
-    return RecordingFormatError(where, found, rule, EXPORT_AGAIN)
 
 
 def _no_header(where: str, lines: Sequence[Line], table: _Table) -> RecordingFormatError:

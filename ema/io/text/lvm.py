@@ -21,12 +21,10 @@ SUFFIXES = (".lvm",)
 _NEXT_HEADER = re.compile(
     rb"^(?:Channels|Test_|UUT_|Model_Number|Serial_Number|Notes|\*\*\*)", re.MULTILINE
 )
-
-
 _FIRST_WORDS = "LabVIEW Measurement"
 _END = "***End_of_Header***"
 _MOST_LINES = 1000
-_SPECIAL = ("***Start_Special***", "***End_Special***")
+_SPECIAL = re.compile(r"(?ms)^\*{3}Start_Special\*{3}.*?(?:^\*{3}End_Special\*{3}|\Z)")
 _SEPARATORS = {"tab": "\t", "comma": ","}
 _X_COLUMNS = ("no", "one", "multi")
 
@@ -135,14 +133,9 @@ class _Entries:
     def __init__(self, where: str, lines: list[str], separator: str) -> None:
         self.where, self.separator = where, separator
         self._values: dict[str, list[str]] = {}
-        is_special = False
-        for line in lines:
-            is_special = line.startswith(_SPECIAL[0]) or (
-                is_special and not line.startswith(_SPECIAL[1])
-            )
+        for line in _SPECIAL.sub("", "\n".join(lines)).split("\n"):
             key, *values = (cell.strip() for cell in line.split(separator))
-            if key and not is_special:
-                self._values.setdefault(key, values)
+            self._values.setdefault(key, values)
 
     def of_channels(self, key: str, n: int) -> list[str]:
         """Values for each channel; none where they are not stated."""
@@ -159,14 +152,12 @@ class _Entries:
 
 
 def _separator(where: str, lines: list[str]) -> str:
-    for line in lines:
-        if line.startswith("Separator"):
-            name = line[len("Separator") :].strip(" \t,;\r").lower()
-            if name in _SEPARATORS:
-                return _SEPARATORS[name]
-            rule = f"it must be one of {', '.join(_SEPARATORS)}"
-            raise RecordingFormatError(f"{where}, Separator", repr(name), rule, EXPORT_AGAIN)
-    return "\t"
+    stated = [line.removeprefix("Separator") for line in lines if line.startswith("Separator")]
+    name = [*stated, "tab"][0].strip(" \t,;\r").lower()
+    if name not in _SEPARATORS:
+        rule = f"it must be one of {', '.join(_SEPARATORS)}"
+        raise RecordingFormatError(f"{where}, Separator", repr(name), rule, EXPORT_AGAIN)
+    return _SEPARATORS[name]
 
 
 def _header(

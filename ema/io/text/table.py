@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -31,15 +32,6 @@ _TAIL_ROWS = 8  # with which the last one is compared
 _DECIMAL = {".": "point", ",": "comma"}
 
 
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """Samples of one column of text."""
-
-    samples: NDArray[Any]  # NaN where missing; time stamps in s since the first
-    n_missing: int = 0
-    first_missing: int = 0  # row of the first missing sample, counted from 1
-
-
 def read_cells(
     source: TextSource, layout: Layout, wanted: Sequence[int], sections: Iterable[bytes]
 ) -> dict[int, Cells]:
@@ -51,7 +43,10 @@ def read_cells(
     reader = _Reader(source.path.name, layout, wanted)
     for section in sections:
         reader.take(section)
-    return reader.columns()
+    if not reader.n_rows:
+        rule = "a table needs at least one row of numbers"
+        raise RecordingFormatError(source.path.name, "blank rows only", rule, EXPORT_AGAIN)
+    return reader.columns
 
 
 def missing_samples(path: Path, name: str, cells: Cells) -> list[Finding]:
@@ -61,33 +56,34 @@ def missing_samples(path: Path, name: str, cells: Cells) -> list[Finding]:
     return [remark(path, name, Check.MISSING_SAMPLES, detail)] if cells.n_missing else []
 
 
-class _Column:
-    """Samples of one column, section by section."""
+class Cells:
+    """Samples of one column of text, read section by section."""
 
     def __init__(self) -> None:
         self._pieces: list[NDArray[Any]] = []
-        self._n = self._n_missing = self._first_missing = 0
+        self._n = self.n_missing = 0
+        self.first_missing = 0  # row of the first missing sample, counted from 1
 
     def append(self, values: NDArray[Any], *, narrow: bool) -> None:
         """Add samples; the caller ignores overflow."""
         if not math.isfinite(values.sum()):  # far faster than a look at each sample
             absent = ~np.isfinite(values)
             values = np.where(absent, np.nan, values)
-            if not self._n_missing and absent.any():
-                self._first_missing = self._n + int(np.argmax(absent)) + 1
-            self._n_missing += int(np.count_nonzero(absent))
+            if not self.n_missing and absent.any():
+                self.first_missing = self._n + int(np.argmax(absent)) + 1
+            self.n_missing += int(np.count_nonzero(absent))
         if narrow and values.dtype == np.float64:
             single = values.astype(np.float32)
             values = single if np.array_equal(values, single, equal_nan=True) else values
         self._pieces.append(values)
         self._n += len(values)
 
-    def cells(self) -> Cells:
+    @cached_property
+    def samples(self) -> NDArray[Any]:
+        """All samples, NaN where missing; time stamps in s since the first."""
         samples = np.concatenate(self._pieces)
         self._pieces.clear()
-        if samples.dtype == np.int64:
-            samples = (samples - samples[:1]) * 1e-9
-        return Cells(samples, self._n_missing, self._first_missing)
+        return (samples - samples[:1]) * 1e-9 if samples.dtype == np.int64 else samples
 
 
 class _Reader:
@@ -95,9 +91,9 @@ class _Reader:
 
     def __init__(self, where: str, layout: Layout, wanted: Sequence[int]) -> None:
         self._where, self._layout = where, layout
-        self._columns = {index: _Column() for index in wanted}
+        self.columns = {index: Cells() for index in wanted}
         self._decimal_is_open = layout.either_decimal
-        self._line, self._n_rows = layout.first_line, 0
+        self._line, self.n_rows = layout.first_line, 0
         self._tail = self._held = b""
 
     def take(self, section: bytes) -> None:
@@ -115,23 +111,16 @@ class _Reader:
         if not section.endswith(b"\n"):
             self._check_end(section)
         table = self._parsed(section)
-        self._n_rows += table.num_rows
+        self.n_rows += table.num_rows
         narrow = len(section) < _NARROW_BYTES * table.num_rows * self._layout.width
         with np.errstate(over="ignore", invalid="ignore"):
-            for (index, column), values in zip(self._columns.items(), table.columns, strict=True):
+            for (index, column), values in zip(self.columns.items(), table.columns, strict=True):
                 if index in self._layout.clocks:
                     values = self._nanoseconds(section, index, values)
                 for chunk in values.chunks:
                     column.append(chunk.to_numpy(zero_copy_only=False), narrow=narrow)
         self._line += section.count(b"\n")
         self._tail = section[-(1 << 16) :]
-
-    def columns(self) -> dict[int, Cells]:
-        """Columns read so far."""
-        if not self._n_rows:
-            rule = "a table needs at least one row of numbers"
-            raise RecordingFormatError(self._where, "blank rows only", rule, EXPORT_AGAIN)
-        return {index: column.cells() for index, column in self._columns.items()}
 
     def _without_blank_end(self, section: bytes) -> bytes:
         """Keep blank lines until more numbers follow: at the end of a file they are not samples."""
@@ -169,7 +158,7 @@ class _Reader:
         labels = [str(index) for index in range(layout.width)]
         types = {
             str(index): pa.string() if index in layout.clocks else pa.float64()
-            for index in self._columns
+            for index in self.columns
         }
         block = max(_BLOCK_BYTES, 2 * section.find(b"\n"))
         is_table = layout.width > 1  # in a single column, an empty line is a missing sample
@@ -205,7 +194,7 @@ class _Reader:
     def _checked_cells(self, number: int, cells: Sequence[str]) -> list[str]:
         decimal = self._layout.dialect.decimal
         checked = [""] * len(cells)
-        for index in self._columns:
+        for index in self.columns:
             cell = cells[index]
             if index in self._layout.clocks:
                 if not CLOCK.fullmatch(cell):

@@ -181,15 +181,11 @@ def angles_on_circle(nodes: Mapping[int, NDArray[np.float64]]) -> dict[int, floa
     if not (np.abs(points) < _SENSELESS).all():  # NaN is not smaller
         return {}
     first, second = PLANES[int(np.argmin(np.ptp(points, axis=0)))]
-    if len(points) == 1 and not points[0, [first, second]].any():
-        return {}
     plane = points[:, [first, second]]
-    if not is_round(plane):
-        if len(points) < 4:  # any three points are on a circle
-            return {}
+    if len(points) > 3 and not is_round(plane):  # any three points are on a circle
         plane = plane - centre_of_circle(plane)
-        if not is_round(plane):
-            return {}
+    if not is_round(plane):
+        return {}
     angles = np.degrees(np.arctan2(plane[:, 1], plane[:, 0])) % 360.0
     return dict(zip(nodes, angles.tolist(), strict=True))
 
