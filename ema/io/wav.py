@@ -37,7 +37,11 @@ def read(path: Path) -> FileContent:
     """
     with reading(path, "a WAV file"), path.open("rb") as file:
         data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    places = {name: (start, size) for name, start, size in _chunks(path, data)}
+    places: dict[bytes, tuple[int, int]] = {}
+    for name, start, size in _chunks(path, data):
+        places[name] = (start, size)
+        if name == b"data":
+            break
     start, size = _place(path, places, b"fmt ")
     layout, n_channels, rate_hz = _format(f"{path.name}, 'fmt '", data[start : start + size])
     start, size = _place(path, places, b"data")
