@@ -8,13 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
 from numpy.typing import NDArray
 
 from ema.core.arrays import constant
 from ema.core.errors import RecordingFormatError
-from ema.io.content import arrow_reader
 from ema.io.uff.dataset58_header import Header58
 from ema.io.uff.scan import Dataset, damaged, line_numbers, place
 
@@ -142,33 +139,23 @@ def convert_lines(text: bytes, length: int, widths: tuple[int, ...]) -> NDArray[
     None where the lines do not have this form, with one number in each field.
     """
     line_width = sum(widths)
-    if not text or len(text) % length or length <= line_width:
+    if not text or len(text) % length or length <= line_width or b"_" in text:
         return None
-    table = np.frombuffer(text, np.uint8).reshape(-1, length)
+    plain = text.translate(_FORTRAN_TO_C).replace(b"E ", b"E+")
+    table = np.frombuffer(plain, np.uint8).reshape(-1, length)
     tail = table[0, line_width:]
     if tail.tobytes().strip(b" \r\n") or not (table[:, line_width:] == tail).all():
         return None
-    cells = np.full((len(table), line_width + len(widths)), ord(","), np.uint8)
+    numbers = np.empty((len(table), len(widths)))
     begin = 0
-    for number, width in enumerate(widths):
-        field = table[:, begin : begin + width]
+    for column, width in enumerate(widths):
+        field = np.ascontiguousarray(table[:, begin : begin + width])
         has_point = np.count_nonzero(field == ord("."), axis=1) == 1
-        if (field[:, -1] == ord(" ")).any() or not has_point.all():
+        if (field[:, -1] <= ord(" ")).any() or not has_point.all():
             return None
-        cells[:, begin + number : begin + number + width] = field
+        try:
+            numbers[:, column] = field.view(f"S{width}")[:, 0]
+        except ValueError:
+            return None  # reading number by number finds the faulty one
         begin += width
-    cells[:, -1] = ord("\n")
-    names = [str(number) for number in range(len(widths))]
-    types = dict.fromkeys(names, pa.float64())
-    plain = cells.tobytes().translate(_FORTRAN_TO_C).replace(b"E ", b"E+")
-    try:
-        parsed = pa.csv.read_csv(
-            arrow_reader(plain),
-            pa.csv.ReadOptions(column_names=names),
-            pa.csv.ParseOptions(quote_char=False),
-            pa.csv.ConvertOptions(column_types=types, null_values=[]),
-        )
-    except pa.ArrowInvalid:
-        return None  # reading number by number finds the faulty one
-    columns = [column.to_numpy() for column in parsed.columns]
-    return np.column_stack(columns).ravel() if parsed.num_rows == len(table) else None
+    return numbers.ravel()
