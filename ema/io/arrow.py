@@ -69,18 +69,17 @@ def _ipc(path: Path) -> tuple[pa.Schema, ReadColumn]:
 
 def _kept(path: Path, schema: pa.Schema) -> list[int]:
     """Columns of numbers or time."""
-    kept = [index for index, each in enumerate(schema) if _is_channel(each) or _is_stamp(each)]
-    for index in kept:
-        name = schema.names[index]
-        if schema.names.count(name) > 1:
-            rule = "column names must be unique"
-            raise RecordingFormatError(path.name, f"two columns {name!r}", rule, EXPORT_AGAIN)
+    kept = []
+    for index, field in enumerate(schema):
+        is_number = types.is_integer(field.type) or types.is_floating(field.type)
+        is_index = field.name.startswith("__index_level_")  # added by pandas
+        if not _is_stamp(field) and (is_index or not is_number):
+            continue
+        if schema.names.count(field.name) > 1:
+            found, rule = f"two columns {field.name!r}", "column names must be unique"
+            raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
+        kept.append(index)
     return kept
-
-
-def _is_channel(field: pa.Field) -> bool:
-    index = field.name.startswith("__index_level_")  # added by pandas
-    return not index and bool(types.is_integer(field.type) or types.is_floating(field.type))
 
 
 def _is_stamp(field: pa.Field) -> bool:

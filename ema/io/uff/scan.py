@@ -171,10 +171,9 @@ def _layouts(header: Header58) -> list[np.dtype[np.void] | np.dtype[np.inexact]]
     own = 8 if header.is_double else 4
     if header.even:
         return [np.dtype(f"{order}{kind}{width * parts}") for width in sorted({own, 8})]
-    pairs = [(4, own), (8, own)] if header.is_double else [(4, 4), (8, 8)]
     return [
         np.dtype([("abscissa", f"{order}f{x}"), ("value", f"{order}{kind}{y * parts}")])
-        for x, y in pairs
+        for x, y in ((4, own), (8, 8))
     ]
 
 
