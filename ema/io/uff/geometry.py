@@ -126,15 +126,13 @@ def _in_global(
 
 def _cartesian(kind: int, point: NDArray[np.float64]) -> NDArray[np.float64]:
     """Cartesian from cylindrical (r, θ°, z) or spherical (r, θ° from +z, φ°) coordinates."""
-    if kind == 1:
-        angle = np.radians(point[1])
-        return np.array([point[0] * np.cos(angle), point[0] * np.sin(angle), point[2]])
+    if kind not in (1, 2):
+        return point
+    across, angle, along = point[0], np.radians(point[1]), point[2]
     if kind == 2:
-        polar, azimuth = np.radians(point[1:])
-        across = point[0] * np.sin(polar)
-        x, y = across * np.cos(azimuth), across * np.sin(azimuth)
-        return np.array([x, y, point[0] * np.cos(polar)])
-    return point
+        polar, angle = np.radians(point[1:])
+        across, along = point[0] * np.sin(polar), point[0] * np.cos(polar)
+    return np.array([across * np.cos(angle), across * np.sin(angle), along])
 
 
 @dataclass(frozen=True)
