@@ -5,17 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from pipelines.cli.options import (
-    FILES,
-    AcceptChanges,
-    Json,
-    argument,
-    choice,
-    one_of,
-    option,
-    replacing,
-)
-from pipelines.cli.screen import columns_of, print_table
+from pipelines.cli import options as opt
+from pipelines.cli.screen import print_table
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.compare import shape_comparison as shapes
@@ -35,14 +26,14 @@ PLACES = "Positions and directions"
 
 
 def compare(
-    first: Annotated[Path, argument("FIRST", "Folder of a result, the one to compare with.")],
-    second: Annotated[Path, argument("SECOND", "Folder of another result.")],
-    out: Annotated[Path, option("--out", "Page with all comparisons.", FILES, "FILE")] = Path(
-        "comparison.html"
-    ),
-    force: Annotated[bool, replacing("an earlier page")] = False,
-    accept_changes: AcceptChanges = False,
-    as_json: Json = False,
+    first: Annotated[Path, opt.argument("FIRST", "Folder of a result, the one to compare with.")],
+    second: Annotated[Path, opt.argument("SECOND", "Folder of another result.")],
+    out: Annotated[
+        Path, opt.option("--out", "Page with all comparisons.", opt.FILES, "FILE")
+    ] = Path("comparison.html"),
+    force: Annotated[bool, opt.replacing("an earlier page")] = False,
+    accept_changes: opt.AcceptChanges = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Compare two results: frequencies, damping, shapes and ring parameters, with significance.
 
@@ -52,17 +43,21 @@ def compare(
       ringmodal compare results/220_kPa results/250_kPa
       ringmodal compare results/monday results/tuesday --out repeatability.html --force
     """  # noqa: D406, D407 - a heading of the help
-    choice("--out", out.suffix or "(no ending)", (".html",))
+    opt.choice("--out", out.suffix or "(no ending)", (".html",))
     with reporting_outcome(out):
         found = compare_folders(first, second, accept_changes=accept_changes)
         page = write_comparison(found, out, force=force)
     if as_json:
         print_json({"report": str(page), **comparison_record(found)})
         return
-    texts = ("mode", "verdict", "verdict on damping")
-    columns = columns_of(COMPARISON_HEAD, comparison_rows(found), texts, texts[1:])
-    go_first = ("MAC", "verdict on damping", "damping change / %", "second / Hz")
-    print_table(" → ".join(found.names), columns, go_first)
+    print_table(
+        " → ".join(found.names),
+        COMPARISON_HEAD,
+        comparison_rows(found),
+        texts=("mode", "verdict", "verdict on damping"),
+        folding=("verdict", "verdict on damping"),
+        first_to_go=("MAC", "verdict on damping", "damping change / %", "second / Hz"),
+    )
     for doubt in found.doubts:
         echo_error(f"Warning: {doubt}")
     for sentence in findings(found):
@@ -71,32 +66,37 @@ def compare(
 
 
 def compare_shapes(
-    result: Annotated[Path, argument("RESULT", "Result folder.")],
+    result: Annotated[Path, opt.argument("RESULT", "Result folder.")],
     other: Annotated[
-        Path, argument("OTHER", "Universal file (55, 2414), another result, or a CSV table.")
+        Path, opt.argument("OTHER", "Universal file (55, 2414), another result, or a CSV table.")
     ],
     out: Annotated[
-        Path | None, option("--out", "Also write a table (.csv) or a page (.html).", FILES, "FILE")
+        Path | None,
+        opt.option("--out", "Also write a table (.csv) or a page (.html).", opt.FILES, "FILE"),
     ] = None,
-    force: Annotated[bool, replacing("an earlier file")] = False,
-    accept_changes: AcceptChanges = False,
+    force: Annotated[bool, opt.replacing("an earlier file")] = False,
+    accept_changes: opt.AcceptChanges = False,
     by: Annotated[
-        str, one_of("--by", WAYS, "Match by angle or node. Default: angle if possible.", PLACES)
+        str, opt.one_of("--by", WAYS, "Match by angle or node. Default: angle if possible.", PLACES)
     ] = "",
     tolerance_deg: Annotated[
-        float, option("--tolerance-deg", "Largest difference of angles in degrees.", PLACES, "DEG")
+        float,
+        opt.option("--tolerance-deg", "Largest difference of angles in degrees.", PLACES, "DEG"),
     ] = 2.0,
     rotate_deg: Annotated[
-        float, option("--rotate-deg", "Add this to the angles of OTHER, in degrees.", PLACES, "DEG")
+        float,
+        opt.option("--rotate-deg", "Add this to the angles of OTHER, in degrees.", PLACES, "DEG"),
     ] = 0.0,
     mirror: Annotated[
-        bool, option("--mirror", "Reverse the angles of OTHER, before --rotate-deg.", PLACES)
+        bool, opt.option("--mirror", "Reverse the angles of OTHER, before --rotate-deg.", PLACES)
     ] = False,
     direction: Annotated[
         str,
-        one_of("--direction", DIRECTIONS, "Motion of OTHER: radial (default), x, y or z.", PLACES),
+        opt.one_of(
+            "--direction", DIRECTIONS, "Motion of OTHER: radial (default), x, y or z.", PLACES
+        ),
     ] = "",
-    as_json: Json = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Compare shapes with those of a finite-element model or of another program, by MAC.
 
@@ -111,16 +111,20 @@ def compare_shapes(
         found = shapes.compare_shapes(result, other, alignment, accept_changes=accept_changes)
         if out is not None:
             writers = {".csv": shapes.write_table, ".html": write_shape_comparison}
-            ending = choice("--out", out.suffix or "(no ending)", tuple(writers))
+            ending = opt.choice("--out", out.suffix or "(no ending)", tuple(writers))
             require_free_file(out, force=force)
             with file_written_whole(out) as partial:
                 writers[ending](found, partial)
     if as_json:
         print_json(shapes.comparison_record(found))
         return
-    columns = columns_of(shapes.MATCH_HEAD, shapes.match_rows(found), shapes.TEXTS)
-    go_first = ("difference / Hz", "other / Hz", "frequency / Hz")
-    print_table(f"{found.result.name} → {found.other.name}", columns, go_first)
+    print_table(
+        f"{found.result.name} → {found.other.name}",
+        shapes.MATCH_HEAD,
+        shapes.match_rows(found),
+        texts=shapes.TEXTS,
+        first_to_go=("difference / Hz", "other / Hz", "frequency / Hz"),
+    )
     for note in found.notes:
         echo(f"Note: {note}.")
     if out is not None:

@@ -22,7 +22,7 @@ from typing import Annotated
 import typer
 from packaging.requirements import Requirement
 
-from pipelines.cli.screen import columns_of, print_table, shown
+from pipelines.cli.screen import print_table, shown
 from pipelines.cli.streams import lacking
 from pipelines.cli.terminal import echo, print_json
 
@@ -210,7 +210,7 @@ def _output(module: str, *arguments: str) -> str:
 def _show(checks: Sequence[Check]) -> None:
     head = ("check", "verdict", "found")
     rows = [(check.name, check.verdict, check.found) for check in checks]
-    print_table("", columns_of(head, rows, head, head[2:]))
+    print_table("", head, rows, texts=head, folding=head[2:])
     for check in checks:
         if check.verdict != OK:
             echo(f"{check.verdict.capitalize()}: {check.name}: {check.remedy}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -32,7 +32,6 @@ WINDOWS = (  # completed by the shell; any other window of scipy is accepted as 
     *("bartlett", "bohman", "cosine", "nuttall", "parzen", "triang", "tukey"),
 )
 TABLE_ENDINGS = (".csv", ".parquet")
-FIGURE_ENDINGS = (".png", ".svg")
 # A simulation of one line or instant takes seconds and less than 200 MB for this many values.
 MOST_VALUES = 100_000
 MOST_ORDERS = 2000  # as many harmonics as are ever summed
@@ -58,6 +57,21 @@ def one_of(name: str, values: Sequence[str], text: str, panel: str) -> Any:
 def replacing(what: str) -> Any:
     """The option ``--force`` of a command."""
     return option("--force", f"Replace {what}.", FILES)
+
+
+def target(name: str, text: str, endings: tuple[str, ...]) -> Any:
+    """An option for a file to write, which is refused before anything is computed."""
+
+    def checked(path: Path | None) -> Path | None:
+        if path is None:
+            return None
+        if path.suffix.lower() not in endings:
+            rule = f"it must be {' or '.join(endings)}"
+            raise InputError(str(path), f"the ending {path.suffix!r}", rule, "Choose another name")
+        require_free_file(path, force=True)
+        return path
+
+    return option(name, text, FILES, "FILE", callback=checked)
 
 
 def argument(metavar: str, text: str) -> Any:
@@ -184,24 +198,29 @@ def processing_options(
     )
 
 
-def with_processing_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Replace the parameter ``options`` of a command by those of `processing_options`."""
-    shared = inspect.signature(processing_options, eval_str=True).parameters
+def sharing(
+    name: str, made: Callable[..., Any], command: Callable[..., None]
+) -> Callable[..., Any]:
+    """Replace the parameter `name` of a command by those of `made`, which gives its value."""
+    shared = inspect.signature(made, eval_str=True).parameters
     own = inspect.signature(command, eval_str=True).parameters
 
     @wraps(command)
     def taking(**values: Any) -> None:
-        options = processing_options(**{name: values.pop(name) for name in shared})
-        command(options=options, **values)
+        value = made(**{each: values.pop(each) for each in shared})
+        command(**values, **{name: value})
 
     parameters = [
         each.replace(kind=inspect.Parameter.KEYWORD_ONLY)
         for each in (*own.values(), *shared.values())
-        if each.name != "options"
+        if each.name != name
     ]
     taking.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     taking.__annotations__ = {each.name: each.annotation for each in parameters}
     return taking
+
+
+with_processing_options = partial(sharing, "options", processing_options)
 
 
 Library = Annotated[
@@ -276,12 +295,3 @@ def orders_of(option: str, text: str) -> NDArray[np.int_]:
         rule = "circumferential orders must be whole numbers"
         raise InputError(option, repr(text), rule, "Write e.g. 1:7")
     return whole.astype(int)
-
-
-def require_target(path: Path, endings: tuple[str, ...]) -> Path:
-    """Refuse a file that could not be written, before anything is computed."""
-    if path.suffix.lower() not in endings:
-        rule = f"it must be {' or '.join(endings)}"
-        raise InputError(str(path), f"the ending {path.suffix!r}", rule, "Choose another name")
-    require_free_file(path, force=True)
-    return path

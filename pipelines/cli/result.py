@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from ema.core.errors import InputError
 from model import TuningResult
 from pipelines.cli import options as opt
-from pipelines.cli.screen import columns_of, print_table, shown, warn
+from pipelines.cli.screen import print_table, shown, warn
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.process.run import process as run
@@ -142,9 +142,8 @@ def show(result: Result, folder: Path, *, as_json: bool, report: bool, quiet: bo
     if result.tuning is not None:
         ring = _ring(result.tuning).items()
         rows = [(name, value_with_std(p["value"], p["std"]), p["how"]) for name, p in ring]
-        texts = ("parameter", "obtained")
-        columns = columns_of(("parameter", "value", "obtained"), rows, texts, texts[1:])
-        print_table("Ring", columns, least_width=len("identified"))
+        head = ("parameter", "value", "obtained")
+        print_table("Ring", head, rows, texts=("parameter", "obtained"), folding=("obtained",))
     if not quiet:
         for text in warnings(result):
             warn(text)
@@ -171,9 +170,13 @@ def _show_modes(result: Result) -> None:
             order, purity = f"{m.order}{m.member}", f"{m.order_purity:.3f}"
         rows.append((str(number), order, frequency, damping, purity, m.pair.value, m.status))
     head = ("mode", "order", "frequency / Hz", "damping / %", "purity", "pair", "status")
-    columns = columns_of(head, rows, head[5:], head[5:])
+    looks: dict[str, Any] = {
+        "texts": head[5:],
+        "folding": head[5:],
+        "first_to_go": ("purity", "mode"),
+    }
     # modes.csv has the columns that a narrow screen leaves out.
-    print_table(f"Modes of {result.name}", columns, first_to_go=("purity", "mode"))
+    print_table(f"Modes of {result.name}", head, rows, **looks)
 
 
 def warnings(result: Result) -> list[str]:

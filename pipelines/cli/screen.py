@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from time import monotonic
+from typing import Any
 
 from rich import progress
 from rich.box import SIMPLE_HEAD
@@ -19,7 +19,7 @@ from rich.text import Text
 from pipelines.cli.terminal import printable, show_logs
 
 _PIPE_WIDTH = 10_000  # characters: lines in a pipe need not break
-_LEAST_WIDTH = 12  # characters that a folding column keeps before other columns are left out
+_LEAST_WIDTH = 10  # characters that a folding column keeps before other columns are left out
 
 
 def screen(*, errors: bool = False) -> Console:
@@ -37,78 +37,52 @@ def warn(text: str) -> None:
     screen(errors=True).print(Text(printable(f"Warning: {text}"), style="yellow"))
 
 
-@dataclass(frozen=True)
-class Column:
-    """One column of a table."""
-
-    heading: str
-    cells: Sequence[str]
-    is_text: bool = False  # left-aligned; numbers are right-aligned
-    folds: bool = False  # whether long cells may take several lines
-
-
-def columns_of(
-    headings: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    texts: Sequence[str],
-    folding: Sequence[str] = (),
-) -> list[Column]:
-    """Columns from rows; `texts` and `folding` are headings of columns as in `Column`."""
-    return [
-        Column(heading, [row[place] for row in rows], heading in texts, heading in folding)
-        for place, heading in enumerate(headings)
-    ]
-
-
 def print_table(
     title: str,
-    columns: Sequence[Column],
+    head: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    texts: Sequence[str] = (),
+    folding: Sequence[str] = (),
     first_to_go: Sequence[str] = (),
-    least_width: int = _LEAST_WIDTH,
 ) -> None:
     """Print a table on standard output; columns without any content are left out.
 
-    Where the table is too wide, the columns with the headings `first_to_go` are left out in this
-    order and named below it; before that, a folding column shrinks to `least_width` characters.
+    Columns of `texts` are flush left, numbers flush right; long cells of `folding` columns may take
+    several lines. Where the table is too wide, the columns `first_to_go` are left out in this order
+    and named below it; before that, folding columns shrink to `_LEAST_WIDTH` characters.
     """
     output = screen()
-    columns = [column for column in columns if any(column.cells)]
+    by_column = zip(*rows, strict=True)  # none where there are no rows
+    columns = {name: each for name, each in zip(head, by_column, strict=False) if any(each)}
     left_out: list[str] = []
-    for heading in first_to_go:
-        if _width_needed(output, columns, least_width) <= output.width:
+
+    def drawn(folding: Collection[str]) -> Table:
+        table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        for name in columns:
+            side: Any = "left" if name in texts else "right"
+            table.add_column(name, justify=side, no_wrap=name not in folding, overflow="fold")
+        for cells in zip(*columns.values(), strict=True):
+            table.add_row(*(Text(printable(cell)) for cell in cells))
+        return table
+
+    def is_too_wide() -> bool:
+        unlimited = output.options.update(width=1_000_000)
+        full = output.measure(drawn(folding), options=unlimited).maximum
+        longest = (max(map(len, columns[name])) for name in folding if name in columns)
+        return full - sum(max(0, length - _LEAST_WIDTH) for length in longest) > output.width
+
+    for name in first_to_go:
+        if not is_too_wide():
             break
-        if heading in (column.heading for column in columns):
-            columns = [column for column in columns if column.heading != heading]
-            left_out.append(" ".join(heading.split()))
-    if _width_needed(output, columns, least_width) > output.width:
-        columns = [replace(column, folds=True) for column in columns]
+        if columns.pop(name, None):
+            left_out.append(" ".join(name.split()))
     if title:
         output.print(Text(printable(title), style="italic"), soft_wrap=True)
-    output.print(_table(columns))
+    output.print(drawn(columns if is_too_wide() else folding))
     if left_out:
         names = ", ".join(left_out)
         output.print(Text(f"Not shown, the screen is too narrow: {names}.", style="dim"))
-
-
-def _width_needed(output: Console, columns: Sequence[Column], least_width: int) -> int:
-    unlimited = output.options.update(width=1_000_000)
-    full = output.measure(_table(columns), options=unlimited).maximum
-    longest = (max(map(len, column.cells)) for column in columns if column.folds)
-    return full - sum(max(0, length - least_width) for length in longest)
-
-
-def _table(columns: Sequence[Column]) -> Table:
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for column in columns:
-        table.add_column(
-            column.heading,
-            justify="left" if column.is_text else "right",
-            no_wrap=not column.folds,
-            overflow="fold",
-        )
-    for cells in zip(*(column.cells for column in columns), strict=True):
-        table.add_row(*(Text(printable(cell)) for cell in cells))
-    return table
 
 
 class Progress:

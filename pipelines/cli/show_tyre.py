@@ -7,7 +7,7 @@ from dataclasses import asdict
 from math import isfinite
 from typing import Any
 
-from pipelines.cli.screen import columns_of, print_table
+from pipelines.cli.screen import print_table
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.library.history import SetDifference, TyreHistory, stated
 from pipelines.library.series import Series
@@ -40,8 +40,7 @@ def show_parameters(parameters: ParameterSet) -> None:
         (name, value_with_std(each.value, each.std), each.how)
         for name, each in values_of(parameters).items()
     ]
-    head = ("parameter", "value", "obtained")
-    print_table("", columns_of(head, rows, ("parameter", "obtained")))
+    print_table("", ("parameter", "value", "obtained"), rows, texts=("parameter", "obtained"))
 
 
 def show_rows(rows: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:
@@ -56,7 +55,7 @@ def show_rows(rows: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:
         cells.append((*version, row["parameter"], value, row["how"]))
     head = ("tyre", "approved", "parameter", "value", "obtained")
     texts = [name for name in head if name != "value"]
-    print_table("", columns_of(head, cells, texts), first_to_go=("approved",))
+    print_table("", head, cells, texts=texts, first_to_go=("approved",))
 
 
 def show_tyres(histories: Sequence[TyreHistory], *, as_json: bool) -> None:
@@ -80,8 +79,8 @@ def show_tyres(histories: Sequence[TyreHistory], *, as_json: bool) -> None:
     ]
     head = ("tyre", "designation", "versions", "approved", "pressures in bar", "last added")
     texts = ("tyre", "designation", "pressures in bar", "last added")
-    columns = columns_of(head, rows, texts, ("pressures in bar",))
-    print_table("", columns, first_to_go=("designation",))
+    folding = ("pressures in bar",)
+    print_table("", head, rows, texts=texts, folding=folding, first_to_go=("designation",))
 
 
 def show_history(history: TyreHistory, *, as_json: bool) -> None:
@@ -107,8 +106,8 @@ def show_history(history: TyreHistory, *, as_json: bool) -> None:
         for line in history.lines
     ]
     head = ("version", "date (UTC)", "author", "approved", "changed most", "note")
-    columns = columns_of(head, rows, head[1:], head[4:])
-    print_table(history.tyre.name, columns, first_to_go=("author",))
+    title, texts, folding = history.tyre.name, head[1:], head[4:]
+    print_table(title, head, rows, texts=texts, folding=folding, first_to_go=("author",))
 
 
 def show_difference(found: SetDifference, *, as_json: bool) -> None:
@@ -128,8 +127,8 @@ def show_difference(found: SetDifference, *, as_json: bool) -> None:
         echo(f"Condition: {name}: {stated(one)} in A, {stated(two)} in B")
     head = ("parameter", "A", "B", "B − A", "in %", "z", "p", "verdict")
     rows = [_change_cells(each, independent=found.independent) for each in found.changes]
-    columns = columns_of(head, rows, ("parameter", "verdict"), ("verdict",))
-    print_table("", columns, first_to_go=("B − A", "p", "A"))
+    texts, first_to_go = ("parameter", "verdict"), ("B − A", "p", "A")
+    print_table("", head, rows, texts=texts, folding=texts[1:], first_to_go=first_to_go)
     for note in found.notes:
         echo_error(f"Note: {note}")
 
@@ -140,9 +139,9 @@ def show_series(series: Series, unit: str, *, as_json: bool) -> None:
         print_json({"tyre": series.tyre, "trends": [_trend(each) for each in series.trends]})
     else:
         rows = [trend_row(trend, unit) for trend in series.trends]
-        columns = columns_of(headings(unit), rows, ("parameter", "versions"))
-        title = f"{series.tyre} over inflation pressure"
-        print_table(title, columns, first_to_go=("versions", "scatter / σ"))
+        title, texts = f"{series.tyre} over inflation pressure", ("parameter", "versions")
+        first_to_go = ("versions", "scatter / σ")
+        print_table(title, headings(unit), rows, texts=texts, first_to_go=first_to_go)
     for note in series.notes:
         echo_error(f"Note: {note}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,27 +15,17 @@ from model.cleat import Quantity
 from model.coefficients import PressureLoad
 from model.forced import Direction
 from model.waves import Frame, WaveFrame
+from pipelines.cli import options as opt
 from pipelines.cli import simulate_show
 from pipelines.cli.help import Command, Group
-from pipelines.cli.options import (
-    FIGURE_ENDINGS,
-    TABLE_ENDINGS,
-    AcceptChanges,
-    Json,
-    argument,
-    option,
-    orders_of,
-    require_target,
-    values_of,
-)
-from pipelines.cli.simulate_show import Targets, announced
+from pipelines.cli.simulate_show import Request
 from pipelines.cli.streams import reporting_outcome
-from pipelines.cli.terminal import echo, print_json
+from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.simulate import responses
 from pipelines.simulate.campaign import simulate_campaign
 from pipelines.simulate.laboratory import simulate_laboratory
 from pipelines.simulate.laboratory_effects import effects_of
-from pipelines.simulate.tyre import damping_of, simulate_frequencies, wheel_of
+from pipelines.simulate.tyre import damping_of, simulate_frequencies, tyre_to_simulate, wheel_of
 
 simulate = typer.Typer(
     cls=Group,
@@ -45,46 +36,61 @@ simulate = typer.Typer(
 )
 
 
-def _file(endings: tuple[str, ...]) -> Any:
-    """The check of a path to write, before anything is computed."""
-    return lambda path: path and require_target(path, endings)
-
-
 def _values(text: str) -> Any:
     """An option that takes one value, several, or a range."""
     return typer.Option(metavar="FROM:TO:STEP", help=text)
 
 
-Tyre = Annotated[
-    Path | None,
-    option("--tyre", "A tyre.toml or a result folder. Default: the sample tyre, a 225/55R17."),
-]
-_TABLE, _FIGURE = {"callback": _file(TABLE_ENDINGS)}, {"callback": _file(FIGURE_ENDINGS)}
-Out = Annotated[Path | None, option("--out", "Table: .csv or .parquet.", **_TABLE)]
-FigureFile = Annotated[Path | None, option("--figure", "Picture: .png or .svg.", **_FIGURE)]
-Speed = Annotated[float, option("--speed-rad-s", "Angular speed of the tyre in rad/s.")]
+Speed = Annotated[float, opt.option("--speed-rad-s", "Angular speed of the tyre in rad/s.")]
 Frequencies = Annotated[str, _values("Frequencies in Hz.")]
-AtAngle = Annotated[float, option("--at-deg", "Angle of the response in degrees.")]
-ForceAngle = Annotated[float, option("--force-deg", "Angle of the force in degrees.")]
+AtAngle = Annotated[float, opt.option("--at-deg", "Angle of the response in degrees.")]
+ForceAngle = Annotated[float, opt.option("--force-deg", "Angle of the force in degrees.")]
 Harmonics = Annotated[
-    int, option("--harmonics", "Sum harmonics −N … N of the circumference.", min=1, max=2000)
+    int, opt.option("--harmonics", "Sum harmonics −N … N of the circumference.", min=1, max=2000)
 ]
 Pressure = Annotated[
     PressureLoad,
-    option("--pressure-load", "Pressure as the paper's dead load, or normal to the belt."),
+    opt.option("--pressure-load", "Pressure as the paper's dead load, or normal to the belt."),
 ]
 PretensionLoss = Annotated[
     bool,
-    option(
+    opt.option(
         "--pretension-loss/--no-pretension-loss",
         "Whether the loss factor also acts on the stiffness from hoop tension.",
     ),
 ]
 
 
+def _requested(
+    *,
+    tyre: Annotated[
+        Path | None,
+        opt.option(
+            "--tyre", "A tyre.toml or a result folder. Default: the sample tyre, a 225/55R17."
+        ),
+    ] = None,
+    accept_changes: opt.AcceptChanges = False,
+    out: Annotated[
+        Path | None, opt.target("--out", "Table: .csv or .parquet.", opt.TABLE_ENDINGS)
+    ] = None,
+    figure: Annotated[
+        Path | None, opt.target("--figure", "Picture: .png or .svg.", (".png", ".svg"))
+    ] = None,
+    as_json: opt.Json = False,
+) -> Request:
+    """The tyre to simulate and where the result goes, from the command line."""
+    chosen = tyre_to_simulate(tyre, accept_changes=accept_changes)
+    if tyre is None:
+        echo_error(f"No --tyre given: the parameters are those of {chosen.name}.")
+    return Request(chosen, out, figure, as_json)
+
+
+_with_request = partial(opt.sharing, "request", _requested)
+
+
 @simulate.command(cls=Command)
 def campaign(
-    folder: Annotated[Path, argument("DIR", "New or empty folder.")],
+    folder: Annotated[Path, opt.argument("DIR", "New or empty folder.")],
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same bytes.")] = 1,
     duration_s: Annotated[float, typer.Option(help="Length of each of the six runs in s.")] = 20.0,
     sampling_rate_hz: Annotated[float, typer.Option(help="Sampling rate in Hz.")] = 2000.0,
@@ -112,7 +118,7 @@ def campaign(
     effects: Annotated[
         Path | None, typer.Option(metavar="FILE", help="TOML file with such effects.")
     ] = None,
-    as_json: Json = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Write a virtual campaign on a tyre with known modes, which are in truth.toml.
 
@@ -148,9 +154,9 @@ def campaign(
 
 
 @simulate.command(cls=Command)
+@_with_request
 def frequencies(
-    tyre: Tyre = None,
-    accept_changes: AcceptChanges = False,
+    request: Request,
     orders: Annotated[str, typer.Option(metavar="FROM:TO", help="Orders n ≥ 1.")] = "1:7",
     speed_rad_s: Annotated[str, _values("Angular speed in rad/s, one or several.")] = "0",
     frame: Annotated[WaveFrame, typer.Option(help="Where the observer is.")] = "rotating",
@@ -158,9 +164,6 @@ def frequencies(
         bool, typer.Option(help="Extensional instead of bending waves.")
     ] = False,
     pressure_load: Pressure = "dead",
-    out: Out = None,
-    figure: FigureFile = None,
-    as_json: Json = False,
 ) -> None:
     """Frequencies in Hz of the regressive and the progressive wave of each order, over speed.
 
@@ -168,20 +171,20 @@ def frequencies(
       ringmodal simulate frequencies --speed-rad-s 0:100:1 --orders 1:4 --out waves.csv
     """
     found = simulate_frequencies(
-        announced(tyre, accept_changes=accept_changes).ring,
-        orders_of("--orders", orders),
-        values_of("--speed-rad-s", speed_rad_s),
+        request.tyre.ring,
+        opt.orders_of("--orders", orders),
+        opt.values_of("--speed-rad-s", speed_rad_s),
         frame,
         extensional=extensional,
         pressure_load=pressure_load,
     )
-    simulate_show.frequencies(found, frame, Targets(out, figure, as_json))
+    simulate_show.frequencies(found, frame, request)
 
 
 @simulate.command(cls=Command)
+@_with_request
 def inertance(
-    tyre: Tyre = None,
-    accept_changes: AcceptChanges = False,
+    request: Request,
     at_deg: AtAngle = 100.0,
     force_deg: ForceAngle = 0.0,
     speed_rad_s: Speed = 0.0,
@@ -193,30 +196,26 @@ def inertance(
     inextensional: Annotated[bool, typer.Option(help="Take the belt as inextensible.")] = False,
     pretension_loss: PretensionLoss = True,
     pressure_load: Pressure = "dead",
-    out: Out = None,
-    figure: FigureFile = None,
-    as_json: Json = False,
 ) -> None:
     """Radial inertance between two angles in (m/s²)/N; in (m/s²)/(N/m) without a belt width.
 
     Example:
       ringmodal simulate inertance --at-deg 100 --speed-rad-s 67.3 --out inertance.csv
     """
-    chosen = announced(tyre, accept_changes=accept_changes)
-    damping = damping_of(chosen, on_pretension=pretension_loss)
+    damping = damping_of(request.tyre, on_pretension=pretension_loss)
     options: dict[str, Any] = {"pressure_load": pressure_load, "frame": frame}
-    forced = ForcedRing(chosen.ring, damping, speed_rad_s, highest_order=harmonics, **options)
-    lines = values_of("--frequency-hz", frequency_hz)
+    forced = ForcedRing(request.tyre.ring, damping, speed_rad_s, highest_order=harmonics, **options)
+    lines = opt.values_of("--frequency-hz", frequency_hz)
     found = responses.simulate_inertance(
         forced, lines, at_deg, force_deg, inextensional=inextensional
     )
-    simulate_show.inertance(found, chosen, Targets(out, figure, as_json))
+    simulate_show.inertance(found, request)
 
 
 @simulate.command(cls=Command)
+@_with_request
 def cleat(
-    tyre: Tyre = None,
-    accept_changes: AcceptChanges = False,
+    request: Request,
     at_deg: AtAngle = 100.0,
     frame: Annotated[
         Frame, typer.Option(help="Whether the observed point stays on the tyre or in space.")
@@ -241,42 +240,36 @@ def cleat(
     frequency_hz: Frequencies = "0:300:0.5",
     harmonics: Harmonics = 200,
     pretension_loss: PretensionLoss = True,
-    out: Out = None,
     spectrum: Annotated[
-        Path | None, option("--spectrum", "Spectrum: .csv or .parquet.", **_TABLE)
+        Path | None, opt.target("--spectrum", "Spectrum: .csv or .parquet.", opt.TABLE_ENDINGS)
     ] = None,
-    figure: FigureFile = None,
-    as_json: Json = False,
 ) -> None:
     """Response of a point of the rolling tyre to a cleat, in time and frequency.
 
     Example:
       ringmodal simulate cleat --at-deg 90 --frame absolute --figure cleat.png
     """
-    chosen = announced(tyre, accept_changes=accept_changes)
-    damping = damping_of(chosen, on_pretension=pretension_loss)
+    damping = damping_of(request.tyre, on_pretension=pretension_loss)
     options: dict[str, Any] = {"highest_order": harmonics, "frame": force_frame}
-    forced = ForcedRing(chosen.ring, damping, speed_rad_s, **options)
+    forced = ForcedRing(request.tyre.ring, damping, speed_rad_s, **options)
     impact = Cleat(radial_n_s, circumferential_n_s, duration_s, math.radians(contact_deg))
     observer = responses.Observer(at_deg, frame, direction, quantity)
-    times, lines = values_of("--times-s", times_s), values_of("--frequency-hz", frequency_hz)
-    found = responses.simulate_cleat(CleatTest(forced, impact), observer, times, lines)
-    simulate_show.cleat(found, Targets(out, figure, as_json), spectrum)
+    test, times = CleatTest(forced, impact), opt.values_of("--times-s", times_s)
+    lines = opt.values_of("--frequency-hz", frequency_hz)
+    found = responses.simulate_cleat(test, observer, times, lines)
+    simulate_show.cleat(found, request, spectrum)
 
 
 @simulate.command(cls=Command)
+@_with_request
 def loaded(
-    tyre: Tyre = None,
-    accept_changes: AcceptChanges = False,
+    request: Request,
     load_n: Annotated[str, _values("Vertical loads in N; 0 is the free tyre.")] = "0:4000:1000",
     modes: Annotated[int, typer.Option(min=1, help="How many of the lowest modes.")] = 15,
     harmonics: Annotated[
         int, typer.Option(min=8, max=200, help="Harmonics of the deflected shape.")
     ] = 60,
     pressure_load: Pressure = "dead",
-    out: Out = None,
-    figure: FigureFile = None,
-    as_json: Json = False,
 ) -> None:
     """Natural frequencies in Hz of the standing tyre on the road, over vertical load.
 
@@ -284,19 +277,19 @@ def loaded(
       ringmodal simulate loaded --load-n 0:4000:500 --figure loaded.svg
     """
     found = responses.simulate_loaded(
-        announced(tyre, accept_changes=accept_changes).ring,
-        values_of("--load-n", load_n, responses.MOST_LOADS),
+        request.tyre.ring,
+        opt.values_of("--load-n", load_n, responses.MOST_LOADS),
         modes,
         highest_order=harmonics,
         pressure_load=pressure_load,
     )
-    simulate_show.loaded(found, Targets(out, figure, as_json))
+    simulate_show.loaded(found, request)
 
 
 @simulate.command(cls=Command)
+@_with_request
 def hub(
-    tyre: Tyre = None,
-    accept_changes: AcceptChanges = False,
+    request: Request,
     hub: Annotated[
         Literal["fixed", "free"], typer.Option(help="Whether the wheel can move.")
     ] = "fixed",
@@ -315,9 +308,6 @@ def hub(
         Frame, typer.Option(help="Whether force and axes stay on the tyre or in space.")
     ] = "absolute",
     pretension_loss: PretensionLoss = True,
-    out: Out = None,
-    figure: FigureFile = None,
-    as_json: Json = False,
 ) -> None:
     """Forces in N/N and moment in N m/N at the hub per unit of force on the belt.
 
@@ -326,11 +316,10 @@ def hub(
     Example:
       ringmodal simulate hub --hub free --wheel-mass-kg 12 --wheel-inertia-kg-m2 0.6
     """
-    chosen = announced(tyre, accept_changes=accept_changes)
     given = (wheel_mass_kg, wheel_inertia_kg_m2)
-    wheel = wheel_of(chosen.wheel, *given) if hub == "free" else None
-    damping = damping_of(chosen, on_pretension=pretension_loss)
-    forced = ForcedRing(chosen.ring, damping, speed_rad_s, wheel, frame=frame)
-    lines, angle = values_of("--frequency-hz", frequency_hz), math.radians(force_deg)
+    wheel = wheel_of(request.tyre.wheel, *given) if hub == "free" else None
+    damping = damping_of(request.tyre, on_pretension=pretension_loss)
+    forced = ForcedRing(request.tyre.ring, damping, speed_rad_s, wheel, frame=frame)
+    lines, angle = opt.values_of("--frequency-hz", frequency_hz), math.radians(force_deg)
     found = hub_response(forced, lines, angle, force_direction=direction)
-    simulate_show.hub(found, forced, Targets(out, figure, as_json))
+    simulate_show.hub(found, forced, request)

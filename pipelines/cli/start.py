@@ -15,7 +15,7 @@ from ema.core.frf import FRF
 from ema.signals.signal_checks import SignalSummary
 from pipelines.cli.options import Json, argument, option, replacing
 from pipelines.cli.result import show
-from pipelines.cli.screen import columns_of, print_table
+from pipelines.cli.screen import print_table
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.prepare.guesses import Layout
@@ -199,14 +199,14 @@ def _print_channels(rows: Sequence[ChannelReport]) -> None:
         levels = ("" if signal is None else tell(signal) for tell in _LEVELS.values())
         cells.append((channel.name, channel.quantity, channel.unit, *place, *levels))
     texts = ("channel", "quantity", "unit in\nthe file")
-    columns = columns_of((*texts, "node", "angle", *_LEVELS), cells, texts, texts[:1])
-    print_table("", columns, _FIRST_TO_GO)
+    head = (*texts, "node", "angle", *_LEVELS)
+    print_table("", head, cells, texts=texts, folding=texts[:1], first_to_go=_FIRST_TO_GO)
 
 
 def _print_frfs(frf: FRF, names: Sequence[str]) -> None:
     places = zip(names, frf.node, frf.position_deg, strict=True)
     cells = [(name, _node(int(node)), _angle(float(angle))) for name, node, angle in places]
-    print_table("", columns_of(("FRF", "node", "angle"), cells, ("FRF",), ("FRF",)))
+    print_table("", ("FRF", "node", "angle"), cells, texts=("FRF",), folding=("FRF",))
 
 
 def _lines(title: str, findings: Sequence[Finding]) -> list[str]:

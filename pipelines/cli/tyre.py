@@ -12,7 +12,6 @@ from ema.core.errors import InputError
 from pipelines.cli import options as opt
 from pipelines.cli import show_tyre
 from pipelines.cli.help import Command, Group
-from pipelines.cli.options import TABLE_ENDINGS, require_target
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.cli.tyre_tir import from_tir, modal_targets, update_tir
 from pipelines.library.export import export as write
@@ -210,7 +209,7 @@ def export(
 def table(
     names: Annotated[list[str] | None, opt.argument("[NAME]…", "Tyres. Default: all.")] = None,
     out: Annotated[
-        Path | None, opt.option("--out", "Table: .parquet or .csv.", opt.FILES, "FILE")
+        Path | None, opt.target("--out", "Table: .parquet or .csv.", opt.TABLE_ENDINGS)
     ] = None,
     wide: Annotated[
         bool, opt.option("--wide", "One row per version, not per parameter.", opt.FILES)
@@ -226,8 +225,6 @@ def table(
       ringmodal tyre table --library parameters --out parameters.parquet --wide
     """
     of = _library(library)
-    if out is not None:
-        require_target(out, TABLE_ENDINGS)
     tyres = [of.tyre(name) for name in names] if names else of.tyres()
     rows, damage = version_rows(tyres, wide=wide and (as_json or out is not None))
     if out is None:
@@ -241,9 +238,7 @@ def table(
 @tyre.command(cls=Command)
 def series(
     name: opt.Name,
-    out: Annotated[
-        Path | None, opt.option("--out", "Plot: .png, .svg or .html.", opt.FILES, "FILE")
-    ] = None,
+    out: Annotated[Path | None, opt.target("--out", "Plot: .png, .svg or .html.", ENDINGS)] = None,
     parameter: Annotated[
         list[str] | None,
         opt.option("--parameter", "Only this parameter; may be repeated.", metavar="NAME"),
@@ -262,8 +257,6 @@ def series(
     Example:
       ringmodal tyre series 225-55R17 --library parameters --out series.png
     """
-    if out is not None:
-        require_target(out, ENDINGS)
     wanted = _library(library).tyre(name)
     versions, damage = wanted.versions()
     try:

@@ -10,7 +10,7 @@ import typer
 
 from ema.core.errors import InputError
 from pipelines.cli.options import FILES, AcceptChanges, AnySet, Json, Library, argument, option
-from pipelines.cli.screen import columns_of, print_table
+from pipelines.cli.screen import print_table
 from pipelines.cli.show_tyre import show_parameters
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.export.belt import measured_modes, write_modal_targets
@@ -171,10 +171,8 @@ def _show_update(update: TirUpdate, source: str) -> None:
     echo(f"{update.before.name} from {source}:")
     if update.changes:
         head = ("key", "line", "old", "new", "±", "in %", "unit", "from")
-        texts = ("key", "unit", "from")
-        print_table(
-            "", columns_of(head, [_cells(each) for each in update.changes], texts, ("from",))
-        )
+        rows = map(_cells, update.changes)
+        print_table("", head, rows, texts=("key", "unit", "from"), folding=("from",))
     if update.unchanged:
         echo(f"Up to date: {', '.join(update.unchanged)}")
     if update.missing:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipelines.plots.plot import Axis, Band, Bars, Curve, Flags, Map, Note, Panel, Plot, Rule, Span
+from pipelines.plots import plot as go
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,7 +35,7 @@ class Chart:
     """A figure that zooms and shows values on the page, and is drawn for paper."""
 
     name: str  # unique in the page, for anchors and file names: letters and hyphens
-    plot: Plot  # the page shows one panel, or several over one x axis
+    plot: go.Plot  # the page shows one panel, or several over one x axis
     # what the chart shows, for readers who cannot see it, with its main finding
     alternative: str = ""
     caption: str = ""  # what to look for
@@ -103,7 +103,7 @@ def _numbers(values: ArrayLike) -> Any:
     return array.tolist() if whole else packed(array)
 
 
-def _named(values: ArrayLike, axis: Axis) -> Any:
+def _named(values: ArrayLike, axis: go.Axis) -> Any:
     """Values along an axis: where it has categories, their names."""
     if not axis.names:
         return _numbers(values)
@@ -126,35 +126,35 @@ def _hover(template: str) -> Trace:
     return {"hovertemplate": template + box}
 
 
-def _vertical(plot: Plot) -> list[tuple[str, str]]:
+def _vertical(plot: go.Plot) -> list[tuple[str, str]]:
     """Names of the left and the right axis of each panel; the right one is at the back."""
     if plot.panels[0].right is not None:
         return [("y2", "y")]
     return [("y" if k == 0 else f"y{k + 1}",) * 2 for k in range(len(plot.panels))]
 
 
-def _traces(series: Any, panel: Panel, left: str) -> Iterator[Trace]:
+def _traces(series: Any, panel: go.Panel, left: str) -> Iterator[Trace]:
     place = {} if left == "y" else {"yaxis": left}
     match series:
-        case Curve():
+        case go.Curve():
             yield _curve(series, panel) | ({} if series.right else place)
-        case Band(x, low, high, colour, name, opacity):
+        case go.Band(x, low, high, colour, name, opacity):
             line = {"type": "scatter", "mode": "lines", "x": _numbers(x), "hoverinfo": "skip"}
             edge = {"line": {"color": NO_COLOUR, "width": 0}, "showlegend": False, **place}
             yield {**line, **edge, "name": "", "y": _numbers(low)}
             fill = {"fill": "tonexty", "fillcolor": f"rgba({SHADES[colour]}, {opacity})"}
             shown = {"showlegend": bool(name), "name": _text(name)}
             yield {**line, **edge, **fill, **shown, "y": _numbers(high)}
-        case Bars(x, y, colour, width, half, hover):
+        case go.Bars(x, y, colour, width, half, hover):
             bars: Trace = {"type": "bar", "x": _numbers(x), "y": _numbers(y), "width": width}
             if half is not None:
                 bars["error_y"] = _error(half) | {"color": "--measured"}
             yield bars | {"marker": {"color": colour}, "showlegend": False} | _hover(hover) | place
-        case Map():
+        case go.Map():
             yield _map(series, panel) | place
 
 
-def _curve(curve: Curve, panel: Panel) -> Trace:
+def _curve(curve: go.Curve, panel: go.Panel) -> Trace:
     modes = (("lines", curve.width), ("markers", curve.marker), ("text", curve.labelled))
     x = np.asarray(curve.x)
     trace: Trace = {
@@ -191,7 +191,7 @@ def _error(half: NDArray[np.float64]) -> Trace:
     return {"type": "data", "array": np.nan_to_num(half, nan=0.0).tolist(), "thickness": 1.5}
 
 
-def _map(shown: Map, panel: Panel) -> Trace:
+def _map(shown: go.Map, panel: go.Panel) -> Trace:
     rows, columns = (np.arange(size) for size in shown.z.shape)
     title = {"title": {"text": shown.label}} if shown.label else {}
     trace: Trace = {
@@ -212,7 +212,7 @@ def _map(shown: Map, panel: Panel) -> Trace:
     return trace
 
 
-def _layout(plot: Plot) -> dict[str, Any]:
+def _layout(plot: go.Plot) -> dict[str, Any]:
     mode = "x" if plot.together else "closest"
     layout: dict[str, Any] = {"hovermode": mode, "shapes": [], "annotations": []}
     shares = np.array(plot.heights or [1.0] * len(plot.panels))
@@ -242,7 +242,7 @@ def _layout(plot: Plot) -> dict[str, Any]:
     return {key: value for key, value in layout.items() if value != []}
 
 
-def _axis(axis: Axis, panel: Panel) -> dict[str, Any]:
+def _axis(axis: go.Axis, panel: go.Panel) -> dict[str, Any]:
     """An axis as Plotly names its parts."""
     found: dict[str, Any] = {"title": {"text": _text(axis.title)}}
     if panel.bare:
@@ -257,7 +257,7 @@ def _axis(axis: Axis, panel: Panel) -> dict[str, Any]:
         names = list(map(_text, axis.names))
         in_order = {"categoryorder": "array", "categoryarray": names}
         found |= {"type": "category", "tick0": 0, "dtick": axis.every, **in_order}
-        if any(isinstance(each, Map) for each in panel.series):
+        if any(isinstance(each, go.Map) for each in panel.series):
             found["showgrid"] = False
     if len(axis.ticks):
         found |= {"tickvals": list(axis.ticks), "zeroline": False}
@@ -273,31 +273,31 @@ def _axis(axis: Axis, panel: Panel) -> dict[str, Any]:
 def _shapes(series: Any, left: str) -> list[dict[str, Any]]:
     """Lines and shaded ranges, which have no values of their own."""
     match series:
-        case Rule():
+        case go.Rule():
             line = {"color": series.colour, "width": series.width, "dash": series.dash}
             ends = {"x0": 0, "x1": 1, "y0": series.at, "y1": series.at, "xref": "paper"}
             if series.upright:
                 ends = {"x0": series.at, "x1": series.at, "y0": 0, "y1": 1}
             yref = f"{left} domain" if series.upright else left
             return [{"type": "line", "yref": yref, **ends, "line": line}]
-        case Span(start, stop):
+        case go.Span(start, stop):
             ends = {"x0": start, "x1": stop, "y0": 0, "y1": 1, "yref": f"{left} domain"}
             look = {"fillcolor": "--faint", "opacity": 0.12, "line": {"width": 0}}
             return [{"type": "rect", "xref": "x", **ends, **look, "layer": "below"}]
-        case Flags(at, _, _, height):
+        case go.Flags(at, _, _, height):
             look = {"line": {"color": "--kept", "width": 0.8}, "layer": "below"}
             ends = {"y0": 0, "y1": height + 0.03, "xref": "x", "yref": f"{left} domain"}
             return [{"type": "line", "x0": x, "x1": x, **ends, **look} for x in at]
     return []
 
 
-def _annotations(series: Any, panel: Panel, left: str) -> list[dict[str, Any]]:
+def _annotations(series: Any, panel: go.Panel, left: str) -> list[dict[str, Any]]:
     match series:
-        case Note(x, y, text, colour, align):
+        case go.Note(x, y, text, colour, align):
             place = {"x": x, "y": y, "xref": "x", "yref": left, "xanchor": align}
             look = {"showarrow": False, "font": {"color": colour}}
             return [{**place, "text": _text(text), **look}]
-        case Flags(at, names, places, height) if panel.y.range:
+        case go.Flags(at, names, places, height) if panel.y.range:
             top = panel.y.range[1]
             ends = {"y": (height + 0.03) * top, "ay": (height + 0.06) * top}
             look = {"arrowhead": 0, "arrowwidth": 0.8, "arrowcolor": "--kept", "textangle": -90}

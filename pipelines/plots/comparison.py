@@ -10,25 +10,10 @@ import numpy as np
 from pipelines.compare.compare import Comparison, common_positions
 from pipelines.compare.modes import MatchedMode, mode_name
 from pipelines.compare.significance import Difference
+from pipelines.plots import plot as go
 from pipelines.plots.chart import Chart
 from pipelines.plots.measurement import drive_point_row
 from pipelines.plots.modes import matrix_chart
-from pipelines.plots.plot import (
-    FAINT,
-    FREQUENCY,
-    INERTANCE,
-    PHASE,
-    RING,
-    SERIES,
-    Axis,
-    Curve,
-    Margins,
-    Panel,
-    Plot,
-    Rule,
-    log_axis,
-    magnitude_and_phase,
-)
 from pipelines.results.labels import each_once, in_band, short
 
 BARS = "Bars: ± 2 standard deviations of the difference"
@@ -44,18 +29,20 @@ def change_chart(
     look: dict[str, Any] = {"size": 9, "hover": "%{x}<br>%{y:+.3f} %"}
     series = []
     for label, chosen, colour, marker in (
-        ("significant", significant, RING, "circle"),
-        ("not significant or σ unknown", ~significant, FAINT, "circle-open"),
+        ("significant", significant, go.RING, "circle"),
+        ("not significant or σ unknown", ~significant, go.FAINT, "circle-open"),
     ):
         if chosen.any():
             points = np.flatnonzero(chosen), percent[chosen], colour, label
-            series.append(Curve(*points, marker=marker, y_bars=2 * std[chosen], **look))
+            series.append(go.Curve(*points, marker=marker, y_bars=2 * std[chosen], **look))
     names = each_once([mode.name for mode in modes])
-    panel = Panel((*series, Rule(0)), Axis("mode", names=names), Axis(f"change of {quantity} / %"))
+    panel = go.Panel(
+        (*series, go.Rule(0)), go.Axis("mode", names=names), go.Axis(f"change of {quantity} / %")
+    )
     count = int(significant.sum())
     return Chart(
         name,
-        Plot((panel,), (10.5, 7.5), margins=Margins(bottom=1.3)),
+        go.Plot((panel,), (10.5, 7.5), margins=go.Margins(bottom=1.3)),
         f"Change of the {quantity} of {len(modes)} modes in percent; {count} are significant.",
         f"Change of the {quantity}, second against first; {count} of {len(modes)} are significant. "
         f"A change that is the same for all modes has one cause; one that grows or falls over the "
@@ -105,18 +92,21 @@ def _frf_chart(comparison: Comparison, here: int, there: int) -> Chart:
         where += ", at the force"
     pairs = []
     for name, result, row, colour, dash in (
-        (comparison.names[0], first, here, SERIES[0], "solid"),
-        (comparison.names[1], second, there, SERIES[5], "dash"),
+        (comparison.names[0], first, here, go.SERIES[0], "solid"),
+        (comparison.names[1], second, there, go.SERIES[5], "dash"),
     ):
         lines = in_band(result.frf.frequency_hz, result.modal_model.band_hz)
         curve = result.frf.frequency_hz[lines], result.frf.values[row, lines]
-        pairs.append(magnitude_and_phase(*curve, colour, short(name), width=1.5, dash=dash))
+        pairs.append(go.magnitude_and_phase(*curve, colour, short(name), width=1.5, dash=dash))
     levels, phases = zip(*pairs, strict=True)
-    axis = log_axis(INERTANCE, *(curve.y for curve in levels))
-    panels = Panel(levels, y=axis, legend="lower right"), Panel(phases, Axis(FREQUENCY), PHASE)
+    axis = go.log_axis(go.INERTANCE, *(curve.y for curve in levels))
+    panels = (
+        go.Panel(levels, y=axis, legend="lower right"),
+        go.Panel(phases, go.Axis(go.FREQUENCY), go.PHASE),
+    )
     return Chart(
         f"frf-{here}",
-        Plot(panels, (13, 9), heights=(3, 2)),
+        go.Plot(panels, (13, 9), heights=(3, 2)),
         f"Measured inertance of both results at {where}, magnitude and phase.",
         f"Measured inertance of both results at {where}. Peaks that move apart are the change of "
         "frequency, peaks of another height that of damping or of modal mass. A constant factor "

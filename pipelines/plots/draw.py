@@ -12,21 +12,7 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from pipelines.plots.plot import (
-    KEPT,
-    MEASURED,
-    Axis,
-    Band,
-    Bars,
-    Curve,
-    Flags,
-    Map,
-    Note,
-    Panel,
-    Plot,
-    Rule,
-    Span,
-)
+from pipelines.plots import plot as go
 from pipelines.plots.style import PAPER, styled_figure
 from pipelines.results.labels import literal
 
@@ -44,7 +30,7 @@ BARS: dict[str, Any] = {"fmt": "none", "elinewidth": 1.0, "capsize": 2.0}
 LONG_NAMES = 34  # letters of all names together that fit side by side
 
 
-def draw_plot(plot: Plot) -> Figure:
+def draw_plot(plot: go.Plot) -> Figure:
     """Draw all panels of a plot as a new figure in the common style."""
     rows = -(-len(plot.panels) // plot.columns)
     ratios: dict[str, Any] = {"height_ratios": plot.heights or None}
@@ -61,14 +47,14 @@ def draw_plot(plot: Plot) -> Figure:
     return figure
 
 
-def draw(panel: Panel, ax: Axes) -> Axes:
+def draw(panel: go.Panel, ax: Axes) -> Axes:
     """Draw a panel on an axis of matplotlib and return it."""
     behind = _axis_behind(panel.right, ax) if panel.right is not None else ax
     for each in panel.series:
-        _draw(each, behind if isinstance(each, Curve) and each.right else ax)
+        _draw(each, behind if isinstance(each, go.Curve) and each.right else ax)
     if panel.bare:
         ax.set_axis_off()
-    if any(isinstance(each, Map) for each in panel.series):
+    if any(isinstance(each, go.Map) for each in panel.series):
         ax.grid(visible=False)
     _set_axis(panel.x, ax, "x")
     _set_axis(panel.y, ax, "y")
@@ -79,7 +65,7 @@ def draw(panel: Panel, ax: Axes) -> Axes:
     if panel.title:
         where: dict[str, Any] = {"loc": "center", "pad": 2} if panel.bare else {}
         ax.set_title(literal(panel.title), **where)
-    for flags in (each for each in panel.series if isinstance(each, Flags)):
+    for flags in (each for each in panel.series if isinstance(each, go.Flags)):
         _name_flags(flags, ax)
     _set_legend(panel, ax)
     return ax
@@ -87,28 +73,28 @@ def draw(panel: Panel, ax: Axes) -> Axes:
 
 def _draw(series: Any, ax: Axes) -> None:
     match series:
-        case Curve():
+        case go.Curve():
             _draw_curve(series, ax)
-        case Band(x, low, high, colour, name, opacity):
+        case go.Band(x, low, high, colour, name, opacity):
             look: dict[str, Any] = {"color": _hex(colour), "alpha": opacity, "linewidth": 0}
             ax.fill_between(np.asarray(x), low, high, label=_label(name), **look)
-        case Bars(x, y, colour, width, half):
+        case go.Bars(x, y, colour, width, half):
             ax.bar(x, y, color=_hex(colour), width=width)
             if half is not None:
-                ax.errorbar(x, y, yerr=np.nan_to_num(half), color=_hex(MEASURED), **BARS)
-        case Rule():
+                ax.errorbar(x, y, yerr=np.nan_to_num(half), color=_hex(go.MEASURED), **BARS)
+        case go.Rule():
             line = ax.axvline if series.upright else ax.axhline
             width = POINTS_PER_PX * series.width
             line(series.at, color=_hex(series.colour), lw=width, ls=DASHES[series.dash], zorder=1)
-        case Span(start, stop):
+        case go.Span(start, stop):
             ax.axvspan(start, stop, color="#EEEEEE", linewidth=0, zorder=0)
-        case Note(x, y, text, colour, align):
+        case go.Note(x, y, text, colour, align):
             ax.text(x, y, literal(text), color=_hex(colour), ha=align, va="center")
-        case Map():
+        case go.Map():
             _draw_map(series, ax)
 
 
-def _draw_curve(curve: Curve, ax: Axes) -> None:
+def _draw_curve(curve: go.Curve, ax: Axes) -> None:
     colour = _hex(curve.colour)
     x, y = np.asarray(curve.x), np.asarray(curve.y, dtype=float)
     (line,) = ax.plot(
@@ -136,7 +122,7 @@ def _draw_curve(curve: Curve, ax: Axes) -> None:
             ax.annotate(literal(text), (left, up), offset, textcoords="offset points", ha="right")
 
 
-def _draw_map(shown: Map, ax: Axes) -> None:
+def _draw_map(shown: go.Map, ax: Axes) -> None:
     n_rows, n_columns = shown.z.shape
     left, right = -0.5, n_columns - 0.5
     if shown.x is not None:
@@ -169,7 +155,7 @@ def _colours(scale: str) -> Colormap:
     return LinearSegmentedColormap.from_list(scale, [_hex(name) for name in names])
 
 
-def _axis_behind(right: Axis, ax: Axes) -> Axes:
+def _axis_behind(right: go.Axis, ax: Axes) -> Axes:
     """A second axis at the back, with its labels on the right."""
     behind = ax.twinx()
     behind.tick_params(axis="y", colors=_hex("--soft"), which="both")
@@ -180,7 +166,7 @@ def _axis_behind(right: Axis, ax: Axes) -> Axes:
     return behind
 
 
-def _set_axis(axis: Axis, ax: Axes, which: str) -> None:
+def _set_axis(axis: go.Axis, ax: Axes, which: str) -> None:
     own = ax.xaxis if which == "x" else ax.yaxis
     ends = ax.set_xlim if which == "x" else ax.set_ylim
     if axis.title:
@@ -205,7 +191,7 @@ def _set_axis(axis: Axis, ax: Axes, which: str) -> None:
         own.set_inverted(True)
 
 
-def _set_log(axis: Axis, ax: Axes) -> None:
+def _set_log(axis: go.Axis, ax: Axes) -> None:
     """Plain numbers at 1, 10, …, and at 2 and 5 as well where the range is small."""
     ax.set_yscale("log")
     low, high = axis.range or ax.get_ylim()
@@ -214,8 +200,8 @@ def _set_log(axis: Axis, ax: Axes) -> None:
     ax.yaxis.set_minor_locator(NullLocator())
 
 
-def _name_flags(flags: Flags, ax: Axes) -> None:
-    line, places = {"color": _hex(KEPT), "linewidth": 0.6}, ("data", "axes fraction")
+def _name_flags(flags: go.Flags, ax: Axes) -> None:
+    line, places = {"color": _hex(go.KEPT), "linewidth": 0.6}, ("data", "axes fraction")
     look: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "bottom", "fontsize": 7.5}
     for at, place, name in zip(flags.at, flags.places, flags.names, strict=True):
         ax.axvline(at, 0, flags.height + 0.03, alpha=0.6, **line)
@@ -230,7 +216,7 @@ def _name_flags(flags: Flags, ax: Axes) -> None:
         )
 
 
-def _set_legend(panel: Panel, ax: Axes) -> None:
+def _set_legend(panel: go.Panel, ax: Axes) -> None:
     handles, _ = ax.get_legend_handles_labels()
     if not handles or not panel.legend:
         return

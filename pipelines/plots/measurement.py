@@ -9,27 +9,8 @@ import numpy as np
 from ema.checks.quality import ReferenceCheck
 from ema.core.finding import Finding
 from ema.core.frf import FRF
+from pipelines.plots import plot as go
 from pipelines.plots.chart import Chart
-from pipelines.plots.plot import (
-    DASHES,
-    FAINT,
-    FITTED,
-    FREQUENCY,
-    INERTANCE,
-    MEASURED,
-    PHASE,
-    SERIES,
-    Axis,
-    Curve,
-    Map,
-    Margins,
-    Note,
-    Panel,
-    Plot,
-    Rule,
-    log_axis,
-    magnitude_and_phase,
-)
 from pipelines.results.labels import apart, coherence_map, in_band, place_name, sparse_labels
 
 MOST_CELLS = 120_000  # of a map: more would only make the page heavy
@@ -48,31 +29,31 @@ def setup_chart(
     at = np.asarray(frf.position_deg, dtype=float)
     circle = np.linspace(0, 360, 181)
     series: list[Any] = [
-        Curve(*on_circle(circle, radius), FAINT, width=width)
+        go.Curve(*on_circle(circle, radius), go.FAINT, width=width)
         for radius, width in ((1.0, 3.0), (0.55, 1.0))
     ]
     for index, (run, name) in enumerate(zip(runs, apart(runs), strict=True)):
         x, y = on_circle(at[np.array([each == run for each in frf.run])], 1.0)
         look = SYMBOLS[index % len(SYMBOLS)]
         size = 9 if frf.n_positions <= 150 else 5
-        colour, listed = SERIES[index % len(SERIES)], index < MOST_NAMED_RUNS
+        colour, listed = go.SERIES[index % len(go.SERIES)], index < MOST_NAMED_RUNS
         name = name if run else "positions"
-        series.append(Curve(x, y, colour, name, marker=look, size=size, listed=listed))
-    series += [Note(*on_circle(angle, 0.72), f"{angle}°") for angle in (0, 90, 180, 270)]
+        series.append(go.Curve(x, y, colour, name, marker=look, size=size, listed=listed))
+    series += [go.Note(*on_circle(angle, 0.72), f"{angle}°") for angle in (0, 90, 180, 270)]
     x, y = 0.0, 0.0
     if excitation_deg is not None:
         series += _force(excitation_deg)
         x, y = on_circle(excitation_deg, 1.6)
     if reference_deg is not None:
         place = on_circle([reference_deg], 0.87)
-        series.append(Curve(*place, MEASURED, "reference", marker="star", size=17))
+        series.append(go.Curve(*place, go.MEASURED, "reference", marker="star", size=17))
     unnamed = max(0, len(runs) - MOST_NAMED_RUNS)
     more = f" {unnamed} further runs are drawn, but not named." if unnamed else ""
-    across, up = (Axis(range=(min(-1.12, end), max(1.12, end))) for end in (x, y))
-    panel = Panel(tuple(series), across, up, legend="center", equal=True, bare=True)
+    across, up = (go.Axis(range=(min(-1.12, end), max(1.12, end))) for end in (x, y))
+    panel = go.Panel(tuple(series), across, up, legend="center", equal=True, bare=True)
     return Chart(
         "setup",
-        Plot((panel,), (11.5, 9.5), margins=Margins(0.1, 0.1, 0.1, 0.1)),
+        go.Plot((panel,), (11.5, 9.5), margins=go.Margins(0.1, 0.1, 0.1, 0.1)),
         f"Circle with {frf.n_positions} measured positions of {len(runs)} runs"
         f"{_at(', the force', excitation_deg)}{_at(', the reference sensor', reference_deg)}.",
         "Measured positions by run, seen from the side; angles run counter-clockwise. Look for "
@@ -90,7 +71,7 @@ def coherence_chart(frf: FRF, band_hz: tuple[float, float]) -> Chart:
     indices, _ = sparse_labels(shown.names)
     what = "position" if np.isfinite(frf.position_deg).all() else "node"
     hover = f"{what} %{{y}}, %{{x:.2f}} Hz<br>coherence %{{z:.3f}}"
-    series: list[Any] = [Map(shown.values, 0, 1, "map", hover, shown.frequency_hz, "γ²")]
+    series: list[Any] = [go.Map(shown.values, 0, 1, "map", hover, shown.frequency_hz, "γ²")]
     words = "Map of the coherence; it is unknown.", "The coherence is unknown."
     if np.isfinite(medians).any():
         middle = float(np.median(np.concatenate(known)))
@@ -106,10 +87,10 @@ def coherence_chart(frf: FRF, band_hz: tuple[float, float]) -> Chart:
             f"along the nodal lines of a mode are natural.{averaged}",
         )
     else:
-        series.append(Note(float(np.mean(band_hz)), len(shown.names) / 2, "coherence unknown"))
-    up = Axis(what, names=shown.names, every=indices[1] if len(indices) > 1 else 1)
-    panel = Panel(tuple(series), Axis(FREQUENCY), up)
-    plot = Plot((panel,), (17.5, 9), margins=Margins(right=0.9))
+        series.append(go.Note(float(np.mean(band_hz)), len(shown.names) / 2, "coherence unknown"))
+    up = go.Axis(what, names=shown.names, every=indices[1] if len(indices) > 1 else 1)
+    panel = go.Panel(tuple(series), go.Axis(go.FREQUENCY), up)
+    plot = go.Plot((panel,), (17.5, 9), margins=go.Margins(right=0.9))
     return Chart("coherence", plot, *words, wide=True, height_px=400)
 
 
@@ -121,13 +102,21 @@ def reference_chart(check: ReferenceCheck, band_hz: tuple[float, float] | None =
     curves = []
     for index, (name, values) in enumerate(zip(apart(check.run), check.values, strict=True)):
         # From the eighth run on the colours come again, dashed.
-        look = SERIES[index % len(SERIES)], name, 1.3, DASHES[index // len(SERIES) % len(DASHES)]
+        look = (
+            go.SERIES[index % len(go.SERIES)],
+            name,
+            1.3,
+            go.DASHES[index // len(go.SERIES) % len(go.DASHES)],
+        )
         level = np.abs(values[inside])
-        curves.append(Curve(check.frequency_hz[inside], level, *look, hover=hover))
-    axes = Axis(FREQUENCY, (low, high)), log_axis(INERTANCE, *(curve.y for curve in curves))
+        curves.append(go.Curve(check.frequency_hz[inside], level, *look, hover=hover))
+    axes = (
+        go.Axis(go.FREQUENCY, (low, high)),
+        go.log_axis(go.INERTANCE, *(curve.y for curve in curves)),
+    )
     return Chart(
         "reference",
-        Plot((Panel(tuple(curves), *axes, legend="lower right"),)),
+        go.Plot((go.Panel(tuple(curves), *axes, legend="lower right"),)),
         f"Inertance at the reference sensor of {len(check.run)} runs, one over the other; "
         f"{reference_verdict(check)}.",
         "Inertance at the sensor that stayed in place, run by run. The curves should coincide; "
@@ -169,18 +158,18 @@ def drive_point_chart(
 ) -> Chart:
     """Magnitude and phase of the FRF at the force; `finding` is of the check of its place."""
     lines = in_band(frf.frequency_hz, band_hz)
-    top, low = magnitude_and_phase(frf.frequency_hz[lines], frf.values[row, lines], MEASURED)
-    limits = tuple(Rule(limit, MEASURED, "dot") for limit in (0, 180))
+    top, low = go.magnitude_and_phase(frf.frequency_hz[lines], frf.values[row, lines], go.MEASURED)
+    limits = tuple(go.Rule(limit, go.MEASURED, "dot") for limit in (0, 180))
     panels = (
-        Panel((top,), Axis(range=band_hz), log_axis(INERTANCE, top.y)),
-        Panel((low, *limits), Axis(FREQUENCY, band_hz), PHASE),
+        go.Panel((top,), go.Axis(range=band_hz), go.log_axis(go.INERTANCE, top.y)),
+        go.Panel((low, *limits), go.Axis(go.FREQUENCY, band_hz), go.PHASE),
     )
     name = place_name(int(frf.node[row]), float(frf.position_deg[row]))
     outside = f"{100 * share_taken_out(frf, row, band_hz):.1f} %"
     verdict = f" Verdict: {finding.verdict}, {finding.detail}." if finding is not None else ""
     return Chart(
         "drive-point",
-        Plot(panels, heights=(3, 2)),
+        go.Plot(panels, heights=(3, 2)),
         f"Magnitude and phase of the inertance at the force ({name}); at {outside} of the lines "
         "the phase leaves 0° to 180° by more than noise.",
         f"Inertance at the force ({name}). Its phase has to stay between 0° and 180° (dotted), "
@@ -205,8 +194,8 @@ def _force(angle_deg: float) -> list[Any]:
         for turn in (90, -90)
     ]
     x, y = np.array([tail, tip, sides[0], tip, sides[1]]).T
-    arrow = Curve(x, y, FITTED, "force", width=3)
-    return [arrow, Note(*on_circle(angle_deg, 1.5), "F", MEASURED)]
+    arrow = go.Curve(x, y, go.FITTED, "force", width=3)
+    return [arrow, go.Note(*on_circle(angle_deg, 1.5), "F", go.MEASURED)]
 
 
 def _at(what: str, angle_deg: float | None) -> str:

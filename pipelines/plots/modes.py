@@ -11,32 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode
 from ema.poles.stability import StabilityDiagram
+from pipelines.plots import plot as go
 from pipelines.plots.chart import Chart
 from pipelines.plots.measurement import on_circle
-from pipelines.plots.plot import (
-    DROPPED,
-    FAINT,
-    FITTED,
-    FREQUENCY,
-    INERTANCE,
-    KEPT,
-    MEASURED,
-    PHASE,
-    RING,
-    SHOWN_DECADES,
-    Axis,
-    Bars,
-    Curve,
-    Flags,
-    Map,
-    Margins,
-    Panel,
-    Plot,
-    Rule,
-    Span,
-    log_axis,
-    magnitude_and_phase,
-)
 from pipelines.results.labels import (
     in_band,
     mode_name,
@@ -54,12 +31,12 @@ DEFLECTION = 0.3  # largest drawn deflection, in radii
 WRITTEN_CELLS = 15  # rows and columns up to which every number has room in its cell
 FEW_CELLS = 9  # rows and columns up to which small numbers of a MAC are written too
 #: Colour and width; drawn in this order: the thin curve stays visible on the thick one.
-FRF_LOOKS = {"fitted": (FITTED, 3.0), "ring": (RING, 1.6), "measured": (MEASURED, 1.0)}
+FRF_LOOKS = {"fitted": (go.FITTED, 3.0), "ring": (go.RING, 1.6), "measured": (go.MEASURED, 1.0)}
 POLE_LOOKS = {
-    "not stable": ("cross-thin-open", FAINT, 5),
-    "stable, not in a mode": ("x-thin-open", DROPPED, 6),
-    "in a mode, not stable": ("circle-open", KEPT, 6),
-    "in a mode": ("circle", KEPT, 6),
+    "not stable": ("cross-thin-open", go.FAINT, 5),
+    "stable, not in a mode": ("x-thin-open", go.DROPPED, 6),
+    "in a mode, not stable": ("circle-open", go.KEPT, 6),
+    "in a mode": ("circle", go.KEPT, 6),
 }
 
 
@@ -75,20 +52,22 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
     unit = "RMS inertance / ((m/s²)/N)"
     level = diagram.indicator_hz[inside], diagram.indicator[inside]
     hover = "%{x:.2f} Hz<br>RMS inertance %{y:.3g} (m/s²)/N"
-    indicator = Curve(*level, FAINT, "RMS inertance", 1.5, opacity=0.8, hover=hover, right=True)
+    indicator = go.Curve(
+        *level, go.FAINT, "RMS inertance", 1.5, opacity=0.8, hover=hover, right=True
+    )
     highest = float(diagram.model_order.max(initial=1)) / HIGHEST
     every = 10 * max(1, round(highest / 100))
-    panel = Panel(
-        (indicator, Flags(kept, names, places, HIGHEST), *_pole_curves(diagram)),
-        Axis(FREQUENCY, diagram.band_hz),
-        Axis("model order", (0, highest), ticks=range(0, int(highest * HIGHEST) + 1, every)),
-        _below_names(log_axis(unit, indicator.y)),
+    panel = go.Panel(
+        (indicator, go.Flags(kept, names, places, HIGHEST), *_pole_curves(diagram)),
+        go.Axis(go.FREQUENCY, diagram.band_hz),
+        go.Axis("model order", (0, highest), ticks=range(0, int(highest * HIGHEST) + 1, every)),
+        _below_names(go.log_axis(unit, indicator.y)),
         legend="below",
     )
     found = f", at {', '.join(names)} Hz" if names else ""
     return Chart(
         "stability",
-        Plot((panel,), (17.5, 10.5), margins=Margins(right=1.6, bottom=1.7)),
+        go.Plot((panel,), (17.5, 10.5), margins=go.Margins(right=1.6, bottom=1.7)),
         f"Stability diagram with {diagram.poles.size} poles; {len(kept)} columns were taken for "
         f"modes{found}.",
         "Poles of all model orders over the RMS inertance of all positions (line). A mode is a "
@@ -99,11 +78,11 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
     )
 
 
-def _pole_curves(diagram: StabilityDiagram) -> list[Curve]:
+def _pole_curves(diagram: StabilityDiagram) -> list[go.Curve]:
     """One series for each mark, so that the legend hides and shows it."""
     reasons = {-1: "in no cluster", **{c.label: c.reason for c in diagram.clusters}}
     return [
-        Curve(
+        go.Curve(
             diagram.frequency_hz[chosen],
             diagram.model_order[chosen],
             POLE_LOOKS[name][1],
@@ -119,10 +98,10 @@ def _pole_curves(diagram: StabilityDiagram) -> list[Curve]:
     ]
 
 
-def _below_names(axis: Axis) -> Axis:
+def _below_names(axis: go.Axis) -> go.Axis:
     """The axis, extended so that its curve stays below the names of the modes."""
     low, high = np.log10(axis.range or (0.1, 10.0))
-    return Axis(axis.title, (10**low, 10 ** (low + (high - low) / HIGHEST)), log=True)
+    return go.Axis(axis.title, (10**low, 10 ** (low + (high - low) / HIGHEST)), log=True)
 
 
 def shown_band_hz(model: ModalModel) -> tuple[float, float]:
@@ -149,7 +128,7 @@ def frf_plot(
     model: ModalModel,
     curves: Mapping[str, tuple[NDArray[np.float64], NDArray[np.complex128]]],
     title: str = "",
-) -> Plot:
+) -> go.Plot:
     """Magnitude and phase of one FRF; grey is what was fitted outside the band of interest.
 
     `curves` has frequencies in Hz and inertances by the names of `FRF_LOOKS`; the page fills in
@@ -159,21 +138,21 @@ def frf_plot(
     level = np.abs(frf.values[:, in_band(frf.frequency_hz, (low, high))])
     top = 1.25 * float(np.max(level, initial=1e-12, where=np.isfinite(level)))
     sides = ((low, model.band_hz[0]), (model.band_hz[1], high))
-    shaded = tuple(Span(start, stop) for start, stop in sides if stop > start)
+    shaded = tuple(go.Span(start, stop) for start, stop in sides if stop > start)
     # Drawn one over the other, in this order: the thin one stays visible on the thick one.
     pairs = [
-        magnitude_and_phase(*curves[name], colour, name, width=width, dash=dash, at="")
+        go.magnitude_and_phase(*curves[name], colour, name, width=width, dash=dash, at="")
         for name, (colour, width) in FRF_LOOKS.items()
         if name in curves
         for dash in ["dash" if name == "ring" else "solid"]
     ]
-    levels = Axis(INERTANCE, (top / 10**SHOWN_DECADES, top), log=True)
+    levels = go.Axis(go.INERTANCE, (top / 10**go.SHOWN_DECADES, top), log=True)
     magnitude = tuple(pair[0] for pair in pairs)
     phase = tuple(pair[1] for pair in pairs)
-    axes = Axis(range=(low, high)), levels
-    upper = Panel((*shaded, *magnitude), *axes, title=title, legend="lower right")
-    lower = Panel((*shaded, *phase), Axis(FREQUENCY, (low, high)), PHASE)
-    return Plot((upper, lower), (13, 10), heights=(3, 2), together=True)
+    axes = go.Axis(range=(low, high)), levels
+    upper = go.Panel((*shaded, *magnitude), *axes, title=title, legend="lower right")
+    lower = go.Panel((*shaded, *phase), go.Axis(go.FREQUENCY, (low, high)), go.PHASE)
+    return go.Plot((upper, lower), (13, 10), heights=(3, 2), together=True)
 
 
 def position_names(of: FRF | ModalModel) -> list[str]:
@@ -194,18 +173,18 @@ def frac_chart(model: ModalModel) -> Chart:
     look, hover = (0.8, "solid", "circle"), "%{text}<br>FRAC %{y:.4f}"
     size = 7 if model.frac.size <= 150 else 4
     series = (
-        Curve(places, model.frac, RING, "", *look, size, hover=hover, texts=names),
+        go.Curve(places, model.frac, go.RING, "", *look, size, hover=hover, texts=names),
         # The page fills it in when a position is chosen.
-        Curve([], [], FITTED, "shown above", marker="circle-open", size=13),
-        Rule(LOWEST_FRAC, FITTED, "dash"),
+        go.Curve([], [], go.FITTED, "shown above", marker="circle-open", size=13),
+        go.Rule(LOWEST_FRAC, go.FITTED, "dash"),
     )
-    across = Axis("node", ticks=[tick + 1 for tick in ticks], labels=labels)
+    across = go.Axis("node", ticks=[tick + 1 for tick in ticks], labels=labels)
     if on_circle:
-        across = Axis("position / °", (-5, 365), ticks=range(0, 361, 60))
+        across = go.Axis("position / °", (-5, 365), ticks=range(0, 361, 60))
     floor = max(0.0, min(float(model.frac.min()) - 0.03, 0.85))
     return Chart(
         "frac",
-        Plot((Panel(series, across, Axis("FRAC", (floor, 1.01)), legend=""),), (13, 7)),
+        go.Plot((go.Panel(series, across, go.Axis("FRAC", (floor, 1.01)), legend=""),), (13, 7)),
         f"FRAC of all positions; the lowest is {lowest}.",
         f"FRAC, measured against fitted, at every position; the lowest is {lowest} (dashed: "
         f"{LOWEST_FRAC}). Click a point to see its FRFs above. A single low value points to a "
@@ -215,46 +194,46 @@ def frac_chart(model: ModalModel) -> Chart:
     )
 
 
-def shape_panel(mode: Mode, position_deg: ArrayLike) -> Panel:
+def shape_panel(mode: Mode, position_deg: ArrayLike) -> go.Panel:
     """A shape on the circle: undeformed (grey), deformed, half a period later (dotted)."""
     angles = np.asarray(position_deg, dtype=float)
     rows = np.argsort(angles)
     closed = np.append(rows, rows[0])
     deflection = DEFLECTION * mode.shape.real
     series = (
-        Curve(*on_circle(np.linspace(0, 360, 181), 1.0), FAINT, width=1.1),
+        go.Curve(*on_circle(np.linspace(0, 360, 181), 1.0), go.FAINT, width=1.1),
         *(
-            Curve(*on_circle(angles[closed], 1 + part[closed]), RING, width=width, dash=dash)
+            go.Curve(*on_circle(angles[closed], 1 + part[closed]), go.RING, width=width, dash=dash)
             for part, width, dash in ((-deflection, 1.3, "dot"), (deflection, 2.0, "solid"))
         ),
-        Curve(*on_circle(angles, 1 + deflection), RING, marker="circle", size=3),
+        go.Curve(*on_circle(angles, 1 + deflection), go.RING, marker="circle", size=3),
     )
-    limits = Axis(range=(-1.05 - DEFLECTION, 1.05 + DEFLECTION))
-    return Panel(series, limits, limits, title=mode_name(mode), equal=True, bare=True)
+    limits = go.Axis(range=(-1.05 - DEFLECTION, 1.05 + DEFLECTION))
+    return go.Panel(series, limits, limits, title=mode_name(mode), equal=True, bare=True)
 
 
-def shape_by_node_panel(mode: Mode, names: Sequence[str]) -> Panel:
+def shape_by_node_panel(mode: Mode, names: Sequence[str]) -> go.Panel:
     """A shape as bars over the names of its nodes, where there is no circle to draw it on."""
     indices, _ = sparse_labels(names)
     every = indices[1] if len(indices) > 1 else 1
-    bars = Bars(np.arange(len(names)), mode.shape.real, RING, width=0.7)
-    across, up = Axis(names=names, every=every), Axis(range=(-1.1, 1.1), ticks=(-1, 0, 1))
-    return Panel((bars, Rule(0, MEASURED)), across, up, title=mode_name(mode))
+    bars = go.Bars(np.arange(len(names)), mode.shape.real, go.RING, width=0.7)
+    across, up = go.Axis(names=names, every=every), go.Axis(range=(-1.1, 1.1), ticks=(-1, 0, 1))
+    return go.Panel((bars, go.Rule(0, go.MEASURED)), across, up, title=mode_name(mode))
 
 
-def shapes_plot(model: ModalModel) -> Plot:
+def shapes_plot(model: ModalModel) -> go.Plot:
     """All shapes, on the circle where the positions have angles."""
     circular = bool(np.isfinite(model.position_deg).all())
     columns = min(4, len(model.modes))
     rows = -(-len(model.modes) // columns)
     if circular:
-        margins = Margins(0.1, 0.1, 0.1, 0.6, between_columns=0.2, between_rows=0.6)
+        margins = go.Margins(0.1, 0.1, 0.1, 0.6, between_columns=0.2, between_rows=0.6)
         panels = tuple(shape_panel(mode, model.position_deg) for mode in model.modes)
     else:
-        margins = Margins(0.8, 0.1, 0.6, 0.6, between_columns=0.8, between_rows=1.2)
+        margins = go.Margins(0.8, 0.1, 0.6, 0.6, between_columns=0.8, between_rows=1.2)
         names = row_names(model, np.arange(model.node.size))
         panels = tuple(shape_by_node_panel(mode, names) for mode in model.modes)
-    return Plot(panels, (17.5, (4.6 if circular else 3.6) * rows), columns, margins=margins)
+    return go.Plot(panels, (17.5, (4.6 if circular else 3.6) * rows), columns, margins=margins)
 
 
 def matrix_chart(
@@ -296,10 +275,10 @@ def _matrix(
     hover: str,
     ends: tuple[float, float],
     scale: str,
-) -> Plot:
+) -> go.Plot:
     """A matrix with the value in each cell, as far as there is room; rows run from the top."""
     written = max(matrix.shape, default=0) <= WRITTEN_CELLS
-    shown = Map(
+    shown = go.Map(
         matrix,
         *ends,
         scale,
@@ -307,5 +286,8 @@ def _matrix(
         label="MAC" if scale == "share" else "",
         cells=[[cell(value) for value in row] for row in matrix] if written else (),
     )
-    rows, columns = Axis(titles[0], names=names[0], reverse=True), Axis(titles[1], names=names[1])
-    return Plot((Panel((shown,), columns, rows),), (9.5, 9))
+    rows, columns = (
+        go.Axis(titles[0], names=names[0], reverse=True),
+        go.Axis(titles[1], names=names[1]),
+    )
+    return go.Plot((go.Panel((shown,), columns, rows),), (9.5, 9))

@@ -1,7 +1,7 @@
 """The description of a plot: panels, axes and series; `draw` and `chart` render it.
 
 Colours are names of the page's style (``report.css``), so that they follow light and dark; texts
-are plain texts, never markup. Widths and sizes are pixels of the page.
+are plain texts, never markup. Widths and sizes are pixels of the page. Imported as `go`.
 """
 
 from __future__ import annotations

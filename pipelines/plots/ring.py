@@ -11,24 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from model.identifiability import Correlation, Sensitivity
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.library.series import UNITS_PA, Series, Trend
+from pipelines.plots import plot as go
 from pipelines.plots.chart import Chart
 from pipelines.plots.modes import matrix_chart
-from pipelines.plots.plot import (
-    FAINT,
-    FITTED,
-    FREQUENCY,
-    MEASURED,
-    ORDER,
-    RING,
-    Axis,
-    Band,
-    Bars,
-    Curve,
-    Margins,
-    Panel,
-    Plot,
-    Rule,
-)
 from pipelines.results.result import Validation
 from pipelines.storage.rounding import signed
 
@@ -45,10 +30,10 @@ def scatter_chart(found: Validation, std_hz: NDArray[np.float64] | None = None) 
     margin = 0.08 * (every.max() - every.min()) + 1.0
     ends = np.array([every.min() - margin, every.max() + margin])
     half = TOLERANCE_PERCENT / 100 * ends
-    orders = Curve(
+    orders = go.Curve(
         found.measured_hz,
         found.model_hz,
-        RING,
+        go.RING,
         "orders",
         marker="circle",
         size=9,
@@ -59,14 +44,16 @@ def scatter_chart(found: Validation, std_hz: NDArray[np.float64] | None = None) 
         x_bars=None if std_hz is None else 2 * std_hz,
         listed=False,
     )
-    band = Band(ends, ends - half, ends + half, RING, TOLERANCE)
-    across, up = (Axis(f"{name} / Hz", (ends[0], ends[1])) for name in ("measured", "ring model"))
-    series = band, Curve(ends, ends, FAINT, width=1), orders
-    panel = Panel(series, across, up, legend="lower right", equal=True)
+    band = go.Band(ends, ends - half, ends + half, go.RING, TOLERANCE)
+    across, up = (
+        go.Axis(f"{name} / Hz", (ends[0], ends[1])) for name in ("measured", "ring model")
+    )
+    series = band, go.Curve(ends, ends, go.FAINT, width=1), orders
+    panel = go.Panel(series, across, up, legend="lower right", equal=True)
     within = int(np.sum(np.abs(found.error_percent) <= TOLERANCE_PERCENT))
     return Chart(
         "frequency-scatter",
-        Plot((panel,), (9.5, 9)),
+        go.Plot((panel,), (9.5, 9)),
         f"Frequencies of the ring against measured ones; {within} of {found.order.size} orders "
         f"lie within {TOLERANCE}.",
         f"Frequencies of the ring over measured ones, labelled by order; {within} of "
@@ -81,25 +68,25 @@ def deviation_chart(found: Validation, std_hz: NDArray[np.float64] | None = None
     error = found.error_percent
     ends = np.array([found.order.min() - 0.5, found.order.max() + 0.5])
     half = np.full(2, TOLERANCE_PERCENT)
-    bars = Bars(
+    bars = go.Bars(
         found.order,
         error,
-        RING,
+        go.RING,
         y_bars=None if std_hz is None else 200 * std_hz / found.measured_hz,
         hover="n = %{x}<br>deviation %{y:+.2f} %",
     )
     limit = 1.3 * max(TOLERANCE_PERCENT, float(np.abs(error).max()))
-    panel = Panel(
-        (Band(ends, -half, half, RING, TOLERANCE), Rule(0), bars),
+    panel = go.Panel(
+        (go.Band(ends, -half, half, go.RING, TOLERANCE), go.Rule(0), bars),
         _orders(found.order, (ends[0], ends[1])),
-        Axis("deviation / %", (-limit, limit)),
+        go.Axis("deviation / %", (-limit, limit)),
         legend="upper right",
     )
     worst = int(np.argmax(np.abs(error)))
     largest = f"{signed(error[worst], 2)} % at n = {found.order[worst]}"
     return Chart(
         "frequency-deviation",
-        Plot((panel,), (9.5, 7.5)),
+        go.Plot((panel,), (9.5, 7.5)),
         f"Deviation of the ring's frequencies by order; the largest is {largest}.",
         f"Deviation of the ring's frequencies with the {TOLERANCE} band; the largest is {largest}. "
         "Deviations that alternate in sign are scatter, a trend over the order is the model. "
@@ -126,7 +113,10 @@ def dispersion_chart(
     )
     return Chart(
         "dispersion",
-        Plot((Panel(series, _orders(shown), Axis(FREQUENCY), legend="upper left"),), (17.5, 7.5)),
+        go.Plot(
+            (go.Panel(series, _orders(shown), go.Axis(go.FREQUENCY), legend="upper left"),),
+            (17.5, 7.5),
+        ),
         f"Frequency over order: {found.order.size} measured modes, {found.measured_hz.min():.1f} "
         f"to {found.measured_hz.max():.1f} Hz, and the dispersion curve of the ring.",
         "Frequency over order. The measured modes should follow the ring's dispersion curve; one "
@@ -147,10 +137,10 @@ def damping_chart(found: Validation, std: NDArray[np.float64] | None = None) -> 
         _ring_curve(found.order, 100 * found.model_damping, "%"),
         _measured(found.order, 100 * found.measured_damping, half, "%"),
     )
-    axes = _orders(found.order), Axis("damping ratio / %", from_zero=True)
+    axes = _orders(found.order), go.Axis("damping ratio / %", from_zero=True)
     return Chart(
         "damping",
-        Plot((Panel(series, *axes, legend="lower left"),), (9.5, 7.5)),
+        go.Plot((go.Panel(series, *axes, legend="lower left"),), (9.5, 7.5)),
         f"Damping ratio over order, measured and of the ring; they differ most, by {largest}.",
         "Damping ratio over order, measured and of the ring; the largest difference is "
         f"{largest}. The ring has three damping parameters for all orders: an order far from its "
@@ -159,14 +149,16 @@ def damping_chart(found: Validation, std: NDArray[np.float64] | None = None) -> 
     )
 
 
-def _orders(orders: NDArray[np.int_], ends: tuple[float, float] | None = None) -> Axis:
-    return Axis(ORDER, ends, ticks=orders.tolist())
+def _orders(orders: NDArray[np.int_], ends: tuple[float, float] | None = None) -> go.Axis:
+    return go.Axis(go.ORDER, ends, ticks=orders.tolist())
 
 
-def _ring_curve(orders: NDArray[np.int_], values: ArrayLike, unit: str) -> Curve:
+def _ring_curve(orders: NDArray[np.int_], values: ArrayLike, unit: str) -> go.Curve:
     """The ring, known at whole orders, joined to guide the eye."""
     hover = f"n = %{{x}}<br>ring %{{y:.2f}} {unit}"
-    return Curve(orders, values, RING, "ring model", width=2, marker="circle", size=5, hover=hover)
+    return go.Curve(
+        orders, values, go.RING, "ring model", width=2, marker="circle", size=5, hover=hover
+    )
 
 
 def _measured(
@@ -174,10 +166,10 @@ def _measured(
     values: NDArray[np.float64],
     half: NDArray[np.float64] | None,
     unit: str,
-) -> Curve:
+) -> go.Curve:
     look, hover = "circle-open", f"n = %{{x}}<br>measured %{{y:.2f}} {unit}"
-    return Curve(
-        orders, values, MEASURED, "measured", marker=look, size=10, hover=hover, y_bars=half
+    return go.Curve(
+        orders, values, go.MEASURED, "measured", marker=look, size=10, hover=hover, y_bars=half
     )
 
 
@@ -192,7 +184,7 @@ def sensitivity_chart(found: Sensitivity, symbols: Mapping[str, str]) -> Chart:
         [f"{order}" for order in found.orders],
         names,
         name="sensitivity",
-        titles=(ORDER, "parameter"),
+        titles=(go.ORDER, "parameter"),
         signed="d ln f / d ln p",
         alternative=f"Sensitivity of {found.orders.size} frequencies to {len(names)} parameters; "
         f"{finding}.",
@@ -222,16 +214,16 @@ def correlation_chart(found: Correlation, symbols: Mapping[str, str]) -> Chart:
     )
 
 
-def pressure_plot(series: Series, unit: str) -> Plot:
+def pressure_plot(series: Series, unit: str) -> go.Plot:
     """Every parameter of a series over pressure in `unit`, two beside each other."""
     columns = min(2, len(series.trends))
     rows = -(-len(series.trends) // columns)
-    room = Margins(1.7, 0.35, 1.15, 0.75, between_columns=1.7, between_rows=1.9)
+    room = go.Margins(1.7, 0.35, 1.15, 0.75, between_columns=1.7, between_rows=1.9)
     panels = tuple(_trend(trend, unit) for trend in series.trends)
-    return Plot(panels, (8.2 * columns, 5.6 * rows), columns, margins=room)
+    return go.Plot(panels, (8.2 * columns, 5.6 * rows), columns, margins=room)
 
 
-def _trend(trend: Trend, unit: str) -> Panel:
+def _trend(trend: Trend, unit: str) -> go.Panel:
     """One parameter: values with ± σ, the line and its ± σ band."""
     name, symbol, value_unit = (RING_NAMES | DAMPING_NAMES)[trend.name]
     power = _power(trend)
@@ -241,14 +233,14 @@ def _trend(trend: Trend, unit: str) -> Panel:
     across = np.linspace(ends[0] - margin, ends[1] + margin, 60)
     line, std = scale * trend.line.at(across), scale * trend.line.std_at(across)
     shown, values = trend.pressure_pa * per_unit, scale * trend.value
-    band = (Band(across * per_unit, line - std, line + std, FITTED, opacity=0.15),)
-    points = Curve(shown, values, MEASURED, marker="circle", size=8, y_bars=scale * trend.std)
+    band = (go.Band(across * per_unit, line - std, line + std, go.FITTED, opacity=0.15),)
+    points = go.Curve(shown, values, go.MEASURED, marker="circle", size=8, y_bars=scale * trend.std)
     factor = f"10{str(power).translate(SUPERSCRIPTS)}" if power else ""
     of = " ".join(part for part in (factor, "" if value_unit == "1" else value_unit) if part)
     drawn = band if isfinite(trend.line.slope_std) else ()
-    series = Curve(across * per_unit, line, FITTED, width=1.7), *drawn, points
-    axes = Axis(f"inflation pressure / {unit}"), Axis(f"{symbol} / ({of})" if of else symbol)
-    return Panel(series, *axes, title=name)
+    series = go.Curve(across * per_unit, line, go.FITTED, width=1.7), *drawn, points
+    axes = go.Axis(f"inflation pressure / {unit}"), go.Axis(f"{symbol} / ({of})" if of else symbol)
+    return go.Panel(series, *axes, title=name)
 
 
 def _power(trend: Trend) -> int:

@@ -9,27 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model import Bifurcation, HubResponse
+from pipelines.plots import plot as go
 from pipelines.plots.measurement import on_circle
-from pipelines.plots.plot import (
-    DASHES,
-    FAINT,
-    FITTED,
-    FREQUENCY,
-    KEPT,
-    MEASURED,
-    ORDER,
-    PHASE,
-    RING,
-    SERIES,
-    Axis,
-    Curve,
-    Margins,
-    Note,
-    Panel,
-    Plot,
-    Rule,
-    log_axis,
-)
 from pipelines.results.labels import wrapped_phase_deg
 from pipelines.simulate.responses import CleatResponse, LoadedSweep, SimulatedInertance
 
@@ -41,69 +22,71 @@ SHADES = (
 )  # fmt: skip
 
 
-def waves_over_speed(found: Bifurcation, title: str = "", marked: float | None = None) -> Panel:
+def waves_over_speed(found: Bifurcation, title: str = "", marked: float | None = None) -> go.Panel:
     """Frequencies over speed: regressive waves solid, progressive ones dashed.
 
     A line marks the speed `marked`, rad/s.
     """
-    series: list[Any] = [] if marked is None else [Rule(marked, upright=True)]
+    series: list[Any] = [] if marked is None else [go.Rule(marked, upright=True)]
     for row, order in enumerate(found.orders):
-        colour = SERIES[row % len(SERIES)]
+        colour = go.SERIES[row % len(go.SERIES)]
         for values, dash in ((found.regressive_hz, "solid"), (found.progressive_hz, "dash")):
-            series.append(Curve(found.speed_rad_s, values[row], colour, width=1.7, dash=dash))
+            series.append(go.Curve(found.speed_rad_s, values[row], colour, width=1.7, dash=dash))
         known = np.flatnonzero(np.isfinite(found.regressive_hz[row]))
         if known.size:
             end = float(found.speed_rad_s[known[-1]]), float(found.standing_hz[row, known[-1]])
-            series.append(Note(*end, f"  n = {order}", colour, align="left"))
+            series.append(go.Note(*end, f"  n = {order}", colour, align="left"))
     series += [
-        Curve([], [], MEASURED, name, width=1.7, dash=dash)
+        go.Curve([], [], go.MEASURED, name, width=1.7, dash=dash)
         for name, dash in (("regressive", "solid"), ("progressive", "dash"))
     ]
-    across, up = Axis("speed Ω / (rad/s)"), Axis(FREQUENCY)
-    return Panel(tuple(series), across, up, title=title, legend="upper left")
+    across, up = go.Axis("speed Ω / (rad/s)"), go.Axis(go.FREQUENCY)
+    return go.Panel(tuple(series), across, up, title=title, legend="upper left")
 
 
-def frequencies_plot(found: Bifurcation) -> Plot:
+def frequencies_plot(found: Bifurcation) -> go.Plot:
     """Frequencies over speed, or over the order where there is one speed only."""
-    room = Margins(right=1.3)
+    room = go.Margins(right=1.3)
     if found.speed_rad_s.size > 1:
-        return Plot((waves_over_speed(found),), (14, 10), margins=room)
+        return go.Plot((waves_over_speed(found),), (14, 10), margins=room)
     series = tuple(
-        Curve(found.orders, values[:, 0], colour, name, width=1.7, dash=dash, marker=marker)
+        go.Curve(found.orders, values[:, 0], colour, name, width=1.7, dash=dash, marker=marker)
         for values, colour, name, dash, marker in (
-            (found.regressive_hz, RING, "regressive", "solid", "circle"),
-            (found.progressive_hz, FITTED, "progressive", "dash", "square"),
+            (found.regressive_hz, go.RING, "regressive", "solid", "circle"),
+            (found.progressive_hz, go.FITTED, "progressive", "dash", "square"),
         )
     )
-    axes = Axis(ORDER, ticks=found.orders.tolist()), Axis(FREQUENCY)
+    axes = go.Axis(go.ORDER, ticks=found.orders.tolist()), go.Axis(go.FREQUENCY)
     title = f"Ω = {found.speed_rad_s[0]:g} rad/s"
-    return Plot((Panel(series, *axes, title=title, legend="upper left"),), (14, 10), margins=room)
+    return go.Plot(
+        (go.Panel(series, *axes, title=title, legend="upper left"),), (14, 10), margins=room
+    )
 
 
-def waves_plot(angles_rad: ArrayLike, times_s: ArrayLike, field: NDArray[np.float64]) -> Plot:
+def waves_plot(angles_rad: ArrayLike, times_s: ArrayLike, field: NDArray[np.float64]) -> go.Plot:
     """The ring at both ends of a cycle, and its radial displacement at every instant.
 
     `field`, shape (n_angles, n_times), is the radial displacement, the largest value being 1; the
     angles are a closed turn.
     """
     angles, times_ms = np.rad2deg(np.asarray(angles_rad)), 1e3 * np.asarray(times_s)
-    ring = [Curve(*on_circle(angles, 1.0), FAINT, width=1)]
-    for index, places, colour, dash in ((0, 0, MEASURED, "solid"), (-1, 2, FITTED, "dash")):
+    ring = [go.Curve(*on_circle(angles, 1.0), go.FAINT, width=1)]
+    for index, places, colour, dash in ((0, 0, go.MEASURED, "solid"), (-1, 2, go.FITTED, "dash")):
         curve = on_circle(angles, 1.0 + DEFLECTION * field[:, index])
         name = f"{times_ms[index]:.{places}f} ms"
-        ring.append(Curve(*curve, colour, name, width=2.0, dash=dash))
+        ring.append(go.Curve(*curve, colour, name, width=2.0, dash=dash))
     unrolled = tuple(
-        Curve(angles, curve, shade, f"{time:.1f} ms", width=1.4)
+        go.Curve(angles, curve, shade, f"{time:.1f} ms", width=1.4)
         for shade, time, curve in zip(_shades(times_ms.size), times_ms, field.T, strict=True)
     )
-    across = Axis("angle / °", (0, 360), ticks=range(0, 361, 60))
-    up = Axis("radial displacement / its maximum")
+    across = go.Axis("angle / °", (0, 360), ticks=range(0, 361, 60))
+    up = go.Axis("radial displacement / its maximum")
     panels = (
-        Panel(tuple(ring), legend="center", equal=True, bare=True),
-        Panel(unrolled, across, up, legend="beside"),
+        go.Panel(tuple(ring), legend="center", equal=True, bare=True),
+        go.Panel(unrolled, across, up, legend="beside"),
     )
-    room = Margins(left=0.2, right=2.4, between_columns=1.8)
-    return Plot(panels, (20, 8), 2, widths=(1, 1.5), margins=room)
+    room = go.Margins(left=0.2, right=2.4, between_columns=1.8)
+    return go.Plot(panels, (20, 8), 2, widths=(1, 1.5), margins=room)
 
 
 def inertances(
@@ -111,8 +94,8 @@ def inertances(
     looks: Mapping[str, Mapping[str, Any]] | None = None,
     *,
     title: str = "",
-    across: str = FREQUENCY,
-) -> Panel:
+    across: str = go.FREQUENCY,
+) -> go.Panel:
     """Magnitudes of inertances in one unit on a logarithmic axis.
 
     `looks` are properties of a `Curve` by name, in place of the usual ones; `across` is empty
@@ -122,50 +105,58 @@ def inertances(
     series = []
     for index, (name, curve) in enumerate(curves.items()):
         look: dict[str, Any] = {"width": 1.7, "name": name, "listed": several}
-        look |= {"colour": SERIES[index % len(SERIES)], "dash": DASHES[index % len(DASHES)]}
+        look |= {
+            "colour": go.SERIES[index % len(go.SERIES)],
+            "dash": go.DASHES[index % len(go.DASHES)],
+        }
         look |= (looks or {}).get(name, {})
-        series.append(Curve(curve.frequency_hz, curve.magnitude, **look))
+        series.append(go.Curve(curve.frequency_hz, curve.magnitude, **look))
     unit = next(iter(curves.values())).unit
-    levels = log_axis(f"|inertance| / ({unit})", *(curve.y for curve in series))
-    return Panel(tuple(series), Axis(across), levels, title=title, legend="lower right")
+    levels = go.log_axis(f"|inertance| / ({unit})", *(curve.y for curve in series))
+    return go.Panel(tuple(series), go.Axis(across), levels, title=title, legend="lower right")
 
 
-def inertance_plot(found: SimulatedInertance) -> Plot:
+def inertance_plot(found: SimulatedInertance) -> go.Plot:
     """Magnitude and phase of an inertance."""
-    phase = Curve(found.frequency_hz, wrapped_phase_deg(found.values), RING, width=1.7)
-    panels = inertances({"inertance": found}, across=""), Panel((phase,), Axis(FREQUENCY), PHASE)
-    return Plot(panels, (15, 11), heights=(3, 2))
-
-
-def cleat_plot(found: CleatResponse) -> Plot:
-    """The response of a point after the blow, over time and over frequency."""
-    time = Curve(1e3 * found.time_s, found.response, RING, width=1.7)
-    spectrum = Curve(found.frequency_hz, np.abs(found.spectrum), RING, width=1.7)
-    observer = found.observer
-    levels = log_axis(f"|spectrum| / ({observer.unit}·s)", spectrum.y)
+    phase = go.Curve(found.frequency_hz, wrapped_phase_deg(found.values), go.RING, width=1.7)
     panels = (
-        Panel((time,), Axis("time / ms"), Axis(f"{observer.quantity} / ({observer.unit})")),
-        Panel((spectrum,), Axis(FREQUENCY), levels),
+        inertances({"inertance": found}, across=""),
+        go.Panel((phase,), go.Axis(go.FREQUENCY), go.PHASE),
     )
-    return Plot(panels, (15, 12), margins=Margins(between_rows=1.4))
+    return go.Plot(panels, (15, 11), heights=(3, 2))
 
 
-def hub_plot(found: HubResponse) -> Plot:
+def cleat_plot(found: CleatResponse) -> go.Plot:
+    """The response of a point after the blow, over time and over frequency."""
+    time = go.Curve(1e3 * found.time_s, found.response, go.RING, width=1.7)
+    spectrum = go.Curve(found.frequency_hz, np.abs(found.spectrum), go.RING, width=1.7)
+    observer = found.observer
+    levels = go.log_axis(f"|spectrum| / ({observer.unit}·s)", spectrum.y)
+    panels = (
+        go.Panel(
+            (time,), go.Axis("time / ms"), go.Axis(f"{observer.quantity} / ({observer.unit})")
+        ),
+        go.Panel((spectrum,), go.Axis(go.FREQUENCY), levels),
+    )
+    return go.Plot(panels, (15, 12), margins=go.Margins(between_rows=1.4))
+
+
+def hub_plot(found: HubResponse) -> go.Plot:
     """Forces and moment on the hub per unit of force on the belt."""
     series = tuple(
-        Curve(found.frequency_hz, np.abs(values), colour, name, width=1.7, dash=dash)
+        go.Curve(found.frequency_hz, np.abs(values), colour, name, width=1.7, dash=dash)
         for values, name, colour, dash in (
-            (found.force_x, "force x / N", RING, "solid"),
-            (found.force_z, "force z / N", FITTED, "dash"),
-            (found.moment_m, "moment / (N m)", KEPT, "dashdot"),
+            (found.force_x, "force x / N", go.RING, "solid"),
+            (found.force_z, "force z / N", go.FITTED, "dash"),
+            (found.moment_m, "moment / (N m)", go.KEPT, "dashdot"),
         )
         if np.abs(values).max() > 0
     )
-    levels = log_axis("at the hub per N on the belt", *(curve.y for curve in series))
-    return Plot((Panel(series, Axis(FREQUENCY), levels),), (15, 9))
+    levels = go.log_axis("at the hub per N on the belt", *(curve.y for curve in series))
+    return go.Plot((go.Panel(series, go.Axis(go.FREQUENCY), levels),), (15, 9))
 
 
-def loaded_plot(found: LoadedSweep) -> Plot:
+def loaded_plot(found: LoadedSweep) -> go.Plot:
     """Change of each frequency with the load, and the deflection by the largest load."""
     rising = np.argsort(found.load_n)
     orders = found.dominant_order[rising[-1]]
@@ -177,17 +168,17 @@ def loaded_plot(found: LoadedSweep) -> Plot:
         percent = 100.0 * (frequency_hz / frequency_hz[0] - 1.0)
         look = 1.7, "dash" if second else "solid", "circle", 4.0
         name, listed = f"n = {order}", not second
-        curve = Curve(found.load_n[rising], percent, shades[order], name, *look, listed=listed)
+        curve = go.Curve(found.load_n[rising], percent, shades[order], name, *look, listed=listed)
         changes.append(curve)
-    deflection = Curve(found.angle_deg, 1e3 * found.deflection_m, RING, width=1.7)
-    around = Axis("angle from the contact / °", (-180, 180), ticks=range(-180, 181, 60))
-    load, change = Axis("vertical load / N"), Axis("change of frequency / %")
+    deflection = go.Curve(found.angle_deg, 1e3 * found.deflection_m, go.RING, width=1.7)
+    around = go.Axis("angle from the contact / °", (-180, 180), ticks=range(-180, 181, 60))
+    load, change = go.Axis("vertical load / N"), go.Axis("change of frequency / %")
     title = f"load {found.load_n.max():g} N"
     panels = (
-        Panel(tuple(changes), load, change, legend="beside"),
-        Panel((deflection,), around, Axis("radial deflection / mm"), title=title),
+        go.Panel(tuple(changes), load, change, legend="beside"),
+        go.Panel((deflection,), around, go.Axis("radial deflection / mm"), title=title),
     )
-    return Plot(panels, (15, 14), margins=Margins(right=2.2, between_rows=1.9))
+    return go.Plot(panels, (15, 14), margins=go.Margins(right=2.2, between_rows=1.9))
 
 
 def _shades(count: int) -> Sequence[str]:

@@ -12,7 +12,7 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from pipelines.plots.plot import Margins
+from pipelines.plots import plot as go
 from pipelines.storage.atomic import file_written_whole
 
 DOTS_PER_INCH = 150
@@ -51,7 +51,7 @@ def styled_figure(
     height_cm: float,
     rows: int = 1,
     columns: int = 1,
-    margins: Margins | None = None,
+    margins: go.Margins | None = None,
     **options: Any,
 ) -> Iterator[tuple[Figure, Any]]:
     """A figure in the common style and its axes; what is drawn inside the block gets the style.
@@ -71,7 +71,7 @@ def styled_figure(
     ------
     Figure, Axes or ndarray of Axes
     """
-    room = margins or Margins()
+    room = margins or go.Margins()
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(width_cm / 2.54, height_cm / 2.54), dpi=DOTS_PER_INCH)
         axis_width = (width_cm - room.left - room.right + room.between_columns) / columns

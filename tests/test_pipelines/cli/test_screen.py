@@ -13,15 +13,18 @@ import pytest
 from ema.core.finding import Check, Finding, Verdict
 from pipelines.cli import streams, terminal
 from pipelines.cli.result import show, warnings
-from pipelines.cli.screen import Column, print_table, screen
+from pipelines.cli.screen import print_table, screen
 
-COLUMNS = (
-    Column("mode", ["1", "2"]),
-    Column("frequency in Hz", ["78.728 ± 0.005", "100.310 ± 0.004"]),
-    Column("status", ["pair not resolvable", "ok"], is_text=True, folds=True),
-    Column("purity", ["1.000", "0.998"]),
-    Column("remark", ["", ""], is_text=True),
+HEAD = ("mode", "frequency in Hz", "status", "purity", "remark")
+ROWS = (
+    ("1", "78.728 ± 0.005", "pair not resolvable", "1.000", ""),
+    ("2", "100.310 ± 0.004", "ok", "0.998", ""),
 )
+LOOKS = {
+    "texts": ("status", "remark"),
+    "folding": ("status",),
+    "first_to_go": ("purity", "mode"),
+}
 
 
 @pytest.fixture
@@ -40,14 +43,14 @@ def printed(monkeypatch, capsys):
 
 
 def test_a_wide_screen_shows_all_columns_that_have_content(printed):
-    lines = printed(120, lambda: print_table("Modes", COLUMNS, ("purity", "mode")))
+    lines = printed(120, lambda: print_table("Modes", HEAD, ROWS, **LOOKS))
     assert lines[0] == "Modes"
     assert lines[2].split() == ["mode", "frequency", "in", "Hz", "status", "purity"]
     assert not any("Not shown" in line for line in lines)
 
 
 def test_columns_go_in_the_stated_order_and_are_named(printed):
-    lines = printed(40, lambda: print_table("", COLUMNS, ("purity", "mode")))
+    lines = printed(40, lambda: print_table("", HEAD, ROWS, **LOOKS))
     assert lines[1].split() == ["mode", "frequency", "in", "Hz", "status"]
     assert "Not shown, the screen is too narrow: purity." in " ".join(lines)
     assert "pair not" in " ".join(" ".join(lines).split())
@@ -56,11 +59,11 @@ def test_columns_go_in_the_stated_order_and_are_named(printed):
 @pytest.mark.parametrize("columns", [20, 30, 60, 80, 120])
 def test_nothing_is_cut_off(printed, columns):
     """Where no more columns may go, cells take several lines."""
-    lines = printed(columns, lambda: print_table("", COLUMNS, ("purity", "mode")))
+    lines = printed(columns, lambda: print_table("", HEAD, ROWS, **LOOKS))
     assert max(map(len, lines)) <= columns
     letters = "".join("".join(lines).split())
     assert "…" not in letters
-    cells = "".join("".join(COLUMNS[1].cells + COLUMNS[2].cells).split())
+    cells = "".join("".join(cell for row in ROWS for cell in row[1:3]).split())
     assert Counter(cells) <= Counter(letters)
 
 
