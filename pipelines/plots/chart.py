@@ -26,7 +26,6 @@ SCALES: dict[str, Any] = {
     "share": [[0, "--paper"], [1, "--cell-above"]],
     "signed": [[0, "--cell-below"], [0.5, "--paper"], [1, "--cell-above"]],
 }
-THIN = {"width": 1}
 GAP = 0.06  # between panels, as a share of the height
 
 
@@ -56,23 +55,41 @@ class Chart:
     @property
     def data(self) -> list[Trace]:
         """Traces as Plotly's JSON describes them."""
-        axes = _vertical(self.plot)
         return [
-            trace
-            for panel, sides in zip(self.plot.panels, axes, strict=True)
+            {"yaxis": left} | trace
+            for panel, (left, _) in zip(self.plot.panels, _vertical(self.plot), strict=True)
             for series in panel.series
-            for trace in _traces(series, panel, sides[0])
+            for trace in _traces(series, panel)
         ]
 
     @property
     def layout(self) -> dict[str, Any]:
         """Layout in the same form; fonts and margins come from the page."""
-        return _layout(self.plot)
-
-    @property
-    def specification(self) -> dict[str, Any]:
-        """What the page's script reads."""
-        return {"data": self.data, "layout": self.layout}
+        panels, axes = self.plot.panels, _vertical(self.plot)
+        mode = "x" if self.plot.together else "closest"
+        layout: dict[str, Any] = {"hovermode": mode, "shapes": [], "annotations": []}
+        for panel, (left, right) in zip(panels, axes, strict=True):
+            layout[left.replace("y", "yaxis")] = _axis(panel.y, panel)
+            if panel.right is not None:
+                layout["yaxis2"] |= {"side": "left", "overlaying": right}
+                layout["yaxis"] = _axis(panel.right, panel) | {"side": "right", "showgrid": False}
+            for series in panel.series:
+                shapes, annotations = _marks(series, panel, left)
+                layout["shapes"] += shapes
+                layout["annotations"] += annotations
+        last = panels[-1]
+        layout["xaxis"] = _axis(last.x, last)
+        if len(panels) > 1:
+            layout["xaxis"]["anchor"] = axes[-1][0]
+            for (left, _), domain in zip(axes, _domains(self.plot), strict=True):
+                layout[left.replace("y", "yaxis")]["domain"] = domain
+        if last.equal:
+            layout["xaxis"]["constrain"] = "domain"
+            layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
+        if last.bare:
+            layout["margin"] = {"l": 4, "r": 4, "t": 26, "b": 4}
+            layout["legend"] = {"y": -0.01, "yanchor": "top"}
+        return {key: value for key, value in layout.items() if value != []}
 
 
 @runtime_checkable
@@ -133,14 +150,23 @@ def _vertical(plot: go.Plot) -> list[tuple[str, str]]:
     return [("y" if k == 0 else f"y{k + 1}",) * 2 for k in range(len(plot.panels))]
 
 
-def _traces(series: Any, panel: go.Panel, left: str) -> Iterator[Trace]:
-    place = {} if left == "y" else {"yaxis": left}
+def _domains(plot: go.Plot) -> list[list[float]]:
+    """Ends of each panel, as shares of the height from below."""
+    shares = np.array(plot.heights or [1.0] * len(plot.panels))
+    low = 1 - np.cumsum(shares / shares.sum())
+    high = [1.0, *(low[:-1] - GAP)]
+    return [
+        [round(max(0.0, float(a)), 3), round(float(b), 3)] for a, b in zip(low, high, strict=True)
+    ]
+
+
+def _traces(series: Any, panel: go.Panel) -> Iterator[Trace]:
     match series:
         case go.Curve():
-            yield _curve(series, panel) | ({} if series.right else place)
+            yield _curve(series, panel)
         case go.Band(x, low, high, colour, name, opacity):
             line = {"type": "scatter", "mode": "lines", "x": _numbers(x), "hoverinfo": "skip"}
-            edge = {"line": {"color": NO_COLOUR, "width": 0}, "showlegend": False, **place}
+            edge = {"line": {"color": NO_COLOUR, "width": 0}, "showlegend": False}
             yield {**line, **edge, "name": "", "y": _numbers(low)}
             fill = {"fill": "tonexty", "fillcolor": f"rgba({SHADES[colour]}, {opacity})"}
             shown = {"showlegend": bool(name), "name": _text(name)}
@@ -149,13 +175,19 @@ def _traces(series: Any, panel: go.Panel, left: str) -> Iterator[Trace]:
             bars: Trace = {"type": "bar", "x": _numbers(x), "y": _numbers(y), "width": width}
             if half is not None:
                 bars["error_y"] = _error(half) | {"color": "--measured"}
-            yield bars | {"marker": {"color": colour}, "showlegend": False} | _hover(hover) | place
+            yield bars | {"marker": {"color": colour}, "showlegend": False} | _hover(hover)
         case go.Map():
-            yield _map(series, panel) | place
+            yield _map(series, panel)
 
 
 def _curve(curve: go.Curve, panel: go.Panel) -> Trace:
     modes = (("lines", curve.width), ("markers", curve.marker), ("text", curve.labelled))
+    line: Trace = {"color": curve.colour, "width": curve.width}
+    if curve.dash != "solid":
+        line["dash"] = curve.dash
+    marker: Trace = {"color": curve.colour, "size": curve.size, "symbol": curve.marker}
+    if curve.marker.endswith("-open"):
+        marker["line"] = {"width": 1 if "thin" in curve.marker else 1.5}
     x = np.asarray(curve.x)
     trace: Trace = {
         "type": "scatter",
@@ -165,25 +197,18 @@ def _curve(curve: go.Curve, panel: go.Panel) -> Trace:
         **({"x": _named(x, panel.x)} if curve.marker or panel.x.names else _along(x)),
         "y": _numbers(curve.y),
         **_hover(curve.hover),
+        "line": line if curve.width else None,
+        "marker": marker if curve.marker else None,
+        "opacity": curve.opacity if curve.opacity != 1 else None,
+        "legendgroup": _text(curve.group) or None,
+        "text": list(map(_text, curve.texts)) or None,
+        "textposition": "top left" if curve.labelled else None,
+        "customdata": None if curve.values is None else _numbers(curve.values),
+        "error_x": None if curve.x_bars is None else _error(curve.x_bars),
+        "error_y": None if curve.y_bars is None else _error(curve.y_bars),
+        "yaxis": "y" if curve.right else None,
     }
-    if curve.width:
-        trace["line"] = {"color": curve.colour, "width": curve.width}
-        if curve.dash != "solid":
-            trace["line"]["dash"] = curve.dash
-    if curve.marker:
-        trace["marker"] = {"color": curve.colour, "size": curve.size, "symbol": curve.marker}
-        if curve.marker.endswith("-open"):
-            trace["marker"]["line"] = THIN if "thin" in curve.marker else {"width": 1.5}
-    optional: tuple[tuple[str, Any], ...] = (
-        ("opacity", curve.opacity if curve.opacity != 1 else None),
-        ("legendgroup", _text(curve.group) or None),
-        ("text", list(map(_text, curve.texts)) or None),
-        ("textposition", "top left" if curve.labelled else None),
-        ("customdata", None if curve.values is None else _numbers(curve.values)),
-        ("error_x", None if curve.x_bars is None else _error(curve.x_bars)),
-        ("error_y", None if curve.y_bars is None else _error(curve.y_bars)),
-    )
-    return trace | {key: value for key, value in optional if value is not None}
+    return {key: value for key, value in trace.items() if value is not None}
 
 
 def _error(half: NDArray[np.float64]) -> Trace:
@@ -210,36 +235,6 @@ def _map(shown: go.Map, panel: go.Panel) -> Trace:
     if shown.cells:
         trace |= {"text": [list(row) for row in shown.cells], "texttemplate": "%{text}"}
     return trace
-
-
-def _layout(plot: go.Plot) -> dict[str, Any]:
-    mode = "x" if plot.together else "closest"
-    layout: dict[str, Any] = {"hovermode": mode, "shapes": [], "annotations": []}
-    shares = np.array(plot.heights or [1.0] * len(plot.panels))
-    low_ends = 1 - np.cumsum(shares / shares.sum())
-    for k, (panel, (left, right)) in enumerate(zip(plot.panels, _vertical(plot), strict=True)):
-        key = left.replace("y", "yaxis")
-        layout[key] = _axis(panel.y, panel)
-        if len(plot.panels) > 1:
-            top = 1.0 if k == 0 else float(low_ends[k - 1]) - GAP
-            layout[key]["domain"] = [round(max(0.0, float(low_ends[k])), 3), round(top, 3)]
-        if panel.right is not None:
-            layout[key] |= {"side": "left", "overlaying": right}
-            layout["yaxis"] = _axis(panel.right, panel) | {"side": "right", "showgrid": False}
-        for series in panel.series:
-            layout["shapes"] += _shapes(series, left)
-            layout["annotations"] += _annotations(series, panel, left)
-    last = plot.panels[-1]
-    layout["xaxis"] = _axis(last.x, last)
-    if len(plot.panels) > 1:
-        layout["xaxis"]["anchor"] = _vertical(plot)[-1][0]
-    if last.equal:
-        layout["xaxis"]["constrain"] = "domain"
-        layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
-    if last.bare:
-        layout["margin"] = {"l": 4, "r": 4, "t": 26, "b": 4}
-        layout["legend"] = {"y": -0.01, "yanchor": "top"}
-    return {key: value for key, value in layout.items() if value != []}
 
 
 def _axis(axis: go.Axis, panel: go.Panel) -> dict[str, Any]:
@@ -270,8 +265,8 @@ def _axis(axis: go.Axis, panel: go.Panel) -> dict[str, Any]:
     return found
 
 
-def _shapes(series: Any, left: str) -> list[dict[str, Any]]:
-    """Lines and shaded ranges, which have no values of their own."""
+def _marks(series: Any, panel: go.Panel, left: str) -> tuple[list[Trace], list[Trace]]:
+    """Shapes and annotations: lines, shaded ranges and texts, which have no values of their own."""
     match series:
         case go.Rule():
             line = {"color": series.colour, "width": series.width, "dash": series.dash}
@@ -279,31 +274,30 @@ def _shapes(series: Any, left: str) -> list[dict[str, Any]]:
             if series.upright:
                 ends = {"x0": series.at, "x1": series.at, "y0": 0, "y1": 1}
             yref = f"{left} domain" if series.upright else left
-            return [{"type": "line", "yref": yref, **ends, "line": line}]
+            return [{"type": "line", "yref": yref, **ends, "line": line}], []
         case go.Span(start, stop):
             ends = {"x0": start, "x1": stop, "y0": 0, "y1": 1, "yref": f"{left} domain"}
             look = {"fillcolor": "--faint", "opacity": 0.12, "line": {"width": 0}}
-            return [{"type": "rect", "xref": "x", **ends, **look, "layer": "below"}]
-        case go.Flags(at, _, _, height):
-            look = {"line": {"color": "--kept", "width": 0.8}, "layer": "below"}
-            ends = {"y0": 0, "y1": height + 0.03, "xref": "x", "yref": f"{left} domain"}
-            return [{"type": "line", "x0": x, "x1": x, **ends, **look} for x in at]
-    return []
-
-
-def _annotations(series: Any, panel: go.Panel, left: str) -> list[dict[str, Any]]:
-    match series:
+            return [{"type": "rect", "xref": "x", **ends, **look, "layer": "below"}], []
         case go.Note(x, y, text, colour, align):
             place = {"x": x, "y": y, "xref": "x", "yref": left, "xanchor": align}
             look = {"showarrow": False, "font": {"color": colour}}
-            return [{**place, "text": _text(text), **look}]
-        case go.Flags(at, names, places, height) if panel.y.range:
-            top = panel.y.range[1]
-            ends = {"y": (height + 0.03) * top, "ay": (height + 0.06) * top}
-            look = {"arrowhead": 0, "arrowwidth": 0.8, "arrowcolor": "--kept", "textangle": -90}
-            refs = {"yref": left, "axref": "x", "ayref": left, "yanchor": "bottom"}
-            return [
-                {"x": x, "ax": place, "text": _text(name), **ends, **refs, **look}
-                for x, place, name in zip(at, places, names, strict=True)
-            ]
-    return []
+            return [], [{**place, "text": _text(text), **look}]
+        case go.Flags():
+            return _flags(series, panel, left)
+    return [], []
+
+
+def _flags(flags: go.Flags, panel: go.Panel, left: str) -> tuple[list[Trace], list[Trace]]:
+    look: Trace = {"line": {"color": "--kept", "width": 0.8}, "layer": "below"}
+    ends: Trace = {"y0": 0, "y1": flags.height + 0.03, "xref": "x", "yref": f"{left} domain"}
+    lines = [{"type": "line", "x0": x, "x1": x, **ends, **look} for x in flags.at]
+    assert panel.y.range is not None
+    top = panel.y.range[1]
+    ends = {"y": (flags.height + 0.03) * top, "ay": (flags.height + 0.06) * top}
+    look = {"arrowhead": 0, "arrowwidth": 0.8, "arrowcolor": "--kept", "textangle": -90}
+    refs = {"yref": left, "axref": "x", "ayref": left, "yanchor": "bottom"}
+    return lines, [
+        {"x": x, "ax": place, "text": _text(name), **ends, **refs, **look}
+        for x, place, name in zip(flags.at, flags.places, flags.names, strict=True)
+    ]
