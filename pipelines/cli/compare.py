@@ -28,9 +28,7 @@ PLACES = "Positions and directions"
 def compare(
     first: Annotated[Path, opt.argument("FIRST", "Folder of a result, the one to compare with.")],
     second: Annotated[Path, opt.argument("SECOND", "Folder of another result.")],
-    out: Annotated[
-        Path, opt.option("--out", "Page with all comparisons.", opt.FILES, "FILE")
-    ] = Path("comparison.html"),
+    out: Annotated[Path, opt.target("Page", (".html",))] = Path("comparison.html"),
     force: Annotated[bool, opt.replacing("an earlier page")] = False,
     accept_changes: opt.AcceptChanges = False,
     as_json: opt.Json = False,
@@ -43,7 +41,6 @@ def compare(
       ringmodal compare results/220_kPa results/250_kPa
       ringmodal compare results/monday results/tuesday --out repeatability.html --force
     """  # noqa: D406, D407 - a heading of the help
-    opt.choice("--out", out.suffix or "(no ending)", (".html",))
     with reporting_outcome(out):
         found = compare_folders(first, second, accept_changes=accept_changes)
         page = write_comparison(found, out, force=force)
@@ -70,10 +67,7 @@ def compare_shapes(
     other: Annotated[
         Path, opt.argument("OTHER", "Universal file (55, 2414), another result, or a CSV table.")
     ],
-    out: Annotated[
-        Path | None,
-        opt.option("--out", "Also write a table (.csv) or a page (.html).", opt.FILES, "FILE"),
-    ] = None,
+    out: Annotated[Path | None, opt.target("Table or page", (".csv", ".html"))] = None,
     force: Annotated[bool, opt.replacing("an earlier file")] = False,
     accept_changes: opt.AcceptChanges = False,
     by: Annotated[
@@ -110,11 +104,10 @@ def compare_shapes(
     with reporting_outcome(out or result):
         found = shapes.compare_shapes(result, other, alignment, accept_changes=accept_changes)
         if out is not None:
-            writers = {".csv": shapes.write_table, ".html": write_shape_comparison}
-            ending = opt.choice("--out", out.suffix or "(no ending)", tuple(writers))
+            is_page = out.suffix.lower() == ".html"
             require_free_file(out, force=force)
             with file_written_whole(out) as partial:
-                writers[ending](found, partial)
+                (write_shape_comparison if is_page else shapes.write_table)(found, partial)
     if as_json:
         print_json(shapes.comparison_record(found))
         return

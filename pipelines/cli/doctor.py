@@ -13,7 +13,6 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
@@ -66,11 +65,19 @@ def doctor(
     with shown(quiet=as_json) as progress:
         progress.stage("Checking the installation …")
         checks = examine()
+    problems = sum(check.verdict == PROBLEM for check in checks)
     if as_json:
         print_json([asdict(check) for check in checks])
     else:
-        _show(checks)
-    if any(check.verdict == PROBLEM for check in checks):
+        head = ("check", "verdict", "found")
+        rows = [(check.name, check.verdict, check.found) for check in checks]
+        print_table("", head, rows, texts=head, folding=head[2:])
+        for check in checks:
+            if check.verdict != OK:
+                echo(f"{check.verdict.capitalize()}: {check.name}: {check.remedy}")
+        none = "No problem found: ringmodal can work here."
+        echo(f"Problems: {problems}." if problems else none)
+    if problems:
         raise typer.Exit(1)
 
 
@@ -205,14 +212,3 @@ def _output(module: str, *arguments: str) -> str:
         reason = (ended.stderr.strip().splitlines() or [f"exit code {ended.returncode}"])[-1]
         raise RuntimeError(f"{module} {arguments[0]}: {reason}")
     return ended.stdout
-
-
-def _show(checks: Sequence[Check]) -> None:
-    head = ("check", "verdict", "found")
-    rows = [(check.name, check.verdict, check.found) for check in checks]
-    print_table("", head, rows, texts=head, folding=head[2:])
-    for check in checks:
-        if check.verdict != OK:
-            echo(f"{check.verdict.capitalize()}: {check.name}: {check.remedy}")
-    problems = sum(check.verdict == PROBLEM for check in checks)
-    echo(f"Problems: {problems}." if problems else "No problem found: ringmodal can work here.")

@@ -57,14 +57,13 @@ def export(
     with reporting_outcome(out or result):
         content = {"real": real, "text": text, "force": force, "accept_changes": accept_changes}
         written = write(result, out, file_format, frfs=frfs, **content)
-    found = written.export
+    found, notes = written.export, written.export.geometry.notes
     counts = {
         "modes": len(found.modes),
         "nodes": found.geometry.node.size,
         "frfs_measured": 0 if found.measured is None else found.measured.n_positions,
         "frfs_synthesised": 0 if found.synthesised is None else found.synthesised.n_positions,
     }
-    notes = list(found.geometry.notes)
     if as_json:
         about = {"path": str(written.path), "format": written.file_format}
         print_json({**about, **counts, "notes": notes})

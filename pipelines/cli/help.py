@@ -22,7 +22,6 @@ class _Grouped:
     """Help in groups without rich, which takes longer to load than everything else in it."""
 
     def format_help_text(self: Any, ctx: Any, formatter: Any) -> None:
-        """Write what a command does; examples keep their lines."""
         paragraphs = (self.help or "").split("\n\n")
         kept = [_KEEP_LINES + text if text.startswith("Example") else text for text in paragraphs]
         formatter.write_paragraph()
@@ -30,7 +29,6 @@ class _Grouped:
             formatter.write_text("\n\n".join(kept))
 
     def format_options(self: Any, ctx: Any, formatter: Any) -> None:
-        """Write commands, arguments and options, each group below its heading."""
         groups: dict[str, list[tuple[str, str]]] = {}
         for heading, name, summary in self.listed(ctx):
             groups.setdefault(heading, []).append((name, summary))
@@ -49,7 +47,6 @@ class _Grouped:
         return []
 
     def collect_usage_pieces(self: Any, ctx: Any) -> list[str]:
-        """What follows the command's name in its usage."""
         pieces = [each.metavar for each in self.get_params(ctx) if _is_argument(each)]
         return ["[OPTIONS]", *pieces, *(["COMMAND …"] if isinstance(self, TyperGroup) else [])]
 

@@ -31,7 +31,7 @@ WINDOWS = (  # completed by the shell; any other window of scipy is accepted as 
     *("boxcar", "hann", "hamming", "blackman", "blackmanharris", "flattop"),
     *("bartlett", "bohman", "cosine", "nuttall", "parzen", "triang", "tukey"),
 )
-TABLE_ENDINGS = (".csv", ".parquet")
+TABLE_ENDINGS, FIGURE_ENDINGS = (".csv", ".parquet"), (".png", ".svg")
 # A simulation of one line or instant takes seconds and less than 200 MB for this many values.
 MOST_VALUES = 100_000
 MOST_ORDERS = 2000  # as many harmonics as are ever summed
@@ -59,19 +59,17 @@ def replacing(what: str) -> Any:
     return option("--force", f"Replace {what}.", FILES)
 
 
-def target(name: str, text: str, endings: tuple[str, ...]) -> Any:
-    """An option for a file to write, which is refused before anything is computed."""
+def target(content: str, endings: tuple[str, ...], name: str = "--out") -> Any:
+    """An option for a file to write; what cannot be written is refused before any work."""
 
     def checked(path: Path | None) -> Path | None:
-        if path is None:
-            return None
-        if path.suffix.lower() not in endings:
-            rule = f"it must be {' or '.join(endings)}"
-            raise InputError(str(path), f"the ending {path.suffix!r}", rule, "Choose another name")
-        require_free_file(path, force=True)
+        if path is not None:
+            choice(f"{name} {path}", path.suffix or "(no ending)", endings)
+            require_free_file(path, force=True)
         return path
 
-    return option(name, text, FILES, "FILE", callback=checked)
+    text = f"{content}: {', '.join(endings[:-1])} or {endings[-1]}".removeprefix(" or ")
+    return option(name, f"{text}.", FILES, "FILE", callback=checked)
 
 
 def argument(metavar: str, text: str) -> Any:

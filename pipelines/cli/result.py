@@ -84,9 +84,8 @@ def tune(
     objective = opt.choice("--objective", objective, opt.OBJECTIVES)
     known = opt.ring_parameters("--given", given)
     with reporting_outcome(result_folder):
-        result = retune(
-            result_folder, objective, known, strict=strict, accept_changes=accept_changes
-        )
+        options = {"strict": strict, "accept_changes": accept_changes}
+        result = retune(result_folder, objective, known, **options)
         pdf = has_pdf(result_folder) and not no_report
         save(result, result_folder, report=not no_report, pdf=pdf, force=True)
         show(result, result_folder, as_json=as_json, report=not no_report)
@@ -205,13 +204,12 @@ def _ring(tuning: TuningResult) -> dict[str, dict[str, Any]]:
 def _summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
     """Content of ``--json``."""
     table = result.modal_model.to_frame()
-    ring = {} if result.tuning is None else _ring(result.tuning)
     return {
         "result": str(folder),
         "report": str(folder / REPORT) if report else None,
         "pdf": str(folder / PDF) if (folder / PDF).is_file() else None,
         "modes": [dict(zip(table.columns, row, strict=True)) for row in plain_rows(table)],
-        "ring": ring,
+        "ring": {} if result.tuning is None else _ring(result.tuning),
         "warnings": [f.detail for f in result.findings if not f.is_ok],
         "notes": list(result.notes),
     }

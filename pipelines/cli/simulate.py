@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -65,17 +65,11 @@ def _requested(
     *,
     tyre: Annotated[
         Path | None,
-        opt.option(
-            "--tyre", "A tyre.toml or a result folder. Default: the sample tyre, a 225/55R17."
-        ),
+        opt.option("--tyre", "Tyre.toml or result folder. Default: the sample tyre.", opt.FILES),
     ] = None,
     accept_changes: opt.AcceptChanges = False,
-    out: Annotated[
-        Path | None, opt.target("--out", "Table: .csv or .parquet.", opt.TABLE_ENDINGS)
-    ] = None,
-    figure: Annotated[
-        Path | None, opt.target("--figure", "Picture: .png or .svg.", (".png", ".svg"))
-    ] = None,
+    out: Annotated[Path | None, opt.target("Table", opt.TABLE_ENDINGS)] = None,
+    figure: Annotated[Path | None, opt.target("Picture", opt.FIGURE_ENDINGS, "--figure")] = None,
     as_json: opt.Json = False,
 ) -> Request:
     """The tyre to simulate and where the result goes, from the command line."""
@@ -85,7 +79,8 @@ def _requested(
     return Request(chosen, out, figure, as_json)
 
 
-_with_request = partial(opt.sharing, "request", _requested)
+def _command(function: Callable[..., None]) -> Callable[..., None]:
+    return simulate.command(cls=Command)(opt.sharing("request", _requested, function))
 
 
 @simulate.command(cls=Command)
@@ -153,8 +148,7 @@ def campaign(
     echo(f"Next: ringmodal process {written} --out result")
 
 
-@simulate.command(cls=Command)
-@_with_request
+@_command
 def frequencies(
     request: Request,
     orders: Annotated[str, typer.Option(metavar="FROM:TO", help="Orders n ≥ 1.")] = "1:7",
@@ -181,8 +175,7 @@ def frequencies(
     simulate_show.frequencies(found, frame, request)
 
 
-@simulate.command(cls=Command)
-@_with_request
+@_command
 def inertance(
     request: Request,
     at_deg: AtAngle = 100.0,
@@ -212,8 +205,7 @@ def inertance(
     simulate_show.inertance(found, request)
 
 
-@simulate.command(cls=Command)
-@_with_request
+@_command
 def cleat(
     request: Request,
     at_deg: AtAngle = 100.0,
@@ -241,7 +233,7 @@ def cleat(
     harmonics: Harmonics = 200,
     pretension_loss: PretensionLoss = True,
     spectrum: Annotated[
-        Path | None, opt.target("--spectrum", "Spectrum: .csv or .parquet.", opt.TABLE_ENDINGS)
+        Path | None, opt.target("Spectrum", opt.TABLE_ENDINGS, "--spectrum")
     ] = None,
 ) -> None:
     """Response of a point of the rolling tyre to a cleat, in time and frequency.
@@ -260,8 +252,7 @@ def cleat(
     simulate_show.cleat(found, request, spectrum)
 
 
-@simulate.command(cls=Command)
-@_with_request
+@_command
 def loaded(
     request: Request,
     load_n: Annotated[str, _values("Vertical loads in N; 0 is the free tyre.")] = "0:4000:1000",
@@ -286,8 +277,7 @@ def loaded(
     simulate_show.loaded(found, request)
 
 
-@simulate.command(cls=Command)
-@_with_request
+@_command
 def hub(
     request: Request,
     hub: Annotated[

@@ -236,21 +236,17 @@ def _rows(report: FileReport) -> list[dict[str, Any]]:
 
 def _channel_row(row: ChannelReport, rate_hz: float) -> dict[str, Any]:
     channel, signal = row.channel, row.signal
-    content: dict[str, Any] = {
-        "kind": "time series",
-        "channel": channel.name,
-        **{name: getattr(channel, name) for name in ("node", "angle_deg", "quantity", "unit")},
-        "sampling_rate_hz": rate_hz,
-        "n_samples": channel.n_samples,
-    }
+    content: dict[str, Any] = {"kind": "time series", "channel": channel.name}
+    content |= {name: getattr(channel, name) for name in ("node", "angle_deg", "quantity", "unit")}
+    content |= {"sampling_rate_hz": rate_hz, "n_samples": channel.n_samples}
     if signal is not None:
         names = (
             *("rms", "rms_ac", "peak", "crest_factor", "mean", "lowest", "highest"),
             *("clipped_share", "n_missing", "first_missing", "longest_hold"),
         )
         content |= {name: getattr(signal, name) for name in names}
-        content["hum_hz"] = None if signal.hum is None else signal.hum.frequency_hz
-        content["hum_rms"] = None if signal.hum is None else signal.hum.rms
+        hum = signal.hum
+        content |= {"hum_hz": hum and hum.frequency_hz, "hum_rms": hum and hum.rms}
     return content | {"findings": _as_json(row.findings)}
 
 
@@ -258,11 +254,7 @@ def _frf_rows(report: FileReport) -> list[dict[str, Any]]:
     frf = report.frf
     if frf is None:
         return []
-    about: dict[str, Any] = {
-        "quantity": "inertance",
-        "unit": "(m/s^2)/N",
-        "n_lines": frf.frequency_hz.size,
-    }
+    about = {"quantity": "inertance", "unit": "(m/s^2)/N", "n_lines": frf.frequency_hz.size}
     about |= {"lowest_hz": frf.frequency_hz[0], "highest_hz": frf.frequency_hz[-1], "findings": []}
     places = zip(report.frf_names, frf.node, frf.position_deg, strict=True)
     return [

@@ -31,19 +31,15 @@ class _Tolerant(io.RawIOBase):
 
     @property
     def name(self) -> Any:
-        """That of the underlying stream."""
         return self._raw.name
 
     def writable(self) -> bool:
-        """Always."""
         return True
 
     def fileno(self) -> int:
-        """That of the underlying stream."""
         return int(self._raw.fileno())
 
     def isatty(self) -> bool:
-        """That of the underlying stream."""
         return bool(self._raw.isatty())
 
     def write(self, data: Any) -> int | None:
@@ -83,12 +79,9 @@ def _fill_gaps() -> None:
 
     Otherwise the next file that is opened gets their number, and messages of libraries go into it.
     """
-    while True:
-        number = os.open(os.devnull, os.O_RDWR)
-        if number > 2:
-            os.close(number)
-            return
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         os.set_inheritable(number, True)
+    os.close(number)
 
 
 def _raw(stream: Any) -> Any:
@@ -138,10 +131,8 @@ def _replaced(error: UnicodeError) -> tuple[str, int]:
     """Replace signs that cannot be encoded; a superscript stays an exponent."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
-    signs = error.object[error.start : error.end]
-    before = error.object[error.start - 1 : error.start]
-    text = ""
-    for sign in signs:
+    text, before = "", error.object[error.start - 1 : error.start]
+    for sign in error.object[error.start : error.end]:
         if sign in _SUPERSCRIPTS:
             text += ("" if before in tuple(_SUPERSCRIPTS) else "^") + sign.translate(_AS_DIGITS)
         else:
@@ -190,7 +181,7 @@ def interruptible() -> Iterator[None]:
 
     numbers = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
     earlier = {number: signal.getsignal(number) for number in numbers}
-    caught = [number for number in numbers if earlier[number] not in (signal.SIG_IGN, None)]
+    caught = {n: known for n, known in earlier.items() if known not in (signal.SIG_IGN, None)}
     try:
         for number in caught:
             signal.signal(number, stop)
@@ -200,8 +191,8 @@ def interruptible() -> Iterator[None]:
             raise Interrupted(received[0][1]) from error
         raise
     finally:
-        for number in caught:
-            signal.signal(number, earlier[number])
+        for number, handler in caught.items():
+            signal.signal(number, handler)
 
 
 @contextmanager

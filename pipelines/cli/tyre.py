@@ -208,9 +208,7 @@ def export(
 @tyre.command(cls=Command)
 def table(
     names: Annotated[list[str] | None, opt.argument("[NAME]…", "Tyres. Default: all.")] = None,
-    out: Annotated[
-        Path | None, opt.target("--out", "Table: .parquet or .csv.", opt.TABLE_ENDINGS)
-    ] = None,
+    out: Annotated[Path | None, opt.target("Table", opt.TABLE_ENDINGS)] = None,
     wide: Annotated[
         bool, opt.option("--wide", "One row per version, not per parameter.", opt.FILES)
     ] = False,
@@ -238,7 +236,7 @@ def table(
 @tyre.command(cls=Command)
 def series(
     name: opt.Name,
-    out: Annotated[Path | None, opt.target("--out", "Plot: .png, .svg or .html.", ENDINGS)] = None,
+    out: Annotated[Path | None, opt.target("Plot", ENDINGS)] = None,
     parameter: Annotated[
         list[str] | None,
         opt.option("--parameter", "Only this parameter; may be repeated.", metavar="NAME"),

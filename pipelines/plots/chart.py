@@ -74,7 +74,7 @@ class Chart:
                 layout["yaxis2"] |= {"side": "left", "overlaying": right}
                 layout["yaxis"] = _axis(panel.right, panel) | {"side": "right", "showgrid": False}
             for series in panel.series:
-                shapes, annotations = _marks(series, panel, left)
+                shapes, annotations = _marks(series, left)
                 layout["shapes"] += shapes
                 layout["annotations"] += annotations
         last = panels[-1]
@@ -265,7 +265,7 @@ def _axis(axis: go.Axis, panel: go.Panel) -> dict[str, Any]:
     return found
 
 
-def _marks(series: Any, panel: go.Panel, left: str) -> tuple[list[Trace], list[Trace]]:
+def _marks(series: Any, left: str) -> tuple[list[Trace], list[Trace]]:
     """Shapes and annotations: lines, shaded ranges and texts, which have no values of their own."""
     match series:
         case go.Rule():
@@ -279,25 +279,9 @@ def _marks(series: Any, panel: go.Panel, left: str) -> tuple[list[Trace], list[T
             ends = {"x0": start, "x1": stop, "y0": 0, "y1": 1, "yref": f"{left} domain"}
             look = {"fillcolor": "--faint", "opacity": 0.12, "line": {"width": 0}}
             return [{"type": "rect", "xref": "x", **ends, **look, "layer": "below"}], []
-        case go.Note(x, y, text, colour, align):
+        case go.Note(x, y, text, colour, align, upward):
             place = {"x": x, "y": y, "xref": "x", "yref": left, "xanchor": align}
+            turned = {"textangle": -90, "yanchor": "bottom"} if upward else {}
             look = {"showarrow": False, "font": {"color": colour}}
-            return [], [{**place, "text": _text(text), **look}]
-        case go.Flags():
-            return _flags(series, panel, left)
+            return [], [{**place, "text": _text(text), **look, **turned}]
     return [], []
-
-
-def _flags(flags: go.Flags, panel: go.Panel, left: str) -> tuple[list[Trace], list[Trace]]:
-    look: Trace = {"line": {"color": "--kept", "width": 0.8}, "layer": "below"}
-    ends: Trace = {"y0": 0, "y1": flags.height + 0.03, "xref": "x", "yref": f"{left} domain"}
-    lines = [{"type": "line", "x0": x, "x1": x, **ends, **look} for x in flags.at]
-    assert panel.y.range is not None
-    top = panel.y.range[1]
-    ends = {"y": (flags.height + 0.03) * top, "ay": (flags.height + 0.06) * top}
-    look = {"arrowhead": 0, "arrowwidth": 0.8, "arrowcolor": "--kept", "textangle": -90}
-    refs = {"yref": left, "axref": "x", "ayref": left, "yanchor": "bottom"}
-    return lines, [
-        {"x": x, "ax": place, "text": _text(name), **ends, **refs, **look}
-        for x, place, name in zip(flags.at, flags.places, flags.names, strict=True)
-    ]

@@ -65,8 +65,6 @@ def draw(panel: go.Panel, ax: Axes) -> Axes:
     if panel.title:
         where: dict[str, Any] = {"loc": "center", "pad": 2} if panel.bare else {}
         ax.set_title(literal(panel.title), **where)
-    for flags in (each for each in panel.series if isinstance(each, go.Flags)):
-        _name_flags(flags, ax)
     _set_legend(panel, ax)
     return ax
 
@@ -76,8 +74,8 @@ def _draw(series: Any, ax: Axes) -> None:
         case go.Curve():
             _draw_curve(series, ax)
         case go.Band(x, low, high, colour, name, opacity):
-            look: dict[str, Any] = {"color": _hex(colour), "alpha": opacity, "linewidth": 0}
-            ax.fill_between(np.asarray(x), low, high, label=_label(name), **look)
+            filled: dict[str, Any] = {"color": _hex(colour), "alpha": opacity, "linewidth": 0}
+            ax.fill_between(np.asarray(x), low, high, label=_label(name), **filled)
         case go.Bars(x, y, colour, width, half):
             ax.bar(x, y, color=_hex(colour), width=width)
             if half is not None:
@@ -88,8 +86,10 @@ def _draw(series: Any, ax: Axes) -> None:
             line(series.at, color=_hex(series.colour), lw=width, ls=DASHES[series.dash], zorder=1)
         case go.Span(start, stop):
             ax.axvspan(start, stop, color="#EEEEEE", linewidth=0, zorder=0)
-        case go.Note(x, y, text, colour, align):
-            ax.text(x, y, literal(text), color=_hex(colour), ha=align, va="center")
+        case go.Note(x, y, text, colour, align, upward):
+            up: dict[str, Any] = {"rotation": 90, "va": "bottom", "fontsize": 7.5}
+            look = up if upward else {"va": "center"}
+            ax.text(x, y, literal(text), color=_hex(colour), ha=align, **look)
         case go.Map():
             _draw_map(series, ax)
 
@@ -198,22 +198,6 @@ def _set_log(axis: go.Axis, ax: Axes) -> None:
     ax.yaxis.set_major_locator(LogLocator(subs=(1.0,) if high / low > 50 else (1.0, 2.0, 5.0)))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.yaxis.set_minor_locator(NullLocator())
-
-
-def _name_flags(flags: go.Flags, ax: Axes) -> None:
-    line, places = {"color": _hex(go.KEPT), "linewidth": 0.6}, ("data", "axes fraction")
-    look: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "bottom", "fontsize": 7.5}
-    for at, place, name in zip(flags.at, flags.places, flags.names, strict=True):
-        ax.axvline(at, 0, flags.height + 0.03, alpha=0.6, **line)
-        ax.annotate(
-            name,
-            xy=(at, flags.height + 0.03),
-            xytext=(place, flags.height + 0.06),
-            xycoords=places,
-            textcoords=places,
-            arrowprops={"arrowstyle": "-", "shrinkA": 0, **line},
-            **look,
-        )
 
 
 def _set_legend(panel: go.Panel, ax: Axes) -> None:

@@ -58,7 +58,7 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
     highest = float(diagram.model_order.max(initial=1)) / HIGHEST
     every = 10 * max(1, round(highest / 100))
     panel = go.Panel(
-        (indicator, go.Flags(kept, names, places, HIGHEST), *_pole_curves(diagram)),
+        (indicator, *_flags(kept, names, places, highest), *_pole_curves(diagram)),
         go.Axis(go.FREQUENCY, diagram.band_hz),
         go.Axis("model order", (0, highest), ticks=range(0, int(highest * HIGHEST) + 1, every)),
         _below_names(go.log_axis(unit, indicator.y)),
@@ -76,6 +76,17 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
         wide=True,
         height_px=540,
     )
+
+
+def _flags(
+    kept_hz: Sequence[float], names: Sequence[str], places: Sequence[float], top: float
+) -> list[go.Curve | go.Note]:
+    """Lines at the frequencies of modes, and their names above the poles, side by side."""
+    bend, end = (HIGHEST + 0.03) * top, (HIGHEST + 0.06) * top
+    x = [x for at, place in zip(kept_hz, places, strict=True) for x in (at, at, place, np.nan)]
+    lines = go.Curve(x, [0.0, bend, end, np.nan] * len(names), go.KEPT, width=0.8, opacity=0.6)
+    notes = zip(places, names, strict=True)
+    return [lines, *(go.Note(place, end, name, go.MEASURED, upward=True) for place, name in notes)]
 
 
 def _pole_curves(diagram: StabilityDiagram) -> list[go.Curve]:

@@ -107,19 +107,6 @@ class Span:
 
 
 @dataclass(frozen=True)
-class Flags:
-    """Places of x marked by lines and named above the data, side by side.
-
-    The panel needs the range of its vertical axis.
-    """
-
-    at: Sequence[float]
-    names: Sequence[str]
-    places: Sequence[float]  # of the names, so that none covers another
-    height: float  # share of the panel below the names
-
-
-@dataclass(frozen=True)
 class Note:
     """A text in the panel; `align` is the side of it that is at `x`."""
 
@@ -128,6 +115,7 @@ class Note:
     text: str
     colour: str = "--soft"
     align: str = "center"
+    upward: bool = False  # whether it is read from below, and begins at `y`
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +132,7 @@ class Map:
     cells: Sequence[Sequence[str]] = ()  # texts in the cells
 
 
-Series = Curve | Band | Bars | Rule | Span | Flags | Note | Map
+Series = Curve | Band | Bars | Rule | Span | Note | Map
 
 
 @dataclass(frozen=True)

@@ -58,9 +58,8 @@ def frequencies_plot(found: Bifurcation) -> go.Plot:
     )
     axes = go.Axis(go.ORDER, ticks=found.orders.tolist()), go.Axis(go.FREQUENCY)
     title = f"Ω = {found.speed_rad_s[0]:g} rad/s"
-    return go.Plot(
-        (go.Panel(series, *axes, title=title, legend="upper left"),), (14, 10), margins=room
-    )
+    panel = go.Panel(series, *axes, title=title, legend="upper left")
+    return go.Plot((panel,), (14, 10), margins=room)
 
 
 def waves_plot(angles_rad: ArrayLike, times_s: ArrayLike, field: NDArray[np.float64]) -> go.Plot:
@@ -101,15 +100,11 @@ def inertances(
     `looks` are properties of a `Curve` by name, in place of the usual ones; `across` is empty
     where a panel below has the title of the frequency axis.
     """
-    several = len(curves) > 1
     series = []
     for index, (name, curve) in enumerate(curves.items()):
-        look: dict[str, Any] = {"width": 1.7, "name": name, "listed": several}
-        look |= {
-            "colour": go.SERIES[index % len(go.SERIES)],
-            "dash": go.DASHES[index % len(go.DASHES)],
-        }
-        look |= (looks or {}).get(name, {})
+        colour, dash = go.SERIES[index % len(go.SERIES)], go.DASHES[index % len(go.DASHES)]
+        look: dict[str, Any] = {"colour": colour, "name": name, "width": 1.7, "dash": dash}
+        look |= {"listed": len(curves) > 1, **(looks or {}).get(name, {})}
         series.append(go.Curve(curve.frequency_hz, curve.magnitude, **look))
     unit = next(iter(curves.values())).unit
     levels = go.log_axis(f"|inertance| / ({unit})", *(curve.y for curve in series))
@@ -119,23 +114,18 @@ def inertances(
 def inertance_plot(found: SimulatedInertance) -> go.Plot:
     """Magnitude and phase of an inertance."""
     phase = go.Curve(found.frequency_hz, wrapped_phase_deg(found.values), go.RING, width=1.7)
-    panels = (
-        inertances({"inertance": found}, across=""),
-        go.Panel((phase,), go.Axis(go.FREQUENCY), go.PHASE),
-    )
-    return go.Plot(panels, (15, 11), heights=(3, 2))
+    low = go.Panel((phase,), go.Axis(go.FREQUENCY), go.PHASE)
+    return go.Plot((inertances({"inertance": found}, across=""), low), (15, 11), heights=(3, 2))
 
 
 def cleat_plot(found: CleatResponse) -> go.Plot:
     """The response of a point after the blow, over time and over frequency."""
+    quantity, unit = found.observer.quantity, found.observer.unit
     time = go.Curve(1e3 * found.time_s, found.response, go.RING, width=1.7)
     spectrum = go.Curve(found.frequency_hz, np.abs(found.spectrum), go.RING, width=1.7)
-    observer = found.observer
-    levels = go.log_axis(f"|spectrum| / ({observer.unit}·s)", spectrum.y)
+    levels = go.log_axis(f"|spectrum| / ({unit}·s)", spectrum.y)
     panels = (
-        go.Panel(
-            (time,), go.Axis("time / ms"), go.Axis(f"{observer.quantity} / ({observer.unit})")
-        ),
+        go.Panel((time,), go.Axis("time / ms"), go.Axis(f"{quantity} / ({unit})")),
         go.Panel((spectrum,), go.Axis(go.FREQUENCY), levels),
     )
     return go.Plot(panels, (15, 12), margins=go.Margins(between_rows=1.4))

@@ -94,26 +94,21 @@ def png(figure: Figure, dots_per_inch: float = DOTS_PER_INCH) -> bytes:
     return buffer.getvalue()
 
 
-def svg(figure: Figure) -> bytes:
-    """The figure as SVG whose texts stay texts; the same figure gives the same bytes."""
-    buffer = BytesIO()
-    with mpl.rc_context({"svg.hashsalt": "ringmodal", "svg.fonttype": "none"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    return buffer.getvalue()
-
-
 def data_uri(picture: bytes) -> str:
     """A picture in PNG as a data URI, which is part of an HTML file."""
     return "data:image/png;base64," + b64encode(picture).decode("ascii")
 
 
-def figure_bytes(figure: Figure, file_format: str) -> bytes:
-    """A figure as the bytes of a file, "png" or "svg"; the same figure gives the same bytes."""
-    return png(figure, FILE_DOTS_PER_INCH) if file_format == "png" else svg(figure)
-
-
 def write_figure(path: Path, figure: Figure) -> None:
-    """Write a figure atomically as PNG or SVG, by the ending of `path`."""
-    content = figure_bytes(figure, path.suffix.lower().lstrip("."))
-    with file_written_whole(path) as partial:
-        partial.write_bytes(content)
+    """Write a figure atomically as PNG or SVG, by the ending of `path`.
+
+    Texts in SVG stay texts; the same figure gives the same bytes.
+    """
+    with (
+        file_written_whole(path) as partial,
+        mpl.rc_context({"svg.hashsalt": "ringmodal", "svg.fonttype": "none"}),
+    ):
+        if path.suffix.lower() == ".png":
+            partial.write_bytes(png(figure, FILE_DOTS_PER_INCH))
+        else:
+            figure.savefig(partial, format="svg", metadata={"Date": None, "Creator": None})

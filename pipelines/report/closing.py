@@ -8,7 +8,7 @@ import numpy as np
 
 from ema.checks.quality import ReferenceCheck
 from ema.core.finding import Verdict
-from pipelines.report.blocks import Block, Facts, Listing, Paragraph, Section, Table
+from pipelines.report.blocks import Facts, Listing, Paragraph, Section, Table
 from pipelines.report.measurement import flatten
 from pipelines.results.result import Result
 from pipelines.storage.rounding import number
@@ -58,16 +58,27 @@ def summary(result: Result) -> Section:
     """The main results in a few lines."""
     frac = result.modal_model.frac
     fit = f"median FRAC {np.median(frac):.4f}, lowest {np.min(frac):.4f}"
-    rows = [("Modes", _modes_found(result)), ("Fit", fit)]
-    if result.reference is not None:
-        rows.append(("Reference sensor", _reference_verdict(result.reference)))
+    verdicts = [finding.verdict for finding in result.findings]
+    concerns = (
+        ("warnings on data", verdicts.count(Verdict.WARNING)),
+        ("channels or runs excluded", verdicts.count(Verdict.EXCLUDED)),
+        ("modes with a remark", sum(mode.doubtful for mode in result.modal_model.modes)),
+    )
+    attention = "; ".join(f"{what}: {count}" for what, count in concerns if count)
     ring = "left out"
     if result.validation is not None:
         error = np.abs(result.validation.error_percent)
         worst = int(np.argmax(error))
         ring = f"largest deviation {error[worst]:.2f} % at n = {result.validation.order[worst]}"
-    rows += [("Ring model", ring), ("Attention", _attention(result))]
-    return Section("summary", "Summary", (Facts(tuple(rows)),))
+    check = result.reference
+    rows = (
+        ("Modes", _modes_found(result)),
+        ("Fit", fit),
+        *([] if check is None else [("Reference sensor", _reference_verdict(check))]),
+        ("Ring model", ring),
+        ("Attention", attention or "nothing"),
+    )
+    return Section("summary", "Summary", (Facts(rows),))
 
 
 def warnings(result: Result) -> Section:
@@ -85,13 +96,12 @@ def origin(result: Result) -> Section:
     times = tuple(
         (stage, f"{seconds:.2f}") for stage, seconds in provenance.get("stage_seconds", {}).items()
     )
-    blocks: tuple[Block, ...] = (
+    blocks = (
         Facts((*created, *software)),
         input_files(result),
         Table("Time of each stage", ("stage", "time / s"), times, (0,), folded=True),
     )
-    filled = (each for each in blocks if not isinstance(each, Facts | Table) or each.rows)
-    return Section("origin", "Software and inputs", tuple(filled))
+    return Section("origin", "Software and inputs", tuple(each for each in blocks if each.rows))
 
 
 def input_files(result: Result) -> Table:
@@ -105,8 +115,8 @@ def input_files(result: Result) -> Table:
 
 def definitions(_result: Result) -> Section:
     """Terms and references."""
-    blocks = Facts(DEFINITIONS), Listing(REFERENCES)
-    return Section("definitions", "Definitions and references", blocks)
+    title = "Definitions and references"
+    return Section("definitions", title, (Facts(DEFINITIONS), Listing(REFERENCES)))
 
 
 def _modes_found(result: Result) -> str:
@@ -125,16 +135,6 @@ def _reference_verdict(check: ReferenceCheck) -> str:
         return "not assessed, its noise is unknown"
     verdict = "one and the same tyre in all runs" if check.consistent else "the runs differ"
     return f"{verdict} ({number(check.ratio, 3)} times the noise)"
-
-
-def _attention(result: Result) -> str:
-    verdicts = [finding.verdict for finding in result.findings]
-    parts = (
-        ("warnings on data", verdicts.count(Verdict.WARNING)),
-        ("channels or runs excluded", verdicts.count(Verdict.EXCLUDED)),
-        ("modes with a remark", sum(mode.doubtful for mode in result.modal_model.modes)),
-    )
-    return "; ".join(f"{what}: {count}" for what, count in parts if count) or "nothing"
 
 
 def listed(notes: Sequence[str]) -> tuple[Listing, ...]:

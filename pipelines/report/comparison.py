@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipelines.compare import shape_comparison as shapes
 from pipelines.compare import summary as tables
@@ -43,12 +42,12 @@ HOW_TO_READ = (
 def comparison_sections(comparison: Comparison) -> tuple[Section, ...]:
     """All sections of the page in their order; none is empty."""
     words = tuple((word, text) for word, text in DEFINITIONS if word in WORDS)
+    unknown = Paragraph(comparison.shapes_note, "warning")
     sections = (
         _summary(comparison),
         _compared(comparison),
-        _frequencies(comparison),
-        _damping(comparison),
-        _shapes(comparison),
+        *_changes(comparison),
+        Section("shapes", "Shapes", (cross_mac_chart(comparison) or unknown,)),
         Section("responses", "Measured FRFs", frf_charts(comparison, SHOWN_ANGLES_DEG)),
         _parameters(comparison),
         Section("method", "How differences are tested", (Listing(METHOD), Facts(words))),
@@ -85,12 +84,11 @@ def _summary(comparison: Comparison) -> Section:
         f"{len(comparison.modes)} in both, {len(comparison.only_first)} in the first only, "
         f"{len(comparison.only_second)} in the second only"
     )
-    results = zip(comparison.names, (comparison.first, comparison.second), strict=True)
-    described = [
+    first, second = (
         f"{name}, processed {created}" if (created := each.provenance.get("created")) else name
-        for name, each in results
-    ]
-    facts = Facts((("First", described[0]), ("Second", described[1]), ("Modes", counts)))
+        for name, each in zip(comparison.names, (comparison.first, comparison.second), strict=True)
+    )
+    facts = Facts((("First", first), ("Second", second), ("Modes", counts)))
     doubts = (Listing(comparison.doubts, "warning"),) if comparison.doubts else ()
     blocks = (facts, *doubts, Listing(findings(comparison)), Paragraph(CAUTION))
     return Section("summary", "Summary", blocks)
@@ -99,9 +97,8 @@ def _summary(comparison: Comparison) -> Section:
 def _compared(comparison: Comparison) -> Section:
     alike = not any(each.differs for each in comparison.processing)
     head, words = tables.CONTRAST_HEAD[1:], (0, 1, 2, 3)
-    conditions, processing = map(
-        tables.contrast_rows, (comparison.conditions, comparison.processing)
-    )
+    conditions = tables.contrast_rows(comparison.conditions)
+    processing = tables.contrast_rows(comparison.processing)
     caption = f"Processing{': the same for both' if alike else ''}"
     blocks = (
         Table("Tyre, conditions and set-up", ("tyre and conditions", *head), conditions, words),
@@ -110,32 +107,30 @@ def _compared(comparison: Comparison) -> Section:
     return Section("compared", "What is compared", blocks)
 
 
-def _frequencies(comparison: Comparison) -> Section:
+def _changes(comparison: Comparison) -> tuple[Section, ...]:
+    """Frequencies and damping ratios of the modes that both results have."""
     modes = comparison.modes
     if not modes:
-        return Section("frequencies", "Frequencies", ())
-    table = Table("Frequencies", _with_unit("Hz"), tables.frequency_rows(comparison), words=(0, 7))
+        return ()
     chart = change_chart("frequency-change", "frequency", modes, [m.frequency for m in modes])
-    blocks: tuple[Block, ...] = (chart, table, *_remarks(modes), *_unmatched(comparison))
-    return Section("frequencies", "Frequencies", blocks)
-
-
-def _damping(comparison: Comparison) -> Section:
-    modes = comparison.modes
-    if not modes:
-        return Section("damping", "Damping", ())
+    table = _mode_table("Frequencies", "Hz", tables.frequency_rows(comparison))
+    frequencies: tuple[Block, ...] = (chart, table, *_remarks(modes), *_unmatched(comparison))
     chart = change_chart("damping-change", "damping ratio", modes, [m.damping for m in modes])
+    table = _mode_table("Damping ratios", "%", tables.damping_rows(comparison))
     note = Paragraph(
         "Damping ratios are in percent of critical damping. The relative change is in percent of "
         "the first ratio: from 2.00 % to 2.10 % it is +5 %."
     )
-    table = Table("Damping ratios", _with_unit("%"), tables.damping_rows(comparison), words=(0, 7))
-    return Section("damping", "Damping", (chart, table, note))
+    return (
+        Section("frequencies", "Frequencies", frequencies),
+        Section("damping", "Damping", (chart, table, note)),
+    )
 
 
-def _with_unit(unit: str) -> tuple[str, ...]:
+def _mode_table(caption: str, unit: str, rows: tuple[tables.Row, ...]) -> Table:
     mode, first, second, change, *others = tables.MODE_HEAD
-    return (mode, *(f"{title} / {unit}" for title in (first, second, change)), *others)
+    with_unit = (f"{title} / {unit}" for title in (first, second, change))
+    return Table(caption, (mode, *with_unit, *others), rows, words=(0, 7))
 
 
 def _remarks(modes: Sequence[MatchedMode]) -> tuple[Listing, ...]:
@@ -159,24 +154,17 @@ def _unmatched(comparison: Comparison) -> tuple[Table, ...]:
     return (Table("Modes without a partner", head, rows, words=(0, 1, 3)),) if rows else ()
 
 
-def _shapes(comparison: Comparison) -> Section:
-    chart = cross_mac_chart(comparison)
-    block = Paragraph(comparison.shapes_note, "warning") if chart is None else chart
-    return Section("shapes", "Shapes", (block,))
-
-
 def _parameters(comparison: Comparison) -> Section:
-    title = "Ring parameters"
-    if not comparison.parameters:
-        text = "One or both results have no ring parameters: there is nothing to compare."
-        return Section("parameters", title, (Paragraph(text),))
     caption, rows = "Ring and damping parameters", tables.parameter_rows(comparison)
-    table = Table(caption, tables.PARAMETER_HEAD, rows, words=(0, 6))
-    note = Paragraph(
-        "Given parameters and those that the frequencies do not determine are shown but not "
-        "tested. All stiffnesses, masses and damping values are per unit of belt width."
+    tested: tuple[Block, ...] = (
+        Table(caption, tables.PARAMETER_HEAD, rows, words=(0, 6)),
+        Paragraph(
+            "Given parameters and those that the frequencies do not determine are shown but not "
+            "tested. All stiffnesses, masses and damping values are per unit of belt width."
+        ),
     )
-    return Section("parameters", title, (table, note))
+    missing = "One or both results have no ring parameters: there is nothing to compare."
+    return Section("parameters", "Ring parameters", tested if rows else (Paragraph(missing),))
 
 
 def _origin(comparison: Comparison) -> Section:
@@ -222,8 +210,12 @@ def shape_sections(found: shapes.ShapeComparison) -> tuple[Section, ...]:
 
 
 def _matrix(found: shapes.ShapeComparison) -> Chart:
-    shown = _columns(found)
-    n_other = found.mac.shape[1]
+    # Columns that resemble a mode of the result, the best ones where there are many.
+    best, n_other = found.mac.max(axis=0), found.mac.shape[1]
+    shown = np.arange(n_other)
+    if n_other > _MOST_SHOWN:
+        highest = np.argsort(-best)[:_MOST_SHOWN]
+        shown = np.sort(highest[best[highest] >= _WORTH_SHOWING])
     left_out = "" if shown.size == n_other else f" {shown.size} of {n_other} are shown."
     names = found.result.name, found.other.name
     return matrix_chart(
@@ -236,12 +228,3 @@ def _matrix(found: shapes.ShapeComparison) -> Chart:
         caption="MAC of all shapes. A shape and its counterpart are close to 1; where the other "
         f"modes are a pair, the two share it.{left_out}",
     )
-
-
-def _columns(found: shapes.ShapeComparison) -> NDArray[np.intp]:
-    """Other modes that resemble a mode of the result, the best ones where there are many."""
-    best = found.mac.max(axis=0)
-    if best.size <= _MOST_SHOWN:
-        return np.arange(best.size)
-    highest = np.argsort(-best)[:_MOST_SHOWN]
-    return np.sort(highest[best[highest] >= _WORTH_SHOWING])

@@ -85,13 +85,16 @@ def _as_text(value: Any) -> str:
 
 def _setup_rows(result: Result) -> tuple[tuple[str, str], ...]:
     frf = result.frf
-    runs = dict.fromkeys(name for names in frf.run for name in names.split("+") if name)
+    runs = list(dict.fromkeys(name for names in frf.run for name in names.split("+") if name))
+    shown = runs
+    if len(runs) > MOST_NAMED_RUNS:
+        shown = [*runs[: MOST_NAMED_RUNS - 1], "…", runs[-1]]
     spacing = float(np.mean(np.diff(frf.frequency_hz)))
     low, high = result.diagram.band_hz
     lines, (first, last) = frf.frequency_hz.size, frf.frequency_hz[[0, -1]]
     rows = [
         ("Positions", f"{frf.n_positions}"),
-        ("Runs", _runs(list(runs))),
+        ("Runs", f"{len(runs)}: {', '.join(shown)}" if runs else DASH),
         ("Force", _degrees(result.excitation_deg)),
         ("Reference sensor", _degrees(result.reference_deg)),
         ("Quantity", "inertance (acceleration over force), (m/s²)/N"),
@@ -102,18 +105,10 @@ def _setup_rows(result: Result) -> tuple[tuple[str, str], ...]:
     return tuple((name, text) for name, text in rows if text != DASH)
 
 
-def _runs(names: list[str]) -> str:
-    """How many runs and which; the middle of a long list is left out."""
-    shown = names
-    if len(names) > MOST_NAMED_RUNS:
-        shown = [*names[: MOST_NAMED_RUNS - 1], "…", names[-1]]
-    return f"{len(names)}: {', '.join(shown)}" if names else DASH
-
-
 def _block_rows(frf: FRF) -> list[tuple[str, str]]:
-    if frf.blocks is None:
-        return [("FRFs", "as found in the files")]
     blocks = frf.blocks
+    if blocks is None:
+        return [("FRFs", "as found in the files")]
     averages = (
         f"{blocks.n_blocks} a run, of {blocks.block_s:g} s; {blocks.window} window, overlap "
         f"{100 * blocks.overlap:g} %; worth {number(frf.n_effective, 3)} independent ones"
@@ -126,14 +121,13 @@ def _degrees(angle: float | None) -> str:
 
 
 def _coherence(result: Result) -> tuple[Chart, ...]:
-    band_hz = result.diagram.band_hz
-    inside = in_band(result.frf.frequency_hz, band_hz)
-    known = np.isfinite(result.frf.coherence[:, inside]).any()
-    once = result.frf.n_effective <= 1  # where the number is unknown, the map is shown
-    return () if once or not known else (plots.coherence_chart(result.frf, band_hz),)
+    frf, band_hz = result.frf, result.diagram.band_hz
+    known = np.isfinite(frf.coherence[:, in_band(frf.frequency_hz, band_hz)]).any()
+    once = frf.n_effective <= 1  # where the number is unknown, the map is shown
+    return () if once or not known else (plots.coherence_chart(frf, band_hz),)
 
 
-def _verdicts(result: Result) -> tuple[Paragraph, ...]:
+def _verdicts(result: Result) -> list[Paragraph]:
     verdicts = []
     if result.frf.n_effective <= 1:
         text = "The coherence of a single average is always 1: it carries no information."
@@ -143,7 +137,7 @@ def _verdicts(result: Result) -> tuple[Paragraph, ...]:
     if len(result.frf.run_names) > 1:
         judged = bool(result.modal_model.drift.run)
         verdicts.append(_reference_verdict(result.reference, judged_by_modes=judged))
-    return tuple(verdicts)
+    return verdicts
 
 
 def _reference_verdict(check: ReferenceCheck | None, *, judged_by_modes: bool) -> Paragraph:
@@ -220,10 +214,10 @@ def identity(result: Result) -> Section:
     return Section("identity", "Identity", (Facts((*_object_rows(result), *_origin_rows(result))),))
 
 
-def _object_rows(result: Result) -> tuple[tuple[str, str], ...]:
+def _object_rows(result: Result) -> list[tuple[str, str]]:
     tyre = result.tyre
     if tyre is None:
-        return (("Object", "structure, not described as a tyre"), ("Campaign", result.name))
+        return [("Object", "structure, not described as a tyre"), ("Campaign", result.name)]
     rows = [("Tyre", tyre.designation), ("Campaign", result.name)]
     if tyre.inflation_pressure_pa is not None:
         pressure = tyre.inflation_pressure_pa
@@ -234,18 +228,14 @@ def _object_rows(result: Result) -> tuple[tuple[str, str], ...]:
         rows.append(("Belt width", f"{tyre.belt_width_m:g} m"))
     order = [*(key for key in KNOWN if key in tyre.details), *tyre.details]
     rows += [named(key, tyre.details[key]) for key in dict.fromkeys(order)]
-    return (*rows, *_not_stated(tyre.details))
+    if missing := [key for key in WANTED if key not in tyre.details]:
+        names = ", ".join(named(key, "")[0].lower() for key in missing)
+        keys = ", ".join(missing)
+        rows.append(("Not stated", f"{names} (in the manifest under [tyre]: {keys})"))
+    return rows
 
 
-def _not_stated(details: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
-    missing = [key for key in WANTED if key not in details]
-    if not missing:
-        return ()
-    names = ", ".join(named(key, "")[0].lower() for key in missing)
-    return (("Not stated", f"{names} (in the manifest under [tyre]: {', '.join(missing)})"),)
-
-
-def _origin_rows(result: Result) -> tuple[tuple[str, str], ...]:
+def _origin_rows(result: Result) -> list[tuple[str, str]]:
     record = result.provenance
     rows = []
     if "created" in record:
@@ -257,4 +247,4 @@ def _origin_rows(result: Result) -> tuple[tuple[str, str], ...]:
         files = [f"{each['file']} {str(each['sha256'])[:CHECKSUM_DIGITS]}" for each in inputs]
         more = [f"and {len(files) - MOST_FILES} more"] if len(files) > MOST_FILES else []
         rows.append(("Files (SHA-256 begins with)", ", ".join(files[:MOST_FILES] + more)))
-    return tuple(rows)
+    return rows

@@ -8,8 +8,9 @@ from pathlib import Path
 from pipelines.library.series import UNITS_PA, Series, Trend
 from pipelines.plots.draw import draw_plot
 from pipelines.plots.ring import pressure_plot
-from pipelines.plots.style import data_uri, figure_bytes, png
-from pipelines.report.blocks import Block, Listing, Paragraph, Picture, Section, Table
+from pipelines.plots.style import data_uri, png, write_figure
+from pipelines.report.blocks import Block, Paragraph, Picture, Section, Table
+from pipelines.report.closing import listed
 from pipelines.report.page import render_page
 from pipelines.storage.atomic import file_written_whole
 from pipelines.storage.rounding import DASH, number, value_with_std
@@ -24,14 +25,13 @@ _EXPLANATION = (
 
 def write_series(path: Path, series: Series, unit: str) -> None:
     """Write a series as PNG, SVG or HTML, by the ending of `path`; written atomically."""
-    ending = path.suffix.lower().lstrip(".")
     figure = draw_plot(pressure_plot(series, unit))
-    if ending == "html":
-        content = _page(series, unit, data_uri(png(figure))).encode()
-    else:
-        content = figure_bytes(figure, ending)
+    if path.suffix.lower() != ".html":
+        write_figure(path, figure)
+        return
+    page = _page(series, unit, data_uri(png(figure)))
     with file_written_whole(path) as partial:
-        partial.write_bytes(content)
+        partial.write_text(page, encoding="utf-8", newline="\n")
 
 
 def trend_row(trend: Trend, unit: str) -> tuple[str, ...]:
@@ -49,19 +49,24 @@ def trend_row(trend: Trend, unit: str) -> tuple[str, ...]:
 
 def headings(unit: str) -> tuple[str, ...]:
     """Headings over the cells of `trend_row`."""
-    about_unit = f"at / {unit}", f"slope per {unit}"
-    return ("parameter", "value (SI)", *about_unit, "scatter / σ", "versions")
+    return (
+        "parameter",
+        "value (SI)",
+        f"at / {unit}",
+        f"slope per {unit}",
+        "scatter / σ",
+        "versions",
+    )
 
 
 def _page(series: Series, unit: str, picture: str) -> str:
     rows = tuple(trend_row(trend, unit) for trend in series.trends)
     about = f"Ring parameters of {series.tyre} over inflation pressure"
-    blocks: list[Block] = [
+    blocks: tuple[Block, ...] = (
         Paragraph(_EXPLANATION),
         Picture(picture, about, "Parameters over inflation pressure", wide=True),
         Table("Values and slopes", headings(unit), rows, (0, 5)),
-    ]
-    if series.notes:
-        blocks.append(Listing(series.notes))
-    sections = (Section("series", "Straight lines over pressure", tuple(blocks)),)
+        *listed(series.notes),
+    )
+    sections = (Section("series", "Straight lines over pressure", blocks),)
     return render_page("Pressure series", series.tyre, sections)

@@ -118,7 +118,9 @@ def test_an_instability_is_named_and_has_no_frequency(capsys):
     grows = np.array([[0.0, 0.0, 5.0]])
     hz = np.where(grows > 0, np.nan, 100.0)
     found = Bifurcation(np.array([2]), np.array([0.0, 10.0, 20.0]), hz, hz, grows, "rotating")
-    simulate_show.frequencies(found, "rotating", simulate_show.Request(tyre_to_simulate(None), None, None, True))
+    simulate_show.frequencies(
+        found, "rotating", simulate_show.Request(tyre_to_simulate(None), None, None, True)
+    )
     captured = capsys.readouterr()
     assert json.loads(captured.out)["regressive_hz"] == [[100.0, 100.0, None]]
     assert "Order 2 is unstable at 20 rad/s, where it grows by 5 1/s" in captured.err
