@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -30,8 +30,12 @@ LOWEST_FRAC = 0.9
 DEFLECTION = 0.3  # largest drawn deflection, in radii
 WRITTEN_CELLS = 15  # rows and columns up to which every number has room in its cell
 FEW_CELLS = 9  # rows and columns up to which small numbers of a MAC are written too
-#: Colour and width; drawn in this order: the thin curve stays visible on the thick one.
-FRF_LOOKS = {"fitted": (go.FITTED, 3.0), "ring": (go.RING, 1.6), "measured": (go.MEASURED, 1.0)}
+#: Drawn in this order: the thin curve stays visible on the thick one.
+FRF_LOOKS = {
+    "fitted": (go.FITTED, 3.0, "solid"),
+    "ring": (go.RING, 1.6, "dash"),
+    "measured": (go.MEASURED, 1.0, "solid"),
+}
 POLE_LOOKS = {
     "not stable": ("cross-thin-open", go.FAINT, 5),
     "stable, not in a mode": ("x-thin-open", go.DROPPED, 6),
@@ -55,13 +59,15 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
     indicator = go.Curve(
         *level, go.FAINT, "RMS inertance", 1.5, opacity=0.8, hover=hover, right=True
     )
+    # The curve stays below the names of the modes.
+    low_end, high_end = go.log_axis(unit, indicator.y).range or (0.1, 10.0)
     highest = float(diagram.model_order.max(initial=1)) / HIGHEST
     every = 10 * max(1, round(highest / 100))
     panel = go.Panel(
         (indicator, *_flags(kept, names, places, highest), *_pole_curves(diagram)),
         go.Axis(go.FREQUENCY, diagram.band_hz),
         go.Axis("model order", (0, highest), ticks=range(0, int(highest * HIGHEST) + 1, every)),
-        _below_names(go.log_axis(unit, indicator.y)),
+        go.Axis(unit, (low_end, low_end * (high_end / low_end) ** (1 / HIGHEST)), log=True),
         legend="below",
     )
     found = f", at {', '.join(names)} Hz" if names else ""
@@ -109,12 +115,6 @@ def _pole_curves(diagram: StabilityDiagram) -> list[go.Curve]:
     ]
 
 
-def _below_names(axis: go.Axis) -> go.Axis:
-    """The axis, extended so that its curve stays below the names of the modes."""
-    low, high = np.log10(axis.range or (0.1, 10.0))
-    return go.Axis(axis.title, (10**low, 10 ** (low + (high - low) / HIGHEST)), log=True)
-
-
 def shown_band_hz(model: ModalModel) -> tuple[float, float]:
     """The band of interest and what was fitted."""
     low, high = zip(model.band_hz, model.fit_band_hz, strict=True)
@@ -150,16 +150,13 @@ def frf_plot(
     top = 1.25 * float(np.max(level, initial=1e-12, where=np.isfinite(level)))
     sides = ((low, model.band_hz[0]), (model.band_hz[1], high))
     shaded = tuple(go.Span(start, stop) for start, stop in sides if stop > start)
-    # Drawn one over the other, in this order: the thin one stays visible on the thick one.
     pairs = [
         go.magnitude_and_phase(*curves[name], colour, name, width=width, dash=dash, at="")
-        for name, (colour, width) in FRF_LOOKS.items()
+        for name, (colour, width, dash) in FRF_LOOKS.items()
         if name in curves
-        for dash in ["dash" if name == "ring" else "solid"]
     ]
     levels = go.Axis(go.INERTANCE, (top / 10**go.SHOWN_DECADES, top), log=True)
-    magnitude = tuple(pair[0] for pair in pairs)
-    phase = tuple(pair[1] for pair in pairs)
+    magnitude, phase = zip(*pairs, strict=True)
     axes = go.Axis(range=(low, high)), levels
     upper = go.Panel((*shaded, *magnitude), *axes, title=title, legend="lower right")
     lower = go.Panel((*shaded, *phase), go.Axis(go.FREQUENCY, (low, high)), go.PHASE)
@@ -234,17 +231,16 @@ def shape_by_node_panel(mode: Mode, names: Sequence[str]) -> go.Panel:
 
 def shapes_plot(model: ModalModel) -> go.Plot:
     """All shapes, on the circle where the positions have angles."""
-    circular = bool(np.isfinite(model.position_deg).all())
     columns = min(4, len(model.modes))
     rows = -(-len(model.modes) // columns)
-    if circular:
+    if np.isfinite(model.position_deg).all():
         margins = go.Margins(0.1, 0.1, 0.1, 0.6, between_columns=0.2, between_rows=0.6)
-        panels = tuple(shape_panel(mode, model.position_deg) for mode in model.modes)
-    else:
-        margins = go.Margins(0.8, 0.1, 0.6, 0.6, between_columns=0.8, between_rows=1.2)
-        names = row_names(model, np.arange(model.node.size))
-        panels = tuple(shape_by_node_panel(mode, names) for mode in model.modes)
-    return go.Plot(panels, (17.5, (4.6 if circular else 3.6) * rows), columns, margins=margins)
+        circles = tuple(shape_panel(mode, model.position_deg) for mode in model.modes)
+        return go.Plot(circles, (17.5, 4.6 * rows), columns, margins=margins)
+    margins = go.Margins(0.8, 0.1, 0.6, 0.6, between_columns=0.8, between_rows=1.2)
+    names = row_names(model, np.arange(model.node.size))
+    bars = tuple(shape_by_node_panel(mode, names) for mode in model.modes)
+    return go.Plot(bars, (17.5, 3.6 * rows), columns, margins=margins)
 
 
 def matrix_chart(
@@ -264,41 +260,26 @@ def matrix_chart(
     quantity instead, they are blue above zero and orange below.
     """
     matrix = np.asarray(values, dtype=float)
+    size = max(matrix.shape, default=0)
     # In large matrices the small values would only be noise to the eye.
-    least = 0.0 if max(matrix.shape, default=0) <= FEW_CELLS else 0.1
+    least = 0.0 if size <= FEW_CELLS else 0.1
 
     def cell(value: float) -> str:
         return signed_cell(value) if signed else f"{value:.2f}" if value >= least else ""
 
-    ends, scale, hover = (0.0, 1.0), "share", "MAC %{z:.3f}"
+    largest, scale, hover = 1.0, "share", "MAC %{z:.3f}"
     if signed:
         largest = max(float(np.abs(matrix).max(initial=0.0)), 1e-3)
-        ends, scale, hover = (-largest, largest), "signed", f"{signed} %{{z:+.3f}}"
-    plot = _matrix(matrix, (rows, columns), titles, cell, hover, ends, scale)
-    return Chart(name, plot, alternative, caption, height_px=420)
-
-
-def _matrix(
-    matrix: NDArray[np.float64],
-    names: tuple[Sequence[str], Sequence[str]],
-    titles: tuple[str, str],
-    cell: Callable[[float], str],
-    hover: str,
-    ends: tuple[float, float],
-    scale: str,
-) -> go.Plot:
-    """A matrix with the value in each cell, as far as there is room; rows run from the top."""
-    written = max(matrix.shape, default=0) <= WRITTEN_CELLS
+        scale, hover = "signed", f"{signed} %{{z:+.3f}}"
     shown = go.Map(
         matrix,
-        *ends,
+        -largest if signed else 0.0,
+        largest,
         scale,
         f"{escape(titles[0])}: %{{y}}<br>{escape(titles[1])}: %{{x}}<br>{hover}",
-        label="MAC" if scale == "share" else "",
-        cells=[[cell(value) for value in row] for row in matrix] if written else (),
+        label="" if signed else "MAC",
+        cells=[[cell(value) for value in row] for row in matrix] if size <= WRITTEN_CELLS else (),
     )
-    rows, columns = (
-        go.Axis(titles[0], names=names[0], reverse=True),
-        go.Axis(titles[1], names=names[1]),
-    )
-    return go.Plot((go.Panel((shown,), columns, rows),), (9.5, 9))
+    axes = go.Axis(titles[1], names=columns), go.Axis(titles[0], names=rows, reverse=True)
+    plot = go.Plot((go.Panel((shown,), *axes),), (9.5, 9))
+    return Chart(name, plot, alternative, caption, height_px=420)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipelines.results.labels import wrapped_phase_deg
 
+Floats = NDArray[np.float64]
 MEASURED, FITTED, RING = "--measured", "--fitted", "--ring"
 KEPT, DROPPED, FAINT = "--kept", "--dropped", "--faint"
 SERIES = tuple(f"--series-{number}" for number in range(1, 8))
@@ -56,8 +57,8 @@ class Curve:
     texts: Sequence[str] = ()  # one for each point, for `hover`; beside them where `labelled`
     labelled: bool = False
     values: ArrayLike | None = None  # one more number for each point, for `hover`
-    x_bars: NDArray[np.float64] | None = None  # half the lengths of error bars; NaN: unknown
-    y_bars: NDArray[np.float64] | None = None
+    x_bars: Floats | None = None  # half the lengths of error bars; NaN: unknown
+    y_bars: Floats | None = None
     listed: bool = True
     group: str = ""  # curves of a group are switched together
     right: bool = False  # whether it belongs to the axis on the right
@@ -83,7 +84,7 @@ class Bars:
     y: ArrayLike
     colour: str
     width: float = 0.5
-    y_bars: NDArray[np.float64] | None = None
+    y_bars: Floats | None = None
     hover: str = ""
 
 
@@ -122,12 +123,12 @@ class Note:
 class Map:
     """A matrix in colours, shape (n_rows, n_columns); NaN where unknown."""
 
-    z: NDArray[np.float64]
+    z: Floats
     low: float  # ends of the scale
     high: float
     scale: str  # "map", "share" (pale to dark) or "signed" (orange, white, blue)
     hover: str  # as for a `Curve`
-    x: NDArray[np.float64] | None = None  # evenly spaced; else columns are categories
+    x: Floats | None = None  # evenly spaced; else columns are categories
     label: str = ""  # of the scale
     cells: Sequence[Sequence[str]] = ()  # texts in the cells
 
@@ -193,7 +194,7 @@ PHASE = Axis("phase / °", (-190, 190), ticks=(-180, -90, 0, 90, 180))
 
 
 def magnitude_and_phase(
-    frequency_hz: NDArray[np.float64],
+    frequency_hz: Floats,
     inertance: NDArray[np.complex128],
     colour: str,
     name: str = "",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import isfinite
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,7 +25,7 @@ WEAK = 0.02  # % change of frequency for 1 % of a parameter that hardly moves an
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def scatter_chart(found: Validation, std_hz: NDArray[np.float64] | None = None) -> Chart:
+def scatter_chart(found: Validation, std_hz: go.Floats | None = None) -> Chart:
     """Frequencies of the ring over the measured ones, with bars of 2 `std_hz` (NaN: unknown)."""
     every = np.concatenate([found.measured_hz, found.model_hz])
     margin = 0.08 * (every.max() - every.min()) + 1.0
@@ -63,7 +64,7 @@ def scatter_chart(found: Validation, std_hz: NDArray[np.float64] | None = None) 
     )
 
 
-def deviation_chart(found: Validation, std_hz: NDArray[np.float64] | None = None) -> Chart:
+def deviation_chart(found: Validation, std_hz: go.Floats | None = None) -> Chart:
     """Deviation of the ring's frequencies over the order, with bars of 2 `std_hz`."""
     error = found.error_percent
     ends = np.array([found.order.min() - 0.5, found.order.max() + 0.5])
@@ -78,7 +79,7 @@ def deviation_chart(found: Validation, std_hz: NDArray[np.float64] | None = None
     limit = 1.3 * max(TOLERANCE_PERCENT, float(np.abs(error).max()))
     panel = go.Panel(
         (go.Band(ends, -half, half, go.RING, TOLERANCE), go.Rule(0), bars),
-        _orders(found.order, (ends[0], ends[1])),
+        go.Axis(go.ORDER, (ends[0], ends[1]), ticks=found.order.tolist()),
         go.Axis("deviation / %", (-limit, limit)),
         legend="upper right",
     )
@@ -96,27 +97,17 @@ def deviation_chart(found: Validation, std_hz: NDArray[np.float64] | None = None
 
 
 def dispersion_chart(
-    found: Validation,
-    orders: ArrayLike,
-    ring_hz: ArrayLike,
-    std_hz: NDArray[np.float64] | None = None,
+    found: Validation, orders: ArrayLike, ring_hz: ArrayLike, std_hz: go.Floats | None = None
 ) -> Chart:
     """Frequency over order: the measured modes and the ring's dispersion curve.
 
     The ring's frequencies `ring_hz` are known at `orders`, also at such that were not measured.
     """
-    shown = np.asarray(orders, dtype=int)
-    half = None if std_hz is None else 2 * std_hz
-    series = (
-        _ring_curve(shown, ring_hz, "Hz"),
-        _measured(found.order, found.measured_hz, half, "Hz"),
-    )
+    measured = _measured(found, found.measured_hz, std_hz, "Hz")
+    shown, up = np.asarray(orders, dtype=int), go.Axis(go.FREQUENCY)
     return Chart(
         "dispersion",
-        go.Plot(
-            (go.Panel(series, _orders(shown), go.Axis(go.FREQUENCY), legend="upper left"),),
-            (17.5, 7.5),
-        ),
+        go.Plot((_over_order(shown, ring_hz, measured, up, "upper left"),), (17.5, 7.5)),
         f"Frequency over order: {found.order.size} measured modes, {found.measured_hz.min():.1f} "
         f"to {found.measured_hz.max():.1f} Hz, and the dispersion curve of the ring.",
         "Frequency over order. The measured modes should follow the ring's dispersion curve; one "
@@ -127,20 +118,17 @@ def dispersion_chart(
     )
 
 
-def damping_chart(found: Validation, std: NDArray[np.float64] | None = None) -> Chart:
+def damping_chart(found: Validation, std: go.Floats | None = None) -> Chart:
     """Damping ratio over order, measured and of the ring, with bars of 2 `std`."""
     apart = np.abs(found.model_damping / found.measured_damping - 1)
     worst = int(np.nanargmax(apart))
     largest = f"{100 * apart[worst]:.0f} % of the measured value at n = {found.order[worst]}"
-    half = None if std is None else 200 * std
-    series = (
-        _ring_curve(found.order, 100 * found.model_damping, "%"),
-        _measured(found.order, 100 * found.measured_damping, half, "%"),
-    )
-    axes = _orders(found.order), go.Axis("damping ratio / %", from_zero=True)
+    std_percent = None if std is None else 100 * std
+    measured = _measured(found, 100 * found.measured_damping, std_percent, "%")
+    ring, up = 100 * found.model_damping, go.Axis("damping ratio / %", from_zero=True)
     return Chart(
         "damping",
-        go.Plot((go.Panel(series, *axes, legend="lower left"),), (9.5, 7.5)),
+        go.Plot((_over_order(found.order, ring, measured, up, "lower left"),), (9.5, 7.5)),
         f"Damping ratio over order, measured and of the ring; they differ most, by {largest}.",
         "Damping ratio over order, measured and of the ring; the largest difference is "
         f"{largest}. The ring has three damping parameters for all orders: an order far from its "
@@ -149,28 +137,20 @@ def damping_chart(found: Validation, std: NDArray[np.float64] | None = None) -> 
     )
 
 
-def _orders(orders: NDArray[np.int_], ends: tuple[float, float] | None = None) -> go.Axis:
-    return go.Axis(go.ORDER, ends, ticks=orders.tolist())
+def _measured(found: Validation, values: go.Floats, std: go.Floats | None, unit: str) -> go.Curve:
+    half, hover = None if std is None else 2 * std, f"n = %{{x}}<br>measured %{{y:.2f}} {unit}"
+    look: dict[str, Any] = {"marker": "circle-open", "size": 10, "y_bars": half}
+    return go.Curve(found.order, values, go.MEASURED, "measured", hover=hover, **look)
 
 
-def _ring_curve(orders: NDArray[np.int_], values: ArrayLike, unit: str) -> go.Curve:
-    """The ring, known at whole orders, joined to guide the eye."""
-    hover = f"n = %{{x}}<br>ring %{{y:.2f}} {unit}"
-    return go.Curve(
-        orders, values, go.RING, "ring model", width=2, marker="circle", size=5, hover=hover
-    )
-
-
-def _measured(
-    orders: NDArray[np.int_],
-    values: NDArray[np.float64],
-    half: NDArray[np.float64] | None,
-    unit: str,
-) -> go.Curve:
-    look, hover = "circle-open", f"n = %{{x}}<br>measured %{{y:.2f}} {unit}"
-    return go.Curve(
-        orders, values, go.MEASURED, "measured", marker=look, size=10, hover=hover, y_bars=half
-    )
+def _over_order(
+    orders: NDArray[np.int_], ring: ArrayLike, measured: go.Curve, up: go.Axis, legend: str
+) -> go.Panel:
+    """Measured values, and those of the ring at `orders`, joined to guide the eye."""
+    look: dict[str, Any] = {"width": 2, "marker": "circle", "size": 5}
+    hover = measured.hover.replace("measured", "ring")
+    curve = go.Curve(orders, ring, go.RING, "ring model", hover=hover, **look)
+    return go.Panel((curve, measured), go.Axis(go.ORDER, ticks=orders.tolist()), up, legend=legend)
 
 
 def sensitivity_chart(found: Sensitivity, symbols: Mapping[str, str]) -> Chart:
