@@ -19,13 +19,6 @@ if TYPE_CHECKING:
 Trace = dict[str, Any]
 NO_COLOUR = "rgba(0, 0, 0, 0)"
 SHADES = {"--ring": "0, 114, 178", "--fitted": "213, 94, 0"}  # what bands are filled with
-#: Colour scales for any colour vision; two of them follow the page into the dark,
-#: and numbers can be read on every colour of these.
-SCALES: dict[str, Any] = {
-    "map": "Viridis",
-    "share": [[0, "--paper"], [1, "--cell-above"]],
-    "signed": [[0, "--cell-below"], [0.5, "--paper"], [1, "--cell-above"]],
-}
 GAP = 0.06  # between panels, as a share of the height
 
 
@@ -226,7 +219,7 @@ def _map(shown: go.Map, panel: go.Panel) -> Trace:
         "z": packed(shown.z),
         "zmin": shown.low,
         "zmax": shown.high,
-        "colorscale": SCALES[shown.scale],
+        "colorscale": go.SCALES[shown.scale],
         "colorbar": {**title, "thickness": 12},
         **_hover(shown.hover),
     }

@@ -33,13 +33,12 @@ LONG_NAMES = 34  # letters of all names together that fit side by side
 def draw_plot(plot: go.Plot) -> Figure:
     """Draw all panels of a plot as a new figure in the common style."""
     rows = -(-len(plot.panels) // plot.columns)
-    ratios: dict[str, Any] = {"height_ratios": plot.heights or None}
-    ratios["width_ratios"] = plot.widths or None
+    grid: dict[str, Any] = {"height_ratios": plot.heights or None, "squeeze": False}
+    grid["width_ratios"] = plot.widths or None
     # Panels one below the other share an axis that only the last one names.
-    shared = plot.columns == 1 and not plot.panels[0].x.title and rows > 1
-    with styled_figure(
-        *plot.size_cm, rows, plot.columns, plot.margins, squeeze=False, sharex=shared, **ratios
-    ) as (figure, axes):
+    grid["sharex"] = plot.columns == 1 and not plot.panels[0].x.title and rows > 1
+    size = (*plot.size_cm, rows, plot.columns, plot.margins)
+    with styled_figure(*size, **grid) as (figure, axes):
         for ax in axes.flat[len(plot.panels) :]:
             ax.set_axis_off()
         for panel, ax in zip(plot.panels, axes.flat, strict=False):
@@ -116,10 +115,9 @@ def _draw_curve(curve: go.Curve, ax: Axes) -> None:
         if half is not None:
             bars: dict[str, Any] = {error: np.nan_to_num(half), "color": colour}
             ax.errorbar(x, y, **bars, **BARS)
-    if curve.labelled:
-        for left, up, text in zip(x, y, curve.texts, strict=True):
-            offset = (-6, 4)  # points
-            ax.annotate(literal(text), (left, up), offset, textcoords="offset points", ha="right")
+    for left, up, text in zip(x, y, curve.texts, strict=True) if curve.labelled else ():
+        offset = (-6, 4)  # points
+        ax.annotate(literal(text), (left, up), offset, textcoords="offset points", ha="right")
 
 
 def _draw_map(shown: go.Map, ax: Axes) -> None:
@@ -148,11 +146,10 @@ def _draw_map(shown: go.Map, ax: Axes) -> None:
 
 
 def _colours(scale: str) -> Colormap:
-    if scale == "map":
-        return colormaps["viridis"]
-    ends = ["--paper", "--cell-above"] if scale == "share" else []
-    names = ends or ["--cell-below", "--paper", "--cell-above"]
-    return LinearSegmentedColormap.from_list(scale, [_hex(name) for name in names])
+    found = go.SCALES[scale]
+    if isinstance(found, str):
+        return colormaps[found.lower()]
+    return LinearSegmentedColormap.from_list(scale, [(at, _hex(name)) for at, name in found])
 
 
 def _axis_behind(right: go.Axis, ax: Axes) -> Axes:

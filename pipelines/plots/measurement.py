@@ -29,8 +29,8 @@ def setup_chart(
     at = np.asarray(frf.position_deg, dtype=float)
     circle = np.linspace(0, 360, 181)
     series: list[Any] = [
-        go.Curve(*on_circle(circle, radius), go.FAINT, width=width)
-        for radius, width in ((1.0, 3.0), (0.55, 1.0))
+        go.Curve(*on_circle(circle, 1.0), go.FAINT, width=3.0),
+        go.Curve(*on_circle(circle, 0.55), go.FAINT, width=1.0),
     ]
     for index, (run, name) in enumerate(zip(runs, apart(runs), strict=True)):
         x, y = on_circle(at[np.array([each == run for each in frf.run])], 1.0)
@@ -75,16 +75,16 @@ def coherence_chart(frf: FRF, band_hz: tuple[float, float]) -> Chart:
     words = "Map of the coherence; it is unknown.", "The coherence is unknown."
     if np.isfinite(medians).any():
         middle = float(np.median(np.concatenate(known)))
-        worst = shown.names[int(np.argmin(medians))]
+        lowest = f"{medians.min():.3f} at {shown.names[int(np.argmin(medians))]}"
         width = shown.averaged
         averaged = f" Each cell is the mean of {width} lines." if width > 1 else ""
         words = (
             f"Map of the coherence over positions and frequency; median {middle:.3f}, lowest "
-            f"median of a {what} {medians.min():.3f} at {worst}.",
+            f"median of a {what} {lowest}.",
             f"Coherence γ², {what} by {what}; the median over the band is {middle:.3f}, the lowest "
-            f"median of a {what} is {medians.min():.3f} at {worst}. Dark rows are sensors that did "
-            "not follow the force, dark columns are frequencies without excitation; dark spots "
-            f"along the nodal lines of a mode are natural.{averaged}",
+            f"median of a {what} is {lowest}. Dark rows are sensors that did not follow the force, "
+            "dark columns are frequencies without excitation; dark spots along the nodal lines of "
+            f"a mode are natural.{averaged}",
         )
     else:
         series.append(go.Note(float(np.mean(band_hz)), len(shown.names) / 2, "coherence unknown"))
@@ -96,24 +96,17 @@ def coherence_chart(frf: FRF, band_hz: tuple[float, float]) -> Chart:
 
 def reference_chart(check: ReferenceCheck, band_hz: tuple[float, float] | None = None) -> Chart:
     """The reference sensor's inertances of all runs, one over the other."""
-    low, high = band_hz or (check.frequency_hz[0], check.frequency_hz[-1])
-    inside = in_band(check.frequency_hz, (low, high))
+    band = band_hz or (check.frequency_hz[0], check.frequency_hz[-1])
+    inside = in_band(check.frequency_hz, band)
     hover = "%{x:.2f} Hz<br>%{y:.3g} (m/s²)/N<extra>%{fullData.name}</extra>"
+    frequency_hz, levels = check.frequency_hz[inside], np.abs(check.values[:, inside])
     curves = []
-    for index, (name, values) in enumerate(zip(apart(check.run), check.values, strict=True)):
-        # From the eighth run on the colours come again, dashed.
-        look = (
-            go.SERIES[index % len(go.SERIES)],
-            name,
-            1.3,
-            go.DASHES[index // len(go.SERIES) % len(go.DASHES)],
-        )
-        level = np.abs(values[inside])
-        curves.append(go.Curve(check.frequency_hz[inside], level, *look, hover=hover))
-    axes = (
-        go.Axis(go.FREQUENCY, (low, high)),
-        go.log_axis(go.INERTANCE, *(curve.y for curve in curves)),
-    )
+    for index, (name, level) in enumerate(zip(apart(check.run), levels, strict=True)):
+        repeats, index = divmod(index, len(go.SERIES))  # the colours come again, dashed
+        dash = go.DASHES[repeats % len(go.DASHES)]
+        look = go.SERIES[index], name, 1.3, dash
+        curves.append(go.Curve(frequency_hz, level, *look, hover=hover))
+    axes = go.Axis(go.FREQUENCY, band), go.log_axis(go.INERTANCE, levels)
     return Chart(
         "reference",
         go.Plot((go.Panel(tuple(curves), *axes, legend="lower right"),)),
@@ -189,11 +182,8 @@ def on_circle(angle_deg: Any, radius: Any) -> tuple[Any, Any]:
 def _force(angle_deg: float) -> list[Any]:
     """An arrow from outside onto the tread."""
     tip, tail = on_circle(angle_deg, 1.06), on_circle(angle_deg, 1.42)
-    sides = [
-        tuple(np.add(on_circle(angle_deg, 1.17), on_circle(angle_deg + turn, 0.045)))
-        for turn in (90, -90)
-    ]
-    x, y = np.array([tail, tip, sides[0], tip, sides[1]]).T
+    middle, side = np.array(on_circle(angle_deg, 1.17)), on_circle(angle_deg + 90, 0.045)
+    x, y = np.array([tail, tip, middle + side, tip, middle - side]).T
     arrow = go.Curve(x, y, go.FITTED, "force", width=3)
     return [arrow, go.Note(*on_circle(angle_deg, 1.5), "F", go.MEASURED)]
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,13 @@ Floats = NDArray[np.float64]
 MEASURED, FITTED, RING = "--measured", "--fitted", "--ring"
 KEPT, DROPPED, FAINT = "--kept", "--dropped", "--faint"
 SERIES = tuple(f"--series-{number}" for number in range(1, 8))
+#: Colour scales for any colour vision; two of them follow the page into the dark,
+#: and numbers can be read on every colour of these.
+SCALES: dict[str, Any] = {
+    "map": "Viridis",
+    "share": [[0, "--paper"], [1, "--cell-above"]],
+    "signed": [[0, "--cell-below"], [0.5, "--paper"], [1, "--cell-above"]],
+}
 DASHES = ("solid", "dash", "dot", "dashdot")
 FREQUENCY = "frequency / Hz"
 INERTANCE = "|inertance| / ((m/s²)/N)"
