@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -13,45 +15,8 @@ from pipelines.report.measurement import flatten
 from pipelines.results.result import Result
 from pipelines.storage.rounding import number
 
-DEFINITIONS = (
-    ("Inertance", "FRF of acceleration over force, estimated as H1 = G_xf/G_ff, time e^{+jωt}."),
-    (
-        "Coherence γ²",
-        "Share of the response's power that the force explains linearly, 0 to 1; with one "
-        "average it is always 1 and carries no information.",
-    ),
-    (
-        "Pole, frequency, damping ratio",
-        "s = −ζω₀ + jω₀√(1−ζ²); the frequency is the undamped |s|/2π, the damping ratio −Re s/|s|.",
-    ),
-    (
-        "Model order",
-        "Order of the polynomial from which LSCE takes the poles; physical poles stay where they "
-        "are when it grows.",
-    ),
-    ("Order n", "Number of waves around the circumference."),
-    ("Purity", "Share of a shape's power in its order, 0 to 1."),
-    ("MPC", "Modal phase collinearity: 1 for a standing wave, towards 0 for a travelling one."),
-    ("MPD", "Mean phase deviation of a shape from a real one, in degrees."),
-    ("MAC, AutoMAC", "|φᴴψ|²/((φᴴφ)(ψᴴψ)): 1 for shapes that are alike; a set with itself."),
-    ("FRAC", "The same of a measured and a fitted FRF over the fitted lines."),
-    ("±", "One standard deviation."),
-)
-REFERENCES = (
-    "Bendat, J. S.; Piersol, A. G.: Random Data. Wiley, 2010. (H1, coherence, random errors)",
-    "Brown, D. L.; Allemang, R. J.; Zimmerman, R.; Mergeay, M.: Parameter estimation techniques "
-    "for modal analysis. SAE 790221, 1979. (LSCE)",
-    "Reynders, E.; Houbrechts, J.; De Roeck, G.: Fully automated (operational) modal analysis. "
-    "Mechanical Systems and Signal Processing 29, 2012. (clusters, MPD)",
-    "Golub, G. H.; Pereyra, V.: The differentiation of pseudo-inverses and nonlinear least squares "
-    "problems whose variables separate. SIAM J. Numer. Anal. 10, 1973. (curve fit)",
-    "Allemang, R. J.; Brown, D. L.: A correlation coefficient for modal vector analysis. "
-    "IMAC, 1982. (MAC)",
-    "Pappa, R. S.; Elliott, K. B.; Schenk, A.: Consistent-mode indicator for the eigensystem "
-    "realization algorithm. J. Guidance, Control, and Dynamics 16, 1993. (MPC)",
-    "Heylen, W.; Lammens, S.: FRAC: a consistent way of comparing frequency response functions. "
-    "Int. Conf. on Identification in Engineering Systems, 1996.",
-)
+_TEXTS = tomllib.loads(Path(__file__).with_name("definitions.toml").read_text(encoding="utf-8"))
+DEFINITIONS: dict[str, str] = _TEXTS["definitions"]
 
 
 def summary(result: Result) -> Section:
@@ -115,8 +80,8 @@ def input_files(result: Result) -> Table:
 
 def definitions(_result: Result) -> Section:
     """Terms and references."""
-    title = "Definitions and references"
-    return Section("definitions", title, (Facts(DEFINITIONS), Listing(REFERENCES)))
+    blocks = Facts(tuple(DEFINITIONS.items())), Listing(tuple(_TEXTS["references"]))
+    return Section("definitions", "Definitions and references", blocks)
 
 
 def _modes_found(result: Result) -> str:

@@ -24,7 +24,7 @@ from pipelines.storage.atomic import file_written_whole, require_free_file
 from pipelines.storage.rounding import DASH
 
 SHOWN_ANGLES_DEG = (0.0, 100.0)  # at the force, and where the literature on this test shows FRFs
-WORDS = ("Order n", "Pole, frequency, damping ratio", "Inertance", "MAC, AutoMAC", "±")
+WORDS = ("Inertance", "Pole, frequency, damping ratio", "Order n", "MAC, AutoMAC", "±")
 
 _MOST_SHOWN = 30  # more columns cannot be read
 _WORTH_SHOWING = 0.1  # MAC
@@ -41,7 +41,7 @@ HOW_TO_READ = (
 
 def comparison_sections(comparison: Comparison) -> tuple[Section, ...]:
     """All sections of the page in their order; none is empty."""
-    words = tuple((word, text) for word, text in DEFINITIONS if word in WORDS)
+    words = tuple((word, DEFINITIONS[word]) for word in WORDS)
     unknown = Paragraph(comparison.shapes_note, "warning")
     sections = (
         _summary(comparison),

@@ -57,13 +57,18 @@ def shown_rows(result: Result) -> tuple[int, ...]:
 
 def _chooser(result: Result) -> Chooser:
     frf, model = result.frf, result.modal_model
-    rows = kept_positions(frf.n_positions, shown_rows(result))
+    shown = shown_rows(result)
+    rows = kept_positions(frf.n_positions, shown)
     band = np.flatnonzero(in_band(frf.frequency_hz, shown_band_hz(model)))
     poles = np.array([mode.pole for mode in model.modes])
     lines = band[kept_lines(frf.frequency_hz[band], poles, MOST_VALUES // rows.size)]
     ring = ring_data(result, rows)
     names = position_names(frf)
-    options = tuple(_option(result, names[row], int(row)) for row in rows)
+    named = ((names[row], short(frf.run[row]), short(frf.channel[row])) for row in rows)
+    options = tuple(
+        " · ".join([*filter(None, parts), f"FRAC {model.frac[row]:.4f}"])
+        for row, parts in zip(rows, named, strict=True)
+    )
     content = {
         "rows": rows.tolist(),
         "frequency_hz": packed(frf.frequency_hz[lines]),
@@ -82,13 +87,18 @@ def _chooser(result: Result) -> Chooser:
         wide=True,
         height_px=470,
     )
-    first = int(np.searchsorted(rows, shown_rows(result)[:2][-1]))
-    return Chooser(chart, "Position", options, first, content, lambda: _printed(result))
+    first = int(np.searchsorted(rows, shown[:2][-1]))
+
+    def printed() -> tuple[Chart, ...]:
+        return tuple(_printed(result, row) for row in shown)
+
+    return Chooser(chart, "Position", options, first, content, printed)
 
 
 def _what_to_look_for(result: Result) -> str:
     model = result.modal_model
-    ring = " Dashed: the tuned ring, radial force and response." if _has_curve(result) else ""
+    known = _forced(result) is not None
+    ring = " Dashed: the tuned ring, radial force and response." if known else ""
     outside = shown_band_hz(model) != model.band_hz
     shaded = " Shaded: fitted, but outside the band of interest." if outside else ""
     return (
@@ -97,45 +107,27 @@ def _what_to_look_for(result: Result) -> str:
     )
 
 
-def _printed(result: Result) -> tuple[Chart, ...]:
+def _printed(result: Result, row: int) -> Chart:
     frf, model = result.frf, result.modal_model
-    names, angles = position_names(frf), frf.position_deg
-    charts = []
-    for row in shown_rows(result):
-        curves = fitted_curves(frf, model, row)
-        if _has_curve(result):
-            curves["ring"] = (curves["measured"][0], _ring_inertance(result, row))
-        charts.append(
-            Chart(
-                f"frf-{row + 1}",
-                frf_plot(frf, model, curves, place_name(int(frf.node[row]), float(angles[row]))),
-                f"Magnitude and phase of the inertance at {names[row]}, measured and fitted.",
-                f"Inertance at {names[row]}, FRAC {model.frac[row]:.4f}. "
-                f"{_what_to_look_for(result)}",
-            )
-        )
-    return tuple(charts)
+    name, curves = position_names(frf)[row], fitted_curves(frf, model, row)
+    if (forced := _forced(result)) is not None:
+        lines_hz, angle_rad = curves["measured"][0], float(_from_force_rad(result)[row])
+        curves["ring"] = (lines_hz, np.ravel(inertance(forced, lines_hz, angle_rad)))
+    title = place_name(int(frf.node[row]), float(frf.position_deg[row]))
+    return Chart(
+        f"frf-{row + 1}",
+        frf_plot(frf, model, curves, title),
+        f"Magnitude and phase of the inertance at {name}, measured and fitted.",
+        f"Inertance at {name}, FRAC {model.frac[row]:.4f}. {_what_to_look_for(result)}",
+    )
 
 
-def _has_curve(result: Result) -> bool:
-    """Whether the absolute inertance of the ring is known."""
-    return result.tuning is not None and _why_no_ring(result) is None
-
-
-def _ring_inertance(result: Result, row: int) -> NDArray[np.complex128]:
-    """Inertance of the ring over the lines that are drawn of a position."""
-    assert result.tuning is not None and result.damping is not None
-    shown = in_band(result.frf.frequency_hz, shown_band_hz(result.modal_model))
-    angle = _from_force_rad(result)[row]
-    forced = ForcedRing(result.tuning.ring, result.damping.damping)
-    return np.ravel(inertance(forced, result.frf.frequency_hz[shown], float(angle)))
-
-
-def _option(result: Result, name: str, row: int) -> str:
-    """Name of a position, its run, channel and FRAC."""
-    frf = result.frf
-    parts = (name, short(frf.run[row]), short(frf.channel[row]))
-    return " · ".join([*filter(None, parts), f"FRAC {result.modal_model.frac[row]:.4f}"])
+def _forced(result: Result) -> ForcedRing | None:
+    """The tuned ring with its damping; None where its absolute inertance is not known."""
+    tuning, damping = result.tuning, result.damping
+    if tuning is None or damping is None or tuning.ring.belt_width_m is None:
+        return None
+    return ForcedRing(tuning.ring, damping.damping)
 
 
 def _left_out(n_lines: int, all_lines: int, n_positions: int, all_positions: int) -> str:
@@ -152,14 +144,12 @@ def _left_out(n_lines: int, all_lines: int, n_positions: int, all_positions: int
 
 def _why_no_ring(result: Result) -> str | None:
     """Why the ring has no curve, where there is a ring."""
-    if result.tuning is None:
+    if result.tuning is None or _forced(result) is not None:
         return None
     if result.damping is None:
         return "The ring has no curve: its damping is not known."
-    if result.tuning.ring.belt_width_m is None:
-        text = "The ring has no curve: absolute amplitudes need the belt's width."
-        return f"{text} Add belt_width_m to [tyre] in the manifest."
-    return None
+    text = "The ring has no curve: absolute amplitudes need the belt's width."
+    return f"{text} Add belt_width_m to [tyre] in the manifest."
 
 
 def _nearest(angles: np.ndarray, angle: float) -> int:
@@ -224,20 +214,19 @@ def ring_data(result: Result, rows: NDArray[np.int_]) -> dict[str, Any] | None:
     M22 = b_n + jωc_θ − ρω² and C = c_n: the sum over all orders n of the ring at rest
     (`model.inertance`).
     """
-    tuning, damping = result.tuning, result.damping
-    if tuning is None or damping is None or tuning.ring.belt_width_m is None:
+    forced = _forced(result)
+    if forced is None:
         return None
-    ring = tuning.ring
-    forced = ForcedRing(ring, damping.damping)
+    ring, damping = forced.ring, forced.damping
     terms = forced.terms(np.arange(forced.highest_order + 1))
     return {
         "m11": _parts(terms.m11),
         "m22": _parts(terms.m22),
         "coupling": _parts(terms.c),
         "mass_per_area_kg_m2": ring.mass_per_area_kg_m2,
-        "radial_n_s_m3": damping.damping.radial_n_s_m3,
-        "circumferential_n_s_m3": damping.damping.circumferential_n_s_m3,
-        "area_m2": 2 * np.pi * ring.mean_radius_m * tuning.ring.belt_width_m,
+        "radial_n_s_m3": damping.radial_n_s_m3,
+        "circumferential_n_s_m3": damping.circumferential_n_s_m3,
+        "area_m2": 2 * np.pi * ring.mean_radius_m * (ring.belt_width_m or np.nan),
         "angle_rad": _from_force_rad(result)[rows].tolist(),
     }
 
