@@ -11,10 +11,10 @@ import typer
 from ema.core.errors import FitError, InputError, file_trouble, is_drive_trouble, out_of_memory
 from model.errors import ParameterError
 from pipelines.cli import terminal
-from pipelines.cli.help import SETTINGS, Lazy, LazyGroup
+from pipelines.cli.help import SETTINGS, LazyGroup
 from pipelines.cli.streams import Interrupted
 
-# Module in pipelines.cli, function, summary. Loading all of them costs a second.
+# Module in pipelines.cli, command, summary. Loading all of them costs a second.
 _COMMANDS = {
     "First steps": (
         ("start", "demo", "Process the sample campaign and write its report."),
@@ -28,7 +28,7 @@ _COMMANDS = {
         ("result", "report", "Write the report of a result again, as HTML and optionally PDF."),
         ("compare", "compare", "Compare two results, with the significance of each difference."),
         ("export", "export", "Write modes, shapes and FRFs of a result for other modal programs."),
-        ("compare", "compare_shapes", "Compare shapes with those of a model or program, by MAC."),
+        ("compare", "compare-shapes", "Compare shapes with those of a model or program, by MAC."),
     ),
     "Many campaigns": (
         ("batch", "batch", "Process every campaign under a folder and collect the results."),
@@ -44,8 +44,8 @@ _COMMANDS = {
 class Program(LazyGroup):
     """``ringmodal``."""
 
-    lazy: ClassVar[dict[str, Lazy]] = {
-        name.replace("_", "-"): Lazy(f"pipelines.cli.{module}", name, heading, summary)
+    lazy: ClassVar[dict[str, tuple[str, str, str]]] = {
+        name: (module, heading, summary)
         for heading, commands in _COMMANDS.items()
         for module, name, summary in commands
     }

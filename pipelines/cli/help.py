@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import import_module
 from itertools import pairwise
@@ -80,31 +79,17 @@ class Group(_Grouped, TyperGroup):
         ]
 
 
-@dataclass(frozen=True)
-class Lazy:
-    """Where to load a command or a group of them, and how the help lists it until then."""
-
-    module: str
-    name: str
-    heading: str
-    summary: str
-
-    def load(self, command_name: str) -> Any:
-        """The command, ready to be called."""
-        found = getattr(import_module(self.module), self.name)
-        if not isinstance(found, typer.Typer):
-            alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-            alone.command(command_name, cls=Command)(found)
-            found = alone
-        command: Any = typer.main.get_command(found)
-        command.name = command_name
-        return command
+def group(text: str) -> typer.Typer:
+    """A group of commands and its help."""
+    options: Any = {"cls": Group, "no_args_is_help": True, "rich_markup_mode": None}
+    return typer.Typer(help=text, add_completion=False, **options)
 
 
 class LazyGroup(Group):
     """A group whose commands are loaded one by one, each when it is called."""
 
-    lazy: ClassVar[dict[str, Lazy]] = {}
+    #: Module in `pipelines.cli`, heading and summary of each command, by its name.
+    lazy: ClassVar[dict[str, tuple[str, str, str]]] = {}
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names of all commands."""
@@ -113,7 +98,7 @@ class LazyGroup(Group):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command with a name; None where there is none."""
         if cmd_name in self.lazy and cmd_name not in self.commands:
-            self.commands[cmd_name] = self.lazy[cmd_name].load(cmd_name)
+            self.commands[cmd_name] = _loaded(self.lazy[cmd_name][0], cmd_name)
         return self.commands.get(cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -125,7 +110,19 @@ class LazyGroup(Group):
 
     def listed(self, ctx: Any) -> list[tuple[str, str, str]]:
         """Heading, name and summary of each command, without loading any."""
-        return [(each.heading, name, each.summary) for name, each in self.lazy.items()]
+        return [(heading, name, text) for name, (_, heading, text) in self.lazy.items()]
+
+
+def _loaded(module: str, name: str) -> Any:
+    """A command or a group of them, ready to be called."""
+    found = getattr(import_module(f"pipelines.cli.{module}"), name.replace("-", "_"))
+    if not isinstance(found, typer.Typer):
+        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+        alone.command(name, cls=Command)(found)
+        found = alone
+    command: Any = typer.main.get_command(found)
+    command.name = name
+    return command
 
 
 def _is_argument(param: Any) -> bool:

@@ -17,7 +17,7 @@ from model.forced import Direction
 from model.waves import Frame, WaveFrame
 from pipelines.cli import options as opt
 from pipelines.cli import simulate_show
-from pipelines.cli.help import Command, Group
+from pipelines.cli.help import Command, group
 from pipelines.cli.simulate_show import Request
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
@@ -27,13 +27,7 @@ from pipelines.simulate.laboratory import simulate_laboratory
 from pipelines.simulate.laboratory_effects import effects_of
 from pipelines.simulate.tyre import damping_of, simulate_frequencies, tyre_to_simulate, wheel_of
 
-simulate = typer.Typer(
-    cls=Group,
-    help="Ring model: frequencies, forced vibration, virtual measurements.",
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
-)
+simulate = group("Ring model: frequencies, forced vibration, virtual measurements.")
 
 
 def _values(text: str) -> Any:

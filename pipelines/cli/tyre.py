@@ -11,7 +11,7 @@ import typer
 from ema.core.errors import InputError
 from pipelines.cli import options as opt
 from pipelines.cli import show_tyre
-from pipelines.cli.help import Command, Group
+from pipelines.cli.help import Command, group
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.cli.tyre_tir import from_tir, modal_targets, update_tir
 from pipelines.library.export import export as write
@@ -23,9 +23,8 @@ from pipelines.library.series import pressure_series
 from pipelines.library.version import Version, login_name
 from pipelines.report.pressure_series import ENDINGS, write_series
 
-tyre = typer.Typer(
-    cls=Group,
-    help="""Parameter sets of tyres: versions, comparison, export to other programs.
+tyre = group(
+    """Parameter sets of tyres: versions, comparison, export to other programs.
 
     A library is a folder, e.g. on a network drive. Each tyre in it has numbered versions, which
     never change once written. Option --library or the variable RINGMODAL_LIBRARY gives the folder.
@@ -33,10 +32,7 @@ tyre = typer.Typer(
     Examples:
       ringmodal tyre add results/tyre_7 --library parameters --note "new contour"
       ringmodal tyre history 225-55R17 --library parameters
-    """,
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
+    """
 )
 
 
