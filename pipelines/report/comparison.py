@@ -56,11 +56,10 @@ def comparison_sections(comparison: Comparison) -> tuple[Section, ...]:
     return tuple(section for section in sections if section.blocks)
 
 
-def render_comparison(comparison: Comparison, *, paper: bool = False) -> str:
-    """Render a comparison as one HTML page; on `paper` charts are drawings."""
-    subject = " → ".join(comparison.names)
-    sections = comparison_sections(comparison)
-    return render_page("Comparison of two results", subject, sections, paper=paper, signed=True)
+def render_comparison(comparison: Comparison) -> str:
+    """Render a comparison as one HTML page."""
+    subject, sections = " → ".join(comparison.names), comparison_sections(comparison)
+    return render_page("Comparison of two results", subject, sections, signed=True)
 
 
 def write_comparison(comparison: Comparison, path: Path | str, *, force: bool = False) -> Path:

@@ -29,23 +29,18 @@ JSON_ESCAPE = re.compile(r"\\\\|\\u(00[01][0-9a-f])|\\([bf])")
 
 
 def render_page(
-    kind: str,
-    subject: str,
-    sections: tuple[Section, ...],
-    *,
-    paper: bool = False,
-    signed: bool = False,
+    kind: str, subject: str, sections: tuple[Section, ...], *, signed: bool = False
 ) -> str:
     """Render sections as one self-contained HTML page.
 
-    `kind` is shown above the title `subject`. On `paper` each block that needs a script is
-    replaced by its drawing; a `signed` page ends in print with lines for name, date and signature.
+    `kind` is shown above the title `subject`; a `signed` page ends in print with lines for name,
+    date and signature.
     """
-    chosen = on_paper(sections) if paper else sections
-    moving = any(isinstance(block, Drawn) for section in chosen for block in inside(section))
+    moving = any(isinstance(block, Drawn) for section in sections for block in inside(section))
     scripts = tuple(Markup(_text(name)) for name in (LIBRARY, *SCRIPTS)) if moving else ()
     page = _environment().get_template("report.html")
-    return page.render(kind=kind, subject=subject, sections=chosen, signed=signed, scripts=scripts)
+    content = {"kind": kind, "subject": subject, "sections": sections}
+    return page.render(**content, signed=signed, scripts=scripts)
 
 
 def on_paper(sections: tuple[Section, ...]) -> tuple[Section, ...]:

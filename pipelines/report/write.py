@@ -42,13 +42,9 @@ def report_sections(result: Result) -> tuple[Section, ...]:
     return tuple(build(result) for build in SECTIONS)
 
 
-def render_report(result: Result, *, paper: bool = False) -> str:
-    """Render a result as one HTML page with styles, scripts and pictures inside.
-
-    With `paper`, everything that moves is replaced by its drawing, so that no script is needed.
-    """
-    sections = report_sections(result)
-    return render_page(KIND, subject_of(result), sections, paper=paper, signed=True)
+def render_report(result: Result) -> str:
+    """Render a result as one HTML page with styles, scripts and pictures inside."""
+    return render_page(KIND, subject_of(result), report_sections(result), signed=True)
 
 
 def subject_of(result: Result) -> str:
@@ -176,16 +172,14 @@ def _rearranged(block: Block) -> tuple[Block, ...]:
 
 def _running_texts(result: Result) -> str:
     """Style with the texts at the head and foot of each page."""
-    created = str(result.provenance.get("created", ""))[:10]
     version = result.provenance.get("software", {}).get("ringmodal", "")
-    title = f"{KIND} – {short(subject_of(result), 60)}"
-    return (
-        "@page {"
-        f" @top-left {{ content: {_quoted(title)} }}"
-        f" @top-right {{ content: {_quoted(created)} }}"
-        f" @bottom-left {{ content: {_quoted(f'ringmodal {version}'.strip())} }}"
-        " }"
-    )
+    texts = {
+        "top-left": f"{KIND} – {short(subject_of(result), 60)}",
+        "top-right": str(result.provenance.get("created", ""))[:10],
+        "bottom-left": f"ringmodal {version}".strip(),
+    }
+    boxes = (f"@{place} {{ content: {_quoted(text)} }}" for place, text in texts.items())
+    return f"@page {{ {' '.join(boxes)} }}"
 
 
 def _quoted(text: Any) -> str:
