@@ -121,33 +121,45 @@ class Lines(Progress):
         print(printable(self._count + text), file=sys.stderr, flush=True)  # noqa: T201
 
 
-class Bars(Progress):
-    """A bar for each stage, with the time it took or will take."""
+class Bars(Progress, progress.Progress):
+    """A bar for each stage, with the time it took or will take, while the context lasts.
 
-    def __init__(self, display: progress.Progress) -> None:
-        self._display = display
+    The last one is filled only if the context ends without an error.
+    """
+
+    def __init__(self, console: Console) -> None:
+        super().__init__(
+            progress.TextColumn("{task.description}", markup=False),
+            progress.BarColumn(),
+            progress.TextColumn("{task.fields[count]}"),
+            progress.TimeRemainingColumn(compact=True, elapsed_when_finished=True),
+            console=console,
+        )
         self._bar: progress.TaskID | None = None
 
     def stage(self, activity: str) -> None:
         """Fill the bar of the stage before and begin a new one."""
-        self.end()
-        self._bar = self._display.add_task(printable(activity), total=None, count="")
+        self._fill()
+        self._bar = self.add_task(printable(activity), total=None, count="")
 
     def step(self, done: int, total: int) -> None:
         """Move the bar."""
         if self._bar is not None:
-            count = f"{done}/{total}"
-            self._display.update(self._bar, completed=done, total=total, count=count)
+            self.update(self._bar, completed=done, total=total, count=f"{done}/{total}")
 
     def line(self, text: str) -> None:
         """Print a text above the bars."""
-        self._display.console.print(Text(printable(text)))
+        self.console.print(Text(printable(text)))
 
-    def end(self) -> None:
-        """Fill the last bar."""
+    def __exit__(self, *error: Any) -> None:
+        if error == (None, None, None):
+            self._fill()
+        super().__exit__(*error)
+
+    def _fill(self) -> None:
         if self._bar is not None:
-            total = self._display.tasks[self._bar].total or 1
-            self._display.update(self._bar, completed=total, total=total)
+            total = self.tasks[self._bar].total or 1
+            self.update(self._bar, completed=total, total=total)
 
 
 @contextmanager
@@ -157,25 +169,10 @@ def shown(*, quiet: bool) -> Iterator[Progress]:
         show_logs(logging.ERROR)
         yield Progress()
     elif sys.stderr.isatty():
-        with bars_on(Console(stderr=True)) as bars:
+        with Bars(Console(stderr=True)) as bars:
             yield bars
     else:
         yield Lines()
-
-
-@contextmanager
-def bars_on(console: Console) -> Iterator[Bars]:
-    """Bars on a terminal; the last one is filled only if the block ends without an error."""
-    columns = (
-        progress.TextColumn("{task.description}", markup=False),
-        progress.BarColumn(),
-        progress.TextColumn("{task.fields[count]}"),
-        progress.TimeRemainingColumn(compact=True, elapsed_when_finished=True),
-    )
-    with progress.Progress(*columns, console=console) as display:
-        bars = Bars(display)
-        yield bars
-        bars.end()
 
 
 def duration(seconds: float) -> str:

@@ -36,13 +36,11 @@ def stability(result: Result) -> Section:
     inside = [cluster for cluster in diagram.clusters if low <= cluster.frequency_hz <= high]
     head = ("frequency / Hz", "damping ratio / %", "model orders", "verdict", "reason")
     blocks: list[Block] = [stability_chart(diagram)]
+    outside = [cluster for cluster in diagram.clusters if cluster not in inside]
     for caption, clusters in (
         ("Clusters kept", [each for each in inside if each.kept]),
         ("Clusters dropped", [each for each in inside if not each.kept]),
-        (
-            "Clusters outside the band; those kept support the fit, not the result",
-            [each for each in diagram.clusters if each not in inside],
-        ),
+        ("Clusters outside the band; those kept support the fit, not the result", outside),
     ):
         if clusters:
             rows = tuple(
@@ -167,10 +165,8 @@ def _animation(result: Result) -> Animation:
 
 
 def _mode_content(mode: Mode) -> dict[str, Any]:
-    said = (
-        f"{mode_name(mode)}: damping ratio {number(100 * mode.damping_ratio, 3)} %, "
-        f"MPC {mode.mpc:.3f}, MPD {mode.mpd_deg:.1f}°"
-    )
+    damping = f"damping ratio {number(100 * mode.damping_ratio, 3)} %"
+    said = f"{mode_name(mode)}: {damping}, MPC {mode.mpc:.3f}, MPD {mode.mpd_deg:.1f}°"
     return {"said": said, "real": packed(mode.shape.real), "imag": packed(mode.shape.imag)}
 
 

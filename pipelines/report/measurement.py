@@ -182,31 +182,27 @@ def _findings(findings: tuple[Finding, ...]) -> list[Block]:
     """Tables of what was excluded, what is doubtful and what passed."""
     blocks: list[Block] = []
     for verdict, caption, none in (
-        (Verdict.EXCLUDED, "Channels and runs excluded, and why", "was excluded"),
+        (
+            Verdict.EXCLUDED,
+            "Channels and runs excluded, and why",
+            "was excluded",
+        ),
         (Verdict.WARNING, "Warnings on the data", "gave cause for a warning"),
+        (Verdict.OK, "Checks passed", ""),
     ):
-        rows = _rows_with(findings, verdict)
-        found = Table(f"{caption} ({len(rows)})", FINDING_HEAD, rows, FINDING_WORDS)
-        blocks.append(found if rows else Paragraph(f"No channel or run {none}.", "good"))
-    passed = _rows_with(findings, Verdict.OK)
-    if passed:
-        caption = f"Checks passed ({len(passed)})"
-        blocks.append(Table(caption, FINDING_HEAD, passed, FINDING_WORDS, folded=True))
+        rows = tuple(_finding_row(each) for each in findings if each.verdict == verdict)
+        if rows:
+            title, folded = f"{caption} ({len(rows)})", verdict == Verdict.OK
+            blocks.append(Table(title, FINDING_HEAD, rows, FINDING_WORDS, folded))
+        elif none:
+            blocks.append(Paragraph(f"No channel or run {none}.", "good"))
     return blocks
 
 
-def _rows_with(findings: tuple[Finding, ...], verdict: Verdict) -> tuple[tuple[str, ...], ...]:
-    return tuple(
-        (
-            each.run or DASH,
-            each.channel or DASH,
-            DASH if each.position_deg is None else f"{each.position_deg:g}°",
-            each.check,
-            each.detail,
-        )
-        for each in findings
-        if each.verdict == verdict
-    )
+def _finding_row(finding: Finding) -> tuple[str, ...]:
+    angle_deg = finding.position_deg
+    position = DASH if angle_deg is None else f"{angle_deg:g}°"
+    return finding.run or DASH, finding.channel or DASH, position, finding.check, finding.detail
 
 
 def identity(result: Result) -> Section:

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from base64 import b64encode
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import cache
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +14,7 @@ from markupsafe import Markup
 
 from ema.core.errors import visible
 from pipelines.plots.chart import Chart, Drawn
-from pipelines.report.blocks import Alone, Beside, Block, Picture, Section
+from pipelines.report.blocks import Alone, Beside, Section
 
 LONG_WORD, PIECE = 32, 16  # characters: a checksum breaks, a file name does not
 LIBRARY = "vendor/plotly-cartesian.min.js"
@@ -41,14 +38,6 @@ def render_page(
     page = _environment().get_template("report.html")
     content = {"kind": kind, "subject": subject, "sections": sections}
     return page.render(**content, signed=signed, scripts=scripts)
-
-
-def on_paper(sections: tuple[Section, ...]) -> tuple[Section, ...]:
-    """The same sections with a picture for each block that needs a script."""
-    return tuple(
-        replace(section, blocks=tuple(each for block in section.blocks for each in _printed(block)))
-        for section in sections
-    )
 
 
 def drawings(sections: tuple[Section, ...]) -> tuple[Chart, ...]:
@@ -93,23 +82,6 @@ def _named(escape: re.Match[str]) -> str:
     """What a page shows for an escape of JSON: a name, or the backslash."""
     code = escape[1] or {"b": "0008", "f": "000c"}.get(escape[2] or "")
     return f"[U+{code.upper()}]" if code else escape[0]
-
-
-def _printed(block: Block) -> tuple[Block, ...]:
-    if isinstance(block, Beside):
-        return (Beside(tuple(each for one in block.blocks for each in _still(one))),)
-    return _still(block)
-
-
-def _still(block: Alone) -> tuple[Alone, ...]:
-    return tuple(map(_picture, block.printed())) if isinstance(block, Drawn) else (block,)
-
-
-def _picture(drawing: Chart) -> Picture:
-    buffer = BytesIO()
-    drawing.draw().savefig(buffer, format="svg")
-    source = "data:image/svg+xml;base64," + b64encode(buffer.getvalue()).decode("ascii")
-    return Picture(source, drawing.alternative, drawing.caption, drawing.wide)
 
 
 @cache

@@ -5,17 +5,19 @@ Sections are built in Python from a `Result`, block by block; the template only 
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from ema.core.errors import InputError, visible
-from pipelines.plots.chart import Chart
+from pipelines.plots.chart import Chart, Drawn
 from pipelines.report import closing, identification, measurement, responses, ring
-from pipelines.report.blocks import Beside, Block, Paragraph, Picture, Section, Table
-from pipelines.report.page import drawings, on_paper, render_page
+from pipelines.report.blocks import Alone, Beside, Block, Paragraph, Picture, Section, Table
+from pipelines.report.page import drawings, render_page
 from pipelines.results.labels import short
 from pipelines.results.result import Result
 from pipelines.storage.atomic import file_written_whole, not_written, require_free_file
@@ -82,7 +84,7 @@ def write_pdf(result: Result, path: str | Path) -> Path:
     """
     target = Path(path)
     weasyprint = printing_library(str(target))
-    sections = tuple(map(_for_paper, on_paper(report_sections(result))))
+    sections = tuple(map(_for_paper, report_sections(result)))
     page = render_page(KIND, subject_of(result), sections, signed=True)
     with file_written_whole(target) as partial:
         partial.write_bytes(_printed(weasyprint, page, _running_texts(result)))
@@ -155,19 +157,31 @@ def _printed(weasyprint: Any, page: str, style: str) -> bytes:
 
 
 def _for_paper(section: Section) -> Section:
-    blocks = (shown for block in section.blocks for shown in _rearranged(block))
+    """The section without anything that moves; wide pictures get a row each."""
+    blocks: list[Block] = []
+    for block in section.blocks:
+        beside = block.blocks if isinstance(block, Beside) else (block,)
+        still = [each for one in beside for each in _still(one)]
+        wide = [one for one in still if isinstance(one, Picture) and one.wide]
+        narrow = tuple(one for one in still if one not in wide)
+        blocks += [*wide, Beside(narrow)] if narrow and isinstance(block, Beside) else still
     return replace(section, blocks=tuple(blocks))
 
 
-def _rearranged(block: Block) -> tuple[Block, ...]:
-    """A long table becomes a sentence where the screen folds it; wide pictures get a row each."""
+def _still(block: Alone) -> tuple[Alone, ...]:
+    """A block in print: what needs a script as pictures, a long table that is folded named."""
+    if isinstance(block, Drawn):
+        return tuple(map(_picture, block.printed()))
     if isinstance(block, Table) and block.folded and len(block.rows) > MOST_FOLDED_ROWS:
         return (Paragraph(f"{block.caption}: the {len(block.rows)} rows are in the HTML report."),)
-    if isinstance(block, Beside):
-        wide = tuple(one for one in block.blocks if isinstance(one, Picture) and one.wide)
-        narrow = tuple(one for one in block.blocks if one not in wide)
-        return (*wide, *((Beside(narrow),) if narrow else ()))
     return (block,)
+
+
+def _picture(drawing: Chart) -> Picture:
+    buffer = BytesIO()
+    drawing.draw().savefig(buffer, format="svg")
+    source = "data:image/svg+xml;base64," + b64encode(buffer.getvalue()).decode("ascii")
+    return Picture(source, drawing.alternative, drawing.caption, drawing.wide)
 
 
 def _running_texts(result: Result) -> str:

@@ -9,7 +9,7 @@ from rich.console import Console
 
 import ema
 from pipelines.cli import screen as progress
-from pipelines.cli.screen import Lines, bars_on, duration, shown
+from pipelines.cli.screen import Bars, Lines, duration, shown
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def drawn(work):
     """The last state of the bars after `work`, as text."""
     screen = io.StringIO()
     terminal = Console(file=screen, force_terminal=True, width=100, color_system=None)
-    with bars_on(terminal) as bars:
+    with Bars(terminal) as bars:
         work(bars)
     frames = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.getvalue()).replace("\r", "\n")
     return [line.rstrip() for line in frames.splitlines() if line.strip()]
@@ -91,7 +91,7 @@ def test_a_bar_is_not_filled_by_a_failure():
     screen = io.StringIO()
     with (
         pytest.raises(RuntimeError),
-        bars_on(Console(file=screen, force_terminal=True, width=100)) as bars,
+        Bars(Console(file=screen, force_terminal=True, width=100)) as bars,
     ):
         work(bars)
     assert "2/6" in screen.getvalue()

@@ -34,7 +34,7 @@ from pipelines.report import measurement
 from pipelines.report import write as report
 from pipelines.report.blocks import Facts, Paragraph, Section, Table
 from pipelines.report.measurement import identity
-from pipelines.report.page import as_json, breakable, drawings, on_paper, render_page
+from pipelines.report.page import as_json, breakable, drawings, render_page
 from pipelines.report.responses import shown_rows
 from pipelines.report.write import render_report, report_sections, write_report
 from pipelines.results.labels import named
@@ -257,7 +257,7 @@ def test_a_page_without_charts_needs_no_script():
 
 
 def test_on_paper_every_chart_is_a_picture(tyre):
-    sections = on_paper(report_sections(tyre))
+    sections = tuple(map(report._for_paper, report_sections(tyre)))
     page = Page(render_page(report.KIND, report.subject_of(tyre), sections, signed=True))
     assert "script" not in page.tags
     pictures = [attributes for tag, attributes in page.attributes if tag == "img"]
