@@ -10,7 +10,7 @@ import typer
 from pipelines.batch.run import Batch, run_batch
 from pipelines.batch.state import Record
 from pipelines.batch.summary import campaign_rows
-from pipelines.cli.options import FILES, Json, Quiet, argument, option, with_processing_options
+from pipelines.cli import options as opt
 from pipelines.cli.screen import shown
 from pipelines.cli.streams import Interrupted
 from pipelines.cli.terminal import echo, print_json
@@ -19,21 +19,19 @@ from pipelines.results.options import Options
 MACHINES = "Machines"
 
 
-@with_processing_options
+@opt.with_processing_options
 def batch(
-    root: Annotated[Path, argument("ROOT", "Folder with campaigns, at any depth.")],
+    root: Annotated[Path, opt.argument("ROOT", "Folder with campaigns, at any depth.")],
     out: Annotated[
-        Path, option("--out", "Folder for results and tables; a later run continues.", FILES, "DIR")
+        Path, opt.option("Folder for results and tables; a later run continues.", opt.FILES, "DIR")
     ],
     options: Options,
     jobs: Annotated[
-        int | None,
-        option("--jobs", "Worker processes. Default: one per core.", MACHINES, "N", min=1),
+        int | None, opt.option("Worker processes. Default: one per core.", MACHINES, "N", min=1)
     ] = None,
     scheduler: Annotated[
         str | None,
-        option(
-            "--scheduler",
+        opt.option(
             "Scheduler of a Dask cluster, tls://HOST:PORT, instead of --jobs. Without TLS, anyone "
             "who reaches its port can run code in its workers and in this batch.",
             MACHINES,
@@ -41,16 +39,18 @@ def batch(
         ),
     ] = None,
     allow_unencrypted: Annotated[
-        bool, option("--allow-unencrypted", "Allow a --scheduler without TLS.", MACHINES)
+        bool, opt.flag("--allow-unencrypted", "Allow a --scheduler without TLS.", MACHINES)
     ] = False,
     reports: Annotated[
-        bool, option("--reports", "Write a report.html for each campaign; takes longer.", FILES)
+        bool,
+        opt.flag("--reports", "Write a report.html for each campaign; takes longer.", opt.FILES),
     ] = False,
     retry_failed: Annotated[
-        bool, option("--retry-failed", "Retry campaigns that failed and have not changed.", FILES)
+        bool,
+        opt.flag("--retry-failed", "Retry campaigns that failed and have not changed.", opt.FILES),
     ] = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
+    as_json: opt.Json = False,
+    quiet: opt.Quiet = False,
 ) -> None:
     """Process every campaign under a folder, and collect modes and parameters.
 

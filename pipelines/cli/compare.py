@@ -71,24 +71,19 @@ def compare_shapes(
     force: Annotated[bool, opt.replacing("an earlier file")] = False,
     accept_changes: opt.AcceptChanges = False,
     by: Annotated[
-        str, opt.one_of("--by", WAYS, "Match by angle or node. Default: angle if possible.", PLACES)
+        str, opt.one_of(WAYS, "Match by angle or node. Default: angle if possible.", PLACES)
     ] = "",
     tolerance_deg: Annotated[
-        float,
-        opt.option("--tolerance-deg", "Largest difference of angles in degrees.", PLACES, "DEG"),
+        float, opt.option("Largest difference of angles in degrees.", PLACES, "DEG")
     ] = 2.0,
     rotate_deg: Annotated[
-        float,
-        opt.option("--rotate-deg", "Add this to the angles of OTHER, in degrees.", PLACES, "DEG"),
+        float, opt.option("Add this to the angles of OTHER, in degrees.", PLACES, "DEG")
     ] = 0.0,
     mirror: Annotated[
-        bool, opt.option("--mirror", "Reverse the angles of OTHER, before --rotate-deg.", PLACES)
+        bool, opt.flag("--mirror", "Reverse the angles of OTHER, before --rotate-deg.", PLACES)
     ] = False,
     direction: Annotated[
-        str,
-        opt.one_of(
-            "--direction", DIRECTIONS, "Motion of OTHER: radial (default), x, y or z.", PLACES
-        ),
+        str, opt.one_of(DIRECTIONS, "Motion of OTHER: radial (default), x, y or z.", PLACES)
     ] = "",
     as_json: opt.Json = False,
 ) -> None:

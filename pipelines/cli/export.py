@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from pipelines.cli.options import FILES, AcceptChanges, Json, argument, one_of, option, replacing
+from pipelines.cli import options as opt
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.export.modal import export as write
@@ -16,36 +16,34 @@ CONTENT = "Content"
 
 
 def export(
-    result: Annotated[Path, argument("RESULT", "Result folder.")],
+    result: Annotated[Path, opt.argument("RESULT", "Result folder.")],
     file_format: Annotated[
         str,
-        one_of(
-            "--format",
+        opt.one_of(
             EXPORT_FORMATS,
             "uff (universal file), csv (a folder of tables), json or mat (MATLAB). "
             "Default: the ending of --out, or uff.",
-            FILES,
+            opt.FILES,
+            "--format",
         ),
     ] = "",
     out: Annotated[
         Path | None,
-        option("--out", "File, or folder for csv. Default: named after the result.", FILES, "PATH"),
+        opt.option("File, or folder for csv. Default: named after the result.", opt.FILES, "PATH"),
     ] = None,
-    force: Annotated[bool, replacing("an earlier export")] = False,
-    accept_changes: AcceptChanges = False,
+    force: Annotated[bool, opt.replacing("an earlier export")] = False,
+    accept_changes: opt.AcceptChanges = False,
     real: Annotated[
-        bool, option("--real", "Real shapes (normal modes), not complex ones.", CONTENT)
+        bool, opt.flag("--real", "Real shapes (normal modes), not complex ones.", CONTENT)
     ] = False,
     frfs: Annotated[
         str,
-        one_of(
-            "--frfs", FRFS, "FRFs: both, measured, synthesised (from the modes) or none.", CONTENT
-        ),
+        opt.one_of(FRFS, "FRFs: both, measured, synthesised (from the modes) or none.", CONTENT),
     ] = "both",
     text: Annotated[
-        bool, option("--text", "FRFs as text (58), for programs without 58b.", CONTENT)
+        bool, opt.flag("--text", "FRFs as text (58), for programs without 58b.", CONTENT)
     ] = False,
-    as_json: Json = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Write modes, shapes, geometry and FRFs of a result for other modal programs.
 

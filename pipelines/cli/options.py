@@ -42,21 +42,28 @@ def completing(values: Sequence[str]) -> Callable[[str], list[str]]:
     return lambda incomplete: [value for value in values if value.startswith(incomplete)]
 
 
-def option(
-    name: str, text: str, panel: str | None = None, metavar: str | None = None, **more: Any
-) -> Any:
-    """An option of a command: its name, its help, and the heading that lists it."""
-    return typer.Option(name, help=text, rich_help_panel=panel, metavar=metavar, **more)
+def option(text: str, panel: str = "", metavar: str = "", *names: str, **more: Any) -> Any:
+    """An option of a command: its help, the heading that lists it, and names of its own.
+
+    Without any it has the name of its parameter.
+    """
+    more |= {"help": text, "rich_help_panel": panel or None, "metavar": metavar or None}
+    return typer.Option(*names, **more)
 
 
-def one_of(name: str, values: Sequence[str], text: str, panel: str) -> Any:
+def flag(name: str, text: str, panel: str = "") -> Any:
+    """An option without a value."""
+    return option(text, panel, "", name)
+
+
+def one_of(values: Sequence[str], text: str, panel: str, *names: str) -> Any:
     """An option that takes one of several names, which the shell completes."""
-    return option(name, text, panel, "NAME", autocompletion=completing(values))
+    return option(text, panel, "NAME", *names, autocompletion=completing(values))
 
 
 def replacing(what: str) -> Any:
     """The option ``--force`` of a command."""
-    return option("--force", f"Replace {what}.", FILES)
+    return flag("--force", f"Replace {what}.", FILES)
 
 
 def target(content: str, endings: tuple[str, ...], name: str = "--out") -> Any:
@@ -69,7 +76,7 @@ def target(content: str, endings: tuple[str, ...], name: str = "--out") -> Any:
         return path
 
     text = f"{content}: {', '.join(endings[:-1])} or {endings[-1]}".removeprefix(" or ")
-    return option(name, f"{text}.", FILES, "FILE", callback=checked)
+    return option(f"{text}.", FILES, "FILE", name, callback=checked)
 
 
 def argument(metavar: str, text: str) -> Any:
@@ -78,29 +85,26 @@ def argument(metavar: str, text: str) -> Any:
 
 
 ResultFolder = Annotated[Path, argument("DIR", "Folder of an earlier result.")]
-Out = Annotated[Path, option("--out", "Folder for the result; written atomically.", FILES, "DIR")]
+Out = Annotated[Path, option("Folder for the result; written atomically.", FILES, "DIR")]
 Force = Annotated[bool, replacing("an earlier result")]
-NoReport = Annotated[bool, option("--no-report", "Stop before the report.", FILES)]
+NoReport = Annotated[bool, flag("--no-report", "Stop before the report.", FILES)]
 Figures = Annotated[
-    Path | None,
-    option("--figures", "Write each figure of the report as PNG and SVG.", FILES, "DIR"),
+    Path | None, option("Write each figure of the report as PNG and SVG.", FILES, "DIR")
 ]
-Pdf = Annotated[bool, option("--pdf", "Also write report.pdf; needs the optional part pdf.", FILES)]
+Pdf = Annotated[bool, flag("--pdf", "Also write report.pdf; needs the optional part pdf.", FILES)]
 AcceptChanges = Annotated[
-    bool,
-    option("--accept-changes", "Use a result whose files were changed later; recorded.", FILES),
+    bool, flag("--accept-changes", "Use a result whose files were changed later; recorded.", FILES)
 ]
 Strict = Annotated[
-    bool, option("--strict", "Refuse recordings that give any warning; write nothing.", FILES)
+    bool, flag("--strict", "Refuse recordings that give any warning; write nothing.", FILES)
 ]
-Json = Annotated[bool, option("--json", "Print the result as JSON on standard output.", SCREEN)]
+Json = Annotated[bool, flag("--json", "Print the result as JSON on standard output.", SCREEN)]
 Quiet = Annotated[
-    bool, option("--quiet", "Print only errors and, on standard output, the result.", SCREEN)
+    bool, flag("--quiet", "Print only errors and, on standard output, the result.", SCREEN)
 ]
 Objective = Annotated[
     str,
     one_of(
-        "--objective",
         OBJECTIVES,
         "What the tuning minimises: frequency (relative errors) or paper (eq. 18).",
         RING,
@@ -109,7 +113,6 @@ Objective = Annotated[
 Given = Annotated[
     list[str] | None,
     option(
-        "--given",
         "A known ring parameter in SI units, such as mass_per_area_kg_m2=19.7; may be repeated.",
         RING,
         "NAME=VALUE",
@@ -123,32 +126,26 @@ def processing_options(
     band_hz: Annotated[
         tuple[float, float] | None,
         option(
-            "--band-hz",
             "Band in Hz. Default: where coherence is good; for a tyre 20 300 at most.",
             PROCESSING,
             "FROM TO",
         ),
     ] = None,
     averages: Annotated[
-        int | None, option("--averages", "Averages; sets the block length.", PROCESSING, "N", min=1)
+        int | None, option("Averages; sets the block length.", PROCESSING, "N", min=1)
     ] = None,
     block_seconds: Annotated[
         float | None,
         option(
-            "--block-seconds",
-            "Block length in s. Default: 4, or a quarter of a shorter recording.",
-            PROCESSING,
-            "S",
+            "Block length in s. Default: 4, or a quarter of a shorter recording.", PROCESSING, "S"
         ),
     ] = None,
     window: Annotated[
-        str | None,
-        one_of("--window", WINDOWS, "Any window of scipy. Default: hann.", PROCESSING),
+        str | None, one_of(WINDOWS, "Any window of scipy. Default: hann.", PROCESSING)
     ] = None,
     overlap: Annotated[
         float | None,
         option(
-            "--overlap",
             "Overlap as a share of a block. Default: 0.5; for boxcar 0.",
             PROCESSING,
             "SHARE",
@@ -157,27 +154,26 @@ def processing_options(
         ),
     ] = None,
     estimator: Annotated[
-        str, one_of("--estimator", ESTIMATORS, "FRF estimator: H1, H2 or Hv.", PROCESSING)
+        str, one_of(ESTIMATORS, "FRF estimator: H1, H2 or Hv.", PROCESSING)
     ] = "H1",
     max_order: Annotated[
-        int, option("--max-order", "Highest model order of the poles.", POLES, "N", min=4, max=200)
+        int, option("Highest model order of the poles.", POLES, "N", min=4, max=200)
     ] = 60,
     method: Annotated[
-        str,
-        one_of("--method", METHODS, "lsce or plscf; the other is the cross-check.", POLES),
+        str, one_of(METHODS, "lsce or plscf; the other is the cross-check.", POLES)
     ] = "lsce",
     pin: Annotated[
         list[str] | None,
-        option("--pin", "Take only modes at these frequencies in Hz; repeatable.", POLES, _HZ),
+        option("Take only modes at these frequencies in Hz; repeatable.", POLES, _HZ),
     ] = None,
     exclude: Annotated[
         list[str] | None,
-        option("--exclude", "Leave out modes at these frequencies in Hz; repeatable.", POLES, _HZ),
+        option("Leave out modes at these frequencies in Hz; repeatable.", POLES, _HZ),
     ] = None,
     objective: Objective = "frequency",
     given: Given = None,
     no_tune: Annotated[
-        bool, option("--no-tune", "Stop at the modes: no ring parameters.", RING)
+        bool, flag("--no-tune", "Stop at the modes: no ring parameters.", RING)
     ] = False,
     strict: Strict = False,
 ) -> Options:
@@ -221,17 +217,15 @@ def sharing(
 with_processing_options = partial(sharing, "options", processing_options)
 
 
-Library = Annotated[
-    Path | None, option("--library", "Folder of the library.", LIBRARY, "DIR", envvar=VARIABLE)
-]
+Library = Annotated[Path | None, option("Folder of the library.", LIBRARY, "DIR", envvar=VARIABLE)]
 Name = Annotated[str, argument("NAME", "Tyre: its name in `tyre list`, or its designation.")]
 Reference = Annotated[
     str,
     argument("NAME[@VERSION]", "E.g. 225-55R17@3. Default: the approved version, or the newest."),
 ]
 AnySet = argument("SET", "NAME@VERSION, a result folder or a tyre.toml.")
-Note = Annotated[str, option("--note", "Reason; stored with it.", LIBRARY, "TEXT")]
-Author = Annotated[str, option("--author", "Default: your login name.", LIBRARY, "NAME")]
+Note = Annotated[str, option("Reason; stored with it.", LIBRARY, "TEXT")]
+Author = Annotated[str, option("Default: your login name.", LIBRARY, "NAME")]
 
 
 def choice(option: str, value: str, known: Sequence[str]) -> str:

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import typer
-
 from ema.core.errors import InputError
 from model import Cleat, CleatTest, ForcedRing, hub_response
 from model.cleat import Quantity
@@ -32,23 +30,22 @@ simulate = group("Ring model: frequencies, forced vibration, virtual measurement
 
 def _values(text: str) -> Any:
     """An option that takes one value, several, or a range."""
-    return typer.Option(metavar="FROM:TO:STEP", help=text)
+    return opt.option(text, metavar="FROM:TO:STEP")
 
 
-Speed = Annotated[float, opt.option("--speed-rad-s", "Angular speed of the tyre in rad/s.")]
+Speed = Annotated[float, opt.option("Angular speed of the tyre in rad/s.")]
 Frequencies = Annotated[str, _values("Frequencies in Hz.")]
-AtAngle = Annotated[float, opt.option("--at-deg", "Angle of the response in degrees.")]
-ForceAngle = Annotated[float, opt.option("--force-deg", "Angle of the force in degrees.")]
+AtAngle = Annotated[float, opt.option("Angle of the response in degrees.")]
+ForceAngle = Annotated[float, opt.option("Angle of the force in degrees.")]
 Harmonics = Annotated[
-    int, opt.option("--harmonics", "Sum harmonics −N … N of the circumference.", min=1, max=2000)
+    int, opt.option("Sum harmonics −N … N of the circumference.", min=1, max=2000)
 ]
 Pressure = Annotated[
-    PressureLoad,
-    opt.option("--pressure-load", "Pressure as the paper's dead load, or normal to the belt."),
+    PressureLoad, opt.option("Pressure as the paper's dead load, or normal to the belt.")
 ]
 PretensionLoss = Annotated[
     bool,
-    opt.option(
+    opt.flag(
         "--pretension-loss/--no-pretension-loss",
         "Whether the loss factor also acts on the stiffness from hoop tension.",
     ),
@@ -58,8 +55,7 @@ PretensionLoss = Annotated[
 def _requested(
     *,
     tyre: Annotated[
-        Path | None,
-        opt.option("--tyre", "Tyre.toml or result folder. Default: the sample tyre.", opt.FILES),
+        Path | None, opt.option("Tyre.toml or result folder. Default: the sample tyre.", opt.FILES)
     ] = None,
     accept_changes: opt.AcceptChanges = False,
     out: Annotated[Path | None, opt.target("Table", opt.TABLE_ENDINGS)] = None,
@@ -80,32 +76,30 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
 @simulate.command(cls=Command)
 def campaign(
     folder: Annotated[Path, opt.argument("DIR", "New or empty folder.")],
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same bytes.")] = 1,
-    duration_s: Annotated[float, typer.Option(help="Length of each of the six runs in s.")] = 20.0,
-    sampling_rate_hz: Annotated[float, typer.Option(help="Sampling rate in Hz.")] = 2000.0,
-    snr_db: Annotated[float, typer.Option(help="Mean response over sensor noise in dB.")] = 34.0,
+    seed: Annotated[int, opt.option("Same seed, same bytes.", min=0)] = 1,
+    duration_s: Annotated[float, opt.option("Length of each of the six runs in s.")] = 20.0,
+    sampling_rate_hz: Annotated[float, opt.option("Sampling rate in Hz.")] = 2000.0,
+    snr_db: Annotated[float, opt.option("Mean response over sensor noise in dB.")] = 34.0,
     file_format: Annotated[
         Literal["uff", "csv"],
-        typer.Option("--format", help="Universal files (58b) or tables of text."),
+        opt.option("Universal files (58b) or tables of text.", "", "", "--format"),
     ] = "uff",
     split_percent: Annotated[
-        float, typer.Option(help="Split of each order into a pair, percent of its frequency.")
+        float, opt.option("Split of each order into a pair, percent of its frequency.")
     ] = 0.0,
     shaker_between: Annotated[
-        float, typer.Option(help="Shaker in a pair: 0 drives member a alone, 1 member b.")
+        float, opt.option("Shaker in a pair: 0 drives member a alone, 1 member b.")
     ] = 0.5,
-    sensor_mass_kg: Annotated[float, typer.Option(help="Mass of each sensor in kg.")] = 0.0,
+    sensor_mass_kg: Annotated[float, opt.option("Mass of each sensor in kg.")] = 0.0,
     drift_percent: Annotated[
-        float, typer.Option(help="Rise of all frequencies from run to run in percent.")
+        float, opt.option("Rise of all frequencies from run to run in percent.")
     ] = 0.0,
     effect: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE", help="Effect of a real laboratory, e.g. splice=0.004; repeatable."
-        ),
+        opt.option("Effect of a real laboratory, e.g. splice=0.004; repeatable.", "", "NAME=VALUE"),
     ] = None,
     effects: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="TOML file with such effects.")
+        Path | None, opt.option("TOML file with such effects.", metavar="FILE")
     ] = None,
     as_json: opt.Json = False,
 ) -> None:
@@ -145,12 +139,10 @@ def campaign(
 @_command
 def frequencies(
     request: Request,
-    orders: Annotated[str, typer.Option(metavar="FROM:TO", help="Orders n ≥ 1.")] = "1:7",
+    orders: Annotated[str, opt.option("Orders n ≥ 1.", metavar="FROM:TO")] = "1:7",
     speed_rad_s: Annotated[str, _values("Angular speed in rad/s, one or several.")] = "0",
-    frame: Annotated[WaveFrame, typer.Option(help="Where the observer is.")] = "rotating",
-    extensional: Annotated[
-        bool, typer.Option(help="Extensional instead of bending waves.")
-    ] = False,
+    frame: Annotated[WaveFrame, opt.option("Where the observer is.")] = "rotating",
+    extensional: Annotated[bool, opt.option("Extensional instead of bending waves.")] = False,
     pressure_load: Pressure = "dead",
 ) -> None:
     """Frequencies in Hz of the regressive and the progressive wave of each order, over speed.
@@ -178,9 +170,9 @@ def inertance(
     frequency_hz: Frequencies = "20:300:0.1",
     harmonics: Harmonics = 200,
     frame: Annotated[
-        Frame, typer.Option(help="Whether force and response stay on the tyre or in space.")
+        Frame, opt.option("Whether force and response stay on the tyre or in space.")
     ] = "rotating",
-    inextensional: Annotated[bool, typer.Option(help="Take the belt as inextensible.")] = False,
+    inextensional: Annotated[bool, opt.option("Take the belt as inextensible.")] = False,
     pretension_loss: PretensionLoss = True,
     pressure_load: Pressure = "dead",
 ) -> None:
@@ -204,23 +196,23 @@ def cleat(
     request: Request,
     at_deg: AtAngle = 100.0,
     frame: Annotated[
-        Frame, typer.Option(help="Whether the observed point stays on the tyre or in space.")
+        Frame, opt.option("Whether the observed point stays on the tyre or in space.")
     ] = "rotating",
-    direction: Annotated[Direction, typer.Option(help="Component.")] = "radial",
-    quantity: Annotated[Quantity, typer.Option(help="m, m/s or m/s².")] = "acceleration",
+    direction: Annotated[Direction, opt.option("Component.")] = "radial",
+    quantity: Annotated[Quantity, opt.option("m, m/s or m/s².")] = "acceleration",
     speed_rad_s: Speed = 67.3,
-    contact_deg: Annotated[float, typer.Option(help="Angle of the contact in degrees.")] = 0.0,
+    contact_deg: Annotated[float, opt.option("Angle of the contact in degrees.")] = 0.0,
     radial_n_s: Annotated[
-        float, typer.Option(help="Radial momentum of the impact in N s, outwards positive.")
+        float, opt.option("Radial momentum of the impact in N s, outwards positive.")
     ] = -1.0,
     circumferential_n_s: Annotated[
-        float, typer.Option(help="Circumferential momentum of the impact in N s.")
+        float, opt.option("Circumferential momentum of the impact in N s.")
     ] = 0.0,
     duration_s: Annotated[
-        float, typer.Option(help="Length of the half-sine in s; 0 for an ideal impulse.")
+        float, opt.option("Length of the half-sine in s; 0 for an ideal impulse.")
     ] = 0.004,
     force_frame: Annotated[
-        Frame, typer.Option(help="Whether the impact stays on the tread or in space.")
+        Frame, opt.option("Whether the impact stays on the tread or in space.")
     ] = "rotating",
     times_s: Annotated[str, _values("Times in s.")] = "0:0.3:0.0005",
     frequency_hz: Frequencies = "0:300:0.5",
@@ -250,10 +242,8 @@ def cleat(
 def loaded(
     request: Request,
     load_n: Annotated[str, _values("Vertical loads in N; 0 is the free tyre.")] = "0:4000:1000",
-    modes: Annotated[int, typer.Option(min=1, help="How many of the lowest modes.")] = 15,
-    harmonics: Annotated[
-        int, typer.Option(min=8, max=200, help="Harmonics of the deflected shape.")
-    ] = 60,
+    modes: Annotated[int, opt.option("How many of the lowest modes.", min=1)] = 15,
+    harmonics: Annotated[int, opt.option("Harmonics of the deflected shape.", min=8, max=200)] = 60,
     pressure_load: Pressure = "dead",
 ) -> None:
     """Natural frequencies in Hz of the standing tyre on the road, over vertical load.
@@ -274,22 +264,19 @@ def loaded(
 @_command
 def hub(
     request: Request,
-    hub: Annotated[
-        Literal["fixed", "free"], typer.Option(help="Whether the wheel can move.")
-    ] = "fixed",
+    hub: Annotated[Literal["fixed", "free"], opt.option("Whether the wheel can move.")] = "fixed",
     wheel_mass_kg: Annotated[
-        float | None, typer.Option(help="Mass of the wheel in kg, instead of that of --tyre.")
+        float | None, opt.option("Mass of the wheel in kg, instead of that of --tyre.")
     ] = None,
     wheel_inertia_kg_m2: Annotated[
-        float | None,
-        typer.Option(help="Its moment of inertia in kg m², instead of that of --tyre."),
+        float | None, opt.option("Its moment of inertia in kg m², instead of that of --tyre.")
     ] = None,
     force_deg: ForceAngle = 0.0,
-    direction: Annotated[Direction, typer.Option(help="Direction of the force.")] = "radial",
+    direction: Annotated[Direction, opt.option("Direction of the force.")] = "radial",
     speed_rad_s: Speed = 0.0,
     frequency_hz: Frequencies = "1:300:0.25",
     frame: Annotated[
-        Frame, typer.Option(help="Whether force and axes stay on the tyre or in space.")
+        Frame, opt.option("Whether force and axes stay on the tyre or in space.")
     ] = "absolute",
     pretension_loss: PretensionLoss = True,
 ) -> None:

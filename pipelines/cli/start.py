@@ -13,7 +13,7 @@ from ema.core.display import counted
 from ema.core.finding import Finding
 from ema.core.frf import FRF
 from ema.signals.signal_checks import SignalSummary
-from pipelines.cli.options import Json, argument, option, replacing
+from pipelines.cli import options as opt
 from pipelines.cli.result import show
 from pipelines.cli.screen import print_table
 from pipelines.cli.streams import reporting_outcome
@@ -28,8 +28,8 @@ PLACES = "Sensor positions"
 
 
 def demo(
-    out: Annotated[Path, option("--out", "Folder to write.", metavar="DIR")] = Path("demo"),
-    as_json: Json = False,
+    out: Annotated[Path, opt.option("Folder to write.", metavar="DIR")] = Path("demo"),
+    as_json: opt.Json = False,
 ) -> None:
     """Process the sample campaign and write its report.
 
@@ -43,11 +43,11 @@ def demo(
 
 def inspect(
     files: Annotated[
-        list[Path], argument("FILE…", "Recordings, folders of recordings, or a campaign.toml.")
+        list[Path], opt.argument("FILE…", "Recordings, folders of recordings, or a campaign.toml.")
     ],
-    headers: Annotated[bool, option("--headers", "Read headers only.")] = False,
-    strict: Annotated[bool, option("--strict", "Exit code 2 if anything looks wrong.")] = False,
-    as_json: Json = False,
+    headers: Annotated[bool, opt.flag("--headers", "Read headers only.")] = False,
+    strict: Annotated[bool, opt.flag("--strict", "Exit code 2 if anything looks wrong.")] = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Show channels, units, rates, lengths and levels of recordings, and what looks wrong.
 
@@ -65,11 +65,10 @@ def inspect(
 
 
 def init(
-    folder: Annotated[Path, argument("FOLDER", "Folder with recordings.")],
+    folder: Annotated[Path, opt.argument("FOLDER", "Folder with recordings.")],
     spacing_deg: Annotated[
         float | None,
-        option(
-            "--spacing-deg",
+        opt.option(
             "Evenly spaced sensors: degrees from one to the next, in the order of their channels. "
             "The first one of the first run is at 0.",
             PLACES,
@@ -77,16 +76,14 @@ def init(
         ),
     ] = None,
     step_deg: Annotated[
-        float, option("--step-deg", "Degrees that the sensors move from run to run.", PLACES, "DEG")
+        float, opt.option("Degrees that the sensors move from run to run.", PLACES, "DEG")
     ] = 0.0,
     reference: Annotated[
         str | None,
-        option(
-            "--reference", "Sensor that stays in place. Default: REF or similar.", PLACES, "CHANNEL"
-        ),
+        opt.option("Sensor that stays in place. Default: REF or similar.", PLACES, "CHANNEL"),
     ] = None,
-    force: Annotated[bool, replacing("an existing manifest")] = False,
-    as_json: Json = False,
+    force: Annotated[bool, opt.replacing("an existing manifest")] = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Write a campaign.toml template from the recordings in a folder, and list what to fill in.
 

@@ -42,13 +42,13 @@ def add(
     library: opt.Library = None,
     tyre_id: Annotated[
         str,
-        opt.option("--tyre", "Name within its designation, e.g. winter-A.", opt.LIBRARY, "NAME"),
+        opt.option("Name within its designation, e.g. winter-A.", opt.LIBRARY, "NAME", "--tyre"),
     ] = "",
     note: opt.Note = "",
     author: opt.Author = "",
     condition: Annotated[
         list[str] | None,
-        opt.option("--condition", "Condition in SI, e.g. load_n=4000.", opt.LIBRARY, "NAME=VALUE"),
+        opt.option("Condition in SI, e.g. load_n=4000.", opt.LIBRARY, "NAME=VALUE"),
     ] = None,
     accept_changes: opt.AcceptChanges = False,
     as_json: opt.Json = False,
@@ -182,9 +182,9 @@ def rollback(
 @tyre.command(cls=Command)
 def export(
     name: Annotated[str, opt.AnySet],
-    out: Annotated[Path, opt.option("--out", "File to write.", opt.FILES, "FILE")],
+    out: Annotated[Path, opt.option("File to write.", opt.FILES, "FILE")],
     file_format: Annotated[
-        str, opt.option("--format", "toml, json, csv, … Default: by FILE.", opt.FILES, "FORMAT")
+        str, opt.option("toml, json, csv, … Default: by FILE.", opt.FILES, "FORMAT", "--format")
     ] = "",
     library: opt.Library = None,
     accept_changes: opt.AcceptChanges = False,
@@ -206,7 +206,7 @@ def table(
     names: Annotated[list[str] | None, opt.argument("[NAME]…", "Tyres. Default: all.")] = None,
     out: Annotated[Path | None, opt.target("Table", opt.TABLE_ENDINGS)] = None,
     wide: Annotated[
-        bool, opt.option("--wide", "One row per version, not per parameter.", opt.FILES)
+        bool, opt.flag("--wide", "One row per version, not per parameter.", opt.FILES)
     ] = False,
     library: opt.Library = None,
     as_json: opt.Json = False,
@@ -234,11 +234,10 @@ def series(
     name: opt.Name,
     out: Annotated[Path | None, opt.target("Plot", ENDINGS)] = None,
     parameter: Annotated[
-        list[str] | None,
-        opt.option("--parameter", "Only this parameter; may be repeated.", metavar="NAME"),
+        list[str] | None, opt.option("Only this parameter; may be repeated.", metavar="NAME")
     ] = None,
     pressure_unit: Annotated[
-        Literal["bar", "kPa", "Pa", "psi"], opt.option("--pressure-unit", "Unit of the pressure.")
+        Literal["bar", "kPa", "Pa", "psi"], opt.option("Unit of the pressure.")
     ] = "bar",
     library: opt.Library = None,
     as_json: opt.Json = False,

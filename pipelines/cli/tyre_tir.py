@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from ema.core.errors import InputError
-from pipelines.cli.options import FILES, AcceptChanges, AnySet, Json, Library, argument, option
+from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table
 from pipelines.cli.show_tyre import show_parameters
 from pipelines.cli.terminal import echo, echo_error, print_json
@@ -22,14 +22,11 @@ from pipelines.storage.atomic import file_written_whole
 from pipelines.storage.rounding import DASH, signed
 
 VALUES = "Values"
-TirArgument = Annotated[Path, argument("FILE", "Tyre property file (.tir).")]
+TirArgument = Annotated[Path, opt.argument("FILE", "Tyre property file (.tir).")]
 BeltWidth = Annotated[
     float | None,
-    option(
-        "--belt-width-m",
-        "Width of the belt in m, not of the section. Default: that of the set.",
-        VALUES,
-        "B",
+    opt.option(
+        "Width of the belt in m, not of the section. Default: that of the set.", VALUES, "B"
     ),
 ]
 
@@ -37,18 +34,18 @@ BeltWidth = Annotated[
 def update_tir(
     file: TirArgument,
     source: Annotated[
-        str, option("--from", "NAME@VERSION, a result folder or a tyre.toml.", metavar="SET")
+        str, opt.option("NAME@VERSION, a result folder or a tyre.toml.", "", "SET", "--from")
     ],
     belt_width_m: BeltWidth = None,
     out: Annotated[
-        Path | None, option("--out", "File to write. Default: replace FILE.", FILES, "FILE")
+        Path | None, opt.option("File to write. Default: replace FILE.", opt.FILES, "FILE")
     ] = None,
-    add: Annotated[bool, option("--add", "Add keys that are not in the file.", VALUES)] = False,
-    yes: Annotated[bool, option("--yes", "Do not ask before writing.", FILES)] = False,
-    dry_run: Annotated[bool, option("--dry-run", "Show only, write nothing.", FILES)] = False,
-    library: Library = None,
-    accept_changes: AcceptChanges = False,
-    as_json: Json = False,
+    add: Annotated[bool, opt.flag("--add", "Add keys that are not in the file.", VALUES)] = False,
+    yes: Annotated[bool, opt.flag("--yes", "Do not ask before writing.", opt.FILES)] = False,
+    dry_run: Annotated[bool, opt.flag("--dry-run", "Show only, write nothing.", opt.FILES)] = False,
+    library: opt.Library = None,
+    accept_changes: opt.AcceptChanges = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Update a tyre property file (.tir) with a parameter set.
 
@@ -86,8 +83,7 @@ def from_tir(
     belt_width_m: BeltWidth = None,
     like: Annotated[
         str | None,
-        option(
-            "--like",
+        opt.option(
             "Set with K, D and the belt width, which the file lacks: NAME@VERSION, a result "
             "folder or a tyre.toml.",
             VALUES,
@@ -95,11 +91,11 @@ def from_tir(
         ),
     ] = None,
     out: Annotated[
-        Path | None, option("--out", "Write the set to this file, e.g. as TOML.", FILES, "FILE")
+        Path | None, opt.option("Write the set to this file, e.g. as TOML.", opt.FILES, "FILE")
     ] = None,
-    library: Library = None,
-    accept_changes: AcceptChanges = False,
-    as_json: Json = False,
+    library: opt.Library = None,
+    accept_changes: opt.AcceptChanges = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Derive ring parameters from a tyre property file (.tir): mass per area, k_r and k_θ.
 
@@ -129,11 +125,11 @@ def from_tir(
 
 
 def modal_targets(
-    source: Annotated[str, AnySet],
-    out: Annotated[Path, option("--out", "Text file to write.", FILES, "FILE")],
-    library: Library = None,
-    accept_changes: AcceptChanges = False,
-    as_json: Json = False,
+    source: Annotated[str, opt.AnySet],
+    out: Annotated[Path, opt.option("Text file to write.", opt.FILES, "FILE")],
+    library: opt.Library = None,
+    accept_changes: opt.AcceptChanges = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Write modal targets for an FTire-style parameter fit.
 
