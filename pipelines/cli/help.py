@@ -114,7 +114,6 @@ class LazyGroup(Group):
 
 
 def _loaded(module: str, name: str) -> Any:
-    """A command or a group of them, ready to be called."""
     found = getattr(import_module(f"pipelines.cli.{module}"), name.replace("-", "_"))
     if not isinstance(found, typer.Typer):
         alone = typer.Typer(add_completion=False, rich_markup_mode=None)

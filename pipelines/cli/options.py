@@ -66,17 +66,16 @@ def replacing(what: str) -> Any:
     return flag("--force", f"Replace {what}.", FILES)
 
 
-def target(content: str, endings: tuple[str, ...], name: str = "--out") -> Any:
+def target(content: str, endings: tuple[str, ...]) -> Any:
     """An option for a file to write; what cannot be written is refused before any work."""
 
-    def checked(path: Path | None) -> Path | None:
+    def checked(param: typer.CallbackParam, path: Path | None) -> Path | None:
         if path is not None:
-            choice(f"{name} {path}", path.suffix or "(no ending)", endings)
+            choice(f"--{param.name} {path}", path.suffix or "(no ending)", endings)
             require_free_file(path, force=True)
         return path
 
-    text = f"{content}: {', '.join(endings[:-1])} or {endings[-1]}".removeprefix(" or ")
-    return option(f"{text}.", FILES, "FILE", name, callback=checked)
+    return option(f"{content}: {', '.join(endings)}.", FILES, "FILE", callback=checked)
 
 
 def argument(metavar: str, text: str) -> Any:

@@ -44,11 +44,7 @@ Pressure = Annotated[
     PressureLoad, opt.option("Pressure as the paper's dead load, or normal to the belt.")
 ]
 PretensionLoss = Annotated[
-    bool,
-    opt.flag(
-        "--pretension-loss/--no-pretension-loss",
-        "Whether the loss factor also acts on the stiffness from hoop tension.",
-    ),
+    bool, opt.option("Whether the loss factor also acts on the stiffness from hoop tension.")
 ]
 
 
@@ -59,7 +55,7 @@ def _requested(
     ] = None,
     accept_changes: opt.AcceptChanges = False,
     out: Annotated[Path | None, opt.target("Table", opt.TABLE_ENDINGS)] = None,
-    figure: Annotated[Path | None, opt.target("Picture", opt.FIGURE_ENDINGS, "--figure")] = None,
+    figure: Annotated[Path | None, opt.target("Picture", opt.FIGURE_ENDINGS)] = None,
     as_json: opt.Json = False,
 ) -> Request:
     """The tyre to simulate and where the result goes, from the command line."""
@@ -218,9 +214,7 @@ def cleat(
     frequency_hz: Frequencies = "0:300:0.5",
     harmonics: Harmonics = 200,
     pretension_loss: PretensionLoss = True,
-    spectrum: Annotated[
-        Path | None, opt.target("Spectrum", opt.TABLE_ENDINGS, "--spectrum")
-    ] = None,
+    spectrum: Annotated[Path | None, opt.target("Spectrum", opt.TABLE_ENDINGS)] = None,
 ) -> None:
     """Response of a point of the rolling tyre to a cleat, in time and frequency.
 

@@ -231,7 +231,6 @@ def _map(shown: go.Map, panel: go.Panel) -> Trace:
 
 
 def _axis(axis: go.Axis, panel: go.Panel) -> dict[str, Any]:
-    """An axis as Plotly names its parts."""
     found: dict[str, Any] = {"title": {"text": _text(axis.title)}}
     if panel.bare:
         found["visible"] = False

@@ -109,5 +109,4 @@ def _frf(frf: FRF, model: ModalModel, row: int) -> Plot:
 
 
 def _only(chart: Chart, ax: Axes) -> Axes:
-    """Draw a chart of one panel."""
     return draw(chart.plot.panels[0], ax)

@@ -204,7 +204,6 @@ def pressure_plot(series: Series, unit: str) -> go.Plot:
 
 
 def _trend(trend: Trend, unit: str) -> go.Panel:
-    """One parameter: values with ± σ, the line and its ± σ band."""
     name, symbol, value_unit = (RING_NAMES | DAMPING_NAMES)[trend.name]
     power = _power(trend)
     scale, per_unit = 10.0**-power, 1 / UNITS_PA[unit]

@@ -167,7 +167,6 @@ def _parameters(comparison: Comparison) -> Section:
 
 
 def _origin(comparison: Comparison) -> Section:
-    """Software and files of both."""
     results = (comparison.first, comparison.second)
     software = [result.provenance.get("software", {}) for result in results]
     rows = tuple(

@@ -76,7 +76,6 @@ def has_pdf(folder: Path | str) -> bool:
 
 
 def _write_tyre(result: Result, path: Path) -> None:
-    """Write ``tyre.toml`` where the ring was tuned."""
     if result.tuning is None or result.tyre is None:
         return
     record = result.provenance
