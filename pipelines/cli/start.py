@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich import filesize
 
 from ema.core.display import counted
 from ema.core.finding import Finding
@@ -130,7 +131,7 @@ def show_inspection(inspection: Inspection, *, as_json: bool) -> None:
 
 def _heading(report: FileReport) -> str:
     kind = report.path.name.removesuffix(".gz").rpartition(".")[2].upper()
-    parts = [f"{kind}, {_size(report.size_bytes)}"]
+    parts = [f"{kind}, {filesize.decimal(report.size_bytes)}"]
     if report.channels:
         n_samples, rate_hz = report.channels[0].channel.n_samples, report.sampling_rate_hz
         parts.append(f"{counted(len(report.channels), 'channel')} of {n_samples} samples")
@@ -143,13 +144,6 @@ def _heading(report: FileReport) -> str:
     if len(parts) == 1:
         parts.append("neither time series nor FRFs")
     return f"{report.path}: {'; '.join(parts)}"
-
-
-def _size(n_bytes: int) -> str:
-    for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
-        if n_bytes >= size:
-            return f"{n_bytes / size:.3g} {unit}"
-    return f"{n_bytes} bytes"
 
 
 def _number(value: float, form: str = ".4g") -> str:

@@ -215,13 +215,11 @@ def _object_rows(result: Result) -> list[tuple[str, str]]:
     if tyre is None:
         return [("Object", "structure, not described as a tyre"), ("Campaign", result.name)]
     rows = [("Tyre", tyre.designation), ("Campaign", result.name)]
-    if tyre.inflation_pressure_pa is not None:
-        pressure = tyre.inflation_pressure_pa
+    if (pressure := tyre.inflation_pressure_pa) is not None:
         rows.append(("Inflation pressure", f"{pressure / 1e3:g} kPa ({pressure / 1e5:g} bar)"))
-    if tyre.mean_radius_m is not None:
-        rows.append(("Mean radius", f"{tyre.mean_radius_m:g} m"))
-    if tyre.belt_width_m is not None:
-        rows.append(("Belt width", f"{tyre.belt_width_m:g} m"))
+    for name, value_m in (("Mean radius", tyre.mean_radius_m), ("Belt width", tyre.belt_width_m)):
+        if value_m is not None:
+            rows.append((name, f"{value_m:g} m"))
     order = [*(key for key in KNOWN if key in tyre.details), *tyre.details]
     rows += [named(key, tyre.details[key]) for key in dict.fromkeys(order)]
     if missing := [key for key in WANTED if key not in tyre.details]:

@@ -135,17 +135,22 @@ def write_figures(
             known = f"known are {', '.join(FORMATS)}"
             raise InputError("figures", f"format {name!r}", known, "Choose one of them")
     figures = drawings(report_sections(result))
-    paths = [[target / f"{figure.name}.{ending}" for ending in formats] for figure in figures]
+    paths = [target / f"{figure.name}.{ending}" for figure in figures for ending in formats]
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise not_written(target, error) from error
     # Refused before the first figure is drawn, not after half of them are replaced.
-    for path in (each for several in paths for each in several):
+    for path in paths:
         require_free_file(path, force=force)
-    for figure, several in zip(figures, paths, strict=True):
-        _write_figure(figure, several)
-    return [each for several in paths for each in several]
+    # Loads matplotlib, which the page does without; the checks come first.
+    from pipelines.plots.style import write_figure
+
+    for figure in figures:
+        drawn = figure.draw()
+        for ending in formats:
+            write_figure(target / f"{figure.name}.{ending}", drawn)
+    return paths
 
 
 def _printed(weasyprint: Any, page: str, style: str) -> bytes:
@@ -199,12 +204,3 @@ def _running_texts(result: Result) -> str:
 def _quoted(text: Any) -> str:
     """A text as CSS writes it: nothing in it is taken for style."""
     return '"' + "".join(f"\\{ord(character):06x}" for character in visible(text)) + '"'
-
-
-def _write_figure(chart: Chart, paths: Sequence[Path]) -> None:
-    # Loads matplotlib, which the page does without; the checks come first.
-    from pipelines.plots.style import write_figure
-
-    figure = chart.draw()
-    for path in paths:
-        write_figure(path, figure)
