@@ -12,6 +12,7 @@ from ema.core.frf import FRF
 from pipelines.plots import plot as go
 from pipelines.plots.chart import Chart
 from pipelines.results.labels import apart, coherence_map, in_band, place_name, sparse_labels
+from pipelines.storage.rounding import number
 
 MOST_CELLS = 120_000  # of a map: more would only make the page heavy
 MOST_NAMED_RUNS = 14
@@ -121,9 +122,9 @@ def reference_chart(check: ReferenceCheck, band_hz: tuple[float, float] | None =
 def reference_verdict(check: ReferenceCheck) -> str:
     """Verdict of the check in a few words."""
     if not np.isfinite(check.ratio):
-        return "whether they differ by more than noise is unknown"
-    verdict = "one tyre" if check.consistent else "the runs differ"
-    return f"they differ {check.ratio:.2f} times as much as noise explains: {verdict}"
+        return "not assessed, its noise is unknown"
+    verdict = "one and the same tyre in all runs" if check.consistent else "the runs differ"
+    return f"{verdict} ({number(check.ratio, 3)} times the noise)"
 
 
 def drive_point_row(frf: FRF, excitation_deg: float | None) -> int | None:

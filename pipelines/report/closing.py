@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ema.checks.quality import ReferenceCheck
 from ema.core.finding import Verdict
+from pipelines.plots.measurement import reference_verdict
 from pipelines.report.blocks import Facts, Listing, Paragraph, Section, Table
 from pipelines.report.measurement import flatten
 from pipelines.results.result import Result
-from pipelines.storage.rounding import number
 
 _TEXTS = tomllib.loads(Path(__file__).with_name("definitions.toml").read_text(encoding="utf-8"))
 DEFINITIONS: dict[str, str] = _TEXTS["definitions"]
@@ -39,7 +38,7 @@ def summary(result: Result) -> Section:
     rows = (
         ("Modes", _modes_found(result)),
         ("Fit", fit),
-        *([] if check is None else [("Reference sensor", _reference_verdict(check))]),
+        *([] if check is None else [("Reference sensor", reference_verdict(check))]),
         ("Ring model", ring),
         ("Attention", attention or "nothing"),
     )
@@ -93,13 +92,6 @@ def _modes_found(result: Result) -> str:
     text = f"{len(modes)} {band}"
     orders = sorted({mode.order for mode in modes if mode.order is not None})
     return f"{text}, orders {', '.join(map(str, orders))}" if orders else text
-
-
-def _reference_verdict(check: ReferenceCheck) -> str:
-    if not np.isfinite(check.ratio):
-        return "not assessed, its noise is unknown"
-    verdict = "one and the same tyre in all runs" if check.consistent else "the runs differ"
-    return f"{verdict} ({number(check.ratio, 3)} times the noise)"
 
 
 def listed(notes: Sequence[str]) -> tuple[Listing, ...]:

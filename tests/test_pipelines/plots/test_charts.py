@@ -194,7 +194,7 @@ def test_names_from_files_are_no_markup(tyre):
 
 @pytest.mark.parametrize(
     ("ratio", "consistent", "words"),
-    [(1.02, True, "one tyre"), (9.0, False, "the runs differ"), (np.nan, True, "is unknown")],
+    [(1.02, True, "same tyre"), (9.0, False, "the runs differ"), (np.nan, True, "is unknown")],
 )
 def test_the_verdict_on_the_reference_stands_in_the_alternative(tyre, ratio, consistent, words):
     check = replace(tyre.reference, ratio=ratio, consistent=consistent)
