@@ -106,13 +106,9 @@ def compare_shapes(
     if as_json:
         print_json(shapes.comparison_record(found))
         return
-    print_table(
-        f"{found.result.name} → {found.other.name}",
-        shapes.MATCH_HEAD,
-        shapes.match_rows(found),
-        texts=shapes.TEXTS,
-        first_to_go=("difference / Hz", "other / Hz", "frequency / Hz"),
-    )
+    title, rows = f"{found.result.name} → {found.other.name}", shapes.match_rows(found)
+    go_first = ("difference / Hz", "other / Hz", "frequency / Hz")
+    print_table(title, shapes.MATCH_HEAD, rows, texts=shapes.TEXTS, first_to_go=go_first)
     for note in found.notes:
         echo(f"Note: {note}.")
     if out is not None:

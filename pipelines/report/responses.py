@@ -18,10 +18,10 @@ from model.forced import ForcedRing, inertance
 from pipelines.plots.chart import Chart, packed
 from pipelines.plots.modes import fitted_curves, frac_chart, frf_plot, position_names, shown_band_hz
 from pipelines.report.blocks import Block, Chooser, Paragraph, Section
+from pipelines.report.identification import NO_MODE
 from pipelines.results.labels import in_band, place_name, short
 from pipelines.results.result import Result
 
-NO_MODE = "No mode was found in the band."
 SHOWN_ANGLE_DEG = 100.0  # the angle from the force that the literature on this test shows
 MOST_POSITIONS = 600
 MOST_VALUES = 450_000  # of all positions: some 2.4 MB in the page
@@ -51,7 +51,8 @@ def shown_rows(result: Result) -> tuple[int, ...]:
     rows = [0]
     if np.isfinite(angles).all():
         start = result.excitation_deg or 0.0
-        rows = [_nearest(angles, start), _nearest(angles, start + SHOWN_ANGLE_DEG)]
+        wanted = start + np.array([[0.0], [SHOWN_ANGLE_DEG]])
+        rows = np.argmin(np.abs((angles - wanted + 180) % 360 - 180), axis=1).tolist()
     return tuple(dict.fromkeys([*rows, int(np.argmin(result.modal_model.frac))]))
 
 
@@ -132,14 +133,12 @@ def _forced(result: Result) -> ForcedRing | None:
 
 def _left_out(n_lines: int, all_lines: int, n_positions: int, all_positions: int) -> str:
     """What does not fit in the page; the files of the result have everything."""
-    counts = (
-        (n_positions, all_positions, "positions"),
-        (n_lines, all_lines, "lines, closest around the modes"),
-    )
-    parts = [f"{shown} of {every} {what}" for shown, every, what in counts if shown < every]
-    if not parts:
-        return ""
-    return f" The page has {' and '.join(parts)}; frf.parquet has all."
+    parts = []
+    if n_positions < all_positions:
+        parts.append(f"{n_positions} of {all_positions} positions")
+    if n_lines < all_lines:
+        parts.append(f"{n_lines} of {all_lines} lines, closest around the modes")
+    return f" The page has {' and '.join(parts)}; frf.parquet has all." if parts else ""
 
 
 def _why_no_ring(result: Result) -> str | None:
@@ -150,10 +149,6 @@ def _why_no_ring(result: Result) -> str | None:
         return "The ring has no curve: its damping is not known."
     text = "The ring has no curve: absolute amplitudes need the belt's width."
     return f"{text} Add belt_width_m to [tyre] in the manifest."
-
-
-def _nearest(angles: np.ndarray, angle: float) -> int:
-    return int(np.argmin(np.abs((angles - angle + 180) % 360 - 180)))
 
 
 def kept_positions(n_positions: int, wanted: tuple[int, ...]) -> NDArray[np.int_]:
