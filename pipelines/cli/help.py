@@ -32,11 +32,12 @@ class _Grouped:
         for heading, name, summary in self.listed(ctx):
             groups.setdefault(heading, []).append((name, summary))
         for param in self.get_params(ctx):
-            row = param.get_help_record(ctx)
-            if row is not None:
-                name = param.metavar if _is_argument(param) else row[0]
+            if (row := param.get_help_record(ctx)) is not None:
+                name, heading = row[0], getattr(param, "rich_help_panel", None) or "General"
+                if _is_argument(param):
+                    name, heading = param.metavar, "Arguments"
                 text = row[1].replace("\\[", "[")  # some versions of typer escape it for rich
-                groups.setdefault(_heading(param), []).append((name, text))
+                groups.setdefault(heading, []).append((name, text))
         for heading, rows in sorted(groups.items(), key=lambda group: group[0] in _LAST):
             with formatter.section(heading):
                 formatter.write_dl(rows, col_max=_NAME_WIDTH)
@@ -126,9 +127,3 @@ def _loaded(module: str, name: str) -> Any:
 
 def _is_argument(param: Any) -> bool:
     return bool(param.param_type_name == "argument")
-
-
-def _heading(param: Any) -> str:
-    if _is_argument(param):
-        return "Arguments"
-    return getattr(param, "rich_help_panel", None) or "General"

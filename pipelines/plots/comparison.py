@@ -35,10 +35,8 @@ def change_chart(
         if chosen.any():
             points = np.flatnonzero(chosen), percent[chosen], colour, label
             series.append(go.Curve(*points, marker=marker, y_bars=2 * std[chosen], **look))
-    names = each_once([mode.name for mode in modes])
-    panel = go.Panel(
-        (*series, go.Rule(0)), go.Axis("mode", names=names), go.Axis(f"change of {quantity} / %")
-    )
+    across = go.Axis("mode", names=each_once([mode.name for mode in modes]))
+    panel = go.Panel((*series, go.Rule(0)), across, go.Axis(f"change of {quantity} / %"))
     count = int(significant.sum())
     return Chart(
         name,
@@ -100,13 +98,11 @@ def _frf_chart(comparison: Comparison, here: int, there: int) -> Chart:
         pairs.append(go.magnitude_and_phase(*curve, colour, short(name), width=1.5, dash=dash))
     levels, phases = zip(*pairs, strict=True)
     axis = go.log_axis(go.INERTANCE, *(curve.y for curve in levels))
-    panels = (
-        go.Panel(levels, y=axis, legend="lower right"),
-        go.Panel(phases, go.Axis(go.FREQUENCY), go.PHASE),
-    )
+    upper = go.Panel(levels, y=axis, legend="lower right")
+    lower = go.Panel(phases, go.Axis(go.FREQUENCY), go.PHASE)
     return Chart(
         f"frf-{here}",
-        go.Plot(panels, (13, 9), heights=(3, 2)),
+        go.Plot((upper, lower), (13, 9), heights=(3, 2)),
         f"Measured inertance of both results at {where}, magnitude and phase.",
         f"Measured inertance of both results at {where}. Peaks that move apart are the change of "
         "frequency, peaks of another height that of damping or of modal mass. A constant factor "

@@ -46,11 +46,10 @@ def scatter_chart(found: Validation, std_hz: go.Floats | None = None) -> Chart:
         listed=False,
     )
     band = go.Band(ends, ends - half, ends + half, go.RING, TOLERANCE)
-    across, up = (
-        go.Axis(f"{name} / Hz", (ends[0], ends[1])) for name in ("measured", "ring model")
-    )
+    limits = (float(ends[0]), float(ends[1]))
+    axes = go.Axis("measured / Hz", limits), go.Axis("ring model / Hz", limits)
     series = band, go.Curve(ends, ends, go.FAINT, width=1), orders
-    panel = go.Panel(series, across, up, legend="lower right", equal=True)
+    panel = go.Panel(series, *axes, legend="lower right", equal=True)
     within = int(np.sum(np.abs(found.error_percent) <= TOLERANCE_PERCENT))
     return Chart(
         "frequency-scatter",
