@@ -118,12 +118,10 @@ def campaign(
             written = simulate_campaign(folder, **common)
         else:
             if (file_format, split_percent, drift_percent) != ("uff", 0.0, 0.0):
-                raise InputError(
-                    "--effect",
-                    "given with --format csv, --split-percent or --drift-percent",
-                    "effects are written as universal files and have their own pairs and drift",
-                    "Use the effects stiffness_variation, temperature_drift or pressure_drift",
-                )
+                found = "given with --format csv, --split-percent or --drift-percent"
+                rule = "effects are written as universal files and have their own pairs and drift"
+                remedy = "Use the effects stiffness_variation, temperature_drift or pressure_drift"
+                raise InputError("--effect", found, rule, remedy)
             written = simulate_laboratory(folder, laboratory)
     if as_json:
         print_json({"campaign": str(written)})

@@ -86,8 +86,12 @@ def write_pdf(result: Result, path: str | Path) -> Path:
     weasyprint = printing_library(str(target))
     sections = tuple(map(_for_paper, report_sections(result)))
     page = render_page(KIND, subject_of(result), sections, signed=True)
+    # Everything is inside the page: no other address is fetched.
+    inside = weasyprint.URLFetcher(allowed_protocols=["data"])
+    document = weasyprint.HTML(string=page, url_fetcher=inside)
+    sheets = [weasyprint.CSS(filename=STYLE), weasyprint.CSS(string=_running_texts(result))]
     with file_written_whole(target) as partial:
-        partial.write_bytes(_printed(weasyprint, page, _running_texts(result)))
+        partial.write_bytes(document.write_pdf(stylesheets=sheets, pdf_tags=True))
     return target
 
 
@@ -151,14 +155,6 @@ def write_figures(
         for ending in formats:
             write_figure(target / f"{figure.name}.{ending}", drawn)
     return paths
-
-
-def _printed(weasyprint: Any, page: str, style: str) -> bytes:
-    # Everything is inside the page: no other address is fetched.
-    inside = weasyprint.URLFetcher(allowed_protocols=["data"])
-    document = weasyprint.HTML(string=page, url_fetcher=inside)
-    sheets = [weasyprint.CSS(filename=STYLE), weasyprint.CSS(string=style)]
-    return bytes(document.write_pdf(stylesheets=sheets, pdf_tags=True))
 
 
 def _for_paper(section: Section) -> Section:
