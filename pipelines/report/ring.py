@@ -55,11 +55,11 @@ def parameters(result: Result) -> Section:
     tuning = result.tuning
     if tuning is None:
         return Section("parameters", title, _left_out(result))
-    table = _parameter_table("Ring", tuning.ring, tuning.std, tuning.how, RING_NAMES)
+    table = _parameter_table("Ring", tuning.ring, tuning, RING_NAMES)
     blocks: list[Block] = [table, *_undetermined(tuning), *listed(tuning.notes)]
     if (damping := result.damping) is not None:
-        how = damping.damping, damping.std, damping.how
-        blocks += [_parameter_table("Damping", *how, DAMPING_NAMES), *listed(damping.notes)]
+        table = _parameter_table("Damping", damping.damping, damping, DAMPING_NAMES)
+        blocks += [table, *listed(damping.notes)]
     blocks += [Paragraph(HOW_OBTAINED), _influence(tuning)]
     return Section("parameters", title, tuple(blocks))
 
@@ -112,18 +112,15 @@ def _validation_table(found: Validation) -> Table:
 
 
 def _parameter_table(
-    caption: str,
-    values: Any,
-    std: Mapping[str, float],
-    how: Mapping[str, str],
-    names: Mapping[str, tuple[str, str, str]],
+    caption: str, values: Any, found: Any, names: Mapping[str, tuple[str, str, str]]
 ) -> Table:
+    """Values with their ±; `found` has the `std` and how each was obtained."""
     rows = []
     for name, (title, symbol, unit) in names.items():
         if (value := getattr(values, name)) is not None:
-            given = how.get(name) == GIVEN
-            text = plain(value) if given else value_with_std(value, std.get(name))
-            rows.append((title, symbol, text, unit, how.get(name, DASH)))
+            how, std = found.how.get(name, DASH), found.std.get(name)
+            text = plain(value) if how == GIVEN else value_with_std(value, std)
+            rows.append((title, symbol, text, unit, how))
     return Table(caption, HEAD, tuple(rows), words=(0, 1, 3, 4))
 
 
