@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from ema.core.arrays import ReadonlyArrays
 
+# Runs that second differences need.
+_FEWEST_RUNS = 4
+
 
 @dataclass(frozen=True, eq=False)
 class Drift(ReadonlyArrays):
@@ -41,6 +44,18 @@ class Drift(ReadonlyArrays):
         return np.asarray(
             self.percent + lever * self.slope_percent + lever**2 * self.curvature_percent
         )
+
+    def unsteadiness(self, frequency_hz: float) -> tuple[float, float]:
+        """Standard deviation of a run's state from the slow change of all, both relative.
+
+        Of a frequency and of the damping ratios, from second differences (von Neumann 1941): what
+        goes up and down from run to run is an error of the states; 0 with fewer than four runs.
+        """
+        if not self.applied or len(self.run) < _FEWEST_RUNS:
+            return 0.0, 0.0
+        changes = np.diff([self.at(frequency_hz), self.damping_percent], n=2, axis=1)
+        away = np.sqrt(np.mean(changes**2, axis=1) / 6) / 100
+        return float(away[0]), float(away[1])
 
     def poles_in(self, run: str, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Poles in the state of a run."""

@@ -69,6 +69,26 @@ def std_of_waves(fit: PoleFit) -> Real:
     return np.sqrt(np.maximum(variance, 0)).reshape(-1, 2)
 
 
+def std_between_runs(fit: PoleFit, correlation: float) -> Real:
+    """Standard deviations of frequency and damping ratio from what the runs differ by.
+
+    Scores count run by run (clustered: Liang & Zeger 1986) beyond those of single lines: what
+    holds for a whole run, such as places and pairs, does not average out over lines.
+
+    Returns
+    -------
+    ndarray, shape (n_modes, 2)
+    """
+    n = 2 * fit.poles.size
+    towards = _inverse(fit.normal_matrix())[:, :n] @ _to_frequency_damping(fit.poles).T
+    influences = [score @ towards for score in _scores_of_runs(fit)]
+    if len(influences) < 2:
+        return np.zeros((fit.poles.size, 2))
+    of_runs = np.var([each.sum(axis=0) for each in influences], axis=0, ddof=1) * len(influences)
+    of_lines = correlation * np.sum([np.sum(each**2, axis=0) for each in influences], axis=0)
+    return np.asarray(np.sqrt(np.maximum(of_runs - of_lines, 0)).reshape(-1, 2))
+
+
 def _scores_of_runs(fit: PoleFit) -> Iterator[Real]:
     """Score of each line for all parameters, run by run, (n_frequencies, n_parameters)."""
     for number, (part, rows) in enumerate(zip(fit.parts, fit.groups, strict=True)):

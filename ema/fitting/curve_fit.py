@@ -41,6 +41,7 @@ from ema.fitting.fit_steps import (
     is_undetermined,
     modes_of,
     surplus_poles,
+    variance_of_runs,
     with_states,
     without_leakage,
 )
@@ -216,7 +217,8 @@ class CurveFit:
 
     def follow_drift(self) -> None:
         """Give each run its own state where the frequencies differ by more than chance."""
-        if self.lines.n_runs < 2 or not np.all(np.isfinite(self.frf.std)):
+        known = np.all(np.isfinite(self.frf.std))
+        if self.lines.n_runs < 2 or not (known or self.circle):
             return
         limit = self.settings.drift_p_value
         self.drift = drift_in_one_step(self.fit, self.frf.run_names, self.correlation, limit)
@@ -332,12 +334,14 @@ class CurveFit:
         modes = self._with_band_shift(modes, fit)
         if not self.circle:
             modes, both = with_model_error(modes, both, fit, self._again)
+        drift = self._final_drift(fit, covariance)
+        of_runs = variance_of_runs(fit, drift, self.correlation)
         inside = self._wanted(modes, fit)
         listed: list[Mode] = []
         blocks: list[NDArray[np.float64]] = []
         for r in inside:
-            own = both[2 * r : 2 * r + 2, 2 * r : 2 * r + 2]
-            seen = as_seen(modes[r], owner.get(r), own, frf.position_deg, self.settings)
+            own = both[2 * r : 2 * r + 2, 2 * r : 2 * r + 2] + np.diag(of_runs[r])
+            seen = as_seen(modes[r], owner.get(r), own, of_runs[r], frf.position_deg, self.settings)
             listed += seen[0]
             blocks.append(seen[1])
         guards = [r for r in np.argsort(np.abs(fit.poles)) if r not in inside]
@@ -353,7 +357,7 @@ class CurveFit:
             misfit=self.fit.misfit if np.all(np.isfinite(frf.std)) else float("nan"),
             node=frf.node,
             position_deg=frf.position_deg,
-            drift=self._final_drift(fit, covariance),
+            drift=drift,
             orders=reports,
             notes=(*self.leakage_notes, *self.notes),
         )

@@ -16,7 +16,7 @@ from ema.core.drift import NO_DRIFT, Drift
 from ema.core.frf import FRF
 from ema.core.modes import Flag, Mode
 from ema.core.settings import IdentificationSettings
-from ema.fitting.covariance import parameter_covariance
+from ema.fitting.covariance import parameter_covariance, std_between_runs
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, PoleFit, evaluate, fit_bounded
 from ema.fitting.ring_pair import PairFit
@@ -68,17 +68,20 @@ def as_seen(
     mode: Mode,
     ring: RingOrder | None,
     covariance: NDArray[np.float64],
+    of_runs: NDArray[np.float64],
     position_deg: NDArray[np.float64],
     settings: IdentificationSettings,
 ) -> tuple[list[Mode], NDArray[np.float64]]:
     """The mode or modes that a pole stands for, with their covariance.
 
     Of a resolved pair each member has its wave, and its share of what is of no single order.
+    `of_runs` are the variances of frequency and damping from the states of the runs.
     """
     if ring is None or ring.pair is None:
-        return [mode], covariance
+        return [_with_std(mode, covariance)], covariance
     pair = ring.pair
-    floor = np.diag(_FLOOR * np.array([mode.frequency_hz, mode.damping_ratio])) ** 2
+    least = _FLOOR * np.array([mode.frequency_hz, mode.damping_ratio])
+    floor = np.diag(least**2 + of_runs)
     if not ring.is_resolved:
         own = pair.covariance[4:, 4:] + floor + np.diag(_of_shares(pair) ** 2)
         if ring.report.pair.chance < settings.pair_p_value:
@@ -127,6 +130,15 @@ def _to_stronger(pair: PairFit) -> NDArray[np.float64]:
     to_stronger[[0, 1], [stronger, stronger + 1]], to_stronger[[0, 1], [4, 5]] = 1.0, -1.0
     away = to_stronger @ pair.numbers
     return np.asarray((away / 2) ** 2 + np.diag(to_stronger @ pair.covariance @ to_stronger.T))
+
+
+def variance_of_runs(fit: PoleFit, drift: Drift, correlation: float) -> NDArray[np.float64]:
+    """Variances of frequency in Hz and damping ratio from the states of the runs, (n_modes, 2)."""
+    variance = std_between_runs(fit, correlation) ** 2
+    for own, pole in zip(variance, fit.poles, strict=True):
+        hz, ratio = abs(pole) / (2 * np.pi), -pole.real / abs(pole)
+        own += np.square(np.array([hz, ratio]) * drift.unsteadiness(hz))
+    return variance
 
 
 def _with_std(mode: Mode, covariance: NDArray[np.float64]) -> Mode:
