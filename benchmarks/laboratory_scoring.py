@@ -11,6 +11,8 @@ from pipelines.simulate.laboratory_truth import LaboratoryMode
 
 # A member of a pair is driven if it has at least this share of its order's strength …
 DRIVEN_SHARE = 0.1
+# … an order with less than this share of the strongest mode's is not driven at all …
+UNDRIVEN = 1e-3
 # … a pair split by less than this many half-widths (damping ratio × frequency) may be one mode,
 # the mean weighted by strength …
 MERGED_SPLIT = 0.5
@@ -142,7 +144,13 @@ def orders_of(modes: tuple[LaboratoryMode, ...], band_hz: tuple[float, float]) -
         for order in sorted({mode.order for mode in ring})
     ]
     low, high = band_hz
-    return [one for one in found if all(low < m.frequency_hz < high for m in one.members)]
+    least = UNDRIVEN * max((mode.strength for mode in ring), default=0.0)
+    return [
+        one
+        for one in found
+        if all(low < m.frequency_hz < high for m in one.members)
+        and max(m.strength for m in one.members) > least
+    ]
 
 
 def score(

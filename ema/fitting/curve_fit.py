@@ -320,9 +320,8 @@ class CurveFit:
                 break
             self._refit(self.fit.poles[~surplus])
         lines = widened_band(self.frf, self.band_hz)
-        self.ring = ring_orders(
-            self.frf, lines, self.fit, labelled, self.band_hz, self.correlation, self.settings
-        )
+        known = self.correlation, self.drift, self.settings
+        self.ring = ring_orders(self.frf, lines, self.fit, labelled, self.band_hz, *known)
 
     def modal_model(self) -> ModalModel:
         """Modes of the band with their uncertainty."""

@@ -29,7 +29,9 @@ _LEAKAGE_ROUNDS = 2
 _FLOOR = np.array([1e-5, 2e-4])
 # What an uneven tyre mixes into a mode from other orders, an amplitude, moves the members of its
 # pair by this share of it, in half-widths and in damping ratios: benchmarks/laboratory.py.
-_MIXED = np.array([0.15, 0.4])
+_MIXED = np.array([0.15, 0.7])
+# The same for the mean of a pair, by the share of the power in other orders.
+_IMPURE = np.array([0.4, 1.0])
 # Standard deviation of the share that each member of an unresolved pair has.
 _SHARE_STD = 0.3
 # Poles closer than this share of their half-width are one at first.
@@ -80,19 +82,19 @@ def as_seen(
     if ring is None or ring.pair is None:
         return [_with_std(mode, covariance)], covariance
     pair = ring.pair
-    least = _FLOOR * np.array([mode.frequency_hz, mode.damping_ratio])
-    floor = np.diag(least**2 + of_runs)
+    basis = order_basis(position_deg, ring.order)
+    rest = mode.residues - basis @ (np.linalg.pinv(basis) @ mode.residues)
+    impure = np.linalg.norm(rest) / np.linalg.norm(mode.residues)
+    size = np.array([mode.frequency_hz, mode.damping_ratio])
+    width = mode.damping_ratio * np.array([mode.frequency_hz, 1.0])
+    floor = np.diag((_FLOOR * size) ** 2 + (impure**2 * width * _IMPURE) ** 2 + of_runs)
     if not ring.is_resolved:
         own = pair.covariance[4:, 4:] + floor + np.diag(_of_shares(pair) ** 2)
         if ring.report.pair.chance < settings.pair_p_value:
             own = own + np.diag(_to_stronger(pair))
         return [_with_std(mode, own)], own
     waves = ring.waves(position_deg)
-    basis = order_basis(position_deg, ring.order)
-    rest = mode.residues - basis @ (np.linalg.pinv(basis) @ mode.residues)
-    impure = np.linalg.norm(rest) / np.linalg.norm(mode.residues)
-    mixed = impure * mode.damping_ratio * _MIXED * np.array([mode.frequency_hz, 1.0])
-    floor = floor + np.diag(mixed**2)
+    floor = floor + np.diag((impure * width * _MIXED) ** 2)
     own = pair.covariance[:4, :4] + block_diag(floor, floor)
     members = [
         _with_std(

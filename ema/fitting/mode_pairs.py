@@ -11,6 +11,7 @@ from scipy.special import chdtrc
 
 from ema.circumference.orders import circle_basis, highest_order
 from ema.circumference.ring_modes import family, further_resonances
+from ema.core.drift import Drift
 from ema.core.frf import FRF
 from ema.core.modes import Mode, OrderReport, Pair, PairVerdict, synthesise
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
@@ -26,6 +27,10 @@ _ELSEWHERE_RAD, _UNKNOWN_RAD = 0.5, 0.3
 _KNOWN_DAMPING = 0.008
 # Poles closer than this many half-widths of the broader one share a resonance.
 _SHARED = 1.5
+# A pair is not told from a drift whose standard deviation is more than this share of its split …
+_DRIFTS = 0.3
+# … nor where it leaves more than this reduced χ².
+_MOST_LEFT = 10.0
 # An order whose other member has less than this share of the response shows one member.
 _ONE_MEMBER = 0.02
 
@@ -135,6 +140,7 @@ def ring_orders(
     modes: Sequence[Mode],
     band_hz: tuple[float, float],
     correlation: float,
+    drift: Drift,
     settings: IdentificationSettings = IDENTIFICATION,
 ) -> tuple[RingOrder, ...]:
     """Fit the pair of every order of the ring and decide what of it is determined.
@@ -152,6 +158,8 @@ def ring_orders(
         Band of the result; orders outside are left as they are.
     correlation : float
         From `ema.fitting.covariance.line_correlation`.
+    drift : Drift
+        Of the runs.
     settings : IdentificationSettings
     """
     values = _in_one_state(fit)
@@ -176,7 +184,7 @@ def ring_orders(
         seen = decomposition.order(order, lines, own).seen_from(force_rad)
         before = Known(spread, correlation, settings, tuple(fit.poles[beside].tolist()))
         pair = fit_pair(seen.frequency_hz, seen.values, seen.std, start, before)
-        report = order_report(order, pair, settings)
+        report = order_report(order, pair, settings, _change_hz(drift, start))
         is_main = (order, found) in main
         orders.append(RingOrder(order, tuple(found), pair, report, force_rad, is_main))
     return tuple(orders)
@@ -197,16 +205,27 @@ def _beside(poles: Complex, own: Sequence[int]) -> list[int]:
     return [int(k) for k in np.flatnonzero(near[: poles.size - N_STAND_INS]) if k not in own]
 
 
+def _change_hz(drift: Drift, pole: complex) -> float:
+    """Standard deviation of a frequency over the runs."""
+    if not drift.applied:
+        return 0.0
+    hz = abs(pole) / (2 * np.pi)
+    return float(hz * np.std(drift.at(hz)) / 100)
+
+
 def order_report(
-    order: int, pair: PairFit | None, settings: IdentificationSettings = IDENTIFICATION
+    order: int,
+    pair: PairFit | None,
+    settings: IdentificationSettings = IDENTIFICATION,
+    change_hz: float = 0.0,
 ) -> OrderReport:
-    """Verdict on a pair, with its evidence."""
+    """Verdict on a pair, with its evidence; `change_hz` is its change over the runs."""
     nothing = float("nan")
     if pair is None:
         few = PairVerdict(order, Pair.NOT_SEPARABLE, nothing, "too few lines around the resonance")
         return OrderReport(few)
     chance = float(chdtrc(4, max(pair.gain, 0.0)))
-    doubt = _doubt(pair, settings)
+    doubt = _doubt(pair, settings, change_hz)
     weaker = min(pair.share)
     if chance < settings.pair_p_value and not doubt:
         verdict, text = Pair.RESOLVED, f"two poles fit better than one (p = {chance:.2g})"
@@ -228,12 +247,17 @@ def order_report(
     )
 
 
-def _doubt(pair: PairFit, settings: IdentificationSettings) -> str:
+def _doubt(pair: PairFit, settings: IdentificationSettings, change_hz: float) -> str:
     """Why the members are not determined; empty where they are."""
     if min(pair.share) < settings.pair_weakest_share:
         return f"the weaker member has {100 * min(pair.share):.1f} % of the response"
     if pair.split_std < settings.pair_separation_std:
         return f"the two frequencies differ by only {pair.split_std:.1f} standard deviations"
+    split_hz = (abs(pair.poles[1]) - abs(pair.poles[0])) / (2 * np.pi)
+    if change_hz > _DRIFTS * split_hz:
+        return f"the runs differ by {change_hz:.2g} Hz, the members by {split_hz:.2g} Hz"
+    if pair.misfit > _MOST_LEFT:
+        return f"both members leave {pair.misfit:.0f} times the noise"
     damping = [-pole.real / abs(pole) for pole in pair.poles]
     if max(damping) > settings.pair_damping_factor * min(damping):
         return f"the damping ratios would differ by a factor of {max(damping) / min(damping):.1f}"
