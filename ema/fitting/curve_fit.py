@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 from scipy.special import chdtrc
 
-from ema.circumference.orders import label_modes, on_circle, order_content
+from ema.circumference.orders import label_modes, on_circle
 from ema.circumference.ring_modes import family, judged
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import FitError
 from ema.core.frf import FRF, widened_band
-from ema.core.mac import auto_mac, frac
+from ema.core.mac import frac
 from ema.core.modes import ModalModel, Mode, ResidualTerms
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
@@ -37,8 +37,8 @@ from ema.fitting.exponential_window import with_own_factor, without_window
 from ema.fitting.fit_steps import (
     as_seen,
     drift_in_one_step,
-    is_close,
     is_undetermined,
+    merged,
     modes_of,
     surplus_poles,
     variance_of_runs,
@@ -62,10 +62,6 @@ from ema.poles.selection import PoleSelection
 
 # A pole damped this many times more than the others, on its bound, is no mode.
 _BROAD = 3.0
-# Without a circle that could tell their orders, poles closer than this are one at first …
-_SAME = 0.15
-# … if their residues together have this share of their power in one order, or this MAC.
-_ONE_ORDER = 0.8
 NO_SHIFT = np.zeros((1, N_DRIFT))
 # A broad pole beneath a sharper one has to show this many times more than others.
 _BENEATH = 2.5
@@ -73,6 +69,10 @@ _BENEATH = 2.5
 _MAKES_UP = 0.8
 # Without a circle, one of several doubtful poles goes first if this many half-widths hold them.
 _AROUND = 4.0
+# A ring mode of less purity may hide one of another order, damped this much more.
+_TWO_ORDERS, _BROADER = 0.97, 1.8
+# Its shape has at least this share of its power in that order.
+_ITS_OWN = 0.6
 # Rounds in which poles that hardly show are dropped; more than five were never needed.
 _MOST_DROPS = 8
 # Rounds after which the poles of the orders have settled; more than two were never needed.
@@ -183,37 +183,10 @@ class CurveFit:
     def start(self) -> None:
         """Fit all runs in one state, the members of close pairs as one pole at first."""
         if not self.selection.pinned:
-            self.start_poles = self._merged(self.start_poles)
+            self.start_poles = merged(self.lines, self.start_poles, self.frf.position_deg)
         pairs = self._pairs(evaluate(self.lines, self.start_poles, NO_SHIFT))
         self.centre = self.start_poles
         self.fit = fit_bounded(self.lines, self.start_poles, self.settings, pairs=pairs)
-
-    def _merged(self, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Poles with one in the place of several that share the resonance of one order.
-
-        With free residues at all positions, two poles closer than their width explain each run's
-        own frequency and damping, whatever the cause. What a pair is comes from its order's FRFs.
-        """
-        fit = evaluate(self.lines, poles, NO_SHIFT)
-        rest = list(np.argsort(np.abs(poles[:-N_STAND_INS])))
-        merged: list[complex] = []
-        while rest:
-            group = [rest.pop(0)]
-            while rest and is_close(poles[group[-1]], poles[rest[0]]):
-                group.append(rest.pop(0))
-            one = len(group) > 1 and self._look_alike(poles[group], fit.residues[:, group])
-            merged += (
-                [complex(np.mean(poles[group]))] if one else [complex(s) for s in poles[group]]
-            )
-        return np.append(merged, poles[-N_STAND_INS:])
-
-    def _look_alike(self, poles: NDArray[np.complex128], residues: NDArray[np.complex128]) -> bool:
-        """Whether close poles share one order, or, without a circle, one shape."""
-        if self.circle:
-            together = order_content(residues.sum(axis=1), self.frf.position_deg)
-            return together.purity > _ONE_ORDER
-        apart = np.ptp(np.abs(poles)) / np.min(-poles.real)
-        return bool(apart < _SAME or np.min(auto_mac(residues.T)) > _ONE_ORDER)
 
     def follow_drift(self) -> None:
         """Give each run its own state where the frequencies differ by more than chance."""
@@ -319,9 +292,32 @@ class CurveFit:
             if not np.any(surplus) or self.selection.pinned:
                 break
             self._refit(self.fit.poles[~surplus])
+        if not self.selection.pinned:
+            labelled = self._with_hidden(labelled)
         lines = widened_band(self.frf, self.band_hz)
         known = self.correlation, self.drift, self.settings
         self.ring = ring_orders(self.frf, lines, self.fit, labelled, self.band_hz, *known)
+
+    def _with_hidden(self, labelled: tuple[Mode, ...]) -> tuple[Mode, ...]:
+        """Add the pole of a second order where one pole holds two at the same frequency.
+
+        A rim that moves gives order 1 a broad resonance, often beneath that of order 2. Kept only
+        if its shape is that order's.
+        """
+        before = self.fit
+        for found in family(labelled).values():
+            mode = labelled[found[0]]
+            if self.band_hz[0] <= mode.frequency_hz <= self.band_hz[1] and (
+                mode.order_purity < _TWO_ORDERS
+            ):
+                size, ratio = abs(mode.pole), min(_BROADER * mode.damping_ratio, 0.9)
+                added = size * (-ratio + 1j * np.sqrt(1 - ratio**2))
+                self._refit(np.insert(before.poles, 0, added))
+                tried = self._labelled(self.fit)
+                if tried[0].order != mode.order and tried[0].order_purity > _ITS_OWN:
+                    return tried
+                self.fit = before
+        return labelled
 
     def modal_model(self) -> ModalModel:
         """Modes of the band with their uncertainty."""

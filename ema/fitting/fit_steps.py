@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.special import chdtrc
 
-from ema.circumference.orders import order_basis
+from ema.circumference.orders import on_circle, order_basis, order_content
 from ema.circumference.ring_modes import PURE, family
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.frf import FRF
+from ema.core.mac import auto_mac
 from ema.core.modes import Flag, Mode
 from ema.core.settings import IdentificationSettings
 from ema.fitting.covariance import parameter_covariance, std_between_runs
 from ema.fitting.mode_pairs import RingOrder
-from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, PoleFit, evaluate, fit_bounded
+from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
 from ema.fitting.ring_pair import PairFit
 from ema.signals.leakage import leakage_bias
 
@@ -35,7 +36,11 @@ _IMPURE = np.array([0.4, 1.0])
 # Standard deviation of the share that each member of an unresolved pair has.
 _SHARE_STD = 0.3
 # Poles closer than this share of their half-width are one at first.
-CLOSE = 0.5
+_CLOSE = 0.5
+# Without a circle that could tell their orders, poles closer than this are one at first …
+_SAME = 0.15
+# … if their residues together have this share of their power in one order, or this MAC.
+_ONE_ORDER = 0.8
 # Imaginary over real part of such a share.
 _COMPLEX = 0.5
 
@@ -248,13 +253,45 @@ def surplus_poles(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
             o
             for o in main
             if abs(labelled[o].frequency_hz - mode.frequency_hz)
-            < CLOSE * labelled[o].damping_ratio * labelled[o].frequency_hz
+            < _CLOSE * labelled[o].damping_ratio * labelled[o].frequency_hz
         ]
         same = any(mode.order == labelled[o].order or mode.order_purity < PURE for o in near)
         surplus[k] = bound[k] or same
     return surplus
 
 
-def is_close(one: complex, other: complex) -> bool:
+def merged(
+    lines: Lines, poles: NDArray[np.complex128], position_deg: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Poles with one in the place of several that share the resonance of one order.
+
+    With free residues at all positions, two poles closer than their width explain each run's
+    own frequency and damping, whatever the cause. What a pair is comes from its order's FRFs.
+    """
+    fit = evaluate(lines, poles, np.zeros((1, N_DRIFT)))
+    rest = list(np.argsort(np.abs(poles[:-N_STAND_INS])))
+    chosen: list[complex] = []
+    while rest:
+        group = [rest.pop(0)]
+        while rest and _is_close(poles[group[-1]], poles[rest[0]]):
+            group.append(rest.pop(0))
+        one = len(group) > 1 and _look_alike(poles[group], fit.residues[:, group], position_deg)
+        chosen += [complex(np.mean(poles[group]))] if one else poles[group].tolist()
+    return np.append(chosen, poles[-N_STAND_INS:])
+
+
+def _look_alike(
+    poles: NDArray[np.complex128],
+    residues: NDArray[np.complex128],
+    position_deg: NDArray[np.float64],
+) -> bool:
+    """Whether close poles share one order, or, without a circle, one shape."""
+    if on_circle(position_deg):
+        return order_content(residues.sum(axis=1), position_deg).purity > _ONE_ORDER
+    apart = np.ptp(np.abs(poles)) / np.min(-poles.real)
+    return bool(apart < _SAME or np.min(auto_mac(residues.T)) > _ONE_ORDER)
+
+
+def _is_close(one: complex, other: complex) -> bool:
     """Whether two poles lie within half the half-width of each other's resonance."""
-    return bool(abs(one - other) < CLOSE * min(-one.real, -other.real))
+    return bool(abs(one - other) < _CLOSE * min(-one.real, -other.real))

@@ -28,7 +28,7 @@ _KNOWN_DAMPING = 0.008
 # Poles closer than this many half-widths of the broader one share a resonance.
 _SHARED = 1.5
 # A pair is not told from a drift whose standard deviation is more than this share of its split …
-_DRIFTS = 0.3
+_DRIFTS = 0.1
 # … nor where it leaves more than this reduced χ².
 _MOST_LEFT = 10.0
 # An order whose other member has less than this share of the response shows one member.
