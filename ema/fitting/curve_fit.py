@@ -335,7 +335,7 @@ class CurveFit:
         listed: list[Mode] = []
         blocks: list[NDArray[np.float64]] = []
         for r in inside:
-            own = both[2 * r : 2 * r + 2, 2 * r : 2 * r + 2] + np.diag(of_runs[r])
+            own = both[2 * r : 2 * r + 2, 2 * r : 2 * r + 2]
             seen = as_seen(modes[r], owner.get(r), own, of_runs[r], frf.position_deg, self.settings)
             listed += seen[0]
             blocks.append(seen[1])

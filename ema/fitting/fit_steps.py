@@ -84,22 +84,26 @@ def as_seen(
     Of a resolved pair each member has its wave, and its share of what is of no single order.
     `of_runs` are the variances of frequency and damping from the states of the runs.
     """
-    if ring is None or ring.pair is None:
-        return [_with_std(mode, covariance)], covariance
-    pair = ring.pair
-    basis = order_basis(position_deg, ring.order)
-    rest = mode.residues - basis @ (np.linalg.pinv(basis) @ mode.residues)
-    impure = np.linalg.norm(rest) / np.linalg.norm(mode.residues)
     size = np.array([mode.frequency_hz, mode.damping_ratio])
     width = mode.damping_ratio * np.array([mode.frequency_hz, 1.0])
-    floor = np.diag((_FLOOR * size) ** 2 + (impure**2 * width * _IMPURE) ** 2 + of_runs)
+    mixed = 0.0
+    if on_circle(position_deg):
+        mixed = 1 - order_content(mode.residues, position_deg).purity
+    of_runs = of_runs + (mixed * width * _IMPURE) ** 2
+    if ring is None or ring.pair is None:
+        own = covariance + np.diag(of_runs)
+        return [_with_std(mode, own)], own
+    pair = ring.pair
+    floor = np.diag((_FLOOR * size) ** 2 + of_runs)
     if not ring.is_resolved:
         own = pair.covariance[4:, 4:] + floor + np.diag(_of_shares(pair) ** 2)
         if ring.report.pair.chance < settings.pair_p_value:
             own = own + np.diag(_to_stronger(pair))
         return [_with_std(mode, own)], own
     waves = ring.waves(position_deg)
-    floor = floor + np.diag((impure * width * _MIXED) ** 2)
+    basis = order_basis(position_deg, ring.order)
+    rest = mode.residues - basis @ (np.linalg.pinv(basis) @ mode.residues)
+    floor = floor + np.diag(mixed * (width * _MIXED) ** 2)
     own = pair.covariance[:4, :4] + block_diag(floor, floor)
     members = [
         _with_std(
