@@ -80,6 +80,7 @@ class StoredMass:
     sensors_deg: dict[str, tuple[float, ...]]
     excitation_deg: float
     live_mass_kg: float
+    drift: StoredDrift | None = None
 
 
 @dataclass(frozen=True)
@@ -173,10 +174,11 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
     yield "covariance", sizes, f"must be {size} × {size}"
     lengths = [len(found.indicator), len(found.indicator_hz)]
     yield "indicator", lengths if len({*lengths}) > 1 else [], "needs one value for each frequency"
-    drift = found.drift
-    lengths = [len(each) for each in vars(drift).values() if isinstance(each, tuple)]
-    yield "drift", lengths if len({*lengths}) > 1 else [], "needs one value for each run"
-    yield "drift", [each for each in drift.percent if not each > -100], "must be > -100 %"
+    of_mass = found.sensor_mass.drift if found.sensor_mass else None
+    for drift in [found.drift, *([of_mass] if of_mass else [])]:
+        lengths = [len(each) for each in vars(drift).values() if isinstance(each, tuple)]
+        yield "drift", lengths if len({*lengths}) > 1 else [], "needs one value for each run"
+        yield "drift", [each for each in drift.percent if not each > -100], "must be > -100 %"
     if (plan := found.blocks) is not None:
         counts = (plan.sampling_rate_hz, plan.block_samples, plan.step_samples, plan.n_blocks)
         wrong = [plan] if not (min(counts) > 0 and plan.period_samples >= 0) else []

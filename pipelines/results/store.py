@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ema.checks.corrections import corrected
 from ema.checks.quality import check_reference
 from ema.circumference.orders import highest_order
-from ema.core.drift import Drift
+from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError
 from ema.core.files import require_regular
 from ema.core.finding import Check, Finding, Verdict
@@ -146,7 +146,8 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
     mass = None
     if (held := stored.sensor_mass) is not None:
         seats = {run: np.array(angles) for run, angles in held.sensors_deg.items()}
-        mass = SensorMass(held.mass_kg, seats, held.excitation_deg, held.live_mass_kg)
+        drift = NO_DRIFT if held.drift is None else Drift(**vars(held.drift))
+        mass = SensorMass(held.mass_kg, seats, held.excitation_deg, held.live_mass_kg, drift)
     frf = without_mass(corrected(measured, stored.corrections), mass)
     model = _read_model(stored, frf, folder / RESIDUES_NAME)
     recorded = record.get("settings", {}).get("checks", {})

@@ -148,3 +148,26 @@ def test_a_drift_that_was_not_applied_moves_nothing():
     np.testing.assert_array_equal(seen.poles_in("b", poles), poles)
     moved = replace(seen, applied=True).poles_in("b", poles)
     np.testing.assert_allclose(moved, 1.001 * poles)
+
+
+def drift_of(percent, damping_percent):
+    shift = np.array(percent)
+    names = tuple(f"run_{number}" for number in range(1, shift.size + 1))
+    none, damping = 0 * shift, np.array(damping_percent)
+    return Drift(names, shift, none, none, none, damping, none)
+
+
+def test_a_steady_change_has_no_error_of_its_own():
+    steady = drift_of(np.linspace(0, 0.5, 6), np.linspace(0, -3, 6))
+    assert steady.unsteadiness(150.0) == pytest.approx((0.0, 0.0), abs=1e-15)
+    assert drift_of([0, 1, 0], [0, 0, 0]).unsteadiness(150.0) == (0.0, 0.0)  # too few to tell
+
+
+def test_states_that_scatter_show_their_standard_deviation():
+    random = np.random.default_rng(1)
+    scattered = drift_of(
+        np.linspace(0, 5, 400) + 0.1 * random.standard_normal(400), random.standard_normal(400)
+    )
+    frequency, damping = scattered.unsteadiness(100.0)
+    assert frequency == pytest.approx(1e-3, rel=0.1)
+    assert damping == pytest.approx(1e-2, rel=0.1)

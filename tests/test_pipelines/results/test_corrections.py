@@ -16,6 +16,14 @@ from pipelines.results.store import load
 FLIPPED = Correction(3, "config_4.uff", "A01", 15.0, "flipped", -1.0, 3, False, -0.98, 0.01, 1.2)
 DEAD = Correction(72, "config_1.uff", "A13", 0.0, "dead", 1.0, 72, True)
 
+ZERO = np.zeros(6)
+DRIFT = {
+    "percent": np.linspace(0, 0.3, 6),
+    **dict.fromkeys(("std_percent", "slope_percent", "curvature_percent"), ZERO),
+    **dict.fromkeys(("damping_percent", "damping_std_percent"), ZERO),
+    "applied": True,
+}
+
 
 @pytest.fixture(scope="module")
 def result(short_result):
@@ -26,7 +34,8 @@ def result(short_result):
     values[72] = 0
     measured = replace(frf, values=values)
     seats = {run: frf.position_deg[np.array(frf.run) == run] for run in frf.run_names}
-    mass = SensorMass(0.001, seats)
+    warmer = replace(short_result.modal_model.drift, **DRIFT, run=frf.run_names)
+    mass = SensorMass(0.001, seats, drift=warmer)
     changes = (FLIPPED, DEAD)
     fitted = without_mass(corrected(measured, changes), mass)
     return replace(

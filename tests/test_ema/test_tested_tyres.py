@@ -1,0 +1,61 @@
+"""Tyres as tested: a rim that moves, sensors that weigh while the tyre warms up, one hit a run."""
+
+import numpy as np
+import pytest
+
+import ema
+from ema.circumference.mass_loading import sensors_of_runs
+from pipelines.simulate.laboratory import Laboratory
+from pipelines.simulate.laboratory_effects import Effects
+
+
+def laboratory_and_modes(**effects):
+    laboratory = Laboratory(Effects(duration_s=20.0, **effects))
+    campaign = laboratory.campaign()
+    mass = None
+    if campaign.sensor_mass_kg:
+        mass = ema.SensorMass(campaign.sensor_mass_kg, sensors_of_runs(campaign))
+    return laboratory, ema.identify_modes(ema.estimate_frf(campaign), sensor_mass=mass)
+
+
+def driven(laboratory, order):
+    """The modes of an order, the one that the force drives most first."""
+    modes = [mode for mode in laboratory.truth.modes if mode.order == order]
+    return sorted(modes, key=lambda mode: -mode.strength)
+
+
+@pytest.mark.parametrize(("seed", "rim_hz"), [(240, (43.6, 63.7)), (219, (47.4, 53.8))])
+def test_order_1_on_a_moving_rim_is_found_beneath_order_2(seed, rim_hz):
+    """The broad resonance lies within half the half-width of order 2."""
+    laboratory, found = laboratory_and_modes(
+        seed=seed, rim_hz=rim_hz, stiffness_variation=0.004, splice=0.003, snr_db=40.0
+    )
+    upper = next(mode for mode in driven(laboratory, 1) if mode.frequency_hz > 80)
+    mode = max((m for m in found.model.modes if m.order == 1), key=lambda m: m.frequency_hz)
+    assert abs(mode.frequency_hz - upper.frequency_hz) < 3 * mode.frequency_std_hz
+    assert abs(mode.damping_ratio - upper.damping_ratio) < 3 * mode.damping_std
+    assert mode.damping_std < 0.1 * mode.damping_ratio
+
+
+def test_mass_is_compensated_in_the_state_of_each_run():
+    """In one state for all, damping of the first run would be 2 % off."""
+    laboratory, found = laboratory_and_modes(
+        seed=225, sensor_mass_kg=0.0043, temperature_drift=0.002, splice=0.004, snr_db=60.0
+    )
+    assert found.sensor_mass.drift.applied
+    for order in (4, 5):
+        mode = next(mode for mode in found.model.modes if mode.order == order)
+        assert mode.damping_ratio == pytest.approx(
+            driven(laboratory, order)[0].damping_ratio, rel=0.008
+        )
+
+
+def test_drift_is_followed_where_noise_is_unknown():
+    """Otherwise all modes have the mean state, 0.1 % below that of the first run."""
+    laboratory, found = laboratory_and_modes(
+        seed=234, excitation="hammer", hits=5, temperature_drift=-0.002, snr_db=50.0
+    )
+    assert not np.all(np.isfinite(found.frf.std))
+    for mode in found.model.modes:
+        true = driven(laboratory, mode.order)[0]
+        assert mode.frequency_hz == pytest.approx(true.frequency_hz, rel=3e-4)
