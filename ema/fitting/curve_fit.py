@@ -436,10 +436,12 @@ class CurveFit:
         return fit_bounded(lines, with_stand_ins(poles, lines), self.settings, drift)
 
     def _with_band_shift(self, modes: Sequence[Mode], fit: PoleFit) -> list[Mode]:
-        shifts = band_shift(self._again(fit.lines, fit.poles[:-N_STAND_INS]), self._again)
+        """Modes of all poles with what the ends of the band change in the nearest fitted pole."""
+        shifts = band_shift(self.fit, self._again)
+        nearest = np.argmin(np.abs(self.fit.poles - fit.poles[:, None]), axis=1)
         return [
             replace(mode, frequency_band_shift_hz=float(hz), damping_band_shift=float(ratio))
-            for mode, (hz, ratio) in zip(modes, shifts, strict=True)
+            for mode, (hz, ratio) in zip(modes, shifts[nearest], strict=True)
         ]
 
     def _final_drift(self, fit: PoleFit, covariance: NDArray[np.float64]) -> Drift:
