@@ -39,7 +39,7 @@ _SMALL = np.array([0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
 _LARGE = tuple(product((0.0, -0.1, -0.3), (-1.0, -0.4, 0.0, 0.4, 1.0), (-0.8, -0.3, 0.3, 0.8)))
 _MOST_LOOKS = 3
 _FIRST_LOOK, _LAST_LOOK = 15, 40  # evaluations
-_ENOUGH = 1e-7  # relative gain not worth another step
+_ENOUGH = 1e-6  # relative gain not worth another step
 # Dimensions that hold every pole near the resonance to 1e-6.
 _DIMENSIONS = 20
 # Amplitude and E; the background of the two rows is taken out of the basis.
