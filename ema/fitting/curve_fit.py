@@ -25,6 +25,7 @@ from ema.fitting.covariance import (
     line_correlation,
     parameter_covariance,
     residue_std,
+    std_between_runs,
 )
 from ema.fitting.evidence import (
     is_beneath,
@@ -37,11 +38,11 @@ from ema.fitting.exponential_window import with_own_factor, without_window
 from ema.fitting.fit_steps import (
     as_seen,
     drift_in_one_step,
+    in_other_orders,
     is_undetermined,
     merged,
     modes_of,
     surplus_poles,
-    variance_of_runs,
     with_states,
     without_leakage,
 )
@@ -175,8 +176,7 @@ class CurveFit:
         self.start_poles = starting_poles(selection.fitted, self.lines, band_hz)
         self.correlation = line_correlation(frf.blocks)
         self.drift: Drift = NO_DRIFT
-        self.leakage_notes: list[str] = []
-        self.notes: list[str] = []
+        self.leakage_notes, self.notes = list[str](), list[str]()
         self.ring: tuple[RingOrder, ...] = ()
         self.circle = on_circle(frf.position_deg)
 
@@ -270,7 +270,7 @@ class CurveFit:
         frequency_hz = np.abs(poles) / (2 * np.pi)
         inside = (frequency_hz >= self.band_hz[0]) & (frequency_hz <= self.band_hz[1])
         inside[-N_STAND_INS:] = False
-        return np.asarray(inside)
+        return inside
 
     def drop_surplus(self) -> None:
         """Drop poles that ended on the bound of their damping, far above that of the others."""
@@ -304,12 +304,10 @@ class CurveFit:
         A rim that moves gives order 1 a broad resonance, often beneath that of order 2. Kept only
         if its shape is that order's.
         """
-        before = self.fit
+        before, (low, high) = self.fit, self.band_hz
         for found in family(labelled).values():
             mode = labelled[found[0]]
-            if self.band_hz[0] <= mode.frequency_hz <= self.band_hz[1] and (
-                mode.order_purity < _TWO_ORDERS
-            ):
+            if mode.order_purity < _TWO_ORDERS and low <= mode.frequency_hz <= high:
                 size, ratio = abs(mode.pole), min(_BROADER * mode.damping_ratio, 0.9)
                 added = size * (-ratio + 1j * np.sqrt(1 - ratio**2))
                 self._refit(np.insert(before.poles, 0, added))
@@ -325,22 +323,24 @@ class CurveFit:
         fit, owner = self._one_pole_per_order()
         covariance = parameter_covariance(fit, self.correlation)
         both = frequency_damping_covariance(fit.poles, covariance)
-        modes = modes_of(fit, both, residue_std(fit, covariance, self.correlation))
+        residues_std = residue_std(fit, covariance, self.correlation)
+        modes = modes_of(fit, both, residues_std)
         modes = self._with_band_shift(modes, fit)
         if not self.circle:
             modes, both = with_model_error(modes, both, fit, self._again)
         drift = self._final_drift(fit, covariance)
-        of_runs = variance_of_runs(fit, drift, self.correlation)
+        between = std_between_runs(fit, self.correlation)
+        mixed = in_other_orders(fit, owner, residues_std, frf.position_deg)
         inside = self._wanted(modes, fit)
-        listed: list[Mode] = []
-        blocks: list[NDArray[np.float64]] = []
+        listed, blocks = list[Mode](), list[Real]()
         for r in inside:
             own = both[2 * r : 2 * r + 2, 2 * r : 2 * r + 2]
-            seen = as_seen(modes[r], owner.get(r), own, of_runs[r], frf.position_deg, self.settings)
-            listed += seen[0]
-            blocks.append(seen[1])
+            known = between[r], mixed[r], drift, frf.position_deg, self.settings
+            rows, seen = as_seen(modes[r], owner.get(r), own, *known)
+            listed += rows
+            blocks.append(seen)
         guards = [r for r in np.argsort(np.abs(fit.poles)) if r not in inside]
-        reports = tuple(each.report for each in self.ring if each.is_main)
+        reports = tuple(order.report for order in self.ring if order.is_main)
         model = ModalModel(
             modes=judged(label_modes(listed, frf.position_deg), reports),
             guard_modes=tuple(modes[r] for r in guards),
@@ -412,9 +412,8 @@ class CurveFit:
         in_band = [r for r in np.argsort(np.abs(fit.poles)) if low <= modes[r].frequency_hz <= high]
         without = ", ".join(f"{modes[r].frequency_hz:.1f}" for r in in_band if aside[r])
         if without:
-            self.notes.append(
-                f"Left out by pinning or excluding, but fitted with the rest: {without} Hz."
-            )
+            note = f"Left out by pinning or excluding, but fitted with the rest: {without} Hz."
+            self.notes.append(note)
         inside = [r for r in in_band if not aside[r]]
         if not inside:
             raise FitError("all poles left the band during the curve fit. Pin frequencies.")
@@ -436,7 +435,7 @@ class CurveFit:
         return fit_bounded(lines, with_stand_ins(poles, lines), self.settings, drift)
 
     def _with_band_shift(self, modes: Sequence[Mode], fit: PoleFit) -> list[Mode]:
-        """Modes of all poles with what the ends of the band change in the nearest fitted pole."""
+        """Modes with what the ends of the band change in the nearest fitted pole."""
         shifts = band_shift(self.fit, self._again)
         nearest = np.argmin(np.abs(self.fit.poles - fit.poles[:, None]), axis=1)
         return [
@@ -444,7 +443,7 @@ class CurveFit:
             for mode, (hz, ratio) in zip(modes, shifts[nearest], strict=True)
         ]
 
-    def _final_drift(self, fit: PoleFit, covariance: NDArray[np.float64]) -> Drift:
+    def _final_drift(self, fit: PoleFit, covariance: Real) -> Drift:
         if not self.drift.applied or len(fit.drift) == 1:
             return self.drift
         own = slice(2 * fit.poles.size, None)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 from scipy.special import chdtrc
 
 from ema.circumference.orders import on_circle, order_basis, order_content
@@ -17,7 +16,7 @@ from ema.core.frf import FRF
 from ema.core.mac import auto_mac
 from ema.core.modes import Flag, Mode
 from ema.core.settings import IdentificationSettings
-from ema.fitting.covariance import parameter_covariance, std_between_runs
+from ema.fitting.covariance import parameter_covariance
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
 from ema.fitting.ring_pair import PairFit
@@ -75,36 +74,37 @@ def as_seen(
     mode: Mode,
     ring: RingOrder | None,
     covariance: NDArray[np.float64],
-    of_runs: NDArray[np.float64],
+    between: NDArray[np.float64],
+    mixed: float,
+    drift: Drift,
     position_deg: NDArray[np.float64],
     settings: IdentificationSettings,
 ) -> tuple[list[Mode], NDArray[np.float64]]:
     """The mode or modes that a pole stands for, with their covariance.
 
     Of a resolved pair each member has its wave, and its share of what is of no single order.
-    `of_runs` are the variances of frequency and damping from the states of the runs.
+    `between` are the standard deviations of `std_between_runs`; one pole in the place of a pair
+    that is resolved would leave in each run what the run sees of its members. `mixed` is the
+    share of the power in other orders, from `in_other_orders`.
     """
     size = np.array([mode.frequency_hz, mode.damping_ratio])
     width = mode.damping_ratio * np.array([mode.frequency_hz, 1.0])
-    mixed = 0.0
-    if on_circle(position_deg):
-        mixed = 1 - order_content(mode.residues, position_deg).purity
-    of_runs = of_runs + (mixed * width * _IMPURE) ** 2
+    floor = (size * drift.unsteadiness(mode.frequency_hz)) ** 2 + (mixed * width * _IMPURE) ** 2
     if ring is None or ring.pair is None:
-        own = covariance + np.diag(of_runs)
+        own = covariance + np.diag(floor + between**2)
         return [_with_std(mode, own)], own
     pair = ring.pair
-    floor = np.diag((_FLOOR * size) ** 2 + of_runs)
+    floor += (_FLOOR * size) ** 2
     if not ring.is_resolved:
-        own = pair.covariance[4:, 4:] + floor + np.diag(_of_shares(pair) ** 2)
+        own = pair.covariance[4:, 4:] + np.diag(floor + between**2 + _of_shares(pair) ** 2)
         if ring.report.pair.chance < settings.pair_p_value:
             own = own + np.diag(_to_stronger(pair))
         return [_with_std(mode, own)], own
     waves = ring.waves(position_deg)
     basis = order_basis(position_deg, ring.order)
     rest = mode.residues - basis @ (np.linalg.pinv(basis) @ mode.residues)
-    floor = floor + np.diag(mixed * (width * _MIXED) ** 2)
-    own = pair.covariance[:4, :4] + block_diag(floor, floor)
+    both = np.tile(floor + mixed * (width * _MIXED) ** 2, 2)
+    own = pair.covariance[:4, :4] + np.diag(both)
     members = [
         _with_std(
             replace(
@@ -118,6 +118,35 @@ def as_seen(
         for k in (0, 1)
     ]
     return members, own
+
+
+def in_other_orders(
+    fit: PoleFit,
+    owner: Mapping[int, RingOrder],
+    residues_std: NDArray[np.float64],
+    position_deg: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Share of each pole's power that is in other orders than its own, noise taken off.
+
+    One pole in the place of a resolved pair would be impure by what it leaves of the split: the
+    shape is that of both members together.
+    """
+    shares = np.zeros(fit.poles.size)
+    if not on_circle(position_deg):
+        return shares
+    shapes = np.array(fit.residues)
+    resolved = {k: each.pair for k, each in owner.items() if each.is_resolved and each.pair}
+    if resolved:
+        poles, first = np.array(fit.poles), len(resolved)
+        poles[list(resolved)] = [pair.poles[1] for pair in resolved.values()]
+        lower = [pair.poles[0] for pair in resolved.values()]
+        both = evaluate(fit.lines, np.concatenate([lower, poles]), fit.drift).residues
+        shapes = both[:, first:]
+        shapes[:, list(resolved)] += both[:, :first]
+    for k, shape in enumerate(shapes.T):
+        noise = 2 * np.sum(residues_std[:, k] ** 2) / np.sum(np.abs(shape) ** 2)
+        shares[k] = max(1 - order_content(shape, position_deg).purity - noise, 0.0)
+    return shares
 
 
 def _of_shares(pair: PairFit) -> NDArray[np.float64]:
@@ -141,15 +170,6 @@ def _to_stronger(pair: PairFit) -> NDArray[np.float64]:
     to_stronger[[0, 1], [stronger, stronger + 1]], to_stronger[[0, 1], [4, 5]] = 1.0, -1.0
     away = to_stronger @ pair.numbers
     return np.asarray((away / 2) ** 2 + np.diag(to_stronger @ pair.covariance @ to_stronger.T))
-
-
-def variance_of_runs(fit: PoleFit, drift: Drift, correlation: float) -> NDArray[np.float64]:
-    """Variances of frequency in Hz and damping ratio from the states of the runs, (n_modes, 2)."""
-    variance = std_between_runs(fit, correlation) ** 2
-    for own, pole in zip(variance, fit.poles, strict=True):
-        hz, ratio = abs(pole) / (2 * np.pi), -pole.real / abs(pole)
-        own += np.square(np.array([hz, ratio]) * drift.unsteadiness(hz))
-    return variance
 
 
 def _with_std(mode: Mode, covariance: NDArray[np.float64]) -> Mode:

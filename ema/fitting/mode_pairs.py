@@ -29,8 +29,8 @@ _KNOWN_DAMPING = 0.008
 _SHARED = 1.5
 # A pair is not told from a drift whose standard deviation is more than this share of its split …
 _DRIFTS = 0.1
-# … nor where it leaves more than this reduced χ².
-_MOST_LEFT = 10.0
+# … nor, with less than this share of the response, where it leaves more than this reduced χ².
+_PLAIN_SHARE, _MOST_LEFT = 0.15, 10.0
 # An order whose other member has less than this share of the response shows one member.
 _ONE_MEMBER = 0.02
 
@@ -256,7 +256,7 @@ def _doubt(pair: PairFit, settings: IdentificationSettings, change_hz: float) ->
     split_hz = (abs(pair.poles[1]) - abs(pair.poles[0])) / (2 * np.pi)
     if change_hz > _DRIFTS * split_hz:
         return f"the runs differ by {change_hz:.2g} Hz, the members by {split_hz:.2g} Hz"
-    if pair.misfit > _MOST_LEFT:
+    if pair.misfit > _MOST_LEFT and min(pair.share) < _PLAIN_SHARE:
         return f"both members leave {pair.misfit:.0f} times the noise"
     damping = [-pole.real / abs(pole) for pole in pair.poles]
     if max(damping) > settings.pair_damping_factor * min(damping):
