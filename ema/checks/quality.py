@@ -114,37 +114,40 @@ def coherent_band(frf: FRF, settings: CheckSettings = CHECKS) -> tuple[float, fl
     return float(frf.frequency_hz[starts[widest]]), float(frf.frequency_hz[stops[widest] - 1])
 
 
+# Changes between runs, in percent of frequencies and damping ratios, of which nothing depends: each
+# run has its own state, and a frequency is known to a fortieth of a half-width of 2 %.
+_SMALL_DRIFT, _SMALL_DAMPING_DRIFT = 0.05, 1.0
+
+
 def drift_findings(drift: Drift, frequencies_hz: NDArray[np.float64]) -> list[Finding]:
     """Drift of each run against the first, one finding each; none with a single run.
 
-    It is stated at the lowest and the highest of the frequencies of the modes.
+    It is stated at the lowest and the highest of the frequencies of the modes, and a warning where
+    it is neither small nor within what goes up and down from run to run.
     """
     if len(drift.run) < 2 or not frequencies_hz.size:
         return []
-    verdict = Verdict.WARNING if drift.applied else Verdict.OK
-    says = "; the run was fitted in its own state" if drift.applied else "; no more than chance"
-    low, high = float(np.min(frequencies_hz)), float(np.max(frequencies_hz))
-    rows = zip(
-        drift.run,
-        drift.at(low),
-        drift.at(high),
-        drift.std_percent,
-        drift.damping_percent,
-        drift.damping_std_percent,
-        strict=True,
-    )
+    ends_hz = float(np.min(frequencies_hz)), float(np.max(frequencies_hz))
+    at = np.array([*map(drift.at, ends_hz), drift.damping_percent])
+    unsteady = [drift.unsteadiness(hz)[0] for hz in ends_hz] + [drift.unsteadiness(ends_hz[0])[1]]
+    own = np.array([drift.std_percent, drift.std_percent, drift.damping_std_percent])
+    std = np.hypot(own, 100 * np.array(unsteady)[:, None])
+    small = np.array([_SMALL_DRIFT, _SMALL_DRIFT, _SMALL_DAMPING_DRIFT])[:, None]
+    beyond = np.abs(at) > np.maximum(np.minimum(3 * std, 2 * small), small)
+    warned = drift.applied & np.any(beyond, axis=0)
+    says = "the run was fitted in its own state" if drift.applied else "no more than chance"
     return [
         Finding(
             run=run,
             channel="",
             position_deg=None,
             check=Check.DRIFT,
-            verdict=verdict,
-            detail=f"natural frequencies {at_low:+.4f} % at {low:.0f} Hz to {at_high:+.4f} % at "
-            f"{high:.0f} Hz (± {std:.4f} %), damping {damping:+.2f} ± {damping_std:.2f} %, "
-            f"relative to {drift.run[0]}{says}",
+            verdict=Verdict.WARNING if warned[k] else Verdict.OK,
+            detail=f"natural frequencies {at[0, k]:+.4f} ± {std[0, k]:.4f} % at {ends_hz[0]:.0f} "
+            f"Hz to {at[1, k]:+.4f} ± {std[1, k]:.4f} % at {ends_hz[1]:.0f} Hz, damping "
+            f"{at[2, k]:+.2f} ± {std[2, k]:.2f} %, relative to {drift.run[0]}; {says}",
         )
-        for run, at_low, at_high, std, damping, damping_std in list(rows)[1:]
+        for k, run in list(enumerate(drift.run))[1:]
     ]
 
 
