@@ -120,6 +120,8 @@ def read_version(path: Path, tyre: str, number: int) -> Version:
     except InputError as error:
         raise damaged(path, f"{error.found} at {error.where}") from error
     entry = Entry(**texts_of(path, section, _REQUIRED, _OPTIONAL))
+    if KEY not in section:
+        raise damaged(path, f"the checksum outside the table [{SECTION}]")
     return Version(tyre, number, parameters, entry, section[KEY])
 
 
