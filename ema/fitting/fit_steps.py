@@ -126,7 +126,7 @@ def in_other_orders(
     residues_std: NDArray[np.float64],
     position_deg: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Share of each pole's power that is in other orders than its own, noise taken off.
+    """Share of each pole's power that is in other orders than its own, less that of noise.
 
     One pole in the place of a resolved pair would be impure by what it leaves of the split: the
     shape is that of both members together.
