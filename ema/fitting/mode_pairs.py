@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,8 +162,9 @@ def ring_orders(
         Of the runs.
     settings : IdentificationSettings
     """
-    values = _in_one_state(fit)
-    left = values - _synthesis(fit, range(fit.poles.size))
+    state = np.average(fit.drift, axis=0, weights=[len(rows) for rows in fit.groups])
+    between = replace(fit, poles=fit.lines.drifted(fit.poles, state))
+    left = _in_one_state(fit, between.poles) - _synthesis(between, range(fit.poles.size))
     decomposition = OrderDecomposition(frf)
     main = _inside(family(modes).items(), modes, band_hz)
     further = _inside(further_resonances(modes), modes, band_hz)
@@ -176,14 +177,17 @@ def ring_orders(
     orders = []
     for order, found in main + further:
         power = np.sum(np.abs(fit.residues[:, found]) ** 2, axis=0)
-        start = complex(np.average(fit.poles[found], weights=power))
-        beside = _beside(fit.poles, found)
-        own = left + _synthesis(fit, [*found, *beside], residual_terms=False)
+        start = complex(np.average(between.poles[found], weights=power))
+        beside = _beside(between.poles, found)
+        own = left + _synthesis(between, [*found, *beside], residual_terms=False)
         force_rad = order * np.deg2rad(frf.excitation_deg) if known else directions[found[0]]
         spread = order * np.deg2rad(_FORCE_STD_DEG) if known else _UNKNOWN_RAD
         seen = decomposition.order(order, lines, own).seen_from(force_rad)
-        before = Known(spread, correlation, settings, tuple(fit.poles[beside].tolist()))
+        before = Known(spread, correlation, settings, tuple(between.poles[beside].tolist()))
         pair = fit_pair(seen.frequency_hz, seen.values, seen.std, start, before)
+        if pair is not None:
+            shift, decay = fit.lines.drift_factors(np.array([start]), state)
+            pair = pair.moved(float(shift[0]), float(decay[0]))
         report = order_report(order, pair, settings, _change_hz(drift, start))
         is_main = (order, found) in main
         orders.append(RingOrder(order, tuple(found), pair, report, force_rad, is_main))
@@ -290,18 +294,20 @@ def _turn(angle_rad: float) -> Real:
     return np.array([[cosine, sine], [-sine, cosine]])
 
 
-def _in_one_state(fit: PoleFit) -> Complex:
-    """FRFs of all runs in the state of the first: less their own fit, plus that of the first."""
+def _in_one_state(fit: PoleFit, poles: Complex) -> Complex:
+    """FRFs of all runs in the state that has these poles: less their own fit, plus that one's.
+
+    In the middle between the runs, what the fit leaves of a pair is in that state too.
+    """
     values = np.array(fit.lines.values)
     terms = fit.lower, fit.upper
     residues, lines = fit.residues, fit.lines
     for rows, drift in zip(fit.groups, fit.drift, strict=True):
-        if np.any(drift):
-            own, first = (
-                synthesise(lines.frequency_hz, poles, residues[rows], *(t[rows] for t in terms))
-                for poles in (lines.drifted(fit.poles, drift), fit.poles)
-            )
-            values[rows] += first - own
+        own, wanted = (
+            synthesise(lines.frequency_hz, each, residues[rows], *(t[rows] for t in terms))
+            for each in (lines.drifted(fit.poles, drift), poles)
+        )
+        values[rows] += wanted - own
     return values
 
 

@@ -83,6 +83,11 @@ class PairFit:
     mean: complex
     parameters: NDArray[np.float64]
 
+    def moved(self, shift: float, decay: float) -> PairFit:
+        """The pair in a state whose frequencies and decay rates are smaller by these factors."""
+        a, b, mean = (p.real / decay + 1j * p.imag / shift for p in (*self.poles, self.mean))
+        return replace(self, poles=(a, b), mean=mean, numbers=_numbers(np.array([a, b, mean])))
+
 
 @dataclass(frozen=True)
 class Known:
@@ -392,8 +397,11 @@ class PairProblem:
         pole, along, across = (complex(each[0]) for each in self._states(x[None]))
         half = np.sqrt(complex(along**2 + across**2))
         half = half if half.imag >= 0 else -half
-        three = np.array([pole - half, pole + half, pole + along])
-        return np.ravel(np.column_stack([np.abs(three) / (2 * np.pi), -three.real / np.abs(three)]))
+        return _numbers(np.array([pole - half, pole + half, pole + along]))
+
+
+def _numbers(poles: Complex) -> Real:
+    return np.ravel(np.column_stack([np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)]))
 
 
 def fit_pair(
