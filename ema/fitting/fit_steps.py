@@ -20,7 +20,7 @@ from ema.fitting.covariance import parameter_covariance
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
 from ema.fitting.ring_pair import PairFit
-from ema.signals.leakage import leakage_bias
+from ema.signals.leakage import has_leakage, leakage_bias
 
 # A correction for random excitation that fits worse than this shows that it was not random.
 _WORSE = 1.05
@@ -232,9 +232,7 @@ def without_leakage(
     frf: FRF, plain: PoleFit, around: NDArray[np.complex128], settings: IdentificationSettings
 ) -> tuple[PoleFit, list[str]]:
     """Fit again, for averaged blocks, with the bias of the window compensated."""
-    if frf.blocks is None or frf.blocks.n_blocks < 2:
-        return plain, []
-    if frf.blocks.is_one_period:
+    if not has_leakage(frf):
         return plain, []
     cleared = plain
     for _ in range(_LEAKAGE_ROUNDS):

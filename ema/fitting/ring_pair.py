@@ -37,8 +37,7 @@ _N_PARAMETERS = 7
 # for both has too much (log), half the splits along and across in damping ratios.
 _SMALL = np.array([0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
 _LARGE = tuple(product((0.0, -0.1, -0.3), (-1.0, -0.4, 0.0, 0.4, 1.0), (-0.8, -0.3, 0.3, 0.8)))
-_MOST_LOOKS = 3
-_FIRST_LOOK, _LAST_LOOK = 15, 40  # evaluations
+_MOST_LOOKS, _FIRST_LOOK, _LAST_LOOK = 3, 15, 40  # starts, evaluations from each
 _ENOUGH = 1e-6  # relative gain not worth another step
 # Dimensions that hold every pole near the resonance to 1e-6.
 _DIMENSIONS = 20
@@ -102,12 +101,15 @@ class Known:
     settings : IdentificationSettings
     beside : tuple of complex
         Poles of other orders in the same resonance, of which this order may hold any part.
+    near : ndarray, optional
+        Parameters of `PairProblem` near which the pair is.
     """
 
     force_std_rad: float
     correlation: float
     settings: IdentificationSettings = IDENTIFICATION
     beside: tuple[complex, ...] = ()
+    near: Real | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,10 +150,9 @@ class PairProblem:
         noise_known: bool = True,
     ) -> None:
         self.noise_known = noise_known
-        settings = known.settings
+        settings, self.near = known.settings, known.near
         self.omega = 2 * np.pi * frequency_hz
-        self.size, self.ratio = abs(start), -start.real / abs(start)
-        self.settings = settings
+        self.size, self.ratio, self.settings = abs(start), -start.real / abs(start), settings
         self.std = std * np.sqrt(known.correlation)
         self.n_independent = 4 * frequency_hz.size / known.correlation
         self.priors = np.array(
@@ -275,11 +276,12 @@ class PairProblem:
         self.amplitude = abs(self._linear(single).amplitude)
         one = self.minimum(single, free=(_MEAN, _DAMPING))
         small = one.x + _SMALL * self.ratio
-        if self._explains(one):  # no larger split can be significant
+        if self.near is None and self._explains(one):  # no larger split can be significant
             self.scale = self._misfit(one)
             best = self.minimum(small)
         else:
-            best = self._best(one.x, self.minimum(small))
+            near = self.minimum(small if self.near is None else self.near)
+            best = near if self.near is not None else self._best(one.x, near)
             self.scale = self._misfit(best)
             best = self.minimum(best.x)
         one = self.minimum(one.x, free=(_MEAN, _DAMPING))
@@ -321,8 +323,7 @@ class PairProblem:
     ) -> OptimizeResult:
         """Search for the minimum from `start`, inside what a pair can be."""
         reach = np.array([2 * self.ratio, 1.5, 3 * self.ratio, 3 * self.ratio, 0.5, 0.5, 0.8])
-        tenth = 0.1 * self.ratio
-        scale = np.array([tenth, 0.1, tenth, tenth, 0.1, 0.1, 0.02])
+        scale = np.array([self.ratio, 1.0, self.ratio, self.ratio, 1.0, 1.0, 0.2]) / 10
         chosen = np.array(free)
         steps = np.zeros((chosen.size, _N_PARAMETERS))
         steps[np.arange(chosen.size), chosen] = 1e-6 * scale[chosen]
@@ -352,8 +353,10 @@ class PairProblem:
     def covariance(self, found: OptimizeResult) -> Real:
         """Covariance of the numbers at a minimum, (6, 6)."""
         inner = np.linalg.pinv(found.jac.T @ found.jac, rcond=1e-14, hermitian=True)
-        steps = 1e-7 * np.eye(_N_PARAMETERS)
-        ends = [self.numbers(found.x + h) - self.numbers(found.x - h) for h in steps]
+        ends = [
+            self.numbers(found.x + h) - self.numbers(found.x - h)
+            for h in 1e-7 * np.eye(_N_PARAMETERS)
+        ]
         slope = np.array(ends).T / 2e-7
         return np.asarray(slope @ inner @ slope.T)
 
@@ -363,7 +366,7 @@ class PairProblem:
         power = np.sum(np.abs(residues) ** 2, axis=1)
         apart = np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0])
         split_std = float(np.sqrt(max(apart @ covariance @ apart, 0.0)))
-        pole, along, _ = (complex(each[0]) for each in self._states(best.x[None]))
+        pole, along, _, _ = self._split(best.x)
         return PairFit(
             poles=poles,
             share=(float(power[0] / power.sum()), float(power[1] / power.sum())),
@@ -377,11 +380,15 @@ class PairProblem:
             parameters=best.x,
         )
 
-    def _members(self, x: Real) -> tuple[tuple[complex, complex], Complex]:
-        """Poles of a and b, and their residues in cosine and sine, (2, 2)."""
+    def _split(self, x: Real) -> tuple[complex, complex, complex, complex]:
+        """Pole s, coupling δ_c and δ_s, half the distance of the members."""
         pole, along, across = (complex(each[0]) for each in self._states(x[None]))
         half = np.sqrt(complex(along**2 + across**2))
-        half = half if half.imag >= 0 else -half
+        return pole, along, across, half if half.imag >= 0 else -half
+
+    def _members(self, x: Real) -> tuple[tuple[complex, complex], Complex]:
+        """Poles of a and b, and their residues in cosine and sine, (2, 2)."""
+        pole, along, across, half = self._split(x)
         amplitude = self._linear(x).amplitude
         force = np.array([np.cos(x[_FORCE]), np.sin(x[_FORCE])])
         turned = np.array([[along, across], [across, -along]]) / (half or 1.0)
@@ -394,9 +401,7 @@ class PairProblem:
 
     def numbers(self, x: Real) -> Real:
         """(frequency_hz, damping_ratio) of a, of b and of the mean."""
-        pole, along, across = (complex(each[0]) for each in self._states(x[None]))
-        half = np.sqrt(complex(along**2 + across**2))
-        half = half if half.imag >= 0 else -half
+        pole, along, _, half = self._split(x)
         return _numbers(np.array([pole - half, pole + half, pole + along]))
 
 
@@ -409,13 +414,7 @@ def fit_pair(
 ) -> PairFit | None:
     """Fit the pair of one order around its resonance; None where too few lines lie there.
 
-    Parameters
-    ----------
-    frequency_hz : ndarray, shape (n_lines,)
-    values : ndarray of complex, shape (2, n_lines)
-    std : ndarray, shape (2, n_lines)
-    start, known
-        As for `PairProblem`.
+    Arguments as for `PairProblem`, with the noise of every line: `std`, shape (2, n_lines).
     """
 
     def problem(reach: float) -> PairProblem | None:

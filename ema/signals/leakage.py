@@ -22,6 +22,12 @@ _MOST_WORK = 4_000_000
 _ROOM = 1.2
 
 
+def has_leakage(frf: FRF) -> bool:
+    """Whether blocks were averaged whose ends cut the response."""
+    plan = frf.blocks
+    return plan is not None and plan.n_blocks > 1 and not plan.is_one_period
+
+
 def leakage_bias(
     frf: FRF,
     frequency_hz: NDArray[np.float64],
