@@ -389,8 +389,3 @@ def _checked(
     ]
     corrections = tuple(each.correction for each in made)
     return ConsistencyCheck(corrected(frf, corrections), (*findings, *odd), corrections)
-
-
-def _told(finding: Finding, what: str, verdict: Verdict) -> Finding:
-    """The finding with what was done about it."""
-    return replace(finding, verdict=verdict, detail=f"{finding.detail}: {what}")
