@@ -241,11 +241,7 @@ class _Asked:
     def poles(self, frf: FRF) -> _Poles:
         """Stability diagram, and the poles selected from it."""
         diagram = build_stability(
-            frf,
-            self.band_hz,
-            max_order=self.max_order,
-            method=self.method,
-            settings=self.settings,
+            frf, self.band_hz, max_order=self.max_order, method=self.method, settings=self.settings
         )
         return diagram, self.selected(diagram)
 

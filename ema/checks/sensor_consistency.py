@@ -231,12 +231,7 @@ def _change(
 
 
 def _gain_change(
-    frf: FRF,
-    row: int,
-    evidence: _Evidence,
-    settings: CheckSettings,
-    *,
-    whole_run: bool = False,
+    frf: FRF, row: int, evidence: _Evidence, settings: CheckSettings, *, whole_run: bool = False
 ) -> _Change:
     """Change for a sensor that reads the modes by a factor.
 

@@ -125,7 +125,7 @@ def folder_in_use(folder: Path) -> Iterator[None]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         yield
-    except BaseException:
+    except BaseException:  # an interrupt too
         for path in missing:
             with suppress(OSError):  # not made, or in use by now
                 path.rmdir()

@@ -13,18 +13,7 @@ from ema.io.campaign.read import read_file
 from ema.io.text.csv import write_csv
 from ema.io.uff.write import write_time_series
 
-FORMULAS = [
-    "=cmd|'/C calc'!A0",
-    "@SUM(1)",
-    "+1+1",
-    "-1+1",
-    "\t=1",
-    " =1",
-    '"=1"',
-    "'=1",
-    "=",
-    "-",
-]
+FORMULAS = ["=cmd|'/C calc'!A0", "@SUM(1)", "+1+1", "-1+1", "\t=1", " =1", '"=1"', "'=1", "=", "-"]
 PLAIN = ["A01", "a=b", "225/55R17", "1-2", "", "'A'", "-1.2e-3", "+7", "-.5", "x\x00"]
 
 
