@@ -330,14 +330,7 @@ def _consistent(
 
 
 def without_mass(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
-    """FRFs without the mass of the sensors, where it is known.
-
-    Parameters
-    ----------
-    frf : FRF
-        Of a closed circle of positions, otherwise nothing is compensated.
-    sensor_mass : SensorMass or None
-    """
+    """FRFs without the mass of the sensors, where it is known and the positions are a circle."""
     if sensor_mass is None or not on_circle(frf.position_deg):
         return frf
     if sensor_mass.live_mass_kg:
