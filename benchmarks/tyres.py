@@ -125,9 +125,7 @@ def _random_ring(random: np.random.Generator) -> RingParameters:
 
 
 def _inertance(
-    modes: tuple[TruthMode, ...],
-    angles_deg: NDArray[np.float64],
-    frequency_hz: NDArray[np.float64],
+    modes: tuple[TruthMode, ...], angles_deg: NDArray[np.float64], frequency_hz: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
     system = modal_sum(modes, angles_deg, 0.0)
     omega = 2 * np.pi * frequency_hz
@@ -142,10 +140,7 @@ def _response_level(modes: tuple[TruthMode, ...]) -> float:
 
 
 def _averaged(
-    exact: NDArray[np.complex128],
-    noise: float,
-    run: NDArray[np.int_],
-    random: np.random.Generator,
+    exact: NDArray[np.complex128], noise: float, run: NDArray[np.int_], random: np.random.Generator
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
     """H1, coherence and σ as averages of a random force and independent sensor noise scatter.
 

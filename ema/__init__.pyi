@@ -1,5 +1,5 @@
 from .core.campaign import Campaign, Processing
-from .core.errors import DataQualityWarning, FitError, InputError
+from .core.errors import FitError, InputError
 from .core.frf import FRF
 from .core.modes import ModalModel, Mode
 from .fitting.curve_fit import fit_modes
@@ -13,7 +13,6 @@ from .signals.frf_estimation import estimate_frf
 __all__ = [
     "FRF",
     "Campaign",
-    "DataQualityWarning",
     "FitError",
     "Identification",
     "InputError",

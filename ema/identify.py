@@ -241,11 +241,7 @@ class _Asked:
     def poles(self, frf: FRF) -> _Poles:
         """Stability diagram, and the poles selected from it."""
         diagram = build_stability(
-            frf,
-            self.band_hz,
-            max_order=self.max_order,
-            method=self.method,
-            settings=self.settings,
+            frf, self.band_hz, max_order=self.max_order, method=self.method, settings=self.settings
         )
         return diagram, self.selected(diagram)
 
@@ -334,14 +330,7 @@ def _consistent(
 
 
 def without_mass(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
-    """FRFs without the mass of the sensors, where it is known.
-
-    Parameters
-    ----------
-    frf : FRF
-        Of a closed circle of positions, otherwise nothing is compensated.
-    sensor_mass : SensorMass or None
-    """
+    """FRFs without the mass of the sensors, where it is known and the positions are a circle."""
     if sensor_mass is None or not on_circle(frf.position_deg):
         return frf
     if sensor_mass.live_mass_kg:

@@ -16,16 +16,9 @@ from .hub import HubResponse, free_hub_roots, hub_response
 from .identifiability import Sensitivity, frequency_sensitivity
 from .loaded import ContactPatch, LoadedRing, contact_patch, load_ring, loaded_frequencies_hz
 from .parameters import RingDamping, RingParameters, Wheel
-from .ring import (
-    displacement_ratio,
-    extensional_frequencies_hz,
-    modal_mass_kg,
-    natural_frequencies_hz,
-    radial_shape,
-    torsion_frequency_hz,
-)
+from .ring import displacement_ratio, modal_mass_kg, natural_frequencies_hz, torsion_frequency_hz
 from .tuning import TuningResult, tune_ring
-from .waves import Bifurcation, WavePair, bifurcation, critical_speeds_rad_s, wave_pair
+from .waves import Bifurcation, WavePair, bifurcation, wave_pair
 
 __all__ = [
     "Bifurcation",
@@ -51,12 +44,10 @@ __all__ = [
     "bifurcation",
     "characteristic_roots",
     "contact_patch",
-    "critical_speeds_rad_s",
     "damping_ratios",
     "displacement_ratio",
     "eigenvector_ratios",
     "equilibrium",
-    "extensional_frequencies_hz",
     "foundation_from_belt_modes",
     "free_hub_roots",
     "frequency_sensitivity",
@@ -69,7 +60,6 @@ __all__ = [
     "loaded_frequencies_hz",
     "modal_mass_kg",
     "natural_frequencies_hz",
-    "radial_shape",
     "torsion_damping_ratio",
     "torsion_frequency_hz",
     "tune_ring",

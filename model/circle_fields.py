@@ -79,10 +79,6 @@ class LoadedModes(ReadonlyArrays):
         """Order with the largest share, per mode."""
         return np.asarray(self.share_of_order.argmax(axis=0))
 
-    def radial(self, mode: int) -> NDArray[np.inexact[Any]]:
-        """Radial shape of one mode at the points of the circle."""
-        return np.asarray(self.fields.radial @ self.shapes[:, mode])
-
 
 def circle_fields(ring: RingParameters, highest_order: int, n_points: int) -> CircleFields:
     """Build the matrices for harmonics up to `highest_order` at `n_points` equidistant angles."""

@@ -220,13 +220,12 @@ def harmonics(
     )
 
 
-def roots_at_rest(terms: Harmonics) -> tuple[Array, Array]:
-    """Squared roots ω² of eq 14 (undamped, Ω = 0): inextensional and extensional, rad²/s²."""
+def inextensional_roots(terms: Harmonics) -> Array:
+    """Smaller squared roots ω² of eq 14 (undamped, Ω = 0), rad²/s²."""
     total = terms.m11 + terms.m22
     root = np.sqrt((terms.m11 - terms.m22) ** 2 + 4.0 * terms.c**2)
     larger = 0.5 * (total + root)
-    rho = terms.mass_per_area_kg_m2
-    return terms.determinant / larger / rho, larger / rho
+    return np.asarray(terms.determinant / larger / terms.mass_per_area_kg_m2)
 
 
 def characteristic_roots(

@@ -50,10 +50,6 @@ class Sensitivity(ReadonlyArrays):
     parameters: tuple[str, ...]
     values: Array
 
-    def of(self, parameter: str) -> Array:
-        """Column of one parameter, shape (n_orders,)."""
-        return np.asarray(self.values[:, self.parameters.index(parameter)])
-
 
 def frequency_sensitivity(
     ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"

@@ -141,11 +141,6 @@ class LoadedRing(ReadonlyArrays):
         return np.asarray(self.fields.radial @ self.coefficients)
 
     @property
-    def circumferential_m(self) -> Array:
-        """Static circumferential displacement at the points, m."""
-        return np.asarray(self.fields.circumferential @ self.coefficients)
-
-    @property
     def stiffness(self) -> Array:
         """Tangent stiffness over the coefficients, per unit of belt width, N/m².
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import Array, finite_array, whole_orders
-from model.coefficients import PressureLoad, harmonics, roots_at_rest
+from model.arrays import Array, whole_orders
+from model.coefficients import PressureLoad, harmonics, inextensional_roots
 from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
 
@@ -45,18 +45,9 @@ def natural_frequencies_hz(
     array([100.7, 122.4, 145.4])
     """
     terms = harmonics(ring, orders, pressure_load=pressure_load)
-    smaller, _ = roots_at_rest(terms)
+    smaller = inextensional_roots(terms)
     breathing = terms.m11 / terms.mass_per_area_kg_m2
     return _frequency_hz(np.where(terms.orders == 0, breathing, smaller), terms.orders)
-
-
-def extensional_frequencies_hz(
-    ring: RingParameters, orders: ArrayLike, *, pressure_load: PressureLoad = "dead"
-) -> Array:
-    """Extensional (larger) roots of eq 14 at Ω = 0, Hz; arguments as `natural_frequencies_hz`."""
-    terms = harmonics(ring, orders, pressure_load=pressure_load)
-    _, larger = roots_at_rest(terms)
-    return _frequency_hz(larger, terms.orders)
 
 
 def torsion_frequency_hz(ring: RingParameters, *, pressure_load: PressureLoad = "dead") -> float:
@@ -74,7 +65,7 @@ def displacement_ratio(
     breathing mode n = 0; odd in n.
     """
     terms = harmonics(ring, orders, pressure_load=pressure_load)
-    smaller, _ = roots_at_rest(terms)
+    smaller = inextensional_roots(terms)
     denominator = terms.m22 - terms.mass_per_area_kg_m2 * smaller
     flat = terms.orders == 0
     return np.asarray(np.where(flat, 0.0, terms.c / np.where(flat, 1.0, denominator)))
@@ -107,28 +98,6 @@ def modal_mass_kg(
     ratio = displacement_ratio(ring, orders, pressure_load=pressure_load)
     line = ring.mass_per_area_kg_m2 * belt_width_m(ring) * ring.mean_radius_m
     return np.pi * line * np.where(whole_orders(orders) == 0, 2.0, 1.0 + ratio**2)
-
-
-def radial_shape(order: int, angles_rad: ArrayLike) -> Array:
-    """Radial mode shapes of one order on the circle.
-
-    Parameters
-    ----------
-    order : int
-        Circumferential order n ≥ 0.
-    angles_rad : array_like, shape (n_angles,)
-        Angles θ, rad.
-
-    Returns
-    -------
-    ndarray, shape (n_angles, 2)
-        cos nθ and sin nθ, which span the order; for n = 0 one column of ones.
-    """
-    angles = finite_array("angles_rad", angles_rad)
-    n = int(whole_orders(order))
-    if n == 0:
-        return np.ones((angles.size, 1))
-    return np.column_stack([np.cos(n * angles), np.sin(n * angles)])
 
 
 def belt_width_m(ring: RingParameters) -> float:

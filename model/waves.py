@@ -1,4 +1,4 @@
-"""Travelling waves of the free ring: three reference systems, bifurcation, critical speeds."""
+"""Travelling waves of the free ring: three reference systems, bifurcation."""
 
 from __future__ import annotations
 
@@ -7,17 +7,9 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
-from model.arrays import (
-    Array,
-    ReadonlyArrays,
-    finite_array,
-    require_number,
-    require_one_of,
-    whole_orders,
-)
-from model.coefficients import PressureLoad, characteristic_roots, eigenvector_ratios, harmonics
+from model.arrays import Array, ReadonlyArrays, finite_array, require_one_of, whole_orders
+from model.coefficients import PressureLoad, characteristic_roots, eigenvector_ratios
 from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
 
@@ -25,8 +17,6 @@ from model.parameters import RingParameters
 Frame = Literal["rotating", "absolute"]
 #: Reference systems of waves: on the wheel, in space, and turning so that the pair stands (eq 29).
 WaveFrame = Literal["rotating", "absolute", "stationary"]
-
-_SPEEDS = 400  # grid on which critical speeds are bracketed
 
 
 @dataclass(frozen=True)
@@ -246,54 +236,6 @@ def bifurcation(
     return Bifurcation(numbers, speeds, regressive, progressive, growth, frame)
 
 
-def critical_speeds_rad_s(
-    ring: RingParameters,
-    orders: ArrayLike,
-    *,
-    highest_rad_s: float,
-    pressure_load: PressureLoad = "dead",
-) -> Array:
-    """Lowest speed at which the regressive wave of each order stands still in space.
-
-    There ω_{n,1} = nΩ, so eq 26a is zero and a load that is constant in space, as that of the road,
-    is in resonance with the order: standing waves on the tyre.
-
-    Parameters
-    ----------
-    orders : array_like of int, shape (n_orders,)
-        Circumferential orders n ≥ 1. Order 1 has none on a fixed hub: ω_{1,1} = ω_0 + Ω.
-    highest_rad_s : float
-        Where the search ends, rad/s.
-    ring, pressure_load
-        As `wave_pair`.
-
-    Returns
-    -------
-    ndarray, shape (n_orders,)
-        Critical speeds in rad/s; NaN where there is none up to `highest_rad_s`.
-
-    Raises
-    ------
-    ParameterError
-        For an order below one or a limit that is not > 0.
-    """
-    require_number("highest_rad_s", highest_rad_s)
-    numbers = wave_orders(orders)
-    grid = np.linspace(0.0, highest_rad_s, _SPEEDS)
-
-    def stiffness(speed_rad_s: ArrayLike, order: ArrayLike) -> Array:
-        return _standing_load_stiffness(ring, order, speed_rad_s, pressure_load)
-
-    values = stiffness(grid, numbers[:, None])
-    critical = np.full(numbers.size, np.nan)
-    for row, order in enumerate(numbers):
-        crossings = np.flatnonzero(np.signbit(values[row, 1:]) != np.signbit(values[row, :-1]))
-        if crossings.size:
-            low, high = grid[crossings[0]], grid[crossings[0] + 1]
-            critical[row] = brentq(lambda speed, n=order: stiffness(speed, n).item(), low, high)
-    return critical
-
-
 def wave_orders(orders: ArrayLike) -> NDArray[np.int_]:
     """Take orders of waves, n ≥ 1."""
     numbers = np.atleast_1d(whole_orders(orders))
@@ -306,22 +248,3 @@ def require_frame(frame: str) -> float:
     """Speed of the observer against the wheel, in Ω: 0 on the wheel, 1 in space; refuse others."""
     require_one_of("frame", frame, get_args(Frame))
     return float(frame == "absolute")
-
-
-def _standing_load_stiffness(
-    ring: RingParameters, orders: ArrayLike, speed_rad_s: ArrayLike, pressure_load: PressureLoad
-) -> Array:
-    """Determinant of eq 12 at ω = nΩ (eq 14) over K; zero at a critical speed.
-
-    Terms with S of `harmonics` are collected, so that no digits are lost to the membrane.
-    """
-    terms = harmonics(ring, orders, speed_rad_s, pressure_load=pressure_load)
-    n2 = terms.orders.astype(float) ** 2
-    spin = terms.mass_per_area_kg_m2 * terms.speed_rad_s**2
-    moved = terms.determinant + spin * (
-        4.0 * n2 * terms.c / np.where(terms.orders == 0, 1, terms.orders)
-        - n2 * (terms.m11 + terms.m22)
-        - 4.0 * n2 * spin
-        + n2**2 * spin
-    )
-    return np.asarray(moved / ring.axial_stiffness_n_m)

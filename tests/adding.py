@@ -15,9 +15,7 @@ from pipelines.library import numbering
 from pipelines.library.library import TyreLibrary
 
 EACH = 10
-_OF_FILES = {
-    *("open", "os.link", "os.rename", "os.remove", "os.mkdir", "os.listdir", "os.scandir"),
-}
+_OF_FILES = {*("open", "os.link", "os.rename", "os.remove", "os.mkdir", "os.listdir", "os.scandir")}
 
 
 def without_links(*_):

@@ -24,10 +24,7 @@ from pipelines.storage.atomic import file_written_whole
 
 # The same examples everywhere, and no verdict that depends on how busy a machine is.
 settings.register_profile(
-    "repeatable",
-    deadline=None,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.too_slow],
+    "repeatable", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("repeatable")
 

@@ -108,12 +108,7 @@ WRITING = (
 
 VALUES = (
     _changed("schema 2", "schema = 1", "schema = 2", bad_manifest("campaign.toml, schema", "2")),
-    _changed(
-        "schema true",
-        "schema = 1",
-        "schema = true",
-        bad_manifest("toml, schema", "True"),
-    ),
+    _changed("schema true", "schema = 1", "schema = true", bad_manifest("toml, schema", "True")),
     _changed(
         "unknown key",
         "averages",

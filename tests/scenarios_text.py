@@ -3,18 +3,7 @@
 import gzip
 
 import numpy as np
-from scenarios import (
-    ACCELERATION,
-    FORCE,
-    RATE_HZ,
-    G,
-    N,
-    Read,
-    Scenario,
-    bad_file,
-    table,
-    unusable,
-)
+from scenarios import ACCELERATION, FORCE, RATE_HZ, G, N, Read, Scenario, bad_file, table, unusable
 
 _TABLE = table()
 _EUROPEAN = table(separator=";").replace(".", ",")
@@ -73,16 +62,8 @@ DIALECTS = (
     ),
     _csv("a preamble", "Lab 7, tyre 4711\nDate: 2026-03-04\n\n" + _TABLE, _AS_WRITTEN),
     _csv("comment lines", "# exported by hand\n# second line\n" + _TABLE, _AS_WRITTEN),
-    _csv(
-        "blanks around the cells",
-        _TABLE.replace(",", " , "),
-        _AS_WRITTEN,
-    ),
-    _csv(
-        "a separator behind each row",
-        _TABLE.replace("\n", ",\n"),
-        _AS_WRITTEN,
-    ),
+    _csv("blanks around the cells", _TABLE.replace(",", " , "), _AS_WRITTEN),
+    _csv("a separator behind each row", _TABLE.replace("\n", ",\n"), _AS_WRITTEN),
     _csv(
         "acceleration in g",
         table("force [kN],A01 [g]"),

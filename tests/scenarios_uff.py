@@ -1,24 +1,8 @@
 """Universal files as they should not be, or as one rarely sees them."""
 
 import numpy as np
-from builders import (
-    ascii58,
-    binary58,
-    fixed,
-    floats,
-    header58,
-)
-from scenarios import (
-    ACCELERATION,
-    FORCE,
-    N,
-    Read,
-    Scenario,
-    bad_file,
-    force,
-    sensor,
-    unusable,
-)
+from builders import ascii58, binary58, fixed, floats, header58
+from scenarios import ACCELERATION, FORCE, N, Read, Scenario, bad_file, force, sensor, unusable
 
 _FORCE_AXIS = (13, 0, 0, "Force", "N")
 FIRST = {"force": tuple(FORCE[:4]), "A01": tuple(ACCELERATION[:4])}
@@ -207,11 +191,7 @@ NUMBERS = (
         force() + sensor(_spoilt(ACCELERATION, 5, np.nan)),
         Read(first={"force": tuple(FORCE[:4])}, missing=True),
     ),
-    uff(
-        "a NaN in the force",
-        force(_spoilt(FORCE, 5, np.nan)) + sensor(),
-        Read(missing=True),
-    ),
+    uff("a NaN in the force", force(_spoilt(FORCE, 5, np.nan)) + sensor(), Read(missing=True)),
     uff(
         "a force of zeros",
         force(0 * FORCE) + sensor(),

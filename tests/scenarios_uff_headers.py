@@ -47,11 +47,7 @@ HEADERS = (
         (ASCII_FORCE + ascii_sensor()).decode().encode("utf-16"),
         bad_file("a.uff, dataset 1", "begins with a line|UTF-16"),
     ),
-    uff(
-        "a UTF-8 byte order mark",
-        b"\xef\xbb\xbf" + RUN,
-        AS_WRITTEN,
-    ),
+    uff("a UTF-8 byte order mark", b"\xef\xbb\xbf" + RUN, AS_WRITTEN),
     uff(
         "a latin-1 name",
         force(name="Kraft Reifenlängs", node=0) + sensor(),

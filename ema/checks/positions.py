@@ -75,10 +75,7 @@ class PositionCheck:
 
 
 def check_positions(
-    frf: FRF,
-    poles: PoleSelection,
-    band_hz: tuple[float, float],
-    settings: CheckSettings = CHECKS,
+    frf: FRF, poles: PoleSelection, band_hz: tuple[float, float], settings: CheckSettings = CHECKS
 ) -> PositionCheck:
     """Look for a mistake in the angles that explains why shapes are no waves.
 

@@ -231,12 +231,7 @@ def _change(
 
 
 def _gain_change(
-    frf: FRF,
-    row: int,
-    evidence: _Evidence,
-    settings: CheckSettings,
-    *,
-    whole_run: bool = False,
+    frf: FRF, row: int, evidence: _Evidence, settings: CheckSettings, *, whole_run: bool = False
 ) -> _Change:
     """Change for a sensor that reads the modes by a factor.
 
@@ -389,8 +384,3 @@ def _checked(
     ]
     corrections = tuple(each.correction for each in made)
     return ConsistencyCheck(corrected(frf, corrections), (*findings, *odd), corrections)
-
-
-def _told(finding: Finding, what: str, verdict: Verdict) -> Finding:
-    """The finding with what was done about it."""
-    return replace(finding, verdict=verdict, detail=f"{finding.detail}: {what}")

@@ -69,10 +69,6 @@ class FitError(RuntimeError):
     """
 
 
-class DataQualityWarning(UserWarning):
-    """Data that can be used, but less well than they should be."""
-
-
 # C0 and C1 controls, line and paragraph separators, lone surrogates (bytes of file names that are
 # no text), and marks that are not seen but turn the reading direction. Tabs and line ends stay.
 _HIDDEN = re.compile(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -98,9 +97,6 @@ class Recording:
         """Channel names in file order."""
         return tuple(channel.name for channel in self.channels)
 
-    def block(
-        self, start: int, stop: int, rows: Sequence[int] | None = None
-    ) -> NDArray[np.float64]:
-        """Samples `start` to `stop` of all (or the given) channels in SI, (n_channels, n)."""
-        chosen = self.channels if rows is None else [self.channels[row] for row in rows]
-        return np.stack([channel.block(start, stop) for channel in chosen])
+    def block(self, start: int, stop: int) -> NDArray[np.float64]:
+        """Samples `start` to `stop` of all channels in SI, (n_channels, n)."""
+        return np.stack([channel.block(start, stop) for channel in self.channels])

@@ -199,11 +199,7 @@ def drift_in_one_step(
     size = float(step @ np.linalg.pinv(covariance, rcond=1e-10) @ step)
     chance = float(chdtrc(step.size, size))
     drift = replace(
-        NO_DRIFT,
-        run=run,
-        middle_hz=fit.lines.middle_hz,
-        applied=chance < p_value,
-        chance=chance,
+        NO_DRIFT, run=run, middle_hz=fit.lines.middle_hz, applied=chance < p_value, chance=chance
     )
     return with_states(drift, step, covariance)
 

@@ -6,7 +6,7 @@ import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,6 @@ from ema.core.units import SI_UNIT, parse_unit
 from ema.io.columns import even_step, uneven
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
 _QUANTITY = {"f": FORCE, "a": ACCELERATION, "v": VELOCITY, "d": DISPLACEMENT}
@@ -86,11 +85,6 @@ def from_sep005(series: Sequence[Mapping[str, Any]]) -> Recording:
         rule = "all channels of a recording must have the same rate and length"
         raise InputError("SEP-005", found, rule, "Resample or cut them, or pass them separately")
     return Recording(Path(str(series[0].get("group") or "sep005")), rates[0], channels)
-
-
-def frf_to_frame(frf: FRF, form: Literal["long", "wide"] = "long") -> pd.DataFrame:
-    """FRFs as a pandas table: the same as `FRF.to_frame`, under its earlier name."""
-    return frf.to_frame(form)
 
 
 def frf_to_xarray(frf: FRF) -> xr.Dataset:

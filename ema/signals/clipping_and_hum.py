@@ -79,10 +79,7 @@ class Plateaus:
         return self._low.n_flat, self._high.n_flat
 
     def _judge(
-        self,
-        values: NDArray[np.float64],
-        lengths: NDArray[np.int_],
-        starts: NDArray[np.int_],
+        self, values: NDArray[np.float64], lengths: NDArray[np.int_], starts: NDArray[np.int_]
     ) -> None:
         row = int(np.argmax(lengths))
         if lengths[row] > self.longest:

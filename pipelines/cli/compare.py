@@ -12,12 +12,7 @@ from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.compare import shape_comparison as shapes
 from pipelines.compare.compare import compare_folders
 from pipelines.compare.shape_source import Alignment
-from pipelines.compare.summary import (
-    COMPARISON_HEAD,
-    comparison_record,
-    comparison_rows,
-    findings,
-)
+from pipelines.compare.summary import COMPARISON_HEAD, comparison_record, comparison_rows, findings
 from pipelines.report.comparison import write_comparison, write_shape_comparison
 from pipelines.storage.atomic import file_written_whole, require_free_file
 

@@ -186,8 +186,8 @@ def interruptible() -> Iterator[None]:
         for number in caught:
             signal.signal(number, stop)
         yield
-    except Exception as error:
-        if received:  # a library swallowed `Interrupted` and failed later
+    except Exception as error:  # whatever a library raises that swallowed `Interrupted`
+        if received:
             raise Interrupted(received[0][1]) from error
         raise
     finally:

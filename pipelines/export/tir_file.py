@@ -199,7 +199,7 @@ def _backed_up(path: Path) -> Path:
             break
     try:
         shutil.copy2(path, backup)
-    except BaseException:
+    except BaseException:  # no half copy, not even after an interrupt
         backup.unlink()
         raise
     return backup

@@ -90,28 +90,13 @@ def process(
     options = options or Options()
     watch = Stopwatch(progress or (lambda name: None))
     with watch.stage("read", "Reading"):
-        campaign = ema.read_campaign(source)
-        campaign = replace(
-            campaign,
-            identification=options.identification or campaign.identification,
-            checks=options.checks or campaign.checks,
-        )
-        _require_ring_data(campaign, options)
-        if options.strict:
-            refuse_warnings(campaign.findings)
+        campaign = _read(source, options)
     processing = processing_in_force(campaign, options.processing)
     with watch.stage("frf", "Estimating FRFs"):
         estimated = ema.estimate_frf(
             campaign, processing, estimator=options.estimator, progress=run_progress
         )
-        _require_band(processing.band_hz, estimated)
-        band_hz = processing.band_hz or _default_band(campaign, estimated)
-        findings = campaign.findings
-        if processing.band_hz is None:
-            why = "as excited and coherent; set band_hz to change"
-            detail = f"{band_hz[0]:g} to {band_hz[1]:g} Hz, {why}"
-            findings = (*findings, Finding("", "", None, Check.BAND, Verdict.OK, detail))
-        campaign = replace(campaign, processing=processing, findings=findings)
+        campaign, band_hz = _with_band(replace(campaign, processing=processing), estimated)
     with checksummed(campaign.sources) as inputs:
         with watch.stage("modes", "Identifying modes"):
             found = ema.identify_modes(
@@ -139,6 +124,18 @@ def process(
         "live_mass_kg": None if mass is None else mass.live_mass_kg or None,
     }
     return replace(result, provenance=record)
+
+
+def _read(source: str | Path | Sequence[str | Path], options: Options) -> Campaign:
+    """The campaign with the settings of the call; refused if it does not suffice for them."""
+    campaign = ema.read_campaign(source)
+    _require_ring_data(campaign, options)
+    if options.strict:
+        refuse_warnings(campaign.findings)
+    identification = options.identification or campaign.identification
+    return replace(
+        campaign, identification=identification, checks=options.checks or campaign.checks
+    )
 
 
 def _measured(
@@ -248,13 +245,20 @@ def _require_ring_data(campaign: Campaign, options: Options) -> None:
         )
 
 
-def _require_band(stated_hz: tuple[float, float] | None, frf: FRF) -> None:
-    """Refuse a chosen band that exceeds the FRFs."""
-    last_hz = float(frf.frequency_hz[-1])
-    if stated_hz is not None and stated_hz[1] > last_hz * (1 + _BAND_TOLERANCE):
+def _with_band(campaign: Campaign, frf: FRF) -> tuple[Campaign, tuple[float, float]]:
+    """The band as stated, which must not exceed the FRFs, or else the default with a finding."""
+    stated_hz, last_hz = campaign.processing.band_hz, float(frf.frequency_hz[-1])
+    if stated_hz is None:
+        band_hz = _default_band(campaign, frf)
+        why = "as excited and coherent; set band_hz to change"
+        detail = f"{band_hz[0]:g} to {band_hz[1]:g} Hz, {why}"
+        finding = Finding("", "", None, Check.BAND, Verdict.OK, detail)
+        return replace(campaign, findings=(*campaign.findings, finding)), band_hz
+    if stated_hz[1] > last_hz * (1 + _BAND_TOLERANCE):
         found = f"{stated_hz[0]:g} to {stated_hz[1]:g} Hz"
         rule = f"the FRFs end at {last_hz:g} Hz, half the sampling rate"
         raise InputError("band_hz", found, rule, "Lower the upper limit")
+    return campaign, stated_hz
 
 
 def _sensor_mass(campaign: Campaign) -> SensorMass | None:

@@ -182,11 +182,7 @@ def _findings(findings: tuple[Finding, ...]) -> list[Block]:
     """Tables of what was excluded, what is doubtful and what passed."""
     blocks: list[Block] = []
     for verdict, caption, none in (
-        (
-            Verdict.EXCLUDED,
-            "Channels and runs excluded, and why",
-            "was excluded",
-        ),
+        (Verdict.EXCLUDED, "Channels and runs excluded, and why", "was excluded"),
         (Verdict.WARNING, "Warnings on the data", "gave cause for a warning"),
         (Verdict.OK, "Checks passed", ""),
     ):

@@ -145,8 +145,6 @@ def _why_no_ring(result: Result) -> str | None:
     """Why the ring has no curve, where there is a ring."""
     if result.tuning is None or _forced(result) is not None:
         return None
-    if result.damping is None:
-        return "The ring has no curve: its damping is not known."
     text = "The ring has no curve: absolute amplitudes need the belt's width."
     return f"{text} Add belt_width_m to [tyre] in the manifest."
 

@@ -216,11 +216,10 @@ def read_parameter_set(
     if not must_be_as_written or _is_as_written(content):
         return found
     if not accept_changes:
-        change = "changed after it was written, or of version 0.1.0"
         rule = "a set with the provenance of recordings must be as it was identified"
         remedy = 'Remove [provenance] and write how = "given" for your own values, '
         remedy += "or accept it as it is with --accept-changes"
-        raise InputError(str(path), change, rule, remedy)
+        raise InputError(str(path), "changed after it was written", rule, remedy)
     return accepted(found, (path.name,))
 
 

@@ -124,7 +124,6 @@ class Change(Enum):
     CHANGED = "changed after it was written"
     MISSING = "missing"
     ADDED = "added after the result was written"
-    UNPROVEN = "without a checksum"
 
 
 @dataclass(frozen=True)
@@ -172,9 +171,6 @@ def is_as_written(folder: Path) -> bool:
 
 def changed_parts(folder: Path, marker: Marker) -> dict[str, Change]:
     """Parts that are not as they were written, the marker itself included."""
-    if marker.fault is Fault.NO_CHECKSUMS:
-        there = {name: Change.UNPROVEN for name in PARTS if (folder / name).is_file()}
-        return {MARKER: Change.UNPROVEN, **there}
     changes = {MARKER: Change.CHANGED} if marker.fault is Fault.CHANGED else {}
     for name, checksum in marker.files.items():
         path = folder / name
@@ -194,10 +190,6 @@ def accepted_notes(record: Mapping[str, Any], name: str) -> tuple[str, ...]:
 
 
 def _refusal(folder: Path, changes: dict[str, Change]) -> InputError:
-    if Change.UNPROVEN in changes.values():
-        found = "a result of version 0.1.0, without checksums"
-        remedy = "Process the recordings again, or accept them as they are with --accept-changes"
-        return InputError(str(folder), found, "changes to its files cannot be detected", remedy)
     found = named([f"{name} {change.value}" for name, change in changes.items()])
     remedy = "Process the recordings again, or accept the changes with --accept-changes"
     return InputError(str(folder), found, "a result must be as it was written", remedy)

@@ -117,7 +117,9 @@ def read_frf(path: Path) -> FRF:
     """
     table = Table(path)
     frequency_hz = table.numbers("frequency_hz")
-    row = _row_numbers(table, frequency_hz)
+    row = table.numbers("row").astype(int)
+    if np.any(row < 0) or np.any(row >= max(table.n_rows, 1)):
+        raise table.unusable(f"row {row.min()} to {row.max()}", "they count from 0")
     order = np.lexsort((frequency_hz, row))
     row, lines = row[order], frequency_hz[order]
     n_rows = int(row[-1]) + 1 if row.size else 0
@@ -156,13 +158,3 @@ def read_frf(path: Path) -> FRF:
         run=words("run"),
         channel=words("channel"),
     )
-
-
-def _row_numbers(table: Table, frequency_hz: NDArray[np.float64]) -> NDArray[np.int_]:
-    """Which FRF each row belongs to; in version 0.1.0 a new one began where frequencies fell."""
-    if "row" in table.names:
-        numbers = table.numbers("row").astype(int)
-        if np.any(numbers < 0) or np.any(numbers >= max(table.n_rows, 1)):
-            raise table.unusable(f"row {numbers.min()} to {numbers.max()}", "they count from 0")
-        return numbers
-    return np.concatenate([[0], np.cumsum(np.diff(frequency_hz) <= 0)])[: table.n_rows]

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ema.core.errors import InputError
 from model.parameters import RingDamping, RingParameters
 from pipelines.simulate.campaign import POSITIONS
 from pipelines.simulate.laboratory_effects import Effects
@@ -148,34 +145,3 @@ def _mode_content(mode: LaboratoryMode) -> dict[str, Any]:
     content = asdict(mode)
     shape = content.pop("shape")
     return content | {"re": np.round(shape.real, 12).tolist(), "im": shape.imag.round(12).tolist()}
-
-
-def read_truth(path: Path) -> Truth:
-    """Truth from a ``truth.json`` of `truth_content`.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or is not such a file.
-    """
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        tyre = content["tyre"]
-        damping = {name: tyre.pop(name) for name in asdict(RingDamping(0, 0, 0))}
-        return Truth(
-            Effects(seed=content["seed"], **content["options"]),
-            RingParameters(**tyre),
-            RingDamping(**damping),
-            content["force_deg"],
-            tuple(_read_mode(mode) for mode in content["modes"]),
-            tuple(_read_mode(mode) for mode in content["as_tested_first_run"]),
-            tuple(content["runs_percent"]),
-        )
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        rule = "truth of a laboratory campaign"
-        raise InputError(str(path), str(error), rule, "Simulate it again") from error
-
-
-def _read_mode(content: dict[str, Any]) -> LaboratoryMode:
-    shape = np.array(content.pop("re")) + 1j * np.array(content.pop("im"))
-    return LaboratoryMode(**content, shape=shape)

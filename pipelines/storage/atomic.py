@@ -86,7 +86,7 @@ def partial_name(place: Path, ending: str = "partial") -> Path:
 
 def backups(place: Path) -> list[Path]:
     """Folders moved aside by a process of any machine and neither put back nor removed."""
-    ours = re.compile(rf"\.{re.escape(place.name)}(\.[\w-]+)?\.old")
+    ours = re.compile(rf"\.{re.escape(place.name)}\.[\w-]+\.old")
     found = [path for path in place.parent.iterdir() if ours.fullmatch(path.name)]
     return sorted(path for path in found if path.is_dir() and not path.is_symlink())
 
@@ -94,13 +94,11 @@ def backups(place: Path) -> list[Path]:
 def ended_backups(place: Path) -> list[Path]:
     """Backups of this process and of ended ones, which will not be put back."""
     theirs = re.compile(re.escape(_prefix(place)) + rf"{_OWNER}\.old")
-    without_owner = f".{place.name}.old"  # as version 0.1.0 called it
 
     def ended(path: Path) -> bool:
         found = theirs.fullmatch(path.name)
-        if found is None:
-            return path.name == without_owner
-        return int(found[1]) == os.getpid() or not _may_run(int(found[1]))
+        owner = int(found[1]) if found else None
+        return owner is not None and (owner == os.getpid() or not _may_run(owner))
 
     return [path for path in backups(place) if ended(path)]
 
@@ -127,7 +125,7 @@ def folder_in_use(folder: Path) -> Iterator[None]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         yield
-    except BaseException:
+    except BaseException:  # an interrupt too
         for path in missing:
             with suppress(OSError):  # not made, or in use by now
                 path.rmdir()

@@ -32,7 +32,6 @@ class Fault(Enum):
 
     UNREADABLE = "it cannot be read"
     FOREIGN = "it lists no files"
-    NO_CHECKSUMS = "it lists files without checksums, as version 0.1.0 did"
     CHANGED = "its content was changed after it was written"
 
 
@@ -77,8 +76,6 @@ def read_marker(path: Path) -> Marker:
         return Marker({}, {}, Fault.FOREIGN)
     files = content[FILES]
     about = {key: value for key, value in content.items() if key not in (FILES, OWN)}
-    if isinstance(files, list) and all(isinstance(name, str) for name in files):
-        return Marker(about, dict.fromkeys(files, ""), Fault.NO_CHECKSUMS)
     if not (isinstance(files, dict) and all(isinstance(sha, str) for sha in files.values())):
         return Marker(about, {}, Fault.CHANGED)
     is_intact = content.get(OWN) == content_sha256(content)

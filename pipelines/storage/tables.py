@@ -140,9 +140,7 @@ class Table:
             raise self.unusable(f"column {name}: {error}", "texts must be UTF-8") from error
 
     def row_order(self) -> NDArray[np.intp]:
-        """Rows in the order of column ``row``; as they come in tables of version 0.1.0."""
-        if "row" not in self.names:
-            return np.arange(self.n_rows)
+        """Rows in the order of column ``row``."""
         number = self.numbers("row").astype(int)
         order = np.argsort(number, kind="stable")
         if not np.array_equal(number[order], np.arange(self.n_rows)):

@@ -13,11 +13,9 @@ from model import (
     RingParameters,
     displacement_ratio,
     equilibrium,
-    extensional_frequencies_hz,
     harmonics,
     modal_mass_kg,
     natural_frequencies_hz,
-    radial_shape,
     torsion_frequency_hz,
 )
 from model.reference import TABLE_3_FREQUENCIES_HZ, TABLE_4_RING
@@ -114,11 +112,8 @@ def test_steel_ring_bends_as_in_hoppe():
     )
 
 
-def test_steel_ring_breathes_and_stretches():
+def test_steel_ring_breathes():
     assert natural_frequencies_hz(STEEL, 0) == pytest.approx(3292.72, abs=0.005)
-    assert extensional_frequencies_hz(STEEL, 2) == pytest.approx(7363.06, abs=0.005)
-    thin = np.sqrt(STEEL.axial_stiffness_n_m * 5 / STEEL.mass_per_area_kg_m2) / STEEL.mean_radius_m
-    assert thin / (2 * np.pi) == pytest.approx(7362.75, abs=0.005)
 
 
 def test_nafems_ring_in_plane():
@@ -158,13 +153,6 @@ def test_modal_mass_integrates_the_shape():
 def test_modal_mass_needs_the_width():
     with pytest.raises(ParameterError, match="belt width"):
         modal_mass_kg(replace(TABLE_4_RING, belt_width_m=None), 1)
-
-
-def test_shapes_span_the_order():
-    theta = np.deg2rad(np.arange(0, 360, 5))
-    shape = radial_shape(4, theta)
-    np.testing.assert_allclose(shape.T @ shape, 36 * np.eye(2), atol=1e-12)
-    np.testing.assert_array_equal(radial_shape(0, theta), np.ones((72, 1)))
 
 
 def test_order_must_be_whole():

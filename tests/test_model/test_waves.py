@@ -14,7 +14,6 @@ from model import (
     RingParameters,
     bifurcation,
     characteristic_roots,
-    critical_speeds_rad_s,
     eigenvector_ratios,
     harmonics,
     natural_frequencies_hz,
@@ -135,25 +134,6 @@ def test_absolute_frame_shifts_by_the_rotation():
 def test_extensional_pair_is_the_outer_one():
     found = bifurcation(STEEL, 2, 0.0, extensional=True)
     assert found.regressive_hz[0, 0] == pytest.approx(7363.06, abs=0.005)
-
-
-SOFT = replace(
-    TABLE_4_RING, axial_stiffness_n_m=2e6, bending_stiffness_n_m=2.0, inflation_pressure_pa=5e4
-)
-
-
-def test_at_a_critical_speed_the_regressive_wave_stands_in_space():
-    critical = critical_speeds_rad_s(SOFT, np.arange(1, 16), highest_rad_s=250.0)
-    assert np.isnan(critical[:5]).all()
-    for order, speed in zip(range(6, 16), critical[5:], strict=True):
-        around = speed * np.array([0.999, 1.0, 1.001])
-        seen = bifurcation(SOFT, order, around, frame="absolute").regressive_hz[0]
-        assert seen[0] > 0 > seen[2]
-        assert seen[1] == pytest.approx(0.0, abs=1e-8)
-
-
-def test_the_tyre_of_the_paper_has_no_critical_speed_on_a_road():
-    assert np.isnan(critical_speeds_rad_s(TABLE_4_RING, range(1, 40), highest_rad_s=600.0)).all()
 
 
 def test_an_unstable_order_has_no_frequency():
@@ -292,7 +272,6 @@ def test_free_waves_satisfy_the_equations_of_motion():
         (lambda: bifurcation(TABLE_4_RING, 1, 5e3), "speed_rad_s"),
         (lambda: eigenvector_ratios(TABLE_4_RING, [0, 1]), "orders"),
         (lambda: wave_pair(TABLE_4_RING, 2, 10.0).radial(0.0, 0.0, "moon"), "frame"),
-        (lambda: critical_speeds_rad_s(TABLE_4_RING, 2, highest_rad_s=0.0), "highest_rad_s"),
     ],
 )
 def test_refusals(call, where):

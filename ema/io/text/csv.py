@@ -79,13 +79,7 @@ def _column(
     return Column(name, unit, cells.samples)
 
 
-def write_csv(
-    path: Path | str,
-    channels: Sequence[Channel],
-    sampling_rate_hz: float,
-    *,
-    time_column: bool = True,
-) -> None:
+def write_csv(path: Path | str, channels: Sequence[Channel], sampling_rate_hz: float) -> None:
     """Write channels that share one clock as columns under ``name [unit]``, first ``time [s]``.
 
     Numbers have as many digits as they need to be read back unchanged. A negative direction is
@@ -94,10 +88,8 @@ def write_csv(
     `InputError` if there are no channels, their lengths differ, or the rate is not positive.
     """
     check_time_series(path, channels, sampling_rate_hz)
-    names, columns = [], []
-    if time_column:
-        names.append("time [s]")
-        columns.append(pa.array(np.arange(channels[0].n_samples) / sampling_rate_hz))
+    names = ["time [s]"]
+    columns = [pa.array(np.arange(channels[0].n_samples) / sampling_rate_hz)]
     for channel in channels:
         samples, unit, sense = in_own_unit(channel)
         name = " ".join(channel.name.split())

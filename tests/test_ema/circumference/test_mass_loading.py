@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 import systems
 
-from ema.circumference.mass_loading import loading_note, loading_percent, sensors_of_runs, unloaded
+from ema.circumference.mass_loading import (
+    loading_note,
+    loading_percent,
+    sensors_of_runs,
+    unloaded,
+    without_live_mass,
+)
 from ema.core.errors import InputError
 from ema.core.finding import Verdict
 from ema.core.modes import Pair
 from ema.identify import SensorMass, identify_modes
-from pipelines.simulate.truth import modal_sum, truth_modes
+from pipelines.simulate.truth import modal_sum, solve, truth_modes
 
 MASS_KG = 0.004
 SEATS = systems.seats_deg()
@@ -44,6 +50,34 @@ def test_frfs_of_the_bare_tyre_come_back(name):
     assert away(loaded, bare) > 0.1
     assert away(found, bare) < 0.02 * away(loaded, bare)
     assert away(found.reference, bare.reference) < 0.02 * away(loaded.reference, bare.reference)
+
+
+def with_live_mass(frf, modes, mass_kg):
+    """Inertances over the force ahead of a mass at 0°, from its entry in the mass matrix."""
+    mass, omega, ratio = (
+        np.array([getattr(mode, name) for mode in modes])
+        for name in ("modal_mass_kg", "frequency_hz", "damping_ratio")
+    )
+    omega = 2 * np.pi * omega
+    rows, at_force = (
+        np.column_stack([mode.shape(angles) for mode in modes])
+        for angles in (frf.position_deg, np.zeros(1))
+    )
+    inertia = np.diag(mass) + mass_kg * at_force.T @ at_force
+    matrices = inertia, np.diag(2 * ratio * mass * omega), np.diag(mass * omega**2)
+    values = solve(*matrices, at_force[0]).inertance(rows, 2 * np.pi * frf.frequency_hz)
+    return replace(frf, values=values)
+
+
+@pytest.mark.parametrize("name", TYRES)
+def test_a_mass_between_load_cell_and_tyre_is_compensated(name):
+    bare = systems.campaign_frf(TYRES[name], frequency_hz=LINES_HZ)
+    live = with_live_mass(bare, TYRES[name], 0.05)
+    live = replace(live, reference=with_live_mass(bare.reference, TYRES[name], 0.05))
+    found = without_live_mass(live, 0.05, 0.0)
+    assert away(live, bare) > 0.1
+    assert away(found, bare) < 1e-6
+    assert away(found.reference, bare.reference) < 1e-6
 
 
 def test_without_mass_nothing_changes():

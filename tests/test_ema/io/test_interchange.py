@@ -10,13 +10,7 @@ from results import ring_modes, structure_result, tyre_result
 from ema.core.errors import InputError
 from ema.core.recording import Channel, Recording
 from ema.core.units import STANDARD_GRAVITY_M_S2
-from ema.io.interchange import (
-    frf_to_frame,
-    frf_to_xarray,
-    from_sep005,
-    poles_and_shapes_for_sdypy,
-    to_sep005,
-)
+from ema.io.interchange import frf_to_xarray, from_sep005, poles_and_shapes_for_sdypy, to_sep005
 from ema.io.uff.reader import read as read_uff
 
 FRF = tyre_result().frf
@@ -91,7 +85,7 @@ def test_a_recording_without_rate_is_refused():
 
 
 def test_long_frame_has_a_row_for_each_value():
-    frame = frf_to_frame(FRF)
+    frame = FRF.to_frame()
     assert len(frame) == FRF.values.size
     row = frame[(frame["position_deg"] == 35.0) & (frame["frequency_hz"] == 100.0)].iloc[0]
     at = 7, int(np.flatnonzero(FRF.frequency_hz == 100.0)[0])
@@ -106,14 +100,14 @@ def test_long_frame_has_a_row_for_each_value():
     ids=["circle", "structure"],
 )
 def test_wide_frame_has_a_column_for_each_place(frf, name, column):
-    frame = frf_to_frame(frf, "wide")
+    frame = frf.to_frame("wide")
     assert (frame.index.name, frame.columns.name) == ("frequency_hz", name)
     np.testing.assert_array_equal(frame[column], frf.values[7])
 
 
 def test_no_other_frame():
     with pytest.raises(InputError, match="'long' or 'wide'"):
-        frf_to_frame(FRF, "tall")
+        FRF.to_frame("tall")
 
 
 def test_xarray_keeps_values_places_and_units():

@@ -54,8 +54,7 @@ def test_a_library_that_is_new_enough(installed, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("there", "found"),
-    [({"numpy": "1.26.4"}, "1.26.4, >=2.0 required"), ({}, "not installed")],
+    ("there", "found"), [({"numpy": "1.26.4"}, "1.26.4, >=2.0 required"), ({}, "not installed")]
 )
 def test_a_library_that_is_old_or_missing(installed, there, found):
     installed(**there)

@@ -285,11 +285,7 @@ main()
 
 @pytest.mark.parametrize(
     ("arguments", "extra", "shown"),
-    [
-        ([], {}, False),
-        ([], {"RINGMODAL_DEBUG": "1"}, True),
-        (["--debug"], {}, True),
-    ],
+    [([], {}, False), ([], {"RINGMODAL_DEBUG": "1"}, True), (["--debug"], {}, True)],
 )
 def test_a_fault_is_one_line_to_report_and_a_traceback_on_demand(arguments, extra, shown):
     finished = subprocess.run(

@@ -20,11 +20,7 @@ ROWS = (
     ("1", "78.728 ± 0.005", "pair not resolvable", "1.000", ""),
     ("2", "100.310 ± 0.004", "ok", "0.998", ""),
 )
-LOOKS = {
-    "texts": ("status", "remark"),
-    "folding": ("status",),
-    "first_to_go": ("purity", "mode"),
-}
+LOOKS = {"texts": ("status", "remark"), "folding": ("status",), "first_to_go": ("purity", "mode")}
 
 
 @pytest.fixture

@@ -213,10 +213,7 @@ def test_dispersion_and_damping_show_measured_and_ring(tyre):
     assert len(drawn(figures.plot_damping, tyre.validation).lines) == 2
 
 
-@given(
-    st.lists(st.floats(0, 100, allow_nan=False), max_size=12).map(sorted),
-    st.floats(0.1, 20),
-)
+@given(st.lists(st.floats(0, 100, allow_nan=False), max_size=12).map(sorted), st.floats(0.1, 20))
 def test_spread_labels_keep_their_gap_order_and_centre(positions, gap):
     placed = spread(positions, gap)
     assert np.all(np.diff(placed) >= gap * (1 - 1e-9) - 1e-9)

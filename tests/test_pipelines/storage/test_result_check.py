@@ -211,27 +211,6 @@ def test_an_edited_file_that_nothing_reads_back_is_not_replaced(ringmodal, copy,
     assert [path.name for path in copy.parent.iterdir()] == ["result"]
 
 
-def test_a_result_of_version_0_1_0_is_named_or_accepted(short_result, copy):
-    content = json.loads((copy / MARKER).read_text())
-    del content["content_sha256"]
-    content["files"] = sorted([MARKER, *content["files"]])
-    (copy / MARKER).write_text(json.dumps(content))
-    for name in ("frf", "reference", "residues", "poles"):
-        path = copy / f"{name}.parquet"
-        pq.write_table(pq.read_table(path).drop_columns(["row"]), path)
-    with pytest.raises(InputError, match="--accept-changes"):
-        load(copy)
-    found = load(copy, accept_changes=True)
-    np.testing.assert_array_equal(found.frf.values, short_result.frf.values)
-    np.testing.assert_array_equal(
-        found.modal_model.modes[0].residues, short_result.modal_model.modes[0].residues
-    )
-    before = contents(copy)
-    with pytest.raises(InputError):
-        save(short_result, copy, report=False, force=True)
-    assert contents(copy) == before
-
-
 def edited_set(path):
     """A hand-edited radial stiffness, 27 % higher, still called identified."""
     text = path.read_text()

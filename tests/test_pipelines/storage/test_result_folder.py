@@ -203,10 +203,9 @@ def test_a_failure_while_writing_leaves_nothing_and_makes_no_folders(place):
     assert not place.parent.exists()
 
 
-@pytest.mark.parametrize("of_version_0_1_0", [True, False])
-def test_what_was_moved_aside_is_put_back(place, of_version_0_1_0):
+def test_what_was_moved_aside_is_put_back(place):
     write(place, "old")
-    aside = place.with_name(".result.old") if of_version_0_1_0 else partial_name(place, "old")
+    aside = partial_name(place, "old")
     place.rename(aside)
     recover(place)
     assert content(place) == "old"
@@ -333,7 +332,6 @@ def is_linked(place):
 
 
 def lists_names_alone(place):
-    """As version 0.1.0 did."""
     content = {"campaign": "old", "files": ["modes.csv", MARKER]}
     (place / MARKER).write_text(json.dumps(content))
 
