@@ -253,30 +253,37 @@ def mass_push(
     shaken = np.pad(basis, ((0, 0), (0, contrast.size)))
     parts = [slice(k, k + _LINES_AT_ONCE) for k in range(0, noise.size, _LINES_AT_ONCE)]
 
-    def taken(lines: slice) -> Complex:
+    def taken(lines: slice, pull: Complex) -> Complex:
         return _taken(basis, np.moveaxis(pull[:, :, lines], 2, 0)[:, run])
 
+    # All in the state between the runs: what a drift does must not be taken for the sensors' doing.
+    alike = _moved(frequency_hz, pull, shift)
+    middle = _moved(frequency_hz, values[:, None], shift[run])[:, 0]
     found = np.empty((noise.size, shaken.shape[1]), dtype=complex)
     for lines in parts:
         system = np.concatenate(
-            [shaken - taken(lines), _prior(contrast, trust[:, lines].T)], axis=1
+            [shaken - taken(lines, alike), _prior(contrast, trust[:, lines].T)], axis=1
         )
-        right = np.pad(values[:, lines].T, ((0, 0), (0, contrast.size)))
+        right = np.pad(middle[:, lines].T, ((0, 0), (0, contrast.size)))
         adjoint = system.conj().transpose(0, 2, 1)
         found[lines] = np.linalg.solve(adjoint @ system, adjoint @ right[:, :, None])[:, :, 0]
-    states = _in_states(frequency_hz, found, shift)
+    states = _moved(frequency_hz, np.broadcast_to(found.T, (len(shift), *found.T.shape)), -shift)
     push = np.empty_like(values)
     for lines in parts:
-        push[:, lines] = np.einsum("fru,rfu->rf", taken(lines), states[:, lines][run])
+        push[:, lines] = np.einsum("fru,ruf->rf", taken(lines, pull), states[:, :, lines][run])
     return push
 
 
-def _in_states(frequency_hz: Real, found: Complex, shift: Real) -> Complex:
-    """Solution of all runs together as each run has it, (n_runs, n_lines, n_unknowns)."""
+def _moved(frequency_hz: Real, values: Complex, shift: Real) -> Complex:
+    """FRFs, (n, any, n_lines), of states whose frequencies are higher by `shift`, (n, n_lines)."""
     if not np.any(shift):
-        return np.broadcast_to(found, (len(shift), *found.shape))
-    curve = make_interp_spline(frequency_hz, found)
-    return np.asarray([curve(frequency_hz * (1 - own)) for own in shift])
+        return values
+    return np.asarray(
+        [
+            make_interp_spline(frequency_hz, own.T)(frequency_hz * (1 + by)).T
+            for own, by in zip(values, shift, strict=True)
+        ]
+    )
 
 
 def _shifts(drift: Drift, names: Sequence[str], frequency_hz: Real) -> Real:
