@@ -242,8 +242,7 @@ def loaded(
     request: Request,
     load_n: Annotated[str, _values("Vertical loads in N; 0 is the free tyre.")] = "0:4000:1000",
     tread_radial_n_m3: Annotated[
-        float,
-        opt.option("Stiffness of the tread per area, normal to the road; 0: see above."),
+        float, opt.option("Stiffness of the tread per area, normal to the road; 0: see above.")
     ] = Tread.radial_n_m3,
     tread_tangential_n_m3: Annotated[
         float, opt.option("The same along the road; 0 lets the patch slide.")
