@@ -29,7 +29,7 @@ Tables 3, 4, 5     the paper's tyre: `reference`
 
 The paper has no eqs 13 and 15. Beyond it: a follower pressure (`coefficients`), an objective
 foundation under a free wheel (`hub`), the response to a cleat in time (`cleat`), the tyre pressed
-on the road (`loaded`), and what a fit does not determine (`identifiability`).
+on the road (`loaded`, `road`), and what a fit does not determine (`identifiability`).
 """
 
 import lazy_loader

@@ -17,6 +17,7 @@ from .identifiability import Sensitivity, frequency_sensitivity
 from .loaded import ContactPatch, LoadedRing, contact_patch, load_ring, loaded_frequencies_hz
 from .parameters import RingDamping, RingParameters, Wheel
 from .ring import displacement_ratio, modal_mass_kg, natural_frequencies_hz, torsion_frequency_hz
+from .road import PressedRing, Tread, press_on_road
 from .tuning import TuningResult, tune_ring
 from .waves import Bifurcation, WavePair, bifurcation, wave_pair
 
@@ -35,9 +36,11 @@ __all__ = [
     "LoadedModes",
     "LoadedRing",
     "ParameterError",
+    "PressedRing",
     "RingDamping",
     "RingParameters",
     "Sensitivity",
+    "Tread",
     "TuningResult",
     "WavePair",
     "Wheel",
@@ -60,6 +63,7 @@ __all__ = [
     "loaded_frequencies_hz",
     "modal_mass_kg",
     "natural_frequencies_hz",
+    "press_on_road",
     "torsion_damping_ratio",
     "torsion_frequency_hz",
     "tune_ring",

@@ -85,9 +85,7 @@ def circle_fields(ring: RingParameters, highest_order: int, n_points: int) -> Ci
     a = ring.mean_radius_m
     angles = 2.0 * np.pi * np.arange(n_points) / n_points
     orders = np.arange(1, highest_order + 1)
-    constant = np.full((n_points, 1), 1.0 / np.sqrt(2.0))
-    around = angles[:, None] * orders
-    basis = np.hstack([constant, np.cos(around), np.sin(around)])
+    basis = fourier_basis(highest_order, angles)
     slope = np.zeros((basis.shape[1], basis.shape[1]))
     cosine, sine = orders, orders + highest_order
     slope[sine, cosine], slope[cosine, sine] = -orders, orders
@@ -106,6 +104,13 @@ def circle_fields(ring: RingParameters, highest_order: int, n_points: int) -> Ci
         bending=(circumferential_slope - radial_curvature) / a**2,
         convection=np.block([[slope, -one], [one, slope]]),
     )
+
+
+def fourier_basis(highest_order: int, angles_rad: Array) -> Array:
+    """Constant, cosines and sines at any angles, (n_angles, 2·highest_order + 1)."""
+    around = angles_rad[:, None] * np.arange(1, highest_order + 1)
+    constant = np.full((angles_rad.size, 1), 1.0 / np.sqrt(2.0))
+    return np.hstack([constant, np.cos(around), np.sin(around)])
 
 
 def elastic_slope(ring: RingParameters, fields: CircleFields, coefficients: Array) -> Array:

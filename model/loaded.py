@@ -8,7 +8,9 @@ constant while the ring turns through it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,7 +33,8 @@ from model.ring import belt_width_m
 _POINTS_PER_ORDER = 12
 _FEWEST_POINTS = 360
 _ITERATIONS = 25
-_SMALLEST_STEP = 1.0 / 256.0  # of the contact pressure
+_SMALLEST_STEP = 1.0 / 256.0  # of the load
+State = TypeVar("State")
 _LOWER_LOAD = "Lower the load or raise the inflation pressure"
 
 
@@ -184,7 +187,7 @@ class LoadedRing(ReadonlyArrays):
         """
         if self.speed_rad_s == 0:
             squared, shapes = np.linalg.eigh(self.stiffness / self._mass)
-            _refuse_buckling(float(squared[0]))
+            refuse_buckling(float(squared[0]))
             return LoadedModes(self.fields, np.sqrt(squared) / (2.0 * np.pi), shapes)
         size = self.coefficients.size
         coriolis = 2.0 * self.speed_rad_s * self.fields.convection
@@ -243,9 +246,15 @@ def load_ring(
     if start is not None and start.coefficients.size == state.coefficients.size:
         begin = np.interp(fields.angles_rad, start.angles_rad, start.contact_pa, period=2.0 * np.pi)
         state = replace(state, coefficients=start.coefficients, contact_pa=begin)
-    state = _press(state, pressure)
+    first = state
+
+    def solve(before: LoadedRing | None, share: float) -> LoadedRing | None:
+        pressed = (1.0 - share) * first.contact_pa + share * pressure
+        return _newton(before or first, pressed)
+
+    state = in_load_steps(solve, "contact")
     if state.speed_rad_s == 0:
-        _refuse_buckling(float(np.linalg.eigvalsh(state.stiffness)[0]))
+        refuse_buckling(float(np.linalg.eigvalsh(state.stiffness)[0]))
     return state
 
 
@@ -282,15 +291,11 @@ def loaded_frequencies_hz(
     ParameterError
         For more modes than these harmonics have, and as `load_ring`.
     """
-    require_order_limit(highest_order)
-    most = 2 * (2 * highest_order + 1)
-    if not 1 <= n_modes <= most:
-        rule = f"harmonics up to {highest_order} have 1 to {most} modes"
-        raise ParameterError("n_modes", f"{n_modes}", rule, "Ask for fewer modes")
+    require_mode_count(n_modes, highest_order)
     loads = np.atleast_1d(finite_array("loads_n", loads_n))
     frequencies = np.empty((loads.size, n_modes))
     orders = np.empty((loads.size, n_modes), dtype=int)
-    free = np.zeros(_points(highest_order))
+    free = np.zeros(number_of_points(highest_order))
     # First all patches: an impossible load is refused before the others take hours.
     contacts = [contact_patch(ring, float(load)) if load != 0 else free for load in loads]
     state: LoadedRing | None = None
@@ -308,7 +313,17 @@ def loaded_frequencies_hz(
     return frequencies, orders
 
 
-def _points(highest_order: int) -> int:
+def require_mode_count(n_modes: int, highest_order: int) -> None:
+    """Refuse more modes than harmonics up to `highest_order` have."""
+    require_order_limit(highest_order)
+    most = 2 * (2 * highest_order + 1)
+    if not 1 <= n_modes <= most:
+        rule = f"harmonics up to {highest_order} have 1 to {most} modes"
+        raise ParameterError("n_modes", f"{n_modes}", rule, "Ask for fewer modes")
+
+
+def number_of_points(highest_order: int) -> int:
+    """Points of the circle for harmonics up to `highest_order`."""
     return max(_FEWEST_POINTS, _POINTS_PER_ORDER * highest_order)
 
 
@@ -316,7 +331,7 @@ def _fields_and_pressure(
     ring: RingParameters, contact: ContactPatch | ArrayLike, highest_order: int
 ) -> tuple[CircleFields, Array]:
     if isinstance(contact, ContactPatch):
-        fields = circle_fields(ring, highest_order, _points(highest_order))
+        fields = circle_fields(ring, highest_order, number_of_points(highest_order))
         # Each point has the mean over its angle: the patch may end between points.
         fine = (np.arange(16) + 0.5) / 16.0 - 0.5
         angles = fields.angles_rad[:, None] + fine * fields.weight_rad
@@ -329,22 +344,25 @@ def _fields_and_pressure(
     return circle_fields(ring, highest_order, pressure.size), pressure
 
 
-def _press(state: LoadedRing, target_pa: Array) -> LoadedRing:
-    """Raise the contact pressure in steps; halve a step that does not converge."""
+def in_load_steps(solve: Callable[[State | None, float], State | None], where: str) -> State:
+    """Solve for the whole load in steps; halve a step that does not converge.
+
+    `solve` takes the last state (None at first) and the share of the load.
+    """
+    found: State | None = None
     reached, step = 0.0, 1.0
-    begin = state.contact_pa
-    while reached < 1.0:
+    while reached < 1.0 or found is None:
         share = min(reached + step, 1.0)
-        found = _newton(state, (1.0 - share) * begin + share * target_pa)
-        if found is not None:
-            state, reached, step = found, share, 2.0 * step
+        solved = solve(found, share)
+        if solved is not None:
+            found, reached, step = solved, share, 2.0 * step
             continue
         step /= 2.0
         if step < _SMALLEST_STEP:
-            limit = f"no equilibrium beyond {100 * reached:.0f} % of the contact pressure"
+            limit = f"no equilibrium beyond {100 * reached:.0f} % of the load"
             rule = "the ring buckles or its strains become too large"
-            raise ParameterError("contact", limit, rule, _LOWER_LOAD)
-    return state
+            raise ParameterError(where, limit, rule, _LOWER_LOAD)
+    return found
 
 
 def _newton(state: LoadedRing, contact_pa: Array) -> LoadedRing | None:
@@ -361,7 +379,8 @@ def _newton(state: LoadedRing, contact_pa: Array) -> LoadedRing | None:
     return None
 
 
-def _refuse_buckling(lowest_stiffness: float) -> None:
+def refuse_buckling(lowest_stiffness: float) -> None:
+    """Refuse an equilibrium in which a motion has a negative stiffness."""
     if lowest_stiffness < 0:
         found = f"a stiffness of {lowest_stiffness:.4g}"
         rule = "the equilibrium found is unstable: the ring buckles"

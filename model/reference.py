@@ -26,7 +26,7 @@ TABLE_4_RING = RingParameters(
     belt_width_m=0.19,
 )
 
-#: Table 5. It gives damping ratios 2.2 times those of Table 3.
+#: Table 5. It gives damping ratios 2.3 to 2.7 times those of Table 3.
 TABLE_5_DAMPING = RingDamping(radial_n_s_m3=1.9e3, circumferential_n_s_m3=1.5e3, loss_factor=2.5e-2)
 
 #: Damping that fits the ratios of Table 3, rounded from `identify_damping`.

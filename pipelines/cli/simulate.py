@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from ema.core.errors import InputError
-from model import Cleat, CleatTest, ForcedRing, hub_response
+from model import Cleat, CleatTest, ForcedRing, Tread, hub_response
 from model.cleat import Quantity
 from model.coefficients import PressureLoad
 from model.forced import Direction
@@ -42,6 +42,13 @@ Harmonics = Annotated[
 ]
 Pressure = Annotated[
     PressureLoad, opt.option("Pressure as the paper's dead load, or normal to the belt.")
+]
+Hub = Annotated[Literal["fixed", "free"], opt.option("Whether the wheel can move.")]
+WheelMass = Annotated[
+    float | None, opt.option("Mass of the wheel in kg, instead of that of --tyre.")
+]
+WheelInertia = Annotated[
+    float | None, opt.option("Its moment of inertia in kg m², instead of that of --tyre.")
 ]
 PretensionLoss = Annotated[
     bool, opt.option("Whether the loss factor also acts on the stiffness from hoop tension.")
@@ -234,21 +241,41 @@ def cleat(
 def loaded(
     request: Request,
     load_n: Annotated[str, _values("Vertical loads in N; 0 is the free tyre.")] = "0:4000:1000",
+    tread_radial_n_m3: Annotated[
+        float, opt.option("Stiffness of the tread per area, normal to the road; 0: see above.")
+    ] = Tread.radial_n_m3,
+    tread_tangential_n_m3: Annotated[
+        float, opt.option("The same along the road; 0 lets the patch slide.")
+    ] = Tread.tangential_n_m3,
     modes: Annotated[int, opt.option("How many of the lowest modes.", min=1)] = 15,
     harmonics: Annotated[int, opt.option("Harmonics of the deflected shape.", min=8, max=200)] = 60,
     pressure_load: Pressure = "dead",
+    hub: Hub = "fixed",
+    wheel_mass_kg: WheelMass = None,
+    wheel_inertia_kg_m2: WheelInertia = None,
 ) -> None:
-    """Natural frequencies in Hz of the standing tyre on the road, over vertical load.
+    """Natural frequencies in Hz of the standing tyre on a flat road, over vertical load.
+
+    The tread holds the patch. With a free hub the pressure follows the belt. Without a stiffness
+    normal to the road a parabolic contact pressure is given and the patch vibrates freely.
 
     Example:
       ringmodal simulate loaded --load-n 0:4000:500 --figure loaded.svg
     """
+    given = (wheel_mass_kg, wheel_inertia_kg_m2)
+    wheel = wheel_of(request.tyre.wheel, *given) if hub == "free" else None
+    tread = Tread(tread_radial_n_m3, tread_tangential_n_m3)
+    if tread.radial_n_m3 == 0 and wheel is not None:
+        rule, remedy = "a free hub stands on its tread", "Give a stiffness greater than zero"
+        raise InputError("--tread-radial-n-m3", "0", rule, remedy)
     found = responses.simulate_loaded(
         request.tyre.ring,
         opt.values_of("--load-n", load_n, responses.MOST_LOADS),
         modes,
+        tread if tread.radial_n_m3 else None,
+        wheel=wheel,
         highest_order=harmonics,
-        pressure_load=pressure_load,
+        pressure_load="follower" if wheel else pressure_load,
     )
     simulate_show.loaded(found, request)
 
@@ -256,13 +283,9 @@ def loaded(
 @_command
 def hub(
     request: Request,
-    hub: Annotated[Literal["fixed", "free"], opt.option("Whether the wheel can move.")] = "fixed",
-    wheel_mass_kg: Annotated[
-        float | None, opt.option("Mass of the wheel in kg, instead of that of --tyre.")
-    ] = None,
-    wheel_inertia_kg_m2: Annotated[
-        float | None, opt.option("Its moment of inertia in kg m², instead of that of --tyre.")
-    ] = None,
+    hub: Hub = "fixed",
+    wheel_mass_kg: WheelMass = None,
+    wheel_inertia_kg_m2: WheelInertia = None,
     force_deg: ForceAngle = 0.0,
     direction: Annotated[Direction, opt.option("Direction of the force.")] = "radial",
     speed_rad_s: Speed = 0.0,

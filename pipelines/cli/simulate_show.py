@@ -91,12 +91,20 @@ def cleat(found: responses.CleatResponse, request: Request, spectrum: Path | Non
 def loaded(found: responses.LoadedSweep, request: Request) -> None:
     """Show frequencies over load."""
     names = ("load_n", "frequency_hz", "dominant_order", "contact_deflection_m")
-    _write(request, found.columns, {name: getattr(found, name) for name in names})
+    static = {} if found.static is None else vars(found.static)
+    _write(request, found.columns, {name: getattr(found, name) for name in names} | static)
     if not request.as_json:
         deflection_mm = 1e3 * found.contact_deflection_m
         echo(f"Deflection in the contact at {found.load_n.max():g} N: {deflection_mm:.2f} mm")
+    if request.screen and found.static is not None:
+        curve = {"load_n": found.load_n, "deflection_mm": 1e3 * found.static.deflection_m}
+        curve |= {"patch_length_mm": 1e3 * found.static.patch_length_m}
+        curve |= {"stiffness_n_mm": 1e-3 * found.static.stiffness_n_m}
+        digits = {"deflection_mm": 2, "patch_length_mm": 1, "stiffness_n_mm": 1}
+        _print_rows("Deflection over load", curve, digits)
     if request.screen:
-        _print_rows("Frequencies over load", found.columns, {"frequency_hz": 3})
+        shown = {name: found.columns[name] for name in list(found.columns)[:4]}
+        _print_rows("Frequencies over load", shown, {"frequency_hz": 3})
     _write_picture(request, simulated.loaded_plot(found))
 
 

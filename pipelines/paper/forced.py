@@ -44,7 +44,7 @@ WIDTH = (
 
 
 def forced_response(result: Result) -> Chapter:
-    """Figs. 11 and 12; the measured inertance comes from a processed campaign."""
+    """Figs. 11 and 12; the measured inertance comes from a processed, simulated campaign."""
     printed, refit = _curves(TABLE_5_DAMPING), _curves(refitted().damping)
     measured = _measured(result)
     waves = bifurcation(TABLE_4_RING, _ORDERS_SEEN, SPEED_RAD_S)
@@ -107,7 +107,7 @@ def _figure_11(measured: SimulatedInertance, printed: Curves, refit: Curves) -> 
     curves = {
         "ring, damping of Table 5": printed[AT_REST],
         "ring, damping refitted to Table 3": refit[AT_REST],
-        "measured (sample campaign)": measured,
+        "simulated recordings (sample campaign)": measured,
     }
     looks = (
         {"colour": FITTED, "dash": "dashdot"},
@@ -117,10 +117,10 @@ def _figure_11(measured: SimulatedInertance, printed: Curves, refit: Curves) -> 
     return Chart(
         "figure_11",
         Plot((inertances(curves, dict(zip(curves, looks, strict=True))),), (19, 10)),
-        "Inertance at 100° at rest: measured, and of the ring with two sets of damping.",
+        "Inertance at 100° at rest: simulated recordings, and the ring with two sets of damping.",
         "Fig. 11: transfer inertance from a radial force at 0° to the radial acceleration at 100°, "
         "tyre at rest. With Table 5 the peaks are too low and too broad; with the damping refitted "
-        "to Table 3 the ring meets the measured level.",
+        "to Table 3 the ring meets the level of the recordings, which are simulated.",
     )
 
 
@@ -148,9 +148,9 @@ def _likeness(measured: SimulatedInertance, printed: Curves, refit: Curves) -> N
     columns = (
         Column("damping", "damping", ("Table 5", "refitted to Table 3")),
         Column("FRAC", "frac", frac(both, curves), show=3),
-        Column("RMS level, ring over measured", "level", level, show=2),
+        Column("RMS level, ring over recordings", "level", level, show=2),
     )
-    caption = "Fig. 11: the ring's inertance beside the measured one"
+    caption = "Fig. 11: the ring's inertance beside that of the simulated recordings"
     return NumberTable("figure_11", caption, columns)
 
 
@@ -200,7 +200,7 @@ def _on_matching(likeness: NumberTable) -> Statement:
         "Section 5.3, Fig. 11",
         "the ring's inertance matches the measured one well in frequency and amplitude",
         "Beside the sample campaign, which is damped as in Table 3: with Table 5 FRAC is "
-        f"{alike:.2f} and the level {level:.2f} times the measured one; refitted to Table 3 they "
+        f"{alike:.2f} and the level {level:.2f} times that recorded; refitted to Table 3 they "
         f"are {better:.2f} and {level_refit:.2f}.",
         verdict(bool(alike > 0.9 and 0.9 < level < 1.1), own_data=True),
     )

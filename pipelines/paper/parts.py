@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.reference import DESIGNATION
 from pipelines.plots.chart import Chart
+from pipelines.plots.plot import Curve, Plot
 from pipelines.plots.style import data_uri
 from pipelines.report.blocks import Block, Listing, Paragraph, Picture, Section, Table
 from pipelines.report.closing import origin
@@ -117,6 +118,18 @@ def with_unit(name: tuple[str, str, str]) -> str:
     """Symbol and unit of a parameter from its title, symbol and unit."""
     _, symbol, unit = name
     return symbol if unit == "1" else f"{symbol} / ({unit})"
+
+
+def relabelled(plot: Plot, names: Mapping[str, str]) -> Plot:
+    """The plot with other names in its legend."""
+    panels = []
+    for panel in plot.panels:
+        series = (
+            replace(one, name=names.get(one.name, one.name)) if isinstance(one, Curve) else one
+            for one in panel.series
+        )
+        panels.append(replace(panel, series=tuple(series)))
+    return replace(plot, panels=tuple(panels))
 
 
 KIND = "The paper's tables and figures, computed"

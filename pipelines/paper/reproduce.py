@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from pipelines.paper.checks import model_checks
 from pipelines.paper.forced import forced_response
 from pipelines.paper.parts import Chapter, NumberTable, paper_page, statements_table
 from pipelines.paper.tables import damping, identification, tuning
@@ -26,7 +27,7 @@ FOLDER_MARKER = "paper.json"  # lists the files, by which an earlier reproductio
 def reproduce_paper(
     folder: Path, *, force: bool = False, progress: Callable[[str], None] | None = None
 ) -> tuple[Chapter, ...]:
-    """Compute Tables 3 to 5 and Figs. 3 to 8 and 10 to 12, and write them.
+    """Compute Tables 3 to 5 and Figs. 3 to 12, and write them.
 
     Parameters
     ----------
@@ -55,7 +56,8 @@ def reproduce_paper(
 
 def paper_chapters(result: Result) -> tuple[Chapter, ...]:
     """All that is computed, from a campaign in place of the paper's recordings."""
-    return (identification(result), tuning(result), waves(), damping(), forced_response(result))
+    measured = identification(result), tuning(result)
+    return (*measured, model_checks(), waves(), damping(), forced_response(result))
 
 
 def write_paper(

@@ -1,6 +1,8 @@
-"""Figs. 5 to 8 and 10: waves of the undamped ring, at rest and rolling, from three frames."""
+"""Figs. 5 to 10: waves of the undamped ring, at rest and rolling, from three frames."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +21,8 @@ from pipelines.paper.parts import (
     verdict,
 )
 from pipelines.plots.chart import Chart
-from pipelines.plots.plot import Margins, Plot
+from pipelines.plots.measurement import on_circle
+from pipelines.plots.plot import FAINT, FITTED, MEASURED, RING, Curve, Margins, Note, Panel, Plot
 from pipelines.plots.simulated import waves_over_speed, waves_plot
 from pipelines.report.blocks import Paragraph
 from pipelines.storage.rounding import signed
@@ -39,6 +42,7 @@ SEEN: tuple[tuple[str, str, WaveFrame], ...] = (
 )
 _DRAWN_SPEEDS = np.arange(0.0, 150.1, 1.0)
 _SOUGHT_SPEEDS = np.arange(0.0, 800.0, 0.5)
+_FIGURE_9_S = 0.03
 #: End of the cycle in Fig. 5, s.
 CYCLE_S = 0.008
 _INSTANTS = 9  # per cycle, both ends included
@@ -51,17 +55,18 @@ INTRODUCTION = (
 
 
 def waves() -> Chapter:
-    """Figs. 5 to 8 and 10, from the ring of Table 4 alone."""
+    """Figs. 5 to 10, from the ring of Table 4 alone."""
     standing, rolling = (wave_pair(TABLE_4_RING, WAVE_ORDER, speed) for speed in (0.0, SPEED_RAD_S))
     return Chapter(
         "waves",
-        "Free response: Figs. 5 to 8 and 10",
+        "Free response: Figs. 5 to 10",
         (
             _figure_6(),
             _table_of_minima(),
             Paragraph(INTRODUCTION),
             _table_of_sequences(),
             *(_sequence(*entry) for entry in SEQUENCES),
+            _figure_9(rolling),
         ),
         (*_on_bifurcation(), _on_standing(standing), *_on_rotating(rolling)),
     )
@@ -149,6 +154,35 @@ def _sequence(number: int, speed_rad_s: float, frame: WaveFrame) -> Chart:
         f"Fig. {number}: superposed waves, n = {WAVE_ORDER}, Ω = {speed_rad_s:g} rad/s, {frame} "
         f"reference system. The pattern {moves}. Left: beginning (solid) and end (dashed) of a "
         "cycle; right: nine instants of it.",
+    )
+
+
+def _figure_9(pair: WavePair) -> Chart:
+    """Axes of both frames, and a point of the belt seen from each."""
+    turned, point = float(np.rad2deg(pair.beta_rad_s * _FIGURE_9_S)), 55.0
+    turn = np.arange(0.0, 361.0, 2.0)
+    series: list[Any] = [Curve(*on_circle(turn, size), MEASURED, width=1.7) for size in (0.3, 1.0)]
+    spokes = [on_circle(angle, np.array([0.3, 1.0])) for angle in np.arange(0.0, 360.0, 15.0)]
+    series += [Curve(*spoke, FAINT, width=1.0) for spoke in spokes]
+    for start, colour, dash, names in (
+        (0.0, RING, "solid", ("x", "z")),
+        (turned, FITTED, "dash", ("x′", "z′")),
+    ):
+        for angle, name in zip((start, start + 90.0), names, strict=True):
+            series.append(Curve(*on_circle(angle, np.array([0.0, 1.3])), colour, "", 1.7, dash))
+            series.append(Note(*on_circle(angle, 1.4), name, colour))
+    arcs = (0.55, 0.0, point, RING, "θ"), (0.8, turned, point, FITTED, "γ")
+    for size, first, last, colour, name in (*arcs, (1.14, 0.0, turned, MEASURED, "βt")):
+        series.append(Curve(*on_circle(np.linspace(first, last, 60), size), colour, "", 1.7))
+        series.append(Note(*on_circle(0.6 * first + 0.4 * last, size + 0.1), name, colour))
+    series.append(Curve(*on_circle(point, np.array([1.0])), MEASURED, "", marker="circle"))
+    return Chart(
+        "figure_9",
+        Plot((Panel(tuple(series), equal=True, bare=True),), (10, 10)),
+        "The ring with the axes of the rotating and of the stationary frame.",
+        "Fig. 9: rotating frame (x, z) and stationary frame (x′, z′), θ = γ + βt (eq 29), drawn "
+        f"{1e3 * _FIGURE_9_S:.0f} ms after both coincided, for n = {WAVE_ORDER} at {SPEED_RAD_S:g} "
+        f"rad/s: with β = {signed(pair.beta_rad_s, 2)} rad/s the frame turns against the tyre.",
     )
 
 

@@ -155,6 +155,8 @@ def loaded_plot(found: LoadedSweep) -> go.Plot:
     for mode, order in enumerate(orders):
         second = bool(np.any(orders[:mode] == order))
         frequency_hz = found.frequency_hz[rising, mode]
+        if frequency_hz[0] < 1.0:  # the rigid tyre off the road
+            continue
         percent = 100.0 * (frequency_hz / frequency_hz[0] - 1.0)
         look = 1.7, "dash" if second else "solid", "circle", 4.0
         name, listed = f"n = {order}", not second
@@ -164,11 +166,19 @@ def loaded_plot(found: LoadedSweep) -> go.Plot:
     around = go.Axis("angle from the contact / °", (-180, 180), ticks=range(-180, 181, 60))
     load, change = go.Axis("vertical load / N"), go.Axis("change of frequency / %")
     title = f"load {found.load_n.max():g} N"
-    panels = (
+    panels = [
         go.Panel(tuple(changes), load, change, legend="beside"),
         go.Panel((deflection,), around, go.Axis("radial deflection / mm"), title=title),
+    ]
+    if found.static is not None:
+        deflection_mm = 1e3 * found.static.deflection_m[rising]
+        curve = go.Curve(
+            deflection_mm, found.load_n[rising], go.RING, "", 1.7, "solid", "circle", 4.0
+        )
+        panels.append(go.Panel((curve,), go.Axis("deflection / mm"), load))
+    return go.Plot(
+        tuple(panels), (15, 7 * len(panels)), margins=go.Margins(right=2.2, between_rows=1.9)
     )
-    return go.Plot(panels, (15, 14), margins=go.Margins(right=2.2, between_rows=1.9))
 
 
 def _shades(count: int) -> Sequence[str]:

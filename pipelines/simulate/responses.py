@@ -11,18 +11,23 @@ from numpy.typing import ArrayLike, NDArray
 from model import (
     CleatTest,
     ForcedRing,
+    LoadedRing,
     RingParameters,
+    Tread,
+    Wheel,
     contact_patch,
     equilibrium,
     inertance,
     inextensional_inertance,
     load_ring,
     loaded_frequencies_hz,
+    press_on_road,
 )
 from model.arrays import ReadonlyArrays
 from model.cleat import Quantity
 from model.coefficients import PressureLoad
 from model.forced import Direction
+from model.loaded import require_mode_count
 from model.waves import Frame
 
 PER_FORCE = "(m/s²)/N"
@@ -139,6 +144,15 @@ MOST_LOADS = 200  # each takes 0.1 s or more
 
 
 @dataclass(frozen=True, eq=False)
+class StaticCurve(ReadonlyArrays):
+    """The tyre on a flat road over vertical load, each of shape (n_loads,)."""
+
+    deflection_m: NDArray[np.float64]  # approach of road and axle since the first touch
+    patch_length_m: NDArray[np.float64]
+    stiffness_n_m: NDArray[np.float64]  # slope of load over deflection
+
+
+@dataclass(frozen=True, eq=False)
 class LoadedSweep(ReadonlyArrays):
     """Frequencies of a standing tyre over vertical load."""
 
@@ -147,6 +161,7 @@ class LoadedSweep(ReadonlyArrays):
     dominant_order: NDArray[np.int_]  # that with the largest share of each shape
     angle_deg: NDArray[np.float64]  # shape (n_angles,); angles from the contact
     deflection_m: NDArray[np.float64]  # there, radial, by the largest load, on the inflated tyre
+    static: StaticCurve | None = None  # None for a given contact pressure
 
     @property
     def contact_deflection_m(self) -> float:
@@ -157,11 +172,13 @@ class LoadedSweep(ReadonlyArrays):
     def columns(self) -> dict[str, NDArray[Any]]:
         """Columns of a table, load by load and mode by mode."""
         n_loads, n_modes = self.frequency_hz.shape
+        static = {} if self.static is None else vars(self.static)
         return {
             "load_n": np.repeat(self.load_n, n_modes),
             "mode": np.tile(np.arange(1, n_modes + 1), n_loads),
             "frequency_hz": self.frequency_hz.ravel(),
             "dominant_order": self.dominant_order.ravel(),
+            **{name: np.repeat(values, n_modes) for name, values in static.items()},
         }
 
 
@@ -169,20 +186,37 @@ def simulate_loaded(
     ring: RingParameters,
     load_n: ArrayLike,
     n_modes: int,
+    tread: Tread | None = None,
     *,
+    wheel: Wheel | None = None,
     highest_order: int = 60,
     pressure_load: PressureLoad = "dead",
 ) -> LoadedSweep:
     """Frequencies of the lowest modes over vertical load, and the deflection by the largest one.
 
-    A load of 0 is the free tyre; the ring needs a belt width.
+    A load of 0 is the free tyre; the ring needs a belt width. With a tread the tyre stands on a
+    flat road and the patch is held, by a fixed hub or a free wheel. Without one the contact
+    pressure is given and the patch vibrates freely.
     """
     loads = np.asarray(load_n, dtype=float)
-    frequencies, orders = loaded_frequencies_hz(
-        ring, loads, n_modes, highest_order=highest_order, pressure_load=pressure_load
-    )
-    angle, deflection = _deflection(ring, float(loads.max()), highest_order, pressure_load)
-    return LoadedSweep(loads, frequencies, orders, angle, deflection)
+    options: dict[str, Any] = {"highest_order": highest_order, "pressure_load": pressure_load}
+    require_mode_count(n_modes, highest_order)
+    if tread is None:
+        frequencies, orders = loaded_frequencies_hz(ring, loads, n_modes, **options)
+        angle, deflection = _deflection(ring, float(loads.max()), highest_order, pressure_load)
+        return LoadedSweep(loads, frequencies, orders, angle, deflection)
+    rows: dict[int, Any] = {}
+    shape: Any = None
+    for row in np.argsort(-loads):  # the largest first: an impossible one is refused at once
+        pressed = press_on_road(ring, float(loads[row]), tread, **options)
+        shape = shape or _shape(pressed.state)
+        modes = pressed.modes(wheel=wheel)
+        static = pressed.deflection_m, pressed.patch_length_m, pressed.stiffness_n_m
+        rows[int(row)] = modes.frequency_hz[:n_modes], modes.dominant_order[:n_modes], *static
+    columns = zip(*(rows[row] for row in range(loads.size)), strict=True)
+    frequencies, orders, *curve = map(np.array, columns)
+    angle, deflection = shape
+    return LoadedSweep(loads, frequencies, orders, angle, deflection, StaticCurve(*curve))
 
 
 def _deflection(
@@ -193,8 +227,13 @@ def _deflection(
         angle = np.arange(-180.0, 180.0)
         return angle, np.zeros(angle.size)
     patch = contact_patch(ring, load_n)
-    state = load_ring(ring, patch, highest_order=highest_order, pressure_load=pressure_load)
-    inflated = float(equilibrium(ring, pressure_load=pressure_load).radial_displacement_m)
+    return _shape(load_ring(ring, patch, highest_order=highest_order, pressure_load=pressure_load))
+
+
+def _shape(state: LoadedRing) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Angles from −180° and the radial deflection of a state relative to the inflated tyre."""
+    rest = equilibrium(state.ring, pressure_load=state.pressure_load)
+    inflated = float(rest.radial_displacement_m)
     angle = np.remainder(np.rad2deg(state.angles_rad) + 180.0, 360.0) - 180.0
     rising = np.argsort(angle)
     return angle[rising], state.radial_m[rising] - inflated

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.integrate import trapezoid
 
-from model import Bifurcation, ForcedRing, inertance, natural_frequencies_hz
+from model import Bifurcation, ForcedRing, inertance, loaded_frequencies_hz, natural_frequencies_hz
 from model.reference import TABLE_4_RING, TABLE_5_DAMPING
 from pipelines.cli import simulate_show
 from pipelines.simulate.tyre import tyre_to_simulate
@@ -213,12 +213,38 @@ def test_loaded_tyre(ringmodal, tmp_path):
     found = columns_of(table)
     assert code == 0
     assert "Deflection in the contact at 2000 N: " in output
-    assert list(found) == ["load_n", "mode", "frequency_hz", "dominant_order"]
+    names = ["load_n", "mode", "frequency_hz", "dominant_order"]
+    assert list(found) == [*names, "deflection_m", "patch_length_m", "stiffness_n_m"]
+    assert found["patch_length_m"].tolist()[:5] == [0.0] * 5
+    assert found["deflection_m"][5:].tolist() == [pytest.approx(0.00619, rel=0.01)] * 5
     at_rest = natural_frequencies_hz(TABLE_4_RING, [1, 2])
     np.testing.assert_allclose(found["frequency_hz"][1:5], np.repeat(at_rest, 2), rtol=1e-6)
     np.testing.assert_array_equal(found["dominant_order"][:5], [0, 1, 1, 2, 2])
     assert found["load_n"].tolist() == [0.0] * 5 + [2000.0] * 5
     assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+def test_without_a_tread_the_contact_pressure_is_given(ringmodal):
+    command = ("simulate", "loaded", "--load-n", 3000, "--modes", 12, "--harmonics", 20, "--json")
+    given = json.loads(ringmodal(*command, "--tread-radial-n-m3", 0)[1])
+    expected, _ = loaded_frequencies_hz(TABLE_4_RING, 3000.0, 12, highest_order=20)
+    np.testing.assert_allclose(given["frequency_hz"], expected, rtol=1e-12)
+    held = json.loads(ringmodal(*command)[1])
+    assert "stiffness_n_m" in held and "stiffness_n_m" not in given
+    assert np.all(np.array(held["frequency_hz"]) > np.array(given["frequency_hz"]))
+
+
+def test_a_free_wheel_on_the_road_rolls_and_hops(ringmodal):
+    wheel = ("--hub", "free", "--wheel-mass-kg", 12, "--wheel-inertia-kg-m2", 0.6)
+    command = ("simulate", "loaded", "--load-n", 4000, "--modes", 4, "--harmonics", 20)
+    code, output, _ = ringmodal(*command, *wheel, "--json")
+    found = json.loads(output)
+    frequencies = found["frequency_hz"][0]
+    belt_kg, stiffness = 2 * np.pi * 0.33 * 0.19 * 19.69, found["stiffness_n_m"][0]
+    whole, bare = (np.sqrt(stiffness / mass) / (2 * np.pi) for mass in (12 + belt_kg, 12))
+    assert code == 0 and frequencies[0] < 0.2
+    assert whole < frequencies[1] < bare  # the patch stands still and bears a part of the belt
+    assert ringmodal(*command, *wheel, "--tread-radial-n-m3", 0)[0] == 2
 
 
 def test_a_slow_force_arrives_at_a_fixed_hub_whole(ringmodal):
@@ -265,7 +291,9 @@ def test_the_wheel_of_the_parameter_set_counts(ringmodal, sample_tyre, tmp_path)
         (("frequencies", "--tyre", "nowhere.toml"), "nowhere.toml"),
         (("inertance", "--frequency-hz", "10:20:nan"), "nan"),
         (("cleat", "--duration-s", "-1"), "duration_s"),
-        (("loaded", "--load-n", "90000"), "half angle"),
+        (("loaded", "--load-n", "90000"), "load_n: 90000"),
+        (("loaded", "--load-n", "90000", "--tread-radial-n-m3", "0"), "half angle"),
+        (("loaded", "--tread-radial-n-m3", "-1"), "tread radial_n_m3: -1"),
         (("loaded", "--load-n", "0", "--modes", "500"), "1 to 242 modes"),
         (("loaded", "--load-n", "-100"), "load_n: -100"),
         (("hub", "--hub", "free"), "wheel"),
