@@ -10,10 +10,13 @@ from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, position_finding
 from ema.core.settings import CHECKS, CheckSettings
+from ema.signals.line_coherence import line_coherence
 
 _HUM_HZ = (50.0, 60.0)
 # A single place may have a fault of its own.
 _FEWEST_AVERAGED = 3
+# Noise has a coherence of one over the number of averages: fewer do not tell it from a response.
+_FEW_AVERAGES = 6.0
 
 
 def screen(
@@ -142,16 +145,19 @@ def _missing(frf: FRF, share: float) -> dict[int, _Fault]:
 def _incoherent(
     frf: FRF, band_hz: tuple[float, float], settings: CheckSettings
 ) -> dict[int, _Fault]:
-    if frf.n_positions < 4 or not np.all(np.isfinite(frf.coherence)):
+    coherence, over = frf.coherence, ""
+    if frf.n_effective < _FEW_AVERAGES:
+        coherence, over = line_coherence(frf), " over neighbouring lines"
+    if frf.n_positions < 4 or not np.all(np.isfinite(coherence)):
         return {}
-    median = np.median(frf.coherence[:, _lines(frf, band_hz)], axis=1)
+    median = np.median(coherence[:, _lines(frf, band_hz)], axis=1)
     usual = float(np.median(median))
     poor = (median < settings.incoherent_share * usual) & (median < settings.incoherent)
     return {
         int(row): (
             Check.INCOHERENT,
             Verdict.EXCLUDED,
-            f"median coherence {median[row]:.2f}, where the other channels have {usual:.2f}",
+            f"median coherence{over} {median[row]:.2f}, where the other channels have {usual:.2f}",
         )
         for row in np.flatnonzero(poor)
     }

@@ -74,6 +74,11 @@ def _blocks(
     channels: Sequence[Channel], plan: BlockPlan
 ) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """Start and samples of each block, all channels; several blocks are read at a time."""
+    if plan.event_starts:
+        for start in plan.starts:
+            stop = start + plan.block_samples
+            yield start, np.stack([channel.block(start, stop) for channel in channels])
+        return
     room = _PIECE_BYTES // (8 * len(channels)) - plan.block_samples
     at_once = 1 + max(room, 0) // plan.step_samples
     longest = (min(at_once, plan.n_blocks) - 1) * plan.step_samples + plan.block_samples
