@@ -142,10 +142,12 @@ def _rings_out(run: Run, plan: BlockPlan) -> bool:
 def _without_overloads(run: Run, plan: BlockPlan) -> tuple[BlockPlan, Iterator[Finding]]:
     """Blocks without those in which a channel is overloaded, as long as enough are left."""
     starts, rate = np.array(plan.starts), plan.sampling_rate_hz
-    over = {
-        channel.name: np.array([is_overloaded(channel.block(s, s + plan.block_samples)) for s in starts])
-        for channel in run.channels
-    }
+
+    def overloads(channel: Channel) -> NDArray[np.bool_]:
+        blocks = (channel.block(start, start + plan.block_samples) for start in starts)
+        return np.array([is_overloaded(block) for block in blocks])
+
+    over = {channel.name: overloads(channel) for channel in run.channels}
     few = {
         name: bad
         for name, bad in over.items()

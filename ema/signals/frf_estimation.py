@@ -124,16 +124,16 @@ def _estimated(
 def _plans(
     runs: Sequence[Run], processing: Processing
 ) -> tuple[bool, dict[str, BlockPlan], tuple[Finding, ...]]:
-    """Whether the force is steady, and the blocks of each run: at its hits or bursts, or regular."""
+    """Whether the force is steady, and the blocks of each run, at its hits or bursts if any."""
     rate = runs[0].recording.sampling_rate_hz
     events = {run.name: find_events(run.force, rate) for run in runs}
     separate = all(len(each) > 1 for each in events.values())
     steady = not separate and all(is_steady(run.force) for run in runs)
     plan = _common_plan(runs, processing, steady=steady)
     chosen = (processing.averages, processing.block_seconds, processing.window, processing.overlap)
-    if separate and not plan.period_samples and all(each is None for each in chosen):
-        if (found := event_plans(runs, events, plan)) is not None:
-            return False, *found
+    free = not plan.period_samples and all(each is None for each in chosen)
+    if separate and free and (found := event_plans(runs, events, plan)) is not None:
+        return False, *found
     return steady, {run.name: plan.for_length(run.recording.n_samples) for run in runs}, ()
 
 
