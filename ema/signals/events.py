@@ -113,10 +113,12 @@ def event_plans(
         kept = [e for e, d in zip(ahead[run.name], room[run.name], strict=True) if d >= length]
         blocks = replace(plan, block_samples=length, step_samples=length, window="boxcar")
         blocks = blocks.at([event.start - early for event in kept])
-        good, found = _without_overloads(run, blocks)
-        if good.n_blocks < _FEWEST or not _rings_out(run, good):
+        found: Iterator[Finding] = iter(())
+        if all(event.pulses for event in kept):  # the peaks of a burst are many, some alike
+            blocks, found = _without_overloads(run, blocks)
+        if blocks.n_blocks < _FEWEST or not _rings_out(run, blocks):
             return None
-        plans[run.name] = good
+        plans[run.name] = blocks
         findings += [*_bounces(run, events[run.name], rate), *found]
     return plans, tuple(findings)
 

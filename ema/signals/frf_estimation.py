@@ -188,7 +188,13 @@ def _excited(
     runs: Sequence[Run], spectra: list[Spectra]
 ) -> tuple[list[Run], list[Spectra], tuple[Finding, ...]]:
     """Runs with their spectra, without those of hardly any force, and findings about these."""
-    power = np.array([np.sum(each.force[0]) / max(each.n_effective[0], 1.0) for each in spectra])
+    fullest = [int(np.argmax(each.n_effective)) for each in spectra]
+    power = np.array(
+        [
+            np.sum(each.force[row]) / max(each.n_effective[row], 1.0)
+            for each, row in zip(spectra, fullest, strict=True)
+        ]
+    )
     level_db = 10 * np.log10(np.maximum(power / np.median(power), 1e-30))
     findings = tuple(
         Finding(

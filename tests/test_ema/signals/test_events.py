@@ -158,3 +158,16 @@ def test_a_weak_sensor_near_nodes_is_not_incoherent():
     run = recordings.run(force, recordings.answers(force, 2, 0.03))
     weak = recordings.edited(run, lambda samples: 0.1 * samples + 0.1 * white(3000, 4), ["A03"])
     assert screen(estimate_frf(campaign_of(weak)), (30.0, 250.0))[1] == []
+
+
+@pytest.mark.parametrize("force", [hits(), bursts(), recordings.shaker_noise()])
+def test_a_sensor_with_a_loose_cable_is_left_out(force):
+    def loose(samples):
+        samples[6500:11_500] = 1e-3 * white(5000, 6)
+        return samples
+
+    run = recordings.run(force, recordings.answers(force, 2, 0.1))
+    assert estimate_frf(campaign_of(run)).findings == ()
+    frf = estimate_frf(campaign_of(recordings.edited(run, loose, ["A03"])))
+    assert [(each.channel, each.check) for each in frf.findings] == [("A03", Check.DROPOUT)]
+    assert screen(frf, (30.0, 250.0))[0].channel == ("A01", "A02", "A04")
