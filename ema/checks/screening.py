@@ -10,10 +10,13 @@ from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, position_finding
 from ema.core.settings import CHECKS, CheckSettings
+from ema.signals.bias_and_noise import line_coherence
 
 _HUM_HZ = (50.0, 60.0)
-# A single place may have a fault of its own.
+# One or two places may have a fault of their own, unless more than two runs differ there.
 _FEWEST_AVERAGED = 3
+# Noise has a coherence of one over the number of averages: fewer do not tell it from a response.
+_FEW_AVERAGES = 6.0
 
 
 def screen(
@@ -70,16 +73,18 @@ def screen(
 def _require_one_place(frf: FRF, settings: CheckSettings) -> None:
     """Refuse averages of turned runs: their sensors were never at one place."""
     contradicts = frf.disagreement > settings.contradiction_share
-    if frf.disagreement.size < _FEWEST_AVERAGED or np.mean(contradicts) <= 0.5:
+    few = frf.disagreement.size < _FEWEST_AVERAGED
+    if np.mean(contradicts) <= 0.5 or (few and not all(name.count("+") > 1 for name in frf.run)):
         return
     median = float(np.median(frf.disagreement))
     raise InputError(
         "positions",
         f"{np.count_nonzero(contradicts)} of {frf.n_positions} places, averaged over runs that "
         f"contradict each other (median {100 * median:.0f} % of their power)",
-        "runs averaged at a place must have measured there",
-        "If the tyre was turned between runs, state the positions of each run: "
-        "'ringmodal init FOLDER' writes a manifest to fill in",
+        "runs averaged at a place must have measured there, with the force at one place",
+        "If the tyre was turned between runs, state the positions of each run: 'ringmodal init "
+        "FOLDER' writes a manifest to fill in. If the hammer moved and one sensor stayed, add "
+        "positions_deg = { FORCE = degrees, SENSOR = degrees } to every run",
     )
 
 
@@ -142,16 +147,19 @@ def _missing(frf: FRF, share: float) -> dict[int, _Fault]:
 def _incoherent(
     frf: FRF, band_hz: tuple[float, float], settings: CheckSettings
 ) -> dict[int, _Fault]:
-    if frf.n_positions < 4 or not np.all(np.isfinite(frf.coherence)):
+    coherence, over = frf.coherence, ""
+    if frf.n_effective < _FEW_AVERAGES:
+        coherence, over = line_coherence(frf), " over neighbouring lines"
+    if frf.n_positions < 4 or not np.all(np.isfinite(coherence)):
         return {}
-    median = np.median(frf.coherence[:, _lines(frf, band_hz)], axis=1)
+    median = np.median(coherence[:, _lines(frf, band_hz)], axis=1)
     usual = float(np.median(median))
     poor = (median < settings.incoherent_share * usual) & (median < settings.incoherent)
     return {
         int(row): (
             Check.INCOHERENT,
             Verdict.EXCLUDED,
-            f"median coherence {median[row]:.2f}, where the other channels have {usual:.2f}",
+            f"median coherence{over} {median[row]:.2f}, where the other channels have {usual:.2f}",
         )
         for row in np.flatnonzero(poor)
     }

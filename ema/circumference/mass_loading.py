@@ -103,7 +103,7 @@ def loading_note(model: ModalModel, n_sensors: int, excitation_deg: float) -> st
         f"natural frequencies by about {np.median(worst) / 2:.2f} %"
     )
     # Equidistant sensors can all sit on antinodes only where 2n waves divide their number.
-    seats = n_sensors - n_sensors % 2
+    seats = max(n_sensors - n_sensors % 2, 1)
     aligned = [k for k, mode in enumerate(modes) if (2 * (mode.order or 0)) % seats == 0]
     if not aligned:
         return text + "."

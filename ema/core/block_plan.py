@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,6 +22,7 @@ class BlockPlan:
     n_blocks: int  # the averages of one run
     window: str  # name of a scipy window
     period_samples: int = 0  # after which the force repeats; 0 for one that does not
+    event_starts: tuple[int, ...] = ()  # of blocks that each begin before a hit or burst
 
     @property
     def block_s(self) -> float:
@@ -43,8 +45,10 @@ class BlockPlan:
         return 1 - self.step_samples / self.block_samples
 
     @property
-    def starts(self) -> range:
+    def starts(self) -> Sequence[int]:
         """First sample of every block."""
+        if self.event_starts:
+            return self.event_starts
         return range(0, self.n_blocks * self.step_samples, self.step_samples)
 
     @property
@@ -57,6 +61,10 @@ class BlockPlan:
         """Plan the same blocks for a recording of another length."""
         n_blocks = 1 + (n_samples - self.block_samples) // self.step_samples
         return replace(self, n_blocks=n_blocks)
+
+    def at(self, starts: Sequence[int]) -> BlockPlan:
+        """Plan the same blocks, one at each of these samples."""
+        return replace(self, n_blocks=len(starts), event_starts=tuple(starts))
 
     @cached_property
     def taper(self) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Noise level of FRFs, line by line."""
+"""Noise level and coherence of FRFs, line by line."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d, median_filter
+from scipy.ndimage import correlate1d, median_filter, uniform_filter1d
 
 from ema.core.arrays import readonly
-from ema.core.frf import FRF
+from ema.core.frf import FRF, ForceRecord
 
 #: Lines over which the noise level is smoothed: σ of one is itself uncertain, or that of a tone.
 SMOOTHING_LINES = 21
@@ -17,6 +17,8 @@ SMOOTHING_LINES = 21
 _SPIKE = 3.0
 # Coherence below this says nothing; in a file it is rounded to steps of about this.
 _LEAST_COHERENCE, _COHERENCE_STEP = 1e-3, 1e-5
+# Averages and lines that one value rests on: noise alone has a coherence of about 1/20.
+_VALUES = 20
 
 
 def noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
@@ -81,3 +83,34 @@ def _smoothed(power: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean over neighbouring lines; a running sum would lose the digits of small values."""
     mean = np.full(SMOOTHING_LINES, 1 / SMOOTHING_LINES)
     return np.asarray(correlate1d(power, mean, mode="nearest"))
+
+
+def line_coherence(frf: FRF) -> NDArray[np.float64]:
+    """Coherence of each row as if neighbouring lines were further averages of one FRF.
+
+    A response has a smooth FRF, noise has not. Lower than the coherence where an FRF changes
+    within a few lines, in all rows alike. NaN where the force of a row is not known, and without a
+    coherence.
+    """
+    found = np.full(frf.values.shape, np.nan)
+    run, least = np.array(frf.run), np.finfo(float).tiny
+    for name, record in frf.forces.items():
+        rows = run == name
+        width = max(-(-_VALUES // record.plan.n_blocks), 1)
+        force = _force_power(record)
+        cross = frf.values[rows] * force
+        power = np.abs(frf.values[rows]) ** 2 * force / np.maximum(frf.coherence[rows], least)
+        cross, power, force = (uniform_filter1d(each, width) for each in (cross, power, force))
+        found[rows] = np.abs(cross) ** 2 / np.maximum(force * power, least)
+    return found
+
+
+def _force_power(record: ForceRecord) -> NDArray[np.float64]:
+    """Power of the force on the lines, summed over the blocks."""
+    plan = record.plan
+    total = np.zeros(plan.frequency_hz.size)
+    for start in plan.starts:
+        block = record.force.block(start, start + plan.block_samples)
+        spectrum = np.fft.rfft((block - block.mean()) * plan.taper)
+        total += np.abs(spectrum[1 : total.size + 1]) ** 2
+    return total

@@ -17,7 +17,7 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Channel
 from ema.signals.lost_samples import lost_everywhere
 from ema.signals.slips import part_ends
-from ema.signals.spectra import Spectra
+from ema.signals.spectra import Spectra, ratio
 from ema.signals.stuck_and_repeated import Stretch, repeated_stretches, stuck_stretches
 
 # Runs of one campaign are as long as each other within this share; stopped by hand they differ.
@@ -27,6 +27,10 @@ _LEFT_OUT = "the averages with it are left out"
 # on the force, and the fewest that have a majority.
 _SAME_SLIP, _MOST_SENSORS, _FEWEST_SENSORS = 0.25, 0.8, 3
 _SHOWN = 5  # of one kind in one channel
+# Share of a response that its FRF explains below which its blocks are looked at one by one; a block
+# with less than this share of the usual gain, and of the power, is lost. Fewer have no usual gain.
+_EXPLAINED, _LOST, _FEWEST_BLOCKS = 0.9, 0.3, 4
+_EXCITED = 1e-3  # of the strongest block's power: others have no gain
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +95,13 @@ def _left_out(run: Run, damage: Sequence[_Damage]) -> Run:
 def without_lost_samples(
     run: Run, spectra: Spectra, plan: BlockPlan
 ) -> tuple[Run, tuple[Finding, ...]]:
-    """The run without what does not fit the rest after samples were lost, and what was found.
+    """The run without what does not fit the rest after samples or a sensor were lost, and findings.
 
     `spectra` are those of all its sensors, the reference sensor last, over its blocks, `plan`.
     """
     joints = lost_everywhere(run, spectra, plan)
     damage = [*_slipped(run, spectra.slip, plan), *_joined(run, joints)]
+    damage += _intermittent(run, spectra, plan)
     return _left_out(run, damage), tuple(_finding(run, one) for one in damage)
 
 
@@ -191,6 +196,54 @@ def _joined(run: Run, joints: Sequence[int]) -> Iterator[_Damage]:
             f"are lost or written twice; {_LEFT_OUT}"
         )
         yield _Damage(Check.LOST_SAMPLES, None, (Stretch(sample, sample + 1),), detail)
+
+
+def _intermittent(run: Run, spectra: Spectra, plan: BlockPlan) -> Iterator[_Damage]:
+    """Sensors that lose their signal in some of the blocks, as with a loose cable."""
+    enough = plan.n_blocks >= _FEWEST_BLOCKS and len(spectra.force) > _FEWEST_SENSORS
+    if not enough or not np.any(spectra.force > 0):
+        return
+    explained = np.sum(np.abs(ratio(spectra.cross, np.sqrt(spectra.force))) ** 2, axis=1)
+    share = ratio(explained, spectra.response.sum(axis=1))
+    if np.median(share) < _EXPLAINED:  # what rings longer than a block follows no force in it
+        return
+
+    def lost_blocks(row: int) -> NDArray[np.int_]:
+        frf = ratio(spectra.cross[row], spectra.force[row])
+        return _lost_blocks(run.force, run.channels[1 + row], frf, plan)
+
+    in_all = lost_blocks(int(np.argmax(share)))
+    for row in np.flatnonzero((share < _EXPLAINED) & (share > 0)).tolist():
+        lost, channel = np.setdiff1d(lost_blocks(row), in_all), run.channels[1 + row]
+        if lost.size:
+            first_s = plan.starts[lost[0]] / plan.sampling_rate_hz
+            detail = (
+                f"the response is lost in {lost.size} of {plan.n_blocks} blocks, first from "
+                f"{first_s:.4g} s on; the sensor is left out in this run"
+            )
+            whole = (Stretch(0, run.recording.n_samples),)
+            yield _Damage(Check.DROPOUT, channel, whole, detail)
+
+
+def _lost_blocks(
+    force: Channel, sensor: Channel, frf: NDArray[np.complex128], plan: BlockPlan
+) -> NDArray[np.int_]:
+    """Blocks in which a sensor shows far less than its FRF predicts from the force."""
+
+    def spectrum(channel: Channel, start: int) -> NDArray[np.complex128]:
+        block = channel.block(start, start + plan.block_samples)
+        return np.asarray(np.fft.rfft((block - block.mean()) * plan.taper)[1 : frf.size + 1])
+
+    sums = []
+    for start in plan.starts:
+        predicted, seen = frf * spectrum(force, start), spectrum(sensor, start)
+        powers = (np.vdot(part, part).real for part in (predicted, seen))
+        sums.append((np.vdot(predicted, seen).real, *powers))
+    shared, expected, there = np.array(sums).T  # NaN where samples miss
+    excited = expected > _EXCITED * np.nanmax(expected)
+    gain = np.divide(shared, expected, out=np.full(shared.size, np.nan), where=excited)
+    usual = np.nanquantile(gain, 0.75)
+    return np.flatnonzero((gain < _LOST * usual) & (there < _LOST * usual**2 * expected))
 
 
 def _first_doubtful_block(ends: Sequence[int], part: int, samples: float) -> int:

@@ -17,6 +17,7 @@ from ema.core.frf import FRF, ForceRecord
 from ema.core.numerics import available_threads
 from ema.signals.bias_and_noise import incoherent_power
 from ema.signals.damage import without_damage, without_lost_samples
+from ema.signals.events import event_plans, find_events
 from ema.signals.excitation import (
     SHORTEST_PERIOD_S,
     is_steady,
@@ -99,24 +100,41 @@ def _estimated(
 ) -> FRF:
     with ThreadPoolExecutor(available_threads()) as pool:
         runs, findings = without_damage(campaign.runs, pool.map)
-        steady = {run.name: is_steady(run.force) for run in runs}
-        plan = _common_plan(runs, processing, steady=all(steady.values()))
+        steady, plans, remarks = _plans(runs, processing)
+        findings += remarks
         spectra = []
-        for part, slips in pool.map(lambda run: _run_spectra(run, plan), runs):
+        for part, slips in pool.map(lambda run: _run_spectra(run, plans[run.name]), runs):
             spectra.append(part)
             findings += slips
             if progress is not None:
                 progress(len(spectra), len(runs))
     runs, spectra, silent = _excited(runs, spectra)
     findings += silent
+    plan = min((plans[run.name] for run in runs), key=lambda each: each.n_blocks)
     frf = _positions_frf(runs, spectra, plan, estimator)
     reference = _reference_frf(runs, campaign.reference_deg, spectra, plan, estimator)
     forces = {
-        run.name: ForceRecord(run.force, plan.for_length(run.force.n_samples), steady[run.name])
+        run.name: ForceRecord(run.force, plans[run.name], steady)
         for run in runs
         if estimator == "H1" and not run.force.gaps
     }
     return replace(frf, reference=reference, findings=findings, forces=forces)
+
+
+def _plans(
+    runs: Sequence[Run], processing: Processing
+) -> tuple[bool, dict[str, BlockPlan], tuple[Finding, ...]]:
+    """Whether the force is steady, and the blocks of each run, at its hits or bursts if any."""
+    rate = runs[0].recording.sampling_rate_hz
+    events = {run.name: find_events(run.force, rate) for run in runs}
+    separate = all(len(each) > 1 for each in events.values())
+    steady = not separate and all(is_steady(run.force) for run in runs)
+    plan = _common_plan(runs, processing, steady=steady)
+    chosen = (processing.averages, processing.block_seconds, processing.window, processing.overlap)
+    free = not plan.period_samples and all(each is None for each in chosen)
+    if separate and free and (found := event_plans(runs, events, plan)) is not None:
+        return False, *found
+    return steady, {run.name: plan.for_length(run.recording.n_samples) for run in runs}, ()
 
 
 def _common_plan(runs: Sequence[Run], processing: Processing, *, steady: bool) -> BlockPlan:
@@ -143,7 +161,6 @@ def _common_plan(runs: Sequence[Run], processing: Processing, *, steady: bool) -
 
 def _run_spectra(run: Run, plan: BlockPlan) -> tuple[Spectra, tuple[Finding, ...]]:
     """Spectra of a run, measured again where channels turn out to have lost samples."""
-    plan = plan.for_length(run.recording.n_samples)
     spectra = measure_spectra(run, plan)
     usable, findings = without_lost_samples(run, spectra, plan)
     if findings:
@@ -171,7 +188,13 @@ def _excited(
     runs: Sequence[Run], spectra: list[Spectra]
 ) -> tuple[list[Run], list[Spectra], tuple[Finding, ...]]:
     """Runs with their spectra, without those of hardly any force, and findings about these."""
-    power = np.array([np.sum(each.force[0]) / max(each.n_effective[0], 1.0) for each in spectra])
+    fullest = [int(np.argmax(each.n_effective)) for each in spectra]
+    power = np.array(
+        [
+            np.sum(each.force[row]) / max(each.n_effective[row], 1.0)
+            for each, row in zip(spectra, fullest, strict=True)
+        ]
+    )
     level_db = 10 * np.log10(np.maximum(power / np.median(power), 1e-30))
     findings = tuple(
         Finding(

@@ -54,6 +54,10 @@ def leakage_bias(
     for name in frf.run_names:
         rows = run == name
         own = poles[name]
+        if plan.event_starts:  # blocks in which the response rings out
+            if name in exact:
+                bias[exact[name]] = residues[exact[name]] @ _of_force(frf.forces[name], lines, own)
+            continue
         if own.tobytes() not in of_noise:
             of_noise[own.tobytes()] = _of_noise(plan, own)
         around = of_noise[own.tobytes()]

@@ -15,6 +15,7 @@ from ema.core.recording import Channel
 from ema.signals.slips import SlipMeter
 
 _LEAST_POWER = np.finfo(float).tiny
+_LIMIT = 0.1  # of the span of a block: the distance of a limit from the mean, at least
 _TOGETHER = 16  # sensors summed at once: the sums of more do not stay near the processor
 _PIECE_BYTES = 1 << 22  # read at a time: few calls, and it stays near the processor
 
@@ -74,6 +75,11 @@ def _blocks(
     channels: Sequence[Channel], plan: BlockPlan
 ) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """Start and samples of each block, all channels; several blocks are read at a time."""
+    if plan.event_starts:
+        for start in plan.starts:
+            stop = start + plan.block_samples
+            yield start, np.stack([channel.block(start, stop) for channel in channels])
+        return
     room = _PIECE_BYTES // (8 * len(channels)) - plan.block_samples
     at_once = 1 + max(room, 0) // plan.step_samples
     longest = (min(at_once, plan.n_blocks) - 1) * plan.step_samples + plan.block_samples
@@ -128,7 +134,7 @@ class _Sums:
         if not whole[0]:
             return
         if look_for_clipping:
-            self.clipped += _on_extremes(block)
+            self.clipped += _on_extremes(block, mean[:, 0])
             self.n_looked_at += 1
         with np.errstate(invalid="ignore"):
             block = np.subtract(block, mean, out=self._block)
@@ -164,12 +170,14 @@ def _power(squares: NDArray[np.float64]) -> NDArray[np.float64]:
     return squares[:, ::2] + squares[:, 1::2]
 
 
-def _on_extremes(block: NDArray[np.float64]) -> NDArray[np.float64]:
+def _on_extremes(block: NDArray[np.float64], mean: NDArray[np.float64]) -> NDArray[np.float64]:
     """Share of samples equal to a block's largest or smallest; one of each is no clipping."""
-    share = np.empty(len(block))
+    share = np.zeros(len(block))
     for number, row in enumerate(block):  # row by row: it stays in the cache
-        count = np.count_nonzero(row == row.max()) + np.count_nonzero(row == row.min())
-        share[number] = max(count - 2, 0) / row.size
+        low, high = row.min(), row.max()
+        for extreme in (low, high):
+            if abs(extreme - mean[number]) >= _LIMIT * (high - low):  # else a force at rest
+                share[number] += max(np.count_nonzero(row == extreme) - 1, 0) / row.size
     return share
 
 

@@ -18,6 +18,7 @@ from ema.core.settings import CheckSettings, IdentificationSettings, settings_fr
 from ema.io.campaign import agreement
 from ema.io.campaign.calibration import calibrated, check_keys
 from ema.io.campaign.manifest import MANIFEST_NAME, USE_SLASHES, Manifest, read_manifest, resolve
+from ema.io.campaign.reciprocity import ROVING, exchanged, exchanged_frfs
 from ema.io.campaign.roles import Grid, Wanted, assign
 from ema.io.columns import SAME_RATE
 from ema.io.content import FileContent, unreadable
@@ -203,6 +204,9 @@ def _fill(campaign: Campaign, files: Sequence[tuple[FileContent, Wanted]]) -> Ca
         Finding(recording.path.name, "", None, Check.CONTENT, Verdict.EXCLUDED, detail)
         for recording, _ in recordings
     ]
+    if (roving := exchanged_frfs([each for each, _ in frfs])) is not None:
+        frfs = [(each, given) for each, (_, given) in zip(roving, frfs, strict=True)]
+        findings.append(ROVING)
     frf = agreement.merge(frfs, campaign.positions, findings)
     return replace(campaign, frf=frf, findings=tuple(findings))
 
@@ -213,17 +217,24 @@ def _fill_runs(
     agreement.check_rates([recording for recording, _ in recordings])
     channels = [filter(each.may_be_response, recording.channels) for recording, each in recordings]
     grid = Grid.over(campaign.positions, list(chain.from_iterable(channels)))
-    runs, reference_deg, excitation_deg = [], None, campaign.excitation_deg
+    runs, forces, reference_deg, excitation_deg = [], [], None, campaign.excitation_deg
     names = agreement.run_names([recording.path for recording, _ in recordings])
     for name, (recording, each) in zip(names, recordings, strict=True):
         run = assign(with_limits(recording), each, grid, name, findings)
         runs.append(run)
         if run.reference is not None:
             reference_deg = _same_place(run, each, grid, reference_deg)
-        if excitation_deg is None:
-            excitation_deg = grid.known_place(run.force, each.positions_deg).position_deg
+        forces.append(grid.known_place(run.force, each.positions_deg))
         findings += spike_findings(name, run.channels)
         findings += level_findings(replace(recording, channels=run.channels))
+    if excitation_deg is None:
+        excitation_deg = forces[0].position_deg
+    if (roving := exchanged(runs, forces)) is not None:
+        runs, sensor = roving
+        excitation_deg, reference_deg = sensor.position_deg, None
+        # The sensor stays at what is now the force, and its mass with it.
+        campaign = replace(campaign, live_mass_kg=campaign.sensor_mass_kg, sensor_mass_kg=None)
+        findings.append(ROVING)
     findings += agreement.coverage_findings(runs, campaign.positions)
     return replace(
         campaign,

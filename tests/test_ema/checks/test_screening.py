@@ -146,3 +146,10 @@ def test_runs_that_contradict_each_other_everywhere_are_refused(healthy):
     turned = replace(healthy, disagreement=np.full(healthy.n_positions, 0.65))
     with pytest.raises(InputError, match="ringmodal init"):
         screen(turned, BAND_HZ)
+
+
+def test_a_roving_force_taken_for_one_place_is_refused(healthy):
+    one = replace(healthy.rows(np.array([0])), disagreement=np.array([0.98]))
+    with pytest.raises(InputError, match="FORCE = degrees"):
+        screen(replace(one, run=("hit_1+hit_2+hit_3",)), BAND_HZ)
+    assert screen(replace(one, run=("hit_1+hit_2",)), BAND_HZ)[0].n_positions == 1

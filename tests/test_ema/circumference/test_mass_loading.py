@@ -172,6 +172,7 @@ def test_without_the_mass_no_sensor_is_accused_and_the_note_tells_the_size():
     modes = TYRES["both members alike"]
     model_of = identify_modes(systems.campaign_frf(modes, 34, sensor_mass_kg=MASS_KG))
     assert not any(finding.verdict == Verdict.EXCLUDED for finding in model_of.findings)
+    assert "antinodes" in loading_note(model_of.model, 1, 0.0)
     note = loading_note(model_of.model, 13, 0.0)
     typical, worst = (float(word) for word in note.split() if word.startswith("0."))
     fourth = next(mode for mode in model_of.model.modes if mode.order == 4)

@@ -1,0 +1,197 @@
+"""Hits and bursts in a recording: blocks that start before each, overloads and double hits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.block_plan import BlockPlan
+from ema.core.campaign import Run
+from ema.core.finding import Check, Finding, Verdict
+from ema.core.recording import Channel
+
+# The force is looked at in pieces of this length: a hit has 1 to 10 ms.
+_PIECE_S = 0.005
+# It acts where a piece exceeds this share of the largest peak (hits by hand differ by 20 dB) …
+_ACTS = 0.03
+# … and this many times what the quietest fifth of the pieces stay below.
+_ABOVE_QUIET, _QUIET = 5.0, 0.2
+# The force rests for this long between two events. A bounce comes after 0.1 s at most; a tyre has
+# rung out after half a second.
+_REST_S = 0.3
+# What is longer is a burst, and does not bounce.
+_LONGEST_HIT_S = 0.25
+# A further pulse of a hit: share of its peak, and how long the force is below it before.
+_BOUNCE, _BETWEEN_S = 0.05, 0.004
+_PRETRIGGER_S = 0.02
+_LONGEST_BLOCK_S = 4.0
+# Distances below this share of the median do not decide on the length of all blocks.
+_USUAL_DISTANCE = 0.6
+# Share of the mean square that the last tenth of a block may have: −13 dB, noise included.
+_RUNG_OUT, _LAST, _SENSORS = 0.05, 0.1, 6
+# Two samples on the extreme of a hit are an overload if there are so many levels that this is no
+# chance; three, unless the top is round: it leaves by fewer steps, or has fewer levels (as of
+# `clipping_and_hum`).
+_FINE_LEVELS, _FEWEST_LEVELS, _STEEP_STEPS = 4096, 64, 5.0
+_ONE_SIDED = 0.2  # of the span of a hit: smaller extremes are not looked at
+# A sensor overloaded in more hits than this has the wrong range: the sensor is judged, not hits.
+_FEW_HITS = 1 / 3
+_FEWEST = 2  # events of a run that give a coherence
+
+
+@dataclass(frozen=True)
+class Event:
+    """One hit or burst: first sample, the one behind its last, and samples of its pulses."""
+
+    start: int
+    stop: int
+    pulses: tuple[int, ...] = ()
+
+    @property
+    def bounces(self) -> bool:
+        """Whether it is a hit with more than one pulse."""
+        return len(self.pulses) > 1
+
+
+def find_events(force: Channel, rate_hz: float) -> tuple[Event, ...]:
+    """Hits or bursts of a force, with rests between them; none for a force that goes on."""
+    samples = force.block(0, force.n_samples)
+    length = max(round(_PIECE_S * rate_hz), 1)
+    n_pieces = samples.size // length
+    if n_pieces < 2 or not np.all(np.isfinite(samples)):
+        return ()
+    size = np.abs(samples - np.median(samples))
+    peak = size[: n_pieces * length].reshape(n_pieces, length).max(axis=1)
+    limit = max(_ACTS * peak.max(), _ABOVE_QUIET * float(np.quantile(peak, _QUIET)))
+    acts = np.flatnonzero(peak > limit)
+    if not acts.size:
+        return ()
+    rests = np.flatnonzero(np.diff(acts) * length > _REST_S * rate_hz)
+    first, last = acts[np.r_[0, rests + 1]], acts[np.r_[rests, acts.size - 1]]
+    bounds = zip((first * length).tolist(), ((last + 1) * length).tolist(), strict=True)
+    return tuple(_event(samples, start, stop, rate_hz) for start, stop in bounds)
+
+
+def _event(samples: NDArray[np.float64], start: int, stop: int, rate_hz: float) -> Event:
+    if stop - start > _LONGEST_HIT_S * rate_hz:
+        return Event(start, stop)
+    part = samples[start:stop] - np.median(samples)
+    part = part * np.sign(part[np.argmax(np.abs(part))])  # a hammer only pushes
+    above = np.flatnonzero(part > _BOUNCE * part.max())
+    begins = np.r_[True, np.diff(above) > max(_BETWEEN_S * rate_hz, 1)]
+    return Event(start, stop, tuple((start + above[begins]).tolist()))
+
+
+def event_plans(
+    runs: Sequence[Run], events: Mapping[str, Sequence[Event]], plan: BlockPlan
+) -> tuple[dict[str, BlockPlan], tuple[Finding, ...]] | None:
+    """Blocks of each run that start before its events, and what was found; None where unsuitable.
+
+    All blocks are of one length, up to the next event. Each run needs two events, and responses
+    that have rung out at the end of the blocks; `plan` gives what blocks have in common.
+    """
+    rate = plan.sampling_rate_hz
+    early = round(_PRETRIGGER_S * rate)
+    ahead = {
+        run.name: [event for event in events[run.name] if event.start >= early] for run in runs
+    }
+    if min(map(len, ahead.values())) < _FEWEST:
+        return None
+    room = {run.name: _room(ahead[run.name], run.recording.n_samples, early) for run in runs}
+    distances = np.concatenate(list(room.values()))
+    longest = max(event.stop - event.start for each in ahead.values() for event in each)
+    least = max(_USUAL_DISTANCE * np.median(distances), longest + early + _REST_S * rate)
+    if not np.any(distances >= least):
+        return None
+    most = max(round(_LONGEST_BLOCK_S * rate), 2 * longest)
+    length = min(int(distances[distances >= least].min()), most)
+    plans, findings = {}, []
+    for run in runs:
+        kept = [e for e, d in zip(ahead[run.name], room[run.name], strict=True) if d >= length]
+        blocks = replace(plan, block_samples=length, step_samples=length, window="boxcar")
+        blocks = blocks.at([event.start - early for event in kept])
+        found: Iterator[Finding] = iter(())
+        if all(event.pulses for event in kept):  # the peaks of a burst are many, some alike
+            blocks, found = _without_overloads(run, blocks)
+        if blocks.n_blocks < _FEWEST or not _rings_out(run, blocks):
+            return None
+        plans[run.name] = blocks
+        findings += [*_bounces(run, events[run.name], rate), *found]
+    return plans, tuple(findings)
+
+
+def _room(events: Sequence[Event], n_samples: int, early: int) -> NDArray[np.int_]:
+    """Samples from the start of each block to that of the next, or to the end."""
+    starts = [event.start - early for event in events]
+    return np.diff([*starts, n_samples])
+
+
+def _rings_out(run: Run, plan: BlockPlan) -> bool:
+    """Whether most sensors are quiet at the end of the blocks."""
+    sensors = run.channels[1 :: max(len(run.channels) // _SENSORS, 1)]
+    last = max(int(_LAST * plan.block_samples), 1)
+    left = []
+    for sensor in sensors:
+        blocks = [sensor.block(start, start + plan.block_samples) for start in plan.starts]
+        power = np.nansum([(block - np.median(block)) ** 2 for block in blocks], axis=0)
+        left.append(power[-last:].mean() / max(power.mean(), np.finfo(float).tiny))
+    return bool(np.median(left) < _RUNG_OUT)
+
+
+def _without_overloads(run: Run, plan: BlockPlan) -> tuple[BlockPlan, Iterator[Finding]]:
+    """Blocks without those in which a channel is overloaded, as long as enough are left."""
+    starts, rate = np.array(plan.starts), plan.sampling_rate_hz
+
+    def overloads(channel: Channel) -> NDArray[np.bool_]:
+        blocks = (channel.block(start, start + plan.block_samples) for start in starts)
+        return np.array([is_overloaded(block) for block in blocks])
+
+    over = {channel.name: overloads(channel) for channel in run.channels}
+    few = {
+        name: bad
+        for name, bad in over.items()
+        if bad.any() and (name == run.force.name or bad.mean() <= _FEW_HITS)
+    }
+    bad = np.any(list(few.values()), axis=0) if few else np.zeros(starts.size, dtype=bool)
+    if np.count_nonzero(~bad) < _FEWEST:
+        return plan, iter(())
+    places = {response.channel.name: response.position_deg for response in run.responses}
+
+    def named(name: str) -> Finding:
+        times = ", ".join(f"{(start / rate + _PRETRIGGER_S):.2f} s" for start in starts[few[name]])
+        detail = f"overloaded in the hits at {times}; they are left out for all channels of the run"
+        return Finding(run.name, name, places.get(name), Check.CLIPPED, Verdict.WARNING, detail)
+
+    return plan.at(starts[~bad].tolist()), map(named, few)
+
+
+def is_overloaded(samples: NDArray[np.float64]) -> bool:
+    """Whether a hit reaches a limit: several samples on its extreme, which it leaves steeply."""
+    steps = np.abs(np.diff(samples))
+    if not np.any(steps > 0):
+        return False
+    step = float(steps[steps > 0].min())
+    levels = float(np.ptp(samples)) / step
+    fewest = 2 if levels >= _FINE_LEVELS else 3
+    if not levels >= _FEWEST_LEVELS:
+        return False
+    about = samples - np.median(samples)
+    for signed in (about, -about):
+        at = signed == signed.max()
+        if signed.max() < _ONE_SIDED * np.ptp(about):  # of a hammer, that is no force
+            continue
+        flank = steps[at[1:] != at[:-1]]
+        if np.count_nonzero(at) >= fewest and flank.size and flank.max() > _STEEP_STEPS * step:
+            return True
+    return False
+
+
+def _bounces(run: Run, events: Sequence[Event], rate_hz: float) -> Iterator[Finding]:
+    double = [event for event in events if event.bounces]
+    if double:
+        times = ", ".join(f"{event.start / rate_hz:.2f} s" for event in double)
+        detail = f"double hits at {times}: kept, as the force is recorded with both pulses"
+        yield Finding(run.name, run.force.name, None, Check.DOUBLE_HITS, Verdict.OK, detail)
