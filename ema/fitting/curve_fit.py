@@ -42,6 +42,7 @@ from ema.fitting.fit_steps import (
     is_undetermined,
     merged,
     modes_of,
+    of_unseen_pairs,
     surplus_poles,
     with_states,
     without_leakage,
@@ -319,17 +320,16 @@ class CurveFit:
 
     def modal_model(self) -> ModalModel:
         """Modes of the band with their uncertainty."""
-        frf = self.frf
-        fit, owner = self._one_pole_per_order()
+        frf, (fit, owner) = self.frf, self._one_pole_per_order()
         covariance = parameter_covariance(fit, self.correlation)
         both = frequency_damping_covariance(fit.poles, covariance)
         residues_std = residue_std(fit, covariance, self.correlation)
-        modes = modes_of(fit, both, residues_std)
-        modes = self._with_band_shift(modes, fit)
+        modes = self._with_band_shift(modes_of(fit, both, residues_std), fit)
         if not self.circle:
             modes, both = with_model_error(modes, both, fit, self._again)
         drift = self._final_drift(fit, covariance)
-        between = std_between_runs(fit, self.correlation)
+        unseen = of_unseen_pairs(modes, owner, frf.position_deg)
+        between = np.hypot(std_between_runs(fit, self.correlation), unseen)
         mixed = in_other_orders(fit, owner, residues_std, frf.position_deg)
         inside = self._wanted(modes, fit)
         listed, blocks = list[Mode](), list[Real]()
