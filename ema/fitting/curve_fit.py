@@ -28,7 +28,7 @@ from ema.fitting.covariance import (
     std_between_runs,
 )
 from ema.fitting.evidence import (
-    is_beneath,
+    least_share,
     residue_size,
     share_resonance,
     visible_share,
@@ -42,11 +42,12 @@ from ema.fitting.fit_steps import (
     is_undetermined,
     merged,
     modes_of,
-    of_unseen_pairs,
+    std_of_unseen_pairs,
     surplus_poles,
     with_states,
     without_leakage,
 )
+from ema.fitting.local_poles import at_mean_of_positions
 from ema.fitting.mode_pairs import RingOrder, ring_orders
 from ema.fitting.pole_fit import (
     N_DRIFT,
@@ -65,8 +66,6 @@ from ema.poles.selection import PoleSelection
 # A pole damped this many times more than the others, on its bound, is no mode.
 _BROAD = 3.0
 NO_SHIFT = np.zeros((1, N_DRIFT))
-# A broad pole beneath a sharper one has to show this many times more than others.
-_BENEATH = 2.5
 # A pole with this share of the response makes up its resonance.
 _MAKES_UP = 0.8
 # Without a circle, one of several doubtful poles goes first if this many half-widths hold them.
@@ -134,10 +133,12 @@ def fit_modes(
         fit.drop_insignificant()
     if fit.circle:
         fit.settle_orders()
-    elif not selection.pinned:
-        fit.drop_surplus()
-        fit.follow_poles()
-        fit.drop_hidden()
+    else:
+        if not selection.pinned:
+            fit.drop_surplus()
+            fit.follow_poles()
+            fit.drop_hidden()
+        fit.fit = fit.at_mean(fit.fit)
     return without_window(fit.modal_model(), frf.exponential_window)
 
 
@@ -197,14 +198,8 @@ class CurveFit:
         limit = self.settings.drift_p_value
         self.drift = drift_in_one_step(self.fit, self.frf.run_names, self.correlation, limit)
         if self.drift.applied:
-            self.fit = fit_bounded(
-                self.lines,
-                self.fit.poles,
-                self.settings,
-                self._shifts,
-                self.start_poles,
-                self.fit.pairs,
-            )
+            known = self.settings, self._shifts, self.start_poles, self.fit.pairs
+            self.fit = fit_bounded(self.lines, self.fit.poles, *known)
 
     def compensate_leakage(self) -> None:
         """Fit again without the bias of window and block length."""
@@ -241,9 +236,8 @@ class CurveFit:
         """
         for _ in range(_MOST_DROPS):
             share = visible_share(self.fit)
-            beneath = is_beneath(self.fit)
-            least = self.settings.visible_share * np.where(beneath, _BENEATH, 1.0)
-            if not self._drop(share < least, share, "it hardly shows at its own resonance"):
+            hidden = share < least_share(self.fit, self.settings.visible_share)
+            if not self._drop(hidden, share, "it hardly shows at its own resonance"):
                 break
 
     def _drop(
@@ -328,7 +322,7 @@ class CurveFit:
         if not self.circle:
             modes, both = with_model_error(modes, both, fit, self._again)
         drift = self._final_drift(fit, covariance)
-        unseen = of_unseen_pairs(modes, owner, frf.position_deg)
+        unseen = std_of_unseen_pairs(fit, modes, owner, frf.position_deg, self.correlation)
         between = np.hypot(std_between_runs(fit, self.correlation), unseen)
         mixed = in_other_orders(fit, owner, residues_std, frf.position_deg)
         inside = self._wanted(modes, fit)
@@ -432,7 +426,11 @@ class CurveFit:
     def _again(self, lines: Lines, poles: NDArray[np.complex128]) -> PoleFit:
         """Fit other lines from these poles."""
         drift = self.fit.drift if len(self.fit.drift) > 1 else None
-        return fit_bounded(lines, with_stand_ins(poles, lines), self.settings, drift)
+        return self.at_mean(fit_bounded(lines, with_stand_ins(poles, lines), self.settings, drift))
+
+    def at_mean(self, fit: PoleFit) -> PoleFit:
+        """The fit at the mean poles of its positions, where no circle tells pairs."""
+        return fit if self.circle else at_mean_of_positions(fit)
 
     def _with_band_shift(self, modes: Sequence[Mode], fit: PoleFit) -> list[Mode]:
         """Modes with what the ends of the band change in the nearest fitted pole."""

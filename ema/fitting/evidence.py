@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.mac import mpc
 from ema.core.modes import Mode
 from ema.fitting.covariance import parameter_covariance, residue_std, std_of_waves
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit
@@ -27,6 +28,9 @@ _PARTS = 3
 _RESONANCE = 2.0
 # A jackknife variance of three parts is larger by this factor once in twenty (χ², 2 d.o.f.).
 _BEYOND_CHANCE = 3.0
+# A broad pole beneath a sharper one has to show this many times more than others, and so has one
+# whose positions move less in phase than this (MPC).
+_DOUBTFUL, _IN_PHASE = 2.5, 0.5
 
 
 def scatter_over_positions(fit: PoleFit, refit: Refit) -> Real:
@@ -100,6 +104,14 @@ def visible_share(fit: PoleFit) -> Real:
 def peak_response(fit: PoleFit) -> Real:
     """Response of each pole at its resonance, up to a factor; norm over the positions."""
     return np.asarray(np.linalg.norm(fit.residues, axis=0) / -fit.poles.real)
+
+
+def least_share(fit: PoleFit, visible_share: float) -> Real:
+    """Share of the response that each pole has to have: more where it is no plain resonance."""
+    in_phase = np.array([mpc(shape) for shape in fit.residues.T])
+    return np.where(
+        is_beneath(fit) | (in_phase < _IN_PHASE), _DOUBTFUL * visible_share, visible_share
+    )
 
 
 def is_beneath(fit: PoleFit) -> NDArray[np.bool_]:

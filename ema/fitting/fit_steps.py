@@ -17,6 +17,7 @@ from ema.core.mac import auto_mac
 from ema.core.modes import Flag, Mode
 from ema.core.settings import IdentificationSettings
 from ema.fitting.covariance import parameter_covariance
+from ema.fitting.local_poles import std_over_positions
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
 from ema.fitting.ring_pair import PairFit
@@ -161,14 +162,21 @@ def _of_shares(pair: PairFit) -> NDArray[np.float64]:
     return np.array([spread[0], np.hypot(spread[1], _COMPLEX * spread[0] / pair.numbers[4])])
 
 
-def of_unseen_pairs(
-    modes: Sequence[Mode], owner: Mapping[int, RingOrder], position_deg: NDArray[np.float64]
+def std_of_unseen_pairs(
+    fit: PoleFit,
+    modes: Sequence[Mode],
+    owner: Mapping[int, RingOrder],
+    position_deg: NDArray[np.float64],
+    correlation: float,
 ) -> NDArray[np.float64]:
-    """Standard deviations of frequency and damping ratio from pairs that no position tells.
+    """Standard deviations of frequency and damping ratio from pairs that no order tells.
 
-    Of a wave shorter than two distances of the sensors only one of cosine and sine is seen. Its
-    pair is taken to be split like those of the ring's orders.
+    Of a wave shorter than two distances of the sensors only one of cosine and sine is seen: its
+    pair is taken to be split like those of the ring's orders. Without a circle the positions tell
+    by what they differ.
     """
+    if not on_circle(position_deg):
+        return std_over_positions(fit, correlation)
     std = np.zeros((len(modes), 2))
     pairs = [each.pair for each in owner.values() if each.pair is not None]
     if pairs:
