@@ -28,6 +28,7 @@ from ema.fitting.covariance import (
     std_between_runs,
 )
 from ema.fitting.evidence import (
+    is_below_misfit,
     least_share,
     residue_size,
     share_resonance,
@@ -198,8 +199,8 @@ class CurveFit:
         limit = self.settings.drift_p_value
         self.drift = drift_in_one_step(self.fit, self.frf.run_names, self.correlation, limit)
         if self.drift.applied:
-            known = self.settings, self._shifts, self.start_poles, self.fit.pairs
-            self.fit = fit_bounded(self.lines, self.fit.poles, *known)
+            given = self.settings, self._shifts, self.start_poles, self.fit.pairs
+            self.fit = fit_bounded(self.lines, self.fit.poles, *given)
 
     def compensate_leakage(self) -> None:
         """Fit again without the bias of window and block length."""
@@ -237,6 +238,7 @@ class CurveFit:
         for _ in range(_MOST_DROPS):
             share = visible_share(self.fit)
             hidden = share < least_share(self.fit, self.settings.visible_share)
+            hidden |= is_below_misfit(self.fit)
             if not self._drop(hidden, share, "it hardly shows at its own resonance"):
                 break
 

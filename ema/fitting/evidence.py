@@ -88,8 +88,7 @@ def visible_share(fit: PoleFit) -> Real:
     beside = share_resonance(poles) & (strength[:, None] < strength)
     share = np.empty(poles.size)
     for k, pole in enumerate(poles):
-        distance = np.abs(1j * omega - pole)
-        near = distance <= max(_RESONANCE * -pole.real, float(distance.min()))
+        near = _near(pole, omega)
         missing = _response(omega[near], poles[k], fit.residues[:, k])
         if np.any(beside[k]):
             other = int(np.argmax(np.where(beside[k], strength, 0.0)))
@@ -99,6 +98,22 @@ def visible_share(fit: PoleFit) -> Real:
             missing -= _response(omega[near], complex(joined / np.vdot(both, both)), both)
         share[k] = np.linalg.norm(missing) / np.linalg.norm(fit.lines.values[:, near])
     return share
+
+
+def is_below_misfit(fit: PoleFit) -> Matrix:
+    """Whether the model leaves more at a pole's resonance, beyond noise, than the pole adds."""
+    lines = fit.lines
+    left = np.empty(lines.values.shape)
+    for part, rows in zip(fit.parts, fit.groups, strict=True):
+        real, imag = np.split(part.misfit.T, 2, axis=1)
+        left[rows] = real**2 + imag**2
+    left -= 2 * (lines.importance / lines.scale[:, None]) ** 2
+    below = np.zeros(fit.poles.size, dtype=bool)
+    for k, pole in enumerate(fit.poles):
+        near = _near(pole, lines.omega)
+        own = _response(lines.omega[near], pole, fit.residues[:, k]) * lines.weight[near]
+        below[k] = np.sum(np.abs(own) ** 2) < np.sum(left[:, near])
+    return below
 
 
 def peak_response(fit: PoleFit) -> Real:
@@ -123,6 +138,12 @@ def is_beneath(fit: PoleFit) -> NDArray[np.bool_]:
     within = np.abs(poles.imag[:, None] - poles.imag) < -poles.real[:, None]
     stronger = strength[:, None] < strength
     return np.asarray(np.any(within & stronger & ~share_resonance(poles), axis=1))
+
+
+def _near(pole: complex, omega: Real) -> Matrix:
+    """Lines of a pole's resonance, at least one."""
+    distance = np.abs(1j * omega - pole)
+    return np.asarray(distance <= max(_RESONANCE * -pole.real, float(distance.min())))
 
 
 def _response(omega: Real, pole: complex, residues: Complex) -> Complex:
