@@ -28,8 +28,8 @@ from ema.fitting.covariance import (
     std_between_runs,
 )
 from ema.fitting.evidence import (
-    is_below_misfit,
-    least_share,
+    is_hidden,
+    is_no_mode,
     residue_size,
     share_resonance,
     visible_share,
@@ -237,8 +237,7 @@ class CurveFit:
         """
         for _ in range(_MOST_DROPS):
             share = visible_share(self.fit)
-            hidden = share < least_share(self.fit, self.settings.visible_share)
-            hidden |= is_below_misfit(self.fit)
+            hidden = is_hidden(self.fit, self.settings.visible_share)
             if not self._drop(hidden, share, "it hardly shows at its own resonance"):
                 break
 
@@ -403,27 +402,28 @@ class CurveFit:
 
     def _wanted(self, modes: Sequence[Mode], fit: PoleFit) -> list[int]:
         """Poles of the result: inside the band and not set aside, ascending in frequency."""
-        low, high = self.band_hz
-        aside = self.selection.is_aside(fit.poles)
+        (low, high), aside = self.band_hz, self.selection.is_aside(fit.poles)
         in_band = [r for r in np.argsort(np.abs(fit.poles)) if low <= modes[r].frequency_hz <= high]
         without = ", ".join(f"{modes[r].frequency_hz:.1f}" for r in in_band if aside[r])
-        if without:
-            note = f"Left out by pinning or excluding, but fitted with the rest: {without} Hz."
-            self.notes.append(note)
+        left_out = "Left out by pinning or excluding, but fitted with the rest:"
+        self.notes += [f"{left_out} {without} Hz."] if without else []
         inside = [r for r in in_band if not aside[r]]
         if not inside:
             raise FitError("all poles left the band during the curve fit. Pin frequencies.")
-        known = [r for r in inside if not is_undetermined(modes[r], self.circle, self.settings)]
-        if not known or self.selection.pinned:
+        lost = is_no_mode(fit, self.settings.visible_share) & (not self.circle)
+        why = {
+            r: f"it is not determined (± {modes[r].frequency_std_hz:.2g} Hz, "
+            f"{modes[r].frequency_band_shift_hz:.2g} Hz with another band)"
+            for r in inside
+            if is_undetermined(modes[r], self.circle, self.settings)
+        } | {r: "it hardly shows at its own resonance" for r in inside if lost[r]}
+        if len(why) == len(inside) or self.selection.pinned:
             return inside
         self.notes += [
-            f"The pole at {modes[r].frequency_hz:.1f} Hz is fitted but not listed: it is not "
-            f"determined (± {modes[r].frequency_std_hz:.2g} Hz, "
-            f"{modes[r].frequency_band_shift_hz:.2g} Hz with another band)."
-            for r in inside
-            if r not in known
+            f"The pole at {modes[r].frequency_hz:.1f} Hz is fitted but not listed: {why[r]}."
+            for r in sorted(why)
         ]
-        return known
+        return [r for r in inside if r not in why]
 
     def _again(self, lines: Lines, poles: NDArray[np.complex128]) -> PoleFit:
         """Fit other lines from these poles."""

@@ -28,9 +28,10 @@ _PARTS = 3
 _RESONANCE = 2.0
 # A jackknife variance of three parts is larger by this factor once in twenty (χ², 2 d.o.f.).
 _BEYOND_CHANCE = 3.0
-# A broad pole beneath a sharper one has to show this many times more than others, and so has one
-# whose positions move less in phase than this (MPC).
-_DOUBTFUL, _IN_PHASE = 2.5, 0.5
+# A broad pole beneath a sharper one has to show this many times more than others …
+_DOUBTFUL = 2.5
+# … and one whose positions move less in phase than this (MPC) this many times more.
+_IN_PHASE, _UNLIKELY = 0.5, 5.0
 
 
 def scatter_over_positions(fit: PoleFit, refit: Refit) -> Real:
@@ -121,12 +122,19 @@ def peak_response(fit: PoleFit) -> Real:
     return np.asarray(np.linalg.norm(fit.residues, axis=0) / -fit.poles.real)
 
 
-def least_share(fit: PoleFit, visible_share: float) -> Real:
-    """Share of the response that each pole has to have: more where it is no plain resonance."""
-    in_phase = np.array([mpc(shape) for shape in fit.residues.T])
-    return np.where(
-        is_beneath(fit) | (in_phase < _IN_PHASE), _DOUBTFUL * visible_share, visible_share
-    )
+def is_hidden(fit: PoleFit, least: float) -> Matrix:
+    """Whether a pole's share of the response is below the least one; more if it is beneath."""
+    return visible_share(fit) < np.where(is_beneath(fit), _DOUBTFUL, 1.0) * least
+
+
+def is_no_mode(fit: PoleFit, least: float) -> Matrix:
+    """Poles that the others need, and that are no modes by themselves.
+
+    The model leaves more at their resonance than they add, or they hardly show and their positions
+    do not move in phase.
+    """
+    out_of_phase = np.array([mpc(shape) < _IN_PHASE for shape in fit.residues.T])
+    return is_below_misfit(fit) | (out_of_phase & (visible_share(fit) < _UNLIKELY * least))
 
 
 def is_beneath(fit: PoleFit) -> NDArray[np.bool_]:

@@ -10,7 +10,7 @@ from ema.fitting.curve_fit import fit_modes
 from ema.fitting.evidence import (
     is_below_misfit,
     is_beneath,
-    least_share,
+    is_no_mode,
     scatter_over_positions,
     visible_share,
 )
@@ -123,9 +123,13 @@ def test_poles_that_hang_on_a_third_of_the_positions_scatter_without_them():
     assert np.all(std[-2:] == 0)
 
 
-def test_a_shape_without_common_phase_has_to_show_more():
-    turning = RESIDUES * np.exp([[0, 0, 0, 1j]] * np.arange(12)[:, None])
-    assert least_share(fit_of(POLES, turning), 0.1)[:4] == pytest.approx([0.1, 0.1, 0.1, 0.25])
+def test_a_weak_shape_without_common_phase_is_no_mode():
+    turning = np.exp(1j * np.arange(12))[:, None]
+    phase = np.where(np.arange(4) == 3, turning, 1.0)
+    strong, weak = (RESIDUES * phase * size for size in (1.0, np.array([1, 1, 1, 0.02])))
+    plain = RESIDUES * np.array([1, 1, 1, 0.02])
+    found = [is_no_mode(fit_of(POLES, each), 0.1)[3] for each in (strong, weak, plain)]
+    assert found == [False, True, False]
 
 
 def test_a_pole_that_adds_less_than_the_model_leaves_is_below_its_misfit():
