@@ -128,6 +128,21 @@ def label_modes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> tup
     )
 
 
+def with_aliases(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> list[Mode]:
+    """The modes, those of unknown order with the order that they look like at the positions.
+
+    Purity is then that order's share of the whole shape: the shortest wave that equidistant
+    positions see, + − + −, is in none of the orders.
+    """
+    seen = list(modes)
+    for k, mode in enumerate(modes):
+        if mode.order is None:
+            content = order_content(mode.residues, position_deg)
+            share = content.power.max() / np.mean(np.abs(mode.residues) ** 2)
+            seen[k] = replace(mode, order=content.order, order_purity=float(share))
+    return seen
+
+
 def without_order(mode: Mode, remark: str) -> Mode:
     """The mode, said to be of unknown order for a reason."""
     flags = (Flag.ORDER_UNKNOWN, *(flag for flag in mode.flags if flag is not Flag.ORDER_UNKNOWN))

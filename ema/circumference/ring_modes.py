@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,12 +35,11 @@ def family(modes: Sequence[Mode]) -> dict[int, list[int]]:
     return members
 
 
-def further_resonances(modes: Sequence[Mode]) -> list[tuple[int, list[int]]]:
-    """Resonances of some order n ≥ 1 that are not on the ring's curve: order, main mode, partner.
+def further_resonances(modes: Sequence[Mode], own: Container[int]) -> list[tuple[int, list[int]]]:
+    """Resonances of some order n ≥ 1 beside the ring's `own`: order, main mode, partner.
 
     A rim that moves, a sidewall or the air give orders of the ring a second resonance.
     """
-    own = {k for chosen in family(modes).values() for k in chosen}
     left = [k for k, m in enumerate(modes) if k not in own and m.order and m.order_purity >= PURE]
     left.sort(key=lambda k: -drive(modes[k]))
     found = []

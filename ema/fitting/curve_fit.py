@@ -28,7 +28,8 @@ from ema.fitting.covariance import (
     std_between_runs,
 )
 from ema.fitting.evidence import (
-    is_beneath,
+    is_hidden,
+    is_no_mode,
     residue_size,
     share_resonance,
     visible_share,
@@ -42,10 +43,12 @@ from ema.fitting.fit_steps import (
     is_undetermined,
     merged,
     modes_of,
+    std_of_unseen_pairs,
     surplus_poles,
     with_states,
     without_leakage,
 )
+from ema.fitting.local_poles import at_mean_of_positions
 from ema.fitting.mode_pairs import RingOrder, ring_orders
 from ema.fitting.pole_fit import (
     N_DRIFT,
@@ -64,8 +67,6 @@ from ema.poles.selection import PoleSelection
 # A pole damped this many times more than the others, on its bound, is no mode.
 _BROAD = 3.0
 NO_SHIFT = np.zeros((1, N_DRIFT))
-# A broad pole beneath a sharper one has to show this many times more than others.
-_BENEATH = 2.5
 # A pole with this share of the response makes up its resonance.
 _MAKES_UP = 0.8
 # Without a circle, one of several doubtful poles goes first if this many half-widths hold them.
@@ -133,10 +134,12 @@ def fit_modes(
         fit.drop_insignificant()
     if fit.circle:
         fit.settle_orders()
-    elif not selection.pinned:
-        fit.drop_surplus()
-        fit.follow_poles()
-        fit.drop_hidden()
+    else:
+        if not selection.pinned:
+            fit.drop_surplus()
+            fit.follow_poles()
+            fit.drop_hidden()
+        fit.fit = fit.at_mean(fit.fit)
     return without_window(fit.modal_model(), frf.exponential_window)
 
 
@@ -196,14 +199,8 @@ class CurveFit:
         limit = self.settings.drift_p_value
         self.drift = drift_in_one_step(self.fit, self.frf.run_names, self.correlation, limit)
         if self.drift.applied:
-            self.fit = fit_bounded(
-                self.lines,
-                self.fit.poles,
-                self.settings,
-                self._shifts,
-                self.start_poles,
-                self.fit.pairs,
-            )
+            given = self.settings, self._shifts, self.start_poles, self.fit.pairs
+            self.fit = fit_bounded(self.lines, self.fit.poles, *given)
 
     def compensate_leakage(self) -> None:
         """Fit again without the bias of window and block length."""
@@ -240,9 +237,8 @@ class CurveFit:
         """
         for _ in range(_MOST_DROPS):
             share = visible_share(self.fit)
-            beneath = is_beneath(self.fit)
-            least = self.settings.visible_share * np.where(beneath, _BENEATH, 1.0)
-            if not self._drop(share < least, share, "it hardly shows at its own resonance"):
+            hidden = is_hidden(self.fit, self.settings.visible_share)
+            if not self._drop(hidden, share, "it hardly shows at its own resonance"):
                 break
 
     def _drop(
@@ -319,17 +315,16 @@ class CurveFit:
 
     def modal_model(self) -> ModalModel:
         """Modes of the band with their uncertainty."""
-        frf = self.frf
-        fit, owner = self._one_pole_per_order()
+        frf, (fit, owner) = self.frf, self._one_pole_per_order()
         covariance = parameter_covariance(fit, self.correlation)
         both = frequency_damping_covariance(fit.poles, covariance)
         residues_std = residue_std(fit, covariance, self.correlation)
-        modes = modes_of(fit, both, residues_std)
-        modes = self._with_band_shift(modes, fit)
+        modes = self._with_band_shift(modes_of(fit, both, residues_std), fit)
         if not self.circle:
             modes, both = with_model_error(modes, both, fit, self._again)
         drift = self._final_drift(fit, covariance)
-        between = std_between_runs(fit, self.correlation)
+        unseen = std_of_unseen_pairs(fit, modes, owner, frf.position_deg, self.correlation)
+        between = np.hypot(std_between_runs(fit, self.correlation), unseen)
         mixed = in_other_orders(fit, owner, residues_std, frf.position_deg)
         inside = self._wanted(modes, fit)
         listed, blocks = list[Mode](), list[Real]()
@@ -407,32 +402,37 @@ class CurveFit:
 
     def _wanted(self, modes: Sequence[Mode], fit: PoleFit) -> list[int]:
         """Poles of the result: inside the band and not set aside, ascending in frequency."""
-        low, high = self.band_hz
-        aside = self.selection.is_aside(fit.poles)
+        (low, high), aside = self.band_hz, self.selection.is_aside(fit.poles)
         in_band = [r for r in np.argsort(np.abs(fit.poles)) if low <= modes[r].frequency_hz <= high]
         without = ", ".join(f"{modes[r].frequency_hz:.1f}" for r in in_band if aside[r])
-        if without:
-            note = f"Left out by pinning or excluding, but fitted with the rest: {without} Hz."
-            self.notes.append(note)
+        left_out = "Left out by pinning or excluding, but fitted with the rest:"
+        self.notes += [f"{left_out} {without} Hz."] if without else []
         inside = [r for r in in_band if not aside[r]]
         if not inside:
             raise FitError("all poles left the band during the curve fit. Pin frequencies.")
-        known = [r for r in inside if not is_undetermined(modes[r], self.circle, self.settings)]
-        if not known or self.selection.pinned:
+        lost = is_no_mode(fit, self.settings.visible_share) & (not self.circle)
+        why = {
+            r: f"it is not determined (± {modes[r].frequency_std_hz:.2g} Hz, "
+            f"{modes[r].frequency_band_shift_hz:.2g} Hz with another band)"
+            for r in inside
+            if is_undetermined(modes[r], self.circle, self.settings)
+        } | {r: "it hardly shows at its own resonance" for r in inside if lost[r]}
+        if len(why) == len(inside) or self.selection.pinned:
             return inside
         self.notes += [
-            f"The pole at {modes[r].frequency_hz:.1f} Hz is fitted but not listed: it is not "
-            f"determined (± {modes[r].frequency_std_hz:.2g} Hz, "
-            f"{modes[r].frequency_band_shift_hz:.2g} Hz with another band)."
-            for r in inside
-            if r not in known
+            f"The pole at {modes[r].frequency_hz:.1f} Hz is fitted but not listed: {why[r]}."
+            for r in sorted(why)
         ]
-        return known
+        return [r for r in inside if r not in why]
 
     def _again(self, lines: Lines, poles: NDArray[np.complex128]) -> PoleFit:
         """Fit other lines from these poles."""
         drift = self.fit.drift if len(self.fit.drift) > 1 else None
-        return fit_bounded(lines, with_stand_ins(poles, lines), self.settings, drift)
+        return self.at_mean(fit_bounded(lines, with_stand_ins(poles, lines), self.settings, drift))
+
+    def at_mean(self, fit: PoleFit) -> PoleFit:
+        """The fit at the mean poles of its positions, where no circle tells pairs."""
+        return fit if self.circle else at_mean_of_positions(fit)
 
     def _with_band_shift(self, modes: Sequence[Mode], fit: PoleFit) -> list[Mode]:
         """Modes with what the ends of the band change in the nearest fitted pole."""

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.mac import mpc
 from ema.core.modes import Mode
 from ema.fitting.covariance import parameter_covariance, residue_std, std_of_waves
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit
@@ -27,6 +28,10 @@ _PARTS = 3
 _RESONANCE = 2.0
 # A jackknife variance of three parts is larger by this factor once in twenty (χ², 2 d.o.f.).
 _BEYOND_CHANCE = 3.0
+# A broad pole beneath a sharper one has to show this many times more than others …
+_DOUBTFUL = 2.5
+# … and one whose positions move less in phase than this (MPC) this many times more.
+_IN_PHASE, _UNLIKELY = 0.5, 5.0
 
 
 def scatter_over_positions(fit: PoleFit, refit: Refit) -> Real:
@@ -84,8 +89,7 @@ def visible_share(fit: PoleFit) -> Real:
     beside = share_resonance(poles) & (strength[:, None] < strength)
     share = np.empty(poles.size)
     for k, pole in enumerate(poles):
-        distance = np.abs(1j * omega - pole)
-        near = distance <= max(_RESONANCE * -pole.real, float(distance.min()))
+        near = _near(pole, omega)
         missing = _response(omega[near], poles[k], fit.residues[:, k])
         if np.any(beside[k]):
             other = int(np.argmax(np.where(beside[k], strength, 0.0)))
@@ -97,9 +101,40 @@ def visible_share(fit: PoleFit) -> Real:
     return share
 
 
+def is_below_misfit(fit: PoleFit) -> Matrix:
+    """Whether the model leaves more at a pole's resonance, beyond noise, than the pole adds."""
+    lines = fit.lines
+    left = np.empty(lines.values.shape)
+    for part, rows in zip(fit.parts, fit.groups, strict=True):
+        real, imag = np.split(part.misfit.T, 2, axis=1)
+        left[rows] = real**2 + imag**2
+    left -= 2 * (lines.importance / lines.scale[:, None]) ** 2
+    below = np.zeros(fit.poles.size, dtype=bool)
+    for k, pole in enumerate(fit.poles):
+        near = _near(pole, lines.omega)
+        own = _response(lines.omega[near], pole, fit.residues[:, k]) * lines.weight[near]
+        below[k] = np.sum(np.abs(own) ** 2) < np.sum(left[:, near])
+    return below
+
+
 def peak_response(fit: PoleFit) -> Real:
     """Response of each pole at its resonance, up to a factor; norm over the positions."""
     return np.asarray(np.linalg.norm(fit.residues, axis=0) / -fit.poles.real)
+
+
+def is_hidden(fit: PoleFit, least: float) -> Matrix:
+    """Whether a pole's share of the response is below the least one; more if it is beneath."""
+    return visible_share(fit) < np.where(is_beneath(fit), _DOUBTFUL, 1.0) * least
+
+
+def is_no_mode(fit: PoleFit, least: float) -> Matrix:
+    """Poles that the others need, and that are no modes by themselves.
+
+    The model leaves more at their resonance than they add, or they hardly show and their positions
+    do not move in phase.
+    """
+    out_of_phase = np.array([mpc(shape) < _IN_PHASE for shape in fit.residues.T])
+    return is_below_misfit(fit) | (out_of_phase & (visible_share(fit) < _UNLIKELY * least))
 
 
 def is_beneath(fit: PoleFit) -> NDArray[np.bool_]:
@@ -111,6 +146,12 @@ def is_beneath(fit: PoleFit) -> NDArray[np.bool_]:
     within = np.abs(poles.imag[:, None] - poles.imag) < -poles.real[:, None]
     stronger = strength[:, None] < strength
     return np.asarray(np.any(within & stronger & ~share_resonance(poles), axis=1))
+
+
+def _near(pole: complex, omega: Real) -> Matrix:
+    """Lines of a pole's resonance, at least one."""
+    distance = np.abs(1j * omega - pole)
+    return np.asarray(distance <= max(_RESONANCE * -pole.real, float(distance.min())))
 
 
 def _response(omega: Real, pole: complex, residues: Complex) -> Complex:

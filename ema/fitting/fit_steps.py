@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from ema.circumference.orders import on_circle, order_basis, order_content
+from ema.circumference.orders import label_modes, on_circle, order_basis, order_content
 from ema.circumference.ring_modes import PURE, family
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.frf import FRF
@@ -17,6 +17,7 @@ from ema.core.mac import auto_mac
 from ema.core.modes import Flag, Mode
 from ema.core.settings import IdentificationSettings
 from ema.fitting.covariance import parameter_covariance
+from ema.fitting.local_poles import std_over_positions
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
 from ema.fitting.ring_pair import PairFit
@@ -144,8 +145,10 @@ def in_other_orders(
         shapes = both[:, first:]
         shapes[:, list(resolved)] += both[:, :first]
     for k, shape in enumerate(shapes.T):
-        noise = 2 * np.sum(residues_std[:, k] ** 2) / np.sum(np.abs(shape) ** 2)
-        shares[k] = max(1 - order_content(shape, position_deg).purity - noise, 0.0)
+        size = np.sum(np.abs(shape) ** 2)
+        power = order_content(shape, position_deg).power * shape.size / size
+        noise = 2 * np.sum(residues_std[:, k] ** 2) / size
+        shares[k] = max(power.sum() - power.max() - noise, 0.0)
     return shares
 
 
@@ -157,6 +160,31 @@ def _of_shares(pair: PairFit) -> NDArray[np.float64]:
     apart = np.abs(pair.numbers[2:4] - pair.numbers[:2])
     spread = _SHARE_STD * np.sqrt(pair.share[0] * pair.share[1]) * apart
     return np.array([spread[0], np.hypot(spread[1], _COMPLEX * spread[0] / pair.numbers[4])])
+
+
+def std_of_unseen_pairs(
+    fit: PoleFit,
+    modes: Sequence[Mode],
+    owner: Mapping[int, RingOrder],
+    position_deg: NDArray[np.float64],
+    correlation: float,
+) -> NDArray[np.float64]:
+    """Standard deviations of frequency and damping ratio from pairs that no order tells.
+
+    Of a wave shorter than two distances of the sensors only one of cosine and sine is seen: its
+    pair is taken to be split like those of the ring's orders. Without a circle the positions tell
+    by what they differ.
+    """
+    if not on_circle(position_deg):
+        return std_over_positions(fit, correlation)
+    std = np.zeros((len(modes), 2))
+    pairs = [each.pair for each in owner.values() if each.pair is not None]
+    if pairs:
+        share = np.median([_of_shares(pair) / pair.numbers[4:6] for pair in pairs], axis=0)
+        for k, mode in enumerate(label_modes(modes, position_deg)):
+            if mode.order is None and k not in owner:
+                std[k] = share * (mode.frequency_hz, mode.damping_ratio)
+    return std
 
 
 def _to_stronger(pair: PairFit) -> NDArray[np.float64]:

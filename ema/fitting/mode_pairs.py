@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from ema.circumference.orders import circle_basis, highest_order
+from ema.circumference.orders import circle_basis, highest_order, with_aliases
 from ema.circumference.ring_modes import family, further_resonances
 from ema.core.drift import Drift
 from ema.core.frf import FRF
@@ -206,8 +206,13 @@ class _Search:
         left = _in_one_state(fit, self.middle.poles)
         self.left = left - _synthesis(self.middle, range(fit.poles.size))
         self.decomposition = OrderDecomposition(frf)
-        self.main = _inside(family(modes).items(), modes, band_hz)
-        self.orders = self.main + _inside(further_resonances(modes), modes, band_hz)
+        ring = family(modes)
+        self.main = _inside(ring.items(), modes, band_hz)
+        own = {k for found in ring.values() for k in found}
+        others = further_resonances(with_aliases(modes, frf.position_deg), own)
+        self.orders = self.main + _inside(others, modes, band_hz)
+        # Above the highest order that the positions can tell, an order is an alias.
+        self.aliases = {k for k, mode in enumerate(modes) if mode.order is None}
         self.directions = {
             found[0]: _direction(
                 self.decomposition.rows(order) @ fit.residues[:, found].sum(axis=1)
@@ -227,7 +232,7 @@ class _Search:
         beside = _beside(middle.poles, found)
         own = self.left + change + _synthesis(middle, [*found, *beside], residual_terms=False)
         force_rad, spread = self.directions[found[0]], _UNKNOWN_RAD
-        if self.is_force_known:
+        if self.is_force_known and found[0] not in self.aliases:
             force_rad, spread = self.frf.excitation_deg * radians, _FORCE_STD_DEG * radians
         seen = self.decomposition.order(order, self.lines, own).seen_from(force_rad)
         poles = tuple(middle.poles[beside].tolist())

@@ -342,6 +342,8 @@ _STAND_INS, _STAND_IN_REACH = (1.03, 1.09), (1.002, 1.3)
 _STAND_IN_DAMPING = 0.02
 # What lies beyond the lines disturbs those next to it: their weight falls to this at the ends.
 _END_WEIGHT = 0.05
+# Frequencies stay above this share of their start, however broad the pole: none becomes negative.
+_LEAST_FREQUENCY = 0.1
 
 
 def lines_to_fit(frf: FRF, band_hz: tuple[float, float]) -> Lines:
@@ -414,7 +416,8 @@ def _bounds(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     decay, frequency = -start.real, start.imag
     reach = np.maximum(settings.frequency_reach, decay / frequency) * frequency
-    lower = np.column_stack([decay / settings.damping_reach, frequency - reach])
+    low = np.maximum(frequency - reach, _LEAST_FREQUENCY * frequency)
+    lower = np.column_stack([decay / settings.damping_reach, low])
     upper = np.column_stack([decay * settings.damping_reach, frequency + reach])
     stand_ins = slice(-len(_STAND_INS), None)
     lower[stand_ins, 1], upper[stand_ins, 1] = (

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import systems
 
+from ema.core.settings import IDENTIFICATION
 from ema.fitting.covariance import band_shift
 from ema.fitting.curve_fit import fit_modes
-from ema.fitting.pole_fit import N_DRIFT, Lines, evaluate
+from ema.fitting.pole_fit import N_DRIFT, Lines, evaluate, fit_bounded, lines_to_fit, with_stand_ins
 from ema.poles.selection import PoleSelection
 
 LINES_HZ = np.arange(80, 520) / 2
@@ -107,3 +108,12 @@ def test_on_a_measurement_the_shift_stays_within_the_noise(snr_db):
     for mode in model.modes[1:7]:
         assert mode.frequency_band_shift_hz < 2 * mode.frequency_std_hz
         assert mode.damping_band_shift < 2 * mode.damping_std
+
+
+def test_a_pole_broader_than_its_frequency_keeps_a_positive_one():
+    """Its bounds once reached below zero, and the next fit had none to search in."""
+    lines = lines_to_fit(frf_of(POLES, 40), (42.0, 250.0))
+    poles = with_stand_ins(np.append(-300 + 5j, POLES), lines)
+    for _ in range(2):
+        poles = fit_bounded(lines, poles, IDENTIFICATION).poles
+        assert np.all(poles.imag > 0)

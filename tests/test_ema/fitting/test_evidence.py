@@ -7,7 +7,13 @@ import pytest
 import systems
 
 from ema.fitting.curve_fit import fit_modes
-from ema.fitting.evidence import is_beneath, scatter_over_positions, visible_share
+from ema.fitting.evidence import (
+    is_below_misfit,
+    is_beneath,
+    is_no_mode,
+    scatter_over_positions,
+    visible_share,
+)
 from ema.fitting.pole_fit import N_DRIFT, Lines, evaluate
 from ema.identify import identify_modes
 from ema.poles.selection import PoleSelection
@@ -115,3 +121,23 @@ def test_poles_that_hang_on_a_third_of_the_positions_scatter_without_them():
     std = scatter_over_positions(fit, refit)
     assert std[0, 0] == pytest.approx(40 * 0.03 * np.sqrt(2 * 2 / 9), rel=0.01)
     assert np.all(std[-2:] == 0)
+
+
+def test_a_weak_shape_without_common_phase_is_no_mode():
+    turning = np.exp(1j * np.arange(12))[:, None]
+    phase = np.where(np.arange(4) == 3, turning, 1.0)
+    strong, weak = (RESIDUES * phase * size for size in (1.0, np.array([1, 1, 1, 0.02])))
+    plain = RESIDUES * np.array([1, 1, 1, 0.02])
+    found = [is_no_mode(fit_of(POLES, each), 0.1)[3] for each in (strong, weak, plain)]
+    assert found == [False, True, False]
+
+
+def test_a_pole_that_adds_less_than_the_model_leaves_is_below_its_misfit():
+    fit = fit_of(POLES, RESIDUES)
+    near = np.abs(LINES_HZ - 75.0) < 2.0
+    ripple = np.where(near, 3 * np.abs(fit.lines.values).max() * (-1) ** np.arange(599), 0)
+    for weight, below in ((1.0, [2]), (1e-6, [])):  # the same as misfit, and within the noise
+        lines = replace(fit.lines, values=fit.lines.values + ripple, weight=np.full(599, weight))
+        found = is_below_misfit(evaluate(lines, fit.poles, np.zeros((1, N_DRIFT))))
+        assert np.flatnonzero(found[:4]).tolist() == below
+    assert not np.any(is_below_misfit(fit)[:4])

@@ -7,7 +7,9 @@ import pytest
 import systems
 
 from ema.circumference.orders import highest_order
+from ema.fitting.curve_fit import fit_modes
 from ema.fitting.mode_pairs import OrderDecomposition
+from ema.poles.selection import PoleSelection
 
 LINES_HZ = np.arange(100, 560) / 2
 POLES = systems.table_3_poles()
@@ -86,3 +88,36 @@ def test_lines_and_other_values_can_be_chosen():
 
 def test_missing_positions_limit_the_orders():
     assert OrderDecomposition(tyre(KEPT)).highest == highest_order(np.arange(72)[KEPT] * 5.0) < 35
+
+
+def split_tyre(position_deg, split=0.002, turn_rad=0.6):
+    """FRFs of a tyre whose orders are pairs, the force between their members."""
+    values = 0
+    for n, pole in enumerate(POLES, 1):
+        wave = n * np.deg2rad(position_deg) - turn_rad
+        a, b = np.cos(turn_rad) * np.cos(wave), -np.sin(turn_rad) * np.sin(wave)
+        pair = np.array([pole, pole * (1 + split)])
+        values += systems.inertance(LINES_HZ, pair, np.stack([a, b], 1) * systems.residue(pair))
+    rng = np.random.default_rng(0)
+    noise = 1e-5 * rng.standard_normal((*values.shape, 2)) @ [1, 1j]
+    frf = systems.noise_free_frf(LINES_HZ, values + noise, position_deg=position_deg)
+    return replace(frf, std=np.full(values.shape, 1e-5), excitation_deg=0.0)
+
+
+def test_pairs_of_orders_beyond_the_positions_are_one_row_with_error_bars_that_hold():
+    """Twelve sensors see order 7 as order 5, and order 6 by its cosine only."""
+    modes = fit_modes(split_tyre(np.arange(12) * 30.0), PoleSelection(POLES, (60.0, 250.0))).modes
+    beyond = [mode for mode in modes if mode.order is None]
+    assert len(beyond) == 2
+    for mode, pole in zip(beyond, POLES[5:7], strict=True):
+        hz, ratio = systems.frequency_hz_of(pole), systems.damping_of(pole)
+        mean_hz = hz * (1 + 0.002 * np.sin(0.6) ** 2)
+        assert abs(mode.frequency_hz - mean_hz) < 3 * mode.frequency_std_hz < 2e-3 * hz
+        assert abs(mode.damping_ratio - ratio) < 3 * mode.damping_std < 0.05 * ratio
+
+
+def test_two_poles_of_one_order_beyond_the_positions_become_one_row():
+    poles = np.sort_complex(np.append(POLES, POLES[6] * 1.015))
+    frf = split_tyre(np.arange(12) * 30.0, split=0.02)
+    modes = fit_modes(frf, PoleSelection(poles[np.argsort(abs(poles))], (60.0, 250.0))).modes
+    assert len([mode for mode in modes if mode.order is None]) == 2
