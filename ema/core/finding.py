@@ -58,6 +58,7 @@ class Check(StrEnum):
     # FRFs
     PERIOD = "period", "block length against the period of the force"
     EXCITATION = "excitation", "runs whose force is far below that of the others"
+    WINDOW = "window", "a declared exponential window against the noise of the recordings"
     DOUBLE_HITS = "double hits", "hammer hits with more than one pulse"
     AVERAGES = "averages", "number of averages"
     COHERENCE = "coherence", "median coherence in the band"

@@ -29,7 +29,7 @@ _SAME_SLIP, _MOST_SENSORS, _FEWEST_SENSORS = 0.25, 0.8, 3
 _SHOWN = 5  # of one kind in one channel
 # Share of a response that its FRF explains below which its blocks are looked at one by one; a block
 # with less than this share of the usual gain, and of the power, is lost. Fewer have no usual gain.
-_EXPLAINED, _LOST, _FEWEST_BLOCKS = 0.9, 0.3, 4
+_EXPLAINED, _LOST, _FEWEST_BLOCKS = 0.9, 0.5, 4
 _EXCITED = 1e-3  # of the strongest block's power: others have no gain
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.block_plan import BlockPlan
+from ema.core.block_plan import BlockPlan, ExponentialWindow
 from ema.core.campaign import Run
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Channel
@@ -40,6 +40,10 @@ _ONE_SIDED = 0.2  # of the span of a hit: smaller extremes are not looked at
 # A sensor overloaded in more hits than this has the wrong range: the sensor is judged, not hits.
 _FEW_HITS = 1 / 3
 _FEWEST = 2  # events of a run that give a coherence
+# The end of a block, where little but noise is left, in pieces; what falls over the last four of
+# them more slowly than by this share of a window's rate has not seen it. A noise of fewer steps of
+# the converter is rounding, after any window.
+_END, _PIECES, _LAST_PIECES, _SLOWER, _STEPS = 0.6, 6, 4, 0.75, 3.0
 
 
 @dataclass(frozen=True)
@@ -195,3 +199,50 @@ def _bounces(run: Run, events: Sequence[Event], rate_hz: float) -> Iterator[Find
         times = ", ".join(f"{event.start / rate_hz:.2f} s" for event in double)
         detail = f"double hits at {times}: kept, as the force is recorded with both pulses"
         yield Finding(run.name, run.force.name, None, Check.DOUBLE_HITS, Verdict.OK, detail)
+
+
+def is_one_early_hit(events: Sequence[Event], plan: BlockPlan) -> bool:
+    """Whether a recording is one block with one hit, over before the end that is looked at."""
+    early = (1 - _END) * plan.block_samples
+    return (
+        plan.n_blocks == 1
+        and len(events) == 1
+        and bool(events[0].pulses)
+        and events[0].stop < early
+    )
+
+
+def window_findings(
+    runs: Sequence[Run], plans: Mapping[str, BlockPlan], window: ExponentialWindow | None
+) -> tuple[Finding, ...]:
+    """Whether a declared exponential window is missing: it lets the noise fall by e^{−t/τ}."""
+    rates = [] if window is None else [_decay_per_s(run, plans[run.name]) for run in runs]
+    known = [rate for rate in rates if np.isfinite(rate)]
+    # Responses that still ring only fall faster.
+    if window is None or not known or np.median(known) > _SLOWER * window.decay_per_s:
+        return ()
+    detail = (
+        f"exponential window of {window.time_constant_s:g} s declared (rate "
+        f"{window.decay_per_s:.3g} per s), but the noise at the end of the blocks falls by only "
+        f"{np.median(known):.2g} per s: damping ratios are too low. Correct exponential_window_s"
+    )
+    return (Finding("", "", None, Check.WINDOW, Verdict.WARNING, detail),)
+
+
+def _decay_per_s(run: Run, plan: BlockPlan) -> float:
+    """Rate at which the noise of the sensors falls at the end of the blocks; NaN if unknown."""
+    size = int(_END * plan.block_samples) // _PIECES
+    levels = []
+    for channel in run.channels[1:]:
+        ends = (start + plan.block_samples for start in plan.starts)
+        blocks = np.array([channel.block(end - _PIECES * size - 2, end) for end in ends])
+        moves = np.abs(np.diff(blocks))
+        noise = np.diff(blocks, 2).reshape(len(blocks), _PIECES, size)  # rather than modes
+        rms = np.sqrt(np.mean(noise**2, axis=(0, 2)))
+        if np.all(rms > _STEPS * moves[moves > 0].min(initial=np.inf)):
+            levels.append(np.log(rms))
+    if not levels:
+        return np.nan
+    level = np.median(levels, axis=0)[-_LAST_PIECES:]
+    time_s = np.arange(_LAST_PIECES) * size / plan.sampling_rate_hz
+    return float(-np.polyfit(time_s, level, 1)[0])

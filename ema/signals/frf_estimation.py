@@ -17,7 +17,7 @@ from ema.core.frf import FRF, ForceRecord
 from ema.core.numerics import available_threads
 from ema.signals.bias_and_noise import incoherent_power
 from ema.signals.damage import without_damage, without_lost_samples
-from ema.signals.events import event_plans, find_events
+from ema.signals.events import event_plans, find_events, is_one_early_hit, window_findings
 from ema.signals.excitation import (
     SHORTEST_PERIOD_S,
     is_steady,
@@ -132,9 +132,14 @@ def _plans(
     plan = _common_plan(runs, processing, steady=steady)
     chosen = (processing.averages, processing.block_seconds, processing.window, processing.overlap)
     free = not plan.period_samples and all(each is None for each in chosen)
-    if separate and free and (found := event_plans(runs, events, plan)) is not None:
-        return False, *found
-    return steady, {run.name: plan.for_length(run.recording.n_samples) for run in runs}, ()
+    found = event_plans(runs, events, plan) if separate and free else None
+    if found is None:
+        whole = {run.name: plan.for_length(run.recording.n_samples) for run in runs}
+        if not all(is_one_early_hit(events[run.name], whole[run.name]) for run in runs):
+            return steady, whole, ()
+        found = whole, ()
+    plans, remarks = found
+    return False, plans, (*remarks, *window_findings(runs, plans, processing.exponential_window))
 
 
 def _common_plan(runs: Sequence[Run], processing: Processing, *, steady: bool) -> BlockPlan:

@@ -171,3 +171,20 @@ def test_a_sensor_with_a_loose_cable_is_left_out(force):
     frf = estimate_frf(campaign_of(recordings.edited(run, loose, ["A03"])))
     assert [(each.channel, each.check) for each in frf.findings] == [("A03", Check.DROPOUT)]
     assert screen(frf, (30.0, 250.0))[0].channel == ("A01", "A02", "A04")
+
+
+def through_a_window(time_constant_s, n=N):
+    """A change that multiplies what follows each hit by a window, noise included."""
+    since_s = np.arange(N) / RATE_HZ - HITS_S[np.searchsorted(HITS_S, np.arange(N) / RATE_HZ) - 1]
+    window = np.exp(-np.where(since_s < 0, 0.0, since_s) / time_constant_s)[:n]
+    return lambda samples: samples * window
+
+
+@pytest.mark.parametrize("n", [N, 2800])
+@pytest.mark.parametrize(("applied_s", "named"), [(0.3, False), (1.0, True), (1e9, True)])
+def test_a_declared_window_has_to_be_in_the_noise(n, applied_s, named):
+    run = recordings.run(hits()[:n], recordings.answers(hits(), 2, 0.02)[:, :n])
+    sensors = [f"A{k:02d}" for k in range(1, 5)] + ["REF"]
+    run = recordings.edited(run, through_a_window(applied_s, n), sensors)
+    frf = estimate_frf(campaign_of(run, exponential_window_s=0.3))
+    assert [each.check for each in frf.findings] == [Check.WINDOW] * named
