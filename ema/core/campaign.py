@@ -101,6 +101,8 @@ class Campaign:
         Angle of the reference sensor, where given.
     sensor_mass_kg : float or None
         Mass of one accelerometer.
+    own_masses_kg : dict of str to float
+        Masses by channel, where they differ from that.
     live_mass_kg : float or None
         Mass between load cell and tyre.
     processing : Processing
@@ -130,6 +132,7 @@ class Campaign:
     excitation_deg: float | None = None
     reference_deg: float | None = None
     sensor_mass_kg: float | None = None
+    own_masses_kg: dict[str, float] = field(default_factory=dict)
     live_mass_kg: float | None = None
     processing: Processing = field(default_factory=Processing)
     identification: IdentificationSettings = IDENTIFICATION
@@ -141,6 +144,18 @@ class Campaign:
     def has_circle(self) -> bool:
         """Whether the positions lie on a closed circle, so that circumferential orders exist."""
         return self.positions is not None
+
+    def mass_of(self, channel: str) -> float | None:
+        """Mass of the sensor of a channel in kg; None where it is not given."""
+        return self.own_masses_kg.get(channel, self.sensor_mass_kg)
+
+    @property
+    def stated_mass_kg(self) -> float | dict[str, float] | None:
+        """Mass of the sensors as in the manifest: one number, or by channel."""
+        if not self.own_masses_kg:
+            return self.sensor_mass_kg
+        default = {} if self.sensor_mass_kg is None else {"default": self.sensor_mass_kg}
+        return default | self.own_masses_kg
 
     def __repr__(self) -> str:
         tyre = "no tyre" if self.tyre is None else f"tyre {self.tyre.designation}"
@@ -158,7 +173,7 @@ class Campaign:
             ("grid positions", "no grid" if self.positions is None else str(self.positions)),
             ("excitation at", as_typed(self.excitation_deg, "°")),
             ("reference sensor at", as_typed(self.reference_deg, "°")),
-            ("mass of one sensor", as_typed(self.sensor_mass_kg, "kg")),
+            ("mass of one sensor", _masses(self)),
         ]
         shown = facts(f"Campaign {self.name}", pairs) + (_runs_html(self.runs) if self.runs else "")
         return shown + findings_html(self.findings)
@@ -168,6 +183,12 @@ class Campaign:
             return f"FRFs of {counted(self.frf.n_positions, 'position')}"
         sensors = sum(len(run.responses) for run in self.runs)
         return f"{counted(len(self.runs), 'run')} with {counted(sensors, 'response')}"
+
+
+def _masses(campaign: Campaign) -> str:
+    shown = as_typed(campaign.sensor_mass_kg, "kg")
+    own = (f"{name} {as_typed(mass, 'kg')}" for name, mass in campaign.own_masses_kg.items())
+    return ", ".join([shown, *own])
 
 
 def _runs_html(runs: tuple[Run, ...]) -> str:

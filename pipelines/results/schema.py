@@ -81,6 +81,7 @@ class StoredMass:
     excitation_deg: float
     live_mass_kg: float
     drift: StoredDrift | None = None
+    own_kg: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -179,6 +180,10 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
         lengths = [len(each) for each in vars(drift).values() if isinstance(each, tuple)]
         yield "drift", lengths if len({*lengths}) > 1 else [], "needs one value for each run"
         yield "drift", [each for each in drift.percent if not each > -100], "must be > -100 %"
+    if (held := found.sensor_mass) is not None and held.own_kg:
+        groups = held.sensors_deg, held.own_kg
+        seats, masses = ({run: len(each) for run, each in group.items()} for group in groups)
+        yield "sensor_mass", [masses] if masses != seats else [], "needs a mass for each sensor"
     if (plan := found.blocks) is not None:
         counts = (plan.sampling_rate_hz, plan.block_samples, plan.step_samples, plan.n_blocks)
         wrong = [plan] if not (min(counts) > 0 and plan.period_samples >= 0) else []

@@ -147,7 +147,8 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
     if (held := stored.sensor_mass) is not None:
         seats = {run: np.array(angles) for run, angles in held.sensors_deg.items()}
         drift = NO_DRIFT if held.drift is None else Drift(**vars(held.drift))
-        mass = SensorMass(held.mass_kg, seats, held.excitation_deg, held.live_mass_kg, drift)
+        own = {run: np.array(masses) for run, masses in held.own_kg.items()}
+        mass = SensorMass(held.mass_kg, seats, held.excitation_deg, held.live_mass_kg, drift, own)
     frf = without_mass(corrected(measured, stored.corrections), mass)
     model = _read_model(stored, frf, folder / RESIDUES_NAME)
     recorded = record.get("settings", {}).get("checks", {})

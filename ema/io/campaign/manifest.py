@@ -13,7 +13,9 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
+    Discriminator,
     Field,
+    Tag,
     ValidationError,
     field_validator,
     model_validator,
@@ -53,6 +55,7 @@ _mass = _between(0.0, 1.0, "sensors have up to 1 kg (4 g are 0.004 kg)")
 _Pascals = Annotated[Positive, _pressure]
 _Metres = Annotated[Positive, _length]
 _Kilograms = Annotated[NotNegative, _mass]
+_ONE, _MANY = "<number>", "<table>"  # parts of the place of an error that no manifest has
 
 
 class _Section(BaseModel):
@@ -91,9 +94,23 @@ class AcquisitionSection(_Section):
 
 
 class SensorsSection(_Section):
-    """``[sensors]``: the mass of one accelerometer."""
+    """``[sensors]``: the mass of one accelerometer, or masses by channel and a default."""
 
-    mass_kg: _Kilograms | None = None
+    mass_kg: Annotated[
+        Annotated[_Kilograms | None, Tag(_ONE)] | Annotated[dict[str, _Kilograms], Tag(_MANY)],
+        Discriminator(lambda given: _MANY if isinstance(given, dict) else _ONE),
+    ] = None
+
+    @property
+    def default_kg(self) -> float | None:
+        """Mass of each sensor without one of its own."""
+        return self.mass_kg.get("default") if isinstance(self.mass_kg, dict) else self.mass_kg
+
+    @property
+    def own_kg(self) -> dict[str, float]:
+        """Masses by channel."""
+        given = self.mass_kg if isinstance(self.mass_kg, dict) else {}
+        return {name: mass for name, mass in given.items() if name != "default"}
 
 
 class CalibrationSection(_Section):
@@ -252,7 +269,7 @@ def _as_stored(path: Path) -> Path:
 def _explain(path: Path, error: ValidationError) -> ManifestError:
     # A misspelt key is also missing under its right name: name the misspelt one.
     first = min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
-    place = tuple(first["loc"])
+    place = tuple(part for part in first["loc"] if part not in (_ONE, _MANY))
     dotted = ".".join(str(part + 1 if isinstance(part, int) else part) for part in place)
     where = f"{path.name}, {dotted}" if place else path.name
     if first["type"] == "extra_forbidden":

@@ -101,7 +101,9 @@ def _with_manifest(path: Path) -> Campaign:
     files = _files_of(path, manifest)
     contents = _read_all(files)
     names = {name for each in contents if each.recording for name in each.recording.names}
-    check_keys(names, manifest.calibration)
+    check_keys(names, "calibration", manifest.calibration)
+    if names:
+        check_keys(names, "sensors.mass_kg", manifest.sensors.own_kg)
     runs = [
         _run_by_manifest(content, manifest, number) for number, content in enumerate(contents, 1)
     ]
@@ -111,7 +113,8 @@ def _with_manifest(path: Path) -> Campaign:
         tyre=None if manifest.tyre is None else manifest.tyre.tyre(),
         positions=None if manifest.grid is None else manifest.grid.positions,
         excitation_deg=None if manifest.grid is None or angle is None else angle % 360.0,
-        sensor_mass_kg=manifest.sensors.mass_kg,
+        sensor_mass_kg=manifest.sensors.default_kg,
+        own_masses_kg=manifest.sensors.own_kg,
         live_mass_kg=manifest.excitation.live_mass_kg,
         processing=manifest.processing.processing(),
         identification=settings_from(
@@ -229,11 +232,13 @@ def _fill_runs(
         findings += level_findings(replace(recording, channels=run.channels))
     if excitation_deg is None:
         excitation_deg = forces[0].position_deg
+    _require_masses(campaign, runs)
     if (roving := exchanged(runs, forces)) is not None:
         runs, sensor = roving
         excitation_deg, reference_deg = sensor.position_deg, None
         # The sensor stays at what is now the force, and its mass with it.
-        campaign = replace(campaign, live_mass_kg=campaign.sensor_mass_kg, sensor_mass_kg=None)
+        mass_kg = campaign.mass_of(sensor.channel.name)
+        campaign = replace(campaign, live_mass_kg=mass_kg, sensor_mass_kg=None, own_masses_kg={})
         findings.append(ROVING)
     findings += agreement.coverage_findings(runs, campaign.positions)
     return replace(
@@ -243,6 +248,19 @@ def _fill_runs(
         reference_deg=reference_deg,
         findings=tuple(findings),
     )
+
+
+def _require_masses(campaign: Campaign, runs: Sequence[Run]) -> None:
+    """Refuse masses of some sensors without those of the others."""
+    sensors = [each.name for run in runs for each in run.channels if each is not run.force]
+    unknown = [name for name in dict.fromkeys(sensors) if campaign.mass_of(name) is None]
+    if campaign.own_masses_kg and unknown:
+        raise ManifestError(
+            f"{MANIFEST_NAME}, sensors.mass_kg",
+            f"no mass of {', '.join(unknown)}",
+            "where sensors have masses of their own, that of every sensor must be known",
+            "Add default = … for all others, or name each (0 for one that does not touch the tyre)",
+        )
 
 
 def _same_place(run: Run, wanted: Wanted, grid: Grid, others: float | None) -> float | None:
