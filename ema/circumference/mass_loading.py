@@ -47,10 +47,12 @@ def masses_of_runs(campaign: Campaign) -> dict[str, Real]:
 
 
 def _seats(campaign: Campaign, run: Run) -> Iterator[tuple[float, str]]:
-    """Angle and channel of each sensor of a run."""
-    for each in run.responses:
-        if each.position_deg is not None:
+    """Angle and channel of each sensor of a run; one that measures several directions once."""
+    seen = set()
+    for each in (*run.responses, *run.others):
+        if each.position_deg is not None and each.position_deg not in seen:
             yield each.position_deg, each.channel.name
+            seen.add(each.position_deg)
     if run.reference is not None and campaign.reference_deg is not None:
         yield campaign.reference_deg, run.reference.name
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 
 from ema.core.block_plan import ExponentialWindow
@@ -53,6 +54,14 @@ class Processing:
         return ExponentialWindow(self.exponential_window_s, self.exponential_window_std_s)
 
 
+class Direction(StrEnum):
+    """Direction of a sensor or of the force on the tyre."""
+
+    RADIAL = "radial"
+    TANGENTIAL = "tangential"
+    AXIAL = "axial"
+
+
 @dataclass(frozen=True, eq=False)
 class Response:
     """A response channel of a run and where it sits."""
@@ -60,6 +69,7 @@ class Response:
     channel: Channel
     node: int | None
     position_deg: float | None
+    direction: Direction = Direction.RADIAL
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +81,13 @@ class Run:
     force: Channel
     responses: tuple[Response, ...]  # on the grid (or on nodes), without the reference
     reference: Channel | None = None  # the sensor that stays in place over all runs
+    others: tuple[Response, ...] = ()  # on the tyre, but not of the direction evaluated
+
+    @property
+    def sensors(self) -> tuple[Channel, ...]:
+        """All sensors on the tyre, the reference last."""
+        found = [response.channel for response in (*self.responses, *self.others)]
+        return (*found, *([self.reference] if self.reference else []))
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -109,6 +126,10 @@ class Campaign:
         Choices of the manifest.
     identification, checks : IdentificationSettings, CheckSettings
         Thresholds, changed by the manifest's ``[identification]`` and ``[checks]``.
+    direction, force_direction : Direction
+        Of the responses and of the force in `runs`.
+    others : tuple of Campaign
+        What was measured in other directions; kept out of the ring.
     sources : tuple of Path
         Every file read, the manifest first.
     findings : tuple of Finding
@@ -137,6 +158,9 @@ class Campaign:
     processing: Processing = field(default_factory=Processing)
     identification: IdentificationSettings = IDENTIFICATION
     checks: CheckSettings = CHECKS
+    direction: Direction = Direction.RADIAL
+    force_direction: Direction = Direction.RADIAL
+    others: tuple[Campaign, ...] = ()
     sources: tuple[Path, ...] = ()
     findings: tuple[Finding, ...] = ()
 

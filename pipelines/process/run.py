@@ -37,6 +37,7 @@ from ema.identify import Identification, SensorMass
 from ema.signals.steadiness import steadiness_findings
 from model.identifiability import IDENTIFIED
 from model.tuning import TuningResult
+from pipelines.process.directions import with_other_modes
 from pipelines.process.validate import (
     RingOrder,
     amplitude_finding,
@@ -118,6 +119,7 @@ def process(
                 checks=campaign.checks,
             )
         measured = _measured(campaign, estimated, found, band_hz)
+        measured = with_other_modes(measured, campaign, band_hz, options.estimator)
         if options.strict:
             refuse_warnings(measured.findings)
         with watch.stage("ring", "Tuning the ring"):

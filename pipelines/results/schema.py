@@ -18,6 +18,7 @@ from ema.core.files import require_regular
 from ema.core.finding import Finding
 from ema.core.modes import Flag, OrderReport, Pair
 from ema.poles.cross_check import Opinion
+from pipelines.results.result import OtherMode
 from pipelines.storage.tables import LARGEST
 
 REMEDY = "Process the recordings again"
@@ -112,6 +113,7 @@ class Stored:
     indicator: tuple[float, ...]
     corrections: tuple[Correction, ...] = ()
     sensor_mass: StoredMass | None = None
+    other_modes: tuple[OtherMode, ...] = ()
 
 
 def read_identification_json(path: Path) -> Stored:

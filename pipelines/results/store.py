@@ -111,7 +111,7 @@ def write_identification(result: Result, folder: Path) -> None:
     model, diagram = result.modal_model, result.diagram
     sources: tuple[tuple[Any, tuple[str, ...]], ...] = (
         (result, ("name", "tyre", "excitation_deg", "reference_deg", "findings", "opinions")),
-        (result, ("corrections", "sensor_mass")),
+        (result, ("corrections", "sensor_mass", "other_modes")),
         (result.frf, ("blocks", "n_effective")),
         (model, ("band_hz", "fit_band_hz", "misfit", "covariance", "frac", "drift", "notes")),
         (model, ("orders", "modes", "guard_modes", "exponential_window")),
@@ -170,6 +170,7 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
         notes=model.notes,
         corrections=stored.corrections,
         sensor_mass=mass,
+        other_modes=stored.other_modes,
         provenance={key: value for key, value in record.items() if key != "warnings"},
     )
 

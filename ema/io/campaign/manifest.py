@@ -21,7 +21,7 @@ from pydantic import (
     model_validator,
 )
 
-from ema.core.campaign import Processing, Tyre
+from ema.core.campaign import Direction, Processing, Tyre
 from ema.core.errors import ManifestError, nearest
 from ema.core.files import require_regular
 
@@ -145,10 +145,18 @@ class ExcitationSection(_Section):
     def _evaluated(cls, direction: str | None) -> str | None:
         if direction not in (None, "radial"):
             raise ValueError(
-                "only radial excitation is supported: drive point, sensor mass and ring model "
-                "assume a radial force. Remove the line only if the force is radial"
+                "the ring needs radial excitation. Runs with another force may be added: "
+                'excitation = { direction = "tangential" } in [[runs]]'
             )
         return direction
+
+
+class RunExcitationSection(_Section):
+    """``excitation`` of a run: where it differs from ``[excitation]``."""
+
+    channel: str | None = None
+    position_deg: Finite | None = None
+    direction: Direction = Direction.RADIAL
 
 
 class UncertainSection(_Section):
@@ -192,6 +200,15 @@ class RunSection(_Section):
     file: Annotated[str, Field(min_length=1)]
     reference: str | None = None
     positions_deg: dict[str, Finite] | None = None
+    directions: dict[str, Direction] = {}
+    excitation: RunExcitationSection = RunExcitationSection()
+
+    @field_validator("excitation", mode="before")
+    @classmethod
+    def _single(cls, excitation: Any) -> Any:
+        if isinstance(excitation, list):
+            raise ValueError("several forces at once are not supported: one run for each force")
+        return excitation
 
 
 class Manifest(_Section):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ema.core.campaign import Response, Run
+from ema.core.campaign import Direction, Response, Run
 from ema.core.errors import InputError, ManifestError, RecordingFormatError, nearest
 from ema.core.finding import Check, Finding
 from ema.core.recording import ACCELERATION, FORCE, UNKNOWN, VOLTAGE, Channel, Recording
@@ -26,6 +26,9 @@ class Wanted:
     force: str | None = None  # name of the channel of the excitation
     reference: str | None = None  # name of the channel of the reference sensor
     positions_deg: dict[str, float] | None = None  # angles by name of the channel
+    directions: dict[str, Direction] = field(default_factory=dict)  # of channels not radial
+    force_direction: Direction = Direction.RADIAL
+    force_deg: float | None = None  # where it is not that of the campaign
 
     def may_be_response(self, channel: Channel) -> bool:
         """Whether a channel may be a response: it has a position, or else is an acceleration."""
@@ -48,11 +51,17 @@ def assign(
         roles.note("", Check.GRID, "positions_deg without [grid]: no circle, angles not used")
     taken = {force.name} | ({reference.name} if reference is not None else set())
     responses = [
-        grid.place(recording.path, channel, wanted.positions_deg, findings)
+        replace(
+            grid.place(recording.path, channel, wanted.positions_deg, findings),
+            direction=wanted.directions.get(channel.name, Direction.RADIAL),
+        )
         for channel in roles.responses(taken)
     ]
     roles.check_places(responses)
-    return Run(name, recording, force, tuple(responses), reference)
+    roles.check_directions(reference)
+    radial = tuple(each for each in responses if each.direction == Direction.RADIAL)
+    others = tuple(each for each in responses if each.direction != Direction.RADIAL)
+    return Run(name, recording, force, radial, reference, others)
 
 
 @dataclass(frozen=True)
@@ -154,17 +163,28 @@ class _Roles:
 
     def check_places(self, responses: Sequence[Response]) -> None:
         """Refuse two responses at one place of a run: one of them is mislabelled."""
-        seen: dict[float | int | None, str] = {}
+        seen: dict[tuple[Direction, float | int | None], str] = {}
         for response in responses:
             angle = response.position_deg
-            key = response.node if angle is None else round(angle, 6) % 360.0
+            place = response.node if angle is None else round(angle, 6) % 360.0
+            key = response.direction, place
             name = response.channel.name
             if key in seen:
-                place = f"node {key}" if angle is None else f"{key:g} degrees"
-                found = f"{seen[key]!r} and {name!r} are both at {place}"
+                where = f"node {place}" if angle is None else f"{place:g} degrees"
+                found = f"{seen[key]!r} and {name!r} are both at {where}"
                 rule = "each response of a run must have a different place"
-                raise self.fault(found, rule, "Correct one of the two positions")
+                remedy = "Correct one of the two positions, or state directions"
+                raise self.fault(found, rule, remedy)
             seen[key] = name
+
+    def check_directions(self, reference: Channel | None) -> None:
+        """Refuse directions of channels that are not there, and a reference that is not radial."""
+        for name, direction in self.wanted.directions.items():
+            self._named(name, "directions")
+            if reference is not None and reference.name == name and direction != Direction.RADIAL:
+                rule = "the fixed reference sensor must be radial"
+                remedy = "Name a radial sensor as the reference"
+                raise self.fault(f"{name!r} is {direction}", rule, remedy)
 
 
 @dataclass(frozen=True)
