@@ -17,10 +17,9 @@ from ema.core.recording import Recording
 from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
 from ema.io.campaign import agreement
 from ema.io.campaign.calibration import calibrated, check_keys
-from ema.io.campaign.directions import by_direction, ring_runs
 from ema.io.campaign.manifest import MANIFEST_NAME, USE_SLASHES, Manifest, read_manifest, resolve
 from ema.io.campaign.reciprocity import ROVING, exchanged, exchanged_frfs
-from ema.io.campaign.roles import Grid, Wanted, assign
+from ema.io.campaign.roles import Grid, Wanted, assign, by_direction, ring_runs
 from ema.io.columns import SAME_RATE
 from ema.io.content import FileContent, unreadable
 from ema.io.formats import exists, is_folder, is_recording, read_file
