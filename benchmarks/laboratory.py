@@ -21,10 +21,11 @@ import numpy as np
 from laboratory_scoring import Match, Order, Row, Score, orders_of, score
 
 import ema
-from ema.circumference.mass_loading import sensors_of_runs, unloaded
+from ema.circumference.mass_loading import sensors_of_runs
 from ema.core.campaign import Campaign
 from ema.core.errors import FitError, InputError
 from ema.core.frf import FRF
+from ema.identify import without_mass
 from pipelines.simulate.laboratory import Laboratory
 from pipelines.simulate.laboratory_effects import Effects
 from pipelines.simulate.laboratory_truth import LaboratoryMode
@@ -189,10 +190,7 @@ def measure(options: dict[str, Any], seed: int, duration_s: float, *, toolbox: b
 
 def touched(campaign: Campaign, frf: FRF, found: ema.Identification, faulty: set[str]) -> int:
     """Healthy channels whose FRF is absent from the result or is not the measured one."""
-    expected = frf
-    mass = found.sensor_mass
-    if mass is not None:
-        expected = unloaded(frf, mass.sensors_deg, mass.mass_kg, mass.excitation_deg, mass.drift)
+    expected = without_mass(frf, found.sensor_mass)
     angles = {float(angle): row for row, angle in enumerate(found.frf.position_deg)}
     healthy = [row for row, name in enumerate(frf.channel) if name not in faulty]
     places = [(row, angles.get(float(expected.position_deg[row]))) for row in healthy]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -107,6 +107,8 @@ class SensorMass:
         Mass between load cell and tyre.
     drift : Drift
         Natural frequencies of the runs against each other.
+    own_kg : dict of str to ndarray
+        Mass of each sensor in `sensors_deg`, where they differ.
 
     Examples
     --------
@@ -123,6 +125,12 @@ class SensorMass:
     excitation_deg: float = 0.0
     live_mass_kg: float = 0.0
     drift: Drift = NO_DRIFT
+    own_kg: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+
+    @property
+    def loads(self) -> bool:
+        """Whether a sensor has a mass."""
+        return bool(self.mass_kg) or any(np.any(each) for each in self.own_kg.values())
 
 
 @one_blas_thread
@@ -319,7 +327,7 @@ def _consistent(
             break
     for _ in range(_DRIFT_PASSES):
         drift = fit[1].drift
-        if state.mass is None or not state.mass.mass_kg or not drift.applied:
+        if state.mass is None or not state.mass.loads or not drift.applied:
             break
         state = replace(state, mass=replace(state.mass, drift=drift))
         fitted, fit = state.fitted, asked.fit(state.fitted, (fit[0], asked.selected(fit[0])))
@@ -333,16 +341,15 @@ def without_mass(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
     """FRFs without the mass of the sensors, where it is known and the positions are a circle."""
     if sensor_mass is None or not on_circle(frf.position_deg):
         return frf
-    if sensor_mass.live_mass_kg:
-        frf = without_live_mass(frf, sensor_mass.live_mass_kg, sensor_mass.excitation_deg)
-    if not sensor_mass.mass_kg:
-        return frf
+    if not sensor_mass.loads:
+        return without_live_mass(frf, sensor_mass.live_mass_kg, sensor_mass.excitation_deg)
     return unloaded(
         frf,
         sensor_mass.sensors_deg,
-        sensor_mass.mass_kg,
+        sensor_mass.own_kg or sensor_mass.mass_kg,
         sensor_mass.excitation_deg,
         sensor_mass.drift,
+        sensor_mass.live_mass_kg,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,38 +12,60 @@ from scipy.interpolate import make_interp_spline
 
 from ema.circumference.orders import circle_basis, highest_order
 from ema.circumference.ring_modes import family
-from ema.core.campaign import Campaign
+from ema.core.campaign import Campaign, Run
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError
 from ema.core.frf import FRF, ROW_ARRAYS
-from ema.core.modes import ModalModel
+from ema.core.modes import ModalModel, Mode
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+# After each pass, what is left of the live mass is a tenth.
+_LIVE_PASSES = 2
+# A position this near the force is the drive point.
+_AT_FORCE_DEG = 2.5
+# √(K/ρh)/(2πa), frequency of extension of a belt; that of the paper's tyre (Table 4).
+_STRETCH_HZ = 545.0
 # Share of an FRF that orders above the highest one resolved may hold.
 _UNRESOLVED = 1e-3
 
 
 def sensors_of_runs(campaign: Campaign) -> dict[str, Real]:
     """Angles of all sensors that load the tyre in each run, the reference included."""
-    angles = {}
-    for run in campaign.runs:
-        seats = [r.position_deg for r in run.responses if r.position_deg is not None]
-        if run.reference is not None and campaign.reference_deg is not None:
-            seats.append(campaign.reference_deg)
-        angles[run.name] = np.array(seats)
-    return angles
+    return {
+        run.name: np.array([angle for angle, _ in _seats(campaign, run)]) for run in campaign.runs
+    }
+
+
+def masses_of_runs(campaign: Campaign) -> dict[str, Real]:
+    """Masses in kg of the sensors of `sensors_of_runs`; 0 where none is given."""
+    return {
+        run.name: np.array([campaign.mass_of(name) or 0.0 for _, name in _seats(campaign, run)])
+        for run in campaign.runs
+    }
+
+
+def _seats(campaign: Campaign, run: Run) -> Iterator[tuple[float, str]]:
+    """Angle and channel of each sensor of a run; one that measures several directions once."""
+    seen = set()
+    for each in (*run.responses, *run.others):
+        if each.position_deg is not None and each.position_deg not in seen:
+            yield each.position_deg, each.channel.name
+            seen.add(each.position_deg)
+    if run.reference is not None and campaign.reference_deg is not None:
+        yield campaign.reference_deg, run.reference.name
 
 
 def unloaded(
     frf: FRF,
     sensors_deg: dict[str, Real],
-    mass_kg: float,
+    mass_kg: float | dict[str, Real],
     excitation_deg: float = 0.0,
     drift: Drift = NO_DRIFT,
+    live_mass_kg: float = 0.0,
 ) -> FRF:
-    """FRFs of the bare tyre, without the mass of the sensors.
+    """FRFs of the bare tyre, without the mass of the sensors and that at the load cell.
 
     A sensor of mass m at θ_k pulls with −m a_k; pushing back with +m a_k bares the tyre:
     H_bare(θ_i) = H(θ_i) + m Σ_k Y(θ_i, θ_k) H(θ_k), exactly. The inertances Y between sensors
@@ -53,10 +75,30 @@ def unloaded(
 
     The FRFs are of a closed circle, `sensors_deg` are the angles of all sensors of each run from
     `sensors_of_runs` (`InputError` if those of a run are unknown), and `mass_kg` is that of one
-    sensor. The reference sensor's rows are corrected likewise, where its angle is known. `drift`
-    has the natural frequencies of the runs against each other, where they are known: without it,
-    what a drift of 0.1 % does to the compensation looks like 1 to 2 % of damping.
+    sensor, or those of each run's sensors. The reference sensor's rows are corrected likewise,
+    where its angle is known. `drift` has the natural frequencies of the runs against each other,
+    where they are known: without it, what a drift of 0.1 % does to the compensation looks like 1 to
+    2 % of damping. `live_mass_kg` is between load cell and tyre: the inertance at the force differs
+    from run to run as the sensors do, and is known once these are compensated.
     """
+    loading = sensors_deg, mass_kg, excitation_deg, drift
+    average = without_live_mass(frf, live_mass_kg, excitation_deg)
+    bare, at_force = _bared(average, *loading)
+    for _ in range(_LIVE_PASSES if live_mass_kg else 0):
+        factors = {name: 1 + live_mass_kg * own for name, own in at_force.items()}
+        mean = np.mean(list(factors.values()), axis=0)
+        bare, at_force = _bared(_scaled(frf, factors, mean), *loading)
+    return bare
+
+
+def _bared(
+    frf: FRF,
+    sensors_deg: dict[str, Real],
+    mass_kg: float | dict[str, Real],
+    excitation_deg: float,
+    drift: Drift,
+) -> tuple[FRF, dict[str, Complex]]:
+    """FRFs without the mass of the sensors, and the inertance at the force with it by run."""
     fixed = frf.reference
     if fixed is not None and not np.all(np.isfinite(fixed.position_deg)):
         fixed = None
@@ -64,8 +106,13 @@ def unloaded(
     basis, seats = _waves(frf, rows, sensors_deg, excitation_deg)
     waves = np.linalg.pinv(basis) @ rows.values
     pulls = {
-        name: mass_kg
-        * _pull(seats[name], _at_seats(rows, name, angles, seats[name] @ waves), waves)
+        name: _pull(
+            mass_kg[name] if isinstance(mass_kg, dict) else np.full(angles.size, mass_kg),
+            seats[name],
+            _at_seats(rows, name, angles, seats[name] @ waves),
+            waves,
+            rows.frequency_hz,
+        )
         for name, angles in sensors_deg.items()
     }
     names = list(dict.fromkeys(rows.run))
@@ -73,23 +120,21 @@ def unloaded(
     run = np.array([names.index(name) for name in rows.run])
     noise = _noise_of_lines(rows)
     shift = _shifts(drift, names, rows.frequency_hz)
+    force = np.repeat(circle_basis(np.zeros(1), basis.shape[1] // 2), len(names), axis=0)
+    basis, run = np.concatenate([basis, force]), np.append(run, np.arange(len(names)))
     push = mass_push(rows.frequency_hz, rows.values, noise, basis, pull, run, shift)
-    values = rows.values + push
-    if fixed is None:
-        return replace(frf, values=values)
-    return replace(
-        frf,
-        values=values[: frf.n_positions],
-        reference=replace(fixed, values=values[frf.n_positions :]),
-    )
+    values = rows.values + push[: -len(names)]
+    bare = replace(frf, values=values[: frf.n_positions])
+    if fixed is not None:
+        bare = replace(bare, reference=replace(fixed, values=values[frf.n_positions :]))
+    at_force = _drive_point(bare, excitation_deg) - push[-len(names) :]
+    return bare, dict(zip(names, at_force, strict=True))
 
 
 def loading_note(model: ModalModel, n_sensors: int, excitation_deg: float) -> str:
     """Say how large the effect of the sensors may be where their mass is not given."""
-    angle = (model.position_deg - excitation_deg + 180) % 360 - 180
-    drive = int(np.argmin(np.abs(angle)))
-    modes = [model.modes[chosen[0]] for chosen in family(model.modes).values()]
-    if abs(angle[drive]) > 2.5 or not modes:
+    modes, drive = _driven(model, excitation_deg)
+    if not modes:
         return "Sensor mass not given: nothing was corrected for it."
     worst = loading_percent(
         np.array([mode.frequency_hz for mode in modes]),
@@ -112,6 +157,28 @@ def loading_note(model: ModalModel, n_sensors: int, excitation_deg: float) -> st
         f"{text}, that of order {modes[most].order} by up to {worst[most]:.2f} % in the run with "
         "all sensors on antinodes."
     )
+
+
+def live_mass_note(model: ModalModel, excitation_deg: float) -> str:
+    """Say how large the effect of a mass before the load cell may be where it is not given."""
+    modes, drive = _driven(model, excitation_deg)
+    if not modes:
+        return "Live mass at the load cell not given: nothing was corrected for it."
+    at_force = np.array([mode.residues[drive] for mode in modes])
+    frequency_hz = np.array([mode.frequency_hz for mode in modes])
+    worst = loading_percent(frequency_hz, at_force[:, None], at_force, 1, mass_kg=0.01)
+    return (
+        "Live mass at the load cell not given, nothing was corrected for it: each 10 g lowers the "
+        f"natural frequencies by {worst.min():.2f} to {worst.max():.2f} %."
+    )
+
+
+def _driven(model: ModalModel, excitation_deg: float) -> tuple[list[Mode], int]:
+    """A mode of each order and the position at the force; no modes where none is at the force."""
+    away = np.abs((model.position_deg - excitation_deg + 180) % 360 - 180)
+    modes = [model.modes[chosen[0]] for chosen in family(model.modes).values()]
+    drive = int(np.argmin(away))
+    return (modes if away[drive] <= _AT_FORCE_DEG else []), drive
 
 
 def loading_percent(
@@ -166,16 +233,22 @@ def _at_seats(frf: FRF, run: str, angles_deg: Real, around: Complex) -> Complex:
     return np.asarray(around)
 
 
-def _pull(seats: Real, radial: Complex, waves: Complex) -> Complex:
-    """Pull of unit masses at the seats on each wave, (n_waves, n_frequencies).
+def _pull(
+    mass_kg: Real, seats: Real, radial: Complex, waves: Complex, frequency_hz: Real
+) -> Complex:
+    """Pull of the masses at the seats on each wave, (n_waves, n_frequencies).
 
     A sensor moves along the belt too. A belt that does not stretch moves v = −w'/n² (Kim, Nam &
-    Lee 2020; v' = −w): for order n the tangential pull adds about 1/n² of the radial one.
+    Lee 2020; v' = −w): for order n the tangential pull adds about 1/n² of the radial one. Its own
+    inertia stretches it: v is larger by ρhω²a²/(n²K), 2 % for order 1.
     """
     order = np.arange(1, (seats.shape[1] + 1) // 2)
     along = np.zeros_like(seats)
     along[:, 1::2], along[:, 2::2] = -seats[:, 2::2] / order, seats[:, 1::2] / order
-    return np.asarray(seats.T @ radial + along.T @ (along @ waves))
+    stretch = np.ones((seats.shape[1], frequency_hz.size))
+    stretch[1:] += (frequency_hz / (_STRETCH_HZ * np.repeat(order, 2)[:, None])) ** 2
+    tangential = along @ (stretch * waves)
+    return np.asarray((mass_kg * seats.T) @ radial + stretch * ((mass_kg * along.T) @ tangential))
 
 
 def without_live_mass(frf: FRF, mass_kg: float, excitation_deg: float) -> FRF:
@@ -184,16 +257,25 @@ def without_live_mass(frf: FRF, mass_kg: float, excitation_deg: float) -> FRF:
     The load cell also accelerates the mass m: H = H_measured / (1 − m H_dd), with the inertance
     H_dd at the force from the waves around the closed circle.
     """
+    return _scaled(frf, {}, 1 / (1 - mass_kg * _drive_point(frf, excitation_deg)))
+
+
+def _drive_point(frf: FRF, excitation_deg: float) -> Complex:
+    """Inertance at the force, (n_frequencies,)."""
     highest = highest_order(frf.position_deg)
     waves = np.linalg.pinv(circle_basis(frf.position_deg, highest)) @ frf.values
-    at_force = (circle_basis(np.array([excitation_deg]), highest) @ waves)[0]
-    factor = 1 / (1 - mass_kg * at_force)
+    return np.asarray((circle_basis(np.array([excitation_deg]), highest) @ waves)[0])
 
-    def behind(rows: FRF) -> FRF:
-        return replace(rows, values=rows.values * factor, std=rows.std * np.abs(factor))
 
-    fixed = frf.reference
-    return replace(behind(frf), reference=None if fixed is None else behind(fixed))
+def _scaled(frf: FRF, factors: dict[str, Complex], others: Complex) -> FRF:
+    """FRFs times the factor of their run."""
+    factor, fixed = np.array([factors.get(name, others) for name in frf.run]), frf.reference
+    return replace(
+        frf,
+        values=frf.values * factor,
+        std=frf.std * np.abs(factor),
+        reference=None if fixed is None else _scaled(fixed, factors, others),
+    )
 
 
 def _of_run(pulls: dict[str, Complex], name: str) -> Complex:
@@ -240,17 +322,19 @@ def mass_push(
     in the same run; linear in cc, cs and ss of every order. Returns Σ_n b_n(θ_i)ᵀ C_n p_n, to be
     added to the inertances `values`, (n_rows, n_frequencies), of standard deviation `noise`,
     (n_frequencies,), above 0. `basis`, (n_rows, 1 + 2 n_orders), is that of
-    `ema.circumference.orders.circle_basis`; `pull`, (n_runs, 1 + 2 n_orders, n_frequencies), that
-    of the sensors of each run on each wave per unit force; `run`, (n_rows,), the run of each row;
-    `shift`, (n_runs, n_frequencies), how far its natural frequencies are from the mean.
+    `ema.circumference.orders.circle_basis`, in which rows behind those of `values` are predicted;
+    `pull`, (n_runs, 1 + 2 n_orders, n_frequencies), that of the sensors of each run on each wave
+    per unit force; `run`, (n_rows,), the run of each row; `shift`, (n_runs, n_frequencies), how far
+    its natural frequencies are from the mean.
     """
-    first = np.linalg.pinv(basis) @ values
+    fit = slice(len(values))
+    first = np.linalg.pinv(basis[fit]) @ values
     cosine, sine = first[1::2], first[2::2]
     contrast, spread = np.array(
         [_orientation(frequency_hz, c, s, noise) for c, s in zip(cosine, sine, strict=True)]
     ).T
     trust = noise / np.maximum(spread[:, None] * np.abs(cosine), 1e-6 * noise)
-    shaken = np.pad(basis, ((0, 0), (0, contrast.size)))
+    shaken = np.pad(basis[fit], ((0, 0), (0, contrast.size)))
     parts = [slice(k, k + _LINES_AT_ONCE) for k in range(0, noise.size, _LINES_AT_ONCE)]
 
     def taken(lines: slice, pull: Complex) -> Complex:
@@ -258,17 +342,17 @@ def mass_push(
 
     # All in the state between the runs: what a drift does must not be taken for the sensors' doing.
     alike = _moved(frequency_hz, pull, shift)
-    middle = _moved(frequency_hz, values[:, None], shift[run])[:, 0]
+    middle = _moved(frequency_hz, values[:, None], shift[run[fit]])[:, 0]
     found = np.empty((noise.size, shaken.shape[1]), dtype=complex)
     for lines in parts:
         system = np.concatenate(
-            [shaken - taken(lines, alike), _prior(contrast, trust[:, lines].T)], axis=1
+            [shaken - taken(lines, alike)[:, fit], _prior(contrast, trust[:, lines].T)], axis=1
         )
         right = np.pad(middle[:, lines].T, ((0, 0), (0, contrast.size)))
         adjoint = system.conj().transpose(0, 2, 1)
         found[lines] = np.linalg.solve(adjoint @ system, adjoint @ right[:, :, None])[:, :, 0]
     states = _moved(frequency_hz, np.broadcast_to(found.T, (len(shift), *found.T.shape)), -shift)
-    push = np.empty_like(values)
+    push = np.empty((run.size, noise.size), dtype=complex)
     for lines in parts:
         push[:, lines] = np.einsum("fru,ruf->rf", taken(lines, pull), states[:, :, lines][run])
     return push

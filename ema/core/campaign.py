@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 
 from ema.core.block_plan import ExponentialWindow
@@ -53,6 +54,14 @@ class Processing:
         return ExponentialWindow(self.exponential_window_s, self.exponential_window_std_s)
 
 
+class Direction(StrEnum):
+    """Direction of a sensor or of the force on the tyre."""
+
+    RADIAL = "radial"
+    TANGENTIAL = "tangential"
+    AXIAL = "axial"
+
+
 @dataclass(frozen=True, eq=False)
 class Response:
     """A response channel of a run and where it sits."""
@@ -60,6 +69,7 @@ class Response:
     channel: Channel
     node: int | None
     position_deg: float | None
+    direction: Direction = Direction.RADIAL
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +81,13 @@ class Run:
     force: Channel
     responses: tuple[Response, ...]  # on the grid (or on nodes), without the reference
     reference: Channel | None = None  # the sensor that stays in place over all runs
+    others: tuple[Response, ...] = ()  # on the tyre, but not of the direction evaluated
+
+    @property
+    def sensors(self) -> tuple[Channel, ...]:
+        """All sensors on the tyre, the reference last."""
+        found = [response.channel for response in (*self.responses, *self.others)]
+        return (*found, *([self.reference] if self.reference else []))
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -101,12 +118,18 @@ class Campaign:
         Angle of the reference sensor, where given.
     sensor_mass_kg : float or None
         Mass of one accelerometer.
+    own_masses_kg : dict of str to float
+        Masses by channel, where they differ from that.
     live_mass_kg : float or None
         Mass between load cell and tyre.
     processing : Processing
         Choices of the manifest.
     identification, checks : IdentificationSettings, CheckSettings
         Thresholds, changed by the manifest's ``[identification]`` and ``[checks]``.
+    direction, force_direction : Direction
+        Of the responses and of the force in `runs`.
+    others : tuple of Campaign
+        What was measured in other directions; kept out of the ring.
     sources : tuple of Path
         Every file read, the manifest first.
     findings : tuple of Finding
@@ -130,10 +153,14 @@ class Campaign:
     excitation_deg: float | None = None
     reference_deg: float | None = None
     sensor_mass_kg: float | None = None
+    own_masses_kg: dict[str, float] = field(default_factory=dict)
     live_mass_kg: float | None = None
     processing: Processing = field(default_factory=Processing)
     identification: IdentificationSettings = IDENTIFICATION
     checks: CheckSettings = CHECKS
+    direction: Direction = Direction.RADIAL
+    force_direction: Direction = Direction.RADIAL
+    others: tuple[Campaign, ...] = ()
     sources: tuple[Path, ...] = ()
     findings: tuple[Finding, ...] = ()
 
@@ -141,6 +168,18 @@ class Campaign:
     def has_circle(self) -> bool:
         """Whether the positions lie on a closed circle, so that circumferential orders exist."""
         return self.positions is not None
+
+    def mass_of(self, channel: str) -> float | None:
+        """Mass of the sensor of a channel in kg; None where it is not given."""
+        return self.own_masses_kg.get(channel, self.sensor_mass_kg)
+
+    @property
+    def stated_mass_kg(self) -> float | dict[str, float] | None:
+        """Mass of the sensors as in the manifest: one number, or by channel."""
+        if not self.own_masses_kg:
+            return self.sensor_mass_kg
+        default = {} if self.sensor_mass_kg is None else {"default": self.sensor_mass_kg}
+        return default | self.own_masses_kg
 
     def __repr__(self) -> str:
         tyre = "no tyre" if self.tyre is None else f"tyre {self.tyre.designation}"
@@ -158,7 +197,7 @@ class Campaign:
             ("grid positions", "no grid" if self.positions is None else str(self.positions)),
             ("excitation at", as_typed(self.excitation_deg, "°")),
             ("reference sensor at", as_typed(self.reference_deg, "°")),
-            ("mass of one sensor", as_typed(self.sensor_mass_kg, "kg")),
+            ("mass of one sensor", _masses(self)),
         ]
         shown = facts(f"Campaign {self.name}", pairs) + (_runs_html(self.runs) if self.runs else "")
         return shown + findings_html(self.findings)
@@ -168,6 +207,12 @@ class Campaign:
             return f"FRFs of {counted(self.frf.n_positions, 'position')}"
         sensors = sum(len(run.responses) for run in self.runs)
         return f"{counted(len(self.runs), 'run')} with {counted(sensors, 'response')}"
+
+
+def _masses(campaign: Campaign) -> str:
+    shown = as_typed(campaign.sensor_mass_kg, "kg")
+    own = (f"{name} {as_typed(mass, 'kg')}" for name, mass in campaign.own_masses_kg.items())
+    return ", ".join([shown, *own])
 
 
 def _runs_html(runs: tuple[Run, ...]) -> str:

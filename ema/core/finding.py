@@ -43,6 +43,7 @@ class Check(StrEnum):
     CALIBRATION = "calibration", "units and sensitivities set by the manifest"
     NODE = "node", "node numbers assumed, as the files have none"
     GRID = "grid", "positions off the grid, not measured or measured repeatedly"
+    DIRECTION = "direction", "sensors that are not radial"
     LENGTH = "length", "duration of a run against the others"
     # signals
     LEVEL = "level", "level of a signal against what its unit makes plausible"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ema.core.arrays import ReadonlyArrays, frame_of
 from ema.core.block_plan import ExponentialWindow
+from ema.core.campaign import Direction
 from ema.core.display import band_text, counted, number, table, value_with_std
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.mac import mpc, mpd_deg
@@ -34,6 +35,16 @@ MODE_COLUMNS = {
     "pair": "pair",
     "frequency_band_shift_hz": "frequency_band_shift_hz",
     "damping_ratio_band_shift": "damping_band_shift",
+    "name": "common_name",
+}
+#: Names of modes of low order, by direction (SAE J2710 for those against the rim).
+COMMON_NAMES = {
+    (Direction.RADIAL, 0): "breathing",
+    (Direction.RADIAL, 1): "vertical and fore-aft translation",
+    (Direction.TANGENTIAL, 0): "torsion",
+    (Direction.TANGENTIAL, 1): "vertical and fore-aft translation",
+    (Direction.AXIAL, 0): "lateral translation",
+    (Direction.AXIAL, 1): "yaw and camber",
 }
 
 
@@ -135,6 +146,12 @@ class Mode(ReadonlyArrays):
     def is_ring_mode(self) -> bool:
         """Whether the order is that of the ring's dispersion curve."""
         return self.order is not None and Flag.NOT_RING_MODE not in self.flags
+
+    @property
+    def common_name(self) -> str:
+        """Name of a radial mode of low order; empty for others."""
+        known = self.order is not None and self.is_ring_mode
+        return COMMON_NAMES.get((Direction.RADIAL, self.order or 0), "") if known else ""
 
     @property
     def doubtful(self) -> bool:

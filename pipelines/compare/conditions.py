@@ -23,7 +23,8 @@ BOUNDARY = frozenset(
 )
 BAND = "options.processing.band_hz"
 AVERAGES = "options.processing.averages_per_run"  # follows from the length of a run; part of σ
-SENSORS, DRIFT = "corrections.sensor_mass_kg", "drift"
+SENSORS, LIVE_MASS = "corrections.sensor_mass_kg", "corrections.live_mass_kg"
+DRIFT = "drift"
 #: What affects results: place in ``provenance.json``, and its title.
 OPTIONS = {
     BAND: "band / Hz",
@@ -41,6 +42,7 @@ OPTIONS = {
     "options.objective": "objective of the tuning",
     "options.given": "ring parameters given",
     SENSORS: "mass of the sensors",
+    LIVE_MASS: "live mass at the load cell",
     DRIFT: "drift between runs",
     "software.ringmodal": "version of ringmodal",
 }
@@ -119,8 +121,9 @@ def _processing(result: Result) -> dict[str, str]:
     """Texts of everything in `OPTIONS`; empty where a result does not record it."""
     texts = {place: _text(_at(result.provenance, place)) for place in OPTIONS}
     if "corrections" in result.provenance:
-        mass_kg = _at(result.provenance, SENSORS)
-        texts[SENSORS] = f"{1e3 * mass_kg:g} g compensated" if mass_kg else "not compensated"
+        for place in (SENSORS, LIVE_MASS):
+            mass_kg = _at(result.provenance, place)
+            texts[place] = f"{_text(mass_kg)} kg compensated" if mass_kg else "not compensated"
     drifting = result.modal_model.drift.applied
     texts[DRIFT] = "corrected, state of the first run" if drifting else "none found"
     return texts

@@ -22,7 +22,12 @@ from ema.checks.quality import (
     period_finding,
     reference_finding,
 )
-from ema.circumference.mass_loading import loading_note, sensors_of_runs
+from ema.circumference.mass_loading import (
+    live_mass_note,
+    loading_note,
+    masses_of_runs,
+    sensors_of_runs,
+)
 from ema.core.campaign import Campaign, Tyre
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
@@ -32,6 +37,7 @@ from ema.identify import Identification, SensorMass
 from ema.signals.steadiness import steadiness_findings
 from model.identifiability import IDENTIFIED
 from model.tuning import TuningResult
+from pipelines.process.directions import with_other_modes
 from pipelines.process.validate import (
     RingOrder,
     amplitude_finding,
@@ -46,6 +52,8 @@ from pipelines.results.store import load
 
 # Share by which a band may exceed the last line, as there is none at half the sampling rate.
 _BAND_TOLERANCE = 0.01
+_IN_DOUBT = "the angles of the sensors are in doubt, or part of the circle has none"
+_FROM_FILE = "FRFs from a file do not state which sensors were on the tyre together"
 _MOST_NAMED = 3  # warnings in the message of a strict run
 
 
@@ -111,6 +119,7 @@ def process(
                 checks=campaign.checks,
             )
         measured = _measured(campaign, estimated, found, band_hz)
+        measured = with_other_modes(measured, campaign, band_hz, options.estimator)
         if options.strict:
             refuse_warnings(measured.findings)
         with watch.stage("ring", "Tuning the ring"):
@@ -120,7 +129,7 @@ def process(
     mass = found.sensor_mass
     record["corrections"] = {
         "exponential_window_s": in_force.exponential_window_s,
-        "sensor_mass_kg": None if mass is None else mass.mass_kg or None,
+        "sensor_mass_kg": campaign.stated_mass_kg if mass is not None and mass.loads else None,
         "live_mass_kg": None if mass is None else mass.live_mass_kg or None,
     }
     return replace(result, provenance=record)
@@ -265,35 +274,58 @@ def _sensor_mass(campaign: Campaign) -> SensorMass | None:
     """Masses to compensate; those of sensors only where it is known which sat there together."""
     if not campaign.has_circle:
         return None
-    mass_kg = campaign.sensor_mass_kg if campaign.runs else None
-    if mass_kg is None and campaign.live_mass_kg is None:
+    stated = campaign.stated_mass_kg if campaign.runs else None
+    if stated is None and campaign.live_mass_kg is None:
         return None
-    seats = sensors_of_runs(campaign)
-    angle = campaign.excitation_deg or 0.0
-    return SensorMass(mass_kg or 0.0, seats, angle, campaign.live_mass_kg or 0.0)
+    return SensorMass(
+        (campaign.sensor_mass_kg or 0.0) if campaign.runs else 0.0,
+        sensors_of_runs(campaign),
+        campaign.excitation_deg or 0.0,
+        campaign.live_mass_kg or 0.0,
+        own_kg=masses_of_runs(campaign) if campaign.own_masses_kg else {},
+    )
 
 
 def _mass_notes(campaign: Campaign, found: Identification) -> Iterator[str]:
     """What was done about force windows of the analyser and about the mass of the sensors."""
     if (length_s := campaign.processing.force_window_s) is not None:
         yield f"The analyser applied a force window of {length_s:g} s, which adds no damping."
-    mass_kg, compensated = campaign.sensor_mass_kg, found.sensor_mass
-    if compensated is not None and compensated.live_mass_kg:
-        grams = 1e3 * compensated.live_mass_kg
-        yield f"Corrected to the bare tyre: live mass of {grams:g} g at the force is compensated."
-    if not campaign.has_circle or (mass_kg is None and not campaign.runs):
+    yield from _live_mass_notes(campaign, found)
+    stated, compensated = campaign.stated_mass_kg, found.sensor_mass
+    if not campaign.has_circle or (stated is None and not campaign.runs):
         return
-    if mass_kg is None:
+    if stated is None:
         sensors = max(angles.size for angles in sensors_of_runs(campaign).values())
         yield loading_note(found.model, sensors, campaign.excitation_deg or 0.0)
-    elif compensated is not None and compensated.mass_kg:
-        grams = 1e3 * mass_kg
-        yield f"Corrected to the bare tyre: sensor mass of {grams:g} g each is compensated."
-    else:
-        reason = "the angles of the sensors are in doubt, or part of the circle has none"
-        if not campaign.runs:
-            reason = "FRFs from a file do not state which sensors were on the tyre together"
+    elif compensated is not None and compensated.loads:
+        yield f"Corrected to the bare tyre: sensor mass of {_grams(stated)} is compensated."
+        if campaign.reference_deg is None and any(run.reference for run in campaign.runs):
+            yield "The mass of the reference sensor is not compensated: its angle is not given."
+    elif not campaign.runs or compensated is None:
+        reason = _IN_DOUBT if campaign.runs else _FROM_FILE
         yield f"The sensor mass is not compensated: {reason}."
+
+
+def _live_mass_notes(campaign: Campaign, found: Identification) -> Iterator[str]:
+    """What was done about the mass between load cell and tyre, or how large its effect may be."""
+    mass_kg = campaign.live_mass_kg
+    if mass_kg is None:
+        if campaign.has_circle:
+            yield live_mass_note(found.model, campaign.excitation_deg or 0.0)
+    elif mass_kg and found.sensor_mass is None:
+        reason = _IN_DOUBT if campaign.has_circle else "without [grid], no drive point is known"
+        yield f"The live mass is not compensated: {reason}."
+    elif mass_kg:
+        grams = f"{1e3 * mass_kg:g} g"
+        yield f"Corrected to the bare tyre: live mass of {grams} at the force is compensated."
+
+
+def _grams(stated: float | dict[str, float]) -> str:
+    """Masses of sensors, for a note."""
+    if not isinstance(stated, dict):
+        return f"{1e3 * stated:g} g each"
+    others = {name: "all others" if name == "default" else name for name in stated}
+    return ", ".join(f"{1e3 * mass:g} g ({others[name]})" for name, mass in stated.items())
 
 
 def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:

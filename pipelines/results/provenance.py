@@ -31,7 +31,7 @@ PARTS = (
     *READ_BACK,
     *OPTIONAL_READ_BACK,
     *("modes.csv", "shapes.csv", "orders.csv", "quality.csv"),
-    *("corrections.csv", "validation.csv"),
+    *("corrections.csv", "other_modes.csv", "validation.csv"),
     *("frf.uff", "tyre.toml"),
     *PAGES,
 )

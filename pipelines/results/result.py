@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from ema.checks.corrections import Correction
 from ema.checks.quality import ReferenceCheck
+from ema.circumference.ring_modes import PURE
 from ema.core.arrays import frame_of
-from ema.core.campaign import Tyre
+from ema.core.campaign import Direction, Tyre
 from ema.core.display import band_text, facts, table
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
-from ema.core.modes import ModalModel, modes_html
+from ema.core.modes import COMMON_NAMES, ModalModel, modes_html
 from ema.identify import SensorMass
 from ema.poles.cross_check import Opinion
 from ema.poles.stability import StabilityDiagram
@@ -24,6 +25,8 @@ from model.tuning import TuningResult
 
 if TYPE_CHECKING:
     import pandas as pd
+
+TORSION = COMMON_NAMES[Direction.TANGENTIAL, 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +56,27 @@ class Validation:
     def error_percent(self) -> NDArray[np.float64]:
         """Deviation of the model's frequencies from the measured ones."""
         return 100 * (self.model_hz / self.measured_hz - 1)
+
+
+@dataclass(frozen=True)
+class OtherMode:
+    """A mode that sensors in another direction than the ring's show."""
+
+    direction: Direction
+    force_direction: Direction
+    frequency_hz: float
+    frequency_std_hz: float
+    damping_ratio: float
+    damping_std: float
+    order: int | None
+    order_purity: float
+    n_positions: int
+
+    @property
+    def name(self) -> str:
+        """Its name in the field; empty for higher orders."""
+        known = self.order is not None and self.order_purity >= PURE
+        return COMMON_NAMES.get((self.direction, self.order or 0), "") if known else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +111,8 @@ class Result:
         What is done with single rows before the fit.
     sensor_mass : SensorMass or None
         The mass that is compensated.
+    other_modes : tuple of OtherMode
+        Modes of tangential and axial sensors, kept out of the ring.
     provenance : dict
         Content of ``provenance.json``: versions, inputs with SHA-256, options, stage times.
 
@@ -117,7 +143,18 @@ class Result:
     notes: tuple[str, ...] = ()
     corrections: tuple[Correction, ...] = ()
     sensor_mass: SensorMass | None = None
+    other_modes: tuple[OtherMode, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def torsion(self) -> OtherMode | None:
+        """Torsion of the belt against the rim, where sensors and force are tangential."""
+        found = [
+            mode
+            for mode in self.other_modes
+            if mode.name == TORSION and mode.force_direction == Direction.TANGENTIAL
+        ]
+        return max(found, key=lambda mode: mode.order_purity, default=None)
 
     def to_frame(self) -> pd.DataFrame:
         """Table of the quality checks, one row for each; modes and FRFs have their own `to_frame`.

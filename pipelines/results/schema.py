@@ -18,6 +18,7 @@ from ema.core.files import require_regular
 from ema.core.finding import Finding
 from ema.core.modes import Flag, OrderReport, Pair
 from ema.poles.cross_check import Opinion
+from pipelines.results.result import OtherMode
 from pipelines.storage.tables import LARGEST
 
 REMEDY = "Process the recordings again"
@@ -81,6 +82,7 @@ class StoredMass:
     excitation_deg: float
     live_mass_kg: float
     drift: StoredDrift | None = None
+    own_kg: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,7 @@ class Stored:
     indicator: tuple[float, ...]
     corrections: tuple[Correction, ...] = ()
     sensor_mass: StoredMass | None = None
+    other_modes: tuple[OtherMode, ...] = ()
 
 
 def read_identification_json(path: Path) -> Stored:
@@ -179,6 +182,10 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
         lengths = [len(each) for each in vars(drift).values() if isinstance(each, tuple)]
         yield "drift", lengths if len({*lengths}) > 1 else [], "needs one value for each run"
         yield "drift", [each for each in drift.percent if not each > -100], "must be > -100 %"
+    if (held := found.sensor_mass) is not None and held.own_kg:
+        groups = held.sensors_deg, held.own_kg
+        seats, masses = ({run: len(each) for run, each in group.items()} for group in groups)
+        yield "sensor_mass", [masses] if masses != seats else [], "needs a mass for each sensor"
     if (plan := found.blocks) is not None:
         counts = (plan.sampling_rate_hz, plan.block_samples, plan.step_samples, plan.n_blocks)
         wrong = [plan] if not (min(counts) > 0 and plan.period_samples >= 0) else []

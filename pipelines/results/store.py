@@ -111,7 +111,7 @@ def write_identification(result: Result, folder: Path) -> None:
     model, diagram = result.modal_model, result.diagram
     sources: tuple[tuple[Any, tuple[str, ...]], ...] = (
         (result, ("name", "tyre", "excitation_deg", "reference_deg", "findings", "opinions")),
-        (result, ("corrections", "sensor_mass")),
+        (result, ("corrections", "sensor_mass", "other_modes")),
         (result.frf, ("blocks", "n_effective")),
         (model, ("band_hz", "fit_band_hz", "misfit", "covariance", "frac", "drift", "notes")),
         (model, ("orders", "modes", "guard_modes", "exponential_window")),
@@ -147,7 +147,8 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
     if (held := stored.sensor_mass) is not None:
         seats = {run: np.array(angles) for run, angles in held.sensors_deg.items()}
         drift = NO_DRIFT if held.drift is None else Drift(**vars(held.drift))
-        mass = SensorMass(held.mass_kg, seats, held.excitation_deg, held.live_mass_kg, drift)
+        own = {run: np.array(masses) for run, masses in held.own_kg.items()}
+        mass = SensorMass(held.mass_kg, seats, held.excitation_deg, held.live_mass_kg, drift, own)
     frf = without_mass(corrected(measured, stored.corrections), mass)
     model = _read_model(stored, frf, folder / RESIDUES_NAME)
     recorded = record.get("settings", {}).get("checks", {})
@@ -169,6 +170,7 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
         notes=model.notes,
         corrections=stored.corrections,
         sensor_mass=mass,
+        other_modes=stored.other_modes,
         provenance={key: value for key, value in record.items() if key != "warnings"},
     )
 

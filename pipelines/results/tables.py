@@ -12,11 +12,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ema.checks.corrections import Correction
+from ema.core.arrays import frame_of
 from ema.core.frf import FRF
 from ema.core.modes import MODE_COLUMNS, OrderReport
 from ema.io.uff.write import write_frfs as write_universal
 from ema.poles.stability import StabilityDiagram
-from pipelines.results.result import Result, Validation
+from pipelines.results.result import OtherMode, Result, Validation
 from pipelines.storage.tables import Table, write_parquet
 
 #: Columns of ``modes.csv``.
@@ -27,6 +28,13 @@ _ORDERS = {
     **{"frequency_hz": "frequency_hz", "frequency_std_hz": "frequency_std_hz"},
     **{"damping_ratio": "damping_ratio", "damping_ratio_std": "damping_std"},
     "evidence": "pair.evidence",
+}
+# Columns of ``other_modes.csv``, and where an `OtherMode` has them.
+_OTHER = {
+    **{name: name for name in ("direction", "force_direction", "order", "name")},
+    **{name: name for name in ("frequency_hz", "frequency_std_hz", "damping_ratio")},
+    **{"damping_ratio_std": "damping_std"},
+    **{name: name for name in ("order_purity", "n_positions")},
 }
 _VALIDATION = (
     *("order", "measured_hz", "model_hz", "error_percent"),
@@ -42,6 +50,7 @@ def csv_tables(result: Result) -> dict[str, pd.DataFrame]:
         "orders.csv": orders(result.modal_model.orders),
         "quality.csv": result.to_frame(),
         "corrections.csv": corrections(result.corrections),
+        "other_modes.csv": other_modes(result.other_modes),
         "validation.csv": validation(result.validation),
     }
 
@@ -69,6 +78,12 @@ def corrections(changes: tuple[Correction, ...]) -> pd.DataFrame:
     """``corrections.csv``: a row for each FRF that is not fitted as measured."""
     names = [each.name for each in fields(Correction)]
     return pd.DataFrame({name: [getattr(each, name) for each in changes] for name in names})
+
+
+def other_modes(found: tuple[OtherMode, ...]) -> pd.DataFrame:
+    """``other_modes.csv``: a row for each mode that tangential or axial sensors show."""
+    columns = {name: [getattr(mode, part) for mode in found] for name, part in _OTHER.items()}
+    return frame_of(columns, whole=("order",))
 
 
 def validation(found: Validation | None) -> pd.DataFrame:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fnmatch
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from ema.core.errors import ManifestError, nearest
@@ -59,11 +59,11 @@ def _parts(text: str) -> tuple[Unit, Unit] | None:
     return None
 
 
-def check_keys(names: Collection[str], sections: Mapping[str, CalibrationSection]) -> None:
-    """Refuse a key of ``[calibration]`` that names no channel."""
-    for key in sections:
+def check_keys(names: Collection[str], place: str, keys: Iterable[str]) -> None:
+    """Refuse a key at a place of the manifest that names no channel."""
+    for key in keys:
         if key not in names and not fnmatch.filter(names, key):
-            where = f"{MANIFEST_NAME}, calibration.{key}"
+            where = f"{MANIFEST_NAME}, {place}.{key}"
             rule = "no recording has a channel of that name"
             raise ManifestError(where, repr(key), rule, nearest(key, sorted(names)))
 

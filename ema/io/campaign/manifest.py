@@ -13,13 +13,15 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
+    Discriminator,
     Field,
+    Tag,
     ValidationError,
     field_validator,
     model_validator,
 )
 
-from ema.core.campaign import Processing, Tyre
+from ema.core.campaign import Direction, Processing, Tyre
 from ema.core.errors import ManifestError, nearest
 from ema.core.files import require_regular
 
@@ -53,6 +55,7 @@ _mass = _between(0.0, 1.0, "sensors have up to 1 kg (4 g are 0.004 kg)")
 _Pascals = Annotated[Positive, _pressure]
 _Metres = Annotated[Positive, _length]
 _Kilograms = Annotated[NotNegative, _mass]
+_ONE, _MANY = "<number>", "<table>"  # parts of the place of an error that no manifest has
 
 
 class _Section(BaseModel):
@@ -91,9 +94,23 @@ class AcquisitionSection(_Section):
 
 
 class SensorsSection(_Section):
-    """``[sensors]``: the mass of one accelerometer."""
+    """``[sensors]``: the mass of one accelerometer, or masses by channel and a default."""
 
-    mass_kg: _Kilograms | None = None
+    mass_kg: Annotated[
+        Annotated[_Kilograms | None, Tag(_ONE)] | Annotated[dict[str, _Kilograms], Tag(_MANY)],
+        Discriminator(lambda given: _MANY if isinstance(given, dict) else _ONE),
+    ] = None
+
+    @property
+    def default_kg(self) -> float | None:
+        """Mass of each sensor without one of its own."""
+        return self.mass_kg.get("default") if isinstance(self.mass_kg, dict) else self.mass_kg
+
+    @property
+    def own_kg(self) -> dict[str, float]:
+        """Masses by channel."""
+        given = self.mass_kg if isinstance(self.mass_kg, dict) else {}
+        return {name: mass for name, mass in given.items() if name != "default"}
 
 
 class CalibrationSection(_Section):
@@ -128,10 +145,18 @@ class ExcitationSection(_Section):
     def _evaluated(cls, direction: str | None) -> str | None:
         if direction not in (None, "radial"):
             raise ValueError(
-                "only radial excitation is supported: drive point, sensor mass and ring model "
-                "assume a radial force. Remove the line only if the force is radial"
+                "the ring needs radial excitation. Runs with another force may be added: "
+                'excitation = { direction = "tangential" } in [[runs]]'
             )
         return direction
+
+
+class RunExcitationSection(_Section):
+    """``excitation`` of a run: where it differs from ``[excitation]``."""
+
+    channel: str | None = None
+    position_deg: Finite | None = None
+    direction: Direction = Direction.RADIAL
 
 
 class UncertainSection(_Section):
@@ -175,6 +200,15 @@ class RunSection(_Section):
     file: Annotated[str, Field(min_length=1)]
     reference: str | None = None
     positions_deg: dict[str, Finite] | None = None
+    directions: dict[str, Direction] = {}
+    excitation: RunExcitationSection = RunExcitationSection()
+
+    @field_validator("excitation", mode="before")
+    @classmethod
+    def _single(cls, excitation: Any) -> Any:
+        if isinstance(excitation, list):
+            raise ValueError("several forces at once are not supported: one run for each force")
+        return excitation
 
 
 class Manifest(_Section):
@@ -252,7 +286,7 @@ def _as_stored(path: Path) -> Path:
 def _explain(path: Path, error: ValidationError) -> ManifestError:
     # A misspelt key is also missing under its right name: name the misspelt one.
     first = min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
-    place = tuple(first["loc"])
+    place = tuple(part for part in first["loc"] if part not in (_ONE, _MANY))
     dotted = ".".join(str(part + 1 if isinstance(part, int) else part) for part in place)
     where = f"{path.name}, {dotted}" if place else path.name
     if first["type"] == "extra_forbidden":

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ema.core.campaign import Campaign, Run
+from ema.core.campaign import Campaign, Direction, Response, Run
 from ema.core.errors import ManifestError, RecordingFormatError, nearest
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Recording
@@ -19,7 +19,7 @@ from ema.io.campaign import agreement
 from ema.io.campaign.calibration import calibrated, check_keys
 from ema.io.campaign.manifest import MANIFEST_NAME, USE_SLASHES, Manifest, read_manifest, resolve
 from ema.io.campaign.reciprocity import ROVING, exchanged, exchanged_frfs
-from ema.io.campaign.roles import Grid, Wanted, assign
+from ema.io.campaign.roles import Grid, Wanted, assign, by_direction, ring_runs
 from ema.io.columns import SAME_RATE
 from ema.io.content import FileContent, unreadable
 from ema.io.formats import exists, is_folder, is_recording, read_file
@@ -101,7 +101,9 @@ def _with_manifest(path: Path) -> Campaign:
     files = _files_of(path, manifest)
     contents = _read_all(files)
     names = {name for each in contents if each.recording for name in each.recording.names}
-    check_keys(names, manifest.calibration)
+    check_keys(names, "calibration", manifest.calibration)
+    if names:
+        check_keys(names, "sensors.mass_kg", manifest.sensors.own_kg)
     runs = [
         _run_by_manifest(content, manifest, number) for number, content in enumerate(contents, 1)
     ]
@@ -111,7 +113,8 @@ def _with_manifest(path: Path) -> Campaign:
         tyre=None if manifest.tyre is None else manifest.tyre.tyre(),
         positions=None if manifest.grid is None else manifest.grid.positions,
         excitation_deg=None if manifest.grid is None or angle is None else angle % 360.0,
-        sensor_mass_kg=manifest.sensors.mass_kg,
+        sensor_mass_kg=manifest.sensors.default_kg,
+        own_masses_kg=manifest.sensors.own_kg,
         live_mass_kg=manifest.excitation.live_mass_kg,
         processing=manifest.processing.processing(),
         identification=settings_from(
@@ -164,8 +167,22 @@ def _run_by_manifest(
     """A run with its rate and calibration by the manifest, and what that states about it."""
     section = manifest.runs[number - 1]
     where = f"{MANIFEST_NAME}, runs.{number} ({section.file})"
-    force = manifest.excitation.channel
-    wanted = Wanted(where, force, section.reference, section.positions_deg)
+    own = section.excitation
+    force = own.channel or manifest.excitation.channel
+    usual_deg = manifest.excitation.position_deg
+    if own.direction == Direction.RADIAL and own.position_deg not in (None, usual_deg):
+        found, rule = f"{own.position_deg:g}", "the radial force must act at one place in all runs"
+        remedy = "Process runs with another place of the force as a campaign of their own"
+        raise ManifestError(f"{where}, excitation.position_deg", found, rule, remedy)
+    wanted = Wanted(
+        where=where,
+        force=force,
+        reference=section.reference,
+        positions_deg=section.positions_deg,
+        directions=section.directions,
+        force_direction=own.direction,
+        force_deg=own.position_deg,
+    )
     if content.recording is not None:
         findings = list(content.findings)
         recording = _with_rate(content.recording, manifest.acquisition.sampling_rate_hz)
@@ -217,32 +234,52 @@ def _fill_runs(
     agreement.check_rates([recording for recording, _ in recordings])
     channels = [filter(each.may_be_response, recording.channels) for recording, each in recordings]
     grid = Grid.over(campaign.positions, list(chain.from_iterable(channels)))
-    runs, forces, reference_deg, excitation_deg = [], [], None, campaign.excitation_deg
+    runs, reference_deg, excitation_deg = [], None, campaign.excitation_deg
+    forces: dict[str, Response] = {}
     names = agreement.run_names([recording.path for recording, _ in recordings])
     for name, (recording, each) in zip(names, recordings, strict=True):
         run = assign(with_limits(recording), each, grid, name, findings)
         runs.append(run)
         if run.reference is not None:
             reference_deg = _same_place(run, each, grid, reference_deg)
-        forces.append(grid.known_place(run.force, each.positions_deg))
+        forces[name] = grid.known_place(run.force, each.positions_deg)
         findings += spike_findings(name, run.channels)
         findings += level_findings(replace(recording, channels=run.channels))
+    _require_masses(campaign, runs)
+    stated = [each for _, each in recordings]
+    kept = ring_runs(runs, stated, findings)
     if excitation_deg is None:
-        excitation_deg = forces[0].position_deg
-    if (roving := exchanged(runs, forces)) is not None:
-        runs, sensor = roving
+        excitation_deg = forces[kept[0].name].position_deg
+    others = by_direction(replace(campaign, excitation_deg=excitation_deg), runs, stated)
+    if (roving := exchanged(kept, [forces[run.name] for run in kept])) is not None:
+        kept, sensor = roving
         excitation_deg, reference_deg = sensor.position_deg, None
         # The sensor stays at what is now the force, and its mass with it.
-        campaign = replace(campaign, live_mass_kg=campaign.sensor_mass_kg, sensor_mass_kg=None)
+        mass_kg = campaign.mass_of(sensor.channel.name)
+        campaign = replace(campaign, live_mass_kg=mass_kg, sensor_mass_kg=None, own_masses_kg={})
         findings.append(ROVING)
-    findings += agreement.coverage_findings(runs, campaign.positions)
+    findings += agreement.coverage_findings(kept, campaign.positions)
     return replace(
         campaign,
-        runs=tuple(runs),
+        runs=tuple(kept),
         excitation_deg=excitation_deg,
         reference_deg=reference_deg,
+        others=others,
         findings=tuple(findings),
     )
+
+
+def _require_masses(campaign: Campaign, runs: Sequence[Run]) -> None:
+    """Refuse masses of some sensors without those of the others."""
+    sensors = [each.name for run in runs for each in run.sensors]
+    unknown = [name for name in dict.fromkeys(sensors) if campaign.mass_of(name) is None]
+    if campaign.own_masses_kg and unknown:
+        raise ManifestError(
+            f"{MANIFEST_NAME}, sensors.mass_kg",
+            f"no mass of {', '.join(unknown)}",
+            "where sensors have masses of their own, that of every sensor must be known",
+            "Add default = … for all others, or name each (0 for one that does not touch the tyre)",
+        )
 
 
 def _same_place(run: Run, wanted: Wanted, grid: Grid, others: float | None) -> float | None:

@@ -1,14 +1,14 @@
-"""Channel roles: force, reference and responses, and the sensor positions."""
+"""Roles and directions of channels: force, reference and responses, and the sensor positions."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ema.core.campaign import Response, Run
+from ema.core.campaign import Campaign, Direction, Response, Run
 from ema.core.errors import InputError, ManifestError, RecordingFormatError, nearest
-from ema.core.finding import Check, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import ACCELERATION, FORCE, UNKNOWN, VOLTAGE, Channel, Recording
 from ema.core.units import SI_UNIT, is_stated
 from ema.io.campaign.manifest import MANIFEST_NAME
@@ -26,6 +26,9 @@ class Wanted:
     force: str | None = None  # name of the channel of the excitation
     reference: str | None = None  # name of the channel of the reference sensor
     positions_deg: dict[str, float] | None = None  # angles by name of the channel
+    directions: dict[str, Direction] = field(default_factory=dict)  # of channels not radial
+    force_direction: Direction = Direction.RADIAL
+    force_deg: float | None = None  # where it is not that of the campaign
 
     def may_be_response(self, channel: Channel) -> bool:
         """Whether a channel may be a response: it has a position, or else is an acceleration."""
@@ -48,11 +51,97 @@ def assign(
         roles.note("", Check.GRID, "positions_deg without [grid]: no circle, angles not used")
     taken = {force.name} | ({reference.name} if reference is not None else set())
     responses = [
-        grid.place(recording.path, channel, wanted.positions_deg, findings)
+        replace(
+            grid.place(recording.path, channel, wanted.positions_deg, findings),
+            direction=wanted.directions.get(channel.name, Direction.RADIAL),
+        )
         for channel in roles.responses(taken)
     ]
     roles.check_places(responses)
-    return Run(name, recording, force, tuple(responses), reference)
+    roles.check_directions(reference)
+    radial = tuple(each for each in responses if each.direction == Direction.RADIAL)
+    others = tuple(each for each in responses if each.direction != Direction.RADIAL)
+    return Run(name, recording, force, radial, reference, others)
+
+
+def ring_runs(runs: Sequence[Run], stated: Sequence[Wanted], findings: list[Finding]) -> list[Run]:
+    """Runs of radial responses to a radial force; what is left out is added to `findings`."""
+    kept = []
+    for run, wanted in zip(runs, stated, strict=True):
+        findings += _left_out(run, wanted.force_direction)
+        if wanted.force_direction == Direction.RADIAL and run.responses:
+            kept.append(run)
+    if not kept:
+        found, rule = "no radial response to a radial force", "the ring is identified from these"
+        remedy = "Add runs with radial sensors and force, or correct directions"
+        raise ManifestError(f"{MANIFEST_NAME}, runs", found, rule, remedy)
+    return kept
+
+
+def _left_out(run: Run, force: Direction) -> Iterator[Finding]:
+    """Responses that are evaluated nowhere, and those that are not of the ring."""
+    for each in run.responses if force != Direction.RADIAL else ():
+        where = run.name, each.channel.name, each.position_deg
+        detail = f"radial response to a {force} force: not evaluated"
+        yield Finding(*where, Check.IGNORED, Verdict.OK, detail)
+    for each in run.others:
+        where = run.name, each.channel.name, each.position_deg
+        detail = f"{each.direction} response: kept out of the ring"
+        yield Finding(*where, Check.DIRECTION, Verdict.OK, detail)
+
+
+def by_direction(
+    campaign: Campaign, runs: Sequence[Run], stated: Sequence[Wanted]
+) -> tuple[Campaign, ...]:
+    """What was measured in each other direction, if possible with a force in that direction.
+
+    A radial force hardly excites torsion and axial modes.
+    """
+    found = []
+    for direction in (Direction.TANGENTIAL, Direction.AXIAL):
+        parts = [
+            (wanted, _evaluated(run, direction))
+            for run, wanted in zip(runs, stated, strict=True)
+            if any(each.direction == direction for each in run.others)
+        ]
+        for force in (direction, Direction.RADIAL):
+            chosen = [(wanted, run) for wanted, run in parts if wanted.force_direction == force]
+            if chosen:
+                found.append(_campaign(campaign, chosen, direction, force))
+                break
+    return tuple(found)
+
+
+def _campaign(
+    campaign: Campaign, parts: Sequence[tuple[Wanted, Run]], direction: Direction, force: Direction
+) -> Campaign:
+    """A campaign of the responses of one direction, whose force acts at one place."""
+    usual_deg, grid = campaign.excitation_deg, campaign.has_circle
+    places = [usual_deg if each.force_deg is None else each.force_deg % 360 for each, _ in parts]
+    if len(set(places)) > 1:
+        where, where_deg = parts[-1][0].where, places[-1]
+        rule = f"a {force} force must act at one place in all runs, here {places[0]} degrees"
+        remedy = "Leave out runs with another place"
+        raise ManifestError(f"{where}, excitation.position_deg", str(where_deg), rule, remedy)
+    return replace(
+        campaign,
+        runs=tuple(run for _, run in parts),
+        excitation_deg=places[0] if grid else None,
+        direction=direction,
+        force_direction=force,
+    )
+
+
+def _evaluated(run: Run, direction: Direction) -> Run:
+    """A run with the responses of one direction; all others only have a mass."""
+    fixed = [] if run.reference is None else [Response(run.reference, None, None)]
+    sensors = (*run.responses, *run.others, *fixed)
+    return replace(
+        run,
+        responses=tuple(each for each in sensors if each.direction == direction),
+        others=tuple(each for each in sensors if each.direction != direction),
+        reference=None,
+    )
 
 
 @dataclass(frozen=True)
@@ -154,17 +243,28 @@ class _Roles:
 
     def check_places(self, responses: Sequence[Response]) -> None:
         """Refuse two responses at one place of a run: one of them is mislabelled."""
-        seen: dict[float | int | None, str] = {}
+        seen: dict[tuple[Direction, float | int | None], str] = {}
         for response in responses:
             angle = response.position_deg
-            key = response.node if angle is None else round(angle, 6) % 360.0
+            place = response.node if angle is None else round(angle, 6) % 360.0
+            key = response.direction, place
             name = response.channel.name
             if key in seen:
-                place = f"node {key}" if angle is None else f"{key:g} degrees"
-                found = f"{seen[key]!r} and {name!r} are both at {place}"
+                where = f"node {place}" if angle is None else f"{place:g} degrees"
+                found = f"{seen[key]!r} and {name!r} are both at {where}"
                 rule = "each response of a run must have a different place"
-                raise self.fault(found, rule, "Correct one of the two positions")
+                remedy = "Correct one of the two positions, or state directions"
+                raise self.fault(found, rule, remedy)
             seen[key] = name
+
+    def check_directions(self, reference: Channel | None) -> None:
+        """Refuse directions of channels that are not there, and a reference that is not radial."""
+        for name, direction in self.wanted.directions.items():
+            self._named(name, "directions")
+            if reference is not None and reference.name == name and direction != Direction.RADIAL:
+                rule = "the fixed reference sensor must be radial"
+                remedy = "Name a radial sensor as the reference"
+                raise self.fault(f"{name!r} is {direction}", rule, remedy)
 
 
 @dataclass(frozen=True)

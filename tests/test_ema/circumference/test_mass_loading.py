@@ -7,6 +7,7 @@ import pytest
 import systems
 
 from ema.circumference.mass_loading import (
+    live_mass_note,
     loading_note,
     loading_percent,
     sensors_of_runs,
@@ -16,7 +17,9 @@ from ema.circumference.mass_loading import (
 from ema.core.errors import InputError
 from ema.core.finding import Verdict
 from ema.core.modes import Pair
-from ema.identify import SensorMass, identify_modes
+from ema.identify import SensorMass, identify_modes, without_mass
+from pipelines.simulate.laboratory import Laboratory
+from pipelines.simulate.laboratory_effects import Effects
 from pipelines.simulate.truth import modal_sum, solve, truth_modes
 
 MASS_KG = 0.004
@@ -78,6 +81,39 @@ def test_a_mass_between_load_cell_and_tyre_is_compensated(name):
     assert away(live, bare) > 0.1
     assert away(found, bare) < 1e-6
     assert away(found.reference, bare.reference) < 1e-6
+
+
+def on_a_tyre(frf, tyre, own_kg, live_kg):
+    """The FRFs as of a laboratory tyre with masses at the seats and at the force, at 0°."""
+    drive, values = tyre.surface(np.zeros(1))[0], np.empty_like(frf.values)
+    for run, angles in SEATS.items():
+        hung = tyre.hung(drive[None, :], live_kg)
+        for tilt in (0.0, 90.0):
+            rows = tyre.surface(angles, tilt)
+            hung += rows.T @ (own_kg[run][:, None] * rows)
+        here = np.array(frf.run) == run
+        system = tyre.solve(drive=drive, extra_mass=hung)
+        seen = tyre.surface(frf.position_deg[here])
+        values[here] = system.inertance(seen, 2 * np.pi * frf.frequency_hz)
+    fixed = frf.reference
+    reference = None if fixed is None else on_a_tyre(fixed, tyre, own_kg, live_kg)
+    return replace(frf, values=values, reference=reference)
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_masses_on_a_belt_that_stretches_are_compensated(seed):
+    """Sensors of 10 g, a reference of 20 g and 60 g at the force, from a mass matrix of its own."""
+    tyre = Laboratory(Effects(seed=seed)).tyre
+    frf = systems.campaign_frf(truth_modes(), frequency_hz=LINES_HZ)
+    own_kg = {run: np.append(np.full(12, 0.01), 0.02) for run in SEATS}
+    loaded, bare = (
+        on_a_tyre(frf, tyre, own_kg, 0.06),
+        on_a_tyre(frf, tyre, dict.fromkeys(SEATS, np.zeros(13)), 0.0),
+    )
+    mass = SensorMass(0.01, SEATS, live_mass_kg=0.06, own_kg=own_kg)
+    assert away(without_mass(loaded, mass), bare) < 0.01 * away(loaded, bare)
+    alike = replace(mass, own_kg={})
+    assert away(without_mass(loaded, alike), bare) > 0.02 * away(loaded, bare)
 
 
 def test_without_mass_nothing_changes():
@@ -178,6 +214,15 @@ def test_without_the_mass_no_sensor_is_accused_and_the_note_tells_the_size():
     fourth = next(mode for mode in model_of.model.modes if mode.order == 4)
     assert 4 * typical == pytest.approx(100 * (145.45 / fourth.frequency_hz - 1), rel=0.15)
     assert 0.12 < worst < 0.2
+
+
+def test_the_note_tells_the_size_of_a_live_mass_that_is_not_given():
+    modes = TYRES["both members alike"]
+    model = identify_modes(systems.campaign_frf(modes, 34)).model
+    low, high = (float(word) for word in live_mass_note(model, 0.0).split() if "0." in word)
+    exact = [100 * 0.01 / 2 / m.modal_mass_kg for m in systems.of_orders(modes, member="a")]
+    assert low == pytest.approx(min(exact), abs=0.006)
+    assert high == pytest.approx(max(exact), abs=0.006)
 
 
 def test_without_a_drive_point_the_note_gives_no_number():

@@ -136,9 +136,15 @@ def test_drift_is_told_run_by_run(tmp_path):
 
 def test_the_mass_in_the_manifest_is_taken_off(tmp_path):
     folder = simulate_campaign(tmp_path / "campaign", duration_s=DURATION_S, sensor_mass_kg=0.004)
+    manifest = (folder / "campaign.toml").read_text()
+    assert "mass_kg = 0.004" in manifest
+    own = manifest.replace("mass_kg = 0.004", "mass_kg = { default = 0.004, REF = 0.0041 }")
+    (folder / "campaign.toml").write_text(own)
     result = process(folder, STOP_AT_MODES)
     assert_seven_orders(result.modal_model)
-    assert any("4 g each" in note for note in result.notes)
+    assert any("4 g (all others), 4.1 g (REF)" in note for note in result.notes)
+    stated = result.provenance["corrections"]["sensor_mass_kg"]
+    assert stated == {"default": 0.004, "REF": 0.0041}
     assert not [finding for finding in result.findings if finding.verdict == "excluded"]
 
 

@@ -35,7 +35,8 @@ def result(short_result):
     measured = replace(frf, values=values)
     seats = {run: frf.position_deg[np.array(frf.run) == run] for run in frf.run_names}
     warmer = replace(short_result.modal_model.drift, **DRIFT, run=frf.run_names)
-    mass = SensorMass(0.001, seats, drift=warmer)
+    own = {run: 0.001 * np.arange(angles.size) for run, angles in seats.items()}
+    mass = SensorMass(0.001, seats, drift=warmer, own_kg=own)
     changes = (FLIPPED, DEAD)
     fitted = without_mass(corrected(measured, changes), mass)
     return replace(

@@ -48,6 +48,7 @@ def test_pandas_reads_modes(folder, short_result):
         "pair": "pair",
         "frequency_band_shift_hz": "frequency_band_shift_hz",
         "damping_ratio_band_shift": "damping_band_shift",
+        "name": "common_name",
     }
     assert list(table.columns) == ["mode", *attributes]
     assert_column(table, "mode", range(1, len(modes) + 1))

@@ -33,6 +33,7 @@ FILES = (
     *("identification.json", "frf.parquet", "residues.parquet", "poles.parquet"),
     *("reference.parquet", "modes.csv", "shapes.csv", "orders.csv", "quality.csv"),
     "corrections.csv",
+    "other_modes.csv",
     *("validation.csv", "frf.uff", "tyre.toml", "report.html", MARKER),
 )
 CASES = [(name, way) for name in FILES for way in ways(Path(name))]

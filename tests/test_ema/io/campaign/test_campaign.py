@@ -9,6 +9,7 @@ import pytest
 from builders import SHARED_DATA, binary58, floats, force58, frf58, nodes15, response58
 
 import ema
+from ema.circumference.mass_loading import masses_of_runs, sensors_of_runs
 from ema.core.errors import InputError, ManifestError, RecordingFormatError
 
 MANIFEST = """
@@ -116,6 +117,9 @@ def test_samples_stay_on_disk(folder):
         ("serial = 4711", "mean_radius_m = 330", "tyre.mean_radius_m: 330; tyres have"),
         ("serial = 4711", "belt_width_m = 190", "tyre.belt_width_m: 190; tyres have"),
         ("[grid]", "[sensors]\nmass_kg = 4\n[grid]", "sensors.mass_kg: 4; sensors have up"),
+        ("[grid]", "[sensors]\nmass_kg = { REF = 0.012 }\n[grid]", "no mass of A01, A02"),
+        ("[grid]", "[sensors]\nmass_kg = { default = 0, RFE = 0.01 }\n[grid]", "mean 'REF'"),
+        ("[grid]", "[sensors]\nmass_kg = { default = 0, REF = 12 }\n[grid]", "have up to 1 kg"),
         ("[20, 260.0]", "[260, 20]", "[lower, upper]"),
         ("averages = 2", "averages = 2\nblock_seconds = 4.0", "exclude each other"),
         ("averages = 2", "overlap = 1.0", "processing.overlap"),
@@ -146,6 +150,15 @@ def test_faults_of_a_manifest_are_named(folder, old, new, message):
     with pytest.raises(ManifestError, match=re.escape(message)) as caught:
         ema.read_campaign(folder)
     assert caught.value.where.startswith("campaign.toml")
+
+
+def test_each_sensor_may_have_a_mass_of_its_own(folder):
+    change(folder, "[grid]", "[sensors]\nmass_kg = { default = 0.004, REF = 0.012 }\n[grid]")
+    campaign = ema.read_campaign(folder)
+    assert [campaign.mass_of(name) for name in ("A01", "REF")] == [0.004, 0.012]
+    masses = masses_of_runs(campaign)["config_1.uff"]
+    np.testing.assert_array_equal(masses, [0.004, 0.004, 0.012])
+    assert masses.size == sensors_of_runs(campaign)["config_1.uff"].size
 
 
 @pytest.mark.parametrize(("stored", "written"), [("NFC", "NFD"), ("NFD", "NFC")])
