@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ema.core.block_plan import ExponentialWindow
 from ema.core.display import as_typed, counted, facts, number, table
@@ -105,6 +106,8 @@ class Campaign:
         Mass between load cell and tyre.
     processing : Processing
         Choices of the manifest.
+    tuning : dict
+        The manifest's ``[tuning]``: pressure model, and value, std, limits or start of parameters.
     identification, checks : IdentificationSettings, CheckSettings
         Thresholds, changed by the manifest's ``[identification]`` and ``[checks]``.
     sources : tuple of Path
@@ -132,6 +135,7 @@ class Campaign:
     sensor_mass_kg: float | None = None
     live_mass_kg: float | None = None
     processing: Processing = field(default_factory=Processing)
+    tuning: dict[str, Any] = field(default_factory=dict)
     identification: IdentificationSettings = IDENTIFICATION
     checks: CheckSettings = CHECKS
     sources: tuple[Path, ...] = ()

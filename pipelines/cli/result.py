@@ -70,6 +70,10 @@ def tune(
     result_folder: opt.ResultFolder,
     objective: opt.Objective = "frequency",
     given: opt.Given = None,
+    pressure_load: opt.TuningLoad = None,
+    prior: opt.Prior = None,
+    bounds: opt.Bounds = None,
+    start: opt.Start = None,
     no_report: opt.NoReport = False,
     strict: opt.Strict = False,
     accept_changes: opt.AcceptChanges = False,
@@ -80,12 +84,19 @@ def tune(
     Examples:
       ringmodal tune result --objective paper
       ringmodal tune result --given mass_per_area_kg_m2=19.7
+      ringmodal tune result --prior radial_growth_m=0.0009:0.0002
     """  # noqa: D406, D407 - a heading of the help
     objective = opt.choice("--objective", objective, opt.OBJECTIVES)
     known = opt.ring_parameters("--given", given)
     with reporting_outcome(result_folder):
-        options = {"strict": strict, "accept_changes": accept_changes}
-        result = retune(result_folder, objective, known, **options)
+        result = retune(
+            result_folder,
+            objective,
+            known,
+            tuning=opt.tuning_table(pressure_load, prior, bounds, start),
+            strict=strict,
+            accept_changes=accept_changes,
+        )
         pdf = has_pdf(result_folder) and not no_report
         save(result, result_folder, report=not no_report, pdf=pdf, force=True)
         show(result, result_folder, as_json=as_json, report=not no_report)

@@ -18,6 +18,7 @@ from pipelines.export.tir_file import TirFile
 from pipelines.export.tir_units import TirUnits, clear_si_value, positive_si_value, units_of
 from pipelines.results.parameter_set import Parameter, ParameterSet
 from pipelines.results.provenance import software_version
+from pipelines.results.set_basis import Basis
 
 SECTIONS = {
     "INFLPRES": "OPERATING_CONDITIONS",
@@ -219,6 +220,7 @@ def ring_from_tir(
     )
     radius = math.sqrt(inertia / mass)
     per_area = mass / (2 * math.pi * radius * width)
+    load = like.basis.pressure_load if like else "follower"
     try:
         found = foundation_from_belt_modes(
             translation,
@@ -227,6 +229,7 @@ def ring_from_tir(
             mass_per_area_kg_m2=per_area,
             inflation_pressure_pa=pressure,
             axial_stiffness_n_m=like.ring["axial_stiffness_n_m"].value if like else None,
+            pressure_load=load,
         )
     except ParameterError as error:
         where = f"{tir.name}, {error.where}"
@@ -251,6 +254,7 @@ def ring_from_tir(
             "source": tir.name,
             "source_sha256": hashlib.sha256(tir.content).hexdigest(),
         },
+        basis=Basis(load),
     )
     return RingFromTir(parameters, tuple(_ring_notes(tir, units, radius, like)))
 

@@ -20,7 +20,7 @@ from model.damping import DampingResult
 from model.identifiability import AT_BOUND, GIVEN, IDENTIFIED, NOT_IDENTIFIED
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.tuning import TuningResult
-from pipelines.results.set_basis import SECTIONS, Basis, basis_of, basis_records
+from pipelines.results.set_basis import SECTIONS, Basis, Covariance, basis_of, basis_records
 from pipelines.storage.checksums import ACCEPTED, KEY, OWN, content_sha256, unsealed
 
 if TYPE_CHECKING:
@@ -117,11 +117,12 @@ def from_tuning(
     damping: DampingResult | None,
     provenance: dict[str, Any],
     details: Mapping[str, str] | None = None,
+    warnings: tuple[str, ...] = (),
 ) -> ParameterSet:
     """Parameter set of a tuned ring.
 
     `details` are further keys of the manifest's ``[tyre]``; numbers named in `CONDITION_NAMES`
-    become conditions.
+    become conditions. `warnings` are those of the campaign.
     """
     how = {**dict.fromkeys(RING_NAMES, GIVEN), **tuning.how}
     ring = _obtained(RING_NAMES, tuning.ring, how, tuning.std)
@@ -134,7 +135,9 @@ def from_tuning(
             value = float((details or {})[name])
             if isfinite(value):
                 conditions[name] = value
-    return ParameterSet(designation, conditions, ring, damped, {}, provenance)
+    covariance = Covariance(tuple(tuning.std), tuple(map(tuple, tuning.covariance.tolist())))
+    basis = Basis(tuning.pressure_load, tuning.verdict, warnings, covariance)
+    return ParameterSet(designation, conditions, ring, damped, {}, provenance, basis)
 
 
 def tuned_parameters(

@@ -114,6 +114,7 @@ def _with_manifest(path: Path) -> Campaign:
         sensor_mass_kg=manifest.sensors.mass_kg,
         live_mass_kg=manifest.excitation.live_mass_kg,
         processing=manifest.processing.processing(),
+        tuning=manifest.tuning.table(),
         identification=settings_from(
             IdentificationSettings, manifest.identification, f"{path.name}, [identification]"
         ),
