@@ -13,14 +13,7 @@ from scipy.stats import f as f_distribution
 from model.arrays import Array
 from model.parameters import RING_NAMES
 from model.tuning_prior import ModalMasses
-from model.tuning_problem import (
-    CIRCUMFERENTIAL,
-    MASS,
-    RADIAL,
-    Search,
-    TuningProblem,
-    plan_search,
-)
+from model.tuning_problem import CIRCUMFERENTIAL, MASS, RADIAL, Search, TuningProblem, plan_search
 from model.tuning_spread import degrees_of_freedom
 
 

@@ -179,12 +179,7 @@ def identify_damping(
         moved = fit.moved(slopes / measured[:, None])
         further = moved @ ring_covariance[1] @ moved.T
     found = assess(
-        fit,
-        residual,
-        relative_given,
-        nominal=_NOMINAL,
-        undetermined=undetermined,
-        further=further,
+        fit, residual, relative_given, nominal=_NOMINAL, undetermined=undetermined, further=further
     )
     how = {name: NOT_IDENTIFIED if undetermined[name] else AT_BOUND for name in _NAMES} | found.how
     return DampingResult(

@@ -26,14 +26,7 @@ from model.identifiability import (
 )
 from model.parameters import RING_NAMES, RingParameters, as_typed, listed_parameters
 from model.tuning_prior import TuningPriors, modal_masses
-from model.tuning_problem import (
-    AXIAL,
-    PARAMETERS,
-    RADIAL_GROWTH,
-    WIDTH,
-    Search,
-    TuningProblem,
-)
+from model.tuning_problem import AXIAL, PARAMETERS, RADIAL_GROWTH, WIDTH, Search, TuningProblem
 from model.tuning_spread import Spread, model_form_std, posterior_spread
 
 if TYPE_CHECKING:
