@@ -9,13 +9,14 @@ from typing import Any
 from ema.core.campaign import Campaign, Processing
 from ema.core.errors import InputError
 from ema.core.settings import CheckSettings, IdentificationSettings
+from model.coefficients import PressureLoad
 from model.tuning_prior import TuningPriors
 
 #: Widest default band of a tyre.
 TYRE_BAND_HZ = (20.0, 300.0)
 
 #: Pressure model of a tuning: that of the paper.
-DEFAULT_LOAD = "dead"
+DEFAULT_LOAD: PressureLoad = "dead"
 
 
 @dataclass(frozen=True)
