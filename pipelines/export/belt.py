@@ -44,7 +44,12 @@ class Belt:
 
     ring: RingParameters
     damping: RingDamping | None
-    pressure_load: PressureLoad = "dead"
+    pressure_load: PressureLoad | None = None
+
+    @property
+    def load(self) -> PressureLoad:
+        """The pressure model of waves."""
+        return self.pressure_load or "dead"
 
     @property
     def known_damping(self) -> RingDamping:
@@ -72,7 +77,7 @@ def translation_hz(belt: Belt) -> float:
     that k_r and k_θ can be found from the frequency without D.
     """
     ring = replace(belt.ring, bending_stiffness_n_m=0.0)
-    return float(natural_frequencies_hz(ring, 1, pressure_load=belt.pressure_load))
+    return float(natural_frequencies_hz(ring, 1, pressure_load=belt.load))
 
 
 def translation_damping_ratio(belt: Belt) -> float:
@@ -81,7 +86,7 @@ def translation_damping_ratio(belt: Belt) -> float:
 
 
 def _ratio(belt: Belt, order: int) -> float:
-    ratio = damping_ratios(belt.ring, belt.known_damping, order, pressure_load=belt.pressure_load)
+    ratio = damping_ratios(belt.ring, belt.known_damping, order, pressure_load=belt.load)
     return float(ratio)
 
 
@@ -91,13 +96,14 @@ def rotation_hz(belt: Belt) -> float:
     In the pressure model of the set: tuned on the same frequencies, k_θ of a dead load is smaller
     by p₀/a than that of a follower load, and the torsion is the same.
     """
-    return torsion_frequency_hz(belt.ring, pressure_load=belt.pressure_load)
+    return torsion_frequency_hz(belt.ring, pressure_load=belt.pressure_load or "follower")
 
 
 def rotation_damping_ratio(belt: Belt) -> float:
     """Damping ratio of the torsion, from the foundation only: the belt is not strained."""
     viscous = replace(belt.known_damping, on_pretension=False)
-    return torsion_damping_ratio(belt.ring, viscous, pressure_load=belt.pressure_load)
+    load = belt.pressure_load or "follower"
+    return torsion_damping_ratio(belt.ring, viscous, pressure_load=load)
 
 
 #: Keys of a tyre property file: value and basis.
@@ -253,9 +259,7 @@ class ModalTarget:
 
 def _bending(order: int) -> tuple[Callable[[Belt], float], Callable[[Belt], float]]:
     return (
-        lambda belt: float(
-            natural_frequencies_hz(belt.ring, order, pressure_load=belt.pressure_load)
-        ),
+        lambda belt: float(natural_frequencies_hz(belt.ring, order, pressure_load=belt.load)),
         lambda belt: _ratio(belt, order),
     )
 

@@ -229,7 +229,7 @@ def ring_from_tir(
         "inflation_pressure_pa": pressure,
         "axial_stiffness_n_m": like.ring["axial_stiffness_n_m"].value if like else None,
     }
-    load = like.basis.pressure_load if like else DEFAULT_LOAD
+    load = (like.basis.pressure_load if like else None) or DEFAULT_LOAD
     try:
         found = foundation_from_belt_modes(translation, torsion, **known, pressure_load=load)
         if found.circumferential_stiffness_n_m3 < 0 and load == "dead":

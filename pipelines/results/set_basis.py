@@ -29,9 +29,9 @@ class Basis:
 
     Parameters
     ----------
-    pressure_load : {"dead", "follower"}
-        Pressure model that the values belong to. Sets that do not state one are of version 0.1.0,
-        which tuned with a dead load.
+    pressure_load : {"dead", "follower"} or None
+        Pressure model that the values belong to. Values of sets that do not state one are used as
+        they are: with a dead load for waves, a follower load for torsion and free wheel.
     verdict : RingVerdict or None
         None for values that no tuning gave.
     warnings : tuple of str
@@ -39,7 +39,7 @@ class Basis:
     covariance : Covariance or None
     """
 
-    pressure_load: PressureLoad = "dead"
+    pressure_load: PressureLoad | None = None
     verdict: RingVerdict | None = None
     warnings: tuple[str, ...] = ()
     covariance: Covariance | None = None
@@ -52,7 +52,9 @@ class Basis:
 
 def basis_records(basis: Basis) -> dict[str, dict[str, Any]]:
     """Sections of a TOML file."""
-    records: dict[str, dict[str, Any]] = {"model": {"pressure_load": basis.pressure_load}}
+    records: dict[str, dict[str, Any]] = {}
+    if basis.pressure_load is not None:
+        records["model"] = {"pressure_load": basis.pressure_load}
     if (verdict := basis.verdict) is not None:
         records["verdict"] = {
             "state": verdict.state.value,
@@ -75,8 +77,8 @@ def basis_records(basis: Basis) -> dict[str, dict[str, Any]]:
 
 def basis_of(path: Path, sections: dict[str, dict[str, Any]], known: tuple[str, ...]) -> Basis:
     """Basis from the sections of a TOML file; `known` are the names of parameters."""
-    load = sections["model"].get("pressure_load", "dead")
-    if load not in get_args(PressureLoad):
+    load = sections["model"].get("pressure_load")
+    if load not in (None, *get_args(PressureLoad)):
         where, rule = f"{path.name}, [model] pressure_load", "it must be dead or follower"
         raise InputError(where, repr(load), rule, "Correct it")
     record, covariance = sections["verdict"], sections["covariance"]

@@ -31,12 +31,12 @@ class SimulatedTyre:
     ring: RingParameters
     damping: RingDamping | None = None
     wheel: Wheel | None = None
-    pressure_load: PressureLoad = "dead"  # that the ring belongs to
+    pressure_load: PressureLoad | None = None  # that the ring belongs to; None: as it is
 
     def under(self, pressure_load: PressureLoad | None) -> tuple[RingParameters, PressureLoad]:
         """The ring under a pressure model, and which; None leaves it at that of the set."""
-        wanted = pressure_load or self.pressure_load
-        return with_pressure_load(self.ring, self.pressure_load, wanted), wanted
+        wanted = pressure_load or self.pressure_load or "dead"
+        return with_pressure_load(self.ring, self.pressure_load or wanted, wanted), wanted
 
 
 def tyre_to_simulate(path: Path | None, *, accept_changes: bool = False) -> SimulatedTyre:
