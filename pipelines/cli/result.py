@@ -149,11 +149,12 @@ def show(result: Result, folder: Path, *, as_json: bool, report: bool, quiet: bo
         print_json(_summary(result, folder, report=report))
         return
     _show_modes(result)
-    if result.tuning is not None:
-        ring = _ring(result.tuning).items()
+    if (tuning := result.tuning) is not None:
+        ring = _ring(tuning).items()
         rows = [(name, value_with_std(p["value"], p["std"]), p["how"]) for name, p in ring]
         head = ("parameter", "value", "obtained")
-        print_table("Ring", head, rows, texts=("parameter", "obtained"), folding=("obtained",))
+        title = f"Ring, {tuning.verdict.state}; pressure as {tuning.pressure_load} load"
+        print_table(title, head, rows, texts=("parameter", "obtained"), folding=("obtained",))
     if not quiet:
         for text in warnings(result):
             warn(text)
@@ -221,6 +222,7 @@ def _summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
         "pdf": str(folder / PDF) if (folder / PDF).is_file() else None,
         "modes": [dict(zip(table.columns, row, strict=True)) for row in plain_rows(table)],
         "ring": {} if result.tuning is None else _ring(result.tuning),
+        "verdict": None if result.tuning is None else result.tuning.verdict.state.value,
         "warnings": [f.detail for f in result.findings if not f.is_ok],
         "notes": list(result.notes),
     }
