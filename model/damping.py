@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from model.parameters import DAMPING_NAMES, RingDamping, RingParameters
 from model.ring import natural_frequencies_hz, torsion_frequency_hz
 
 _NAMES = tuple(DAMPING_NAMES)
+_STEP = 1e-5  # relative change of a parameter of the ring for numerical derivatives
 _NOMINAL = 0.05  # relative error of a ratio that decides on identifiability where none is known
 
 
@@ -111,6 +112,7 @@ def identify_damping(
     *,
     on_pretension: bool = True,
     pressure_load: PressureLoad = "dead",
+    ring_covariance: tuple[Iterable[str], Array] | None = None,
 ) -> DampingResult:
     """Identify c_r, c_θ and η ≥ 0 from measured damping ratios, relative deviations squared.
 
@@ -128,6 +130,8 @@ def identify_damping(
         Whether η acts on the stiffness from hoop tension too.
     pressure_load : {"dead", "follower"}
         See `equilibrium`.
+    ring_covariance : (names, ndarray), or None
+        Parameters of the ring and their covariance; c_r and c_θ are known no better than ρh.
 
     Returns
     -------
@@ -156,7 +160,10 @@ def identify_damping(
         return RingDamping(radial, circumferential, loss_factor, on_pretension)
 
     def model(values: Array) -> Array:
-        return _ratios(ring, damping(values), numbers, pressure_load=pressure_load)
+        return rings(ring, values)
+
+    def rings(other: RingParameters, values: Array) -> Array:
+        return _ratios(other, damping(values), numbers, pressure_load=pressure_load)
 
     scale = _scale(ring, numbers)
     values, slope = _fit(model, measured, scale)
@@ -166,7 +173,14 @@ def identify_damping(
     fit = LinearFit(names, values[free], slope[:, free], -np.ones(measured.size))
     undetermined = replace(fit, names=_NAMES, values=scale, residual_slope=slope).undetermined()
     residual = fitted / measured - 1.0
-    found = assess(fit, residual, relative_given, nominal=_NOMINAL, undetermined=undetermined)
+    further: Array | float = 0.0
+    if ring_covariance is not None:
+        slopes = _ring_slopes(ring, ring_covariance[0], lambda other: rings(other, values))
+        moved = fit.moved(slopes / measured[:, None])
+        further = moved @ ring_covariance[1] @ moved.T
+    found = assess(
+        fit, residual, relative_given, nominal=_NOMINAL, undetermined=undetermined, further=further
+    )
     how = {name: NOT_IDENTIFIED if undetermined[name] else AT_BOUND for name in _NAMES} | found.how
     return DampingResult(
         damping=damping(values),
@@ -181,6 +195,18 @@ def identify_damping(
 
 
 _ratios = damping_ratios  # `identify_damping` has an argument of this name
+
+
+def _ring_slopes(
+    ring: RingParameters, names: Iterable[str], model: Callable[[RingParameters], Array]
+) -> Array:
+    """Slopes of the damping ratios over parameters of the ring, (n_ratios, n_parameters)."""
+    columns = []
+    for name in names:
+        value = getattr(ring, name)
+        step = _STEP * (value or 1.0)
+        columns.append((model(replace(ring, **{name: value + step})) - model(ring)) / step)
+    return np.column_stack(columns)
 
 
 def _scale(ring: RingParameters, orders: NDArray[np.int_]) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
+from model.adequacy import RingVerdict, judge_tuning
 from model.arrays import Array, ReadonlyArrays, measured_orders
 from model.coefficients import PressureLoad
 from model.display import table, value_with_std
@@ -17,22 +18,21 @@ from model.identifiability import (
     AT_BOUND,
     GIVEN,
     IDENTIFIED,
+    LARGEST_RELATIVE_STD,
     NOT_IDENTIFIED,
     Correlation,
-    LinearFit,
     Sensitivity,
-    assess,
     frequency_sensitivity,
 )
 from model.parameters import RING_NAMES, RingParameters, as_typed, listed_parameters
-from model.tuning_problem import AXIAL, PARAMETERS, Search, TuningProblem, plan_search
+from model.tuning_prior import TuningPriors, modal_masses
+from model.tuning_problem import AXIAL, PARAMETERS, RADIAL_GROWTH, WIDTH, Search, TuningProblem
+from model.tuning_spread import Spread, model_form_std, posterior_spread
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_NOMINAL = 0.005  # relative frequency error that decides on identifiability where none is known
-_MORE_GROWTH = 0.1  # change of the assumed growth whose influence is reported, as a share
-_SMALL = 1e-3  # share of the growth over which the influence is linear
+_NARROWED = 0.5  # posterior over prior standard deviation up to which the data determine a value
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,19 +48,25 @@ class TuningResult(ReadonlyArrays):
     how : dict of str to str
         ``"given"``, ``"identified"``, ``"not identified"`` or ``"at bound"``, per parameter.
     orders : ndarray of int, shape (n_orders,)
-        Circumferential orders used.
+        Circumferential orders measured; `verdict` names those that were left out.
     measured_hz, model_hz : ndarray, shape (n_orders,)
         Measured natural frequencies and those of the tuned ring at Ω = 0.
     relative_std : ndarray, shape (n_orders,)
-        Relative standard deviation of each frequency behind `std`; NaN where none is known.
+        Relative standard deviation of each frequency behind `std`, with that of the model form.
     correlation : Correlation
-        Of the free parameters.
+        Of the parameters that were not given.
     sensitivity : Sensitivity
         d ln f / d ln parameter at the solution.
     objective : str
         ``"frequency"`` or ``"paper"``.
     notes : tuple of str
         Remarks for the reader, in sentences.
+    verdict : RingVerdict
+        Whether the ring describes the tyre.
+    pressure_load : {"dead", "follower"}
+        Pressure model that the parameters belong to.
+    covariance : ndarray, shape (n_parameters, n_parameters)
+        Posterior covariance of the parameters that `std` names, in its order, SI.
 
     Examples
     --------
@@ -82,6 +88,9 @@ class TuningResult(ReadonlyArrays):
     sensitivity: Sensitivity
     objective: str
     notes: tuple[str, ...]
+    verdict: RingVerdict
+    pressure_load: PressureLoad
+    covariance: Array
 
     @property
     def error_percent(self) -> Array:
@@ -154,13 +163,22 @@ def tune_ring(
     start: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     radial_growth_m: float | None = None,
+    radial_growth_std_m: float | None = None,
     pressure_load: PressureLoad = "dead",
+    modal_mass_kg: ArrayLike | None = None,
+    modal_mass_std_kg: ArrayLike | None = None,
+    torsion_hz: float | None = None,
+    torsion_std_hz: float = 0.0,
+    rim_hz: Sequence[float] = (),
+    priors: TuningPriors | None = None,
 ) -> TuningResult:
     """Tune ρh, k_r, k_θ and D on natural frequencies at Ω = 0 (section 4, eqs 16 to 18).
 
-    K follows k_r by eq 16 from the radial growth of the belt on inflation. The frequencies of
-    n ≥ 1 hardly depend on K (d ln f / d ln K below 0.02), so without a measured growth, a given K
-    or the breathing frequency (order 0) K is a placeholder and marked "not identified".
+    What else is known enters with its uncertainty (`priors`): growth on inflation, pressure,
+    radius, belt width, calibration, and how well a ring describes a tyre. K follows k_r by eq 16
+    from the radial growth. The frequencies of n ≥ 1 hardly depend on K (d ln f / d ln K below
+    0.02): without a measured growth, a given K, modal masses or the breathing frequency (order 0)
+    K is an assumption and marked "not identified".
 
     Parameters
     ----------
@@ -171,10 +189,9 @@ def tune_ring(
     mean_radius_m, inflation_pressure_pa : float
         Mean radius a and pressure p_o; they set the scale, which frequencies do not determine.
     frequency_std_hz : array_like, shape (n_orders,), or None
-        Standard deviations of the frequencies, Hz. They set the parameters' standard deviations
-        unless the fit residuals imply larger ones; they do not weight the fit.
+        Standard deviations of the frequencies, Hz.
     belt_width_m : float or None
-        Belt width b, kept with the ring.
+        Belt width b. Without one it follows from modal masses, where these are given.
     objective : {"frequency", "paper"}
         Sum of squares of relative frequency deviations, or of eq 18. The latter weighs n = 7 about
         200 times as much as n = 1.
@@ -186,8 +203,19 @@ def tune_ring(
         Bounds of free parameters in place of the default ones.
     radial_growth_m : float or None
         Measured radial growth u_r° of the belt on inflation: determines K by eq 16.
+    radial_growth_std_m : float or None
+        Its standard deviation, m.
     pressure_load : {"dead", "follower"}
         Pressure load the ring is tuned for; use the same one with it later.
+    modal_mass_kg, modal_mass_std_kg : array_like, shape (n_orders,), or None
+        Modal masses of radial shapes cos nθ of unit amplitude and standard deviations, kg. Masses
+        that contradict the frequencies are not used, and the verdict says so.
+    torsion_hz, torsion_std_hz : float
+        Torsion of order 0 on a fixed rim, as tangential sensors detect it, Hz.
+    rim_hz : sequence of float
+        Further modes of order 1, Hz: the rim moves, and order 1 is left out.
+    priors : TuningPriors or None
+        What else is known, and how well.
 
     Returns
     -------
@@ -210,121 +238,135 @@ def tune_ring(
     >>> tuned.how["radial_stiffness_n_m3"]
     'identified'
     """
-    numbers, measured, relative_given = measured_orders(
+    numbers, measured, relative = measured_orders(
         "frequencies_hz", orders, frequencies_hz, "frequency_std_hz", frequency_std_hz
     )
-    tyre = mean_radius_m, inflation_pressure_pa, belt_width_m, objective
-    known = given or {}, start or {}, bounds or {}
-    problem = TuningProblem(numbers, measured, *tyre, *known, radial_growth_m, pressure_load)
-    with threadpool_limits(1, user_api="blas"):  # threads slow small matrices down
-        search = plan_search(problem)
-        values, starts = search.run()
-    ring = search.ring(values)
-    fit = _linear_fit(search, values)
-    found = assess(
-        fit,
-        problem.residual(ring),
-        relative_given,
-        nominal=_NOMINAL,
-        undetermined=fit.undetermined(),
-        further=fit.spread(_assumption_slope(search, ring)) if search.assumed else 0.0,
+    known = priors or TuningPriors()
+    if radial_growth_m is not None and radial_growth_std_m:
+        prior = {RADIAL_GROWTH: (radial_growth_m, radial_growth_std_m)}
+        known, radial_growth_m = replace(known, parameters={**known.parameters, **prior}), None
+    problem = TuningProblem(
+        numbers,
+        measured,
+        mean_radius_m,
+        inflation_pressure_pa,
+        belt_width_m,
+        objective,
+        given or {},
+        start or {},
+        bounds or {},
+        radial_growth_m,
+        pressure_load,
+        relative,
+        modal_masses(numbers, modal_mass_kg, modal_mass_std_kg),
+        None if torsion_hz is None else (torsion_hz, torsion_std_hz),
+        known,
     )
-    how = _how(search, found.how)
+    with threadpool_limits(1, user_api="blas"):  # threads slow small matrices down
+        return _tuned(problem, tuple(rim_hz))
+
+
+def _tuned(problem: TuningProblem, rim_hz: tuple[float, ...]) -> TuningResult:
+    search, values, starts, verdict = judge_tuning(problem, rim_hz)
+    form = model_form_std(search, values)
+    problem = replace(search.problem, priors=replace(search.problem.priors, model_form_std=form))
+    search = replace(search, problem=problem)
+    values = search.solution(values)
+    ring = search.ring(values)
+    spread = posterior_spread(search, values)
+    how = _how(search, values, spread)
     return TuningResult(
         ring=ring,
-        std=found.std,
+        std=spread.std,
         how=how,
-        orders=numbers,
-        measured_hz=measured,
+        orders=problem.orders,
+        measured_hz=problem.measured_hz,
         model_hz=problem.frequencies_hz(ring),
-        relative_std=found.relative_std,
-        correlation=found.correlation,
-        sensitivity=frequency_sensitivity(ring, numbers, pressure_load=pressure_load),
-        objective=objective,
-        notes=(*_remarks(search, fit, ring, how), found.note, starts),
+        relative_std=problem.frequency_errors,
+        correlation=_correlation(spread, how),
+        sensitivity=frequency_sensitivity(
+            ring, problem.orders, pressure_load=problem.pressure_load
+        ),
+        objective=problem.objective,
+        notes=(*_remarks(search, values, how, form), starts),
+        verdict=verdict,
+        pressure_load=problem.pressure_load,
+        covariance=spread.covariance,
     )
 
 
-def _linear_fit(search: Search, values: Array) -> LinearFit:
-    """The tuning, linearised at its solution; parameters on a bound are fixed."""
-    inner = ~search.at_bound(values)
-    names = tuple(name for name, kept in zip(search.free, inner, strict=True) if kept)
-    slope = search.residual_slope(values)[:, inner]
-    return LinearFit(names, values[inner], slope, search.problem.data_slope(search.ring(values)))
-
-
-def _how(search: Search, fitted: dict[str, str]) -> dict[str, str]:
+def _how(search: Search, values: Array, spread: Spread) -> dict[str, str]:
     """How each parameter was obtained, those that were not fitted included."""
-    problem = search.problem
+    problem, ring = search.problem, search.ring(values)
     how = dict.fromkeys(("mean_radius_m", "inflation_pressure_pa"), GIVEN)
     if problem.belt_width_m is not None:
-        how["belt_width_m"] = GIVEN
-    for name in PARAMETERS:
+        how[WIDTH] = GIVEN
+    bound = dict(zip(search.free, search.at_bound(values).tolist(), strict=True))
+    undetermined = spread.fit.undetermined()
+    for name in (*PARAMETERS, *({WIDTH} & set(search.free))):
+        source = RADIAL_GROWTH if name == AXIAL else name
         if name in problem.given:
             how[name] = GIVEN
-        elif name == AXIAL and name not in search.free and problem.radial_growth_m is not None:
-            how[name] = IDENTIFIED
+        elif name in search.held or (name == AXIAL and RADIAL_GROWTH in search.held):
+            how[name] = NOT_IDENTIFIED
+        elif bound.get(source, False):
+            how[name] = AT_BOUND
         else:
-            how[name] = fitted.get(name, AT_BOUND if name in search.free else NOT_IDENTIFIED)
+            value, std = getattr(ring, name), spread.std.get(name, 0.0)
+            vague = undetermined.get(source, False) or std > LARGEST_RELATIVE_STD * value
+            how[name] = (
+                NOT_IDENTIFIED if vague or _hardly_narrowed(search, spread, source) else IDENTIFIED
+            )
     return how
 
 
-def _assumption_slope(search: Search, ring: RingParameters) -> Array:
-    """Change of the residuals if each assumed parameter were wrong by its own size."""
-    names = tuple(search.assumed)
-    sizes = np.array(list(search.assumed.values()))
-    others = {name: getattr(ring, name) for name in search.free}
-    lower, upper = np.zeros(sizes.size), np.full(sizes.size, np.inf)
-    wider = replace(search, free=names, assumed=others, scale=sizes, lower=lower, upper=upper)
-    return np.asarray(wider.residual_slope(sizes) * sizes)
+def _hardly_narrowed(search: Search, spread: Spread, name: str) -> bool:
+    """Whether an assumption, not a measured value, is as good as what is known after the fit."""
+    measured = name in search.problem.priors.parameters
+    prior = None if measured else search.priors.get(name)
+    return prior is not None and spread.free_std[name] > _NARROWED * prior[1]
 
 
-def _remarks(
-    search: Search, fit: LinearFit, ring: RingParameters, how: dict[str, str]
-) -> list[str]:
+def _correlation(spread: Spread, how: dict[str, str]) -> Correlation:
+    names = tuple(n for n in spread.names if how.get(n, GIVEN) in (IDENTIFIED, NOT_IDENTIFIED))
+    kept = [spread.names.index(name) for name in names]
+    size = np.sqrt(np.diag(spread.covariance)[kept])
+    return Correlation(names, spread.covariance[np.ix_(kept, kept)] / np.outer(size, size))
+
+
+def _remarks(search: Search, values: Array, how: dict[str, str], form: float) -> list[str]:
     """Sentences on what the frequencies do not determine."""
-    problem = search.problem
-    remarks = []
-    if how[AXIAL] == NOT_IDENTIFIED and AXIAL not in search.free:
+    problem, priors = search.problem, search.priors
+    remarks = [
+        f"Every ± holds the errors of the frequencies, {100 * form:.2g} % by which a ring deviates "
+        f"from a tyre, and those of pressure ({100 * problem.priors.pressure_std:.2g} %) and "
+        f"radius ({100 * problem.priors.radius_std:.2g} %)."
+    ]
+    if how[AXIAL] == NOT_IDENTIFIED:
         remarks.append(
             "These frequencies do not determine the axial stiffness K: it follows by eq 16 from an "
-            f"assumed radial growth of {1e3 * problem.growth_m:.2f} mm on inflation"
-            f"{_influence_of_growth(search, fit, ring)}. Give K (axial_stiffness_n_m), the "
-            "measured growth or the breathing frequency to determine it."
+            f"assumed radial growth of {1e3 * problem.growth_m:.2f} mm on inflation. Give K "
+            "(axial_stiffness_n_m), the measured growth, modal masses or the breathing frequency "
+            "to determine it."
         )
-    for name, value in search.assumed.items():
+    for name in (*search.held, *priors):
+        if name in problem.priors.parameters or name == RADIAL_GROWTH:
+            continue
+        value, std = (priors | search.held)[name]
         remarks.append(
-            f"{problem.orders.size} frequencies are fewer than the unknowns: the {_title(name)} "
-            f"was assumed to be {value:g} {RING_NAMES[name][2]} ± 100 %."
+            f"{int(problem.used.sum())} frequencies are fewer than the unknowns: the "
+            f"{_title(name)} was assumed to be {value:g} {RING_NAMES[name][2]} ± "
+            f"{100 * std / value:.0f} %."
         )
     for name in search.free:
-        if how[name] == NOT_IDENTIFIED:
+        if how.get(name) == NOT_IDENTIFIED:
             remarks.append(
                 f"The {_title(name)} is not identified: its standard deviation exceeds half its "
                 "value, or other parameters can replace it."
             )
-        if how[name] == AT_BOUND:
-            held = "the other standard deviations hold with it fixed there"
-            remarks.append(f"The {_title(name)} is at a bound of its range; {held}.")
+        if how.get(name) == AT_BOUND:
+            remarks.append(f"The {_title(name)} is at a bound of its range.")
     return remarks
-
-
-def _influence_of_growth(search: Search, fit: LinearFit, ring: RingParameters) -> str:
-    """How far the fitted parameters depend on the assumed growth."""
-    if not fit.names:
-        return ""
-    problem = search.problem
-    larger = replace(problem, radial_growth_m=(1 + _SMALL) * problem.growth_m)
-    stiffness = larger.axial_stiffness_n_m(ring.radial_stiffness_n_m3)
-    elsewhere = replace(ring, axial_stiffness_n_m=stiffness)
-    moved = fit.moved(problem.residual(elsewhere) - problem.residual(ring))
-    share = moved / fit.values * (_MORE_GROWTH / _SMALL)
-    listed = ", ".join(
-        f"{RING_NAMES[name][1]} by {100 * part:+.2f} %".replace("-", "−")
-        for name, part in zip(fit.names, share, strict=True)
-    )
-    more = f"{100 * _MORE_GROWTH:.0f} % more growth would change"
-    return f", and every ± holds for that; {more} {listed}"
 
 
 def _title(name: str) -> str:

@@ -1,31 +1,36 @@
-"""The tuning problem (measured, given, objective) and the search for its free parameters."""
+"""The tuning problem (measured, known, objective) and the search for its free parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag, cholesky, solve_triangular
 from scipy.optimize import least_squares, nnls
 
 from model.arrays import Array, ReadonlyArrays, require_number, require_one_of
 from model.coefficients import PressureLoad, harmonics, require_pressure_load
 from model.errors import ParameterError
 from model.parameters import LARGEST_THICKNESS_RATIO, RingParameters
-from model.ring import natural_frequencies_hz
+from model.ring import modal_mass_kg, natural_frequencies_hz
+from model.tuning_prior import GROWTH, GROWTH_STD, ModalMasses, TuningPriors
 
 MASS = "mass_per_area_kg_m2"
 RADIAL = "radial_stiffness_n_m3"
 CIRCUMFERENTIAL = "circumferential_stiffness_n_m3"
 AXIAL = "axial_stiffness_n_m"
 BENDING = "bending_stiffness_n_m"
+WIDTH = "belt_width_m"
+RADIAL_GROWTH = "radial_growth_m"
 PARAMETERS = (MASS, RADIAL, CIRCUMFERENTIAL, AXIAL, BENDING)
 OBJECTIVES = ("frequency", "paper")
 
-#: Radial growth of a belt on inflation over its radius, where it was not measured.
-TYPICAL_GROWTH = 0.00277
+#: Radial growth of the paper's belt on inflation over its radius.
+PAPER_GROWTH = 0.00277
 #: Values of a passenger-car tyre: they scale the search and replace what cannot be determined.
 TYPICAL = {MASS: 20.0, RADIAL: 8e6, CIRCUMFERENTIAL: 1e6, BENDING: 8.0}
 #: Assumed in this order where frequencies are fewer than unknowns; D has the smallest effect.
@@ -36,6 +41,8 @@ _AT_BOUND = 1e-4  # distance to a bound, over the parameter's scale, that counts
 # ftol and xtol of the search: relative change of χ² and of the parameters.
 _COST_TOLERANCE, _STEP_TOLERANCE = 1e-14, 1e-9
 _MOST_EVALUATIONS = 500
+_GROWTHS = (1e-4, 0.02)  # growth over radius, far beyond any tyre
+_LEAST_CARRIED = 0.1  # share of the pressure that the belt carries at least, the bed the rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +64,25 @@ class TuningProblem(ReadonlyArrays):
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     radial_growth_m: float | None = None
     pressure_load: PressureLoad = "dead"
+    relative_std: Array | None = None  # of the frequencies
+    masses: ModalMasses | None = None
+    torsion_hz: tuple[float, float] | None = None  # with its standard deviation
+    priors: TuningPriors = field(default_factory=TuningPriors)
+    left_out: tuple[int, ...] = ()  # orders
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("given", "start", "bounds"):
             object.__setattr__(self, name, dict(getattr(self, name)))
-            for parameter in getattr(self, name):
-                require_one_of(name, parameter, PARAMETERS)
+        free = (MASS, RADIAL, CIRCUMFERENTIAL, BENDING, RADIAL_GROWTH)
+        for name, names, known in (
+            ("given", self.given, PARAMETERS),
+            ("start", self.start, free),
+            ("bounds", self.bounds, free),
+            ("priors", self.priors.parameters, (*free, AXIAL)),
+        ):
+            for parameter in names:
+                require_one_of(name, parameter, known)
         for name in ("mean_radius_m", "inflation_pressure_pa", "radial_growth_m"):
             require_number(name, getattr(self, name))
         require_pressure_load(self.pressure_load)
@@ -77,38 +96,71 @@ class TuningProblem(ReadonlyArrays):
 
     @property
     def growth_m(self) -> float:
-        """Radial growth u_r° on inflation: the measured one, or a typical one."""
+        """Radial growth u_r° on inflation: measured, the paper's for its objective, or typical."""
         if self.radial_growth_m is not None:
             return self.radial_growth_m
-        return TYPICAL_GROWTH * self.mean_radius_m
+        if RADIAL_GROWTH in self.priors.parameters:
+            return self.priors.parameters[RADIAL_GROWTH][0]
+        return self.mean_radius_m * (PAPER_GROWTH if self.objective == "paper" else GROWTH)
+
+    @cached_property
+    def used(self) -> NDArray[np.bool_]:
+        """Which orders the ring is tuned on."""
+        return ~np.isin(self.orders, self.left_out)
+
+    @cached_property
+    def frequency_errors(self) -> Array:
+        """Relative standard deviation of each frequency, with that of the model form."""
+        own = 0.0 if self.relative_std is None else self.relative_std
+        return np.hypot(own, self.priors.model_form_std) * np.ones(self.orders.size)
+
+    @property
+    def determines_width(self) -> bool:
+        """Whether the belt width follows from modal masses."""
+        return self.masses is not None and self.belt_width_m is None
+
+    def prior_of(self, name: str) -> tuple[float, float] | None:
+        """Value and standard deviation of a prior; the growth has one unless the data give K."""
+        stated = self.priors.parameters.get(name)
+        known = AXIAL in self.priors.parameters or 0 in self.orders[self.used]
+        if stated is None and name == RADIAL_GROWTH and not known:
+            return GROWTH * self.mean_radius_m, GROWTH_STD * self.mean_radius_m
+        return stated
 
     def ring(self, parameters: Mapping[str, float]) -> RingParameters:
         """Ring with these `parameters`; K by eq 16 where it is not among them."""
-        complete = dict(parameters)
+        complete: dict[str, Any] = {WIDTH: self.belt_width_m, **parameters}
+        growth_m = complete.pop(RADIAL_GROWTH, None)
         if AXIAL not in complete:
-            complete[AXIAL] = self.axial_stiffness_n_m(complete[RADIAL])
+            complete[AXIAL] = self.axial_stiffness_n_m(parameters[RADIAL], growth_m)
         return RingParameters(
             mean_radius_m=self.mean_radius_m,
             inflation_pressure_pa=self.inflation_pressure_pa,
-            belt_width_m=self.belt_width_m,
             **complete,
         )
 
-    def axial_stiffness_n_m(self, radial_stiffness_n_m3: float) -> float:
+    def axial_stiffness_n_m(
+        self, radial_stiffness_n_m3: float, growth_m: float | None = None
+    ) -> float:
         """K from the radial growth u_r° (eq 16 at Ω = 0), N/m."""
-        a, w = self.mean_radius_m, self.growth_m
+        a, w = self.mean_radius_m, growth_m or self.growth_m
         follows = 1.0 + w / a if self.pressure_load == "follower" else 1.0
-        carried = self.inflation_pressure_pa * follows - radial_stiffness_n_m3 * w
+        load = self.inflation_pressure_pa * follows
+        carried = max(load - radial_stiffness_n_m3 * w, _LEAST_CARRIED * load)
         return carried / (w**3 / (2.0 * a**4) + 3.0 * w**2 / (2.0 * a**3) + w / a**2)
 
     def frequencies_hz(self, ring: RingParameters) -> Array:
         """Natural frequencies of `ring` for the measured orders, Hz."""
         return natural_frequencies_hz(ring, self.orders, pressure_load=self.pressure_load)
 
+    def relative_deviations(self, ring: RingParameters) -> Array:
+        """Relative deviation of each frequency of `ring` from the measured one."""
+        return self.frequencies_hz(ring) / self.measured_hz - 1.0
+
     def residual(self, ring: RingParameters) -> Array:
         """Deviation per order: relative frequency, or FUN_n of eq 18."""
         if self.objective == "frequency":
-            return self.frequencies_hz(ring) / self.measured_hz - 1.0
+            return self.relative_deviations(ring)
         squared, (a3, a2, _, a0) = self._squared_and_polynomial(ring)
         return np.asarray((a3 * squared + a2) * squared + a0)
 
@@ -119,6 +171,58 @@ class TuningProblem(ReadonlyArrays):
         squared, (a3, a2, _, _) = self._squared_and_polynomial(ring)
         return np.asarray((4.0 * a3 * squared + 2.0 * a2) * squared)
 
+    def deviations(self, ring: RingParameters) -> Array:
+        """What the search minimises: eq 18, or deviations over their standard deviations."""
+        used, parts = self.used, [self.residual(ring)[self.used]]
+        if self.objective == "paper":
+            return parts[0]
+        parts[0] = parts[0] / self.frequency_errors[used]
+        if self.torsion_hz is not None:
+            measured, std = self.torsion_hz
+            squared = float(harmonics(ring, 0, pressure_load=self.pressure_load).m22)
+            torsion = np.sqrt(max(squared, 0.0) / ring.mass_per_area_kg_m2) / (2.0 * np.pi)
+            error = np.hypot(std / measured, self.priors.model_form_std)
+            parts.append(np.array([(torsion / measured - 1.0) / error]))
+        if self.masses is not None:
+            whitened = solve_triangular(self._mass_root, self.mass_deviations(ring), lower=True)
+            parts.append(whitened)
+        return np.concatenate(parts)
+
+    def mass_deviations(self, ring: RingParameters) -> Array:
+        """Logarithm of each modal mass of the ring over the measured one."""
+        masses = self.masses
+        if masses is None:
+            return np.empty(0)
+        return np.log(
+            modal_mass_kg(ring, masses.orders, pressure_load=self.pressure_load) / masses.mass_kg
+        )
+
+    @cached_property
+    def _mass_errors(self) -> Array:
+        """Independent errors of the modal masses; see `ModalMasses.errors`."""
+        assert self.masses is not None
+        return self.masses.errors(self.priors, width_given=self.belt_width_m is not None)
+
+    @cached_property
+    def _mass_root(self) -> Array:
+        errors = self._mass_errors
+        return np.asarray(cholesky(errors @ errors.T, lower=True))
+
+    def data_errors(self, ring: RingParameters) -> Array:
+        """Change of `deviations` for each independent error of the data, (n_data, n_errors).
+
+        The last column is that of the belt width.
+        """
+        used = self.used
+        if self.objective == "paper":
+            errors = np.diag((self.data_slope(ring) * self.frequency_errors)[used])
+            return np.column_stack([errors, np.zeros(errors.shape[0])])
+        n_single = int(used.sum()) + (self.torsion_hz is not None)
+        if self.masses is None:
+            return np.eye(n_single, n_single + 1)
+        masses = solve_triangular(self._mass_root, self._mass_errors, lower=True)
+        return np.asarray(block_diag(np.eye(n_single), masses))
+
     def _squared_and_polynomial(self, ring: RingParameters) -> tuple[Any, tuple[Any, ...]]:
         terms = harmonics(ring, self.orders, pressure_load=self.pressure_load)
         return (2.0 * np.pi * self.measured_hz) ** 2, terms.polynomial
@@ -128,28 +232,55 @@ class TuningProblem(ReadonlyArrays):
 class Search(ReadonlyArrays):
     """Free parameters of a tuning with typical size and bounds, and the values of the others.
 
-    `assumed` holds parameters that too few frequencies cannot determine.
+    `held` has value and standard deviation of parameters that are neither free nor exactly known.
     """
 
     problem: TuningProblem
     free: tuple[str, ...]
-    assumed: dict[str, float]
+    held: dict[str, tuple[float, float]]
     scale: Array
     lower: Array
     upper: Array
 
-    def ring(self, values: Array) -> RingParameters:
+    def ring(self, values: Array, problem: TuningProblem | None = None) -> RingParameters:
         """Ring with the free parameters at `values`."""
         found = dict(zip(self.free, map(float, values), strict=True))
-        return self.problem.ring({**self.problem.given, **self.assumed, **found})
+        held = {name: value for name, (value, _) in self.held.items()}
+        return (problem or self.problem).ring({**self.problem.given, **held, **found})
+
+    @cached_property
+    def priors(self) -> dict[str, tuple[float, float]]:
+        """Value and standard deviation of free parameters that have a prior."""
+        if self.problem.objective == "paper":
+            return {}
+        few = len(self.free) - (RADIAL_GROWTH in self.free) - (WIDTH in self.free)
+        spare = int(self.problem.used.sum()) - few
+        assumed = [name for name in FIRST_ASSUMED if name in self.free][: max(0, -spare)]
+        found = {}
+        for name in (*self.free, *({AXIAL} if RADIAL_GROWTH in self.free else ())):
+            start = self.problem.start.get(name, TYPICAL.get(name, 0.0))
+            prior = self.problem.prior_of(name)
+            if prior is None and name in assumed:
+                prior = start, start
+            if prior is not None:
+                found[name] = prior
+        return found
+
+    def residual(self, values: Array, problem: TuningProblem | None = None) -> Array:
+        """What the search minimises: deviations of the data, then those from the priors."""
+        ring = self.ring(values, problem)
+        data = (problem or self.problem).deviations(ring)
+        at = {AXIAL: ring.axial_stiffness_n_m, **dict(zip(self.free, values, strict=True))}
+        own = [(at[name] - value) / std for name, (value, std) in self.priors.items()]
+        return np.concatenate([data, np.array(own)])
 
     def residual_slope(self, values: Array) -> Array:
-        """Slopes of the residuals over the free parameters, central, shape (n_orders, n_free)."""
+        """Slopes of the residuals over the free parameters, central, shape (n_data, n_free)."""
         columns = []
         for step in np.diag(1e-5 * self.scale):
             ahead = np.minimum(values + step, self.upper)
             behind = np.maximum(values - step, self.lower)
-            rise = self._residual(ahead) - self._residual(behind)
+            rise = self.residual(ahead) - self.residual(behind)
             columns.append(rise / (ahead - behind).sum())
         return np.column_stack(columns)
 
@@ -157,22 +288,21 @@ class Search(ReadonlyArrays):
         """Which free parameters lie on a bound."""
         return self._near(values, self.lower) | self._near(values, self.upper)
 
-    def run(self) -> tuple[Array, str]:
-        """Best solution from all starts, on a bound where close to it, and a note on them."""
-        starts = self._starts()
-        solutions = [self._solution(start) for start in starts]
-        cost = np.array([np.sum(self._residual(values) ** 2) for values in solutions])
-        values = solutions[int(np.argmin(cost))]
-        for bound in (self.lower, self.upper):
-            values = np.where(self._near(values, bound), bound, values)
+    def run(self, most: int | None = None) -> tuple[Array, str]:
+        """Best solution from all or the first starts, and a note on them."""
+        starts = self._starts()[:most]
+        solutions = [self.solution(start) for start in starts]
+        cost = np.array([np.sum(self.residual(values) ** 2) for values in solutions])
+        best = solutions[int(np.argmin(cost))]
         agreeing = int(np.sum(cost <= 1.01 * cost.min() + 1e-12 * self._size() ** 2))
-        return values, f"{agreeing} of {len(starts)} starting points led to this solution."
+        return best, f"{agreeing} of {len(starts)} starting points led to this solution."
 
-    def _solution(self, start: Array) -> Array:
+    def solution(self, start: Array) -> Array:
+        """Solution from one start, on a bound where close to it."""
         size = self._size()
         found = least_squares(
-            lambda x: self._residual(x * self.scale) / size,
-            start / self.scale,
+            lambda x: self.residual(x * self.scale) / size,
+            self._inside(start) / self.scale,
             lambda x: self.residual_slope(x * self.scale) * self.scale / size,
             (self.lower / self.scale, self.upper / self.scale),
             x_scale="jac",
@@ -181,74 +311,88 @@ class Search(ReadonlyArrays):
             gtol=_COST_TOLERANCE,
             max_nfev=_MOST_EVALUATIONS,
         )
-        return np.asarray(np.clip(found.x * self.scale, self.lower, self.upper))
-
-    def _residual(self, values: Array) -> Array:
-        return self.problem.residual(self.ring(values))
+        values = np.clip(found.x * self.scale, self.lower, self.upper)
+        for bound in (self.lower, self.upper):
+            values = np.where(self._near(values, bound), bound, values)
+        return np.asarray(values)
 
     def _size(self) -> float:
         """Residual that a relative frequency error of one would leave; scales eq 18 to one."""
+        if self.problem.objective == "frequency":
+            return 1.0 / float(self.problem.frequency_errors.max())
         return float(np.abs(self.problem.data_slope(self.ring(self._starts()[0]))).max())
 
     def _near(self, values: Array, bound: Array) -> NDArray[np.bool_]:
         return np.abs(values - bound) <= _AT_BOUND * self.scale
+
+    def _inside(self, start: Array) -> Array:
+        margin = np.minimum(1e-2 * self.scale, 0.25 * (self.upper - self.lower))
+        return np.asarray(np.clip(start, self.lower + margin, self.upper - margin))
 
     def _starts(self) -> list[Array]:
         """Starting points inside the bounds: the user's, then linear solutions."""
         guesses = [_linear_solution(self, mass) for mass in (None, *_START_MASSES)]
         if self.problem.start:
             guesses.insert(0, guesses[0] | dict(self.problem.start))
-        margin = np.minimum(1e-2 * self.scale, 0.25 * (self.upper - self.lower))
-        inside = [np.array([guess[name] for name in self.free]) for guess in guesses]
-        return [np.clip(point, self.lower + margin, self.upper - margin) for point in inside]
+        return [
+            self._inside(
+                np.array([guess.get(n, t) for n, t in zip(self.free, self.scale, strict=True)])
+            )
+            for guess in guesses
+        ]
 
 
 def plan_search(problem: TuningProblem) -> Search:
     """Decide what is free and within which bounds."""
-    open_ones = [name for name in PARAMETERS if name not in problem.given and name != AXIAL]
-    if AXIAL not in problem.given and 0 in problem.orders:
-        open_ones.append(AXIAL)
-    assumed: dict[str, float] = {}
-    for name in FIRST_ASSUMED:
-        if len(open_ones) > problem.orders.size and name in open_ones:
-            open_ones.remove(name)
-            assumed[name] = problem.start.get(name, TYPICAL[name])
-    if not open_ones:
+    free = [name for name in PARAMETERS if name not in problem.given and name != AXIAL]
+    held: dict[str, tuple[float, float]] = {}
+    if not free and (AXIAL in problem.given or 0 not in problem.orders):
         rule = "at least one parameter must be free"
         raise ParameterError("given", "every parameter", rule, "Leave one parameter out")
-    if problem.orders.size < len(open_ones):
-        rule = f"fewer than the unknowns {', '.join(open_ones)}"
+    n_orders = int(problem.used.sum())
+    few = [name for name in FIRST_ASSUMED if name in free][: max(0, len(free) - n_orders)]
+    if n_orders < len(free) - len(few):
+        rule = f"fewer than the unknowns {', '.join(n for n in free if n not in few)}"
         remedy = "Measure more orders or give more parameters"
-        raise ParameterError("frequencies_hz", f"{problem.orders.size} values", rule, remedy)
-    typical = TYPICAL | {AXIAL: _typical_axial(problem)}
+        raise ParameterError("frequencies_hz", f"{n_orders} values", rule, remedy)
+    if problem.determines_width and problem.objective == "frequency":
+        free.append(WIDTH)
+    growth = problem.growth_m, GROWTH_STD * problem.mean_radius_m
+    if AXIAL not in problem.given and problem.radial_growth_m is None:
+        if problem.objective == "paper":
+            held[RADIAL_GROWTH] = growth
+        else:
+            free.append(RADIAL_GROWTH)
+    if problem.objective == "paper":  # eq 18 has no place for a prior
+        for name in few:
+            free.remove(name)
+            value = problem.start.get(name, TYPICAL[name])
+            held[name] = value, value
     box = _default_bounds(problem) | dict(problem.bounds)
-    lower, upper = (np.array([box[name][side] for name in open_ones]) for side in (0, 1))
-    for name, low, high in zip(open_ones, lower, upper, strict=True):
+    lower, upper = (np.array([box[name][side] for name in free]) for side in (0, 1))
+    for name, low, high in zip(free, lower, upper, strict=True):
         if not 0 <= low < high:
             where, found = f"bounds of {name}", f"({low:g}, {high:g})"
             raise ParameterError(where, found, "must satisfy 0 ≤ lower < upper", "Correct them")
-    scale = np.array([typical[name] for name in open_ones])
-    return Search(problem, tuple(open_ones), assumed, scale, lower, upper)
-
-
-def _typical_axial(problem: TuningProblem) -> float:
-    return problem.inflation_pressure_pa * problem.mean_radius_m / TYPICAL_GROWTH
+    typical = TYPICAL | {RADIAL_GROWTH: problem.growth_m, WIDTH: 0.2}
+    scale = np.array([typical[name] for name in free])
+    return Search(problem, tuple(free), held, scale, lower, upper)
 
 
 def _default_bounds(problem: TuningProblem) -> dict[str, tuple[float, float]]:
     """Bounds within which every ring is a valid one, far beyond any tyre."""
-    axial = _typical_axial(problem)
-    stiffest_bed = 0.9 * problem.inflation_pressure_pa / problem.growth_m  # eq 16 keeps K positive
-    softest_belt = min(problem.given.get(AXIAL, np.inf), 0.1 * axial)
-    if AXIAL not in problem.given and 0 not in problem.orders:
-        softest_belt = min(softest_belt, problem.axial_stiffness_n_m(stiffest_bed))
-    thickness = LARGEST_THICKNESS_RATIO * problem.mean_radius_m
+    a, pressure = problem.mean_radius_m, problem.inflation_pressure_pa
+    least, most = (share * a for share in _GROWTHS)
+    if problem.radial_growth_m is not None:
+        most = max(most, problem.radial_growth_m)
+    softest = problem.given.get(AXIAL, _LEAST_CARRIED * pressure * a**2 / (2.0 * most))
     return {
         MASS: (0.5, 500.0),
-        RADIAL: (0.0, stiffest_bed),
+        RADIAL: (0.0, 0.9 * pressure / problem.growth_m),  # eq 16 keeps K positive
         CIRCUMFERENTIAL: (0.0, 1e9),
-        AXIAL: (0.1 * axial, 1e3 * axial),
-        BENDING: (0.0, 0.99 * softest_belt * thickness**2 / 12.0),
+        BENDING: (0.0, 0.99 * softest * (LARGEST_THICKNESS_RATIO * a) ** 2 / 12.0),
+        RADIAL_GROWTH: (least, most),
+        WIDTH: (1e-3, 5.0),
     }
 
 
@@ -259,7 +403,7 @@ def _linear_solution(search: Search, mass: float | None) -> dict[str, float]:
     ω²(n² + 1)·ρh − n²(n² − 1)²·D/a⁴ − n²·k_r − k_θ = (p_o/a)(n² − 1)².
     """
     problem = search.problem
-    used = problem.orders > 0
+    used = (problem.orders > 0) & problem.used
     n2 = problem.orders[used].astype(float) ** 2
     inertia = (2.0 * np.pi * problem.measured_hz[used]) ** 2 * (n2 + 1.0)
     normal = problem.inflation_pressure_pa / problem.mean_radius_m
@@ -272,7 +416,7 @@ def _linear_solution(search: Search, mass: float | None) -> dict[str, float]:
         CIRCUMFERENTIAL: -np.ones(n2.size),
         BENDING: -n2 * (n2 - 1.0) ** 2 / problem.mean_radius_m**4,
     }
-    known = {**problem.given, **search.assumed}
+    known = {**problem.given, **{name: value for name, (value, _) in search.held.items()}}
     if mass is not None:
         known.setdefault(MASS, mass)
     wanted = [name for name in columns if name not in known]
@@ -281,9 +425,9 @@ def _linear_solution(search: Search, mass: float | None) -> dict[str, float]:
     matrix = np.column_stack([columns[name] for name in wanted]) * scale / inertia[:, None]
     found = nnls(matrix, right / inertia)[0] * scale
     solution = {**known, **dict(zip(wanted, map(float, found), strict=True))}
-    axial = _typical_axial(problem)
+    growth_m = problem.growth_m
     if 0 in problem.orders:
-        breathing = 2.0 * np.pi * float(problem.measured_hz[~used][0])
-        excess = max(solution[MASS] * breathing**2 - solution[RADIAL], 0.0)
-        axial = excess * problem.mean_radius_m**2
-    return {AXIAL: axial} | solution
+        breathing = 2.0 * np.pi * float(problem.measured_hz[problem.orders == 0][0])
+        membrane = max(solution[MASS] * breathing**2 - solution[RADIAL], 1.0)
+        growth_m = problem.inflation_pressure_pa / membrane
+    return {RADIAL_GROWTH: growth_m} | solution

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 from ema.core.block_plan import ExponentialWindow
 from ema.core.display import as_typed, counted, facts, number, table
@@ -124,6 +125,8 @@ class Campaign:
         Mass between load cell and tyre.
     processing : Processing
         Choices of the manifest.
+    tuning : dict
+        The manifest's ``[tuning]``: pressure model, and value, std, limits or start of parameters.
     identification, checks : IdentificationSettings, CheckSettings
         Thresholds, changed by the manifest's ``[identification]`` and ``[checks]``.
     direction, force_direction : Direction
@@ -156,6 +159,7 @@ class Campaign:
     own_masses_kg: dict[str, float] = field(default_factory=dict)
     live_mass_kg: float | None = None
     processing: Processing = field(default_factory=Processing)
+    tuning: dict[str, Any] = field(default_factory=dict)
     identification: IdentificationSettings = IDENTIFICATION
     checks: CheckSettings = CHECKS
     direction: Direction = Direction.RADIAL

@@ -83,6 +83,7 @@ class Check(StrEnum):
     DRIVE_POINT = "drive point", "position and sign of the force against the modes"
     PLAUSIBILITY = "plausibility", "tuned ring against what tyres have"
     AMPLITUDE = "amplitude", "amplitude of the modes against the mass of the ring"
+    RING = "ring", "whether a ring describes the tyre"
     CHANGED = "changed", "parts of a result changed after it was written"
 
 

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Sequence
 from functools import partial, wraps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import numpy as np
 import typer
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ema.core.campaign import Processing
 from ema.core.errors import InputError, unknown
-from model.tuning_problem import PARAMETERS
+from model.coefficients import PressureLoad
+from model.tuning_problem import PARAMETERS, RADIAL_GROWTH
 from pipelines.library.library import VARIABLE, numbers_of
 from pipelines.results.options import Options
 from pipelines.storage.atomic import require_free_file
@@ -118,6 +119,37 @@ Given = Annotated[
         autocompletion=completing([f"{name}=" for name in PARAMETERS]),
     ),
 ]
+TuningLoad = Annotated[
+    str | None,
+    one_of(
+        get_args(PressureLoad),
+        "Pressure model of the ring: dead (as in the paper) or follower (normal to the belt).",
+        RING,
+    ),
+]
+
+
+def _about_parameters(text: str, metavar: str) -> Any:
+    names = [f"{name}=" for name in (*PARAMETERS, RADIAL_GROWTH)]
+    return option(text, RING, metavar, autocompletion=completing(names))
+
+
+Prior = Annotated[
+    list[str] | None,
+    _about_parameters(
+        "What is known of a parameter, with its standard deviation, such as "
+        "radial_growth_m=0.0009:0.0002; may be repeated.",
+        "NAME=VALUE:STD",
+    ),
+]
+Bounds = Annotated[
+    list[str] | None,
+    _about_parameters("Limits of a parameter; may be repeated.", "NAME=LOWER:UPPER"),
+]
+Start = Annotated[
+    list[str] | None,
+    _about_parameters("Starting value of a parameter; may be repeated.", "NAME=VALUE"),
+]
 
 
 def processing_options(
@@ -171,6 +203,10 @@ def processing_options(
     ] = None,
     objective: Objective = "frequency",
     given: Given = None,
+    pressure_load: TuningLoad = None,
+    prior: Prior = None,
+    bounds: Bounds = None,
+    start: Start = None,
     no_tune: Annotated[
         bool, flag("--no-tune", "Stop at the modes: no ring parameters.", RING)
     ] = False,
@@ -187,6 +223,7 @@ def processing_options(
         tune=not no_tune,
         objective=choice("--objective", objective, OBJECTIVES),
         given=ring_parameters("--given", given),
+        tuning=tuning_table(pressure_load, prior, bounds, start),
         strict=strict,
     )
 
@@ -249,6 +286,36 @@ def ring_parameters(option: str, texts: Sequence[str] | None) -> dict[str, float
     """Values of a repeated NAME=VALUE option, by the names of ring parameters."""
     given = numbers_of(option, texts or (), "mass_per_area_kg_m2=19.7")
     return {choice(option, name, PARAMETERS): number for name, number in given.items()}
+
+
+def tuning_table(
+    pressure_load: str | None,
+    prior: Sequence[str] | None,
+    bounds: Sequence[str] | None,
+    start: Sequence[str] | None,
+) -> dict[str, Any]:
+    """Choices of a tuning as in a manifest's ``[tuning]``."""
+    table: dict[str, Any] = {}
+    if pressure_load is not None:
+        loads = get_args(PressureLoad)
+        table["pressure_load"] = choice("--pressure-load", pressure_load, loads)
+    for name, texts, keys, example in (
+        ("--prior", prior, ("value", "std"), "radial_growth_m=0.0009:0.0002"),
+        ("--bounds", bounds, ("lower", "upper"), "bending_stiffness_n_m=2:20"),
+        ("--start", start, ("start",), "radial_stiffness_n_m3=8e6"),
+    ):
+        for text in texts or ():
+            parameter, _, values = text.partition("=")
+            known = choice(name, parameter.strip(), (*PARAMETERS, RADIAL_GROWTH))
+            try:
+                found = [float(part) for part in values.split(":")]
+            except ValueError:
+                found = []
+            if len(found) != len(keys) or not all(0 <= each < np.inf for each in found):
+                rule = f"it must be NAME={':'.join(keys).upper()} with numbers ≥ 0"
+                raise InputError(name, repr(text), rule, f"Write e.g. {example}")
+            table[known] = table.get(known, {}) | dict(zip(keys, found, strict=True))
+    return table
 
 
 def values_of(option: str, text: str, most: int = MOST_VALUES) -> NDArray[np.float64]:

@@ -70,6 +70,10 @@ def tune(
     result_folder: opt.ResultFolder,
     objective: opt.Objective = "frequency",
     given: opt.Given = None,
+    pressure_load: opt.TuningLoad = None,
+    prior: opt.Prior = None,
+    bounds: opt.Bounds = None,
+    start: opt.Start = None,
     no_report: opt.NoReport = False,
     strict: opt.Strict = False,
     accept_changes: opt.AcceptChanges = False,
@@ -80,12 +84,19 @@ def tune(
     Examples:
       ringmodal tune result --objective paper
       ringmodal tune result --given mass_per_area_kg_m2=19.7
+      ringmodal tune result --prior radial_growth_m=0.0009:0.0002
     """  # noqa: D406, D407 - a heading of the help
     objective = opt.choice("--objective", objective, opt.OBJECTIVES)
     known = opt.ring_parameters("--given", given)
     with reporting_outcome(result_folder):
-        options = {"strict": strict, "accept_changes": accept_changes}
-        result = retune(result_folder, objective, known, **options)
+        result = retune(
+            result_folder,
+            objective,
+            known,
+            tuning=opt.tuning_table(pressure_load, prior, bounds, start),
+            strict=strict,
+            accept_changes=accept_changes,
+        )
         pdf = has_pdf(result_folder) and not no_report
         save(result, result_folder, report=not no_report, pdf=pdf, force=True)
         show(result, result_folder, as_json=as_json, report=not no_report)
@@ -138,11 +149,12 @@ def show(result: Result, folder: Path, *, as_json: bool, report: bool, quiet: bo
         print_json(_summary(result, folder, report=report))
         return
     _show_modes(result)
-    if result.tuning is not None:
-        ring = _ring(result.tuning).items()
+    if (tuning := result.tuning) is not None:
+        ring = _ring(tuning).items()
         rows = [(name, value_with_std(p["value"], p["std"]), p["how"]) for name, p in ring]
         head = ("parameter", "value", "obtained")
-        print_table("Ring", head, rows, texts=("parameter", "obtained"), folding=("obtained",))
+        title = f"Ring, {tuning.verdict.state}; pressure as {tuning.pressure_load} load"
+        print_table(title, head, rows, texts=("parameter", "obtained"), folding=("obtained",))
     if not quiet:
         for text in warnings(result):
             warn(text)
@@ -210,6 +222,7 @@ def _summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
         "pdf": str(folder / PDF) if (folder / PDF).is_file() else None,
         "modes": [dict(zip(table.columns, row, strict=True)) for row in plain_rows(table)],
         "ring": {} if result.tuning is None else _ring(result.tuning),
+        "verdict": None if result.tuning is None else result.tuning.verdict.state.value,
         "warnings": [f.detail for f in result.findings if not f.is_ok],
         "notes": list(result.notes),
     }

@@ -41,7 +41,11 @@ Harmonics = Annotated[
     int, opt.option("Sum harmonics −N … N of the circumference.", min=1, max=2000)
 ]
 Pressure = Annotated[
-    PressureLoad, opt.option("Pressure as the paper's dead load, or normal to the belt.")
+    PressureLoad | None,
+    opt.option(
+        "Pressure as the paper's dead load, or normal to the belt (follower): the ring is "
+        "converted. Default: that of the parameter set."
+    ),
 ]
 Hub = Annotated[Literal["fixed", "free"], opt.option("Whether the wheel can move.")]
 WheelMass = Annotated[
@@ -144,20 +148,21 @@ def frequencies(
     speed_rad_s: Annotated[str, _values("Angular speed in rad/s, one or several.")] = "0",
     frame: Annotated[WaveFrame, opt.option("Where the observer is.")] = "rotating",
     extensional: Annotated[bool, opt.option("Extensional instead of bending waves.")] = False,
-    pressure_load: Pressure = "dead",
+    pressure_load: Pressure = None,
 ) -> None:
     """Frequencies in Hz of the regressive and the progressive wave of each order, over speed.
 
     Example:
       ringmodal simulate frequencies --speed-rad-s 0:100:1 --orders 1:4 --out waves.csv
     """
+    ring, load = request.tyre.under(pressure_load)
     found = simulate_frequencies(
-        request.tyre.ring,
+        ring,
         opt.orders_of("--orders", orders),
         opt.values_of("--speed-rad-s", speed_rad_s),
         frame,
         extensional=extensional,
-        pressure_load=pressure_load,
+        pressure_load=load,
     )
     simulate_show.frequencies(found, frame, request)
 
@@ -175,7 +180,7 @@ def inertance(
     ] = "rotating",
     inextensional: Annotated[bool, opt.option("Take the belt as inextensible.")] = False,
     pretension_loss: PretensionLoss = True,
-    pressure_load: Pressure = "dead",
+    pressure_load: Pressure = None,
 ) -> None:
     """Radial inertance between two angles in (m/s²)/N; in (m/s²)/(N/m) without a belt width.
 
@@ -183,8 +188,9 @@ def inertance(
       ringmodal simulate inertance --at-deg 100 --speed-rad-s 67.3 --out inertance.csv
     """
     damping = damping_of(request.tyre, on_pretension=pretension_loss)
-    options: dict[str, Any] = {"pressure_load": pressure_load, "frame": frame}
-    forced = ForcedRing(request.tyre.ring, damping, speed_rad_s, highest_order=harmonics, **options)
+    ring, load = request.tyre.under(pressure_load)
+    options: dict[str, Any] = {"pressure_load": load, "frame": frame}
+    forced = ForcedRing(ring, damping, speed_rad_s, highest_order=harmonics, **options)
     lines = opt.values_of("--frequency-hz", frequency_hz)
     found = responses.simulate_inertance(
         forced, lines, at_deg, force_deg, inextensional=inextensional
@@ -227,8 +233,10 @@ def cleat(
       ringmodal simulate cleat --at-deg 90 --frame absolute --figure cleat.png
     """
     damping = damping_of(request.tyre, on_pretension=pretension_loss)
-    options: dict[str, Any] = {"highest_order": harmonics, "frame": force_frame}
-    forced = ForcedRing(request.tyre.ring, damping, speed_rad_s, **options)
+    ring, load = request.tyre.under(None)
+    options: dict[str, Any] = {"pressure_load": load, "frame": force_frame}
+    options["highest_order"] = harmonics
+    forced = ForcedRing(ring, damping, speed_rad_s, **options)
     impact = Cleat(radial_n_s, circumferential_n_s, duration_s, math.radians(contact_deg))
     observer = responses.Observer(at_deg, frame, direction, quantity)
     test, times = CleatTest(forced, impact), opt.values_of("--times-s", times_s)
@@ -249,7 +257,7 @@ def loaded(
     ] = Tread.tangential_n_m3,
     modes: Annotated[int, opt.option("How many of the lowest modes.", min=1)] = 15,
     harmonics: Annotated[int, opt.option("Harmonics of the deflected shape.", min=8, max=200)] = 60,
-    pressure_load: Pressure = "dead",
+    pressure_load: Pressure = None,
     hub: Hub = "fixed",
     wheel_mass_kg: WheelMass = None,
     wheel_inertia_kg_m2: WheelInertia = None,
@@ -268,14 +276,15 @@ def loaded(
     if tread.radial_n_m3 == 0 and wheel is not None:
         rule, remedy = "a free hub stands on its tread", "Give a stiffness greater than zero"
         raise InputError("--tread-radial-n-m3", "0", rule, remedy)
+    ring, load = request.tyre.under("follower" if wheel else pressure_load)
     found = responses.simulate_loaded(
-        request.tyre.ring,
+        ring,
         opt.values_of("--load-n", load_n, responses.MOST_LOADS),
         modes,
         tread if tread.radial_n_m3 else None,
         wheel=wheel,
         highest_order=harmonics,
-        pressure_load="follower" if wheel else pressure_load,
+        pressure_load=load,
     )
     simulate_show.loaded(found, request)
 
@@ -305,7 +314,8 @@ def hub(
     given = (wheel_mass_kg, wheel_inertia_kg_m2)
     wheel = wheel_of(request.tyre.wheel, *given) if hub == "free" else None
     damping = damping_of(request.tyre, on_pretension=pretension_loss)
-    forced = ForcedRing(request.tyre.ring, damping, speed_rad_s, wheel, frame=frame)
+    ring, load = request.tyre.under("follower" if wheel else None)
+    forced = ForcedRing(ring, damping, speed_rad_s, wheel, load, frame=frame)
     lines, angle = opt.values_of("--frequency-hz", frequency_hz), math.radians(force_deg)
     found = hub_response(forced, lines, angle, force_direction=direction)
     simulate_show.hub(found, forced, request)

@@ -8,7 +8,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
+import numpy as np
+
 from ema.core.errors import InputError, visible_line
+from model.coefficients import PressureLoad
 from model.damping import damping_ratios, torsion_damping_ratio
 from model.errors import InstabilityError
 from model.identifiability import AT_BOUND, GIVEN, NOT_IDENTIFIED
@@ -16,6 +19,7 @@ from model.parameters import DAMPING_NAMES, RING_NAMES, RingDamping, RingParamet
 from model.ring import belt_width_m, natural_frequencies_hz, torsion_frequency_hz
 from pipelines.results.parameter_set import Parameter, ParameterSet
 from pipelines.results.provenance import software_version
+from pipelines.results.set_basis import Covariance
 
 WIDEST_M = 2.0  # tyres of the largest dump trucks are 1.5 m wide
 _STEP = 1e-4  # relative change of a parameter for numerical derivatives
@@ -27,7 +31,7 @@ _ALONE = 0.05  # largest contribution of all other parameters, as share of the l
 class BeltValue:
     """A value of the rigid belt."""
 
-    # SI. A parameter set has no correlations: std is known only where one parameter dominates.
+    # SI. Without a covariance in the set, std is known only where one parameter dominates.
     value: float
     std: float | None
     basis: str  # formula or mode
@@ -36,10 +40,16 @@ class BeltValue:
 
 @dataclass(frozen=True)
 class Belt:
-    """A ring and its damping, if known."""
+    """A ring, its damping, if known, and the pressure model that both belong to."""
 
     ring: RingParameters
     damping: RingDamping | None
+    pressure_load: PressureLoad | None = None
+
+    @property
+    def load(self) -> PressureLoad:
+        """The pressure model of waves."""
+        return self.pressure_load or "dead"
 
     @property
     def known_damping(self) -> RingDamping:
@@ -66,23 +76,34 @@ def translation_hz(belt: Belt) -> float:
     The belt does not bend in a translation: D affects only the eighth digit and is left out, so
     that k_r and k_θ can be found from the frequency without D.
     """
-    return float(natural_frequencies_hz(replace(belt.ring, bending_stiffness_n_m=0.0), 1))
+    ring = replace(belt.ring, bending_stiffness_n_m=0.0)
+    return float(natural_frequencies_hz(ring, 1, pressure_load=belt.load))
 
 
 def translation_damping_ratio(belt: Belt) -> float:
     """Damping ratio of order 1."""
-    return float(damping_ratios(belt.ring, belt.known_damping, 1))
+    return _ratio(belt, 1)
+
+
+def _ratio(belt: Belt, order: int) -> float:
+    ratio = damping_ratios(belt.ring, belt.known_damping, order, pressure_load=belt.load)
+    return float(ratio)
 
 
 def rotation_hz(belt: Belt) -> float:
-    """Undamped torsion frequency on a fixed rim, with the pressure normal to the belt, Hz."""
-    return torsion_frequency_hz(belt.ring, pressure_load="follower")
+    """Undamped torsion frequency on a fixed rim, Hz.
+
+    In the pressure model of the set: tuned on the same frequencies, k_θ of a dead load is smaller
+    by p₀/a than that of a follower load, and the torsion is the same.
+    """
+    return torsion_frequency_hz(belt.ring, pressure_load=belt.pressure_load or "follower")
 
 
 def rotation_damping_ratio(belt: Belt) -> float:
     """Damping ratio of the torsion, from the foundation only: the belt is not strained."""
     viscous = replace(belt.known_damping, on_pretension=False)
-    return torsion_damping_ratio(belt.ring, viscous, pressure_load="follower")
+    load = belt.pressure_load or "follower"
+    return torsion_damping_ratio(belt.ring, viscous, pressure_load=load)
 
 
 #: Keys of a tyre property file: value and basis.
@@ -113,7 +134,7 @@ def belt_values(
     known = parameters.ring_and_damping
     if width_m is not None:
         known["belt_width_m"] = Parameter(width_m)
-    belt = Belt(ring, parameters.ring_damping)
+    belt = Belt(ring, parameters.ring_damping, parameters.basis.pressure_load)
     values, open_ones = {}, _not_determined(belt)
     for key, (value_of, basis) in VALUES.items():
         if key in open_ones:
@@ -125,7 +146,9 @@ def belt_values(
             for name, slope in slopes.items()
             if abs(slope) >= _MATTERS and known[name].how in (NOT_IDENTIFIED, AT_BOUND)
         )
-        values[key] = BeltValue(value, _std(value, slopes, known), basis, doubts)
+        own = parameters.basis.covariance if width_m is None else None
+        std = _std(value, slopes, known) if own is None else _joint_std(value_of, belt, known, own)
+        values[key] = BeltValue(value, std, basis, doubts)
     return values, open_ones
 
 
@@ -161,6 +184,41 @@ def _slope(value_of: Callable[[Belt], float], belt: Belt, name: str) -> float:
     return (changed / value - 1.0) / _STEP if value else 0.0
 
 
+def _joint_std(
+    value_of: Callable[[Belt], float],
+    belt: Belt,
+    known: Mapping[str, Parameter],
+    covariance: Covariance,
+) -> float | None:
+    """Standard deviation from the covariance of the set; damping is independent of it."""
+    root = np.sqrt(np.diag(covariance.values))
+    names, value, variance = covariance.parameters, value_of(belt), 0.0
+    rises = [
+        (_moved(value_of, belt, name, std) - value) / _STEP
+        for name, std in zip(names, root.tolist(), strict=True)
+    ]
+    correlation = np.array(covariance.values) / np.outer(root, root)
+    variance = float(np.array(rises) @ correlation @ np.array(rises))
+    for name, entry in known.items():
+        if name not in names and entry.how != GIVEN:
+            rise = (_moved(value_of, belt, name, entry.std or entry.value) - value) / _STEP
+            if rise and entry.std is None:
+                return None
+            variance += rise**2
+    return math.sqrt(max(variance, 0.0))
+
+
+def _moved(value_of: Callable[[Belt], float], belt: Belt, name: str, size: float) -> float:
+    """The value where one parameter is larger by a small share of `size`."""
+    part = "damping" if name in DAMPING_NAMES else "ring"
+    held = getattr(belt, part)
+    if held is None or getattr(held, name) is None:
+        return value_of(belt)
+    return value_of(
+        replace(belt, **{part: replace(held, **{name: getattr(held, name) + _STEP * size})})
+    )
+
+
 def _std(value: float, slopes: dict[str, float], known: Mapping[str, Parameter]) -> float | None:
     """Standard deviation where one parameter dominates; without std it is taken as 100 %."""
     shares = {}
@@ -181,8 +239,8 @@ _ABOUT = """\
 # Modal targets for an FTire-style parameter fit
 # Free tyre on a fixed rim: no load, not rolling. Frequencies are undamped, damping ratios are of
 # critical. Values are those of a flexible ring with the parameters of this tyre.
-# in_plane_rotation: the belt rotates against the rim, with the pressure normal to it; sensors on
-#   the tread do not detect it, so there is no measured value.
+# in_plane_rotation: the belt rotates against the rim; radial sensors do not detect it, so there is
+#   no measured value.
 # in_plane_translation: order 1; first_bending: order 2; second_bending: order 3.
 """
 
@@ -201,8 +259,8 @@ class ModalTarget:
 
 def _bending(order: int) -> tuple[Callable[[Belt], float], Callable[[Belt], float]]:
     return (
-        lambda belt: float(natural_frequencies_hz(belt.ring, order)),
-        lambda belt: float(damping_ratios(belt.ring, belt.known_damping, order)),
+        lambda belt: float(natural_frequencies_hz(belt.ring, order, pressure_load=belt.load)),
+        lambda belt: _ratio(belt, order),
     )
 
 
@@ -229,7 +287,7 @@ def write_modal_targets(
         Frequency in Hz and damping ratio by order. Order 0 is ignored: a radial sensor does not
         detect the rotation. Default: no such columns.
     """
-    belt = Belt(parameters.ring_parameters, parameters.ring_damping)
+    belt = Belt(parameters.ring_parameters, parameters.ring_damping, parameters.basis.pressure_load)
     seen = {order: pair for order, pair in (measured or {}).items() if order > 0}
     targets = []
     for (mode, order), functions in _MODES.items():

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from typing import Any
 
 from ema.core.errors import InputError
 from model.errors import ParameterError
@@ -16,8 +17,10 @@ from model.tuning_problem import BENDING, TYPICAL
 from pipelines.export.belt import belt_values, require_belt_width
 from pipelines.export.tir_file import TirFile
 from pipelines.export.tir_units import TirUnits, clear_si_value, positive_si_value, units_of
+from pipelines.results.options import DEFAULT_LOAD
 from pipelines.results.parameter_set import Parameter, ParameterSet
 from pipelines.results.provenance import software_version
+from pipelines.results.set_basis import Basis
 
 SECTIONS = {
     "INFLPRES": "OPERATING_CONDITIONS",
@@ -203,8 +206,9 @@ def ring_from_tir(
     width_m : float, optional
         Belt width b, m. Default: that of `like`.
     like : ParameterSet, optional
-        Gives K and D, which are not in such a file. Default: K from a typical growth on inflation
-        (eq 16), D of a typical tyre.
+        Gives pressure model, K and D, which are not in such a file. Default: a dead load, or a
+        follower load where the torsion needs one; K from a typical growth on inflation (eq 16),
+        D of a typical tyre.
 
     Raises
     ------
@@ -219,15 +223,18 @@ def ring_from_tir(
     )
     radius = math.sqrt(inertia / mass)
     per_area = mass / (2 * math.pi * radius * width)
+    known: dict[str, Any] = {
+        "mean_radius_m": radius,
+        "mass_per_area_kg_m2": per_area,
+        "inflation_pressure_pa": pressure,
+        "axial_stiffness_n_m": like.ring["axial_stiffness_n_m"].value if like else None,
+    }
+    load = (like.basis.pressure_load if like else None) or DEFAULT_LOAD
     try:
-        found = foundation_from_belt_modes(
-            translation,
-            torsion,
-            mean_radius_m=radius,
-            mass_per_area_kg_m2=per_area,
-            inflation_pressure_pa=pressure,
-            axial_stiffness_n_m=like.ring["axial_stiffness_n_m"].value if like else None,
-        )
+        found = foundation_from_belt_modes(translation, torsion, **known, pressure_load=load)
+        if found.circumferential_stiffness_n_m3 < 0 and load == "dead":
+            load = "follower"  # a dead load itself holds the belt better than this torsion
+            found = foundation_from_belt_modes(translation, torsion, **known, pressure_load=load)
     except ParameterError as error:
         where = f"{tir.name}, {error.where}"
         raise InputError(where, error.found, error.rule, error.remedy) from error
@@ -251,6 +258,7 @@ def ring_from_tir(
             "source": tir.name,
             "source_sha256": hashlib.sha256(tir.content).hexdigest(),
         },
+        basis=Basis(load),
     )
     return RingFromTir(parameters, tuple(_ring_notes(tir, units, radius, like)))
 

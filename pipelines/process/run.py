@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -35,17 +36,27 @@ from ema.core.frf import FRF
 from ema.core.modes import ModalModel
 from ema.identify import Identification, SensorMass
 from ema.signals.steadiness import steadiness_findings
-from model.identifiability import IDENTIFIED
+from model.identifiability import AT_BOUND, IDENTIFIED
 from model.tuning import TuningResult
+from model.tuning_problem import CIRCUMFERENTIAL
 from pipelines.process.directions import with_other_modes
 from pipelines.process.validate import (
     RingOrder,
     amplitude_finding,
+    modal_mass_kg,
     plausibility_finding,
+    rim_frequencies_hz,
     ring_orders,
     validate,
+    verdict_findings,
 )
-from pipelines.results.options import TYRE_BAND_HZ, Options, processing_in_force
+from pipelines.results.options import (
+    TYRE_BAND_HZ,
+    Options,
+    processing_in_force,
+    tuning_arguments,
+    tuning_in_force,
+)
 from pipelines.results.provenance import Stopwatch, checksummed, provenance
 from pipelines.results.result import Result
 from pipelines.results.store import load
@@ -54,6 +65,7 @@ from pipelines.results.store import load
 _BAND_TOLERANCE = 0.01
 _IN_DOUBT = "the angles of the sensors are in doubt, or part of the circle has none"
 _FROM_FILE = "FRFs from a file do not state which sensors were on the tyre together"
+_OF_RING = (Check.AMPLITUDE, Check.PLAUSIBILITY, Check.RING)  # found again by each tuning
 _MOST_NAMED = 3  # warnings in the message of a strict run
 
 
@@ -99,6 +111,7 @@ def process(
     watch = Stopwatch(progress or (lambda name: None))
     with watch.stage("read", "Reading"):
         campaign = _read(source, options)
+        options = replace(options, tuning=tuning_in_force(campaign.tuning, options.tuning))
     processing = processing_in_force(campaign, options.processing)
     with watch.stage("frf", "Estimating FRFs"):
         estimated = ema.estimate_frf(
@@ -192,24 +205,17 @@ def tune(result: Result, options: Options) -> Result:
     reason = _why_no_ring(tyre, modal_model, options)
     if reason or tyre is None or tyre.mean_radius_m is None or tyre.inflation_pressure_pa is None:
         return replace(result, notes=(*result.notes, reason))
-    kept = tuple(f for f in result.findings if f.check not in (Check.AMPLITUDE, Check.PLAUSIBILITY))
+    kept = tuple(f for f in result.findings if f.check not in _OF_RING)
     orders = ring_orders(modal_model)
     numbers = np.array([order.order for order in orders])
-    tuning = model.tune_ring(
-        numbers,
-        [order.frequency_hz for order in orders],
-        mean_radius_m=tyre.mean_radius_m,
-        inflation_pressure_pa=tyre.inflation_pressure_pa,
-        belt_width_m=tyre.belt_width_m,
-        frequency_std_hz=[order.frequency_std_hz for order in orders],
-        objective=options.objective,
-        given=options.given,
-    )
+    tuning = _tuned(tyre, modal_model, orders, options)
     damping = model.identify_damping(
         tuning.ring,
         numbers,
         [order.damping_ratio for order in orders],
         [order.damping_std for order in orders],
+        pressure_load=tuning.pressure_load,
+        ring_covariance=(tuning.std, tuning.covariance),
     )
     return replace(
         result,
@@ -221,6 +227,44 @@ def tune(result: Result, options: Options) -> Result:
     )
 
 
+def _tuned(
+    tyre: Tyre, modal_model: ModalModel, orders: Sequence[RingOrder], options: Options
+) -> TuningResult:
+    """Tune for the pressure model chosen, or for the dead load of the paper where it has a ring.
+
+    A tyre whose frequencies a dead load reaches only with k_θ < 0 has a follower load.
+    """
+    masses = [modal_mass_kg(modal_model, order) for order in orders]
+
+    def tuned(tuning: dict[str, Any]) -> TuningResult:
+        return model.tune_ring(
+            [order.order for order in orders],
+            [order.frequency_hz for order in orders],
+            belt_width_m=tyre.belt_width_m,
+            frequency_std_hz=[order.frequency_std_hz for order in orders],
+            modal_mass_kg=[mass_kg for mass_kg, _ in masses],
+            modal_mass_std_kg=[std_kg for _, std_kg in masses],
+            rim_hz=rim_frequencies_hz(modal_model),
+            objective=options.objective,
+            mean_radius_m=tyre.mean_radius_m or math.nan,
+            inflation_pressure_pa=tyre.inflation_pressure_pa or math.nan,
+            **tuning_arguments(tuning, options.given, vars(tyre)),
+        )
+
+    found = tuned(options.tuning)
+    chosen = "pressure_load" in options.tuning or CIRCUMFERENTIAL in options.tuning
+    if chosen or found.how[CIRCUMFERENTIAL] != AT_BOUND or found.pressure_load == "follower":
+        return found
+    other = tuned({**options.tuning, "pressure_load": "follower"})
+    if other.how[CIRCUMFERENTIAL] == AT_BOUND:
+        return found
+    note = (
+        "As a dead load the pressure would need k_θ below zero: the ring is tuned for a pressure "
+        "that stays normal to the belt (follower)."
+    )
+    return replace(other, notes=(note, *other.notes))
+
+
 def _ring_findings(
     modal_model: ModalModel, orders: Sequence[RingOrder], tuning: TuningResult
 ) -> list[Finding]:
@@ -230,7 +274,7 @@ def _ring_findings(
     plausible = plausibility_finding(orders, mass)
     doubted = plausible is not None and not plausible.is_ok
     amplitude = amplitude_finding(modal_model, orders, tuning.ring, ring_is_doubted=doubted)
-    return [*([plausible] if plausible else []), *amplitude]
+    return [*([plausible] if plausible else []), *amplitude, *verdict_findings(tuning.verdict)]
 
 
 def _require_ring_data(campaign: Campaign, options: Options) -> None:
@@ -376,6 +420,7 @@ def retune(
     objective: str | None = None,
     given: dict[str, float] | None = None,
     *,
+    tuning: dict[str, Any] | None = None,
     strict: bool = False,
     accept_changes: bool = False,
 ) -> Result:
@@ -389,6 +434,8 @@ def retune(
         What the tuning minimises.
     given : dict, optional
         Ring parameters known from elsewhere, by name, in SI.
+    tuning : dict, optional
+        As the manifest's ``[tuning]``; overrides that of the result key by key.
     strict : bool
         Whether warnings of the result are errors.
     accept_changes : bool
@@ -418,6 +465,7 @@ def retune(
         "tune": True if objective is not None else earlier["tune"],
         "objective": objective or earlier["objective"],
         "given": earlier["given"] if given is None else given,
+        "tuning": tuning_in_force(earlier.get("tuning", {}), tuning or {}),
     }
     again = tune(result, Options(**chosen))
     return replace(again, provenance={**result.provenance, "options": {**earlier, **chosen}})

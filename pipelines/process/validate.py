@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.circumference.orders import order_content
-from ema.circumference.ring_modes import family
+from ema.circumference.ring_modes import drive, family, further_resonances
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.mac import auto_mac, mac
 from ema.core.modes import ModalModel, Mode
+from model.adequacy import RingVerdict
 from model.damping import DampingResult
 from model.parameters import RingParameters
-from model.ring import modal_mass_kg
+from model.ring import modal_mass_kg as ring_mass_kg
 from model.tuning import TuningResult
 from pipelines.results.result import Validation
 
@@ -117,6 +118,9 @@ _PRESSURES = (
 _CAUSE_WITHIN = 1.8
 # The ring's mass follows from a few frequencies: only a gross difference is a matter of units.
 _AMPLITUDE_LIMIT = 3.0
+_LEAST_MASS_STD = 1e-3  # of a modal mass, what virtual campaigns show
+# A mode of order 1 with a share of the ring's drive is that of a rim; the air's is driven far less.
+_RIM_DRIVE = 0.1
 # A wrong unit has to explain the modal masses within this factor.
 _UNIT_WITHIN = 1.5
 _UNITS = (
@@ -219,8 +223,8 @@ def amplitude_finding(
     """
     if ring.belt_width_m is None:
         return []
-    expected = modal_mass_kg(ring, [order.order for order in orders])
-    ratio = np.array([_modal_mass_kg(modal_model, order) for order in orders]) / expected
+    expected = ring_mass_kg(ring, [order.order for order in orders])
+    ratio = np.array([modal_mass_kg(modal_model, order)[0] for order in orders]) / expected
     factor = float(np.exp(np.median(np.log(ratio))))
     detail = f"modal masses are {factor:.3g} times those of the ring"
     if 1 / _AMPLITUDE_LIMIT < factor < _AMPLITUDE_LIMIT:
@@ -237,9 +241,43 @@ def amplitude_finding(
     return [Finding("", "", None, Check.AMPLITUDE, Verdict.WARNING, detail)]
 
 
-def _modal_mass_kg(modal_model: ModalModel, order: RingOrder) -> float:
-    content = [order_content(mode.residues, modal_model.position_deg) for mode in order.modes]
+def modal_mass_kg(modal_model: ModalModel, order: RingOrder) -> tuple[float, float]:
+    """Modal mass of an order and its standard deviation, kg; both members of a pair together.
+
+    At an antinode of unit amplitude the residue is A = 1/(2jωm). Of the n positions' errors the
+    coefficient of one order has the share √(2/n).
+    """
+    position_deg = modal_model.position_deg
+    content = [order_content(mode.residues, position_deg) for mode in order.modes]
     cosine = sum(each.cosine[order.order] for each in content)
     sine = sum(each.sine[order.order] for each in content)
     crest = float(np.sqrt(abs(cosine) ** 2 + abs(sine) ** 2))
-    return 1 / (4 * np.pi * order.frequency_hz * crest)
+    mass_kg = 1 / (4 * np.pi * order.frequency_hz * crest)
+    squares = [np.nanmean(mode.residues_std**2) for mode in order.modes]
+    std = np.sqrt(2 / position_deg.size * np.nansum(squares))
+    return mass_kg, mass_kg * max(float(std) / crest, _LEAST_MASS_STD)
+
+
+def rim_frequencies_hz(modal_model: ModalModel) -> tuple[float, ...]:
+    """Further modes of order 1 that the force drives like those of the ring: the rim moves."""
+    modes, members = modal_model.modes, family(modal_model.modes)
+    if 1 not in members:
+        return ()
+    own = [k for chosen in members.values() for k in chosen]
+    least = _RIM_DRIVE * drive(modes[members[1][0]])
+    return tuple(
+        modes[chosen[0]].frequency_hz
+        for order, chosen in further_resonances(modes, own)
+        if order == 1 and drive(modes[chosen[0]]) >= least
+    )
+
+
+def verdict_findings(verdict: RingVerdict) -> list[Finding]:
+    """The verdict on the ring, one finding for each piece of evidence."""
+    if verdict.is_good:
+        text = f"orders {', '.join(map(str, verdict.orders_used))} are those of a ring"
+        return [Finding("", "", None, Check.RING, Verdict.OK, text)]
+    return [
+        Finding("", "", None, Check.RING, Verdict.WARNING, f"{each.reason}: {each.detail}")
+        for each in verdict.evidence
+    ]

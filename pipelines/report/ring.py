@@ -56,7 +56,7 @@ def parameters(result: Result) -> Section:
     if tuning is None:
         return Section("parameters", title, _left_out(result))
     table = _parameter_table("Ring", tuning.ring, tuning, RING_NAMES)
-    blocks: list[Block] = [table, *_undetermined(tuning), *listed(tuning.notes)]
+    blocks: list[Block] = [_verdict(tuning), table, *_undetermined(tuning), *listed(tuning.notes)]
     if (damping := result.damping) is not None:
         table = _parameter_table("Damping", damping.damping, damping, DAMPING_NAMES)
         blocks += [table, *listed(damping.notes)]
@@ -122,6 +122,14 @@ def _parameter_table(
             text = plain(value) if how == GIVEN else value_with_std(value, std)
             rows.append((title, symbol, text, unit, how))
     return Table(caption, HEAD, tuple(rows), words=(0, 1, 3, 4))
+
+
+def _verdict(tuning: TuningResult) -> Paragraph:
+    """Whether a ring describes the tyre, and the pressure model of the parameters."""
+    found = tuning.verdict
+    orders = ", ".join(map(str, found.orders_used))
+    text = f"Ring {found.text()}. Orders used: {orders}. Pressure: {tuning.pressure_load} load."
+    return Paragraph(text, "good" if found.is_good else "warning")
 
 
 def _undetermined(tuning: TuningResult) -> tuple[Paragraph, ...]:

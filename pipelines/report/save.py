@@ -88,7 +88,14 @@ def _write_tyre(result: Result, path: Path) -> None:
     if record.get(ACCEPTED):
         origin[ACCEPTED] = sorted(record[ACCEPTED])
     tyre = result.tyre
-    parameters = from_tuning(tyre.designation, result.tuning, result.damping, origin, tyre.details)
+    parameters = from_tuning(
+        tyre.designation,
+        result.tuning,
+        result.damping,
+        origin,
+        tyre.details,
+        tuple(f"{each.check}: {each.detail}" for each in result.findings if not each.is_ok),
+    )
     write_parameter_set(path, parameters)
 
 

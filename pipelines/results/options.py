@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from ema.core.campaign import Campaign, Processing
 from ema.core.errors import InputError
 from ema.core.settings import CheckSettings, IdentificationSettings
+from model.coefficients import PressureLoad
+from model.tuning_prior import TuningPriors
 
 #: Widest default band of a tyre.
 TYRE_BAND_HZ = (20.0, 300.0)
+
+#: Pressure model of a tuning: that of the paper.
+DEFAULT_LOAD: PressureLoad = "dead"
 
 
 @dataclass(frozen=True)
@@ -36,6 +43,8 @@ class Options:
         What the tuning minimises: relative frequency errors, or the residual of eq. 18.
     given : dict
         Ring parameters known from elsewhere, by name, in SI.
+    tuning : dict
+        As the manifest's ``[tuning]``, which it overrides key by key.
     strict : bool
         Whether warnings about the recordings are errors.
     identification : IdentificationSettings, optional
@@ -60,6 +69,7 @@ class Options:
     tune: bool = True
     objective: str = "frequency"
     given: dict[str, float] = field(default_factory=dict)
+    tuning: dict[str, Any] = field(default_factory=dict)
     strict: bool = False
     identification: IdentificationSettings | None = None
     checks: CheckSettings | None = None
@@ -83,3 +93,63 @@ def processing_in_force(campaign: Campaign, chosen: Processing) -> Processing:
     if chosen.exponential_window_s is None:
         del given["exponential_window_std_s"]
     return replace(manifest, **given)
+
+
+def tuning_in_force(manifest: Mapping[str, Any], chosen: Mapping[str, Any]) -> dict[str, Any]:
+    """Combine the manifest's ``[tuning]`` with what was chosen on top of it, key by key."""
+    merged = dict(manifest)
+    for name, entry in chosen.items():
+        earlier = merged.get(name)
+        both = isinstance(entry, dict) and isinstance(earlier, dict)
+        merged[name] = {**earlier, **entry} if both and earlier else entry
+    return merged
+
+
+#: Shares of a value, and the field of `TuningPriors` for each.
+_SHARES = {"calibration": "calibration_std", "model_form": "model_form_std"}
+#: Values that are given elsewhere, in SI.
+_SPREADS = {
+    "inflation_pressure_pa": "pressure_std",
+    "mean_radius_m": "radius_std",
+    "belt_width_m": "width_std",
+}
+
+
+def tuning_arguments(
+    tuning: Mapping[str, Any], given: Mapping[str, float], tyre: Mapping[str, float | None]
+) -> dict[str, Any]:
+    """Arguments of `tune_ring` from a table ``[tuning]`` and ring parameters given besides it."""
+    known: dict[str, float] = dict(given)
+    priors: dict[str, tuple[float, float]] = {}
+    bounds, start, spreads = {}, {}, {}
+    for name, entry in tuning.items():
+        where = f"[tuning] {name}"
+        if name == "pressure_load":
+            continue
+        if name in _SHARES or name in _SPREADS:
+            size = tyre.get(name) if name in _SPREADS else 1.0
+            if size:
+                spreads[(_SHARES | _SPREADS)[name]] = entry["std"] / size
+            continue
+        if ("lower" in entry) != ("upper" in entry):
+            raise InputError(where, repr(entry), "limits are lower and upper", "Give both")
+        if "std" in entry and "value" not in entry:
+            raise InputError(where, repr(entry), "a std belongs to a value", "Give value too")
+        if "lower" in entry:
+            bounds[name] = entry["lower"], entry["upper"]
+        if "start" in entry:
+            start[name] = entry["start"]
+        if "value" in entry and name not in given:
+            if entry.get("std"):
+                priors[name] = entry["value"], entry["std"]
+            else:
+                known[name] = entry["value"]
+    growth_m = known.pop("radial_growth_m", None)
+    return {
+        "given": known,
+        "start": start,
+        "bounds": bounds,
+        "radial_growth_m": growth_m,
+        "pressure_load": tuning.get("pressure_load", DEFAULT_LOAD),
+        "priors": TuningPriors(parameters=priors, **spreads),
+    }

@@ -20,6 +20,7 @@ from model.damping import DampingResult
 from model.identifiability import AT_BOUND, GIVEN, IDENTIFIED, NOT_IDENTIFIED
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.tuning import TuningResult
+from pipelines.results.set_basis import SECTIONS, Basis, Covariance, basis_of, basis_records
 from pipelines.storage.checksums import ACCEPTED, KEY, OWN, content_sha256, unsealed
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ LARGEST, SMALLEST = 1e15, 1e-15
 # These are raised to high powers and would overflow before.
 _LARGEST_OF = {"mean_radius_m": 10.0, "belt_width_m": 10.0, "loss_factor": 10.0}
 
-_OPTIONAL = ("damping", "wheel", "provenance", "version")
+_OPTIONAL = ("damping", "wheel", "provenance", "version", *SECTIONS)
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,8 @@ class ParameterSet:
     ring, damping : dict of str to Parameter
     wheel : dict of str to float
     provenance : dict
+    basis : Basis
+        Pressure model, verdict, warnings and covariance.
     """
 
     designation: str
@@ -79,6 +82,7 @@ class ParameterSet:
     damping: dict[str, Parameter] = field(default_factory=dict)
     wheel: dict[str, float] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
+    basis: Basis = field(default_factory=Basis)
 
     @property
     def ring_parameters(self) -> RingParameters:
@@ -113,11 +117,12 @@ def from_tuning(
     damping: DampingResult | None,
     provenance: dict[str, Any],
     details: Mapping[str, str] | None = None,
+    warnings: tuple[str, ...] = (),
 ) -> ParameterSet:
     """Parameter set of a tuned ring.
 
     `details` are further keys of the manifest's ``[tyre]``; numbers named in `CONDITION_NAMES`
-    become conditions.
+    become conditions. `warnings` are those of the campaign.
     """
     how = {**dict.fromkeys(RING_NAMES, GIVEN), **tuning.how}
     ring = _obtained(RING_NAMES, tuning.ring, how, tuning.std)
@@ -130,7 +135,9 @@ def from_tuning(
             value = float((details or {})[name])
             if isfinite(value):
                 conditions[name] = value
-    return ParameterSet(designation, conditions, ring, damped, {}, provenance)
+    covariance = Covariance(tuple(tuning.std), tuple(map(tuple, tuning.covariance.tolist())))
+    basis = Basis(tuning.pressure_load, tuning.verdict, warnings, covariance)
+    return ParameterSet(designation, conditions, ring, damped, {}, provenance, basis)
 
 
 def tuned_parameters(
@@ -175,6 +182,7 @@ def parameter_document(parameters: ParameterSet) -> TOMLDocument:
                 entry |= {k: part for k, part in vars(parameter).items() if part is not None}
     if parameters.wheel:
         document["wheel"] = parameters.wheel
+    document |= basis_records(parameters.basis)
     if parameters.provenance:
         document["provenance"] = parameters.provenance
     return document
@@ -277,6 +285,11 @@ def parameter_set_of(path: Path, content: dict[str, Any]) -> ParameterSet:
         damping={key: _parameter(path, "damping", key, entry) for key, entry in damping.items()},
         wheel=wheel,
         provenance={key: value for key, value in provenance.items() if key != OWN},
+        basis=basis_of(
+            path,
+            {name: _section(path, content, name) for name in SECTIONS},
+            (*of_model.RING_NAMES, *DAMPING_NAMES),
+        ),
     )
 
 

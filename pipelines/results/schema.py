@@ -216,6 +216,7 @@ class _Options:
     objective: str
     given: dict[str, StrictFloat]
     processing: dict[str, Any] = field(default_factory=dict)
+    tuning: dict[str, str | dict[str, StrictFloat]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

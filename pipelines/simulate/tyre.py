@@ -13,6 +13,7 @@ from ema.core.errors import InputError
 from model import Bifurcation, HubResponse, bifurcation, free_hub_roots
 from model.coefficients import PressureLoad
 from model.errors import ParameterError
+from model.foundation import with_pressure_load
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.reference import DESIGNATION, TABLE_4_RING, TABLE_5_DAMPING
 from model.waves import WaveFrame
@@ -30,6 +31,12 @@ class SimulatedTyre:
     ring: RingParameters
     damping: RingDamping | None = None
     wheel: Wheel | None = None
+    pressure_load: PressureLoad | None = None  # that the ring belongs to; None: as it is
+
+    def under(self, pressure_load: PressureLoad | None) -> tuple[RingParameters, PressureLoad]:
+        """The ring under a pressure model, and which; None leaves it at that of the set."""
+        wanted = pressure_load or self.pressure_load or "dead"
+        return with_pressure_load(self.ring, self.pressure_load or wanted, wanted), wanted
 
 
 def tyre_to_simulate(path: Path | None, *, accept_changes: bool = False) -> SimulatedTyre:
@@ -42,7 +49,7 @@ def tyre_to_simulate(path: Path | None, *, accept_changes: bool = False) -> Simu
     found = read_source(path, accept_changes=accept_changes, lone=False)
     try:
         parts = found.ring_parameters, found.ring_damping, found.wheel_parameters
-        return SimulatedTyre(str(path), *parts)
+        return SimulatedTyre(str(path), *parts, found.basis.pressure_load)
     except ParameterError as error:
         raise InputError(f"{path}, {error.where}", error.found, error.rule, error.remedy) from error
 

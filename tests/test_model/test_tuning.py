@@ -1,6 +1,5 @@
 """Tuning on the paper's frequencies, and on rings whose parameters are known."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,14 +13,18 @@ from model import (
     natural_frequencies_hz,
     tune_ring,
 )
+from model.adequacy import Reason
 from model.parameters import RING_NAMES
 from model.reference import TABLE_3_FREQUENCIES_HZ as MEASURED
 from model.reference import TABLE_3_ORDERS as ORDERS
 from model.reference import TABLE_4_RING
+from model.tuning_prior import TuningPriors
 from model.tuning_problem import TuningProblem
 
 TYRE = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
 MASS = {"mass_per_area_kg_m2": 19.69}
+#: Only the errors of the frequencies.
+EXACT = {"priors": TuningPriors(0.0, 0.0, 0.0, 0.0, 1e-6)}
 
 
 def test_every_frequency_of_table_3_within_one_percent():
@@ -45,7 +48,8 @@ def test_given_mass_and_axial_stiffness_reproduce_the_relative_frequency_optimum
 
 def test_standard_deviations_at_half_a_percent_noise():
     given = MASS | {"axial_stiffness_n_m": 2.52e7}
-    result = tune_ring(ORDERS, MEASURED, given=given, frequency_std_hz=0.005 * MEASURED, **TYRE)
+    std_hz = 0.005 * MEASURED
+    result = tune_ring(ORDERS, MEASURED, given=given, frequency_std_hz=std_hz, **EXACT, **TYRE)
     relative = {name: std / getattr(result.ring, name) for name, std in result.std.items()}
     assert relative["radial_stiffness_n_m3"] == pytest.approx(0.01, abs=3e-3)
     assert relative["circumferential_stiffness_n_m3"] == pytest.approx(0.09, abs=8e-3)
@@ -55,7 +59,8 @@ def test_standard_deviations_at_half_a_percent_noise():
 def test_standard_deviations_at_table_4():
     truth = natural_frequencies_hz(TABLE_4_RING, ORDERS)
     given = MASS | {"axial_stiffness_n_m": 2.52e7}
-    result = tune_ring(ORDERS, truth, given=given, frequency_std_hz=0.005 * truth, **TYRE)
+    std_hz = 0.005 * truth
+    result = tune_ring(ORDERS, truth, given=given, frequency_std_hz=std_hz, **EXACT, **TYRE)
     relative = {name: std / getattr(result.ring, name) for name, std in result.std.items()}
     assert relative["circumferential_stiffness_n_m3"] == pytest.approx(0.21, abs=5e-3)
     assert relative["bending_stiffness_n_m"] == pytest.approx(0.24, abs=5e-3)
@@ -83,7 +88,8 @@ def test_standard_deviations_cover_the_scatter_of_noisy_tunings():
         ).ring.radial_stiffness_n_m3
         for _ in range(30)
     ]
-    stated = tune_ring(ORDERS, truth, given=given, frequency_std_hz=0.002 * truth, **TYRE)
+    std_hz = 0.002 * truth
+    stated = tune_ring(ORDERS, truth, given=given, frequency_std_hz=std_hz, **EXACT, **TYRE)
     assert np.std(found) == pytest.approx(stated.std["radial_stiffness_n_m3"], rel=0.4)
 
 
@@ -123,20 +129,8 @@ def test_axial_stiffness_comes_from_a_measured_growth_or_the_breathing_mode():
 def test_without_either_the_axial_stiffness_is_a_placeholder():
     result = tune_ring(ORDERS, MEASURED, **TYRE)
     assert result.how["axial_stiffness_n_m"] == "not identified"
-    assert "axial_stiffness_n_m" not in result.std
+    assert result.std["axial_stiffness_n_m"] > 0.5 * result.ring.axial_stiffness_n_m
     assert any("do not determine the axial stiffness" in note for note in result.notes)
-
-
-def test_the_remark_on_the_axial_stiffness_states_its_influence():
-    assumed = tune_ring(ORDERS, MEASURED, **TYRE)
-    growth = float(equilibrium(assumed.ring).radial_displacement_m)
-    grown = tune_ring(ORDERS, MEASURED, radial_growth_m=1.1 * growth, **TYRE)
-    (note,) = (note for note in assumed.notes if "axial stiffness" in note)
-    shifts = re.findall(r"(\S+) by ([+−][0-9.]+) %", note)
-    said = {symbol: float(text.replace("−", "-")) for symbol, text in shifts}
-    for symbol, name in (("ρh", "mass_per_area_kg_m2"), ("k_r", "radial_stiffness_n_m3")):
-        change = 100 * (getattr(grown.ring, name) / getattr(assumed.ring, name) - 1)
-        assert said[symbol] == pytest.approx(change, rel=0.15)
 
 
 @pytest.mark.parametrize("pressure", [1e5, 2.5e5, 9e5])
@@ -172,7 +166,7 @@ def test_a_parameter_at_a_bound_is_reported():
     result = tune_ring(ORDERS, MEASURED, given=MASS, bounds=bounds, **TYRE)
     assert result.how["circumferential_stiffness_n_m3"] == "at bound"
     assert result.ring.circumferential_stiffness_n_m3 == 1e6
-    assert "circumferential_stiffness_n_m3" not in result.std
+    assert result.std["circumferential_stiffness_n_m3"] > 0  # of what lies inside the bounds
     assert "circumferential_stiffness_n_m3" not in result.correlation.parameters
     assert any("k_θ" in note and "bound" in note for note in result.notes)
 
@@ -193,7 +187,8 @@ def test_too_few_frequencies_leave_parameters_assumed(count, assumed):
     result = tune_ring(ORDERS[:count], MEASURED[:count], **TYRE)
     np.testing.assert_allclose(result.error_percent, 0.0, atol=1e-5)
     for name in assumed:
-        assert getattr(result.ring, name) == {"b": 8.0, "m": 20.0}[name[0]]
+        expected = {"b": 8.0, "m": 20.0}[name[0]]
+        assert getattr(result.ring, name) == pytest.approx(expected, rel=1e-6)
         assert result.how[name] == "not identified"
         assert any(
             f"{RING_NAMES[name][0]} {RING_NAMES[name][1]} was assumed" in note
@@ -201,21 +196,19 @@ def test_too_few_frequencies_leave_parameters_assumed(count, assumed):
         )
     radial = "identified" if count == 3 else "not identified"
     assert result.how["radial_stiffness_n_m3"] == radial
-    assert result.std == {}
+    assert [each.reason for each in result.verdict.evidence] == [Reason.UNTESTED]
 
 
 def test_assumed_parameters_widen_the_standard_deviations():
     truth = natural_frequencies_hz(TABLE_4_RING, [1, 2, 3])
-    std = {"frequency_std_hz": 1e-4 * truth}
-    assumed = tune_ring([1, 2, 3], truth, start={"bending_stiffness_n_m": 7.0}, **std, **TYRE)
-    given = tune_ring([1, 2, 3], truth, given={"bending_stiffness_n_m": 7.0}, **std, **TYRE)
-    assert assumed.ring.mass_per_area_kg_m2 == pytest.approx(given.ring.mass_per_area_kg_m2)
+    held = {"radial_growth_m": 9e-4, **EXACT, **TYRE}
+    assumed = tune_ring([1, 2, 3], truth, start={"bending_stiffness_n_m": 7.0}, **held)
+    given = tune_ring([1, 2, 3], truth, given={"bending_stiffness_n_m": 7.0}, **held)
     name = "mass_per_area_kg_m2"
-    assert assumed.std[name] > 3 * given.std[name]
-    off = tune_ring([1, 2, 3], truth, given={"bending_stiffness_n_m": 7.7}, **TYRE)
+    assert assumed.ring.mass_per_area_kg_m2 == pytest.approx(given.ring.mass_per_area_kg_m2)
+    off = tune_ring([1, 2, 3], truth, given={"bending_stiffness_n_m": 7.7}, **held)
     moved = off.ring.mass_per_area_kg_m2 - given.ring.mass_per_area_kg_m2
-    widened = np.sqrt(assumed.std[name] ** 2 - given.std[name] ** 2)
-    assert widened == pytest.approx(abs(moved) / 0.1, rel=0.05)
+    assert assumed.std[name] == pytest.approx(abs(moved) / 0.1, rel=0.05)
 
 
 def test_too_few_frequencies_and_a_bound_at_once():

@@ -194,6 +194,50 @@ class ProcessingSection(_Section):
         return Processing(**given)
 
 
+class KnownSection(_Section):
+    """What is known of a parameter: value with standard deviation, or limits and a start."""
+
+    value: NotNegative | None = None
+    std: NotNegative | None = None
+    lower: NotNegative | None = None
+    upper: Positive | None = None
+    start: NotNegative | None = None
+
+
+class SpreadSection(_Section):
+    """Standard deviation of a value that is given elsewhere."""
+
+    std: NotNegative
+
+
+_Known = NotNegative | KnownSection | None
+
+
+class TuningSection(_Section):
+    """``[tuning]``: pressure model, what is known of the ring, and how well."""
+
+    pressure_load: Literal["dead", "follower"] | None = None
+    mass_per_area_kg_m2: _Known = None
+    radial_stiffness_n_m3: _Known = None
+    circumferential_stiffness_n_m3: _Known = None
+    axial_stiffness_n_m: _Known = None
+    bending_stiffness_n_m: _Known = None
+    radial_growth_m: _Known = None
+    inflation_pressure_pa: SpreadSection | None = None
+    mean_radius_m: SpreadSection | None = None
+    belt_width_m: SpreadSection | None = None
+    calibration: SpreadSection | None = None  # these two are shares
+    model_form: SpreadSection | None = None
+
+    def table(self) -> dict[str, Any]:
+        """Every key that is given; a plain number is a value without standard deviation."""
+        given = self.model_dump(exclude_none=True)
+        return {
+            name: {"value": entry} if isinstance(entry, float) else entry
+            for name, entry in given.items()
+        }
+
+
 class RunSection(_Section):
     """One ``[[runs]]``: a file, its reference sensor, and the positions of its sensors."""
 
@@ -222,6 +266,7 @@ class Manifest(_Section):
     grid: GridSection | None = None
     excitation: ExcitationSection = ExcitationSection()
     processing: ProcessingSection = ProcessingSection()
+    tuning: TuningSection = TuningSection()
     identification: dict[str, Any] = {}  # `settings_from` checks these two
     checks: dict[str, Any] = {}
     runs: Annotated[tuple[RunSection, ...], Field(min_length=1)]

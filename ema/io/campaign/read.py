@@ -117,6 +117,7 @@ def _with_manifest(path: Path) -> Campaign:
         own_masses_kg=manifest.sensors.own_kg,
         live_mass_kg=manifest.excitation.live_mass_kg,
         processing=manifest.processing.processing(),
+        tuning=manifest.tuning.table(),
         identification=settings_from(
             IdentificationSettings, manifest.identification, f"{path.name}, [identification]"
         ),

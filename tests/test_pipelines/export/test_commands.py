@@ -10,6 +10,7 @@ from library import SET, written
 from tyre_property_files import content
 
 from pipelines.results.parameter_set import Parameter, read_parameter_set
+from pipelines.results.set_basis import Basis
 
 
 @pytest.fixture
@@ -50,7 +51,8 @@ def test_there_and_back(tyre, tir, sample_folder, tmp_path):
     assert "--like SET" in errors
     measured, back = read_parameter_set(sample_folder / "tyre.toml"), read_parameter_set(out)
     for name in ("mass_per_area_kg_m2", "radial_stiffness_n_m3", "circumferential_stiffness_n_m3"):
-        assert back.ring[name].value == pytest.approx(measured.ring[name].value, rel=1e-9)
+        # K comes from a typical growth, not from that of the tuning.
+        assert back.ring[name].value == pytest.approx(measured.ring[name].value, rel=1e-2)
 
 
 def test_what_stood_there_is_kept(tyre, tir, toml):
@@ -168,7 +170,9 @@ def test_modal_targets_of_a_set_alone(tyre, toml, tmp_path):
 
 def test_modal_targets_without_damping_and_rotation(tyre, tmp_path):
     loose = {**SET.ring, "circumferential_stiffness_n_m3": Parameter(0.0, "at bound")}
-    path = written(tmp_path / "loose.toml", replace(SET, ring=loose, damping={}))
+    path = written(
+        tmp_path / "loose.toml", replace(SET, ring=loose, damping={}, basis=Basis("follower"))
+    )
     out = tmp_path / "targets.txt"
     assert tyre("modal-targets", path, "--out", out)[0] == 0
     rotation, translation, *_ = rows_of(out)

@@ -12,11 +12,14 @@ from tyre_property_files import content
 
 from ema.core.errors import InputError
 from model import damping_ratios, natural_frequencies_hz, torsion_frequency_hz
-from model.tuning_problem import TYPICAL_GROWTH, TuningProblem
+from model.foundation import with_pressure_load
+from model.tuning_prior import GROWTH
+from model.tuning_problem import TuningProblem
 from pipelines.export.belt import VALUES
 from pipelines.export.tir_file import tir_of
 from pipelines.export.tir_update import plan_update, ring_from_tir
 from pipelines.results.parameter_set import Parameter
+from pipelines.results.set_basis import Basis, Covariance
 
 FILES = {name: tir_of(content(in_mm=name == "mm"), "tyre.tir") for name in ("SI", "mm")}
 RING = SET.ring_parameters
@@ -44,6 +47,7 @@ def varied(**values):
 
 
 def found_again(tir, parameters, like=None, width_m=0.19):
+    parameters = replace(parameters, basis=Basis("dead"))
     written = tir_of(plan_update(tir, parameters).after.content, "written.tir")
     return ring_from_tir(written, width_m, like).parameters
 
@@ -79,6 +83,42 @@ def test_values_are_those_of_the_ring(si):
     assert new["INFLPRES"] == 220000.0
 
 
+def test_the_wind_up_is_the_same_under_both_pressure_models(si):
+    other = with_pressure_load(RING, "dead", "follower")
+    ring = {name: replace(own, value=getattr(other, name)) for name, own in SET.ring.items()}
+    follower = replace(SET, ring=ring, basis=Basis("follower"))
+    new, old = (
+        {change.key: change.new for change in plan_update(si, each).changes}
+        for each in (follower, replace(SET, basis=Basis("dead")))
+    )
+    for key, rel in (("FREQ_WINDUP", 1e-9), ("FREQ_LONG", 1e-3), ("DAMP_WINDUP", 1e-9)):
+        assert new[key] == pytest.approx(old[key], rel=rel), key
+    written = tir_of(plan_update(si, follower).after.content, "written.tir")
+    again = ring_from_tir(written, 0.19, follower).parameters
+    assert again.basis.pressure_load == "follower"
+    assert_same_ring(again, follower)
+
+
+def test_a_torsion_below_that_of_a_dead_load_needs_a_follower_load(si):
+    soft = replace(RING, circumferential_stiffness_n_m3=4e5)
+    soft_hz = torsion_frequency_hz(soft, pressure_load="follower")
+    file = plan_update(si, SET).after
+    file = file.with_value(file.find("FREQ_WINDUP"), f"{soft_hz:.12g}")
+    made = ring_from_tir(file, 0.19).parameters
+    assert made.basis.pressure_load == "follower"
+    found = made.ring["circumferential_stiffness_n_m3"].value
+    assert found == pytest.approx(4e5, rel=0.05)
+
+
+def test_the_covariance_of_the_set_gives_the_plus_minus(si):
+    pair = ("mass_per_area_kg_m2", "belt_width_m")
+    mass, width = (SET.ring[name].value for name in pair)
+    opposed = ((mass**2 * 1e-4, -mass * width * 1e-4), (-mass * width * 1e-4, width**2 * 1e-4))
+    basis = Basis(covariance=Covariance(pair, opposed))
+    std = {each.key: each.std for each in plan_update(si, replace(SET, basis=basis)).changes}
+    assert std["BELT_MASS"] == pytest.approx(0.0, abs=1e-3)
+
+
 def test_values_are_in_the_units_of_the_file():
     one, other = (
         {change.key: change for change in plan_update(file, SET).changes} for file in FILES.values()
@@ -103,7 +143,7 @@ def test_plus_minus_where_one_parameter_decides(si):
 def test_a_tuned_ring_is_found_again(mass, radial, circumferential, bending):
     """Tuned without order 0, K follows from the growth on inflation that is typical."""
     growth = TuningProblem(
-        np.array([1]), np.array([80.0]), 0.33, 220000.0, radial_growth_m=TYPICAL_GROWTH * 0.33
+        np.array([1]), np.array([80.0]), 0.33, 220000.0, radial_growth_m=GROWTH * 0.33
     )
     parameters = varied(
         mass_per_area_kg_m2=mass,
@@ -147,19 +187,21 @@ def changed(tir, key, text, section=None):
 
 
 def test_missing_keys_are_listed_and_added_on_request(si):
+    dead = replace(SET, basis=Basis("dead"))
     small = without(si, "BELT_MASS", "FREQ_WINDUP")
-    assert plan_update(small, SET).missing == ("BELT_MASS", "FREQ_WINDUP")
-    update = plan_update(small, SET, add=True)
+    assert plan_update(small, dead).missing == ("BELT_MASS", "FREQ_WINDUP")
+    update = plan_update(small, dead, add=True)
     assert update.missing == ()
     added = {change.key: change.section for change in update.changes if change.line is None}
     assert added == {"BELT_MASS": "INERTIA", "FREQ_WINDUP": "STRUCTURAL"}
-    assert_same_ring(ring_from_tir(update.after, 0.19, SET).parameters, SET)
+    assert_same_ring(ring_from_tir(update.after, 0.19, dead).parameters, dead)
 
 
 def test_what_a_set_does_not_determine_stays(si):
     bare = {name: entry for name, entry in SET.ring.items() if name != "belt_width_m"}
     loose = {**bare, "circumferential_stiffness_n_m3": Parameter(0.0, "at bound")}
-    update = plan_update(si, replace(SET, ring=loose, damping={}))
+    follower = Basis("follower")
+    update = plan_update(si, replace(SET, ring=loose, damping={}, basis=follower))
     assert {change.key for change in update.changes} == {"INFLPRES", "FREQ_LONG"}
     reasons = update.open_ones
     assert "--belt-width-m" in reasons["BELT_MASS"]

@@ -6,7 +6,7 @@ from ema.core.errors import InputError
 from ema.core.settings import CheckSettings, IdentificationSettings
 from pipelines.process.run import process
 from pipelines.report.save import save
-from pipelines.results.options import Options
+from pipelines.results.options import Options, tuning_arguments, tuning_in_force
 from pipelines.results.store import load
 
 TABLES = """
@@ -63,3 +63,29 @@ def test_what_is_unknown_or_not_a_number_is_refused(campaign_copy, edit_manifest
     with pytest.raises(InputError) as caught:
         process(campaign_copy)
     assert f"[{table}]" in caught.value.where
+
+
+def test_the_tuning_of_the_manifest_yields_to_options_key_by_key():
+    manifest = {
+        "pressure_load": "follower",
+        "radial_growth_m": {"value": 9e-4, "std": 2e-4},
+        "inflation_pressure_pa": {"std": 4400.0},
+        "bending_stiffness_n_m": {"lower": 1.0, "upper": 20.0, "start": 7.0},
+    }
+    chosen = {"radial_growth_m": {"value": 8e-4}, "pressure_load": "dead"}
+    merged = tuning_in_force(manifest, chosen)
+    found = tuning_arguments(
+        merged, {"mass_per_area_kg_m2": 20.0}, {"inflation_pressure_pa": 2.2e5}
+    )
+    assert found["pressure_load"] == "dead"
+    assert found["priors"].parameters == {"radial_growth_m": (8e-4, 2e-4)}
+    assert found["priors"].pressure_std == pytest.approx(0.02)
+    assert found["bounds"] == {"bending_stiffness_n_m": (1.0, 20.0)}
+    assert found["start"] == {"bending_stiffness_n_m": 7.0}
+    assert found["given"] == {"mass_per_area_kg_m2": 20.0}
+
+
+@pytest.mark.parametrize("entry", [{"lower": 1.0}, {"std": 1.0}])
+def test_half_a_statement_about_a_parameter_is_refused(entry):
+    with pytest.raises(InputError, match=r"\[tuning\] bending_stiffness_n_m"):
+        tuning_arguments({"bending_stiffness_n_m": entry}, {}, {})

@@ -1,5 +1,6 @@
 """Parameter sets: what is written is read, and what is wrong is named."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ema.core.errors import InputError
+from model.adequacy import Evidence, Reason, RingVerdict, State
 from model.damping import identify_damping
 from model.parameters import Wheel
 from model.reference import (
@@ -26,6 +28,7 @@ from pipelines.results.parameter_set import (
     read_parameter_set,
     write_parameter_set,
 )
+from pipelines.results.set_basis import Basis, Covariance
 
 PAPER = Path(__file__).parents[3] / "sample_data" / "tyre_225_55R17.toml"
 # As the contract prints it.
@@ -112,6 +115,47 @@ def test_no_belt_width_is_no_belt_width(path):
     assert "belt_width_m" not in read.ring
     assert read.ring_parameters.belt_width_m is None
     assert read.ring_damping is None
+
+
+def based(**changes):
+    rim = Evidence(Reason.RIM, "two modes of order 1: 79 and 95 Hz", 1)
+    verdict = RingVerdict((rim, Evidence(Reason.ORDER, "order 4")), 9.5, 2, (1, 2, 3), (4,))
+    covariance = Covariance(("mean_radius_m", "loss_factor"), ((1.0, 0.5), (0.5, 2.0)))
+    return replace(Basis("follower", verdict, ("hum: 50 Hz",), covariance), **changes)
+
+
+@pytest.mark.parametrize(
+    "basis", [Basis(), based(), based(verdict=None, warnings=()), based(covariance=None)]
+)
+def test_what_a_set_rests_on_comes_back(path, basis):
+    made = replace(read_parameter_set(PAPER), basis=basis)
+    write_parameter_set(path, made)
+    assert read_parameter_set(path) == made
+
+
+def test_the_worst_reason_is_the_state():
+    assert based().state is State.BAD
+    assert RingVerdict((), None, 0, (1,)).state is State.GOOD
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('"follower"', '"gas"'),
+        ('state = "bad"', 'state = "good"'),
+        ('"rim moves"', '"rim rests"'),
+        ("[[1.0, 0.5]", "[[1.0]"),
+        ("[[1.0, 0.5]", "[[nan, 0.5]"),
+        ('"loss_factor"]', '"gain"]'),
+    ],
+)
+def test_an_edited_basis_is_refused(path, old, new):
+    write_parameter_set(path, replace(read_parameter_set(PAPER), basis=based(), provenance={}))
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises(InputError, match="must be"):
+        read_parameter_set(path)
 
 
 VALUES = st.floats(1e-12, 10.0)

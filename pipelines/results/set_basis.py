@@ -1,0 +1,120 @@
+"""What a parameter set rests on: its pressure model, verdict, warnings and covariance, in TOML."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any, get_args
+
+from ema.core.errors import InputError
+from model.adequacy import Evidence, Reason, RingVerdict, State
+from model.coefficients import PressureLoad
+
+SECTIONS = ("model", "verdict", "covariance")
+_REASONS = {str(reason): reason for reason in Reason}
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance of the parameters of a set, SI."""
+
+    parameters: tuple[str, ...]  # rows and columns
+    values: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Basis:
+    """What a parameter set rests on.
+
+    Parameters
+    ----------
+    pressure_load : {"dead", "follower"} or None
+        Pressure model that the values belong to. Values of sets that do not state one are used as
+        they are: with a dead load for waves, a follower load for torsion and free wheel.
+    verdict : RingVerdict or None
+        None for values that no tuning gave.
+    warnings : tuple of str
+        Doubtful findings of the campaign, as ``check: detail``.
+    covariance : Covariance or None
+    """
+
+    pressure_load: PressureLoad | None = None
+    verdict: RingVerdict | None = None
+    warnings: tuple[str, ...] = ()
+    covariance: Covariance | None = None
+
+    @property
+    def state(self) -> State | None:
+        """State of the verdict; None where there is none."""
+        return None if self.verdict is None else self.verdict.state
+
+
+def basis_records(basis: Basis) -> dict[str, dict[str, Any]]:
+    """Sections of a TOML file."""
+    records: dict[str, dict[str, Any]] = {}
+    if basis.pressure_load is not None:
+        records["model"] = {"pressure_load": basis.pressure_load}
+    if (verdict := basis.verdict) is not None:
+        records["verdict"] = {
+            "state": verdict.state.value,
+            "reasons": [
+                {"reason": each.reason.value, "detail": each.detail}
+                | ({} if each.order is None else {"order": each.order})
+                for each in verdict.evidence
+            ],
+            **({} if verdict.chi2 is None else {"chi2": float(verdict.chi2)}),
+            "degrees_of_freedom": verdict.degrees_of_freedom,
+            "orders_used": list(verdict.orders_used),
+            "orders_left_out": list(verdict.orders_left_out),
+            "warnings": list(basis.warnings),
+        }
+    if (covariance := basis.covariance) is not None:
+        rows = [list(row) for row in covariance.values]
+        records["covariance"] = {"parameters": list(covariance.parameters), "values": rows}
+    return records
+
+
+def basis_of(path: Path, sections: dict[str, dict[str, Any]], known: tuple[str, ...]) -> Basis:
+    """Basis from the sections of a TOML file; `known` are the names of parameters."""
+    load = sections["model"].get("pressure_load")
+    if load not in (None, *get_args(PressureLoad)):
+        where, rule = f"{path.name}, [model] pressure_load", "it must be dead or follower"
+        raise InputError(where, repr(load), rule, "Correct it")
+    record, covariance = sections["verdict"], sections["covariance"]
+    try:
+        return Basis(
+            load,
+            _verdict(record) if record else None,
+            tuple(map(str, record.get("warnings", ()))),
+            _covariance(covariance, known) if covariance else None,
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        where, rule = f"{path.name}, [verdict] and [covariance]", "they must be as written"
+        raise InputError(where, str(error), rule, "Remove both sections or tune again") from error
+
+
+def _verdict(record: dict[str, Any]) -> RingVerdict:
+    verdict = RingVerdict(
+        tuple(
+            Evidence(_REASONS[each["reason"]], str(each["detail"]), each.get("order"))
+            for each in record["reasons"]
+        ),
+        float(record["chi2"]) if "chi2" in record else None,
+        int(record["degrees_of_freedom"]),
+        tuple(map(int, record["orders_used"])),
+        tuple(map(int, record["orders_left_out"])),
+    )
+    if record["state"] != verdict.state:
+        raise ValueError(f"state {record['state']!r} for the reasons of {verdict.state.value!r}")
+    return verdict
+
+
+def _covariance(record: dict[str, Any], known: tuple[str, ...]) -> Covariance:
+    names = tuple(map(str, record["parameters"]))
+    values = tuple(tuple(map(float, row)) for row in record["values"])
+    if not set(names) <= set(known) or [len(row) for row in values] != [len(names)] * len(names):
+        raise ValueError(f"{len(values)} rows for the parameters {', '.join(names)}")
+    if not all(isfinite(value) for row in values for value in row):
+        raise ValueError("a covariance that is not finite")
+    return Covariance(names, values)

@@ -1,0 +1,151 @@
+"""Verdicts on tuned rings, and what modal masses, torsion and priors add."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from model import modal_mass_kg, natural_frequencies_hz, torsion_frequency_hz, tune_ring
+from model.adequacy import Reason, State
+from model.reference import TABLE_3_FREQUENCIES_HZ, TABLE_3_ORDERS, TABLE_4_RING
+from model.tuning_prior import TuningPriors
+
+ORDERS = np.arange(1, 9)
+TYRE = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
+RING = replace(TABLE_4_RING, circumferential_stiffness_n_m3=1.6e6)
+TRUTH_HZ = natural_frequencies_hz(RING, ORDERS)
+MASSES_KG = modal_mass_kg(RING, ORDERS)
+FREE = ("mass_per_area_kg_m2", "radial_stiffness_n_m3", "circumferential_stiffness_n_m3")
+
+
+def tuned(frequencies_hz=TRUTH_HZ, orders=ORDERS, **options):
+    return tune_ring(
+        orders, frequencies_hz, frequency_std_hz=1e-4 * np.asarray(frequencies_hz), **TYRE | options
+    )
+
+
+def reasons(result):
+    return [each.reason for each in result.verdict.evidence]
+
+
+def assert_within(result, names=FREE, most=2.0):
+    for name in names:
+        off = getattr(result.ring, name) - getattr(RING, name)
+        assert abs(off) < most * result.std[name], name
+
+
+def test_the_papers_tyre_is_a_ring():
+    result = tune_ring(TABLE_3_ORDERS, TABLE_3_FREQUENCIES_HZ, **TYRE)
+    assert result.verdict.state is State.GOOD
+    assert result.verdict.degrees_of_freedom == 3
+    assert result.verdict.orders_used == tuple(TABLE_3_ORDERS)
+
+
+@pytest.mark.parametrize("order", [3, 4, 5, 6])
+def test_an_order_that_does_not_belong_is_named_and_left_out(order):
+    frequencies_hz = np.where(order == ORDERS, 1.05, 1.0) * TRUTH_HZ
+    result = tuned(frequencies_hz)
+    assert reasons(result) == [Reason.ORDER]
+    assert result.verdict.evidence[0].order == order
+    assert "+5.0 %" in result.verdict.evidence[0].detail
+    assert result.verdict.orders_left_out == (order,)
+    assert_within(result)
+
+
+@pytest.mark.parametrize("step", [-1, 1])
+def test_shifted_orders_are_bad(step):
+    frequencies_hz = natural_frequencies_hz(RING, ORDERS + 1)
+    result = tuned(frequencies_hz, ORDERS + 1 + step)
+    assert Reason.SHIFTED in reasons(result)
+    assert result.verdict.state is State.BAD
+
+
+def test_frequencies_of_no_ring_are_bad():
+    scatter = np.array([1.05, 0.95, 1.04, 0.93, 1.06, 0.95, 1.05, 0.94])
+    result = tuned(TRUTH_HZ * scatter)
+    assert Reason.MISFIT in reasons(result)
+
+
+def test_two_modes_of_order_1_show_the_rim_and_order_1_is_left_out():
+    result = tuned(np.where(ORDERS == 1, 95.0, TRUTH_HZ), rim_hz=(32.0,))
+    assert reasons(result) == [Reason.RIM]
+    assert result.verdict.state is State.BAD
+    assert result.verdict.orders_left_out == (1,)
+    assert_within(result)
+
+
+def test_four_orders_contain_what_eight_say():
+    few, many = tuned(TRUTH_HZ[:4], ORDERS[:4]), tuned()
+    assert Reason.UNTESTED in reasons(few)
+    for name in (*FREE, "bending_stiffness_n_m"):
+        off = getattr(few.ring, name) - getattr(many.ring, name)
+        assert abs(off) < 1.96 * few.std[name]
+        assert few.std[name] > many.std[name]
+
+
+def test_the_growth_is_part_of_every_standard_deviation():
+    known = tuned(radial_growth_m=9.1e-4, radial_growth_std_m=1e-5)
+    assumed = tuned()
+    assert known.std["mass_per_area_kg_m2"] < 0.7 * assumed.std["mass_per_area_kg_m2"]
+    assert known.how["axial_stiffness_n_m"] == "identified"
+    assert assumed.how["axial_stiffness_n_m"] == "not identified"
+
+
+@pytest.mark.parametrize("size", [0.97, 1.03])
+def test_a_wrong_pressure_lies_within_its_standard_deviation(size):
+    priors = TuningPriors(pressure_std=0.02)
+    result = tuned(inflation_pressure_pa=2.2e5 * size, priors=priors)
+    assert_within(result)
+    assert result.std["radial_stiffness_n_m3"] > 0.02 * RING.radial_stiffness_n_m3
+
+
+def test_modal_masses_give_the_belt_mass_without_a_belt_width():
+    result = tuned(modal_mass_kg=1.005 * MASSES_KG)
+    ring = result.ring
+    found = ring.mass_per_area_kg_m2 * ring.belt_width_m
+    assert found == pytest.approx(RING.mass_per_area_kg_m2 * RING.belt_width_m, rel=0.01)
+    assert result.how["belt_width_m"] == "identified"
+
+
+def test_modal_masses_determine_the_membrane_stiffness_where_all_else_is_well_known():
+    priors = TuningPriors(0.001, 0.0005, 0.001, 0.002, 0.001)
+    result = tuned(modal_mass_kg=MASSES_KG, belt_width_m=0.19, priors=priors)
+    assert result.how["axial_stiffness_n_m"] == "identified"
+    assert_within(result, (*FREE, "axial_stiffness_n_m"))
+
+
+def test_modal_masses_that_contradict_the_frequencies_are_not_used():
+    plain = tuned(belt_width_m=0.19)
+    result = tuned(modal_mass_kg=9.81 * MASSES_KG, belt_width_m=0.19)
+    assert reasons(result) == [Reason.MASSES]
+    assert "9.9 times" in result.verdict.evidence[0].detail
+    assert result.ring == plain.ring
+
+
+@pytest.mark.parametrize("load", ["dead", "follower"])
+def test_a_measured_torsion_is_met(load):
+    frequencies_hz = natural_frequencies_hz(RING, ORDERS, pressure_load="follower")
+    torsion_hz = torsion_frequency_hz(RING, pressure_load="follower")
+    result = tuned(frequencies_hz, torsion_hz=torsion_hz, torsion_std_hz=0.01, pressure_load=load)
+    assert torsion_frequency_hz(result.ring, pressure_load=load) == pytest.approx(
+        torsion_hz, rel=2e-3
+    )
+    without = tuned(frequencies_hz, pressure_load=load)
+    name = "circumferential_stiffness_n_m3"
+    assert result.std[name] < 0.5 * without.std[name]
+
+
+def test_a_bending_stiffness_at_zero_keeps_its_standard_deviation():
+    limp = replace(RING, bending_stiffness_n_m=0.0)
+    result = tuned(natural_frequencies_hz(limp, ORDERS) * (1 - 1e-3 * (ORDERS / 7) ** 4))
+    assert result.how["bending_stiffness_n_m"] == "at bound"
+    assert result.std["bending_stiffness_n_m"] > 0
+    assert_within(result)
+
+
+def test_the_covariance_is_that_of_the_standard_deviations():
+    result = tuned(belt_width_m=0.19, modal_mass_kg=MASSES_KG)
+    np.testing.assert_allclose(np.sqrt(np.diag(result.covariance)), list(result.std.values()))
+    names = list(result.std)
+    mass, width = names.index("mass_per_area_kg_m2"), names.index("belt_width_m")
+    assert result.covariance[mass, width] < 0  # their product is what modal masses measure
