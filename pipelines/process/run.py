@@ -58,7 +58,7 @@ from pipelines.results.options import (
     tuning_in_force,
 )
 from pipelines.results.provenance import Stopwatch, checksummed, provenance
-from pipelines.results.result import Result
+from pipelines.results.result import OtherMode, Result
 from pipelines.results.store import load
 
 # Share by which a band may exceed the last line, as there is none at half the sampling rate.
@@ -208,7 +208,7 @@ def tune(result: Result, options: Options) -> Result:
     kept = tuple(f for f in result.findings if f.check not in _OF_RING)
     orders = ring_orders(modal_model)
     numbers = np.array([order.order for order in orders])
-    tuning = _tuned(tyre, modal_model, orders, options)
+    tuning = _tuned(tyre, modal_model, orders, result.torsion, options)
     damping = model.identify_damping(
         tuning.ring,
         numbers,
@@ -228,7 +228,11 @@ def tune(result: Result, options: Options) -> Result:
 
 
 def _tuned(
-    tyre: Tyre, modal_model: ModalModel, orders: Sequence[RingOrder], options: Options
+    tyre: Tyre,
+    modal_model: ModalModel,
+    orders: Sequence[RingOrder],
+    torsion: OtherMode | None,
+    options: Options,
 ) -> TuningResult:
     """Tune for the pressure model chosen, or for the dead load of the paper where it has a ring.
 
@@ -245,6 +249,8 @@ def _tuned(
             modal_mass_kg=[mass_kg for mass_kg, _ in masses],
             modal_mass_std_kg=[std_kg for _, std_kg in masses],
             rim_hz=rim_frequencies_hz(modal_model),
+            torsion_hz=torsion and torsion.frequency_hz,
+            torsion_std_hz=torsion.frequency_std_hz if torsion else 0.0,
             objective=options.objective,
             mean_radius_m=tyre.mean_radius_m or math.nan,
             inflation_pressure_pa=tyre.inflation_pressure_pa or math.nan,
