@@ -249,7 +249,7 @@ def _tuned(
             modal_mass_kg=[mass_kg for mass_kg, _ in masses],
             modal_mass_std_kg=[std_kg for _, std_kg in masses],
             rim_hz=rim_frequencies_hz(modal_model),
-            torsion_hz=torsion and torsion.frequency_hz,
+            torsion_hz=torsion.frequency_hz if torsion else None,
             torsion_std_hz=torsion.frequency_std_hz if torsion else 0.0,
             objective=options.objective,
             mean_radius_m=tyre.mean_radius_m or math.nan,
