@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
+from model.adequacy import Evidence, Reason, RingVerdict
 from pipelines.results.parameter_set import Parameter, ParameterSet, write_parameter_set
+from pipelines.results.set_basis import Basis
 
 DESIGNATION = "225/55R17"
 SET = ParameterSet(
@@ -37,6 +39,13 @@ def varied(recording="2", pressure_pa=220000.0, *, designation=DESIGNATION, **va
         ring=ring,
         provenance={"campaign": recording, "inputs": {"config_1.uff": recording}},
     )
+
+
+def doubted(reason=Reason.RIM, parameters=SET):
+    """The set with a verdict that is not good, and warnings."""
+    evidence = Evidence(reason, "two modes of order 1: 79 and 95 Hz", 1)
+    verdict = RingVerdict((evidence,), 2500.0, 3, (1, 2, 3))
+    return replace(parameters, basis=Basis(verdict=verdict, warnings=("hum: 50 Hz",) * 7))
 
 
 def written(path, parameters=SET):

@@ -95,6 +95,9 @@ Pdf = Annotated[bool, flag("--pdf", "Also write report.pdf; needs the optional p
 AcceptChanges = Annotated[
     bool, flag("--accept-changes", "Use a result whose files were changed later; recorded.", FILES)
 ]
+AcceptWarnings = Annotated[
+    bool, flag("--accept-warnings", "Use a set whose verdict is not good; recorded.", FILES)
+]
 Strict = Annotated[
     bool, flag("--strict", "Refuse recordings that give any warning; write nothing.", FILES)
 ]

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import isfinite
 from typing import Any
 
+import typer
+
 from pipelines.cli.screen import print_table
 from pipelines.cli.terminal import echo, echo_error, print_json
-from pipelines.library.history import SetDifference, TyreHistory, stated
+from pipelines.library.history import SetDifference, TyreHistory, stated, verdict_text
 from pipelines.library.series import Series
 from pipelines.library.version import Version, values_of
 from pipelines.report.pressure_series import headings, trend_row
 from pipelines.results.parameter_set import ParameterSet
-from pipelines.storage.rounding import chance_text, number, signed, value_with_std
+from pipelines.results.set_basis import basis_records
+from pipelines.storage.rounding import DASH, chance_text, number, signed, value_with_std
+
+FEW_WARNINGS = 5  # printed
 
 
 def show_version(version: Version, standing: str, *, as_json: bool) -> None:
@@ -22,7 +28,8 @@ def show_version(version: Version, standing: str, *, as_json: bool) -> None:
     own, entry = version.parameters, version.entry
     if as_json:
         about = {"tyre": version.tyre, "version": version.number, "sha256": version.sha256}
-        parts = {key: part for key, part in asdict(own).items() if part}
+        parts = {key: part for key, part in asdict(own).items() if part and key != "basis"}
+        parts |= basis_records(own.basis)
         print_json({**about, **parts, "entry": asdict(entry), "standing": standing})
         return
     echo(f"{version.reference}: {' '.join(filter(None, (own.designation, entry.tyre_id)))}")
@@ -30,6 +37,30 @@ def show_version(version: Version, standing: str, *, as_json: bool) -> None:
     echo(f"Added: {entry.created} by {entry.author}{f': {entry.note}' if entry.note else ''}")
     echo(f"Source: {own.provenance.get('campaign', 'campaign not stated')}, {entry.source}")
     show_parameters(own)
+    show_verdict(own)
+
+
+def show_verdict(parameters: ParameterSet, *, doubts_only: bool = False) -> None:
+    """Print the verdict on a set and its warnings; doubts go to standard error."""
+    basis = parameters.basis
+    if basis.is_in_doubt:
+        echo_error(f"Verdict: {verdict_text(parameters)}")
+    elif not doubts_only:
+        echo(f"Verdict: {verdict_text(parameters)}")
+    for warning in basis.warnings[:FEW_WARNINGS]:
+        echo_error(f"Warning: {warning}")
+    if more := basis.warnings[FEW_WARNINGS:]:
+        echo_error(f"{len(more)} more warnings are in the section [verdict] of the set.")
+
+
+def accepts(parameters: ParameterSet, question: str, *, given: bool, asks: bool) -> bool:
+    """Whether a verdict that is not good is accepted: by option, or by a person who is asked."""
+    if given or not parameters.basis.is_in_doubt or not (asks and sys.stdin.isatty()):
+        return given
+    if not typer.confirm(f"{question} although the verdict is not good?"):
+        echo("Nothing was written.")
+        raise typer.Exit
+    return True
 
 
 def show_parameters(parameters: ParameterSet) -> None:
@@ -90,6 +121,7 @@ def show_history(history: TyreHistory, *, as_json: bool) -> None:
             {"version": line.version.number}
             | {name: getattr(line.version.entry, name) for name in ("created", "author", "note")}
             | {"approval": line.approval, "changed_most": line.change}
+            | {"verdict": line.version.parameters.basis.state}
             for line in history.lines
         ]
         print_json(_tyre_content(history) | {"history": lines})
@@ -100,13 +132,14 @@ def show_history(history: TyreHistory, *, as_json: bool) -> None:
             line.version.entry.created[:16].replace("T", " "),
             line.version.entry.author,
             line.approval,
+            line.version.parameters.basis.state or DASH,
             line.change,
             line.version.entry.note,
         )
         for line in history.lines
     ]
-    head = ("version", "date (UTC)", "author", "approved", "changed most", "note")
-    title, texts, folding = history.tyre.name, head[1:], head[4:]
+    head = ("version", "date (UTC)", "author", "approved", "verdict", "changed most", "note")
+    title, texts, folding = history.tyre.name, head[1:], head[5:]
     print_table(title, head, rows, texts=texts, folding=folding, first_to_go=("author",))
 
 

@@ -70,6 +70,7 @@ def add(
         accept_changes=accept_changes,
     )
     _say_what_is_done("Added", added, as_json=as_json)
+    show_tyre.show_verdict(added.parameters, doubts_only=True)
 
 
 @tyre.command("list", cls=Command)
@@ -138,18 +139,25 @@ def approve(
     library: opt.Library = None,
     note: opt.Note = "",
     author: opt.Author = "",
+    accept_warnings: opt.AcceptWarnings = False,
     as_json: opt.Json = False,
 ) -> None:
     """Approve a version, which `show` and `export` use from now on.
 
-    The version itself does not change: who approved it, when and why is recorded beside it.
+    The version itself does not change: who approved it, when and why is recorded beside it. A
+    version whose verdict is not good needs --accept-warnings, or a yes where you are asked.
 
     Example:
       ringmodal tyre approve 225-55R17@3 --library parameters --note "checked on the road"
     """
     of = _library(library)
     wanted = of.tyre(require_version(name, "approve"))
-    version = wanted.approve(of.version(name).number, author or login_name(), note)
+    parameters = (version := of.version(name)).parameters
+    show_tyre.show_verdict(parameters, doubts_only=True)
+    question = f"Approve {version.reference}"
+    accepted = show_tyre.accepts(parameters, question, given=accept_warnings, asks=not as_json)
+    signed = author or login_name(), note
+    version = wanted.approve(version.number, *signed, accept_warnings=accepted)
     _say_what_is_done("Approved", version, as_json=as_json)
 
 
@@ -197,6 +205,7 @@ def export(
       ringmodal tyre export 225-55R17@2 --library parameters --out tyre.json
     """
     found = resolve(name, library, accept_changes=accept_changes)
+    show_tyre.show_verdict(found.parameters, doubts_only=True)
     written = write(found.parameters, out, file_format)
     _say_file(out, as_json=as_json, set=found.name, format=written)
 

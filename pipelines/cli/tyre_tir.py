@@ -11,13 +11,14 @@ import typer
 from ema.core.errors import InputError
 from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table
-from pipelines.cli.show_tyre import show_parameters
+from pipelines.cli.show_tyre import accepts, show_parameters, show_verdict
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.export.belt import measured_modes, write_modal_targets
 from pipelines.export.tir_file import read_tir, save_tir
 from pipelines.export.tir_update import TirChange, TirUpdate, plan_update, ring_from_tir
 from pipelines.library.export import export
 from pipelines.library.library import resolve
+from pipelines.library.version import accepted_verdict
 from pipelines.storage.atomic import file_written_whole
 from pipelines.storage.rounding import DASH, signed
 
@@ -43,15 +44,21 @@ def update_tir(
     add: Annotated[bool, opt.flag("--add", "Add keys that are not in the file.", VALUES)] = False,
     yes: Annotated[bool, opt.flag("--yes", "Do not ask before writing.", opt.FILES)] = False,
     dry_run: Annotated[bool, opt.flag("--dry-run", "Show only, write nothing.", opt.FILES)] = False,
+    comment: Annotated[
+        bool,
+        opt.flag("--comment", "Add a comment line: keys, set, version, verdict, date.", VALUES),
+    ] = False,
     library: opt.Library = None,
     accept_changes: opt.AcceptChanges = False,
+    accept_warnings: opt.AcceptWarnings = False,
     as_json: opt.Json = False,
 ) -> None:
     """Update a tyre property file (.tir) with a parameter set.
 
     Changes the values that the ring determines, in the units of the file: BELT_MASS, BELT_IYY,
     FREQ_LONG, FREQ_WINDUP, DAMP_LONG, DAMP_WINDUP and INFLPRES. All other bytes stay. The earlier
-    file is kept as FILE.bak, FILE.bak2, …
+    file is kept as FILE.bak, FILE.bak2, … A set whose verdict is not good needs --accept-warnings,
+    or a yes where you are asked.
 
     Examples:
       ringmodal tyre update-tir tyre.tir --from result --dry-run
@@ -61,17 +68,22 @@ def update_tir(
     target = out or file
     tir = read_tir(file)
     found = resolve(source, library, accept_changes=accept_changes)
-    update = plan_update(tir, found.parameters, belt_width_m, add=add)
+    named = found.name if comment else ""
+    update = plan_update(tir, found.parameters, belt_width_m, add=add, comment=named)
     if not as_json:
         _show_update(update, found.name)
+    show_verdict(found.parameters, doubts_only=as_json)
     written, backup = False, None
     if not dry_run and (update.changes or out is not None):
+        accepted = accepts(found.parameters, "Write", given=accept_warnings, asks=not as_json)
+        accepted_verdict(found.name, found.parameters, accept_warnings=accepted)
         if not yes:
             _require_consent(target, asks=not as_json)
         written, backup = True, save_tir(update.after, target)
     if as_json:
         about = {"file": str(target), "written": written, "backup": backup and str(backup)}
-        print_json({**about, **_update_content(update, found.name)})
+        state = found.parameters.basis.state
+        print_json({**about, **_update_content(update, found.name, state)})
         return
     if backup is not None:
         echo(f"Kept: {backup}")
@@ -141,6 +153,7 @@ def modal_targets(
       ringmodal tyre modal-targets 225-55R17@3 --library parameters --out targets.txt
     """  # noqa: D406, D407 - a heading of the help
     found = resolve(source, library, accept_changes=accept_changes)
+    show_verdict(found.parameters, doubts_only=True)
     measured = measured_modes(Path(source))
     with file_written_whole(out) as partial:
         targets = write_modal_targets(found.parameters, partial, measured)
@@ -186,14 +199,15 @@ def _cells(change: TirChange) -> tuple[str, ...]:
         return DASH if value is None else f"{value:.{digits}g}"
 
     percent = DASH if change.percent is None else signed(change.percent, 1)
-    numbers = (shown(change.old), shown(change.new), shown(change.std, 2), percent)
+    numbers = (shown(change.old), change.text, shown(change.std, 2), percent)
     return (change.key, str(change.line or "new"), *numbers, change.unit, change.basis)
 
 
-def _update_content(update: TirUpdate, source: str) -> dict[str, Any]:
+def _update_content(update: TirUpdate, source: str, state: str | None) -> dict[str, Any]:
     """Content of ``--json``."""
     return {
         "source": source,
+        "verdict": state,
         "changes": [_change_content(change) for change in update.changes],
         "unchanged": update.unchanged,
         "missing": update.missing,
@@ -204,6 +218,6 @@ def _update_content(update: TirUpdate, source: str) -> dict[str, Any]:
 
 
 def _change_content(change: TirChange) -> dict[str, Any]:
-    names = ("key", "section", "line", "old", "new", "std", "percent", "unit")
+    names = ("key", "section", "line", "old", "new", "text", "std", "percent", "unit")
     content = {name: getattr(change, name) for name in names}
     return {**content, "from": change.basis, "not_identified": change.doubts}

@@ -19,7 +19,7 @@ from model.parameters import DAMPING_NAMES, RING_NAMES, RingDamping, RingParamet
 from model.ring import belt_width_m, natural_frequencies_hz, torsion_frequency_hz
 from pipelines.results.parameter_set import Parameter, ParameterSet
 from pipelines.results.provenance import software_version
-from pipelines.results.set_basis import Covariance
+from pipelines.results.set_basis import Covariance, MeasuredOrder
 
 WIDEST_M = 2.0  # tyres of the largest dump trucks are 1.5 m wide
 _STEP = 1e-4  # relative change of a parameter for numerical derivatives
@@ -238,7 +238,8 @@ def _std(value: float, slopes: dict[str, float], known: Mapping[str, Parameter])
 _ABOUT = """\
 # Modal targets for an FTire-style parameter fit
 # Free tyre on a fixed rim: no load, not rolling. Frequencies are undamped, damping ratios are of
-# critical. Values are those of a flexible ring with the parameters of this tyre.
+# critical. frequency_hz and damping_ratio are measured where measured_hz is given, with their
+# standard deviations; all others are those of a flexible ring with the parameters of this tyre.
 # in_plane_rotation: the belt rotates against the rim; radial sensors do not detect it, so there is
 #   no measured value.
 # in_plane_translation: order 1; first_bending: order 2; second_bending: order 3.
@@ -255,6 +256,10 @@ class ModalTarget:
     damping_ratio: float
     measured_hz: float = math.nan
     measured_damping: float = math.nan
+    frequency_std_hz: float = math.nan
+    damping_std: float = math.nan
+    ring_hz: float = math.nan
+    ring_damping: float = math.nan
 
 
 def _bending(order: int) -> tuple[Callable[[Belt], float], Callable[[Belt], float]]:
@@ -273,7 +278,7 @@ _MODES = {
 
 
 def write_modal_targets(
-    parameters: ParameterSet, path: Path, measured: Mapping[int, tuple[float, float]] | None = None
+    parameters: ParameterSet, path: Path, measured: Mapping[int, MeasuredOrder] | None = None
 ) -> tuple[ModalTarget, ...]:
     """Write modal targets as text: comment lines with #, then columns separated by blanks.
 
@@ -283,17 +288,17 @@ def write_modal_targets(
     ----------
     parameters : ParameterSet
     path : Path
-    measured : mapping of int to (float, float), optional
-        Frequency in Hz and damping ratio by order. Order 0 is ignored: a radial sensor does not
-        detect the rotation. Default: no such columns.
+    measured : mapping of int to MeasuredOrder, optional
+        By order. Order 0 is ignored: a radial sensor does not detect the rotation. Default: those
+        that the set states; without any there are no such columns.
     """
     belt = Belt(parameters.ring_parameters, parameters.ring_damping, parameters.basis.pressure_load)
-    seen = {order: pair for order, pair in (measured or {}).items() if order > 0}
+    measured = parameters.basis.on_fixed_rim or measured or {}
     targets = []
     for (mode, order), functions in _MODES.items():
-        pair = seen.get(order, (math.nan, math.nan))
-        targets.append(ModalTarget(mode, order, *_values(belt, *functions), *pair))
-    names = [each.name for each in fields(ModalTarget)][: None if measured else -2]
+        ring = _values(belt, *functions)
+        targets.append(_target(mode, order, ring, measured.get(order) if order else None))
+    names = [each.name for each in fields(ModalTarget)][: None if measured else 4]
     rows = [names, *([_cell(getattr(each, name)) for name in names] for each in targets)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [
@@ -302,6 +307,12 @@ def write_modal_targets(
     ]
     conditions = {"tyre": parameters.designation, **parameters.conditions}
     conditions["software"] = f"ringmodal {software_version()}"
+    origin = parameters.provenance
+    if isinstance(place := origin.get("library"), dict):
+        conditions["set"] = f"{place['tyre']}@{place['version']}, {place['created']}"
+    conditions |= {key: origin[key] for key in ("campaign", "created") if key in origin}
+    if (verdict := parameters.basis.verdict) is not None:
+        conditions["verdict"] = verdict.text()
     stated = [
         f"# {name}: {visible_line(f'{value:.10g}' if isinstance(value, float) else str(value))}"
         for name, value in conditions.items()
@@ -311,20 +322,31 @@ def write_modal_targets(
     return tuple(targets)
 
 
-def measured_modes(result: Path) -> dict[int, tuple[float, float]] | None:
-    """Measured frequency and damping ratio by order; None where `result` has no validation.csv."""
+def _target(
+    mode: str, order: int, ring: tuple[float, float], measured: MeasuredOrder | None
+) -> ModalTarget:
+    if measured is None:
+        return ModalTarget(mode, order, *ring)
+    pair = measured.frequency_hz, measured.damping_ratio
+    stds = measured.frequency_std_hz or math.nan, measured.damping_ratio_std or math.nan
+    return ModalTarget(mode, order, *pair, *pair, *stds, *ring)
+
+
+def measured_modes(result: Path) -> dict[int, MeasuredOrder] | None:
+    """Measured orders of a result whose set does not state them; None without validation.csv."""
     path = result / "validation.csv"
     if not path.is_file():
         return None
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            return {
-                int(row["order"]): (float(row["measured_hz"]), float(row["measured_damping"]))
+            rows = [
+                (int(row["order"]), float(row["measured_hz"]), float(row["measured_damping"]))
                 for row in csv.DictReader(file)
-            }
+            ]
     except (KeyError, ValueError) as error:
         rule = "each line must have order, measured_hz and measured_damping"
         raise InputError(str(path), str(error), rule, "Process the campaign again") from error
+    return {order: MeasuredOrder(order, *pair) for order, *pair in rows}
 
 
 def _values(

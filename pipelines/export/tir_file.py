@@ -126,8 +126,7 @@ class TirFile:
         """
         last = self._last_line(section)
         ends = [line[len(line.rstrip("\r\n")) :] for line in self.lines]
-        found = [each for each in ends if each]
-        end = max(set(found), key=found.count) if found else "\r\n"  # the most frequent one
+        end = self._line_end
         if last is None:
             new = f"{end if ends and not ends[-1] else ''}[{section}]{end}"
             return replace(self, lines=(*self.lines, new)).split().with_entry(section, key, text)
@@ -139,6 +138,19 @@ class TirFile:
         line = f"{'' if ends[last - 1] else end}{key:<{column}}{after}{text}{end}"
         lines = (*self.lines[:last], line, *self.lines[last:])
         return replace(self, lines=lines).split()
+
+    def with_comment(self, text: str) -> TirFile:
+        """The file with a comment line at its end."""
+        open_end = bool(self.lines) and not self.lines[-1].endswith(("\r", "\n"))
+        end = self._line_end
+        return replace(self, lines=(*self.lines, f"{end if open_end else ''}$ {text}{end}")).split()
+
+    @property
+    def _line_end(self) -> str:
+        """The most frequent end of a line."""
+        ends = [line[len(line.rstrip("\r\n")) :] for line in self.lines]
+        found = [each for each in ends if each]
+        return max(set(found), key=found.count) if found else "\r\n"
 
     def split(self) -> TirFile:
         """The same content, one line each."""

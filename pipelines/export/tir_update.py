@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from ema.core.errors import InputError
+from ema.core.errors import InputError, visible_line
 from model.errors import ParameterError
 from model.foundation import foundation_from_belt_modes
 from model.identifiability import NOT_IDENTIFIED
 from model.tuning_problem import BENDING, TYPICAL
-from pipelines.export.belt import belt_values, require_belt_width
+from pipelines.export.belt import BeltValue, belt_values, require_belt_width
 from pipelines.export.tir_file import TirFile
 from pipelines.export.tir_units import TirUnits, clear_si_value, positive_si_value, units_of
 from pipelines.results.options import DEFAULT_LOAD
@@ -27,7 +27,7 @@ SECTIONS = {
     **dict.fromkeys(("BELT_MASS", "BELT_IYY"), "INERTIA"),
     **dict.fromkeys(("FREQ_LONG", "FREQ_WINDUP", "DAMP_LONG", "DAMP_WINDUP"), "STRUCTURAL"),
 }
-_DIGITS = 12  # recovers the ring within 1e-9
+_FEWEST_DIGITS, _MOST_DIGITS = 4, 6  # significant ones; between them the ± decides
 _PRESSURE_TOLERANCE = 0.01  # relative difference of INFLPRES and NOMPRES without a note
 _BELT_RADIUS = (0.8, 1.0)  # belt radius over outer radius of a tyre: note outside
 _OUT_OF_PLANE = "out of plane; the ring moves in the plane of the wheel"
@@ -64,6 +64,7 @@ class TirChange:
     unit: str
     basis: str
     doubts: tuple[str, ...]
+    text: str  # as written: the ± decides on the digits
 
     @property
     def percent(self) -> float | None:
@@ -88,9 +89,16 @@ class TirUpdate:
 
 
 def plan_update(
-    tir: TirFile, parameters: ParameterSet, width_m: float | None = None, *, add: bool = False
+    tir: TirFile,
+    parameters: ParameterSet,
+    width_m: float | None = None,
+    *,
+    add: bool = False,
+    comment: str = "",
 ) -> TirUpdate:
     """Update the keys that a ring determines; no other line changes.
+
+    Order 1 is that measured, where the set states it; the ring's fills the gap.
 
     Parameters
     ----------
@@ -100,6 +108,9 @@ def plan_update(
         Belt width b, m. Default: that of the set.
     add : bool
         Whether missing keys are added to their section.
+    comment : str
+        Name of the set, to be stated in a comment line at the end with date and verdict. Default:
+        no such line.
 
     Raises
     ------
@@ -110,6 +121,9 @@ def plan_update(
     """
     units = units_of(tir)
     values, open_ones = belt_values(parameters, width_m)
+    measured = _measured(parameters, values)
+    values |= measured
+    open_ones = {key: reason for key, reason in open_ones.items() if key not in measured}
     after, changes, unchanged, missing = tir, [], [], []
     for key, value in values.items():
         entry = after.find(key)
@@ -117,6 +131,8 @@ def plan_update(
             missing.append(key)
             continue
         size = units.size(key)
+        digits = _digits(value)
+        text = f"{value.value / size:.{digits}g}"
         change = TirChange(
             key=key,
             section=entry.section if entry else SECTIONS[key],
@@ -127,11 +143,11 @@ def plan_update(
             unit=units.unit(key),
             basis=value.basis,
             doubts=value.doubts,
+            text=text,
         )
-        text = f"{change.new:.{_DIGITS}g}"
         if entry is None:
             after = after.with_entry(SECTIONS[key], key, text)
-        elif change.old is not None and f"{change.old:.{_DIGITS}g}" == text:
+        elif change.old is not None and f"{change.old:.{digits}g}" == text:
             unchanged.append(key)
             continue
         else:
@@ -142,8 +158,43 @@ def plan_update(
     for key, reason in LEFT_ALONE.items():
         if key in present:
             left_alone[reason] = (*left_alone.get(reason, ()), key)
+    if comment and changes:
+        after = after.with_comment(_origin(comment, parameters, changes))
     keys = tuple(unchanged), tuple(missing), open_ones, left_alone
     return TirUpdate(tir, after, tuple(changes), *keys, tuple(_notes(after, units, changes)))
+
+
+def _measured(parameters: ParameterSet, ring: Mapping[str, BeltValue]) -> dict[str, BeltValue]:
+    """Frequency and damping of order 1 as measured, beside those of the ring."""
+    found = parameters.basis.on_fixed_rim.get(1)
+    if found is None:
+        return {}
+
+    def beside(key: str, value: float, std: float | None) -> BeltValue:
+        model = f"; ring {ring[key].value:.5g}" if key in ring else ""
+        return BeltValue(value, std, f"order 1 as measured{model}")
+
+    return {
+        "FREQ_LONG": beside("FREQ_LONG", found.frequency_hz, found.frequency_std_hz),
+        "DAMP_LONG": beside("DAMP_LONG", found.damping_ratio, found.damping_ratio_std),
+    }
+
+
+def _digits(value: BeltValue) -> int:
+    """Significant digits: to the second one of the ±."""
+    if not value.value or not value.std:
+        return _MOST_DIGITS
+    digits = math.floor(math.log10(abs(value.value))) - math.floor(math.log10(value.std)) + 2
+    return min(max(digits, _FEWEST_DIGITS), _MOST_DIGITS)
+
+
+def _origin(name: str, parameters: ParameterSet, changes: list[TirChange]) -> str:
+    """Where changed values come from, on one line."""
+    keys = ", ".join(change.key for change in changes)
+    state = parameters.basis.state or "none"
+    when = datetime.now(UTC).date().isoformat()
+    text = f"{keys}: ringmodal {software_version()}, set {name}, verdict {state}, {when}"
+    return visible_line(text)
 
 
 def _notes(after: TirFile, units: TirUnits, changes: list[TirChange]) -> list[str]:

@@ -85,9 +85,13 @@ OF_VERSION = (
     *("tyre", "designation", "tyre_id", "version", "approved", "created", "author", "note"),
     *("campaign", "software", *CONDITIONS),
 )
-LONG = (*OF_VERSION, "parameter", "value", "std", "how")
+LONG = (*OF_VERSION, "parameter", "value", "std", "how", "verdict")
 _PARAMETERS = (*RING_NAMES, *DAMPING_NAMES, *(f"wheel_{name}" for name in WHEEL_NAMES))
-WIDE = (*OF_VERSION, *(name + end for name in _PARAMETERS for end in ("", "_std", "_how")))
+WIDE = (
+    *OF_VERSION,
+    *(name + end for name in _PARAMETERS for end in ("", "_std", "_how")),
+    "verdict",
+)
 
 
 def version_rows(
@@ -134,12 +138,13 @@ def _of_version(version: Version, *, approved: bool) -> Row:
         **{"created": entry.created, "author": entry.author, "note": entry.note},
         "campaign": str(own.provenance.get("campaign", "")),
         "software": str(own.provenance.get("software", entry.software)),
+        "verdict": str(own.basis.state or ""),
         # A set written by hand may have words.
         **{name: float(v) if isinstance(v, int | float) else None for name, v in stated.items()},
     }
 
 
 def _type_of(name: str) -> str:
-    if name in (*_TEXTS, "parameter", "how") or name.endswith("_how"):
+    if name in (*_TEXTS, "parameter", "how", "verdict") or name.endswith("_how"):
         return "string"
     return {"version": "Int32", "approved": "boolean"}.get(name, "Float64")

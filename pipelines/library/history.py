@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import isnan
 from typing import Any
 
+from model.identifiability import IDENTIFIED
 from pipelines.compare.significance import ParameterChange, parameter_changes
 from pipelines.library.library import NamedSet
 from pipelines.library.series import PRESSURE, UNITS_PA
@@ -17,6 +18,7 @@ from pipelines.library.version import (
     recordings,
     values_of,
 )
+from pipelines.results.parameter_set import ParameterSet
 from pipelines.storage.checksums import DamagedFile
 from pipelines.storage.rounding import signed
 
@@ -66,9 +68,25 @@ def difference(first: NamedSet, second: NamedSet) -> SetDifference:
         alone = [name for name in own if name not in other]
         if alone:
             notes.append(f"Only the {which} set has {', '.join(alone)}.")
+    for each in (first, second):
+        if each.parameters.basis.is_in_doubt:
+            notes.append(f"{each.name}: verdict {verdict_text(each.parameters)}.")
+    if one.basis.pressure_load != two.basis.pressure_load:
+        notes.append(
+            f"The pressure is a {one.basis.pressure_load} load in the first set and a "
+            f"{two.basis.pressure_load} load in the second: k_θ and k_r are not comparable."
+        )
     changes = parameter_changes(a, b, independent=independent)
     conditions = tuple(each for each in stated if each[1] != each[2])
     return SetDifference(first, second, changes, conditions, tuple(notes), independent)
+
+
+def verdict_text(parameters: ParameterSet) -> str:
+    """The verdict on a set; that there is none, where it was identified without."""
+    if (verdict := parameters.basis.verdict) is not None:
+        return verdict.text()
+    identified = any(each.how == IDENTIFIED for each in parameters.ring_and_damping.values())
+    return "none: tuned before there were verdicts" if identified else "none: given values"
 
 
 @dataclass(frozen=True)

@@ -147,6 +147,13 @@ def _notes(
     never = [name for name in missing if name in sought]
     if never:
         notes.append(f"Not identified at two pressures: {', '.join(never)}.")
+    notes += [
+        f"Version {each.number}: verdict {each.parameters.basis.verdict.text()}."
+        for each in used
+        if each.parameters.basis.verdict and each.parameters.basis.is_in_doubt
+    ]
+    if len({each.basis.pressure_load for each in sets}) > 1:
+        notes.append("Dead and follower pressure loads are mixed: k_θ and k_r do not compare.")
     names = dict.fromkeys(name for each in sets for name in each.conditions if name != PRESSURE)
     notes += [
         f"Besides the pressure, {name} changes from version to version."

@@ -128,6 +128,7 @@ def read_version(path: Path, tyre: str, number: int) -> Version:
 SCHEMA = 1
 FOLDER = "approvals"
 _TEXTS = ("version_sha256", "author", "created")
+_MORE_TEXTS = ("note", "accepted")
 
 
 class Event(StrEnum):
@@ -155,12 +156,28 @@ class Approval:
     author: str
     created: str
     note: str = ""
+    accepted: str = ""  # the verdict that was accepted, where it is not good
 
 
-def record_approval(folder: Path, event: Event, version: Version, author: str, note: str) -> None:
+def accepted_verdict(name: str, parameters: ParameterSet, *, accept_warnings: bool) -> str:
+    """The verdict on a set where it is not good; `InputError` unless that is accepted."""
+    verdict = parameters.basis.verdict
+    if verdict is None or verdict.is_good:
+        return ""
+    if not accept_warnings:
+        rule = "what leaves the laboratory needs a good verdict, or the word that it is accepted"
+        remedy = "Measure again, or use --accept-warnings; this is recorded"
+        raise InputError(name, f"verdict {verdict.text()}", rule, remedy)
+    return verdict.text()
+
+
+def record_approval(
+    folder: Path, event: Event, version: Version, author: str, note: str, accepted: str = ""
+) -> None:
     """Write an approval as the next event of a tyre's folder."""
     record = {"event": event.value, "version": version.number, "version_sha256": version.sha256}
-    record |= signed_now(author) | ({"note": note} if note else {})
+    stated = {"note": note, "accepted": accepted}
+    record |= signed_now(author) | {key: text for key, text in stated.items() if text}
 
     def text_of(number: int) -> str:
         return sealed(tomlkit.dumps({"schema": SCHEMA, "number": number, **record}))
@@ -182,7 +199,7 @@ def _read(folder: Path, number: int) -> Approval:
     version, event = content.get("version"), content.get("event")
     if not isinstance(version, int) or event not in tuple(Event):
         raise damaged(path, f"event {event!r} of version {version!r}")
-    return Approval(Event(event), version, **texts_of(path, content, _TEXTS, ("note",)))
+    return Approval(Event(event), version, **texts_of(path, content, _TEXTS, _MORE_TEXTS))
 
 
 def approvals_in_force(approvals: Sequence[Approval]) -> list[Approval]:
@@ -284,11 +301,18 @@ class LibraryTyre:
             raise InputError(self.name, "no approved version", "an approved one needed", remedy)
         return found or self.version(self.newest)
 
-    def approve(self, number: int, author: str, note: str = "") -> Version:
-        """Approve a version; nothing is recorded where it is approved already."""
+    def approve(
+        self, number: int, author: str, note: str = "", *, accept_warnings: bool = False
+    ) -> Version:
+        """Approve a version; nothing is recorded where it is approved already.
+
+        `InputError` for a version whose verdict is not good, unless that is accepted.
+        """
         version, approval = self.version(number), self.approval()
         if approval is None or approval.version != number:
-            record_approval(self.path, Event.APPROVE, version, author, note)
+            own, allowed = version.parameters, {"accept_warnings": accept_warnings}
+            accepted = accepted_verdict(version.reference, own, **allowed)
+            record_approval(self.path, Event.APPROVE, version, author, note, accepted)
         return version
 
     def rollback(self, author: str, number: int | None = None, note: str = "") -> Version:
@@ -316,6 +340,7 @@ class LibraryTyre:
         if approval.version != version.number:
             return f"not approved; version {approval.version} is"
         note = f": {approval.note}" if approval.note else ""
+        note += f"; accepted as {approval.accepted}" if approval.accepted else ""
         later = newest - version.number
         more = f"; {later} newer not approved" if later else ""
         return f"approved by {approval.author}, {approval.created}{note}{more}"

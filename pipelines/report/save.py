@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from math import isfinite
 from pathlib import Path
 
+from ema.core.modes import ModalModel
 from pipelines.process.run import process
+from pipelines.process.validate import ring_orders
 from pipelines.report.write import write_pdf, write_report
 from pipelines.results import tables
 from pipelines.results.parameter_set import from_tuning, write_parameter_set
 from pipelines.results.provenance import OPTIONAL_READ_BACK, READ_BACK
 from pipelines.results.result import Result
+from pipelines.results.set_basis import MeasuredOrder
 from pipelines.results.store import write_identification
 from pipelines.simulate.campaign import sample_campaign
 from pipelines.storage.checksums import ACCEPTED, write_marker
@@ -96,7 +100,25 @@ def _write_tyre(result: Result, path: Path) -> None:
         tyre.details,
         tuple(f"{each.check}: {each.detail}" for each in result.findings if not each.is_ok),
     )
-    write_parameter_set(path, parameters)
+    measured = replace(parameters.basis, measured=_measured_orders(result.modal_model))
+    write_parameter_set(path, replace(parameters, basis=measured))
+
+
+def _measured_orders(model: ModalModel) -> tuple[MeasuredOrder, ...]:
+    def known(std: float) -> float | None:
+        return std if isfinite(std) and std > 0 else None
+
+    return tuple(
+        MeasuredOrder(
+            order=each.order,
+            frequency_hz=each.frequency_hz,
+            damping_ratio=each.damping_ratio,
+            frequency_std_hz=known(each.frequency_std_hz),
+            damping_ratio_std=known(each.damping_std),
+        )
+        for each in ring_orders(model)
+        if each.damping_ratio > 0
+    )
 
 
 def _replaceable(result: Result) -> dict[str, str]:

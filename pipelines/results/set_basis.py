@@ -11,7 +11,7 @@ from ema.core.errors import InputError
 from model.adequacy import Evidence, Reason, RingVerdict, State
 from model.coefficients import PressureLoad
 
-SECTIONS = ("model", "verdict", "covariance")
+SECTIONS = ("model", "verdict", "covariance", "measured")
 _REASONS = {str(reason): reason for reason in Reason}
 
 
@@ -21,6 +21,17 @@ class Covariance:
 
     parameters: tuple[str, ...]  # rows and columns
     values: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class MeasuredOrder:
+    """Frequency and damping of one order as measured on the fixed rim; None where unknown."""
+
+    order: int
+    frequency_hz: float
+    damping_ratio: float
+    frequency_std_hz: float | None = None
+    damping_ratio_std: float | None = None
 
 
 @dataclass(frozen=True)
@@ -37,17 +48,35 @@ class Basis:
     warnings : tuple of str
         Doubtful findings of the campaign, as ``check: detail``.
     covariance : Covariance or None
+    measured : tuple of MeasuredOrder
     """
 
     pressure_load: PressureLoad | None = None
     verdict: RingVerdict | None = None
     warnings: tuple[str, ...] = ()
     covariance: Covariance | None = None
+    measured: tuple[MeasuredOrder, ...] = ()
 
     @property
     def state(self) -> State | None:
         """State of the verdict; None where there is none."""
         return None if self.verdict is None else self.verdict.state
+
+    @property
+    def is_in_doubt(self) -> bool:
+        """Whether there is a verdict and it is not good."""
+        return self.verdict is not None and not self.verdict.is_good
+
+    @property
+    def on_fixed_rim(self) -> dict[int, MeasuredOrder]:
+        """Measured orders that belong to the ring: not order 1 where the rim moves."""
+        doubted: set[int | None] = set()
+        if self.verdict is not None:
+            doubted |= {*self.verdict.orders_left_out}
+            doubted |= {each.order for each in self.verdict.evidence if each.order is not None}
+            if any(each.reason is Reason.RIM for each in self.verdict.evidence):
+                doubted.add(1)
+        return {each.order: each for each in self.measured if each.order not in doubted}
 
 
 def basis_records(basis: Basis) -> dict[str, dict[str, Any]]:
@@ -72,6 +101,9 @@ def basis_records(basis: Basis) -> dict[str, dict[str, Any]]:
     if (covariance := basis.covariance) is not None:
         rows = [list(row) for row in covariance.values]
         records["covariance"] = {"parameters": list(covariance.parameters), "values": rows}
+    if basis.measured:
+        orders = [{k: v for k, v in vars(each).items() if v is not None} for each in basis.measured]
+        records["measured"] = {"orders": orders}
     return records
 
 
@@ -88,10 +120,11 @@ def basis_of(path: Path, sections: dict[str, dict[str, Any]], known: tuple[str, 
             _verdict(record) if record else None,
             tuple(map(str, record.get("warnings", ()))),
             _covariance(covariance, known) if covariance else None,
+            tuple(map(_measured, sections["measured"].get("orders", ()))),
         )
     except (KeyError, TypeError, ValueError) as error:
-        where, rule = f"{path.name}, [verdict] and [covariance]", "they must be as written"
-        raise InputError(where, str(error), rule, "Remove both sections or tune again") from error
+        where, rule = f"{path.name}, [verdict], [covariance], [measured]", "they must be as written"
+        raise InputError(where, str(error), rule, "Remove the sections or tune again") from error
 
 
 def _verdict(record: dict[str, Any]) -> RingVerdict:
@@ -108,6 +141,13 @@ def _verdict(record: dict[str, Any]) -> RingVerdict:
     if record["state"] != verdict.state:
         raise ValueError(f"state {record['state']!r} for the reasons of {verdict.state.value!r}")
     return verdict
+
+
+def _measured(record: dict[str, Any]) -> MeasuredOrder:
+    values = {name: float(value) for name, value in record.items() if name != "order"}
+    if not all(isfinite(value) and value > 0 for value in values.values()):
+        raise ValueError(f"order {record['order']} with a value that is not > 0")
+    return MeasuredOrder(int(record["order"]), **values)
 
 
 def _covariance(record: dict[str, Any], known: tuple[str, ...]) -> Covariance:

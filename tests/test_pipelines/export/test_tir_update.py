@@ -1,6 +1,7 @@
 """Tyre property files and rings: what a ring changes in a file, and the way back."""
 
 from dataclasses import replace
+from datetime import UTC, datetime
 from math import pi
 
 import numpy as np
@@ -12,6 +13,7 @@ from tyre_property_files import content
 
 from ema.core.errors import InputError
 from model import damping_ratios, natural_frequencies_hz, torsion_frequency_hz
+from model.adequacy import Evidence, Reason, RingVerdict
 from model.foundation import with_pressure_load
 from model.tuning_prior import GROWTH
 from model.tuning_problem import TuningProblem
@@ -19,7 +21,7 @@ from pipelines.export.belt import VALUES
 from pipelines.export.tir_file import tir_of
 from pipelines.export.tir_update import plan_update, ring_from_tir
 from pipelines.results.parameter_set import Parameter
-from pipelines.results.set_basis import Basis, Covariance
+from pipelines.results.set_basis import Basis, Covariance, MeasuredOrder
 
 FILES = {name: tir_of(content(in_mm=name == "mm"), "tyre.tir") for name in ("SI", "mm")}
 RING = SET.ring_parameters
@@ -47,8 +49,11 @@ def varied(**values):
 
 
 def found_again(tir, parameters, like=None, width_m=0.19):
+    """From all digits: the way back is exact."""
     parameters = replace(parameters, basis=Basis("dead"))
-    written = tir_of(plan_update(tir, parameters).after.content, "written.tir")
+    for change in plan_update(tir, parameters).changes:
+        tir = tir.with_value(tir.find(change.key), repr(change.new))
+    written = tir_of(tir.content, "written.tir")
     return ring_from_tir(written, width_m, like).parameters
 
 
@@ -194,7 +199,53 @@ def test_missing_keys_are_listed_and_added_on_request(si):
     assert update.missing == ()
     added = {change.key: change.section for change in update.changes if change.line is None}
     assert added == {"BELT_MASS": "INERTIA", "FREQ_WINDUP": "STRUCTURAL"}
-    assert_same_ring(ring_from_tir(update.after, 0.19, dead).parameters, dead)
+    back = ring_from_tir(update.after, 0.19, dead).parameters
+    for name in FOUND_AGAIN:
+        assert back.ring[name].value == pytest.approx(dead.ring[name].value, rel=1e-4), name
+
+
+def test_the_plus_minus_decides_on_the_digits(si):
+    texts = {change.key: change.text for change in plan_update(si, SET).changes}
+    assert texts["BELT_MASS"] == "7.761"  # ± 0.079
+    assert len(texts["FREQ_LONG"].replace(".", "")) == 6  # unknown
+    mass = replace(SET.ring["mass_per_area_kg_m2"], std=2e-4)
+    sharp = replace(SET, ring={**SET.ring, "mass_per_area_kg_m2": mass})
+    texts = {change.key: change.text for change in plan_update(si, sharp).changes}
+    assert texts["BELT_MASS"] == "7.76093"
+
+
+def measured(*reasons, left_out=()):
+    orders = (MeasuredOrder(1, 78.728, 0.036, 0.005, 4e-5), MeasuredOrder(2, 100.3, 0.033))
+    verdict = RingVerdict(tuple(Evidence(each, "found") for each in reasons), 3.0, 2, (1, 2))
+    basis = Basis(verdict=replace(verdict, orders_left_out=left_out), measured=orders)
+    return replace(SET, basis=basis)
+
+
+def test_order_1_is_that_measured(si):
+    changes = {change.key: change for change in plan_update(si, measured()).changes}
+    assert (changes["FREQ_LONG"].text, changes["FREQ_LONG"].std) == ("78.728", 0.005)
+    assert (changes["DAMP_LONG"].text, changes["DAMP_LONG"].std) == ("0.036", 4e-5)
+    assert "as measured" in changes["FREQ_LONG"].basis
+    alone = replace(measured(), damping={})
+    assert "DAMP_LONG" not in plan_update(si, alone).open_ones
+
+
+@pytest.mark.parametrize("doubt", [{"left_out": (1,)}, {"reasons": (Reason.RIM,)}])
+def test_order_1_of_a_rim_that_moves_is_not_taken(si, doubt):
+    moved = measured(*doubt.get("reasons", ()), left_out=doubt.get("left_out", ()))
+    changes = {change.key: change for change in plan_update(si, moved).changes}
+    assert changes["FREQ_LONG"].new == pytest.approx(float(natural_frequencies_hz(RING, 1)))
+
+
+def test_a_comment_says_where_the_values_come_from(tir):
+    after = plan_update(tir, measured(), comment="tyre@3").after
+    assert after.lines[:-1] == plan_update(tir, measured()).after.lines
+    line = after.lines[-1]
+    assert line.startswith("$ ") and line.endswith(tir.lines[0][-1])
+    for words in ("BELT_MASS, ", "tyre@3", "verdict good", str(datetime.now(UTC).year)):
+        assert words in line
+    again = plan_update(after, measured(), comment="tyre@3")
+    assert not again.changes and again.after.content == after.content
 
 
 def test_what_a_set_does_not_determine_stays(si):

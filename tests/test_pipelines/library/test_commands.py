@@ -4,7 +4,7 @@ import json
 
 import pyarrow.parquet as pq
 import pytest
-from library import SET, varied, written
+from library import SET, doubted, varied, written
 
 
 @pytest.fixture
@@ -76,6 +76,24 @@ def test_approve_show_and_rollback(tyre):
     shown = as_json(tyre("show", "225-55R17", "--json"))
     assert (shown["version"], shown["entry"]["note"]) == (1, "new contour")
     assert "not released; 1 newer not approved" in shown["standing"]
+
+
+def test_a_verdict_that_is_not_good_is_shown_and_must_be_accepted(tyre, tmp_path):
+    path = written(tmp_path / "bad.toml", doubted())
+    code, _, errors = tyre("add", path)
+    assert code == 0 and "Verdict: bad: two modes of order 1" in errors
+    code, output, errors = tyre("approve", "225-55R17@3")
+    assert (code, output) == (2, "") and "--accept-warnings" in errors
+    assert "no version is approved" in tyre("show", "225-55R17@3")[1]
+    assert tyre("approve", "225-55R17@3", "--accept-warnings")[0] == 0
+    _, output, errors = tyre("show", "225-55R17")
+    assert "accepted as bad: two modes" in output and "Verdict: bad" in errors
+    record = as_json(tyre("show", "225-55R17", "--json"))
+    assert (record["verdict"]["state"], record["model"]["pressure_load"]) == ("bad", "dead")
+    lines = as_json(tyre("history", "225-55R17", "--json"))["history"]
+    assert [line["verdict"] for line in lines] == [None, None, "bad"]
+    assert {row["verdict"] for row in as_json(tyre("table", "--json"))} == {"", "bad"}
+    assert "Verdict: bad" in tyre("export", "225-55R17", "--out", tmp_path / "x.toml")[2]
 
 
 def test_diff_of_versions_and_files(tyre, tmp_path):

@@ -12,13 +12,15 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from library import DESIGNATION, SET, varied, written
+from library import DESIGNATION, SET, doubted, varied, written
 
 from ema.core.errors import InputError
+from model.adequacy import Reason
 from pipelines.library.export import FORMATS, LONG, WIDE, export, version_rows, write_table
 from pipelines.library.history import difference, history_of
 from pipelines.library.library import NamedSet, TyreLibrary, numbers_of, resolve
 from pipelines.library.numbering import folder_name, split_reference
+from pipelines.library.series import pressure_series
 from pipelines.library.version import Event, record_approval
 from pipelines.results.parameter_set import Parameter, from_tuning, read_parameter_set
 
@@ -275,6 +277,28 @@ def test_approving_changes_no_version_and_is_recorded_once(three):
     three.approve(2, "Grace")
     assert {path: path.read_bytes() for path in three.path.glob("*.toml")} == before
     assert [path.name for path in (three.path / "approvals").iterdir()] == ["0001.toml"]
+
+
+@pytest.mark.parametrize("reason", [Reason.RIM, Reason.UNTESTED])
+def test_a_set_in_doubt_is_not_approved_without_the_word(add, library, reason):
+    version = add(doubted(reason))
+    tyre = library.tyre(version.tyre)
+    with pytest.raises(InputError, match="--accept-warnings"):
+        tyre.approve(1, "Ada")
+    assert tyre.approval() is None
+    assert tyre.approve(1, "Ada", accept_warnings=True).number == 1
+    assert tyre.approval().accepted == version.parameters.basis.verdict.text()
+    assert "accepted as" in tyre.standing(version)
+
+
+def test_notes_name_what_is_in_doubt(add, library):
+    later = replace(varied("2", 250000.0), basis=replace(doubted().basis, pressure_load="follower"))
+    found = difference(NamedSet("a", SET), NamedSet("b", later))
+    assert any(note.startswith("b: verdict bad") for note in found.notes)
+    assert any("dead load" in note and "follower" in note for note in found.notes)
+    series = pressure_series([add(), add(later)])
+    assert any(note.startswith("Version 2: verdict bad") for note in series.notes)
+    assert any("mixed" in note for note in series.notes)
 
 
 def test_rollback_goes_back_approval_by_approval(three):
