@@ -45,7 +45,7 @@ def doubted(reason=Reason.RIM, parameters=SET):
     """The set with a verdict that is not good, and warnings."""
     evidence = Evidence(reason, "two modes of order 1: 79 and 95 Hz", 1)
     verdict = RingVerdict((evidence,), 2500.0, 3, (1, 2, 3))
-    return replace(parameters, basis=Basis(verdict=verdict, warnings=("hum: 50 Hz",) * 7))
+    return replace(parameters, basis=Basis("dead", verdict=verdict, warnings=("hum: 50 Hz",) * 7))
 
 
 def written(path, parameters=SET):

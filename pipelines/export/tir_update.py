@@ -280,7 +280,10 @@ def ring_from_tir(
         "inflation_pressure_pa": pressure,
         "axial_stiffness_n_m": like.ring["axial_stiffness_n_m"].value if like else None,
     }
-    load = (like.basis.pressure_load if like else None) or DEFAULT_LOAD
+    stated = like.basis.pressure_load if like else DEFAULT_LOAD
+    load = stated or DEFAULT_LOAD
+    if stated is None:  # a set of before 0.2 has waves for a dead load, torsion for a follower's
+        torsion = math.hypot(torsion, math.sqrt(pressure / (radius * per_area)) / (2 * math.pi))
     try:
         found = foundation_from_belt_modes(translation, torsion, **known, pressure_load=load)
         if found.circumferential_stiffness_n_m3 < 0 and load == "dead":
@@ -309,7 +312,7 @@ def ring_from_tir(
             "source": tir.name,
             "source_sha256": hashlib.sha256(tir.content).hexdigest(),
         },
-        basis=Basis(load),
+        basis=Basis(stated and load),
     )
     return RingFromTir(parameters, tuple(_ring_notes(tir, units, radius, like)))
 

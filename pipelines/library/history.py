@@ -71,7 +71,8 @@ def difference(first: NamedSet, second: NamedSet) -> SetDifference:
     for each in (first, second):
         if each.parameters.basis.is_in_doubt:
             notes.append(f"{each.name}: verdict {verdict_text(each.parameters)}.")
-    if one.basis.pressure_load != two.basis.pressure_load:
+    loads = {one.basis.pressure_load, two.basis.pressure_load}
+    if None not in loads and len(loads) > 1:
         notes.append(
             f"The pressure is a {one.basis.pressure_load} load in the first set and a "
             f"{two.basis.pressure_load} load in the second: k_θ and k_r are not comparable."

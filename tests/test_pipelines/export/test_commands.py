@@ -127,7 +127,7 @@ def test_a_version_of_the_library(tyre, tir, toml, tmp_path):
     ring = json.loads(output)["ring"]
     assert code == 0
     assert ring["axial_stiffness_n_m"] == {"value": 2.5e7, "how": "not identified"}
-    assert ring["radial_stiffness_n_m3"]["value"] == pytest.approx(8e6, rel=1e-4)
+    assert ring["radial_stiffness_n_m3"]["value"] == pytest.approx(8e6, rel=1e-3)
 
 
 def test_bad_input_is_refused(tyre, tir, toml):

@@ -101,7 +101,8 @@ def test_the_wind_up_is_the_same_under_both_pressure_models(si):
     written = tir_of(plan_update(si, follower).after.content, "written.tir")
     again = ring_from_tir(written, 0.19, follower).parameters
     assert again.basis.pressure_load == "follower"
-    assert_same_ring(again, follower)
+    for name in FOUND_AGAIN:
+        assert again.ring[name].value == pytest.approx(follower.ring[name].value, rel=1e-4), name
 
 
 def test_a_torsion_below_that_of_a_dead_load_needs_a_follower_load(si):
@@ -164,7 +165,8 @@ def test_a_tuned_ring_is_found_again(mass, radial, circumferential, bending):
 @pytest.mark.parametrize("stiffness_n_m", [1.2e7, 2.5e7, 9.0e7])
 def test_any_ring_is_found_again_with_its_membrane_stiffness(tir, stiffness_n_m):
     parameters = varied(axial_stiffness_n_m=stiffness_n_m)
-    found = found_again(tir, parameters, like=parameters, width_m=None)
+    like = replace(parameters, basis=Basis("dead"))
+    found = found_again(tir, parameters, like=like, width_m=None)
     assert_same_ring(found, parameters)
     for name in ("axial_stiffness_n_m", "bending_stiffness_n_m", "belt_width_m"):
         assert found.ring[name].value == parameters.ring[name].value
