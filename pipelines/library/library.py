@@ -154,7 +154,7 @@ def read_source(source: Path, *, accept_changes: bool = False, lone: bool = True
     file may be as well.
     """
     changes: Iterable[str] = ()
-    if (source / _RESULT).is_file():
+    if any((source / name).is_file() for name in (_RESULT, _SET)):
         changes = checked_result(source, accept_changes=accept_changes).accepted
     found = read_parameter_set(
         parameter_file(source),
