@@ -18,7 +18,7 @@ from pipelines.results.parameter_set import (
     accepted,
     read_parameter_set,
 )
-from pipelines.results.provenance import checked_result
+from pipelines.results.provenance import READ_BACK, checked_result
 from pipelines.storage.atomic import folder_in_use
 from pipelines.storage.checksums import DamagedFile, sha256
 
@@ -154,7 +154,7 @@ def read_source(source: Path, *, accept_changes: bool = False, lone: bool = True
     file may be as well.
     """
     changes: Iterable[str] = ()
-    if any((source / name).is_file() for name in (_RESULT, _SET)):
+    if any((source / name).is_file() for name in (_RESULT, *READ_BACK)):
         changes = checked_result(source, accept_changes=accept_changes).accepted
     found = read_parameter_set(
         parameter_file(source),
