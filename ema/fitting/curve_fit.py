@@ -49,7 +49,7 @@ from ema.fitting.fit_steps import (
     without_leakage,
 )
 from ema.fitting.local_poles import at_mean_of_positions
-from ema.fitting.mode_pairs import RingOrder, ring_orders
+from ema.fitting.mode_pairs import PairSearch, RingOrder
 from ema.fitting.pole_fit import (
     N_DRIFT,
     N_STAND_INS,
@@ -290,9 +290,9 @@ class CurveFit:
             self._refit(self.fit.poles[~surplus])
         if not self.selection.pinned:
             labelled = self._with_hidden(labelled)
+        known = self.band_hz, self.correlation, self.drift, self.settings
         lines = widened_band(self.frf, self.band_hz)
-        known = self.correlation, self.drift, self.settings
-        self.ring = ring_orders(self.frf, lines, self.fit, labelled, self.band_hz, *known)
+        self.ring = PairSearch(self.frf, lines, self.fit, labelled, *known).orders_found()
 
     def _with_hidden(self, labelled: tuple[Mode, ...]) -> tuple[Mode, ...]:
         """Add the pole of a second order where one pole holds two at the same frequency.

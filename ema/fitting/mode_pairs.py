@@ -142,17 +142,10 @@ class RingOrder:
         return np.asarray(np.stack([np.cos(angle), np.sin(angle)], axis=1) @ self.pair.residues.T)
 
 
-def ring_orders(
-    frf: FRF,
-    lines: slice,
-    fit: PoleFit,
-    modes: Sequence[Mode],
-    band_hz: tuple[float, float],
-    correlation: float,
-    drift: Drift,
-    settings: IdentificationSettings = IDENTIFICATION,
-) -> tuple[RingOrder, ...]:
-    """Fit the pair of every order of the ring and decide what of it is determined.
+class PairSearch:
+    """Pairs of all orders of the ring, and what of them is determined.
+
+    On FRFs in the middle state of the runs, so that nothing is in another.
 
     Parameters
     ----------
@@ -171,22 +164,6 @@ def ring_orders(
         Of the runs.
     settings : IdentificationSettings
     """
-    search = _Search(frf, lines, fit, modes, band_hz, correlation, drift, settings)
-    orders = [search.fitted(order, found) for order, found in search.orders]
-    for _ in range(_ROUNDS):
-        both = [each for each in orders if each.shows_two(settings)]
-        if not both:
-            break
-        change = search.of_two_poles(both)
-        orders = [search.again(each, change) if each in both else each for each in orders]
-    return tuple(orders)
-
-
-class _Search:
-    """Pairs of all orders on FRFs in the middle state of the runs, so that nothing is in another.
-
-    Arguments as for `ring_orders`.
-    """
 
     def __init__(
         self,
@@ -197,7 +174,7 @@ class _Search:
         band_hz: tuple[float, float],
         correlation: float,
         drift: Drift,
-        settings: IdentificationSettings,
+        settings: IdentificationSettings = IDENTIFICATION,
     ) -> None:
         self.frf, self.lines, self.fit = frf, lines, fit
         self.correlation, self.drift, self.settings = correlation, drift, settings
@@ -221,6 +198,17 @@ class _Search:
         }
         on_curve = {order: self.directions[found[0]] for order, found in self.main}
         self.is_force_known = _points_there(on_curve, frf.excitation_deg)
+
+    def orders_found(self) -> tuple[RingOrder, ...]:
+        """All orders, those that show two poles with leakage and states of two."""
+        orders = [self.fitted(order, found) for order, found in self.orders]
+        for _ in range(_ROUNDS):
+            both = [each for each in orders if each.shows_two(self.settings)]
+            if not both:
+                break
+            change = self.of_two_poles(both)
+            orders = [self.again(each, change) if each in both else each for each in orders]
+        return tuple(orders)
 
     def fitted(
         self, order: int, found: list[int], change: Complex | float = 0.0, near: Real | None = None

@@ -12,8 +12,8 @@ from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table, shown, warn
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
+from pipelines.process.ring import retune
 from pipelines.process.run import process as run
-from pipelines.process.run import retune
 from pipelines.report.save import PDF, has_pdf, save
 from pipelines.report.write import printing_library, write_figures
 from pipelines.results.options import Options

@@ -27,7 +27,7 @@ from pipelines.compare.modes import (
     unmatched_modes,
 )
 from pipelines.compare.significance import Agreement, ParameterChange, agreement, parameter_changes
-from pipelines.process.run import retune
+from pipelines.process.ring import retune
 from pipelines.results.labels import short
 from pipelines.results.parameter_set import tuned_parameters
 from pipelines.results.result import Result
@@ -107,7 +107,7 @@ def compare(first: Result, second: Result) -> Comparison:
     Parameters
     ----------
     first, second : Result
-        Tuned where ring parameters are to be compared (`pipelines.process.run.tune`).
+        Tuned where ring parameters are to be compared (`pipelines.process.ring.tune`).
 
     Examples
     --------

@@ -1,5 +1,6 @@
 """Processing: a campaign becomes modes, the modes become a ring."""
 
-from pipelines.process.run import process, retune, tune
+from pipelines.process.ring import retune, tune
+from pipelines.process.run import process
 
 __all__ = ["process", "retune", "tune"]

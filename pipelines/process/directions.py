@@ -14,6 +14,9 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.modes import ModalModel
 from pipelines.results.result import TORSION, OtherMode, Result
 
+# The mass that the residue gives is known to this share: calibration of force and sensors.
+_MASS_STD = 0.05
+
 
 def with_other_modes(
     result: Result, campaign: Campaign, band_hz: tuple[float, float], estimator: str
@@ -70,12 +73,13 @@ def _bare(torsion: OtherMode, campaign: Campaign, residues: np.ndarray) -> Other
     if not total_kg > 2 * hung_kg:  # no mass of a tyre
         return torsion
     factor = float(np.sqrt(total_kg / (total_kg - hung_kg)))
+    spread = _MASS_STD * (factor - 1)
     return replace(
         torsion,
         frequency_hz=factor * torsion.frequency_hz,
-        frequency_std_hz=factor * torsion.frequency_std_hz,
+        frequency_std_hz=float(np.hypot(torsion.frequency_std_hz, spread * torsion.frequency_hz)),
         damping_ratio=factor * torsion.damping_ratio,
-        damping_std=factor * torsion.damping_std,
+        damping_std=float(np.hypot(torsion.damping_std, spread * torsion.damping_ratio)),
     )
 
 

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 import ema
-import model
 from ema.checks.drive_point import drive_point_finding
 from ema.checks.quality import (
     averages_finding,
@@ -29,44 +24,23 @@ from ema.circumference.mass_loading import (
     masses_of_runs,
     sensors_of_runs,
 )
-from ema.core.campaign import Campaign, Tyre
+from ema.core.campaign import Campaign
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
-from ema.core.modes import ModalModel
 from ema.identify import Identification, SensorMass
 from ema.signals.steadiness import steadiness_findings
-from model.identifiability import AT_BOUND, IDENTIFIED
-from model.tuning import TuningResult
-from model.tuning_problem import CIRCUMFERENTIAL
 from pipelines.process.directions import with_other_modes
-from pipelines.process.validate import (
-    RingOrder,
-    amplitude_finding,
-    modal_mass_kg,
-    plausibility_finding,
-    rim_frequencies_hz,
-    ring_orders,
-    validate,
-    verdict_findings,
-)
-from pipelines.results.options import (
-    TYRE_BAND_HZ,
-    Options,
-    processing_in_force,
-    tuning_arguments,
-    tuning_in_force,
-)
+from pipelines.process.ring import tune
+from pipelines.process.validate import refuse_warnings
+from pipelines.results.options import TYRE_BAND_HZ, Options, processing_in_force, tuning_in_force
 from pipelines.results.provenance import Stopwatch, checksummed, provenance
-from pipelines.results.result import OtherMode, Result
-from pipelines.results.store import load
+from pipelines.results.result import Result
 
 # Share by which a band may exceed the last line, as there is none at half the sampling rate.
 _BAND_TOLERANCE = 0.01
 _IN_DOUBT = "the angles of the sensors are in doubt, or part of the circle has none"
 _FROM_FILE = "FRFs from a file do not state which sensors were on the tyre together"
-_OF_RING = (Check.AMPLITUDE, Check.PLAUSIBILITY, Check.RING)  # found again by each tuning
-_MOST_NAMED = 3  # warnings in the message of a strict run
 
 
 def process(
@@ -199,90 +173,6 @@ def _measured(
     )
 
 
-def tune(result: Result, options: Options) -> Result:
-    """Add ring parameters and validation to identified modes, or the reason why there are none."""
-    tyre, modal_model = result.tyre, result.modal_model
-    reason = _why_no_ring(tyre, modal_model, options)
-    if reason or tyre is None or tyre.mean_radius_m is None or tyre.inflation_pressure_pa is None:
-        return replace(result, notes=(*result.notes, reason))
-    kept = tuple(f for f in result.findings if f.check not in _OF_RING)
-    orders = ring_orders(modal_model)
-    numbers = np.array([order.order for order in orders])
-    tuning = _tuned(tyre, modal_model, orders, result.torsion, options)
-    damping = model.identify_damping(
-        tuning.ring,
-        numbers,
-        [order.damping_ratio for order in orders],
-        [order.damping_std for order in orders],
-        pressure_load=tuning.pressure_load,
-        ring_covariance=(tuning.std, tuning.covariance),
-    )
-    return replace(
-        result,
-        tuning=tuning,
-        damping=damping,
-        validation=validate(modal_model, orders, tuning, damping),
-        findings=(*kept, *_ring_findings(modal_model, orders, tuning)),
-        notes=(*result.notes, *tuning.notes, *damping.notes),
-    )
-
-
-def _tuned(
-    tyre: Tyre,
-    modal_model: ModalModel,
-    orders: Sequence[RingOrder],
-    torsion: OtherMode | None,
-    options: Options,
-) -> TuningResult:
-    """Tune for the pressure model chosen, or for the dead load of the paper where it has a ring.
-
-    A tyre whose frequencies a dead load reaches only with k_θ < 0 has a follower load.
-    """
-    masses = [modal_mass_kg(modal_model, order) for order in orders]
-
-    def tuned(tuning: dict[str, Any]) -> TuningResult:
-        return model.tune_ring(
-            [order.order for order in orders],
-            [order.frequency_hz for order in orders],
-            belt_width_m=tyre.belt_width_m,
-            frequency_std_hz=[order.frequency_std_hz for order in orders],
-            modal_mass_kg=[mass_kg for mass_kg, _ in masses],
-            modal_mass_std_kg=[std_kg for _, std_kg in masses],
-            rim_hz=rim_frequencies_hz(modal_model),
-            torsion_hz=torsion.frequency_hz if torsion else None,
-            torsion_std_hz=torsion.frequency_std_hz if torsion else 0.0,
-            objective=options.objective,
-            mean_radius_m=tyre.mean_radius_m or math.nan,
-            inflation_pressure_pa=tyre.inflation_pressure_pa or math.nan,
-            **tuning_arguments(tuning, options.given, vars(tyre)),
-        )
-
-    found = tuned(options.tuning)
-    chosen = "pressure_load" in options.tuning or CIRCUMFERENTIAL in options.tuning
-    if chosen or found.how[CIRCUMFERENTIAL] != AT_BOUND or found.pressure_load == "follower":
-        return found
-    other = tuned({**options.tuning, "pressure_load": "follower"})
-    if other.how[CIRCUMFERENTIAL] == AT_BOUND:
-        return found
-    note = (
-        "As a dead load the pressure would need k_θ below zero: the ring is tuned for a pressure "
-        "that stays normal to the belt (follower)."
-    )
-    return replace(other, notes=(note, *other.notes))
-
-
-def _ring_findings(
-    modal_model: ModalModel, orders: Sequence[RingOrder], tuning: TuningResult
-) -> list[Finding]:
-    """Whether ring and amplitudes are plausible, the most likely cause of a doubt first."""
-    identified = tuning.how["mass_per_area_kg_m2"] == IDENTIFIED
-    mass = tuning.ring.mass_per_area_kg_m2 if identified else None
-    plausible = plausibility_finding(orders, mass)
-    doubted = plausible is not None and not plausible.is_ok
-    amplitude = amplitude_finding(modal_model, orders, tuning.ring, ring_is_doubted=doubted)
-    return [*([plausible] if plausible else []), *amplitude, *verdict_findings(tuning.verdict)]
-
-
 def _require_ring_data(campaign: Campaign, options: Options) -> None:
     """Refuse a tyre without pressure or radius before processing, not after."""
     if campaign.tyre is None or not options.tune:
@@ -388,90 +278,3 @@ def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:
         return low, high
     least, most = TYRE_BAND_HZ
     return least, high if low < most and least < high < most else min(most, frf.frequency_hz[-1])
-
-
-def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -> str:
-    if not options.tune:
-        return "The ring steps were left out (--no-tune)."
-    if tyre is None:
-        return "No [tyre] in the manifest: the ring steps were left out."
-    if tyre.mean_radius_m is None or tyre.inflation_pressure_pa is None:
-        return "No mean radius or inflation pressure: no ring parameters can be determined."
-    if not np.all(np.isfinite(modal_model.position_deg)):
-        return "No [grid] in the manifest: without angles there are no orders and no ring."
-    n_orders = len(ring_orders(modal_model))
-    if n_orders < 3:
-        orders = "order was" if n_orders == 1 else "orders were"
-        return f"Only {n_orders} circumferential {orders} identified; a ring needs three."
-    return ""
-
-
-def refuse_warnings(findings: Sequence[Finding]) -> None:
-    """Raise `InputError` if a finding is a warning or reports something left out."""
-    doubtful = [finding for finding in findings if not finding.is_ok]
-    if not doubtful:
-        return
-    texts = []
-    for finding in doubtful[:_MOST_NAMED]:
-        place = " ".join(part for part in (finding.run, finding.channel) if part)
-        texts.append(f"{finding.check}, {place}: {finding.detail}" if place else finding.detail)
-    if len(doubtful) > _MOST_NAMED:
-        texts.append(f"and {len(doubtful) - _MOST_NAMED} more")
-    remedy = "Fix the recordings or leave them out, or run without --strict: quality.csv lists all"
-    raise InputError("--strict", "; ".join(texts), "a strict run accepts no warnings", remedy)
-
-
-def retune(
-    folder: Path,
-    objective: str | None = None,
-    given: dict[str, float] | None = None,
-    *,
-    tuning: dict[str, Any] | None = None,
-    strict: bool = False,
-    accept_changes: bool = False,
-) -> Result:
-    """Load a result and tune its ring again; options that are not given stay as they were.
-
-    Parameters
-    ----------
-    folder : path
-        Result folder.
-    objective : {"frequency", "paper"}, optional
-        What the tuning minimises.
-    given : dict, optional
-        Ring parameters known from elsewhere, by name, in SI.
-    tuning : dict, optional
-        As the manifest's ``[tuning]``; overrides that of the result key by key.
-    strict : bool
-        Whether warnings of the result are errors.
-    accept_changes : bool
-        Whether to accept a result in which files were changed.
-
-    Returns
-    -------
-    Result
-
-    Raises
-    ------
-    InputError
-        If the folder is not a result, or was changed.
-
-    Examples
-    --------
-    >>> import ringmodal as rm
-    >>> result = rm.retune("result", objective="paper")
-    >>> result.tuning.objective
-    'paper'
-    """
-    result = load(folder, accept_changes=accept_changes)
-    if strict:
-        refuse_warnings(result.findings)
-    earlier = result.provenance["options"]
-    chosen: dict[str, Any] = {
-        "tune": True if objective is not None else earlier["tune"],
-        "objective": objective or earlier["objective"],
-        "given": earlier["given"] if given is None else given,
-        "tuning": tuning_in_force(earlier.get("tuning", {}), tuning or {}),
-    }
-    again = tune(result, Options(**chosen))
-    return replace(again, provenance={**result.provenance, "options": {**earlier, **chosen}})

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ema.circumference.orders import order_content
 from ema.circumference.ring_modes import drive, family, further_resonances
+from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.mac import auto_mac, mac
 from ema.core.modes import ModalModel, Mode
@@ -24,6 +25,8 @@ from model.parameters import RingParameters
 from model.ring import modal_mass_kg as ring_mass_kg
 from model.tuning import TuningResult
 from pipelines.results.result import Validation
+
+_MOST_NAMED = 3  # warnings in the message of a strict run
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,3 +284,18 @@ def verdict_findings(verdict: RingVerdict) -> list[Finding]:
         Finding("", "", None, Check.RING, Verdict.WARNING, f"{each.reason}: {each.detail}")
         for each in verdict.evidence
     ]
+
+
+def refuse_warnings(findings: Sequence[Finding]) -> None:
+    """Raise `InputError` if a finding is a warning or reports something left out."""
+    doubtful = [finding for finding in findings if not finding.is_ok]
+    if not doubtful:
+        return
+    texts = []
+    for finding in doubtful[:_MOST_NAMED]:
+        place = " ".join(part for part in (finding.run, finding.channel) if part)
+        texts.append(f"{finding.check}, {place}: {finding.detail}" if place else finding.detail)
+    if len(doubtful) > _MOST_NAMED:
+        texts.append(f"and {len(doubtful) - _MOST_NAMED} more")
+    remedy = "Fix the recordings or leave them out, or run without --strict: quality.csv lists all"
+    raise InputError("--strict", "; ".join(texts), "a strict run accepts no warnings", remedy)

@@ -45,7 +45,7 @@ _SMALLEST_RESIDUE = 1e-100  # far below any measured inertance; its square is st
 def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
     """Read a result folder back: everything but tuning, damping and validation.
 
-    Those follow from the modes; `pipelines.process.run.tune` adds them again.
+    Those follow from the modes; `pipelines.process.ring.tune` adds them again.
 
     Parameters
     ----------

@@ -20,7 +20,8 @@ from pipelines.compare.compare import common_positions, common_shapes, compare, 
 from pipelines.compare.modes import match_modes, std_of_difference
 from pipelines.compare.significance import Difference, agreement, holm, jointly_tested
 from pipelines.compare.summary import findings
-from pipelines.process.run import process, tune
+from pipelines.process.ring import tune
+from pipelines.process.run import process
 from pipelines.report.save import save
 from pipelines.results.options import Options
 from pipelines.simulate.campaign import Setup, simulate_campaign, simulate_runs

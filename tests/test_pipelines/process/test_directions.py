@@ -10,6 +10,7 @@ from ema.core.errors import InputError
 from ema.core.finding import Check
 from ema.io.uff.write import write_time_series
 from model.ring import torsion_frequency_hz
+from pipelines.process.ring import tune
 from pipelines.process.run import process
 from pipelines.report.save import save
 from pipelines.results.options import Options
@@ -61,6 +62,23 @@ def test_torsion_of_the_bare_tyre_is_found(result):
     assert true_hz == pytest.approx(torsion_frequency_hz(tyre.ring, pressure_load="dead"))
     assert result.torsion.frequency_hz == pytest.approx(true_hz, rel=2e-4)
     assert result.torsion.damping_ratio == pytest.approx(-pole.real / abs(pole), rel=0.003)
+
+
+def test_the_error_bar_of_the_torsion_holds_that_of_the_masses(result):
+    pole = Laboratory(EFFECTS).tyre.solve().poles[0]
+    off = result.torsion.frequency_hz - abs(pole) / (2 * np.pi)
+    assert abs(off) < 2 * result.torsion.frequency_std_hz < 1e-3 * abs(pole)
+
+
+def test_torsion_narrows_the_circumferential_stiffness(result):
+    name = "circumferential_stiffness_n_m3"
+    with_it, without = (
+        tune(each, Options()).tuning for each in (result, replace(result, other_modes=()))
+    )
+    true = getattr(Laboratory(EFFECTS).tyre.ring, name)
+    assert with_it.std[name] < 0.5 * without.std[name]
+    for tuning in (with_it, without):
+        assert abs(getattr(tuning.ring, name) - true) < 2 * tuning.std[name]
 
 
 def test_the_ring_has_radial_sensors_only(result):

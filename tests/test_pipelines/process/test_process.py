@@ -11,7 +11,8 @@ from ema.core.campaign import Processing
 from ema.core.errors import InputError
 from ema.core.mac import mac
 from ema.io.campaign.read import read_campaign
-from pipelines.process.run import process, tune
+from pipelines.process.ring import tune
+from pipelines.process.run import process
 from pipelines.report.save import save
 from pipelines.results.options import Options
 from pipelines.results.store import load

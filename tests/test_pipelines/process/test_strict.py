@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import ema
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
-from pipelines.process.run import refuse_warnings
+from pipelines.process.validate import refuse_warnings
 from pipelines.results.store import MARKER
 
 pytestmark = pytest.mark.usefixtures("modes_once")

@@ -12,7 +12,8 @@ import pytest
 from ema.core.block_plan import ExponentialWindow
 from ema.core.errors import InputError
 from ema.core.finding import Check
-from pipelines.process.run import process, tune
+from pipelines.process.ring import tune
+from pipelines.process.run import process
 from pipelines.report.save import save
 from pipelines.results.options import Options
 from pipelines.results.store import load

@@ -18,7 +18,7 @@ from ema.core.errors import FitError, InputError
 from model.errors import ParameterError
 from pipelines.batch.run import run_batch
 from pipelines.library.library import TyreLibrary
-from pipelines.process.run import retune
+from pipelines.process.ring import retune
 from pipelines.report.save import save
 from pipelines.results.options import Options
 from pipelines.results.provenance import is_as_written
