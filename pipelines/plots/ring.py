@@ -157,7 +157,8 @@ def sensitivity_chart(found: Sensitivity, symbols: Mapping[str, str]) -> Chart:
     names = [symbols[name] for name in found.parameters]
     strongest = np.max(np.abs(found.values), axis=0)
     weak = [name for name, most in zip(names, strongest, strict=True) if most < WEAK]
-    finding = f"{' and '.join(weak)} hardly move any frequency" if weak else "all move some"
+    moves = "moves" if len(weak) == 1 else "move"
+    finding = f"{' and '.join(weak)} hardly {moves} any frequency" if weak else "all move some"
     return matrix_chart(
         found.values,
         [f"{order}" for order in found.orders],

@@ -131,7 +131,7 @@ def _cross_check(result: Result) -> tuple[Block, ...]:
         (number(o.mode_hz, 5), number(o.frequency_hz, 5), number(100 * o.damping_ratio, 3))
         for o in apart
     )
-    text = f"A second estimator ({name}) disagrees on {len(apart)} modes; check these."
+    text = f"A second estimator ({name}) disagrees on {counted(len(apart), 'mode')}; check."
     return (Paragraph(text, "warning"), Table("Where the estimators disagree", head, rows))
 
 
