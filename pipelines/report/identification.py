@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ema.core.display import counted
 from ema.core.mac import auto_mac
 from ema.core.modes import ModalModel, Mode
 from pipelines.plots.chart import Chart, packed

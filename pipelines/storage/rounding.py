@@ -24,8 +24,10 @@ def jsonable(value: Any) -> Any:
 
 
 def plain(value: float | None) -> str:
-    """Value as a person would type it, a dash if unknown."""
-    return DASH if value is None or not isfinite(value) else f"{value:.10g}"
+    """Value as a person would type it, to six digits, a dash if unknown."""
+    if value is None or not isfinite(value):
+        return DASH
+    return f"{float(f'{value:.6g}'):.10g}"
 
 
 def signed(value: float, places: int) -> str:
