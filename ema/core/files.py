@@ -37,6 +37,15 @@ def fill(samples: NDArray[Any], start: int, into: NDArray[np.float64]) -> None:
         into[:] = piece(samples, start, start + into.size)
 
 
+def part(samples: NDArray[Any], start: int, stop: int) -> NDArray[Any]:
+    """Samples `start` to `stop`; those of a memory map stay on disk, as a map of their own."""
+    if not isinstance(samples, np.memmap) or not _is_whole(samples):
+        return samples[start:stop]
+    place, path = samples.offset + start * samples.itemsize, str(samples.filename)
+    cut: NDArray[Any] = np.memmap(path, samples.dtype, "r", place, (stop - start,))
+    return cut
+
+
 def _read(samples: np.memmap[Any, Any], start: int, into: NDArray[Any]) -> None:
     """Read from the file of a map, without fresh memory."""
     path = Path(str(samples.filename))

@@ -37,7 +37,8 @@ class Check(StrEnum):
     QUANTITY = "quantity", "FRFs converted to inertance"
     RECIPROCITY = "reciprocity", "FRFs of a moved force, taken as those of moved sensors"
     UNIT = "unit", "units that are not stated, not known or assumed"
-    SAMPLING_RATE = "sampling rate", "a rate that the file does not state"
+    SAMPLING_RATE = "sampling rate", "a rate that the file does not state, or not exactly"
+    START = "start", "channels that start or end at different times, cut to what they share"
     NAME = "name", "channels with the same name"
     # campaign
     CALIBRATION = "calibration", "units and sensitivities set by the manifest"

@@ -81,6 +81,8 @@ class Recording:
     path: Path  # of the file it was read from
     sampling_rate_hz: float  # NaN where the file does not say
     channels: tuple[Channel, ...]  # all of the same length
+    #: Lowest and highest rate that the file leaves open where it prints few digits; else NaN.
+    rate_range_hz: tuple[float, float] = (float("nan"), float("nan"))
 
     @property
     def n_samples(self) -> int:

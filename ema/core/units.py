@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi
 
 from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOCITY, VOLTAGE
 
 STANDARD_GRAVITY_M_S2 = 9.80665  # exact, CGPM 1901
 POUND_FORCE_N = 4.4482216152605  # exact, pound × standard gravity
+TIME, FREQUENCY = "time", "frequency"
 SI_UNIT = {ACCELERATION: "m/s^2", VELOCITY: "m/s", DISPLACEMENT: "m", FORCE: "N", VOLTAGE: "V"}
 
 _LENGTH_M = {
@@ -46,6 +48,13 @@ _GRAVITY_M_S2 = {
 _PER_SECOND = ("/s", "/sec", "s^-1")
 _PER_SECOND_SQUARED = ("/s^2", "/s2", "/s/s", "/sec^2", "/sec2", "s^-2", "s-2")
 _VOLT = {"V": 1.0, "volt": 1.0, "volts": 1.0, "mV": 1e-3, "uV": 1e-6, "kV": 1e3}
+_TIME_S = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "sekunden": 1.0}
+_TIME_S |= {"ms": 1e-3, "msec": 1e-3, "us": 1e-6, "usec": 1e-6, "ns": 1e-9}
+_TIME_S |= {"min": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hours": 3600.0}
+_FREQUENCY_HZ = {"Hz": 1.0, "mHz": 1e-3, "kHz": 1e3, "MHz": 1e6, "1/s": 1.0, "s^-1": 1.0}
+_FREQUENCY_HZ |= {"cps": 1.0, "hertz": 1.0, "rev/s": 1.0, "cycles/s": 1.0}
+_FREQUENCY_HZ |= dict.fromkeys(("rad/s", "rad/sec", "r/s", "radians/s"), 0.5 / pi)
+_FREQUENCY_HZ |= dict.fromkeys(("rpm", "cpm", "1/min", "min^-1", "rev/min", "U/min"), 1.0 / 60.0)
 _ELECTRIC = ("A", "mA", "C", "pC")  # no channel of these can be calibrated here
 _NOTHING = {"", "none", "-", "n/a", "unknown"}
 _SPELLINGS = {"²": "^2", "⁻": "-", "μ": "u", "µ": "u", "**": "^", "·": "", "*": "", " ": ""}
@@ -105,3 +114,22 @@ def parse_ratio(text: str) -> tuple[Unit, Unit] | None:
     if not slash or motion is None or force is None or force.quantity != FORCE:
         return None
     return motion, force
+
+
+@dataclass(frozen=True)
+class AxisUnit:
+    """A unit of an axis that is understood."""
+
+    kind: str  # `TIME` or `FREQUENCY`
+    factor: float  # to s or Hz
+
+
+_AXES = {text: AxisUnit(TIME, factor) for text, factor in _TIME_S.items()}
+_AXES |= {text: AxisUnit(FREQUENCY, factor) for text, factor in _FREQUENCY_HZ.items()}
+_AXES_LOWER = {text.lower(): unit for text, unit in _AXES.items() if text not in ("mHz", "MHz")}
+
+
+def parse_axis(text: str) -> AxisUnit | None:
+    """Kind and factor of a unit such as ``"ms"`` or ``"rad/s"``; None where it is not known."""
+    plain = _normalise(text)
+    return _AXES.get(plain) or _AXES_LOWER.get(plain.lower())

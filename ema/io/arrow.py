@@ -12,8 +12,9 @@ import pyarrow.parquet as pq
 import pyarrow.types as types
 
 from ema.core.errors import RecordingFormatError
-from ema.io.columns import Column, content_of_columns, name_and_unit, stated_rate
+from ema.io.columns import Column, content_of_columns, name_and_unit
 from ema.io.content import EXPORT_AGAIN, FileContent, check_expansion, left_out, reading
+from ema.io.rates import stated_rate
 
 ReadColumn = Callable[[int], pa.ChunkedArray]
 
@@ -38,8 +39,8 @@ def read(path: Path) -> FileContent:
         metadata = {key.decode("latin-1"): value for key, value in (schema.metadata or {}).items()}
     others = [name for index, name in enumerate(schema.names) if index not in kept]
     findings = left_out(path, dict.fromkeys(others, "a column of something other than numbers"))
-    rate_hz = stated_rate(path, metadata)
-    return content_of_columns(path, columns, rate_hz=rate_hz, findings=findings)
+    rate = stated_rate(path, metadata)
+    return content_of_columns(path, columns, rate=rate, findings=findings)
 
 
 def _parquet(path: Path) -> tuple[pa.Schema, ReadColumn]:

@@ -1,4 +1,4 @@
-"""Columns of a table as channels of a recording, and sampling rates from printed time steps."""
+"""Columns of a table as channels of a recording: which are axes, where each channel starts."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,32 +14,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Check, Finding
+from ema.core.files import part
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import UNKNOWN, Channel, Recording
-from ema.core.units import is_stated, parse_unit
-from ema.io.content import EXPORT_AGAIN, FileContent, remark
+from ema.core.units import TIME, is_stated, parse_axis, parse_unit
+from ema.io.content import EXPORT_AGAIN, FileContent, not_together, remark
+from ema.io.rates import (
+    SAME_RATE,
+    UNSTATED,
+    Rate,
+    agreed,
+    even_step,
+    likeliest,
+    rate_findings,
+    rate_of_stamps,
+    uneven,
+)
 
 _TIME_NAMES = {
     *("t", "time", "zeit", "timestamp", "time stamp", "x_value", "x value"),
     *("elapsed time", "uhrzeit", "temps", "tid", "tiempo", "tempo"),
 }
-_SECONDS = dict.fromkeys(("", "s", "sec", "secs", "second", "seconds", "sekunden"), 1.0)
-_SECONDS |= {"ms": 1e-3, "msec": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6}
+_TIME_WORD = re.compile(r"(?:^|[^a-z])(?:time|zeit|timestamp|temps|tiempo|tempo)(?:[^a-z]|$)")
 _LABEL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
-_RATES = {
-    *("fs", "fsamp", "fsample", "rate", "samplefrequency", "samplerate"),
-    *("samplingfrequency", "samplingrate"),
-}
-_STEPS = {"dt", "deltat", "sampleinterval", "samplinginterval", "timestep", "wfincrement"}
-
-_MOST_DIGITS = 7  # a plain number has no more
-_SENSELESS = 1e100  # beyond any time or frequency; NaN and infinity are too
-_PIECE = 1 << 16  # values of a long column that are looked at together
-_UNEVEN = 0.2  # of a step: a single dropped sample deviates by at least half a step
-SAME_RATE = 1e-4  # relative, of a stated rate and that of a rounded time column
-_SAME_STATEMENT = 1e-6  # relative, of two stated rates
-_EXACT = 1e-9  # relative, of the step of a long column in double precision
-_ROUNDING = 1e-12  # relative, of a step kept in double precision
+_FEWEST_OF_AXIS = 16  # rows below which numbers may rise evenly by chance
+_FIRST_ROWS = 64  # that tell a signal from an axis without a look at all of it
+_SHARE_OF_SAMPLE = 0.02  # by which starts may miss a whole sample: 1.4 degrees of phase at fs/10
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +50,7 @@ class Column:
     unit: str  # as the file states it; empty where it states none
     samples: NDArray[Any]  # integers or floats, at best a memory map; NaN where missing
     place: str = ""  # in the file, which becomes the name of a channel whose name repeats
+    start_s: float = 0.0  # of the first sample, as the file states it
 
 
 def name_and_unit(label: str) -> tuple[str, str]:
@@ -60,31 +61,196 @@ def name_and_unit(label: str) -> tuple[str, str]:
 
 def is_time(name: str, unit: str) -> bool:
     """Whether a column of this name and unit contains time stamps."""
-    return name.lower() in _TIME_NAMES and unit.lower() in _SECONDS
+    return name.lower() in _TIME_NAMES and _seconds(unit) is not None
+
+
+def _seconds(unit: str) -> float | None:
+    """Seconds in a unit of time, which is s where none is stated; None for other units."""
+    axis = parse_axis(unit)
+    if axis is None:
+        return None if is_stated(unit) else 1.0
+    return axis.factor if axis.kind == TIME else None
 
 
 def content_of_columns(
     path: Path,
     columns: Sequence[Column],
     *,
-    rate_hz: float = math.nan,
+    rate: Rate = UNSTATED,
     findings: Sequence[Finding] = (),
 ) -> FileContent:
     """Channels and sampling rate of a table, with the findings of its reader.
 
-    A column ``time`` or ``t`` gives the rate; it has to agree with `rate_hz`, the rate that the
-    file states apart from any column (NaN where it states none). `RecordingFormatError` if no
-    column is a channel, columns differ in length, or time is uneven.
+    Columns of time give the rate and the start of the channels that follow them; it has to agree
+    with `rate`, what the file states apart from any column. Other columns that rise evenly are
+    axes too, and no channels. `RecordingFormatError` if no column is a channel, columns differ in
+    length, time is uneven, or channels start at times that do not fit together.
     """
-    times = [column for column in columns if is_time(column.name, column.unit)][:1]
-    signals = [column for column in columns if column not in times]
-    _check_columns(path, columns, signals)
-    if times:
-        rate_hz = _rate_of_column(path, times[0], rate_hz)
     noticed = list(findings)
-    repeated = Counter(column.name for column in signals)
-    channels = tuple(_channel(path, each, repeated[each.name] > 1, noticed) for each in signals)
-    return FileContent(path, Recording(path, rate_hz, channels), findings=tuple(noticed))
+    axes = _axes(path, columns, rate, noticed)
+    signals = [(at, column) for at, column in enumerate(columns) if at not in axes]
+    _check_columns(path, columns, [column for _, column in signals])
+    times = {at: axis for at, axis in axes.items() if axis is not None}
+    for at, axis in times.items():
+        rate = agreed(path, rate, axis.rate) if at == min(times) else _same(path, rate, axis)
+    noticed += rate_findings(path, rate)
+    repeated = Counter(column.name for _, column in signals)
+    channels = [_channel(path, each, repeated[each.name] > 1, noticed) for _, each in signals]
+    starts_s = [column.start_s + _axis_of(times, at).start_s for at, column in signals]
+    lengths = [_axis_of(times, at).n_samples or len(each.samples) for at, each in signals]
+    together = aligned(path, channels, starts_s, rate.hz, noticed, lengths)
+    recording = Recording(path, rate.hz, together, (rate.low_hz, rate.high_hz))
+    return FileContent(path, recording, findings=tuple(noticed))
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """A column of time: its rate, first time, and number of times."""
+
+    name: str
+    rate: Rate = UNSTATED
+    start_s: float = 0.0
+    n_samples: int = 0
+
+
+def _axis_of(times: Mapping[int, _Axis], at: int) -> _Axis:
+    """The last axis in front of a column, else the first of all; starts count from the first."""
+    if len(times) < 2:
+        return _Axis("")
+    before = [place for place in times if place < at]
+    axis, first = times[max(before, default=min(times))], times[min(times)]
+    return replace(axis, start_s=axis.start_s - first.start_s)
+
+
+def _same(path: Path, rate: Rate, axis: _Axis) -> Rate:
+    """The common rate; refuses another axis of time at a different one."""
+    if axis.rate.allows(rate.hz):
+        return rate
+    found = f"{rate.hz:g} Hz by the first column of time, {axis.rate.hz:g} Hz by {axis.name!r}"
+    raise not_together(path, found)
+
+
+def _axes(
+    path: Path, columns: Sequence[Column], rate: Rate, findings: list[Finding]
+) -> dict[int, _Axis | None]:
+    """Columns of time by their place, and None for others that only count."""
+    found: dict[int, _Axis | None] = {}
+    named = [is_time(column.name, column.unit) for column in columns]
+    read: list[tuple[NDArray[Any], _Axis]] = []
+    for at, column in enumerate(columns):
+        if not named[at] and (parse_unit(column.unit) or not _rises_evenly(column.samples)):
+            continue
+        factor = _seconds(column.unit) if named[at] else None
+        factor = factor or _seconds_of_ramp(path, column, rate, any(named), findings)
+        if not factor:
+            found[at] = None
+            continue
+        equal = (axis for samples, axis in read if np.array_equal(samples, column.samples))
+        axis = next(equal, None) or _time_axis(path, column, factor, is_only=sum(named) < 2)
+        read.append((column.samples, axis))
+        found[at] = axis
+        named[at] = True
+    return found
+
+
+def _time_axis(path: Path, column: Column, seconds: float, *, is_only: bool) -> _Axis:
+    """Rate, start and length by a column of time; one of several may be shorter than others."""
+    stamps = np.asarray(column.samples, dtype=np.float64) * seconds
+    n_samples = len(stamps)
+    if not is_only:
+        n_samples = int(np.flatnonzero(np.isfinite(stamps)).max(initial=-1)) + 1 or n_samples
+        stamps = stamps[:n_samples]
+    rate = rate_of_stamps(stamps, f"column {column.name!r}")
+    if rate is None:
+        rule = "time is not at equal steps, and spectra need a constant sampling rate"
+        remedy = "Look for dropped samples, or resample"
+        where = f"{path.name}, column {column.name!r}"
+        raise RecordingFormatError(where, uneven(stamps), rule, remedy)
+    return _Axis(column.name, rate, float(stamps[0]), n_samples)
+
+
+def _rises_evenly(samples: NDArray[Any]) -> bool:
+    """Whether a column counts or tells the time, whatever its name: no signal rises evenly."""
+    if samples.dtype.kind not in "iuf" or len(samples) < _FEWEST_OF_AXIS:
+        return False
+    first = np.asarray(samples[:_FIRST_ROWS], dtype=np.float64)
+    if not (first[-1] > first[0] and even_step(first)):
+        return False
+    return even_step(np.asarray(samples, dtype=np.float64)) is not None
+
+
+def _seconds_of_ramp(
+    path: Path, column: Column, stated: Rate, has_time: bool, findings: list[Finding]
+) -> float:
+    """Seconds in the unit of a column that rises evenly; 0 for what is no time, with a finding."""
+    seconds = _seconds(column.unit)
+    is_named = _TIME_WORD.search(column.name.lower()) is not None
+    if seconds and (is_stated(column.unit) or is_named):
+        return seconds
+    if is_named or column.name.lower() in _TIME_NAMES:
+        rule = "a column of time must be in s, ms, us, ns, min or h"
+        where = f"{path.name}, column {column.name!r}"
+        raise RecordingFormatError(where, f"unit {column.unit!r}", rule, EXPORT_AGAIN)
+    steps = even_step(np.asarray(column.samples, dtype=np.float64))
+    assert steps is not None
+    rises = f"rises evenly by {steps.step:.6g} and is no sensor"
+    rate = likeliest(
+        steps.inverse * (1 - SAME_RATE), steps.inverse * (1 + SAME_RATE), steps.inverse, ""
+    )
+    is_rate = steps.inverse > 1.0 and rate.is_sure and not is_stated(column.unit)
+    if has_time or not is_rate or not math.isnan(stated.hz):
+        detail = f"{column.name!r} {rises}; left out"
+        findings.append(Finding(path.name, "", None, Check.IGNORED, Verdict.OK, detail))
+        return 0.0
+    detail = f"{column.name!r} {rises}; taken as time in s, which gives {rate.hz:.10g} Hz"
+    findings.append(Finding(path.name, "", None, Check.SAMPLING_RATE, Verdict.OK, detail))
+    return 1.0
+
+
+def aligned(
+    path: Path,
+    channels: Sequence[Channel],
+    starts_s: Sequence[float],
+    rate_hz: float,
+    findings: list[Finding],
+    lengths: Sequence[int] = (),
+    rounding_s: float = 0.0,
+) -> tuple[Channel, ...]:
+    """Channels cut to the span that all of them have, if they start whole samples apart.
+
+    `rounding_s` is the last printed place of the starts. `RecordingFormatError` if starts differ
+    by parts of a sample, are printed too coarsely, or have nothing in common.
+    """
+    lengths = list(lengths) or [channel.n_samples for channel in channels]
+    late = np.array(starts_s) - min(starts_s)
+    if late.any():
+        late *= rate_hz  # NaN where the rate is not known
+    first, last = (channels[int(place)] for place in (np.argmin(late), np.argmax(late)))
+    apart = f"{last.name!r} begins {np.ptp(starts_s):.6g} s after {first.name!r}"
+    whole = np.rint(late)
+    missed = np.max(np.abs(late - whole))
+    if whole.any():
+        missed = max(missed, rounding_s * rate_hz)
+    if not missed <= _SHARE_OF_SAMPLE:
+        rule = "channels must start together, or whole samples apart"
+        remedy = "Resample them to one start, or export them again"
+        raise RecordingFormatError(path.name, f"{apart}, {late.max():.6g} samples", rule, remedy)
+    begin = (whole.max() - whole).astype(int)
+    n_samples = min(length - start for length, start in zip(lengths, begin, strict=True))
+    if n_samples < 1:
+        raise RecordingFormatError(path.name, apart, "they have no time in common", EXPORT_AGAIN)
+    if whole.any():
+        detail = f"{apart} ({whole.max():.0f} samples): cut to the {n_samples} samples of both"
+        findings.append(Finding(path.name, "", None, Check.START, Verdict.OK, detail))
+    elif len(set(lengths)) > 1:
+        detail = f"{max(lengths)} and {n_samples} samples: cut to the shorter"
+        findings.append(remark(path, "", Check.START, detail))
+    return tuple(
+        channel
+        if (start, n_samples) == (0, channel.n_samples)
+        else replace(channel, samples=part(channel.samples, start, start + n_samples))
+        for channel, start in zip(channels, begin.tolist(), strict=True)
+    )
 
 
 def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Column]) -> None:
@@ -95,19 +261,12 @@ def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Colu
     first = columns[0]
     n_samples = len(first.samples)
     for column in columns:
-        if (n := len(column.samples)) != n_samples:
+        if (n := len(column.samples)) != n_samples and not column.start_s and not first.start_s:
             found = f"{n_samples} samples of {first.name!r}, {n} of {column.name!r}"
             raise not_together(path, found)
     if not n_samples:
         rule = "a recording must contain samples"
         raise RecordingFormatError(path.name, "no rows of numbers", rule, EXPORT_AGAIN)
-
-
-def not_together(path: Path, found: str) -> RecordingFormatError:
-    """The error about channels of one file that differ in length, rate or time."""
-    rule = "channels of one run must be sampled together, at one rate and equally long"
-    remedy = "Export them together, or in separate files"
-    return RecordingFormatError(path.name, found, rule, remedy)
 
 
 def _channel(path: Path, column: Column, is_repeated: bool, findings: list[Finding]) -> Channel:
@@ -118,21 +277,6 @@ def _channel(path: Path, column: Column, is_repeated: bool, findings: list[Findi
     column.samples.setflags(write=False)
     quantity, factor = (UNKNOWN, 1.0) if unit is None else (unit.quantity, unit.factor)
     return Channel(name, quantity, column.unit, column.samples, scale_to_si=factor)
-
-
-def _rate_of_column(path: Path, time: Column, stated: float) -> float:
-    """Rate by the time column; a rate that the file states beside it must be the same."""
-    stamps = np.asarray(time.samples, dtype=np.float64) * _SECONDS[time.unit.lower()]
-    steps = even_step(stamps)
-    where = f"{path.name}, column {time.name!r}"
-    if steps is None:
-        rule = "time is not at equal steps, and spectra need a constant sampling rate"
-        remedy = "Look for dropped samples, or resample"
-        raise RecordingFormatError(where, uneven(stamps), rule, remedy)
-    if abs(steps[1] - stated) > SAME_RATE * stated:
-        found = f"{stated:g} Hz stated, {steps[1]:g} Hz by the time column"
-        raise RecordingFormatError(where, found, "a recording has one sampling rate", EXPORT_AGAIN)
-    return steps[1]
 
 
 def matrix_columns(
@@ -168,122 +312,3 @@ def unit_of_each(where: str, n_channels: int, units: Sequence[str]) -> list[str]
         raise RecordingFormatError(where, found, rule, "Correct the list of units")
     stated = [unit.strip() for unit in units] or [""]
     return stated if len(stated) == n_channels else stated * n_channels
-
-
-def parse_number(text: str) -> float:
-    """Read a Fortran real, such as ``1.5D-03`` or ``1.5-103``; ValueError for other texts."""
-    plain = text.strip().upper().replace("D", "E")
-    if "_" in plain or not plain.isascii():
-        raise ValueError(f"{text!r} is not a number")
-    sign = max(plain.rfind("+"), plain.rfind("-"))
-    if sign > 0 and plain[sign - 1] != "E" and "." in plain[:sign]:
-        plain = f"{plain[:sign]}E{plain[sign:]}"
-    return float(plain)
-
-
-def plainest(value: float, tolerance: float) -> tuple[float, int]:
-    """Number with the fewest significant digits within `tolerance` of `value`, and their number."""
-    for digits in range(1, _MOST_DIGITS + 1):
-        candidate = float(f"{value:.{digits - 1}e}")
-        if abs(candidate - value) <= tolerance:
-            return candidate, digits
-    return value, _MOST_DIGITS + 1
-
-
-def step_and_inverse(printed: str) -> tuple[float, float]:
-    """Step and its inverse, from a step printed with few digits, e.g. ``"1.52588E-05"``.
-
-    Six digits of 1/65536 s give 65535.95 Hz. Usually either the step or its inverse is a plain
-    number; the one with fewer digits within the last printed place is taken as exact. ValueError
-    for other texts than positive numbers.
-    """
-    step = parse_number(printed)
-    if not 0.0 < step < math.inf or not 0.0 < 1.0 / step < math.inf:
-        raise ValueError(f"{printed!r} is not a positive step")
-    mantissa = printed.strip().upper().replace("D", "E").partition("E")[0]
-    digits = len(mantissa.replace(".", "").strip("+-0"))
-    last_place = 10.0 ** -len(mantissa.partition(".")[2]) / parse_number(mantissa)
-    inverse, inverse_digits = plainest(1.0 / step, last_place / step)
-    return (1.0 / inverse, inverse) if inverse_digits <= digits else (step, 1.0 / step)
-
-
-def even_step(abscissa: NDArray[np.float64]) -> tuple[float, float] | None:
-    """Step and its inverse of rounded times or frequencies; None where they are not equidistant."""
-    if len(abscissa) < 2 or not -_SENSELESS < np.min(abscissa) <= np.max(abscissa) < _SENSELESS:
-        return None
-    span = float(abscissa[-1] - abscissa[0])
-    if not span > 0.0:
-        return None
-    step = span / (len(abscissa) - 1)
-    deviation = 0.0
-    for begin in range(0, len(abscissa), _PIECE):  # long columns are not doubled in memory
-        piece = abscissa[begin : begin + _PIECE]
-        ideal = abscissa[0] + step * np.arange(begin, begin + len(piece))
-        deviation = max(deviation, float(np.max(np.abs(piece - ideal))))
-    if not deviation <= _UNEVEN * step or not 1.0 / step < math.inf:
-        return None
-    tolerance = max(2.0 * deviation / span, _EXACT)
-    plain_step, step_digits = plainest(step, tolerance * step)
-    inverse, inverse_digits = plainest(1.0 / step, tolerance / step)
-    if inverse_digits <= step_digits:
-        return 1.0 / inverse, inverse
-    return plain_step, 1.0 / plain_step
-
-
-def uneven(stamps: NDArray[np.float64]) -> str:
-    """Where time stamps that `even_step` refused leave their even steps."""
-    if len(stamps) < 2:
-        return f"{len(stamps)} time stamp"
-    missing = np.flatnonzero(~np.isfinite(stamps))
-    if missing.size:
-        return f"no time in row {missing[0] + 1} of {len(stamps)}"
-    steps = np.diff(stamps)
-    usual = float(np.median(steps))
-    row = int(np.argmax(np.abs(steps - usual)))
-    return (
-        f"time goes from {stamps[row]:g} s to {stamps[row + 1]:g} s at row {row + 2} "
-        f"of {len(stamps)}, elsewhere in steps of {usual:g} s"
-    )
-
-
-def states_rate(name: str) -> bool:
-    """Whether a variable or attribute of this name states a sampling rate or a time step."""
-    return plain_name(name) in _RATES | _STEPS
-
-
-def stated_rate(path: Path, statements: Mapping[str, object]) -> float:
-    """Sampling rate in Hz that all statements agree on; NaN where there is none.
-
-    `statements` are numbers, texts or arrays of one number by name, perhaps with their place
-    before a last slash. Names that do not state a rate are skipped.
-    """
-    rates = {
-        place: _stated(f"{path.name}, {place}", name, value)
-        for place, value in statements.items()
-        if states_rate(name := place.rpartition("/")[2])
-    }
-    first, rate = next(iter(rates.items()), ("", math.nan))
-    for place, other in rates.items():
-        if abs(other - rate) > _SAME_STATEMENT * rate:
-            raise not_together(path, f"{rate:g} Hz by {first!r}, {other:g} Hz by {place!r}")
-    return rate
-
-
-def plain_name(name: str) -> str:
-    """A name without case, separators and its unit Hz."""
-    return re.sub(r"[_\s-]", "", name.lower()).removesuffix("hz")
-
-
-def _stated(where: str, name: str, value: Any) -> float:
-    try:
-        number = value.item() if isinstance(value, np.ndarray | np.generic) else value
-        text = number.decode("latin-1") if isinstance(number, bytes) else number
-        rate = float(text.strip().removesuffix("Hz") if isinstance(text, str) else text)
-        if plain_name(name) not in _RATES:
-            rate = plainest(1.0 / rate, _ROUNDING / rate)[0]
-    except (ArithmeticError, TypeError, ValueError):
-        rate = math.nan
-    if 0.0 < rate < math.inf:
-        return rate
-    rule = "a sampling rate in Hz or a time step in s must be one positive number"
-    raise RecordingFormatError(where, repr(str(value)[:40]), rule, EXPORT_AGAIN)

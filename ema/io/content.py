@@ -59,6 +59,13 @@ def left_out(path: Path, why: Mapping[str, str]) -> tuple[Finding, ...]:
     )
 
 
+def not_together(path: Path, found: str) -> RecordingFormatError:
+    """The error about channels of one file that differ in length, rate or time."""
+    rule = "channels of one run must be sampled together, at one rate and equally long"
+    remedy = "Export them together, or in separate files"
+    return RecordingFormatError(path.name, found, rule, remedy)
+
+
 def check_expansion(where: str, path: Path, n_bytes: int) -> None:
     """Refuse data whose `n_bytes` in memory are far more than the compressed file at `path`."""
     size = path.stat().st_size

@@ -15,15 +15,9 @@ from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.io import content
-from ema.io.columns import (
-    Column,
-    content_of_columns,
-    matrix_columns,
-    name_and_unit,
-    stated_rate,
-    states_rate,
-)
+from ema.io.columns import Column, content_of_columns, matrix_columns, name_and_unit
 from ema.io.content import COPY_AGAIN, FileContent, check_expansion, check_stored, reading, require
+from ema.io.rates import stated_rate, states_rate
 
 SUFFIXES = (".h5", ".hdf5")
 _NAMES = ("names", "channels", "labels")
@@ -54,9 +48,9 @@ def read(path: Path) -> FileContent:
         rule = "a channel is a dataset of one dimension, or a row or column of a matrix"
         raise RecordingFormatError(path.name, held, rule, "Export the samples in this layout")
     columns = [column for array in series for column in _columns(path, array)]
-    rate_hz = stated_rate(path, stated)
+    rate = stated_rate(path, stated)
     findings = content.left_out(path, skipped)
-    return content_of_columns(path, columns, rate_hz=rate_hz, findings=findings)
+    return content_of_columns(path, columns, rate=rate, findings=findings)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from ema.core.recording import (
     Recording,
 )
 from ema.core.units import SI_UNIT, parse_unit
-from ema.io.columns import even_step, uneven
+from ema.io.rates import even_step, uneven
 
 if TYPE_CHECKING:
     import xarray as xr

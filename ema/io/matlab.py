@@ -11,19 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.io.columns import (
-    Column,
-    content_of_columns,
-    is_time,
-    matrix_columns,
-    plain_name,
-    stated_rate,
-    states_rate,
-    unit_of_each,
-)
+from ema.io.columns import Column, content_of_columns, is_time, matrix_columns, unit_of_each
 from ema.io.content import FileContent, left_out, reading
 from ema.io.hdf5 import Hdf5File, opened
 from ema.io.mat5 import COPY_AGAIN, HEADER_BYTES, LeftOut, Mat5Reader
+from ema.io.rates import plain_name, stated_rate, states_rate
 
 SUFFIXES = (".mat",)
 _NAMES = {"names", "channels", "channelnames", "labels", "channellabels"}
@@ -61,9 +53,9 @@ def read(path: Path) -> FileContent:
     """
     found = _sorted(path, _unwrapped(_variables(path)))
     columns = _columns(path, found)
-    rate_hz = stated_rate(path, found.rates)
+    rate = stated_rate(path, found.rates)
     findings = left_out(path, found.left_out)
-    return content_of_columns(path, columns, rate_hz=rate_hz, findings=findings)
+    return content_of_columns(path, columns, rate=rate, findings=findings)
 
 
 def _variables(path: Path) -> Mapping[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import struct
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,9 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Check
-from ema.io.columns import Column, content_of_columns, name_and_unit, stated_rate
+from ema.core.finding import Check, Finding, Verdict
+from ema.core.recording import ACCELERATION, FORCE
+from ema.core.units import parse_unit
+from ema.io.columns import Column, content_of_columns, name_and_unit
 from ema.io.content import LEAVE_OUT, FileContent, check_stored, reading, remark, require
+from ema.io.rates import stated_rate
 
 if TYPE_CHECKING:
     from nptdms import TdmsChannel, TdmsFile
@@ -39,8 +43,10 @@ def read(path: Path) -> FileContent:
         channels = [channel for group in tdms.groups() for channel in group.channels()]
         for item in (tdms, *tdms.groups(), *channels):
             _check_scales(path, item.properties)
-        wanted = [each for each in channels if len(each) > 0 and each.dtype.kind in "iuf"]
+        usable = [each for each in channels if len(each) > 0 and each.dtype.kind in "iuf"]
+        wanted = _fastest(usable)
         samples = _samples(path, tdms, wanted)
+        starts_s = _starts_s(wanted)
         statements = {
             f"{channel.group_name}/{channel.name}/wf_increment": channel.properties["wf_increment"]
             for channel in wanted
@@ -49,11 +55,15 @@ def read(path: Path) -> FileContent:
     findings = [
         remark(path, channel.name, Check.CONTENT, "no samples, or not numeric")
         for channel in channels
-        if channel not in wanted
+        if channel not in usable
     ]
-    rate_hz = stated_rate(path, statements)
-    columns = [_column(channel, array) for channel, array in zip(wanted, samples, strict=True)]
-    return content_of_columns(path, columns, rate_hz=rate_hz, findings=findings)
+    if slower := [each for each in usable if each not in wanted]:
+        names = ", ".join(f"{each.group_name}/{each.name}" for each in slower)
+        detail = f"{names}: slower than the other channels, left out"
+        findings.append(Finding(path.name, "", None, Check.CONTENT, Verdict.OK, detail))
+    rate = stated_rate(path, statements)
+    columns = list(map(_column, wanted, samples, starts_s))
+    return content_of_columns(path, columns, rate=rate, findings=findings)
 
 
 class _BoundedFile(io.BufferedReader):
@@ -123,7 +133,36 @@ def _samples(path: Path, tdms: TdmsFile, channels: list[TdmsChannel]) -> list[ND
     return arrays
 
 
-def _column(channel: TdmsChannel, samples: NDArray[Any]) -> Column:
+def _fastest(channels: list[TdmsChannel]) -> list[TdmsChannel]:
+    """Channels of the highest rate, without the slow ones and decimated copies beside them.
+
+    A force or acceleration that has no copy at that rate stays: its other rate is an error.
+    """
+    steps = [channel.properties.get("wf_increment") or math.inf for channel in channels]
+    fast = [each for each, step in zip(channels, steps, strict=True) if step == min(steps)]
+    names = {channel.name for channel in fast}
+    slow = [each for each in channels if each not in fast and each.name not in names]
+    units = (parse_unit(_column(channel, np.empty(0), 0.0).unit) for channel in slow)
+    is_wanted = any(unit is not None and unit.quantity in (FORCE, ACCELERATION) for unit in units)
+    return channels if is_wanted or len(fast) < 2 else fast
+
+
+def _starts_s(channels: list[TdmsChannel]) -> list[float]:
+    """Start of each channel after that of the first one; 0 where the file does not state it."""
+    found = []
+    first = next((each.properties.get("wf_start_time") for each in channels), None)
+    for channel in channels:
+        start = channel.properties.get("wf_start_time")
+        since = 0.0
+        if first is not None and start is not None:
+            since = float((np.datetime64(start) - np.datetime64(first)) / np.timedelta64(1, "s"))
+        found.append(since + float(channel.properties.get("wf_start_offset") or 0.0))
+    return found
+
+
+def _column(channel: TdmsChannel, samples: NDArray[Any], start_s: float) -> Column:
     name, unit = name_and_unit(channel.name)
     stated = next((channel.properties[key] for key in _UNITS if key in channel.properties), "")
-    return Column(name, str(stated).strip() or unit, samples, f"{channel.group_name}/{name}")
+    return Column(
+        name, str(stated).strip() or unit, samples, f"{channel.group_name}/{name}", start_s
+    )

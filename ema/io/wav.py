@@ -19,6 +19,7 @@ from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check
 from ema.io.columns import Column, content_of_columns
 from ema.io.content import EXPORT_AGAIN, LEAVE_OUT, FileContent, reading, remark
+from ema.io.rates import exact_rate
 
 SUFFIXES = (".wav",)
 _EXTENSIBLE = 0xFFFE  # the code is in the chunk's extension
@@ -57,7 +58,7 @@ def read(path: Path) -> FileContent:
     columns = [Column(f"channel {number}", "", track) for number, track in tracks]
     detail = "WAV files have no unit; samples are fractions of full scale"
     findings = [remark(path, "", Check.UNIT, detail)]
-    return content_of_columns(path, columns, rate_hz=float(rate_hz), findings=findings)
+    return content_of_columns(path, columns, rate=exact_rate(float(rate_hz)), findings=findings)
 
 
 def _chunks(path: Path, data: mmap.mmap) -> Iterator[tuple[bytes, int, int]]:

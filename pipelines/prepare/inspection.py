@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from ema.core.recording import VOLTAGE, Channel, Recording
 from ema.core.units import is_stated
 from ema.io.campaign.calibration import calibrated
 from ema.io.campaign.manifest import MANIFEST_NAME, Manifest, read_manifest, resolve
-from ema.io.campaign.read import recordings_in
+from ema.io.campaign.read import recordings_in, with_rate
 from ema.io.formats import exists, is_folder, read_file, read_headers
 from ema.signals.signal_checks import SignalSummary, level_findings, signal_findings, summarise
 from ema.signals.spikes import with_limits
@@ -121,6 +121,8 @@ def _report(path: Path, manifest: Manifest | None, levels: bool) -> FileReport:
     rate_hz = float("nan")
     if recording is not None:
         recording, noticed = _with_manifest(recording, manifest)
+        if manifest is not None and manifest.acquisition.sampling_rate_hz is not None:
+            findings = [each for each in findings if each.check is not Check.SAMPLING_RATE]
         findings += [*noticed, *_remarks(recording)]
         summaries = None
         rate_hz = recording.sampling_rate_hz
@@ -147,9 +149,7 @@ def _with_manifest(
     """Rate and calibration of this recording by the manifest."""
     if manifest is None:
         return recording, []
-    rate_hz = manifest.acquisition.sampling_rate_hz
-    if np.isnan(recording.sampling_rate_hz) and rate_hz is not None:
-        recording = replace(recording, sampling_rate_hz=rate_hz)
+    recording = with_rate(recording, manifest.acquisition.sampling_rate_hz)
     findings: list[Finding] = []
     return calibrated(recording, manifest.calibration, findings), findings
 

@@ -18,8 +18,8 @@ from ema.core.frf import FRF
 from ema.core.recording import ACCELERATION, Channel, Recording
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.campaign.roles import Grid
-from ema.io.columns import SAME_RATE
 from ema.io.content import FileContent
+from ema.io.rates import SAME_RATE
 from ema.signals.damage import SAME_LENGTH
 
 _SAME_LINES = 1e-6  # relative, of frequency lines

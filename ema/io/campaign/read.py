@@ -20,9 +20,9 @@ from ema.io.campaign.calibration import calibrated, check_keys
 from ema.io.campaign.manifest import MANIFEST_NAME, USE_SLASHES, Manifest, read_manifest, resolve
 from ema.io.campaign.reciprocity import ROVING, exchanged, exchanged_frfs
 from ema.io.campaign.roles import Grid, Wanted, assign, by_direction, ring_runs
-from ema.io.columns import SAME_RATE
 from ema.io.content import FileContent, unreadable
 from ema.io.formats import exists, is_folder, is_recording, read_file
+from ema.io.rates import SAME_RATE
 from ema.signals.signal_checks import level_findings
 from ema.signals.spikes import spike_findings, with_limits
 
@@ -185,8 +185,13 @@ def _run_by_manifest(
         force_deg=own.position_deg,
     )
     if content.recording is not None:
-        findings = list(content.findings)
-        recording = _with_rate(content.recording, manifest.acquisition.sampling_rate_hz)
+        rate_hz = manifest.acquisition.sampling_rate_hz
+        findings = [
+            each
+            for each in content.findings
+            if rate_hz is None or each.check is not Check.SAMPLING_RATE
+        ]
+        recording = with_rate(content.recording, rate_hz)
         recording = calibrated(recording, manifest.calibration, findings)
         content = replace(content, recording=recording, findings=tuple(findings))
     elif content.frf is None:
@@ -197,15 +202,19 @@ def _run_by_manifest(
     return content, wanted
 
 
-def _with_rate(recording: Recording, rate_hz: float | None) -> Recording:
-    """Check the rate of the file against the manifest, or take that of the manifest."""
+def with_rate(recording: Recording, rate_hz: float | None) -> Recording:
+    """Take the rate of the manifest where the file leaves it open; elsewhere they must agree."""
     if rate_hz is None:
         return recording
-    if np.isnan(recording.sampling_rate_hz):
-        return replace(recording, sampling_rate_hz=rate_hz)
-    if abs(recording.sampling_rate_hz - rate_hz) > SAME_RATE * rate_hz:
+    low_hz, high_hz = recording.rate_range_hz
+    known_hz = recording.sampling_rate_hz
+    if np.isnan(known_hz) or low_hz * (1 - SAME_RATE) <= rate_hz <= high_hz * (1 + SAME_RATE):
+        return replace(recording, sampling_rate_hz=rate_hz, rate_range_hz=(rate_hz, rate_hz))
+    if abs(known_hz - rate_hz) > SAME_RATE * rate_hz:
         where = f"{MANIFEST_NAME}, acquisition.sampling_rate_hz"
-        rule = f"{recording.path.name} was sampled at {recording.sampling_rate_hz:g} Hz"
+        rule = f"{recording.path.name} was sampled at {known_hz:g} Hz"
+        if high_hz - low_hz > SAME_RATE * known_hz:
+            rule += f" ({low_hz:.6g} to {high_hz:.6g} Hz by its digits)"
         raise ManifestError(where, f"{rate_hz:g} Hz", rule, "Correct or remove the key")
     return recording
 

@@ -37,7 +37,7 @@ def read(path: Path) -> FileContent:
         cells = read_cells(source, layout, wanted, source.sections(layout.start))
     read_in = [_column(layout, index, cells.pop(index), path, findings) for index in wanted]
     columns = [column for column in read_in if column is not None]
-    return content_of_columns(path, columns, rate_hz=layout.rate_hz, findings=findings)
+    return content_of_columns(path, columns, rate=layout.rate, findings=findings)
 
 
 def _wanted(path: Path, layout: Layout) -> tuple[list[int], list[Finding]]:

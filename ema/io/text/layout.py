@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -10,9 +9,10 @@ from functools import cached_property
 from itertools import islice
 
 from ema.core.errors import RecordingFormatError
-from ema.core.units import is_stated
-from ema.io.columns import SAME_RATE, is_time, step_and_inverse
+from ema.core.units import FREQUENCY, TIME, is_stated, parse_axis
+from ema.io.columns import is_time
 from ema.io.content import EXPORT_AGAIN
+from ema.io.rates import UNSTATED, Rate, exact_rate, rate_of_step
 from ema.io.text.source import (
     BLANKS,
     CLOCK,
@@ -57,7 +57,7 @@ class Layout:
     clocks: frozenset[int] = frozenset()  # columns of times of day or dates
     filled: int = 0  # columns without the empty ones of separators at the ends of rows
     either_decimal: bool = False  # whether the first rows, integers, leave the decimal sign open
-    rate_hz: float = math.nan  # stated above the table; NaN where none is
+    rate: Rate = UNSTATED  # stated above the table
 
     @property
     def width(self) -> int:
@@ -177,7 +177,7 @@ def _starts(rows: Sequence[_Row], dialect: Dialect) -> list[int]:
 
     def is_numeric(row: _Row) -> bool:
         if row.is_damaged_data:
-            return stated_rate_hz(row.line.text, dialect.decimal) is None
+            return stated_rate(row.line.text, dialect.decimal) is None
         return row.is_data
 
     widths = [row.width if is_numeric(row) else 0 for row in rows]
@@ -267,7 +267,7 @@ def _layout(
         clocks=frozenset(index for index, cell in enumerate(clocks) if CLOCK.fullmatch(cell)),
         filled=max(each.filled for each in table.rows),
         either_decimal=any(t and t.dialect == other and t.rank == table.rank for t in tables),
-        rate_hz=_rate_above(where, lines, table),
+        rate=_rate_above(where, lines, table),
     )
 
 
@@ -289,22 +289,24 @@ def _heading(table: _Table, line: Line | None) -> list[str]:
     return [*cells, *[""] * width][:width]
 
 
-def _rate_above(where: str, lines: Sequence[Line], table: _Table) -> float:
-    """The sampling rate that lines above the table state; NaN where none does."""
-    rate_hz, first = math.nan, 0
+def _rate_above(where: str, lines: Sequence[Line], table: _Table) -> Rate:
+    """The sampling rate that lines above the table state."""
+    rate, first = UNSTATED, 0
     for line in lines[: lines.index(table.names)]:
-        stated = stated_rate_hz(line.text, table.dialect.decimal)
-        if stated is not None and abs(stated - rate_hz) > SAME_RATE * rate_hz:
-            found = f"{stated:g} Hz, and {rate_hz:g} Hz in line {first}"
+        parts = (line.text, *(each for each in _PARTS.split(line.text) if "=" in each))
+        found_in = (stated_rate(part, table.dialect.decimal) for part in parts)
+        stated = next((each for each in found_in if each is not None), None)
+        if stated is not None and first and not (stated.allows(rate.hz) or rate.allows(stated.hz)):
+            found = f"{stated.hz:g} Hz, and {rate.hz:g} Hz in line {first}"
             rule = "a recording has one sampling rate"
             raise RecordingFormatError(f"{where}, line {line.number}", found, rule, EXPORT_AGAIN)
-        if stated is not None and not first:
-            rate_hz, first = stated, line.number
-    return rate_hz
+        if stated is not None and (not first or not stated.is_open):
+            rate, first = stated, line.number
+    return rate
 
 
 _RATE = (
-    r"sampl\w*[\s_-]*(?:rate|freq\w*)|scan[\s_-]*rate|abtast(?:rate|frequenz)|fs|f_s|"
+    r"(?:sampl\w*|data|scan)[\s_-]*(?:rate|freq\w*)|abtast(?:rate|frequenz)|fs|f_s|"
     r"samples[\s_-]*(?:per|/)[\s_-]*s(?:ec\w*)?"
 )
 _STEP = (
@@ -317,12 +319,12 @@ _STATEMENT = re.compile(
     r"(?:[\s;,|\"]*[\[(]?(?P<behind>[a-zµμ]+(?:/s)?|\b1/s)[\])]?)?[\s;,|\"]*",
     re.IGNORECASE,
 )
-_HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "ks/s": 1e3}
-_PER_SECOND = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e3, "us": 1e6}
+_PARTS = re.compile(r"[,;]|:\s")  # of a comment such as ``Config: data_rate = 512 Hz, …``
+_SAMPLES_PER_SECOND = {"s/s": 1.0, "ks/s": 1e3, "ms/s": 1e6}
 _LONGEST = 200
 
 
-def stated_rate_hz(line: str, decimal: str) -> float | None:
+def stated_rate(line: str, decimal: str) -> Rate | None:
     """Sampling rate that a line such as ``Sampling rate [Hz]; 2000`` or ``dt = 0.0005`` states.
 
     `decimal` is the decimal sign of the table. The other one is understood too, unless it may as
@@ -335,14 +337,20 @@ def stated_rate_hz(line: str, decimal: str) -> float | None:
     other = "," if decimal == "." else "."
     if value.count(".") > 1 or (other in match["value"] and THOUSANDS.fullmatch(match["value"])):
         return None
-    unit = (match["unit"] or match["behind"] or "").strip().lower()
-    unit = unit.replace("µ", "u").replace("μ", "u")
-    factor = (_HERTZ if match["rate"] else _PER_SECOND).get(unit)
-    if factor is None:
-        return None
+    unit = (match["unit"] or match["behind"] or "").strip()
+    if unit.lower() in _SAMPLES_PER_SECOND:
+        factor: float | None = _SAMPLES_PER_SECOND[unit.lower()]
+    elif not unit:
+        factor = 1.0
+    else:
+        axis = parse_axis(unit)
+        kind = FREQUENCY if match["rate"] else TIME
+        factor = axis.factor if axis is not None and axis.kind == kind else None
     try:
-        step, inverse = step_and_inverse(value)
+        if factor is None or not float(value) > 0.0:
+            return None
+        if match["step"]:
+            return rate_of_step(value, match["step"].strip(), factor)
+        return exact_rate(float(value) * factor, match["rate"].strip())
     except ValueError:
         return None
-    rate_hz = float(value) * factor if match["rate"] else inverse * factor
-    return rate_hz if step > 0.0 and math.isfinite(rate_hz) else None

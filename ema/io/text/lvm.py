@@ -7,15 +7,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding
-from ema.io.columns import Column, content_of_columns, not_together, step_and_inverse
+from ema.io.columns import Column, content_of_columns
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, remark
+from ema.io.rates import UNSTATED, Rate, parse_number, rate_of_step
 from ema.io.text.layout import Dialect, Layout
 from ema.io.text.source import open_text
-from ema.io.text.table import Cells, missing_samples, read_cells
+from ema.io.text.table import missing_samples, read_cells
 
 SUFFIXES = (".lvm",)
 _NEXT_HEADER = re.compile(
@@ -37,7 +36,8 @@ class _Header:
     x_columns: str  # "no" column of time, "one", or one for each channel: "multi"
     units: Sequence[str]  # of the channels
     n_rows: int | None  # None where not stated
-    rate_hz: float  # by Delta_X; NaN where not stated
+    rate: Rate  # by Delta_X
+    starts_s: Sequence[float]  # by X0
 
     @property
     def places(self) -> range:
@@ -65,11 +65,15 @@ def read(path: Path) -> FileContent:
         found = f"{n_rows} rows of numbers, {stated} samples by the header"
         rule = "the file is cut short" if n_rows < stated else "the numbers must be the same"
         raise RecordingFormatError(path.name, found, rule, COPY_AGAIN)
-    columns = [_time(path, header, cells)] if has_time else []
-    for place, unit in zip(header.places, header.units, strict=True):
-        columns.append(Column(layout.names[place], unit, cells[place].samples))
+    columns = [Column("X_Value", "s", cells[0].samples)] if header.x_columns == "one" else []
+    # One column of time for each channel: each shows the start of its channel.
+    starts_s = [0.0] * len(header.units) if header.x_columns == "multi" else header.starts_s
+    for place, unit, start_s in zip(header.places, header.units, starts_s, strict=True):
+        if header.x_columns == "multi":
+            columns.append(Column("X_Value", "s", cells[place - 1].samples))
+        columns.append(Column(layout.names[place], unit, cells[place].samples, "", start_s))
         findings += missing_samples(path, layout.names[place], cells[place])
-    return content_of_columns(path, columns, rate_hz=header.rate_hz, findings=findings)
+    return content_of_columns(path, columns, rate=header.rate, findings=findings)
 
 
 def _first_segment(
@@ -98,15 +102,6 @@ def _without_comments(section: bytes, layout: Layout) -> bytes:
     for line in section.splitlines():
         cut += separator.join(line.split(separator, layout.width)[: layout.width]) + b"\n"
     return bytes(cut) if section.endswith(b"\n") else bytes(cut[:-1])
-
-
-def _time(path: Path, header: _Header, cells: dict[int, Cells]) -> Column:
-    """The column of time, which all channels share."""
-    stamps, names = cells[0].samples, header.layout.names
-    for place in header.places if header.x_columns == "multi" else ():
-        if not np.array_equal(cells[place - 1].samples, stamps, equal_nan=True):
-            raise not_together(path, f"{names[place]!r} and {names[1]!r} have different times")
-    return Column("X_Value", "s", stamps)
 
 
 def _read_header(where: str, text: str) -> _Header:
@@ -186,22 +181,29 @@ def _header(
         x_columns=x_columns,
         units=segment.of_channels("Y_Unit_Label", n) or [""] * n,
         n_rows=max(map(int, samples), default=None),
-        rate_hz=_rate_hz(segment, n, decimal),
+        rate=_rate(segment, n, decimal),
+        starts_s=_starts_s(segment, n, decimal),
     )
 
 
-def _rate_hz(segment: _Entries, n: int, decimal: str) -> float:
+def _rate(segment: _Entries, n: int, decimal: str) -> Rate:
     dimensions = segment.of_channels("X_Dimension", n)
     if any(each.lower() != "time" for each in dimensions):
         rule = "FRFs are estimated from channels over time"
         raise segment.fault("X_Dimension", ", ".join(dict.fromkeys(dimensions)), rule)
-    steps = dict.fromkeys(segment.of_channels("Delta_X", n))
-    if not steps:
-        return float("nan")
+    steps = list(dict.fromkeys(segment.of_channels("Delta_X", n)))
     try:
-        rates = {step_and_inverse(step.replace(decimal, "."))[1] for step in steps}
+        rates = [rate_of_step(step.replace(decimal, "."), "Delta_X") for step in steps]
     except ValueError as error:
         raise segment.fault("Delta_X", str(error), "it must be the time step") from error
-    if len(rates) > 1:
+    if len(steps) > 1:
         raise segment.fault("Delta_X", ", ".join(steps), "a run must have one sampling rate")
-    return rates.pop()
+    return rates[0] if rates else UNSTATED
+
+
+def _starts_s(segment: _Entries, n: int, decimal: str) -> list[float]:
+    starts = segment.of_channels("X0", n) or ["0"] * n
+    try:
+        return [parse_number(start.replace(decimal, ".")) for start in starts]
+    except ValueError as error:
+        raise segment.fault("X0", str(error), "it must be the time of the first sample") from error

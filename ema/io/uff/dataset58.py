@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ema.core.arrays import constant
 from ema.core.errors import RecordingFormatError
+from ema.core.units import is_stated, parse_axis
 from ema.io.uff.dataset58_header import Header58
 from ema.io.uff.scan import Dataset, damaged, line_numbers, place
 
@@ -46,6 +47,18 @@ def read_values(
         return None, records
     with np.errstate(invalid="ignore"):  # signalling NaNs; the abscissa is checked where used
         return records["abscissa"].astype(np.float64), records["value"]
+
+
+def axis_factor(path: Path, dataset: Dataset, kind: str) -> float:
+    """Factor from the unit of the abscissa to s or Hz (`kind`), which are taken where none is."""
+    text = dataset.header58.abscissa.unit
+    if not is_stated(text):
+        return 1.0
+    unit = parse_axis(text)
+    if unit is None or unit.kind != kind:
+        found, rule = f"unit {text!r} of the abscissa", f"it must be a unit of {kind}"
+        raise damaged(place(path, dataset.index, 10), found, rule)
+    return unit.factor
 
 
 def _split(

@@ -14,7 +14,7 @@ from typing import Any
 from ema.core.errors import visible_line
 from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOCITY
 from ema.core.units import is_stated, parse_unit
-from ema.io.columns import parse_number
+from ema.io.rates import parse_number
 
 DELIMITER = b"    -1"
 HEADER_LINES = 11  # after the dataset number
@@ -222,7 +222,7 @@ class UnitSystem:
 
 
 @dataclass(frozen=True)
-class AxisUnit:
+class OrdinateUnit:
     """Quantity of an axis, unit as stated, factor to SI, and what was assumed."""
 
     quantity: str
@@ -231,7 +231,7 @@ class AxisUnit:
     remark: str = ""
 
 
-def ordinate_unit(axis: Axis, system: UnitSystem) -> AxisUnit:
+def ordinate_unit(axis: Axis, system: UnitSystem) -> OrdinateUnit:
     """Find quantity and SI factor of an axis.
 
     A known unit label decides; without one, the type of data in the units of dataset 164. Unit
@@ -243,17 +243,17 @@ def ordinate_unit(axis: Axis, system: UnitSystem) -> AxisUnit:
     if label is not None and label.quantity != UNKNOWN:
         doubt = f"type {axis.data_type} means {typed}, but the unit is {text!r}; the unit is used"
         agrees = typed in (None, label.quantity)
-        return AxisUnit(label.quantity, text, label.factor, "" if agrees else doubt)
+        return OrdinateUnit(label.quantity, text, label.factor, "" if agrees else doubt)
     if label is None and typed is not None:
         factor = 1.0 / (system.force if typed == FORCE else system.length)
         doubt = f"unit {text!r} is not known; taken as SI (dataset 164)" if text else ""
-        return AxisUnit(typed, text, factor, doubt)
+        return OrdinateUnit(typed, text, factor, doubt)
     if label is None and axis.data_type in _GENERAL_TYPES:
         return _general_unit(axis, text, system)
-    return AxisUnit(UNKNOWN, text, 1.0)
+    return OrdinateUnit(UNKNOWN, text, 1.0)
 
 
-def _general_unit(axis: Axis, text: str, system: UnitSystem) -> AxisUnit:
+def _general_unit(axis: Axis, text: str, system: UnitSystem) -> OrdinateUnit:
     exponents = (axis.length_exponent, axis.force_exponent)
     quantity = FORCE if exponents == (0, 1) else UNKNOWN
     try:
@@ -261,5 +261,7 @@ def _general_unit(axis: Axis, text: str, system: UnitSystem) -> AxisUnit:
     except OverflowError:
         factor = math.inf
     if not 0.0 < factor < math.inf:
-        return AxisUnit(quantity, text, 1.0, f"unit exponents {exponents} make no sense, not used")
-    return AxisUnit(quantity, text, factor)
+        return OrdinateUnit(
+            quantity, text, 1.0, f"unit exponents {exponents} make no sense, not used"
+        )
+    return OrdinateUnit(quantity, text, factor)

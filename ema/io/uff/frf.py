@@ -16,11 +16,11 @@ from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding
 from ema.core.frf import FRF
 from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOCITY
-from ema.core.units import is_stated, parse_ratio
-from ema.io.columns import even_step, step_and_inverse
+from ema.core.units import FREQUENCY, is_stated, parse_ratio
 from ema.io.content import remark
-from ema.io.uff.dataset58 import read_values
-from ema.io.uff.dataset58_header import AxisUnit, UnitSystem, ordinate_unit
+from ema.io.rates import even_step, step_and_inverse
+from ema.io.uff.dataset58 import axis_factor, read_values
+from ema.io.uff.dataset58_header import OrdinateUnit, UnitSystem, ordinate_unit
 from ema.io.uff.geometry import Surroundings
 from ema.io.uff.scan import Dataset, damaged, place
 
@@ -156,12 +156,15 @@ def _lines(
     """Frequency lines of a function, which must be equidistant."""
     header = dataset.header58
     where = place(path, dataset.index, 9)
-    start, steps = header.abscissa_min, None
+    hertz = axis_factor(path, dataset, FREQUENCY)
+    start = header.abscissa_min * hertz
+    steps: tuple[float, float] | None = None
     if abscissa is not None:
-        start, steps = float(abscissa[0]), even_step(abscissa)
+        start, even = float(abscissa[0]) * hertz, even_step(abscissa * hertz)
+        steps = even and even[:2]
     else:
         with contextlib.suppress(ValueError):
-            steps = step_and_inverse(header.abscissa_step)
+            steps = step_and_inverse(header.abscissa_step, hertz)
     if steps is None or header.n_values < 2:
         found = f"{header.n_values} lines from {start:g} Hz, step {header.abscissa_step}"
         raise damaged(where, found, "an FRF must have at least two lines, equidistant")
@@ -199,7 +202,9 @@ def _inertance(
     return scaled
 
 
-def _motion_and_force(path: Path, dataset: Dataset, units: UnitSystem) -> tuple[AxisUnit, AxisUnit]:
+def _motion_and_force(
+    path: Path, dataset: Dataset, units: UnitSystem
+) -> tuple[OrdinateUnit, OrdinateUnit]:
     """Units of numerator and denominator, which may share one label."""
     header = dataset.header58
     motion = ordinate_unit(header.ordinate_axis, units)
@@ -207,11 +212,11 @@ def _motion_and_force(path: Path, dataset: Dataset, units: UnitSystem) -> tuple[
     ratio = parse_ratio(header.ordinate_axis.unit)
     if ratio is not None:
         text = header.ordinate_axis.unit
-        motion = AxisUnit(ratio[0].quantity, text, ratio[0].factor)
-        force = AxisUnit(FORCE, text, ratio[1].factor)
+        motion = OrdinateUnit(ratio[0].quantity, text, ratio[0].factor)
+        force = OrdinateUnit(FORCE, text, ratio[1].factor)
     denominator = header.denominator_axis
     if force.quantity == UNKNOWN and not denominator.data_type and not is_stated(denominator.unit):
-        force = AxisUnit(FORCE, "", 1.0 / units.force, "no denominator given; force assumed")
+        force = OrdinateUnit(FORCE, "", 1.0 / units.force, "no denominator given; force assumed")
     if motion.quantity not in _POWERS or force.quantity != FORCE:
         found = f"{header.id_lines[0]!r} is {motion.quantity} over {force.quantity}"
         rule = "an FRF must be acceleration, velocity or displacement over force"

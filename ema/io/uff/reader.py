@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,9 +12,11 @@ from numpy.typing import NDArray
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding
 from ema.core.recording import Channel, Recording
-from ema.io.columns import even_step, not_together, step_and_inverse
-from ema.io.content import FileContent, remark
-from ema.io.uff.dataset58 import read_values
+from ema.core.units import TIME
+from ema.io.columns import aligned
+from ema.io.content import FileContent, not_together, remark
+from ema.io.rates import Rate, rate_findings, rate_of_stamps, rate_of_step
+from ema.io.uff.dataset58 import axis_factor, read_values
 from ema.io.uff.dataset58_header import (
     COHERENCE,
     FREQUENCY_RESPONSE,
@@ -27,6 +30,7 @@ from ema.io.uff.scan import Dataset, damaged, place, scan
 
 SUFFIXES = (".uff", ".unv", ".uf", ".bunv", ".58", ".ufb")
 _SAME_RATE = 1e-6  # relative
+_START_DIGITS = 5  # of an abscissa minimum behind the point
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
 _SHAPES = (55, 2414)
 _AROUND = (15, 18, 82, 151, 164, 1858, 2400, 2411, 2412, 2420)  # of no use alone
@@ -122,14 +126,17 @@ def _read_recording(
     form_only: bool,
 ) -> Recording:
     channels: list[Channel] = []
-    rates: list[float] = []
+    rates: list[Rate] = []
+    starts: list[tuple[float, float]] = []
     for dataset in datasets:
         header = dataset.header58
         abscissa, values = read_values(path, dataset, form_only=form_only)
         if header.is_complex:
             found = f"{header.id_lines[0]!r} has complex values"
             raise damaged(place(path, dataset.index), found, "a time response must be real")
-        rates.append(_sampling_rate(path, dataset, abscissa))
+        seconds = axis_factor(path, dataset, TIME)
+        rates.append(_sampling_rate(path, dataset, abscissa, seconds))
+        starts.append(_start(header, abscissa, seconds))
         unit = ordinate_unit(header.ordinate_axis, around.units)
         name = _channel_name(header, len(channels) + 1)
         if unit.remark:
@@ -138,13 +145,29 @@ def _read_recording(
         factor = -unit.factor if header.response_direction < 0 else unit.factor
         angle_deg = around.angle_deg.get(node)
         channels.append(Channel(name, unit.quantity, unit.text, values, factor, node, angle_deg))
-        if len(values) != channels[0].n_samples:
+        if len(values) != channels[0].n_samples and starts[-1][0] == starts[0][0]:
             first = f"{channels[0].n_samples} samples of {channels[0].name!r}"
             raise not_together(path, f"{first}, {len(values)} of {name!r}")
-        if abs(rates[-1] - rates[0]) > _SAME_RATE * rates[0]:
-            first = f"{rates[0]:g} Hz of {channels[0].name!r}"
-            raise not_together(path, f"{first}, {rates[-1]:g} Hz of {name!r}")
-    return Recording(path, rates[0], tuple(channels))
+        if abs(rates[-1].hz - rates[0].hz) > _SAME_RATE * rates[0].hz:
+            first = f"{rates[0].hz:g} Hz of {channels[0].name!r}"
+            raise not_together(path, f"{first}, {rates[-1].hz:g} Hz of {name!r}")
+    rate = rates[0]
+    findings += rate_findings(path, rate)
+    starts_s = [start for start, _ in starts]
+    rounding_s = max(rounding for _, rounding in starts)
+    together = aligned(path, channels, starts_s, rate.hz, findings, rounding_s=rounding_s)
+    return Recording(path, rate.hz, together, (rate.low_hz, rate.high_hz))
+
+
+def _start(
+    header: Header58, abscissa: NDArray[np.float64] | None, seconds: float
+) -> tuple[float, float]:
+    """Time of the first sample in s, and the last place to which it is printed."""
+    if abscissa is not None:
+        return float(abscissa[0]) * seconds, 0.0
+    size = abs(header.abscissa_min)
+    place = 10.0 ** (math.floor(math.log10(size)) - _START_DIGITS) if size else 0.0
+    return header.abscissa_min * seconds, place * seconds
 
 
 def _channel_name(header: Header58, number: int) -> str:
@@ -157,18 +180,20 @@ def _channel_name(header: Header58, number: int) -> str:
     return f"channel {number}"
 
 
-def _sampling_rate(path: Path, dataset: Dataset, abscissa: NDArray[np.float64] | None) -> float:
+def _sampling_rate(
+    path: Path, dataset: Dataset, abscissa: NDArray[np.float64] | None, seconds: float
+) -> Rate:
     header = dataset.header58
     if abscissa is not None:
-        steps = even_step(abscissa)
-        if steps is None:
+        rate = rate_of_stamps(abscissa * seconds, f"the times of {header.id_lines[0]!r}")
+        if rate is None:
             found = f"{header.id_lines[0]!r} is not sampled at equal steps"
             rule = "spectra need a constant sampling rate"
             remedy = "Resample it, or export it with even spacing"
             raise RecordingFormatError(place(path, dataset.index), found, rule, remedy)
-        return steps[1]
+        return rate
     try:
-        return step_and_inverse(header.abscissa_step)[1]
+        return rate_of_step(header.abscissa_step, "time step", seconds)
     except ValueError:
         found, rule = f"time step {header.abscissa_step!r}", "the time step must be positive"
         raise damaged(place(path, dataset.index, 9), found, rule) from None

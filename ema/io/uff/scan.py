@@ -12,8 +12,8 @@ import numpy as np
 
 from ema.core.errors import RecordingFormatError
 from ema.core.files import require_regular
-from ema.io.columns import parse_number
 from ema.io.content import LEAVE_OUT, unreadable
+from ema.io.rates import parse_number
 from ema.io.uff.dataset58_header import (
     DELIMITER,
     HEADER_LINES,

@@ -121,10 +121,10 @@ def test_without_steps_and_times_there_is_no_rate(tmp_path):
         (PLAIN.replace("Delta_X\t0.0005\t", "Delta_X\t0.001\t"), "Delta_X: "),
         (PLAIN.replace("Delta_X\t0.0005", "Delta_X\t0"), "time step"),
         (PLAIN.replace("Delta_X\t0.0005", "Delta_X\tfast"), "time step"),
-        (general("One") + segment(ONE, delta="0.001"), "1000 Hz stated, 2000 Hz by the time"),
+        (general("One") + segment(ONE, delta="0.001"), "2000 Hz by column"),
         (
             general("Multi") + segment([*MULTI[:3], "0.0015\t1\t0.0025\t2"], x="Multi"),
-            "'force' and 'A01' have different times",
+            "time is not at equal steps",
         ),
         (PLAIN.replace("\t4.0", "\tfour"), "line 25, column 'A01': 'four'"),
     ],

@@ -126,7 +126,7 @@ def test_what_states_no_rate_clearly_states_none(tmp_path, line):
 
 def test_a_stated_rate_agrees_with_the_time(tmp_path):
     assert_is_the_table(content(tmp_path, "Sampling rate: 2 kHz\n" + HEADER + POINT))
-    with pytest.raises(RecordingFormatError, match="1000 Hz stated, 2000 Hz by the time"):
+    with pytest.raises(RecordingFormatError, match="1000 Hz by Sampling rate, 2000 Hz"):
         content(tmp_path, "Sampling rate: 1 kHz\n" + HEADER + POINT)
     with pytest.raises(RecordingFormatError, match=r"line 2: 500 Hz, and 2000 Hz in line 1"):
         content(tmp_path, "fs: 2000\nfs: 500\n" + HEADER + POINT)

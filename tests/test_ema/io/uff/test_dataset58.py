@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ema.core.errors import RecordingFormatError
-from ema.io.columns import even_step, parse_number, plainest, step_and_inverse
+from ema.io.rates import even_step, parse_number, plainest, step_and_inverse
 from ema.io.uff import dataset58 as uff58
 from ema.io.uff.reader import read as read_uff
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ema.io.columns import parse_number
+from ema.io.rates import parse_number
 from ema.io.uff.dataset58 import convert_lines
 
 SINGLE, DOUBLE = (13,) * 6, (20,) * 4

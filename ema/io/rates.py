@@ -1,0 +1,336 @@
+"""Sampling rates: a printed number is an interval, and the better source inside it decides."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.errors import RecordingFormatError
+from ema.core.finding import Check, Finding, Verdict
+from ema.io.content import EXPORT_AGAIN, not_together
+
+_RATES = {
+    *("fs", "fsamp", "fsample", "rate", "samplefrequency", "samplerate"),
+    *("samplingfrequency", "samplingrate"),
+}
+_STEPS = {"dt", "deltat", "sampleinterval", "samplinginterval", "timestep", "wfincrement"}
+
+_MOST_DIGITS = 7  # a plain number has no more
+_SENSELESS = 1e100  # beyond any time or frequency; NaN and infinity are too
+_PIECE = 1 << 16  # values of a long column that are looked at together
+_UNEVEN = 0.2  # of a step: a single dropped sample deviates by at least half a step
+SAME_RATE = 1e-4  # relative, of a stated rate and that of a rounded time column
+_SAME_STATEMENT = 1e-6  # relative, of two stated rates
+_EXACT = 1e-9  # relative, of the step of a long column in double precision
+_ROUNDING = 1e-12  # relative, of a step kept in double precision
+_NARROW = 1e-5  # relative half-width from which on a rate is said to be open
+_FINEST = 9  # decimals that stamps may be rounded to
+
+
+def _hardware_rates() -> NDArray[np.float64]:
+    """Rates of acquisition hardware, such as 1000, 1024, 2500, 2560, 51200, 65536 Hz."""
+    found = {2.0**i * 10.0**j for i in range(-3, 25) for j in range(7)}
+    return np.array(sorted(rate for rate in found if 1.0 <= rate <= 1e7))
+
+
+# Less usual: audio clocks, multiples of three, and 51.2 kHz divided by whole numbers (NI 9234).
+_HARDWARE = _hardware_rates()
+_SELDOM = np.unique(
+    [
+        *(44100.0 * 2.0**i for i in range(-3, 3)),
+        *(3.0 * rate for rate in _HARDWARE),
+        *(51200.0 / divisor for divisor in range(1, 32)),
+    ]
+)
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A sampling rate, and the range that its source leaves open."""
+
+    hz: float = math.nan  # NaN where nothing states it
+    low_hz: float = math.nan
+    high_hz: float = math.nan
+    source: str = ""  # as the file calls it, with what it prints
+    is_sure: bool = True  # whether no other rate of the range is as likely
+
+    @property
+    def is_open(self) -> bool:
+        """Whether other rates are possible, by more than a rounding."""
+        return self.high_hz - self.low_hz > 2 * _NARROW * self.hz
+
+    def allows(self, hz: float) -> bool:
+        """Whether this may be the rate."""
+        return bool(self.low_hz * (1 - SAME_RATE) <= hz <= self.high_hz * (1 + SAME_RATE))
+
+    @property
+    def text(self) -> str:
+        """The range, in Hz."""
+        return f"{self.low_hz:.6g} to {self.high_hz:.6g} Hz"
+
+
+UNSTATED = Rate()
+
+
+def exact_rate(hz: float, source: str = "") -> Rate:
+    """A rate that is what it says."""
+    return Rate(hz, hz, hz, source)
+
+
+def agreed(path: Path, stated: Rate, measured: Rate) -> Rate:
+    """The rate that two sources of a file allow: the narrower one decides.
+
+    `RecordingFormatError` if they contradict each other.
+    """
+    if math.isnan(stated.hz) or math.isnan(measured.hz):
+        return measured if math.isnan(stated.hz) else stated
+    if not (
+        stated.low_hz * (1 - SAME_RATE) <= measured.high_hz
+        and measured.low_hz <= stated.high_hz * (1 + SAME_RATE)
+    ):
+        found = f"{stated.hz:g} Hz by {stated.source}, {measured.hz:g} Hz by {measured.source}"
+        rule = "a recording has one sampling rate"
+        raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
+    widths = [each.high_hz - each.low_hz for each in (stated, measured)]
+    narrow, wide = (stated, measured) if widths[0] <= widths[1] else (measured, stated)
+    return wide if narrow.is_open and narrow.allows(wide.hz) and wide.is_sure else narrow
+
+
+def rate_findings(path: Path, rate: Rate) -> list[Finding]:
+    """Say which range a printed rate leaves, where that matters."""
+    if not rate.is_open or rate.hz == 0:
+        return []
+    detail = (
+        f"{rate.source} leaves {rate.text}; {rate.hz:.10g} Hz taken, unless sampling_rate_hz in "
+        "[acquisition] of the manifest sets another"
+    )
+    verdict = Verdict.OK if rate.is_sure else Verdict.WARNING
+    return [Finding(path.name, "", None, Check.SAMPLING_RATE, verdict, detail)]
+
+
+def parse_number(text: str) -> float:
+    """Read a Fortran real, such as ``1.5D-03`` or ``1.5-103``; ValueError for other texts."""
+    plain = text.strip().upper().replace("D", "E")
+    if "_" in plain or not plain.isascii():
+        raise ValueError(f"{text!r} is not a number")
+    sign = max(plain.rfind("+"), plain.rfind("-"))
+    if sign > 0 and plain[sign - 1] != "E" and "." in plain[:sign]:
+        plain = f"{plain[:sign]}E{plain[sign:]}"
+    return float(plain)
+
+
+def plainest(value: float, tolerance: float) -> tuple[float, int]:
+    """Number with the fewest significant digits within `tolerance` of `value`, and their number."""
+    for digits in range(1, _MOST_DIGITS + 1):
+        candidate = float(f"{value:.{digits - 1}e}")
+        if abs(candidate - value) <= tolerance:
+            return candidate, digits
+    return value, _MOST_DIGITS + 1
+
+
+class Steps(NamedTuple):
+    """A step, its inverse, and by how much (relative) both may be wrong."""
+
+    step: float
+    inverse: float
+    tolerance: float
+
+
+def _printed(text: str) -> tuple[float, float, int]:
+    """A printed positive number, its last place relative to it, and its significant digits."""
+    value = parse_number(text)
+    if not 0.0 < value < math.inf or not 0.0 < 1.0 / value < math.inf:
+        raise ValueError(f"{text!r} is not a positive step")
+    mantissa = text.strip().upper().replace("D", "E").partition("E")[0]
+    digits = len(mantissa.replace(".", "").strip("+-0"))
+    place = 10.0 ** -len(mantissa.partition(".")[2]) / parse_number(mantissa)
+    return value, place, digits
+
+
+def step_and_inverse(printed: str, factor: float = 1.0) -> tuple[float, float]:
+    """Step and its inverse, from a step printed with few digits, e.g. ``"1.52588E-05"``.
+
+    Six digits of 1/65536 s give 65535.95 Hz. Usually either the step or its inverse is a plain
+    number; the one with fewer digits within the last printed place is taken as exact. `factor`
+    turns what is printed into s or Hz. ValueError for other texts than positive numbers.
+    """
+    value, place, digits = _printed(printed)
+    step = value * factor
+    if factor != 1.0:
+        step, digits = plainest(step, place * step)
+    inverse, inverse_digits = plainest(1.0 / step, place / step)
+    if inverse_digits <= digits:
+        return 1.0 / inverse, inverse
+    return step, 1.0 / step
+
+
+def rate_of_step(printed: str, source: str, factor: float = 1.0) -> Rate:
+    """Sampling rate of a printed time step, `factor` seconds each.
+
+    A number such as 0.000488 is 1/2048 or 1/2050 s: rates that acquisition hardware has come
+    first. A step whose inverse is such a rate, printed without zeros at its end, is exact.
+    ValueError for other texts than positive numbers.
+    """
+    value, place, _ = _printed(printed)
+    hz = 1.0 / (value * factor)
+    source = f"{source} = {printed.strip()}"
+    if place / 2 <= _NARROW:
+        inverse = step_and_inverse(printed, factor)[1]
+        return Rate(inverse, hz / (1 + place), hz * (1 + place), source)
+    mantissa = printed.strip().upper().replace("D", "E").partition("E")[0]
+    nearest = float(_HARDWARE[np.argmin(np.abs(_HARDWARE - hz))])
+    if abs(nearest - hz) <= _EXACT * hz and not mantissa.endswith("0"):
+        return exact_rate(nearest, source)
+    return likeliest(hz / (1 + place / 2), hz / (1 - place / 2), hz, source)
+
+
+def likeliest(low_hz: float, high_hz: float, hz: float, source: str) -> Rate:
+    """The rate of acquisition hardware within a range; without one, the plainest number."""
+    for known in (_HARDWARE, _SELDOM):
+        inside = known[(known >= low_hz * (1 - _EXACT)) & (known <= high_hz * (1 + _EXACT))]
+        if inside.size:
+            nearest = float(inside[np.argmin(np.abs(inside - hz))])
+            return Rate(nearest, low_hz, high_hz, source, is_sure=inside.size == 1)
+    plain = plainest(hz, min(hz - low_hz, high_hz - hz))[0]
+    return Rate(plain, low_hz, high_hz, source, is_sure=False)
+
+
+def even_step(abscissa: NDArray[np.float64]) -> Steps | None:
+    """Step and its inverse of rounded times or frequencies; None where they are not equidistant."""
+    if len(abscissa) < 2 or not -_SENSELESS < np.min(abscissa) <= np.max(abscissa) < _SENSELESS:
+        return None
+    span = float(abscissa[-1] - abscissa[0])
+    if not span > 0.0:
+        return None
+    step = span / (len(abscissa) - 1)
+    deviation = _deviation(abscissa, float(abscissa[0]), step)
+    if not 1.0 / step < math.inf:
+        return None
+    if not deviation <= _UNEVEN * step:
+        return _rounded_step(abscissa)
+    tolerance = max(2.0 * deviation / span, _EXACT)
+    plain_step, step_digits = plainest(step, tolerance * step)
+    inverse, inverse_digits = plainest(1.0 / step, tolerance / step)
+    if inverse_digits <= step_digits:
+        return Steps(1.0 / inverse, inverse, tolerance)
+    return Steps(plain_step, 1.0 / plain_step, tolerance)
+
+
+def _deviation(stamps: NDArray[np.float64], start: float, step: float) -> float:
+    """Largest deviation of stamps from an even grid."""
+    found = 0.0
+    for begin in range(0, len(stamps), _PIECE):  # long columns are not doubled in memory
+        piece = stamps[begin : begin + _PIECE]
+        ideal = start + step * np.arange(begin, begin + len(piece))
+        found = max(found, float(np.max(np.abs(piece - ideal))))
+    return found
+
+
+def _rounded_step(stamps: NDArray[np.float64]) -> Steps | None:
+    """Step of stamps that are printed more coarsely than a fifth of it.
+
+    They lie within half their last place of the straight line through all of them; a single
+    dropped sample moves half of them by at least another half step.
+    """
+    place = _last_place(stamps)
+    if place is None:
+        return None
+    index = np.arange(len(stamps), dtype=np.float64) - (len(stamps) - 1) / 2
+    step = float(index @ (stamps - stamps.mean()) / (index @ index))
+    start = float(stamps.mean() - step * (len(stamps) - 1) / 2)
+    if not step > 0.0 or _deviation(stamps, start, step) > place / 2 + _UNEVEN * step:
+        return None
+    tolerance = place / (step * (len(stamps) - 1))
+    return Steps(step, 1.0 / step, tolerance) if tolerance < _UNEVEN else None
+
+
+def _last_place(stamps: NDArray[np.float64]) -> float | None:
+    """The decimal place to which all stamps are rounded; None where there is none."""
+    since = stamps - stamps[0]
+    for decimals in range(_FINEST + 1):
+        scaled = since * 10.0**decimals
+        if np.max(np.abs(scaled - np.rint(scaled))) < 1e-3:
+            return 10.0**-decimals
+    return None
+
+
+def rate_of_stamps(stamps: NDArray[np.float64], source: str) -> Rate | None:
+    """Sampling rate of a column of times in s; None where they are not evenly spaced."""
+    steps = even_step(stamps)
+    if steps is None:
+        return None
+    hz, width = steps.inverse, steps.tolerance * steps.inverse
+    if steps.tolerance <= _NARROW:
+        return Rate(hz, hz - width, hz + width, source)
+    found = likeliest(hz - width, hz + width, hz, source)
+    return Rate(found.hz, hz - width, hz + width, source, found.is_sure)
+
+
+def uneven(stamps: NDArray[np.float64]) -> str:
+    """Where time stamps that `even_step` refused leave their even steps."""
+    if len(stamps) < 2:
+        return f"{len(stamps)} time stamp"
+    missing = np.flatnonzero(~np.isfinite(stamps))
+    if missing.size:
+        return f"no time in row {missing[0] + 1} of {len(stamps)}"
+    steps = np.diff(stamps)
+    usual = float(np.median(steps))
+    row = int(np.argmax(np.abs(steps - usual)))
+    return (
+        f"time goes from {stamps[row]:g} s to {stamps[row + 1]:g} s at row {row + 2} "
+        f"of {len(stamps)}, elsewhere in steps of {usual:g} s"
+    )
+
+
+def states_rate(name: str) -> bool:
+    """Whether a variable or attribute of this name states a sampling rate or a time step."""
+    return plain_name(name) in _RATES | _STEPS
+
+
+def stated_rate(path: Path, statements: Mapping[str, object]) -> Rate:
+    """Sampling rate that all statements agree on; without a value where there is none.
+
+    `statements` are numbers, texts or arrays of one number by name, perhaps with their place
+    before a last slash. Names that do not state a rate are skipped.
+    """
+    rates = [
+        _stated(path, place, name, value)
+        for place, value in statements.items()
+        if states_rate(name := place.rpartition("/")[2])
+    ]
+    first = rates[0] if rates else UNSTATED
+    for other in rates:
+        if abs(other.hz - first.hz) > _SAME_STATEMENT * first.hz:
+            found = f"{first.hz:g} Hz by {first.source}, {other.hz:g} Hz by {other.source}"
+            raise not_together(path, found)
+    return first
+
+
+def plain_name(name: str) -> str:
+    """A name without case, separators and its unit Hz."""
+    return re.sub(r"[_\s-]", "", name.lower()).removesuffix("hz")
+
+
+def _stated(path: Path, place: str, name: str, value: Any) -> Rate:
+    try:
+        number = value.item() if isinstance(value, np.ndarray | np.generic) else value
+        text = number.decode("latin-1") if isinstance(number, bytes) else number
+        is_step = plain_name(name) not in _RATES
+        if is_step and isinstance(text, str):
+            return rate_of_step(text, repr(place))
+        hz = float(text.strip().removesuffix("Hz") if isinstance(text, str) else text)
+        if is_step:
+            hz = plainest(1.0 / hz, _ROUNDING / hz)[0]
+    except (ArithmeticError, TypeError, ValueError):
+        hz = math.nan
+    if 0.0 < hz < math.inf:
+        return exact_rate(hz, repr(place))
+    rule = "a sampling rate in Hz or a time step in s must be one positive number"
+    raise RecordingFormatError(f"{path.name}, {place}", repr(str(value)[:40]), rule, EXPORT_AGAIN)
