@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from math import pi
 
@@ -133,3 +134,33 @@ def parse_axis(text: str) -> AxisUnit | None:
     """Kind and factor of a unit such as ``"ms"`` or ``"rad/s"``; None where it is not known."""
     plain = _normalise(text)
     return _AXES.get(plain) or _AXES_LOWER.get(plain.lower())
+
+
+_AMOUNTS: dict[str, dict[str, float]] = {  # by the SI unit at the end of a key
+    "pa": {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "bar": 1e5, "mbar": 1e2, "psi": 6894.757},
+    "m": _LENGTH_M,
+    "kg": {"kg": 1.0, "g": 1e-3, "mg": 1e-6, "lb": 0.45359237, "oz": 0.028349523125},
+    "s": _TIME_S,
+    "hz": _FREQUENCY_HZ,
+    "deg": {"deg": 1.0, "\N{DEGREE SIGN}": 1.0, "rad": 180.0 / pi},
+}
+_AMOUNT = re.compile(r"\s*([+-]?[0-9]+(?:[.,][0-9]+)?(?:[eE][+-]?[0-9]+)?)\s*(\S+)\s*")
+
+
+def amount(text: str, unit: str) -> float:
+    """Number in SI of a text such as ``"2.4 bar"``; `unit` is that of the key, such as ``"pa"``.
+
+    ValueError for other texts.
+    """
+    known = _AMOUNTS[unit]
+    match = _AMOUNT.fullmatch(text.replace("\N{NO-BREAK SPACE}", " "))
+    factor = known.get(_normalise(match[2])) if match else None
+    if match is None or factor is None:
+        raise ValueError(f"it must be a number with one of the units {', '.join(known)}")
+    return float(match[1].replace(",", ".")) * factor
+
+
+def unit_of_key(key: str) -> str | None:
+    """The unit at the end of a key such as ``mean_radius_m``, if `amount` knows it."""
+    unit = key.rpartition("_")[2]
+    return unit if unit in _AMOUNTS and unit != key else None

@@ -11,7 +11,7 @@ import typer
 from rich import filesize
 
 from ema.core.display import counted
-from ema.core.finding import Finding
+from ema.core.finding import Check, Finding
 from ema.core.frf import FRF
 from ema.signals.signal_checks import SignalSummary
 from pipelines.cli import options as opt
@@ -109,6 +109,8 @@ def init(
 
 
 _SHOWN_NAMES = 6  # channels that one message lists
+_MOST_DETAILS = 2  # of one kind of finding that are told one by one
+_MOST_FRFS, _FIRST_FRFS = 20, 6  # FRFs that are listed, and how many of them where there are more
 
 
 def show_inspection(inspection: Inspection, *, as_json: bool) -> None:
@@ -127,6 +129,21 @@ def show_inspection(inspection: Inspection, *, as_json: bool) -> None:
         echo("")
     if any(row.signal for report in inspection.files for row in report.channels):
         echo("Levels in m/s^2, N, m/s, m or V; rms and crest factor are about the mean (DC).")
+    echo(f"Verdict: {_verdict(inspection)}")
+
+
+def _verdict(inspection: Inspection) -> str:
+    """What to do next."""
+    files, unread = inspection.files, len(inspection.errors)
+    if unread:
+        return f"{counted(unread, 'file')} of {len(files) + unread} cannot be read."
+    wrong = sum(len(_by_check(report.wrong)) for report in files)
+    if wrong:
+        return f"readable; look at {counted(wrong, 'finding')} above before you process."
+    kinds = {each.check for report in files for each in report.notes}
+    if kinds & {Check.UNIT, Check.SAMPLING_RATE}:
+        return "readable; a manifest can add what the notes name (ringmodal init FOLDER)."
+    return "nothing looks wrong."
 
 
 def _heading(report: FileReport) -> str:
@@ -197,20 +214,31 @@ def _print_channels(rows: Sequence[ChannelReport]) -> None:
 def _print_frfs(frf: FRF, names: Sequence[str]) -> None:
     places = zip(names, frf.node, frf.position_deg, strict=True)
     cells = [(name, _node(int(node)), _angle(float(angle))) for name, node, angle in places]
-    print_table("", ("FRF", "node", "angle"), cells, texts=("FRF",), folding=("FRF",))
+    shown = cells if len(cells) <= _MOST_FRFS else cells[:_FIRST_FRFS]
+    print_table("", ("FRF", "node", "angle"), shown, texts=("FRF",), folding=("FRF",))
+    if len(shown) < len(cells):
+        echo(f"and {len(cells) - len(shown)} more, to {cells[-1][0]}")
+
+
+def _by_check(findings: Sequence[Finding]) -> dict[str, list[Finding]]:
+    found: dict[str, list[Finding]] = {}
+    for finding in findings:
+        found.setdefault(finding.check, []).append(finding)
+    return found
 
 
 def _lines(title: str, findings: Sequence[Finding]) -> list[str]:
-    """Findings as lines, one for all channels with the same finding."""
-    channels: dict[tuple[str, str], list[str]] = {}
-    for finding in findings:
-        names = channels.setdefault((finding.check, finding.detail), [])
-        if finding.channel:
-            names.append(finding.channel)
+    """One line for each kind of finding: its first detail, and the channels that it concerns."""
     lines = []
-    for (check, detail), names in channels.items():
-        where = f"{named(names, _SHOWN_NAMES)}: " if names else ""
-        lines.append(f"{title}: {where}{check}: {detail}")
+    for check, alike in _by_check(findings).items():
+        details = list(dict.fromkeys(each.detail for each in alike))
+        names = list(dict.fromkeys(each.channel for each in alike if each.channel))
+        if len(details) > _MOST_DETAILS:
+            details = [f"{details[0]} (and {len(details) - 1} more like it: --json)"]
+        for detail in details:
+            about = [each.channel for each in alike if each.detail == detail and each.channel]
+            where = f"{named(list(dict.fromkeys(about or names)), _SHOWN_NAMES)}: " if names else ""
+            lines.append(f"{title}: {where}{check}: {detail}")
     return lines
 
 

@@ -222,6 +222,8 @@ def _grid_of_numbers(numbers: Sequence[int]) -> tuple[int | None, bool]:
     filled = highest + step if lowest == 0 else highest
     if filled in _PROBABLE_GRIDS and lowest in (0, step):
         return filled, False
+    if lowest == 0 and highest in _PROBABLE_GRIDS:  # 0 and 360 degrees are counted both
+        return highest, True
     larger = next((grid for grid in _PROBABLE_GRIDS if grid >= filled), None)
     probable = larger is not None and 2 * len(distinct) >= larger and lowest <= step
     return (larger, True) if probable else (None, False)

@@ -51,7 +51,6 @@ class Draft:
 class _Sketch:
     """What is known of the campaign, or guessed."""
 
-    name: str
     runs: tuple[Source, ...]
     frfs: tuple[Source, ...]  # beside time series, which are preferred
     unread: tuple[Path, ...]
@@ -100,7 +99,6 @@ def draft_manifest(
         reference = reference_of(runs)
     forces = {name for source in runs for name in forces_in(source)}
     sketch = _Sketch(
-        name=folder.resolve().name,
         runs=runs,
         frfs=tuple(source for source in sources if source.has_frfs and series),
         unread=tuple(errors),
@@ -152,7 +150,10 @@ def write_draft(folder: Path, draft: Draft, *, force: bool = False) -> Path:
 def _missing(sketch: _Sketch) -> Iterator[str]:
     """What the user has to add, in the order of the manifest."""
     if not sketch.is_structure:
-        yield "[tyre] inflation_pressure_pa and mean_radius_m, for the ring parameters"
+        yield (
+            "[tyre] inflation_pressure_pa and mean_radius_m, for the ring parameters; designation, "
+            "for the report"
+        )
     rates = _rates(sketch)
     if len(rates) > 1:
         yield f"one sampling rate: the files have {', '.join(f'{rate:g} Hz' for rate in rates)}"

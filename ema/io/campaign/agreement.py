@@ -141,6 +141,7 @@ def merge(
     ]
     grid = Grid.over(positions, [channel for _, channel, _ in rows])
     places = [grid.place(*row, findings) for row in rows]
+    findings += grid.off_grid(places)
     angles = [np.nan if place.position_deg is None else place.position_deg for place in places]
     return FRF(
         frequency_hz=first,

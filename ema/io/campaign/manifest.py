@@ -24,6 +24,7 @@ from pydantic import (
 from ema.core.campaign import Direction, Processing, Tyre
 from ema.core.errors import ManifestError, nearest
 from ema.core.files import require_regular
+from ema.core.units import amount, unit_of_key
 
 MANIFEST_NAME = "campaign.toml"
 USE_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
@@ -61,13 +62,46 @@ _ONE, _MANY = "<number>", "<table>"  # parts of the place of an error that no ma
 class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _in_si(cls, given: Any) -> Any:
+        """Texts with a unit become numbers: ``mean_radius = "330 mm"`` is ``mean_radius_m``."""
+        if not isinstance(given, dict):
+            return given
+        found = dict(given)
+        for key in cls.model_fields:
+            unit = unit_of_key(key)
+            bare = key.removesuffix(f"_{unit}")
+            if unit is None:
+                continue
+            if bare not in found:
+                continue
+            if key in found:
+                raise ValueError(f"{bare} and {key} are the same; give one of them")
+            if isinstance(found[bare], int | float):
+                raise ValueError(f'write {bare} = "<number> <unit>", or {key} for SI')
+            try:
+                found[key] = _si(found.pop(bare), unit)
+            except ValueError as error:
+                raise ValueError(f"{bare}: {error}") from None
+        return found
+
+
+def _si(value: Any, unit: str) -> Any:
+    """Numbers for the texts with units in a value, a table or a list."""
+    if isinstance(value, str):
+        return amount(value, unit)
+    if isinstance(value, dict):
+        return {key: _si(entry, unit) for key, entry in value.items()}
+    return [_si(entry, unit) for entry in value] if isinstance(value, list) else value
+
 
 class TyreSection(_Section):
     """``[tyre]``: identity and given data; any other key is kept as a detail."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
-    designation: str
+    designation: str = "not stated"
     inflation_pressure_pa: _Pascals | None = None
     mean_radius_m: _Metres | None = None
     belt_width_m: _Metres | None = None

@@ -255,6 +255,7 @@ def _fill_runs(
         forces[name] = grid.known_place(run.force, each.positions_deg)
         findings += spike_findings(name, run.channels)
         findings += level_findings(replace(recording, channels=run.channels))
+    findings += grid.off_grid([place for run in runs for place in (*run.responses, *run.others)])
     _require_masses(campaign, runs)
     stated = [each for _, each in recordings]
     kept = ring_runs(runs, stated, findings)

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from ema.core.campaign import Campaign, Direction, Response, Run
 from ema.core.errors import InputError, ManifestError, RecordingFormatError, nearest
 from ema.core.finding import Check, Finding, Verdict
@@ -16,6 +18,7 @@ from ema.io.content import remark
 
 _INIT = "Write a manifest that names it; `ringmodal init FOLDER` writes a template"
 _ON_GRID = 1e-3  # of a grid step
+_SHOWN = 6  # angles in a message
 
 
 @dataclass(frozen=True)
@@ -323,9 +326,23 @@ class Grid:
             rule = f"each response needs a position or a node from 0 to {self.positions}"
             remedy = "Add positions_deg = { CHANNEL = degrees, … } to its run"
             raise ManifestError(f"{MANIFEST_NAME}, runs", found, rule, remedy)
-        if place.node is None:
-            detail = (
-                f"{place.position_deg:g} degrees is none of the {self.positions} grid positions"
-            )
-            findings.append(remark(path, channel.name, Check.GRID, detail))
         return place
+
+    def off_grid(self, places: Sequence[Response]) -> list[Finding]:
+        """One finding about all angles that are none of the grid positions."""
+        angles = {round(each.position_deg, 6) for each in places if each.position_deg is not None}
+        off = angles - {
+            round(each.position_deg or 0.0, 6) for each in places if each.node is not None
+        }
+        if self.positions is None or not off:
+            return []
+        shown = ", ".join(f"{angle:g}" for angle in sorted(off)[:_SHOWN])
+        more = " …" if len(off) > _SHOWN else ""
+        detail = f"{shown}{more} degrees: none of the {self.positions} grid positions"
+        turns = np.array(sorted(angles)) / 360.0
+        for positions in range(3, 2 * self.positions):
+            steps = turns * positions
+            if np.all(np.abs(steps - np.rint(steps)) < _ON_GRID):
+                detail += f"; all angles are on {positions}: positions = {positions}?"
+                break
+        return [Finding("", "", None, Check.GRID, Verdict.WARNING, detail)]

@@ -11,6 +11,7 @@ from builders import SHARED_DATA, binary58, floats, force58, frf58, nodes15, res
 import ema
 from ema.circumference.mass_loading import masses_of_runs, sensors_of_runs
 from ema.core.errors import InputError, ManifestError, RecordingFormatError
+from ema.io.campaign.manifest import read_manifest
 
 MANIFEST = """
 schema = 1
@@ -110,7 +111,7 @@ def test_samples_stay_on_disk(folder):
         ("positions = 4", 'positions = "4"', "grid.positions: '4'"),
         ("positions = 4", "positions = 2", "greater than or equal to 3"),
         ("[acquisition]", "[aquisition]", "Did you mean 'acquisition'"),
-        ("serial", "mean_radius", "resembles 'mean_radius_m'"),
+        ("serial", "mean_radius", "or mean_radius_m for SI"),
         ("220000.0", "-1.0", "tyre.inflation_pressure_pa: -1.0"),
         ("220000.0", "nan", "tyre.inflation_pressure_pa: nan"),
         ("220000.0", "2.2", "tyre.inflation_pressure_pa: 2.2; tyres have 1000"),
@@ -187,7 +188,7 @@ def test_a_manifest_of_another_encoding_is_named_with_its_line(folder):
     [
         ("A01 = 0.0, ", "", "ignored", "positions_deg"),
         ("A01 = 0.0, ", "", "grid", "1 of 4 grid positions not measured: 0 degrees"),
-        ("A01 = 0.0", "A01 = 1.0", "grid", "1 degrees is none of the 4 grid positions"),
+        ("A01 = 0.0", "A01 = 1.0", "grid", "1 degrees: none of the 4 grid positions"),
         ("[grid]\npositions = 4", "", "grid", "positions_deg without [grid]"),
     ],
 )
@@ -397,3 +398,43 @@ def test_measured_campaigns():
     ruler = ema.read_campaign(SHARED_DATA / "real" / "ruler_grid" / "frf.uff")
     assert ruler.frf.values.shape == (10, 3276)
     assert not ruler.has_circle
+
+
+def test_values_of_a_manifest_may_have_units(tmp_path):
+    text = CAMPAIGN_TEXT
+    path = tmp_path / "campaign.toml"
+    path.write_text(text, encoding="utf-8")
+    manifest = read_manifest(path)
+    assert manifest.tyre.inflation_pressure_pa == pytest.approx(240000.0)
+    assert manifest.tyre.mean_radius_m == pytest.approx(0.33)
+    assert manifest.sensors.own_kg == {"REF": pytest.approx(0.012)}
+    assert manifest.processing.exponential_window_s == pytest.approx(0.5)
+
+
+CAMPAIGN_TEXT = """\
+schema = 1
+[tyre]
+inflation_pressure = "2,4 bar"
+mean_radius = "330 mm"
+[sensors]
+mass = { default = "4 g", REF = "12 g" }
+[processing]
+exponential_window = "500 ms"
+[[runs]]
+file = "a.uff"
+"""
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ('inflation_pressure = "2.4 barg"', "Pa, hPa, kPa, MPa, bar"),
+        ('inflation_pressure = 2.4\n', "inflation_pressure_pa for SI"),
+        ('inflation_pressure = "2 bar"\ninflation_pressure_pa = 2e5', "the same"),
+    ],
+)
+def test_units_that_cannot_be_are_named(tmp_path, line, says):
+    path = tmp_path / "campaign.toml"
+    path.write_text(CAMPAIGN_TEXT.replace('inflation_pressure = "2,4 bar"', line), encoding="utf-8")
+    with pytest.raises(ManifestError, match=says):
+        read_manifest(path)

@@ -1,0 +1,110 @@
+"""Sampling rates of printed steps and rounded stamps; starts of channels; columns that count."""
+
+import numpy as np
+import pytest
+
+from ema.core.errors import InputError
+from ema.core.finding import Check, Verdict
+from ema.io.formats import read_file
+from ema.io.rates import exact_rate, rate_of_stamps, rate_of_step
+
+NOISE = np.random.default_rng(5).standard_normal((4096, 2))
+
+
+@pytest.mark.parametrize("hz", [512, 1000, 1024, 2000, 2048, 2560, 5120, 8192, 12800, 25600, 65536])
+def test_six_decimals_of_a_step_give_the_rate_of_the_hardware(hz):
+    rate = rate_of_step(f"{1 / hz:.6f}", "Delta_X")
+    assert rate.hz == hz
+    assert rate.allows(hz)
+
+
+def test_rates_that_look_alike_are_doubted():
+    rate = rate_of_step(f"{1 / 51200:.6f}", "Delta_X")  # as it would print 50 kHz
+    assert rate.allows(51200.0)
+    assert not rate.is_sure
+
+
+@pytest.mark.parametrize("text", ["0.002", "0.0005", "3.90625E-05"])
+def test_a_step_whose_inverse_is_such_a_rate_is_exact(text):
+    rate = rate_of_step(text, "dt")
+    assert not rate.is_open
+    assert rate.hz == pytest.approx(1 / float(text), rel=1e-12)
+
+
+@pytest.mark.parametrize("hz", [512.0, 2048.0, 2560.0, 4096.0])
+@pytest.mark.parametrize("decimals", [3, 4, 6])
+@pytest.mark.parametrize("rounding", [np.round, lambda x, n: np.floor(x * 10**n) / 10**n])
+def test_stamps_of_few_decimals(hz, decimals, rounding):
+    stamps = rounding(np.arange(3000) / hz, decimals)
+    assert rate_of_stamps(stamps, "").hz == hz
+
+
+@pytest.mark.parametrize("dropped", [50, 1500, 2900])
+def test_a_dropped_sample_shows_in_rounded_stamps(dropped):
+    stamps = np.delete(np.round(np.arange(3000) / 2048.0, 4), dropped)
+    assert rate_of_stamps(stamps, "") is None
+
+
+def csv(tmp_path, header, columns, name="a.csv"):
+    path = tmp_path / name
+    rows = "\n".join(",".join(f"{x}" for x in row) for row in zip(*columns, strict=True))
+    path.write_text(f"{header}\n{rows}\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("ms", 1e3), ("µs", 1e6), ("us", 1e6), ("min", 1 / 60), ("h", 1 / 3600)]
+)
+def test_units_of_a_column_of_time(tmp_path, unit, factor):
+    stamps = [f"{factor * k / 512:.12g}" for k in range(400)]
+    path = csv(tmp_path, f"time [{unit}],A [g]", (stamps, NOISE[:400, 0]))
+    assert read_file(path).recording.sampling_rate_hz == 512.0
+
+
+def test_an_unknown_unit_of_time_is_refused(tmp_path):
+    path = csv(tmp_path, "time [tick],A [g]", (range(400), NOISE[:400, 0]))
+    with pytest.raises(InputError, match="tick"):
+        read_file(path)
+
+
+@pytest.mark.parametrize("name", ["count", "Index", "N°"])
+def test_a_column_that_counts_is_no_sensor(tmp_path, name):
+    content = read_file(csv(tmp_path, f"{name},F [N]", (range(400), NOISE[:400, 0])))
+    assert content.recording.names == ("F",)
+    assert np.isnan(content.recording.sampling_rate_hz)
+    assert [each.check for each in content.findings] == [Check.IGNORED]
+
+
+def test_a_second_column_of_time_is_no_sensor(tmp_path):
+    t = np.arange(400) / 512
+    header, noise = "time [s],F [N],time [s],A [g]", NOISE[:400]
+    recording = read_file(csv(tmp_path, header, (t, noise[:, 0], t, noise[:, 1]))).recording
+    assert recording.names == ("F", "A")
+    late = read_file(csv(tmp_path, header, (t, noise[:, 0], t + 10 / 512, noise[:, 1]), "b.csv"))
+    np.testing.assert_array_equal(late.recording.channels[0].samples, noise[10:, 0])
+    np.testing.assert_array_equal(late.recording.channels[1].samples, noise[:-10, 1])
+    assert [each.check for each in late.findings] == [Check.START]
+
+
+def test_channels_at_two_rates_or_between_samples_are_refused(tmp_path):
+    t = np.arange(400) / 512
+    header, noise = "time [s],F [N],time [s],A [g]", NOISE[:400]
+    for other, message in ((t / 2, "1024 Hz"), (t + 10.4 / 512, "begins 0.0203125 s after")):
+        with pytest.raises(InputError, match=message):
+            read_file(csv(tmp_path, header, (t, noise[:, 0], other, noise[:, 1])))
+
+
+def test_a_wide_range_is_said(tmp_path):
+    path = csv(tmp_path, "dt = 0.000488\nF [N],A [g]", NOISE.T)
+    content = read_file(path)
+    (finding,) = content.findings
+    assert (finding.check, finding.verdict) == (Check.SAMPLING_RATE, Verdict.OK)
+    assert content.recording.sampling_rate_hz == 2048.0
+    low, high = content.recording.rate_range_hz
+    assert low < 2048 < 2050 < high
+
+
+def test_an_exact_rate_is_not_open():
+    assert not exact_rate(2000.0).is_open
+    assert exact_rate(2000.0).allows(2000.01)
+    assert not exact_rate(2000.0).allows(2001.0)
