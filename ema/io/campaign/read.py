@@ -81,6 +81,9 @@ def recordings_in(folder: Path) -> list[Path]:
     Dead links stay in the list, for the error about them when they are read. `RecordingFormatError`
     if there are none, or the folder cannot be read.
     """
+    if folder.is_file():
+        rule, remedy = "the folder of a campaign is needed", f"Name its folder, {folder.parent}"
+        raise RecordingFormatError(str(folder), "a file", rule, remedy)
     try:
         listed = [path for path in folder.iterdir() if not path.name.startswith(".")]
     except OSError as error:
