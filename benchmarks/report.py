@@ -27,7 +27,7 @@ result, page, n_bytes = load(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
 start = time.perf_counter()
 if n_bytes:
     from pipelines.report.write import render_page
-    from pipelines.report.blocks import Section
+    from pipelines.report.page import Section
     empty = render_page("Floor", "Empty page", (Section("empty", "Empty", ()),))
     page.write_text(f"{empty}<!--{'x' * (n_bytes - len(empty))}-->", encoding="utf-8")
 else:

@@ -30,8 +30,7 @@ from ema.core.modes import ModalModel, model_html
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import fit_modes
-from ema.poles.cross_check import OTHER, Opinion, second_opinion
-from ema.poles.selection import PoleSelection, select_poles
+from ema.poles.selection import OTHER, Opinion, PoleSelection, second_opinion, select_poles
 from ema.poles.stability import StabilityDiagram, build_stability
 
 # A force of wrong sign first, then the sensors, then a look at what is left.

@@ -1,6 +1,7 @@
-"""Small HTML tables, as notebooks show results: plain strings, texts escaped, no colours set.
+"""Values as texts, rounded by their uncertainty, as JSON and as small HTML tables for notebooks.
 
-`ema` and `model` do not know each other, so each has this file; a test keeps the two alike.
+`ema` and `model` do not know each other: `model/display.py` has what it needs of this file, and a
+test keeps the two alike.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from html import escape
 from math import isfinite
+from typing import Any
 
 from ema.core.errors import visible
 
@@ -99,9 +101,42 @@ def band_text(band_hz: tuple[float, float]) -> str:
 def as_typed(value: float | None, unit: str) -> str:
     """A value as a person would type it."""
     space = "" if unit == "°" else " "
-    return "–" if value is None else f"{value:.10g}{space}{unit}"
+    return DASH if value is None else f"{value:.10g}{space}{unit}"
 
 
 def counted(how_many: int, noun: str) -> str:
     """A number and a noun, in the plural where there are several."""
     return f"{how_many} {noun}" if how_many == 1 else f"{how_many} {noun}s"
+
+
+def jsonable(value: Any) -> Any:
+    """Values as JSON has them: without NaN, infinity, dates and numpy's numbers."""
+    if isinstance(value, dict):
+        return {key: jsonable(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [jsonable(entry) for entry in value]
+    if hasattr(value, "isoformat"):  # a date or time in TOML
+        return value.isoformat()
+    if hasattr(value, "item"):
+        value = value.item()
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def plain(value: float | None) -> str:
+    """Value as a person would type it, to six digits, a dash if unknown."""
+    if value is None or not isfinite(value):
+        return DASH
+    return f"{float(f'{value:.6g}'):.10g}"
+
+
+def signed(value: float, places: int) -> str:
+    """Value with its sign and `places` digits after the point; what rounds to zero has no sign."""
+    if not isfinite(value):
+        return DASH
+    text = f"{value:+.{places}f}"
+    return text[1:] if float(text) == 0 else text.replace("-", "−")
+
+
+def chance_text(chance: float) -> str:
+    """A probability with two digits, down to a thousandth."""
+    return "< 0.001" if chance < 0.001 else number(chance, 2)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.frf import FRF
-from ema.poles.lsce import impulse_responses, normal_matrix, poles_of_order, useful_length
+from ema.poles.estimators import impulse_responses, normal_matrix, poles_of_order, useful_length
 
 # A model order that shows every strong mode of a run and few others.
 _ORDER = 30

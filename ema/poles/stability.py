@@ -16,8 +16,13 @@ from ema.core.errors import InputError
 from ema.core.frf import FRF, widened_band
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.poles.lsce import impulse_responses, normal_matrix, useful_length
-from ema.poles.plscf import line_weight, reduced_normal_matrix
+from ema.poles.estimators import (
+    impulse_responses,
+    line_weight,
+    normal_matrix,
+    reduced_normal_matrix,
+    useful_length,
+)
 from ema.poles.run_alignment import align_runs
 from ema.poles.tracking import Cluster, interpret, pole_history
 from ema.signals.bias_and_noise import without_spikes

@@ -12,7 +12,7 @@ from scipy.spatial.distance import squareform
 
 from ema.core.mac import mac
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.poles.lsce import poles_of_order, shapes_of_poles
+from ema.poles.estimators import poles_of_order, shapes_of_poles
 
 # A cluster in this share of the orders, and in all since its first, is no chance.
 _LASTING = 0.25

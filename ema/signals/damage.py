@@ -16,8 +16,7 @@ from ema.core.files import piece
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Channel
 from ema.signals.lost_samples import lost_everywhere
-from ema.signals.slips import part_ends
-from ema.signals.spectra import Spectra, ratio
+from ema.signals.spectra import Spectra, part_ends, ratio
 from ema.signals.stuck_and_repeated import Stretch, repeated_stretches, stuck_stretches
 
 # Runs of one campaign are as long as each other within this share; stopped by hand they differ.

@@ -12,6 +12,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from ema.core.display import jsonable
 from ema.core.errors import InputError, ManifestError
 from ema.core.files import require_regular
 from ema.io.campaign.manifest import MANIFEST_NAME, read_manifest, resolve
@@ -19,7 +20,6 @@ from pipelines.results.options import Options
 from pipelines.results.provenance import software_version
 from pipelines.storage.atomic import file_written_whole, partial_folder
 from pipelines.storage.checksums import sha256
-from pipelines.storage.rounding import jsonable
 
 DONE = "done"
 FAILED = "failed"

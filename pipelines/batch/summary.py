@@ -10,18 +10,26 @@ from urllib.parse import quote
 import pandas as pd
 import pyarrow.parquet as pq
 
+from ema.core.display import number, plain
 from ema.core.files import require_regular
 from pipelines.batch.campaigns import CampaignFolder
 from pipelines.batch.state import BatchFolder, Record
 from pipelines.plots.chart import Chart
 from pipelines.plots.measurement import SYMBOLS
 from pipelines.plots.plot import FREQUENCY, ORDER, SERIES, Axis, Curve, Margins, Panel, Plot
-from pipelines.report.blocks import Block, Facts, Link, Listing, Paragraph, Section, Table
-from pipelines.report.page import render_page
+from pipelines.report.page import (
+    Block,
+    Facts,
+    Link,
+    Listing,
+    Paragraph,
+    Section,
+    Table,
+    render_page,
+)
 from pipelines.results.labels import short
 from pipelines.results.tables import MODES
 from pipelines.storage.atomic import file_written_whole
-from pipelines.storage.rounding import number, plain
 from pipelines.storage.tables import write_table
 
 _FREQUENCY, _ORDER = MODES.index("frequency_hz"), MODES.index("order")

@@ -27,7 +27,7 @@ _COMMANDS = {
         ("result", "tune", "Determine the ring parameters again, from the modes of a result."),
         ("result", "report", "Write the report of a result again, as HTML and optionally PDF."),
         ("compare", "compare", "Compare two results, with the significance of each difference."),
-        ("export", "export", "Write modes, shapes and FRFs of a result for other modal programs."),
+        ("result", "export", "Write modes, shapes and FRFs of a result for other modal programs."),
         ("compare", "compare-shapes", "Compare shapes with those of a model or program, by MAC."),
     ),
     "Many campaigns": (

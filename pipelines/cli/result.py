@@ -1,4 +1,4 @@
-"""From recordings to a result: ``process``, ``tune``, ``report``, and what they print."""
+"""A result, made and passed on: ``process``, ``tune``, ``report``, ``export``, and their output."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import logging
 from pathlib import Path
 from typing import Annotated, Any
 
+from ema.core.display import value_with_std
 from ema.core.errors import InputError
 from model import TuningResult
 from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table, shown, warn
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
+from pipelines.export.modal import export as write
 from pipelines.process.ring import retune
 from pipelines.process.run import process as run
 from pipelines.report.save import PDF, has_pdf, save
@@ -19,10 +21,12 @@ from pipelines.report.write import printing_library, write_figures
 from pipelines.results.options import Options
 from pipelines.results.result import Result
 from pipelines.storage.result_folder import require_free
-from pipelines.storage.rounding import value_with_std
 from pipelines.storage.tables import plain_rows
 
 REPORT = "report.html"
+EXPORT_FORMATS = ("uff", "csv", "json", "mat")
+FRFS = ("both", "measured", "synthesised", "none")
+CONTENT = "Content"
 _LOG = logging.getLogger(__name__)
 
 
@@ -226,3 +230,64 @@ def _summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
         "warnings": [f.detail for f in result.findings if not f.is_ok],
         "notes": list(result.notes),
     }
+
+
+def export(
+    result: Annotated[Path, opt.argument("RESULT", "Result folder.")],
+    file_format: Annotated[
+        str,
+        opt.one_of(
+            EXPORT_FORMATS,
+            "uff (universal file), csv (a folder of tables), json or mat (MATLAB). "
+            "Default: the ending of --out, or uff.",
+            opt.FILES,
+            "--format",
+        ),
+    ] = "",
+    out: Annotated[
+        Path | None,
+        opt.option("File, or folder for csv. Default: named after the result.", opt.FILES, "PATH"),
+    ] = None,
+    force: Annotated[bool, opt.replacing("an earlier export")] = False,
+    accept_changes: opt.AcceptChanges = False,
+    real: Annotated[
+        bool, opt.flag("--real", "Real shapes (normal modes), not complex ones.", CONTENT)
+    ] = False,
+    frfs: Annotated[
+        str,
+        opt.one_of(FRFS, "FRFs: both, measured, synthesised (from the modes) or none.", CONTENT),
+    ] = "both",
+    text: Annotated[
+        bool, opt.flag("--text", "FRFs as text (58), for programs without 58b.", CONTENT)
+    ] = False,
+    as_json: opt.Json = False,
+) -> None:
+    """Write modes, shapes, geometry and FRFs of a result for other modal programs.
+
+    Examples:
+      ringmodal export results/tyre_7
+      ringmodal export results/tyre_7 --format uff --out tyre_7.unv --real
+      ringmodal export results/tyre_7 --format mat --out tyre_7.mat --frfs none
+    """  # noqa: D406, D407 - a heading of the help
+    with reporting_outcome(out or result):
+        content = {"real": real, "text": text, "force": force, "accept_changes": accept_changes}
+        written = write(result, out, file_format, frfs=frfs, **content)
+    found, notes = written.export, written.export.geometry.notes
+    counts = {
+        "modes": len(found.modes),
+        "nodes": found.geometry.node.size,
+        "frfs_measured": 0 if found.measured is None else found.measured.n_positions,
+        "frfs_synthesised": 0 if found.synthesised is None else found.synthesised.n_positions,
+    }
+    if as_json:
+        about = {"path": str(written.path), "format": written.file_format}
+        print_json({**about, **counts, "notes": notes})
+        return
+    for note in notes:
+        echo_error(f"Note: {note}.")
+    kind = "real" if found.is_real else "complex"
+    echo(
+        f"{counts['modes']} {kind} shapes at {found.geometry.n_measured} nodes, "
+        f"{counts['frfs_measured']} measured and {counts['frfs_synthesised']} synthesised FRFs"
+    )
+    echo(f"Written: {written.path}")

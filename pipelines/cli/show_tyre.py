@@ -10,15 +10,15 @@ from typing import Any
 
 import typer
 
+from ema.core.display import DASH, chance_text, number, signed, value_with_std
 from pipelines.cli.screen import print_table
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.library.history import SetDifference, TyreHistory, stated, verdict_text
 from pipelines.library.series import Series
 from pipelines.library.version import Version, values_of
-from pipelines.report.pressure_series import headings, trend_row
+from pipelines.report.ring import headings, trend_row
 from pipelines.results.parameter_set import ParameterSet
 from pipelines.results.set_basis import basis_records
-from pipelines.storage.rounding import DASH, chance_text, number, signed, value_with_std
 
 FEW_WARNINGS = 5  # printed
 

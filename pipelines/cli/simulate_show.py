@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from ema.core.display import DASH
 from model import Bifurcation, ForcedRing, HubResponse
 from pipelines.cli.screen import print_table
 from pipelines.cli.terminal import echo, echo_error, print_json
@@ -20,7 +21,6 @@ from pipelines.plots.plot import Plot
 from pipelines.plots.style import write_figure
 from pipelines.simulate import responses
 from pipelines.simulate import tyre as tyres
-from pipelines.storage.rounding import DASH
 from pipelines.storage.tables import write_table
 
 FEW_LINES = 20  # printed; of more only the peaks

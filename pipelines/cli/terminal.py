@@ -8,9 +8,9 @@ import sys
 from types import TracebackType
 from typing import Any
 
+from ema.core.display import jsonable
 from ema.core.errors import escaped
 from ema.core.errors import visible_line as printable
-from pipelines.storage.rounding import jsonable
 
 __all__ = ["echo", "echo_error", "print_json", "printable", "report_fault", "show_logs"]
 

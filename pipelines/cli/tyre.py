@@ -21,7 +21,7 @@ from pipelines.library.library import VARIABLE, TyreLibrary, numbers_of, resolve
 from pipelines.library.numbering import require_version, split_reference
 from pipelines.library.series import pressure_series
 from pipelines.library.version import Version, login_name
-from pipelines.report.pressure_series import ENDINGS, write_series
+from pipelines.report.ring import ENDINGS, write_series
 
 tyre = group(
     """Parameter sets of tyres: versions, comparison, export to other programs.

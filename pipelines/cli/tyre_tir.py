@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from ema.core.display import DASH, signed
 from ema.core.errors import InputError
 from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table
@@ -20,7 +21,6 @@ from pipelines.library.export import export
 from pipelines.library.library import resolve
 from pipelines.library.version import accepted_verdict
 from pipelines.storage.atomic import file_written_whole
-from pipelines.storage.rounding import DASH, signed
 
 VALUES = "Values"
 TirArgument = Annotated[Path, opt.argument("FILE", "Tyre property file (.tir).")]

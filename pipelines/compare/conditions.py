@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ema.core.display import plain
 from pipelines.compare.modes import LOWEST_MAC, MatchedMode
 from pipelines.results.labels import named, short
 from pipelines.results.provenance import accepted_notes
 from pipelines.results.result import Result
-from pipelines.storage.rounding import plain
 
 #: Free keys of ``[tyre]`` about who, when and for whom: they do not affect frequencies.
 RECORD_KEEPING = frozenset(

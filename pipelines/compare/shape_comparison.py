@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.linalg import orth
 
+from ema.core.display import DASH, number, signed, value_with_std
 from ema.core.errors import InputError, unknown
 from ema.core.mac import mac
 from ema.io.uff.shape_sets import DIRECTIONS
@@ -27,7 +28,6 @@ from pipelines.compare.shape_source import (
     read_source,
 )
 from pipelines.results.store import load
-from pipelines.storage.rounding import DASH, number, signed, value_with_std
 from pipelines.storage.tables import write_csv
 
 #: MAC from which shapes are called the same (customary limit), or similar.

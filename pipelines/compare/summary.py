@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from ema.core.display import DASH, chance_text, number, plain, signed, value_with_std
 from model.identifiability import GIVEN
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.compare.compare import Comparison
@@ -20,7 +21,6 @@ from pipelines.compare.significance import (
     Verdict,
 )
 from pipelines.results.result import Result
-from pipelines.storage.rounding import DASH, chance_text, number, plain, signed, value_with_std
 
 CAUTION = (
     "Significant means: more than the noise of both recordings explains. Pressure as set, "

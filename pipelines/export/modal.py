@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.io import savemat
 
+from ema.core.display import jsonable
 from ema.core.errors import escaped, unknown
 from ema.core.modes import Mode
 from ema.io.uff import write as uff
@@ -26,7 +27,6 @@ from pipelines.results.store import load
 from pipelines.storage.atomic import file_written_whole, require_free_file
 from pipelines.storage.checksums import write_marker
 from pipelines.storage.result_folder import written_whole
-from pipelines.storage.rounding import jsonable
 from pipelines.storage.tables import write_csv
 
 FRF_CHOICES = (BOTH, MEASURED, SYNTHESISED, NONE)

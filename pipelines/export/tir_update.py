@@ -15,8 +15,7 @@ from model.foundation import foundation_from_belt_modes
 from model.identifiability import NOT_IDENTIFIED
 from model.tuning_problem import BENDING, TYPICAL
 from pipelines.export.belt import BeltValue, belt_values, require_belt_width
-from pipelines.export.tir_file import TirFile
-from pipelines.export.tir_units import TirUnits, clear_si_value, positive_si_value, units_of
+from pipelines.export.tir_file import TirFile, TirUnits, clear_si_value, positive_si_value, units_of
 from pipelines.results.options import DEFAULT_LOAD
 from pipelines.results.parameter_set import Parameter, ParameterSet
 from pipelines.results.provenance import software_version

@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 
+from ema.core.display import jsonable
 from ema.core.errors import escaped, unknown
 from pipelines.export.belt import write_modal_targets
 from pipelines.library.history import history_of
@@ -27,7 +28,6 @@ from pipelines.results.parameter_set import (
 from pipelines.storage import tables
 from pipelines.storage.atomic import file_written_whole, require_free_file
 from pipelines.storage.checksums import DamagedFile
-from pipelines.storage.rounding import jsonable
 
 COLUMNS = ["section", "name", "value", "std", "how"]
 

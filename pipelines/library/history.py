@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import isnan
 from typing import Any
 
+from ema.core.display import signed
 from model.identifiability import IDENTIFIED
 from pipelines.compare.significance import ParameterChange, parameter_changes
 from pipelines.library.library import NamedSet
@@ -20,7 +21,6 @@ from pipelines.library.version import (
 )
 from pipelines.results.parameter_set import ParameterSet
 from pipelines.storage.checksums import DamagedFile
-from pipelines.storage.rounding import signed
 
 
 @dataclass(frozen=True)

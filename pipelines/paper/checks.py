@@ -32,7 +32,7 @@ from pipelines.paper.parts import (
 from pipelines.plots.chart import Chart
 from pipelines.plots.ring import sensitivity_chart
 from pipelines.plots.simulated import hub_plot
-from pipelines.report.blocks import Paragraph
+from pipelines.report.page import Paragraph
 
 #: Radius 0.25 m, thickness 5 mm, E = 210 GPa, 7850 kg/m³, free, without pressure.
 STEEL_RING = RingParameters(0.25, 7850 * 5e-3, 0.0, 0.0, 210e9 * 5e-3, 210e9 * 5e-3**3 / 12, 0.0)

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.display import plain
 from model import (
     DampingResult,
     RingParameters,
@@ -45,10 +46,9 @@ from pipelines.plots.modes import fitted_curves, frf_plot, matrix_chart
 from pipelines.plots.plot import Margins, Plot
 from pipelines.plots.ring import scatter_chart
 from pipelines.process.validate import ring_orders
-from pipelines.report.blocks import Paragraph
+from pipelines.report.page import Paragraph
 from pipelines.results.labels import place_name
 from pipelines.results.result import Result
-from pipelines.storage.rounding import plain
 
 ORIGIN = (
     "The recordings behind the paper are not published. They are replaced by the sample "

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.display import signed
 from model import WavePair, bifurcation, natural_frequencies_hz, wave_pair
 from model.reference import TABLE_4_RING
 from model.waves import WaveFrame
@@ -24,8 +25,7 @@ from pipelines.plots.chart import Chart
 from pipelines.plots.measurement import on_circle
 from pipelines.plots.plot import FAINT, FITTED, MEASURED, RING, Curve, Margins, Note, Panel, Plot
 from pipelines.plots.simulated import waves_over_speed, waves_plot
-from pipelines.report.blocks import Paragraph
-from pipelines.storage.rounding import signed
+from pipelines.report.page import Paragraph
 
 #: Figure, speed and reference system of each sequence.
 SEQUENCES: tuple[tuple[int, float, WaveFrame], ...] = (

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ema.core.display import signed
 from model.identifiability import Correlation, Sensitivity
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.library.series import UNITS_PA, Series, Trend
@@ -16,7 +17,6 @@ from pipelines.plots import plot as go
 from pipelines.plots.chart import Chart
 from pipelines.plots.modes import matrix_chart
 from pipelines.results.result import Validation
-from pipelines.storage.rounding import signed
 
 TOLERANCE_PERCENT = 1.0
 TOLERANCE = f"±{TOLERANCE_PERCENT:g} %"

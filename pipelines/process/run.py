@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import ema
-from ema.checks.drive_point import drive_point_finding
 from ema.checks.quality import (
     averages_finding,
     check_reference,
@@ -18,6 +17,7 @@ from ema.checks.quality import (
     period_finding,
     reference_finding,
 )
+from ema.checks.ring_shapes import drive_point_finding
 from ema.circumference.mass_loading import (
     live_mass_note,
     loading_note,

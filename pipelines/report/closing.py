@@ -10,8 +10,8 @@ import numpy as np
 
 from ema.core.finding import Verdict
 from pipelines.plots.measurement import reference_verdict
-from pipelines.report.blocks import Facts, Listing, Paragraph, Section, Table
 from pipelines.report.measurement import flatten
+from pipelines.report.page import Facts, Listing, Paragraph, Section, Table
 from pipelines.results.result import Result
 
 _TEXTS = tomllib.loads(Path(__file__).with_name("definitions.toml").read_text(encoding="utf-8"))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ema.core.display import DASH
 from pipelines.compare import shape_comparison as shapes
 from pipelines.compare import summary as tables
 from pipelines.compare.compare import Comparison
@@ -16,12 +17,10 @@ from pipelines.compare.summary import CAUTION, METHOD, findings
 from pipelines.plots.chart import Chart
 from pipelines.plots.comparison import change_chart, cross_mac_chart, frf_charts
 from pipelines.plots.modes import matrix_chart
-from pipelines.report.blocks import Block, Facts, Listing, Paragraph, Section, Table
 from pipelines.report.closing import DEFINITIONS, input_files
-from pipelines.report.page import render_page
+from pipelines.report.page import Block, Facts, Listing, Paragraph, Section, Table, render_page
 from pipelines.results.labels import short
 from pipelines.storage.atomic import file_written_whole, require_free_file
-from pipelines.storage.rounding import DASH
 
 SHOWN_ANGLES_DEG = (0.0, 100.0)  # at the force, and where the literature on this test shows FRFs
 WORDS = ("Inertance", "Pole, frequency, damping ratio", "Order n", "MAC, AutoMAC", "±")

@@ -6,16 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from ema.core.display import counted
+from ema.core.display import DASH, counted, number, value_with_std
 from ema.core.mac import auto_mac
 from ema.core.modes import ModalModel, Mode
 from pipelines.plots.chart import Chart, packed
 from pipelines.plots.modes import matrix_chart, shapes_plot, stability_chart
-from pipelines.report.blocks import Animation, Beside, Block, Paragraph, Section, Table
 from pipelines.report.closing import listed
+from pipelines.report.page import Animation, Beside, Block, Paragraph, Section, Table
 from pipelines.results.labels import each_once, mode_name, row_names
 from pipelines.results.result import Result
-from pipelines.storage.rounding import DASH, number, value_with_std
 
 NO_MODE = "No mode was found in the band."
 ON_CIRCLE = (

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.checks.quality import ReferenceCheck
+from ema.core.display import DASH, number, plain, signed, value_with_std
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
 from pipelines.plots import measurement as plots
 from pipelines.plots.chart import Chart
-from pipelines.report.blocks import Beside, Block, Facts, Paragraph, Section, Table
+from pipelines.report.page import Beside, Block, Facts, Paragraph, Section, Table
 from pipelines.results.labels import KNOWN, in_band, named
 from pipelines.results.result import Result
-from pipelines.storage.rounding import DASH, number, plain, signed, value_with_std
 
 FINDING_HEAD = ("run", "channel", "position", "check", "detail")
 MOST_NAMED_RUNS = 12

@@ -17,8 +17,8 @@ from ema.core.modes import ModalModel
 from model.forced import ForcedRing, inertance
 from pipelines.plots.chart import Chart, packed
 from pipelines.plots.modes import fitted_curves, frac_chart, frf_plot, position_names, shown_band_hz
-from pipelines.report.blocks import Block, Chooser, Paragraph, Section
 from pipelines.report.identification import NO_MODE
+from pipelines.report.page import Block, Chooser, Paragraph, Section
 from pipelines.results.labels import in_band, place_name, short
 from pipelines.results.result import Result
 

@@ -1,31 +1,43 @@
-"""Sections on the ring model: validation and parameters."""
+"""The ring model: validation and parameters, and a series of them over inflation pressure."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.display import DASH, number, plain, signed, value_with_std
 from model.identifiability import AT_BOUND, GIVEN, NOT_IDENTIFIED
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from model.ring import natural_frequencies_hz
 from model.tuning import TuningResult
+from pipelines.library.series import UNITS_PA, Series, Trend
 from pipelines.plots import ring as plots
 from pipelines.plots.chart import Chart
+from pipelines.plots.draw import draw_plot
 from pipelines.plots.modes import matrix_chart
+from pipelines.plots.style import data_uri, png, write_figure
 from pipelines.process.validate import ring_orders
-from pipelines.report.blocks import Beside, Block, Paragraph, Section, Table
 from pipelines.report.closing import listed, remaining_notes
+from pipelines.report.page import Beside, Block, Paragraph, Picture, Section, Table, render_page
 from pipelines.results.result import Result, Validation
-from pipelines.storage.rounding import DASH, number, plain, signed, value_with_std
+from pipelines.storage.atomic import file_written_whole
 
 HEAD = ("parameter", "symbol", "value", "unit", "how obtained")
 HOW_OBTAINED = (
     "± is one standard deviation. Not identified: the measured frequencies do not determine the "
     "parameter, its value is an assumption. At bound: the search ended on a limit, the value is "
     "not an optimum. All stiffnesses, masses and damping values are per unit of belt width."
+)
+ENDINGS = (".png", ".svg", ".html")
+_EXPLANATION = (
+    "Points are versions with their standard deviation, the line is fitted with weights 1/σ², the "
+    "band is its ± σ. Scatter / σ above 1: the points deviate from the line by more than "
+    "their σ; the line's ± is raised by it."
 )
 
 
@@ -152,3 +164,52 @@ def _influence(tuning: TuningResult) -> Beside:
     if len(found.parameters) >= 2 and np.isfinite(found.values).all():
         charts.append(plots.correlation_chart(found, symbols))
     return Beside(tuple(charts))
+
+
+def write_series(path: Path, series: Series, unit: str) -> None:
+    """Write a series as PNG, SVG or HTML, by the ending of `path`; written atomically."""
+    figure = draw_plot(plots.pressure_plot(series, unit))
+    if path.suffix.lower() != ".html":
+        write_figure(path, figure)
+        return
+    page = _page(series, unit, data_uri(png(figure)))
+    with file_written_whole(path) as partial:
+        partial.write_text(page, encoding="utf-8", newline="\n")
+
+
+def trend_row(trend: Trend, unit: str) -> tuple[str, ...]:
+    """Parameter, its value at the mean pressure, that pressure, slope, points and versions."""
+    line, per_unit = trend.line, UNITS_PA[unit]
+    return (
+        trend.name,
+        value_with_std(line.value, line.value_std),
+        number(line.centre / per_unit, 4),
+        value_with_std(line.slope * per_unit, line.slope_std * per_unit),
+        f"{line.scatter:.2f}" if isfinite(line.scatter) else DASH,
+        ", ".join(map(str, trend.version)),
+    )
+
+
+def headings(unit: str) -> tuple[str, ...]:
+    """Headings over the cells of `trend_row`."""
+    return (
+        "parameter",
+        "value (SI)",
+        f"at / {unit}",
+        f"slope per {unit}",
+        "scatter / σ",
+        "versions",
+    )
+
+
+def _page(series: Series, unit: str, picture: str) -> str:
+    rows = tuple(trend_row(trend, unit) for trend in series.trends)
+    about = f"Ring parameters of {series.tyre} over inflation pressure"
+    blocks: tuple[Block, ...] = (
+        Paragraph(_EXPLANATION),
+        Picture(picture, about, "Parameters over inflation pressure", wide=True),
+        Table("Values and slopes", headings(unit), rows, (0, 5)),
+        *listed(series.notes),
+    )
+    sections = (Section("series", "Straight lines over pressure", blocks),)
+    return render_page("Pressure series", series.tyre, sections)

@@ -16,8 +16,17 @@ from typing import Any
 from ema.core.errors import InputError, visible
 from pipelines.plots.chart import Chart, Drawn
 from pipelines.report import closing, identification, measurement, responses, ring
-from pipelines.report.blocks import Alone, Beside, Block, Paragraph, Picture, Section, Table
-from pipelines.report.page import drawings, render_page
+from pipelines.report.page import (
+    Alone,
+    Beside,
+    Block,
+    Paragraph,
+    Picture,
+    Section,
+    Table,
+    drawings,
+    render_page,
+)
 from pipelines.results.labels import short
 from pipelines.results.result import Result
 from pipelines.storage.atomic import file_written_whole, not_written, require_free_file

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import isotonic_regression
 
+from ema.core.display import signed
 from ema.core.errors import visible_line
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode
 from ema.poles.stability import StabilityDiagram
-from pipelines.storage.rounding import signed
 
 # Keys of [tyre] in the order of a test report.
 KNOWN = (

@@ -18,7 +18,7 @@ from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
 from ema.core.modes import COMMON_NAMES, ModalModel, modes_html
 from ema.identify import SensorMass
-from ema.poles.cross_check import Opinion
+from ema.poles.selection import Opinion
 from ema.poles.stability import StabilityDiagram
 from model.damping import DampingResult
 from model.tuning import TuningResult

@@ -17,7 +17,7 @@ from ema.core.errors import InputError
 from ema.core.files import require_regular
 from ema.core.finding import Finding
 from ema.core.modes import Flag, OrderReport, Pair
-from ema.poles.cross_check import Opinion
+from ema.poles.selection import Opinion
 from pipelines.results.result import OtherMode
 from pipelines.storage.tables import LARGEST
 

@@ -18,8 +18,16 @@ from ema.core.settings import CheckSettings, IdentificationSettings, settings_fr
 from ema.io.campaign import agreement
 from ema.io.campaign.calibration import calibrated, check_keys
 from ema.io.campaign.manifest import MANIFEST_NAME, USE_SLASHES, Manifest, read_manifest, resolve
-from ema.io.campaign.reciprocity import ROVING, exchanged, exchanged_frfs
-from ema.io.campaign.roles import Grid, Wanted, assign, by_direction, ring_runs
+from ema.io.campaign.roles import (
+    ROVING,
+    Grid,
+    Wanted,
+    assign,
+    by_direction,
+    exchanged,
+    exchanged_frfs,
+    ring_runs,
+)
 from ema.io.content import FileContent, unreadable
 from ema.io.formats import exists, is_folder, is_recording, read_file
 from ema.io.rates import SAME_RATE

@@ -1,4 +1,7 @@
-"""Roles and directions of channels: force, reference and responses, and the sensor positions."""
+"""Roles and directions of channels: force, reference and responses, and the sensor positions.
+
+Where the force roves and the sensor stays, their places are exchanged by reciprocity.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +17,13 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import ACCELERATION, FORCE, UNKNOWN, VOLTAGE, Channel, Recording
 from ema.core.units import SI_UNIT, is_stated
 from ema.io.campaign.manifest import MANIFEST_NAME
-from ema.io.content import remark
+from ema.io.content import FileContent, remark
 
 _INIT = "Write a manifest that names it; `ringmodal init FOLDER` writes a template"
 _ON_GRID = 1e-3  # of a grid step
 _SHOWN = 6  # angles in a message
+_DETAIL = "one sensor, roving force: by reciprocity, the places of the force are used as positions"
+ROVING = Finding("", "", None, Check.RECIPROCITY, Verdict.OK, _DETAIL)
 
 
 @dataclass(frozen=True)
@@ -346,3 +351,54 @@ class Grid:
                 detail += f"; all angles are on {positions}: positions = {positions}?"
                 break
         return [Finding("", "", None, Check.GRID, Verdict.WARNING, detail)]
+
+
+def exchanged(runs: Sequence[Run], forces: Sequence[Response]) -> tuple[list[Run], Response] | None:
+    """Runs with the place of the force as that of their sensor, and the place of the sensor.
+
+    `forces` are the forces of the runs and their places. None unless these differ and the sensors
+    stay; then there has to be one sensor: H(sensor, force) = H(force, sensor).
+    """
+    places = [_place(force) for force in forces]
+    sensors = {tuple(map(_place, run.responses)) for run in runs}
+    if None in places or len(set(places)) < 2 or len(sensors) > 1:
+        return None
+    fixed = runs[0].responses
+    if len(fixed) > 1 or _place(fixed[0]) is None:
+        found = f"a force at {len(set(places))} places and {len(fixed)} sensors that stay"
+        rule = "where the force roves, one sensor takes its place by reciprocity"
+        example = "{ FORCE = degrees, SENSOR = degrees }"
+        remedy = f"Name one sensor in every run: positions_deg = {example}"
+        raise ManifestError(f"{MANIFEST_NAME}, runs", found, rule, remedy)
+    moved = [
+        replace(
+            run,
+            responses=(
+                replace(run.responses[0], node=force.node, position_deg=force.position_deg),
+            ),
+            reference=None,
+        )
+        for run, force in zip(runs, forces, strict=True)
+    ]
+    return moved, fixed[0]
+
+
+def _place(response: Response) -> float | None:
+    """Angle or node; None where it is unknown (node 0 means no node)."""
+    return response.node or None if response.position_deg is None else response.position_deg
+
+
+def exchanged_frfs(files: Sequence[FileContent]) -> list[FileContent] | None:
+    """Files of FRFs, each of one force, with the nodes of the forces as those of the responses.
+
+    None unless the forces differ and the response stays.
+    """
+    responses = {int(node) for each in files if each.frf is not None for node in each.frf.node}
+    forces = {each.frf_force_node for each in files}
+    if len(responses) > 1 or len(forces) < 2 or None in forces:
+        return None
+    return [
+        replace(each, frf=replace(each.frf, node=each.frf.node * 0 + each.frf_force_node))
+        for each in files
+        if each.frf is not None and each.frf_force_node is not None
+    ]

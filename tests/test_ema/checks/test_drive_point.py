@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ema.checks.drive_point import drive_point_finding
+from ema.checks.ring_shapes import drive_point_finding
 from ema.core.modes import ModalModel, Mode, ResidualTerms
 
 POSITIONS_DEG = np.arange(0.0, 360.0, 5.0)

@@ -6,7 +6,7 @@ import systems
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ema.poles.lsce import (
+from ema.poles.estimators import (
     impulse_responses,
     normal_matrix,
     poles_of_order,

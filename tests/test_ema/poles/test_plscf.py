@@ -9,8 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ema.core.errors import InputError
-from ema.poles.lsce import impulse_responses, normal_matrix, poles_of_order
-from ema.poles.plscf import line_weight, reduced_normal_matrix
+from ema.poles.estimators import (
+    impulse_responses,
+    line_weight,
+    normal_matrix,
+    poles_of_order,
+    reduced_normal_matrix,
+)
 from ema.poles.selection import select_poles
 from ema.poles.stability import build_stability
 

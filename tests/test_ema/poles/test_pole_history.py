@@ -5,7 +5,7 @@ import pytest
 import systems
 
 from ema.core.mac import mac
-from ema.poles.lsce import impulse_responses, normal_matrix
+from ema.poles.estimators import impulse_responses, normal_matrix
 from ema.poles.tracking import pole_history
 
 LINES_HZ = np.arange(80, 560) / 2

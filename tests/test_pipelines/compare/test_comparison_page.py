@@ -10,6 +10,7 @@ import pytest
 from results import structure_result, tyre_result
 
 from ema.core.campaign import Tyre
+from ema.core.display import jsonable
 from ema.core.errors import InputError
 from pipelines.compare.compare import compare
 from pipelines.compare.significance import Difference, Scatter, jointly_tested
@@ -28,7 +29,6 @@ from pipelines.compare.summary import (
 )
 from pipelines.plots.chart import Chart
 from pipelines.report.comparison import comparison_sections, render_comparison, write_comparison
-from pipelines.storage.rounding import jsonable
 
 HOSTILE = '<script>alert("x")</script>' + "long" * 2500
 

@@ -5,8 +5,7 @@ import math
 import pytest
 
 from ema.core.errors import InputError
-from pipelines.export.tir_file import tir_of
-from pipelines.export.tir_units import positive_si_value, si_value, units_of
+from pipelines.export.tir_file import positive_si_value, si_value, tir_of, units_of
 
 
 def file(units="", rest=""):

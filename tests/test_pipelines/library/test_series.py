@@ -9,7 +9,7 @@ from pipelines.library.library import TyreLibrary
 from pipelines.library.series import fit_line, pressure_series
 from pipelines.plots.draw import draw_plot
 from pipelines.plots.ring import pressure_plot
-from pipelines.report.pressure_series import write_series
+from pipelines.report.ring import write_series
 
 PRESSURES_PA = (1.8e5, 2.2e5, 2.6e5)
 

@@ -19,7 +19,7 @@ from pipelines.batch import summary as charts_batch
 from pipelines.batch.state import DONE, FAILED, Fingerprint, Record
 from pipelines.plots import measurement, modes, ring
 from pipelines.plots.chart import Chart
-from pipelines.report.blocks import Beside, Paragraph, Table
+from pipelines.report.page import Beside, Paragraph, Table
 from pipelines.report.write import report_sections
 from pipelines.results.tables import MODES
 

@@ -8,7 +8,7 @@ from browser import contrast, luminance
 
 from pipelines.plots.chart import Chart
 from pipelines.plots.plot import FITTED, MEASURED, Axis, Curve, Map, Panel, Plot
-from pipelines.report.blocks import Paragraph, Section
+from pipelines.report.page import Paragraph, Section
 from pipelines.report.write import render_page
 
 DRAWN = """

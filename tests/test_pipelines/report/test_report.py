@@ -22,6 +22,7 @@ from results import structure_result, tyre_result
 from systems import common_drift
 
 from ema.core.campaign import Tyre
+from ema.core.display import value_with_std
 from ema.core.drift import NO_DRIFT
 from ema.core.errors import visible
 from ema.core.finding import Check, Finding, Verdict
@@ -32,13 +33,20 @@ from pipelines.plots.measurement import setup_chart
 from pipelines.plots.plot import Curve
 from pipelines.report import measurement
 from pipelines.report import write as report
-from pipelines.report.blocks import Facts, Paragraph, Section, Table
 from pipelines.report.measurement import identity
-from pipelines.report.page import as_json, breakable, drawings, render_page
+from pipelines.report.page import (
+    Facts,
+    Paragraph,
+    Section,
+    Table,
+    as_json,
+    breakable,
+    drawings,
+    render_page,
+)
 from pipelines.report.responses import shown_rows
 from pipelines.report.write import render_report, report_sections, write_report
 from pipelines.results.labels import named
-from pipelines.storage.rounding import value_with_std
 
 HOSTILE = "<script>alert('x')</script>\"&{{ 7 * 7 }}"
 

@@ -21,7 +21,6 @@ import model.display
 from ema.core.campaign import Campaign, Tyre
 from ema.core.finding import Finding
 from pipelines.report.write import render_report
-from pipelines.storage import rounding as numbers
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 ROOT = Path(__file__).parents[3]
@@ -64,7 +63,7 @@ def result():
 )
 def test_numbers_are_rounded_as_in_the_report(value, std):
     written = {show.value_with_std(value, std) for show in (ema.core.display, model.display)}
-    assert written == {numbers.value_with_std(value, std)}
+    assert written == {ema.core.display.value_with_std(value, std)}
 
 
 def test_a_result_shows_modes_ring_and_warnings(result):
@@ -73,7 +72,7 @@ def test_a_result_shows_modes_ring_and_warnings(result):
     assert "k_θ" in texts
     assert "N/m³" in texts
     mode = result.modal_model.modes[0]
-    assert numbers.value_with_std(mode.frequency_hz, mode.frequency_std_hz) in texts
+    assert ema.core.display.value_with_std(mode.frequency_hz, mode.frequency_std_hz) in texts
     assert next(f.detail for f in result.findings if f.verdict != "ok") in texts
     assert result.notes[0] in texts
 

@@ -429,7 +429,7 @@ file = "a.uff"
     ("line", "says"),
     [
         ('inflation_pressure = "2.4 barg"', "Pa, hPa, kPa, MPa, bar"),
-        ('inflation_pressure = 2.4\n', "inflation_pressure_pa for SI"),
+        ("inflation_pressure = 2.4\n", "inflation_pressure_pa for SI"),
         ('inflation_pressure = "2 bar"\ninflation_pressure_pa = 2e5', "the same"),
     ],
 )

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipelines.storage.rounding import number, plain, signed, value_with_std
+from ema.core.display import number, plain, signed, value_with_std
 
 
 @pytest.mark.parametrize(
