@@ -266,11 +266,9 @@ def _agreeing(poles: np.ndarray, others: np.ndarray) -> np.ndarray:
 HEADER = (
     "| effect | missed | invented (doubted) | mislabelled | healthy channels touched "
     "| faulty named | warnings "
-    "| frequency error, %: worst, median | damping error, %: worst, median "
-    "| 95 % cover: f, ζ | largest error/σ "
-    "| toolbox frequency: worst, median | toolbox damping: worst, median | s |\n"
-    + "|---" * 14
-    + "|"
+    "| frequency error, %: worst, median | toolbox | damping error, %: worst, median | toolbox "
+    "| other rows: frequency, damping | 95 % cover: f, ζ "
+    "| largest error/σ: main, other rows | s |\n" + "|---" * 15 + "|"
 )
 
 
@@ -278,7 +276,8 @@ def table_row(name: str, results: list[Result]) -> str:
     """One effect over its seeds."""
     matches = [match for result in results for match in result.ours.matches]
     invented = [row for result in results for row in result.ours.invented]
-    toolbox = [match for result in results for match in result.toolbox.matches]
+    main = [match for match in matches if match.is_main]
+    other = [match for match in matches if not match.is_main]
     z = np.abs([match.z for match in matches]).reshape(-1, 2)
     refused = sum(bool(result.error) for result in results)
     cells = [
@@ -289,25 +288,56 @@ def table_row(name: str, results: list[Result]) -> str:
         str(sum(result.touched for result in results)),
         f"{sum(result.named for result in results)} of {sum(result.faulty for result in results)}",
         str(sum(result.warnings for result in results)),
-        *_errors(matches),
+        *compared_errors(results),
+        ", ".join(_worst(_errors(other))),
         ", ".join(f"{np.mean(part[np.isfinite(part)] < 1.96):.0%}" for part in z.T)
         if len(z)
         else "–",
-        f"{np.nanmax(z):.1f}" if len(z) else "–",
-        *_errors(toolbox),
+        f"{_largest_z(main)}, {_largest_z(other)}",
         f"{np.mean([result.seconds for result in results]):.1f}",
     ]
     return "| " + " | ".join(cells) + " |"
 
 
-def _errors(matches: list[Match]) -> list[str]:
-    errors = np.abs([match.errors_percent for match in matches]).reshape(-1, 2)
-    if not len(errors):
-        return ["–", "–"]
-    return [
-        f"{np.nanmax(part):.{digits}f}, {np.nanmedian(part):.{digits}f}"
-        for part, digits in zip(errors.T, (3, 2), strict=True)
-    ]
+def compared_errors(results: list[Result]) -> list[str]:
+    """Worst and median errors of frequency and damping, ours and the toolbox's of the same modes.
+
+    The toolbox lists one mode for each order; where it has none, or none with one damping, the
+    order is not compared. Without the toolbox all orders count.
+    """
+    ours, theirs = [], []
+    for result in results:
+        picked = {match.target.order: match for match in result.toolbox.matches}
+        for match in (match for match in result.ours.matches if match.is_main):
+            peer = picked.get(match.target.order)
+            if peer is not None or not picked:
+                ours.append(match.errors_percent)
+                theirs.append(peer.errors_percent if peer else (np.nan, np.nan))
+    mine, peers = np.abs(ours).reshape(-1, 2), np.abs(theirs).reshape(-1, 2)
+    if np.isfinite(peers).any():
+        mine[np.isnan(peers)] = np.nan
+    cells = []
+    for part, digits in enumerate((3, 2)):
+        for errors in (mine[:, part], peers[:, part]):
+            known = errors[np.isfinite(errors)]
+            text = f"{known.max():.{digits}f}, {np.median(known):.{digits}f}" if known.size else "–"
+            cells.append(text)
+    return cells
+
+
+def _errors(matches: list[Match]) -> np.ndarray:
+    return np.abs([match.errors_percent for match in matches]).reshape(-1, 2)
+
+
+def _worst(errors: np.ndarray) -> list[str]:
+    if not np.isfinite(errors).any():
+        return ["–"]
+    return [f"{np.nanmax(part):.{digits}f}" for part, digits in zip(errors.T, (3, 2), strict=True)]
+
+
+def _largest_z(matches: list[Match]) -> str:
+    z = np.abs([match.z for match in matches])
+    return f"{np.nanmax(z):.1f}" if np.isfinite(z).any() else "–"
 
 
 def complaints(found: Score) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -53,6 +53,7 @@ class Match:
 
     target: Target
     row: Row
+    is_main: bool = False  # the strongest mode of its order
 
     @property
     def errors_percent(self) -> tuple[float, float]:
@@ -127,6 +128,11 @@ class Order:
         """The one mode that a method with one mode per order finds."""
         if not self.is_one and self.split < RESOLVABLE_SPLIT:
             return self.merged
+        return self.strongest
+
+    @property
+    def strongest(self) -> Target:
+        """The member that is driven most."""
         return self.each[int(np.argmax([mode.strength for mode in self.members]))]
 
     @property
@@ -170,7 +176,7 @@ def score(
         else:
             wanted = [one.main] if len(inside) < 2 else one.each
         found = _assigned(wanted, [row for row in inside if not _is_other(row, one, others)])
-        matches += found
+        matches += [replace(m, is_main=m.target in (one.main, one.strongest)) for m in found]
         names = {match.target.name for match in found}
         missed += [t for t in one.needed if not found or (t in wanted and t.name not in names)]
         left = [row for row in left if row not in [match.row for match in found]]
