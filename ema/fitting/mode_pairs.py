@@ -20,9 +20,10 @@ from ema.fitting.ring_pair import Known, PairFit, fit_pair
 from ema.fitting.variable_projection import Complex, Real
 from ema.signals.leakage import has_leakage, leakage_bias
 
-# The direction of the force is known to this many degrees of angle around the tyre (1 σ) …
+# The place of the force is known to this many degrees of angle around the tyre (1 σ); where the
+# orders respond along another one, more than three times that away, it is that one …
 _FORCE_STD_DEG = 0.5
-# … and not at all where the response of most orders points elsewhere by more than this, in rad.
+# … and not known at all where most orders point elsewhere by more than this, in rad.
 _ELSEWHERE_RAD, _UNKNOWN_RAD = 0.5, 0.3
 # Members that are known to no better than this share are not listed by themselves.
 _KNOWN_DAMPING = 0.008
@@ -197,7 +198,7 @@ class PairSearch:
             for order, found in self.orders
         }
         on_curve = {order: self.directions[found[0]] for order, found in self.main}
-        self.is_force_known = _points_there(on_curve, frf.excitation_deg)
+        self.force_deg = _force_deg(on_curve, frf.excitation_deg)
 
     def orders_found(self) -> tuple[RingOrder, ...]:
         """All orders, those that show two poles with leakage and states of two."""
@@ -220,8 +221,8 @@ class PairSearch:
         beside = _beside(middle.poles, found)
         own = self.left + change + _synthesis(middle, [*found, *beside], residual_terms=False)
         force_rad, spread = self.directions[found[0]], _UNKNOWN_RAD
-        if self.is_force_known and found[0] not in self.aliases:
-            force_rad, spread = self.frf.excitation_deg * radians, _FORCE_STD_DEG * radians
+        if self.force_deg is not None and found[0] not in self.aliases:
+            force_rad, spread = self.force_deg * radians, _FORCE_STD_DEG * radians
         seen = self.decomposition.order(order, self.lines, own).seen_from(force_rad)
         poles = tuple(middle.poles[beside].tolist())
         known = Known(spread, self.correlation, self.settings, poles, near)
@@ -360,15 +361,23 @@ def _direction(amplitude: Complex) -> float:
     return float(np.mod(np.arctan2(turned[1].real, turned[0].real), np.pi))
 
 
-def _points_there(directions: dict[int, float], excitation_deg: float) -> bool:
-    """Whether most orders respond along the force: both members together always do."""
-    if not np.isfinite(excitation_deg):
-        return False
-    away = [
-        abs(np.mod(angle - order * np.deg2rad(excitation_deg) + np.pi / 2, np.pi) - np.pi / 2)
-        for order, angle in directions.items()
-    ]
-    return bool(np.median(away) < _ELSEWHERE_RAD) if away else False
+def _force_deg(directions: dict[int, float], excitation_deg: float) -> float | None:
+    """Where the force acts: both members of an order together respond along it.
+
+    The stated angle, or the one that the orders agree on; None where they agree on none.
+    """
+    if not (np.isfinite(excitation_deg) and directions):
+        return None
+    orders, angles = np.array(list(directions)), np.array(list(directions.values()))
+
+    def away_rad(angle_deg: float) -> Real:
+        turned = angles - orders * np.deg2rad(angle_deg)
+        return np.asarray(np.mod(turned + np.pi / 2, np.pi) - np.pi / 2)
+
+    off_deg = float(np.rad2deg(np.median(away_rad(excitation_deg) / orders)))
+    found_deg = excitation_deg + (off_deg if abs(off_deg) > 3 * _FORCE_STD_DEG else 0.0)
+    known = np.median(np.abs(away_rad(found_deg))) < _ELSEWHERE_RAD
+    return found_deg if known else None
 
 
 def _turn(angle_rad: float) -> Real:

@@ -1,5 +1,7 @@
 """Split tyres through the whole identification: pairs resolved, or said not to be."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import systems
@@ -22,6 +24,17 @@ def split(request):
 
 def test_both_members_of_every_driven_pair_hold_their_bounds(split):
     systems.assert_modes(split, systems.of_orders(SPLIT), frequency=5e-4, damping=0.02)
+
+
+def test_a_force_5_degrees_from_its_stated_place_moves_no_order():
+    truth = truth_modes(split_percent=0.4)
+    frf = systems.campaign_frf(truth, 50)
+    model = identify_modes(replace(frf, excitation_deg=frf.excitation_deg + 5)).model
+    for order in (4, 5):
+        expected = np.mean([mode.frequency_hz for mode in systems.of_orders(truth, (order,))])
+        assert [mode.frequency_hz for mode in own(model, [order])] == pytest.approx(
+            [expected], rel=2e-4
+        )
 
 
 def test_members_have_their_letters_and_the_verdict(split):
