@@ -139,7 +139,9 @@ def _plans(
             return steady, whole, ()
         found = whole, ()
     plans, remarks = found
-    return False, plans, (*remarks, *window_findings(runs, plans, processing.exponential_window))
+    hits = all(event.pulses for each in events.values() for event in each)
+    windows = window_findings(runs, plans, processing.exponential_window, hits=hits)
+    return False, plans, (*remarks, *windows)
 
 
 def _common_plan(runs: Sequence[Run], processing: Processing, *, steady: bool) -> BlockPlan:

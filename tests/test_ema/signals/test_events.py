@@ -188,3 +188,22 @@ def test_a_declared_window_has_to_be_in_the_noise(n, applied_s, named):
     run = recordings.edited(run, through_a_window(applied_s, n), sensors)
     frf = estimate_frf(campaign_of(run, exponential_window_s=0.3))
     assert [each.check for each in frf.findings] == [Check.WINDOW] * named
+
+
+@pytest.mark.parametrize(("applied_s", "named"), [(0.3, True), (1.5, True), (1e9, False)])
+def test_a_window_that_was_not_declared_shows_in_the_noise(applied_s, named):
+    run = recordings.run(hits(), recordings.answers(hits(), 2, 0.02))
+    sensors = [f"A{k:02d}" for k in range(1, 5)] + ["REF"]
+    run = recordings.edited(run, through_a_window(applied_s), sensors)
+    found = estimate_frf(campaign_of(run)).findings
+    assert [each.check for each in found] == [Check.WINDOW] * named
+    if named:
+        stated = float(found[0].detail.rpartition("= ")[2])
+        assert stated == pytest.approx(applied_s, rel=0.15)
+
+
+def test_a_structure_that_still_rings_shows_no_window():
+    force = hits()
+    ringing = recordings.answers(force, 2, 1e-4)
+    found = estimate_frf(campaign_of(recordings.run(force, ringing))).findings
+    assert Check.WINDOW not in [each.check for each in found]
