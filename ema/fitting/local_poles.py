@@ -19,7 +19,8 @@ from ema.fitting.variable_projection import Complex, Real
 
 # Further rounds change nothing.
 _ROUNDS = 2
-# First order holds for changes up to this many half-widths.
+# First order holds for changes up to this many half-widths, and this share of the frequency:
+# beyond it, a pole damped critically would change to the other half-plane.
 _FIRST_ORDER = 0.5
 # Scatter that noise explains once in twenty is no more than noise.
 _CHANCE = 0.05
@@ -51,7 +52,7 @@ def at_mean_of_positions(fit: PoleFit) -> PoleFit:
     """The fit at the mean poles of all positions."""
     for _ in range(_ROUNDS if len(fit.residues) > 1 else 0):
         step = _own_poles(fit, 1.0).mean
-        step[np.abs(step) > _FIRST_ORDER * -fit.poles.real] = 0
+        step[np.abs(step) > _FIRST_ORDER * np.minimum(-fit.poles.real, fit.poles.imag)] = 0
         again = evaluate(fit.lines, fit.poles + step, fit.drift, fit.pairs)
         fit = replace(again, at_bound=fit.at_bound)
     return fit

@@ -55,3 +55,12 @@ def test_one_position_has_no_mean():
     fit = fit_at(POLES * 1.001, np.ones(1), np.ones((1, 3)))
     np.testing.assert_array_equal(at_mean_of_positions(fit).poles, fit.poles)
     np.testing.assert_array_equal(std_over_positions(fit, 1.0), 0)
+
+
+@pytest.mark.parametrize("frequency_hz", [1.0, 40.0])
+def test_a_pole_that_hardly_swings_stays_in_its_half_plane(frequency_hz):
+    """Its half-width is larger than its frequency: a step of half of it would be too far."""
+    slow = 2 * np.pi * frequency_hz * (-6 + 0.3j)
+    states = 1 + 0.01 * np.sin(np.arange(12))
+    fit = at_mean_of_positions(fit_at(np.append(POLES, slow), states))
+    assert np.all(fit.poles.imag > 0)
