@@ -19,7 +19,7 @@ from pipelines.export.tir_file import read_tir, save_tir
 from pipelines.export.tir_update import TirChange, TirUpdate, plan_update, ring_from_tir
 from pipelines.library.export import export
 from pipelines.library.library import resolve
-from pipelines.library.version import accepted_verdict
+from pipelines.results.set_basis import accepted_verdict
 from pipelines.storage.atomic import file_written_whole
 
 VALUES = "Values"
@@ -69,14 +69,15 @@ def update_tir(
     tir = read_tir(file)
     found = resolve(source, library, accept_changes=accept_changes)
     named = found.name if comment else ""
-    update = plan_update(tir, found.parameters, belt_width_m, add=add, comment=named)
+    shown = {"add": add, "comment": named, "accept_warnings": True}  # asked for before writing
+    update = plan_update(tir, found.parameters, belt_width_m, **shown)
     if not as_json:
         _show_update(update, found.name)
     show_verdict(found.parameters, doubts_only=as_json)
     written, backup = False, None
     if not dry_run and (update.changes or out is not None):
         accepted = accepts(found.parameters, "Write", given=accept_warnings, asks=not as_json)
-        accepted_verdict(found.name, found.parameters, accept_warnings=accepted)
+        accepted_verdict(found.name, found.parameters.basis, accept_warnings=accepted)
         if not yes:
             _require_consent(target, asks=not as_json)
         written, backup = True, save_tir(update.after, target)

@@ -19,7 +19,7 @@ from pipelines.export.tir_file import TirFile, TirUnits, clear_si_value, positiv
 from pipelines.results.options import DEFAULT_LOAD
 from pipelines.results.parameter_set import Parameter, ParameterSet
 from pipelines.results.provenance import software_version
-from pipelines.results.set_basis import Basis
+from pipelines.results.set_basis import Basis, accepted_verdict
 
 SECTIONS = {
     "INFLPRES": "OPERATING_CONDITIONS",
@@ -28,6 +28,7 @@ SECTIONS = {
 }
 _FEWEST_DIGITS, _MOST_DIGITS = 4, 6  # significant ones; between them the ± decides
 _PRESSURE_TOLERANCE = 0.01  # relative difference of INFLPRES and NOMPRES without a note
+_WINDUP_OVER_LONG = (0.75, 1.0)  # published sets have 0.86 to 0.88: note outside
 _BELT_RADIUS = (0.8, 1.0)  # belt radius over outer radius of a tyre: note outside
 _OUT_OF_PLANE = "out of plane; the ring moves in the plane of the wheel"
 _WHOLE_TYRE = "of the complete tyre; the ring describes the belt"
@@ -94,6 +95,7 @@ def plan_update(
     *,
     add: bool = False,
     comment: str = "",
+    accept_warnings: bool = False,
 ) -> TirUpdate:
     """Update the keys that a ring determines; no other line changes.
 
@@ -110,14 +112,18 @@ def plan_update(
     comment : str
         Name of the set, to be stated in a comment line at the end with date and verdict. Default:
         no such line.
+    accept_warnings : bool
+        Whether to accept a set whose verdict is not good.
 
     Raises
     ------
     InputError
-        For an unknown unit, a value that is not a number, or a key that is given twice.
+        For a set whose verdict is not good, unless that is accepted, an unknown unit, a value that
+        is not a number, or a key that is given twice.
     ParameterError
         If the values of the set do not describe a ring.
     """
+    accepted_verdict(parameters.designation, parameters.basis, accept_warnings=accept_warnings)
     units = units_of(tir)
     values, open_ones = belt_values(parameters, width_m)
     measured = _measured(parameters, values)
@@ -160,7 +166,22 @@ def plan_update(
     if comment and changes:
         after = after.with_comment(_origin(comment, parameters, changes))
     keys = tuple(unchanged), tuple(missing), open_ones, left_alone
-    return TirUpdate(tir, after, tuple(changes), *keys, tuple(_notes(after, units, changes)))
+    notes = *_torsion_note(values), *_notes(after, units, changes)
+    return TirUpdate(tir, after, tuple(changes), *keys, notes)
+
+
+def _torsion_note(values: Mapping[str, BeltValue]) -> list[str]:
+    """Doubt about a torsion that is far from that of published sets."""
+    if not {"FREQ_WINDUP", "FREQ_LONG"} <= set(values):
+        return []
+    ratio = values["FREQ_WINDUP"].value / values["FREQ_LONG"].value
+    least, most = _WINDUP_OVER_LONG
+    if least <= ratio <= most:
+        return []
+    return [
+        f"FREQ_WINDUP is {ratio:.2f} of FREQ_LONG; published sets have about 0.87. Where k_θ was "
+        "not measured with tangential sensors, check it."
+    ]
 
 
 def _measured(parameters: ParameterSet, ring: Mapping[str, BeltValue]) -> dict[str, BeltValue]:

@@ -21,6 +21,7 @@ from pipelines.results.parameter_set import (
     parameter_set_of,
 )
 from pipelines.results.provenance import software_version
+from pipelines.results.set_basis import accepted_verdict
 from pipelines.storage.checksums import KEY, DamagedFile, damaged, sealed, texts_of, unsealed
 
 SECTION = "version"
@@ -157,18 +158,6 @@ class Approval:
     created: str
     note: str = ""
     accepted: str = ""  # the verdict that was accepted, where it is not good
-
-
-def accepted_verdict(name: str, parameters: ParameterSet, *, accept_warnings: bool) -> str:
-    """The verdict on a set where it is not good; `InputError` unless that is accepted."""
-    verdict = parameters.basis.verdict
-    if verdict is None or verdict.is_good:
-        return ""
-    if not accept_warnings:
-        rule = "what leaves the laboratory needs a good verdict, or the word that it is accepted"
-        remedy = "Measure again, or use --accept-warnings; this is recorded"
-        raise InputError(name, f"verdict {verdict.text()}", rule, remedy)
-    return verdict.text()
 
 
 def record_approval(
@@ -310,8 +299,8 @@ class LibraryTyre:
         """
         version, approval = self.version(number), self.approval()
         if approval is None or approval.version != number:
-            own, allowed = version.parameters, {"accept_warnings": accept_warnings}
-            accepted = accepted_verdict(version.reference, own, **allowed)
+            basis = version.parameters.basis
+            accepted = accepted_verdict(version.reference, basis, accept_warnings=accept_warnings)
             record_approval(self.path, Event.APPROVE, version, author, note, accepted)
         return version
 

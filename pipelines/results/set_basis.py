@@ -79,6 +79,17 @@ class Basis:
         return {each.order: each for each in self.measured if each.order not in doubted}
 
 
+def accepted_verdict(name: str, basis: Basis, *, accept_warnings: bool) -> str:
+    """The verdict on a set where it is not good; `InputError` unless that is accepted."""
+    if basis.verdict is None or basis.verdict.is_good:
+        return ""
+    if not accept_warnings:
+        rule = "what leaves the laboratory needs a good verdict, or the word that it is accepted"
+        remedy = "Measure again, or accept it (--accept-warnings, accept_warnings=True)"
+        raise InputError(name, f"verdict {basis.verdict.text()}", rule, remedy)
+    return basis.verdict.text()
+
+
 def basis_records(basis: Basis) -> dict[str, dict[str, Any]]:
     """Sections of a TOML file."""
     records: dict[str, dict[str, Any]] = {}

@@ -235,8 +235,24 @@ def test_order_1_is_that_measured(si):
 @pytest.mark.parametrize("doubt", [{"left_out": (1,)}, {"reasons": (Reason.RIM,)}])
 def test_order_1_of_a_rim_that_moves_is_not_taken(si, doubt):
     moved = measured(*doubt.get("reasons", ()), left_out=doubt.get("left_out", ()))
-    changes = {change.key: change for change in plan_update(si, moved).changes}
+    update = plan_update(si, moved, accept_warnings=True)
+    changes = {change.key: change for change in update.changes}
     assert changes["FREQ_LONG"].new == pytest.approx(float(natural_frequencies_hz(RING, 1)))
+
+
+@pytest.mark.parametrize("reason", [Reason.SHIFTED, Reason.MASSES])
+def test_a_set_in_doubt_needs_a_word(si, reason):
+    """From Python as from the command line."""
+    with pytest.raises(InputError, match=r"(?s)found.*accept_warnings=True"):
+        plan_update(si, measured(reason))
+    assert plan_update(si, measured(reason), accept_warnings=True).changes
+
+
+def test_a_torsion_unlike_published_ones_is_noted(si):
+    """Published sets have 0.86 to 0.88 of FREQ_LONG."""
+    assert any("published" in note for note in plan_update(si, SET).notes)
+    usual = varied(circumferential_stiffness_n_m3=5e6)
+    assert not any("published" in note for note in plan_update(si, usual).notes)
 
 
 def test_a_comment_says_where_the_values_come_from(tir):
