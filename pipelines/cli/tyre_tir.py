@@ -69,8 +69,14 @@ def update_tir(
     tir = read_tir(file)
     found = resolve(source, library, accept_changes=accept_changes)
     named = found.name if comment else ""
-    shown = {"add": add, "comment": named, "accept_warnings": True}  # asked for before writing
-    update = plan_update(tir, found.parameters, belt_width_m, **shown)
+    update = plan_update(
+        tir,
+        found.parameters,
+        belt_width_m,
+        add=add,
+        comment=named,
+        accept_warnings=True,  # asked for before anything is written
+    )
     if not as_json:
         _show_update(update, found.name)
     show_verdict(found.parameters, doubts_only=as_json)
