@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import Array, whole_orders
-from model.coefficients import PressureLoad, harmonics, inextensional_roots
+from model.coefficients import Harmonics, PressureLoad, harmonics, inextensional_roots
 from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
 
@@ -44,7 +46,7 @@ def natural_frequencies_hz(
     >>> rm.natural_frequencies_hz(TABLE_4_RING, [2, 3, 4]).round(1)
     array([100.7, 122.4, 145.4])
     """
-    terms = harmonics(ring, orders, pressure_load=pressure_load)
+    terms = _at_rest(ring, orders, pressure_load)
     smaller = inextensional_roots(terms)
     breathing = terms.m11 / terms.mass_per_area_kg_m2
     return _frequency_hz(np.where(terms.orders == 0, breathing, smaller), terms.orders)
@@ -64,7 +66,7 @@ def displacement_ratio(
     u_r = cos nθ·cos ωt comes with u_θ = −B_n sin nθ·cos ωt (eq 20). Close to 1/n; zero for the
     breathing mode n = 0; odd in n.
     """
-    terms = harmonics(ring, orders, pressure_load=pressure_load)
+    terms = _at_rest(ring, orders, pressure_load)
     smaller = inextensional_roots(terms)
     denominator = terms.m22 - terms.mass_per_area_kg_m2 * smaller
     flat = terms.orders == 0
@@ -106,6 +108,19 @@ def belt_width_m(ring: RingParameters) -> float:
         rule = "required for masses and absolute amplitudes: the model is per unit of belt width"
         raise ParameterError("belt_width_m", "not given", rule, "Give belt_width_m")
     return ring.belt_width_m
+
+
+def _at_rest(ring: RingParameters, orders: ArrayLike, pressure_load: PressureLoad) -> Harmonics:
+    whole = whole_orders(orders)
+    return _remembered(ring, whole.tobytes(), whole.shape, pressure_load)
+
+
+@lru_cache(maxsize=4)  # a tuning asks for the frequencies and then the masses of each ring
+def _remembered(
+    ring: RingParameters, orders: bytes, shape: tuple[int, ...], pressure_load: PressureLoad
+) -> Harmonics:
+    whole = np.frombuffer(orders, int).reshape(shape)
+    return harmonics(ring, whole, pressure_load=pressure_load)
 
 
 def _frequency_hz(squared: Array, orders: NDArray[np.int_]) -> Array:
