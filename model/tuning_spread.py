@@ -20,24 +20,12 @@ _FORM_WEIGHT = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Spread(ReadonlyArrays):
-    """Covariance of the ring's parameters around those found.
+    """Covariance of the ring's parameters around those found."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Parameters of the ring with a standard deviation, pressure and radius among them.
-    covariance : ndarray, shape (n, n)
-        SI.
-    fit : LinearFit
-        The tuning linearised at its solution, without parameters at a bound.
-    free_std : dict of str to float
-        Standard deviation of each free parameter of the search.
-    """
-
-    names: tuple[str, ...]
-    covariance: Array
-    fit: LinearFit
-    free_std: dict[str, float]
+    names: tuple[str, ...]  # parameters with a standard deviation, pressure and radius among them
+    covariance: Array  # (n, n), SI
+    fit: LinearFit  # the tuning linearised at its solution, without parameters at a bound
+    free_std: dict[str, float]  # standard deviation of each free parameter of the search
 
     @property
     def std(self) -> dict[str, float]:

@@ -14,39 +14,20 @@ from ema.core.frf import FRF
 
 @dataclass(frozen=True)
 class Correction:
-    """What is done with one measured FRF before the fit, and the evidence.
+    """What is done with one measured FRF before the fit, and the evidence."""
 
-    Parameters
-    ----------
-    row : int
-        Row of the FRFs as measured.
-    run, channel : str
-    position_deg : float or None
-    check : Check
-        Reason: the check that found it.
-    factor : float
-        What the FRF is multiplied with; −1 for a sensor of wrong sign.
-    source_row : int
-        Row whose FRF belongs here: `row` itself, another one where sensors were swapped.
-    excluded : bool
-        Whether the row is left out of the fit.
-    gain, gain_std : float or None
-        Measured over expected from the modes; None where the modes were not asked.
-    mismatch_std : float or None
-        RMS of what is left over the modes after this gain, in standard deviations.
-    """
-
-    row: int
+    row: int  # of the FRFs as measured
     run: str
     channel: str
     position_deg: float | None
-    check: Check
-    factor: float
-    source_row: int
-    excluded: bool
+    check: Check  # reason: the check that found it
+    factor: float  # what the FRF is multiplied with; −1 for a sensor of wrong sign
+    source_row: int  # whose FRF belongs here: `row`, another one where sensors were swapped
+    excluded: bool  # whether the row is left out of the fit
+    # Measured over expected from the modes; None where these were not asked.
     gain: float | None = None
     gain_std: float | None = None
-    mismatch_std: float | None = None
+    mismatch_std: float | None = None  # RMS of what is left over the modes after this gain, in σ
 
 
 def exclusion(row: int, finding: Finding) -> Correction:

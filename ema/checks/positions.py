@@ -51,27 +51,15 @@ _Move = tuple[int, float]
 
 @dataclass(frozen=True)
 class PositionCheck:
-    """What the shapes of the modes say about the angles of the sensors.
+    """What the shapes of the modes say about the angles of the sensors."""
 
-    Parameters
-    ----------
-    unexplained : float
-        Share of the response of the modes that is in no wave of one order at the stated angles.
-    hypothesis : str
-        Mistake that would explain the shapes; empty where none does or none is needed.
-    otherwise : float
-        The same share under the hypothesis.
-    moves : dict of str to tuple of int and float
-        Sign and offset by run: the angle would be sign·θ + offset.
-    orders_hold : bool
-        Whether the orders are those at the stated angles all the same.
-    """
-
-    unexplained: float
+    unexplained: float  # share of the modes' response in no wave of one order at the stated angles
+    # Mistake that would explain the shapes; empty: none does or none is needed.
     hypothesis: str = ""
-    otherwise: float = float("nan")
+    otherwise: float = float("nan")  # the same share under the hypothesis
+    # By run: sign and offset, the angle would be sign·θ + offset.
     moves: dict[str, _Move] = field(default_factory=dict)
-    orders_hold: bool = True
+    orders_hold: bool = True  # whether the orders are those at the stated angles all the same
 
 
 def check_positions(

@@ -54,20 +54,11 @@ class _Change:
 
 @dataclass(frozen=True)
 class ConsistencyCheck:
-    """FRFs after the check of the sensors against the ring modes.
-
-    Parameters
-    ----------
-    frf : FRF
-    findings : tuple of Finding
-        One for every sensor that was corrected or left out, or why nothing was changed.
-    corrections : tuple of Correction
-        What makes `frf` of the FRFs that were checked; rows count those.
-    """
+    """FRFs after the check of the sensors against the ring modes."""
 
     frf: FRF
-    findings: tuple[Finding, ...]
-    corrections: tuple[Correction, ...] = ()
+    findings: tuple[Finding, ...]  # per sensor corrected or left out, or why none was
+    corrections: tuple[Correction, ...] = ()  # make `frf` of the FRFs checked; rows count those
 
     @property
     def changed(self) -> bool:
