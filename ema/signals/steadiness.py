@@ -7,7 +7,7 @@ relative change δ of all frequencies would add (docs/identification.md).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,17 +62,42 @@ class Steadiness:
     over_level: Estimate | None  # if the level doubles; None for a sweep: one mode after the other
 
 
-def steadiness_findings(
-    runs: Sequence[Run], frf: FRF, model: ModalModel, settings: CheckSettings = CHECKS
-) -> list[Finding]:
-    """Findings about changes within each run, and about the dependence on level.
+def steadiness_of(runs: Sequence[Run], frf: FRF, model: ModalModel) -> list[Steadiness]:
+    """What each run shows, where something can be said.
 
     `frf` are the FRFs that the modes were fitted to; its rows are those of `model`.
     """
-    found = [each for run in runs if (each := run_steadiness(run, frf, model)) is not None]
+    return [each for run in runs if (each := run_steadiness(run, frf, model)) is not None]
+
+
+def steadiness_findings(
+    found: Sequence[Steadiness], model: ModalModel, settings: CheckSettings = CHECKS
+) -> list[Finding]:
+    """Findings about changes within each run, and about the dependence on level."""
     findings = [_within_run(each, model, settings) for each in found]
     levels = [each.over_level for each in found if each.over_level is not None]
     return findings + ([_level(levels, settings)] if levels else [])
+
+
+def with_changes_within_runs(
+    model: ModalModel, found: Sequence[Steadiness], settings: CheckSettings = CHECKS
+) -> ModalModel:
+    """The model with what changes within the runs add to the damping ratios in their ±."""
+    changes = [each.over_time for each in found]
+    added = [
+        _added_damping(each.value, model) * (each.p_value < settings.steadiness_p_value)
+        for each in changes
+    ]
+    if not np.any(added):
+        return model
+    std = np.mean(added, axis=0) * model.damping_ratios
+    covariance = np.array(model.covariance)
+    covariance[np.diag_indices_from(covariance)] += np.ravel([(0.0, each**2) for each in std])
+    modes = [
+        replace(mode, damping_std=float(np.hypot(mode.damping_std, each)))
+        for mode, each in zip(model.modes, std, strict=True)
+    ]
+    return replace(model, modes=tuple(modes), covariance=covariance)
 
 
 def run_steadiness(run: Run, frf: FRF, model: ModalModel) -> Steadiness | None:

@@ -29,7 +29,7 @@ from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.identify import Identification, SensorMass
-from ema.signals.steadiness import steadiness_findings
+from ema.signals.steadiness import steadiness_findings, steadiness_of, with_changes_within_runs
 from pipelines.process.directions import with_other_modes
 from pipelines.process.ring import tune
 from pipelines.process.validate import refuse_warnings
@@ -141,6 +141,8 @@ def _measured(
     notes = (*found.model.notes, *_mass_notes(campaign, found))
     fixed, checks = found.frf.reference, campaign.checks
     reference = None if fixed is None else check_reference(fixed, band_hz, checks)
+    steadiness = steadiness_of(campaign.runs, found.frf, found.model)
+    model = with_changes_within_runs(found.model, steadiness, checks)
     compared: list[Finding] = []
     if reference is not None:
         compared = [reference_finding(reference, checks), *gain_findings(reference)]
@@ -150,7 +152,7 @@ def _measured(
         frf=found.frf,
         measured=found.measured,
         diagram=found.diagram,
-        modal_model=replace(found.model, notes=notes),
+        modal_model=replace(model, notes=notes),
         reference=reference,
         excitation_deg=campaign.excitation_deg,
         reference_deg=campaign.reference_deg,
@@ -163,7 +165,7 @@ def _measured(
             *found.findings,
             *compared,
             *drift_findings(found.model.drift, found.model.frequencies_hz),
-            *steadiness_findings(campaign.runs, found.frf, found.model, checks),
+            *steadiness_findings(steadiness, found.model, checks),
             *drive_point_finding(found.model, campaign.excitation_deg, checks),
         ),
         opinions=found.opinions,

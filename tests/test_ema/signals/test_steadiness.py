@@ -8,7 +8,12 @@ import systems
 
 from ema.core.finding import Check, Verdict
 from ema.core.modes import ModalModel, Mode, ResidualTerms
-from ema.signals.steadiness import run_steadiness, steadiness_findings
+from ema.signals.steadiness import (
+    run_steadiness,
+    steadiness_findings,
+    steadiness_of,
+    with_changes_within_runs,
+)
 
 POLES = systems.pole(systems.TABLE_3_HZ, systems.TABLE_3_DAMPING)
 ANGLES_DEG = np.array([0.0, 30.0, 60.0, 90.0])
@@ -74,7 +79,7 @@ def test_a_change_within_a_run_is_measured_and_named(force):
     run = run_with(force, 1 + np.linspace(-0.005, 0.005, force.size))
     change = run_steadiness(run, FRF, model()).over_time
     assert change.value == pytest.approx(0.01, abs=max(4 * change.std, 1e-3))
-    found = by_check(steadiness_findings([run], FRF, model()))
+    found = by_check(steadiness_findings(steadiness_of([run], FRF, model()), model()))
     assert (found[Check.WITHIN_RUN].verdict, found[Check.WITHIN_RUN].run) == (
         Verdict.WARNING,
         run.name,
@@ -82,12 +87,24 @@ def test_a_change_within_a_run_is_measured_and_named(force):
     assert found[Check.LEVEL_DEPENDENCE].verdict == Verdict.OK
 
 
+def test_the_damping_that_a_change_adds_is_in_its_std(force):
+    run = run_with(force, 1 + np.linspace(-0.005, 0.005, force.size))
+    plain = model()
+    changed = with_changes_within_runs(plain, steadiness_of([run], FRF, plain))
+    expected = 0.01**2 / (12 * plain.damping_ratios)
+    added = np.array([mode.damping_std for mode in changed.modes])
+    assert added == pytest.approx(np.hypot(1e-4, expected), rel=0.1)
+    assert np.sqrt(np.diag(changed.covariance)[1::2]) == pytest.approx(expected, rel=0.1)
+    steady = run_with(force, np.ones(force.size))
+    assert with_changes_within_runs(plain, steadiness_of([steady], FRF, plain)) is plain
+
+
 def test_a_tyre_that_is_softer_at_higher_level_is_named(force):
     louder = np.arange(force.size) // int(RATE_HZ) % 2
     run = run_with(force * (1 + louder), 1 - 0.01 * louder)
     change = run_steadiness(run, FRF, model()).over_level
     assert change.value == pytest.approx(-0.01, rel=0.5)
-    found = by_check(steadiness_findings([run], FRF, model()))
+    found = by_check(steadiness_findings(steadiness_of([run], FRF, model()), model()))
     assert found[Check.LEVEL_DEPENDENCE].verdict == Verdict.WARNING
     assert found[Check.WITHIN_RUN].verdict == Verdict.OK
 
@@ -98,7 +115,10 @@ def test_gain_and_sign_are_no_change(force):
         model(), modes=tuple(replace(m, residues=-2 * m.residues) for m in model().modes)
     )
     for each in (model(), other):
-        assert all(f.verdict == Verdict.OK for f in steadiness_findings([run], FRF, each))
+        assert all(
+            f.verdict == Verdict.OK
+            for f in steadiness_findings(steadiness_of([run], FRF, each), each)
+        )
 
 
 def test_false_alarms_are_as_rare_as_stated():
@@ -129,4 +149,4 @@ def test_a_run_of_other_places_or_too_short_says_nothing(force):
     run = run_with(force[:3000], np.ones(3000))
     assert run_steadiness(run, FRF, model()) is None
     elsewhere = replace(FRF, position_deg=ANGLES_DEG + 1)
-    assert steadiness_findings([run], elsewhere, model()) == []
+    assert steadiness_findings(steadiness_of([run], elsewhere, model()), model()) == []
