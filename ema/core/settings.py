@@ -79,8 +79,8 @@ class IdentificationSettings:
     pole_scatter: float = _setting(
         0.5,
         "half-widths",
-        "without a circle: poles known to no better than this are not listed",
-        "ruler, beam and wheel, measured",
+        "beside the modes of a ring: poles known to no better than this are not listed",
+        "ruler, beam and wheel, measured; benchmarks/laboratory.py",
     )
     drift_p_value: float = _setting(
         1e-4, "–", "a drift of the runs is taken for real below this chance", _LIKELIHOOD

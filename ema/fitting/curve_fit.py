@@ -37,12 +37,14 @@ from ema.fitting.evidence import (
 )
 from ema.fitting.exponential_window import with_own_factor, without_window
 from ema.fitting.fit_steps import (
-    as_seen,
+    beside_ring,
     drift_in_one_step,
     in_other_orders,
     is_undetermined,
     merged,
     modes_of,
+    rows_of,
+    shift_beside,
     std_of_unseen_pairs,
     surplus_poles,
     with_states,
@@ -326,14 +328,12 @@ class CurveFit:
         unseen = std_of_unseen_pairs(fit, modes, owner, frf.position_deg, self.correlation)
         between = np.hypot(std_between_runs(fit, self.correlation), unseen)
         mixed = in_other_orders(fit, owner, residues_std, frf.position_deg)
-        inside = self._wanted(modes, fit)
-        listed, blocks = list[Mode](), list[Real]()
-        for r in inside:
-            own = both[2 * r : 2 * r + 2, 2 * r : 2 * r + 2]
-            known = between[r], mixed[r], drift, frf.position_deg, self.settings
-            rows, seen = as_seen(modes[r], owner.get(r), own, *known)
-            listed += rows
-            blocks.append(seen)
+        beside = beside_ring(modes, frf.position_deg)
+        if self.circle and not self.selection.pinned:
+            between = np.hypot(between, shift_beside(modes, beside))
+        seen = rows_of(modes, owner, both, between, mixed, drift, frf.position_deg, self.settings)
+        inside = self._wanted([rows[0] for rows, _ in seen] if self.circle else modes, fit, beside)
+        listed = [row for r in inside for row in seen[r][0]]
         guards = [r for r in np.argsort(np.abs(fit.poles)) if r not in inside]
         reports = tuple(order.report for order in self.ring if order.is_main)
         model = ModalModel(
@@ -342,7 +342,7 @@ class CurveFit:
             residual_terms=ResidualTerms(fit.lower, fit.upper),
             band_hz=self.band_hz,
             fit_band_hz=(float(fit.lines.frequency_hz[0]), float(fit.lines.frequency_hz[-1])),
-            covariance=block_diag(*blocks),
+            covariance=block_diag(*(seen[r][1] for r in inside)),
             frac=np.zeros(frf.n_positions),
             misfit=self.fit.misfit if np.all(np.isfinite(frf.std)) else float("nan"),
             node=frf.node,
@@ -394,13 +394,13 @@ class CurveFit:
         if not self.circle or not np.all(np.isfinite(self.frf.std)):
             return ()
         members = family(self._labelled(fit)).values()
-        pairs = [sorted(chosen) for chosen in members if len(chosen) == 2]
-        return tuple((first, second) for first, second in sorted(pairs))
+        pairs = sorted(sorted(chosen) for chosen in members if len(chosen) == 2)
+        return tuple((first, second) for first, second in pairs)
 
     def _labelled(self, fit: PoleFit) -> tuple[Mode, ...]:
         return label_modes(modes_of(fit), self.frf.position_deg)[:-N_STAND_INS]
 
-    def _wanted(self, modes: Sequence[Mode], fit: PoleFit) -> list[int]:
+    def _wanted(self, modes: Sequence[Mode], fit: PoleFit, beside: set[int]) -> list[int]:
         """Poles of the result: inside the band and not set aside, ascending in frequency."""
         (low, high), aside = self.band_hz, self.selection.is_aside(fit.poles)
         in_band = [r for r in np.argsort(np.abs(fit.poles)) if low <= modes[r].frequency_hz <= high]
@@ -415,7 +415,7 @@ class CurveFit:
             r: f"it is not determined (± {modes[r].frequency_std_hz:.2g} Hz, "
             f"{modes[r].frequency_band_shift_hz:.2g} Hz with another band)"
             for r in inside
-            if is_undetermined(modes[r], self.circle, self.settings)
+            if is_undetermined(modes[r], r in beside, self.settings)
         } | {r: "it hardly shows at its own resonance" for r in inside if lost[r]}
         if len(why) == len(inside) or self.selection.pinned:
             return inside

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -68,6 +68,25 @@ def modes_of(
             flags=(Flag.AT_BOUND,) if np.any(bound[r]) else (),
         )
         for r, pole in enumerate(fit.poles)
+    ]
+
+
+def rows_of(
+    modes: Sequence[Mode],
+    owner: Mapping[int, RingOrder],
+    covariance: NDArray[np.float64],
+    between: NDArray[np.float64],
+    mixed: NDArray[np.float64],
+    drift: Drift,
+    position_deg: NDArray[np.float64],
+    settings: IdentificationSettings,
+) -> list[tuple[list[Mode], NDArray[np.float64]]]:
+    """`as_seen` of every mode; `covariance` is that of all."""
+    known = drift, position_deg, settings
+    own = [covariance[2 * r : 2 * r + 2, 2 * r : 2 * r + 2] for r in range(len(modes))]
+    return [
+        as_seen(mode, owner.get(r), own[r], between[r], mixed[r], *known)
+        for r, mode in enumerate(modes)
     ]
 
 
@@ -205,14 +224,34 @@ def _with_std(mode: Mode, covariance: NDArray[np.float64]) -> Mode:
     return replace(mode, frequency_std_hz=float(std[0]), damping_std=float(std[1]))
 
 
-def is_undetermined(mode: Mode, circle: bool, settings: IdentificationSettings) -> bool:
+def beside_ring(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> set[int]:
+    """Modes that are surely not the ring's own; without a circle all."""
+    if not on_circle(position_deg):
+        return set(range(len(modes)))
+    labelled = label_modes(modes, position_deg)
+    own = {k for each in family(labelled).values() for k in each}
+    return {k for k, mode in enumerate(labelled) if mode.order is not None} - own
+
+
+def shift_beside(modes: Sequence[Mode], beside: Container[int]) -> NDArray[np.float64]:
+    """What the ends of the band move in modes that are not of the ring, (n_modes, 2).
+
+    They are weak: what the model leaves out of the ring's resonances moves them, and only them.
+    """
+    shift = [(each.frequency_band_shift_hz, each.damping_band_shift) for each in modes]
+    shift = [each if k in beside else (0.0, 0.0) for k, each in enumerate(shift)]
+    return np.nan_to_num(shift)
+
+
+def is_undetermined(mode: Mode, beside: bool, settings: IdentificationSettings) -> bool:
     """Whether a frequency is known, or stays with another band, to no better than a tenth.
 
-    Without a circle also whether the pole is known to no better than half its half-width.
+    Beside the ring also whether the pole is known to no better than half its half-width: what the
+    model leaves of other resonances looks like that.
     """
     away = np.fmax(mode.frequency_std_hz, mode.frequency_band_shift_hz)
     pole = np.hypot(mode.frequency_std_hz / mode.frequency_hz, mode.damping_std)
-    blurred = not circle and pole > settings.pole_scatter * mode.damping_ratio
+    blurred = beside and pole > settings.pole_scatter * mode.damping_ratio
     return bool(away > settings.undetermined_share * mode.frequency_hz or blurred)
 
 

@@ -14,10 +14,12 @@ from ema.circumference.mass_loading import (
     unloaded,
     without_live_mass,
 )
+from ema.core.drift import NO_DRIFT
 from ema.core.errors import InputError
 from ema.core.finding import Verdict
 from ema.core.modes import Pair
-from ema.identify import SensorMass, identify_modes, without_mass
+from ema.fitting.curve_fit import fit_modes
+from ema.identify import SensorMass, identify_modes, is_drift_lost, with_mass_std, without_mass
 from pipelines.simulate.laboratory import Laboratory
 from pipelines.simulate.laboratory_effects import Effects
 from pipelines.simulate.truth import modal_sum, solve, truth_modes
@@ -192,6 +194,34 @@ def test_bare_frequencies_come_back_through_the_whole_identification(name, membe
     single = {Pair.ONE_SEEN, Pair.NOT_SEPARABLE}
     allowed = single if len(seen) == 7 else {Pair.RESOLVED}
     assert {mode.pair for mode in found.model.modes} <= allowed
+
+
+@pytest.fixture(scope="module")
+def bare_model():
+    modes = systems.of_orders(truth_modes(), range(1, 4))
+    frf = systems.campaign_frf(modes, 60, frequency_hz=LINES_HZ[:200]).rows(np.arange(0, 72, 6))
+    poles = systems.pole(*np.array([(m.frequency_hz, m.damping_ratio) for m in modes]).T)
+    return fit_modes(frf, poles, (60.0, 130.0))
+
+
+def test_the_error_bars_hold_what_is_not_known_of_the_compensation(bare_model):
+    """Gain and phase of the sensors, to 1 %, of the shift."""
+    lower = tuple(replace(mode, pole=0.99 * mode.pole) for mode in bare_model.modes)
+    model = with_mass_std(bare_model, replace(bare_model, modes=lower))
+    for mode, before in zip(model.modes, bare_model.modes, strict=True):
+        known = mode.frequency_std_hz**2 - before.frequency_std_hz**2
+        assert known == pytest.approx((1e-4 * mode.frequency_hz) ** 2, rel=0.03)
+        assert mode.damping_std**2 - before.damping_std**2 == pytest.approx(1e-8, rel=0.03)
+    added = np.diag(model.covariance - bare_model.covariance)
+    assert added[1::2] == pytest.approx(1e-8, rel=0.03)
+
+
+def test_a_drift_is_lost_where_the_bare_tyre_fits_worse(bare_model):
+    drifted = replace(bare_model, drift=replace(NO_DRIFT, applied=True))
+    worse = replace(bare_model, misfit=2 * bare_model.misfit)
+    assert is_drift_lost(drifted, worse)
+    assert not is_drift_lost(drifted, bare_model)
+    assert not is_drift_lost(bare_model, worse)
 
 
 def test_a_flipped_sensor_is_found_beneath_the_mass():

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import systems
 
+from ema.core.modes import Mode
+from ema.core.settings import IDENTIFICATION
 from ema.fitting.curve_fit import fit_modes
 from ema.fitting.evidence import (
     is_below_misfit,
@@ -14,6 +16,7 @@ from ema.fitting.evidence import (
     scatter_over_positions,
     visible_share,
 )
+from ema.fitting.fit_steps import is_undetermined, shift_beside
 from ema.fitting.pole_fit import N_DRIFT, Lines, evaluate
 from ema.identify import identify_modes
 from ema.poles.selection import PoleSelection
@@ -141,3 +144,17 @@ def test_a_pole_that_adds_less_than_the_model_leaves_is_below_its_misfit():
         found = is_below_misfit(evaluate(lines, fit.poles, np.zeros((1, N_DRIFT))))
         assert np.flatnonzero(found[:4]).tolist() == below
     assert not np.any(is_below_misfit(fit)[:4])
+
+
+def test_beside_the_ring_a_pole_as_uncertain_as_its_width_is_no_mode():
+    mode = Mode(POLES[2], 0.01, 0.6 * 0.01, SHAPES[:, 2], np.zeros(12))
+    assert is_undetermined(mode, True, IDENTIFICATION)
+    assert not is_undetermined(mode, False, IDENTIFICATION)
+    known = replace(mode, damping_std=0.4 * 0.01)
+    assert not is_undetermined(known, True, IDENTIFICATION)
+
+
+def test_beside_the_ring_the_band_ends_count():
+    mode = Mode(POLES[2], 0.01, 1e-4, SHAPES[:, 2], np.zeros(12))
+    moved = replace(mode, frequency_band_shift_hz=0.3, damping_band_shift=0.02)
+    assert shift_beside([moved, moved, mode], {1, 2}).tolist() == [[0, 0], [0.3, 0.02], [0, 0]]
