@@ -21,7 +21,8 @@ MERGED_SPLIT = 0.5
 RESOLVABLE_SPLIT = 1.0
 # A row belongs to an order up to this share of its frequency …
 REACH = 0.01
-# … and to a mode of rim, sidewall or air, or to one cut by the band's end, up to this share.
+# … and to a mode of rim, sidewall or air, or to one cut by the band's end, up to this share or what
+# its 95 % interval says, but no further than to an order.
 OTHER_REACH = 0.005
 
 
@@ -168,14 +169,16 @@ def score(
     left = [row for row in rows if band_hz[0] < row.frequency_hz < band_hz[1]]
     orders = orders_of(modes, band_hz)
     centres = np.array([one.main.frequency_hz for one in orders])
-    others = [_target(None, "", m.pole, m.kind) for m in modes if m.kind != "ring" or m.order == 0]
+    foreign = [m for m in modes if m.kind != "ring" or m.order == 0]
+    others = [_target(None, "", m.pole, m.kind) for m in foreign]
     for place, one in enumerate(orders):
         inside = [row for row in left if _nearest(row, centres) == place and _is_near(row, one)]
+        inside = [row for row in inside if not _is_other(row, one, foreign)]
         if not one.is_one and len(inside) == 1 and one.split >= RESOLVABLE_SPLIT:
             wanted = one.each
         else:
             wanted = [one.main] if len(inside) < 2 else one.each
-        found = _assigned(wanted, [row for row in inside if not _is_other(row, one, others)])
+        found = _assigned(wanted, inside)
         matches += [replace(m, is_main=m.target in (one.main, one.strongest)) for m in found]
         names = {match.target.name for match in found}
         missed += [t for t in one.needed if not found or (t in wanted and t.name not in names)]
@@ -185,7 +188,7 @@ def score(
     for row in list(left):
         nearest = min([*others, *outside], key=lambda t: abs(t.frequency_hz - row.frequency_hz))
         free = nearest not in [match.target for match in matches]
-        if free and abs(row.frequency_hz / nearest.frequency_hz - 1) < OTHER_REACH:
+        if free and abs(row.frequency_hz / nearest.frequency_hz - 1) < _reach(row):
             matches.append(Match(nearest, row))
             left.remove(row)
     return Score(matches, missed, left)
@@ -203,10 +206,20 @@ def _is_near(row: Row, one: Order) -> bool:
     return any(abs(row.frequency_hz / m.frequency_hz - 1) < REACH for m in one.members)
 
 
-def _is_other(row: Row, one: Order, others: list[Target]) -> bool:
-    """Whether another mode of the tyre is much nearer than the order."""
+def _is_other(row: Row, one: Order, foreign: list[LaboratoryMode]) -> bool:
+    """Whether another mode of the tyre is much nearer than the order, or near and of its order."""
     own = min(abs(row.frequency_hz - m.frequency_hz) for m in one.members)
-    return any(abs(row.frequency_hz - other.frequency_hz) < 0.2 * own for other in others)
+    if row.order != one.members[0].order:
+        of_row = [m.frequency_hz for m in foreign if m.order == row.order]
+        if any(abs(row.frequency_hz / hz - 1) < _reach(row) for hz in of_row):
+            return True
+    return any(abs(row.frequency_hz - m.frequency_hz) < 0.2 * own for m in foreign)
+
+
+def _reach(row: Row) -> float:
+    """How far, as a share, a row of rim, sidewall or air may be off: as its own ± say."""
+    within = np.nan_to_num(1.96 * row.frequency_std_hz / row.frequency_hz)
+    return float(np.clip(within, OTHER_REACH, REACH))
 
 
 def _assigned(targets: list[Target], rows: list[Row]) -> list[Match]:
