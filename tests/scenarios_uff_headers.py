@@ -31,8 +31,13 @@ HEADERS = (
     ),
     uff(
         "text between the datasets",
-        force() + b"exported by hand\n" + sensor(),
-        bad_file("a.uff, dataset 2", "'exported by hand'", "begins with a line"),
+        force() + b"exported by hand\n\n$ 2 channels\n" + sensor(),
+        AS_WRITTEN,
+    ),
+    uff(
+        "numbers between the datasets",
+        force() + b"  1.00000E+00  2.00000E+00\n" + sensor(),
+        bad_file("a.uff, dataset 2", "1.00000E", "begins with a line"),
     ),
     uff("CR LF", force(eol="\r\n") + sensor(eol="\r\n"), AS_WRITTEN),
     uff(

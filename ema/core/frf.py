@@ -31,7 +31,7 @@ class ForceRecord:
 
 #: Arrays of an `FRF` with one row for each position.
 ROW_ARRAYS = (
-    *("values", "coherence", "std", "node", "position_deg"),
+    *("values", "coherence", "std", "node", "position_deg", "axis"),
     *("clipped", "force_clipped", "missing", "disagreement"),
 )
 
@@ -54,6 +54,8 @@ class FRF(ReadonlyArrays):
         Node numbers; −1 where there are none.
     position_deg : ndarray, shape (n_positions,)
         Angles counter-clockwise from the excitation's zero; NaN where there is no circle.
+    axis : ndarray of int, shape (n_positions,)
+        Axis of each response in the file: 1 to 3 for X, Y, Z; 0 where it states none.
     run : tuple of str
         The run each row was measured in; several names joined by "+" where rows were averaged.
     channel : tuple of str
@@ -114,6 +116,7 @@ class FRF(ReadonlyArrays):
     force_clipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     missing: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     disagreement: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    axis: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, dtype=int))
     findings: tuple[Finding, ...] = ()
     excitation_deg: float = float("nan")
     forces: Mapping[str, ForceRecord] = field(default_factory=dict)
@@ -126,6 +129,10 @@ class FRF(ReadonlyArrays):
         for name in ("clipped", "force_clipped", "missing", "disagreement"):
             if not getattr(self, name).size:
                 object.__setattr__(self, name, readonly(np.zeros(self.n_positions)))
+        if not self.axis.size:
+            object.__setattr__(
+                self, "axis", readonly(np.zeros(self.n_positions), np.dtype(np.int_))
+            )
 
     @property
     def n_positions(self) -> int:

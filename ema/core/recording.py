@@ -36,6 +36,7 @@ class Channel:
     gaps: tuple[tuple[int, int], ...] = ()
     #: Magnitude in SI beyond which samples are impossible and missing; never beyond `SENSELESS`.
     limit: float = float("inf")
+    axis: int = 0  # direction in the file: 1 to 3 for X, Y, Z; 0 where it states none
 
     @property
     def n_samples(self) -> int:

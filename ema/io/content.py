@@ -44,6 +44,7 @@ class FileContent:
     frf: FRF | None = None  # as inertance
     frf_names: tuple[str, ...] = ()  # as those of channels
     frf_force_node: int | None = None  # where the file numbers it
+    frf_force_axis: int = 0  # as `Channel.axis`
     findings: tuple[Finding, ...] = ()  # what was assumed, converted or left out
 
 

@@ -60,11 +60,14 @@ def shapes(result: Result) -> pd.DataFrame:
     frf, modes = result.frf, result.modal_model.modes
     place = "position_deg" if np.all(np.isfinite(frf.position_deg)) else "node"
     shape = np.concatenate([np.zeros(0), *(mode.shape for mode in modes)])
+    directions = np.array(["", "X", "Y", "Z"])[frf.axis.clip(0, 3)]
+    several = {"direction": np.tile(directions, len(modes))} if len(set(frf.axis)) > 1 else {}
     columns = {
         "mode": np.repeat(np.arange(1, len(modes) + 1), frf.n_positions),
         place: np.tile(getattr(frf, place), len(modes)),
         "real": shape.real,
         "imag": shape.imag,
+        **several,
     }
     return pd.DataFrame(columns)
 
@@ -108,6 +111,7 @@ def frfs(frf: FRF) -> pd.DataFrame:
         **{name: long[name] for name in ("position_deg", "node", "frequency_hz")},
         **{"real": inertance.real, "imag": inertance.imag},
         **{name: long[name].astype(np.float32) for name in ("coherence", "std")},
+        "axis": np.repeat(frf.axis.astype(np.int8), frf.frequency_hz.size),
         **{"row": row, **{name: long[name].astype("category") for name in ("run", "channel")}},
     }
     return pd.DataFrame(columns)
@@ -172,4 +176,5 @@ def read_frf(path: Path) -> FRF:
         position_deg=of_row("position_deg", table.numbers("position_deg", unknown=True)),
         run=words("run"),
         channel=words("channel"),
+        axis=of_row("axis", table.numbers("axis")).astype(int),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import filecmp
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -125,6 +126,9 @@ def merge(
 
     Each file comes with angles by name, where given; `positions` is the number on the grid.
     """
+    _check_references(files)
+    if positions is not None:
+        files = [(_along_force(content, findings), given) for content, given in files]
     frfs = [content.frf for content, _ in files if content.frf is not None]
     first = frfs[0].frequency_hz
     for (content, _), frf in zip(files, frfs, strict=True):
@@ -150,8 +154,45 @@ def merge(
         std=stacked([frf.std for frf in frfs]),
         node=np.array([-1 if place.node is None else place.node for place in places]),
         position_deg=np.array(angles),
+        axis=stacked([frf.axis for frf in frfs]),
         run=tuple(run for frf in frfs for run in frf.run),
     )
+
+
+def _check_references(files: Sequence[tuple[FileContent, dict[str, float] | None]]) -> None:
+    """Refuse files of several forces at different nodes, which would give every node twice."""
+    known = {each.frf_force_node: each.path.name for each, _ in files if each.frf_force_node}
+    if len(known) > 1:
+        found = ", ".join(f"node {node} in {name}" for node, name in sorted(known.items()))
+        rule = "all FRFs of a campaign must be of one force"
+        remedy = "Process the files of each force by themselves"
+        raise RecordingFormatError("references", found, rule, remedy)
+
+
+def _along_force(content: FileContent, findings: list[Finding]) -> FileContent:
+    """FRFs on a circle in the direction of the force, where nodes were measured in several."""
+    frf, names = content.frf, content.frf_names
+    assert frf is not None
+    axes = np.unique(frf.axis).tolist()
+    if len(axes) < 2 or len(np.unique(frf.node)) == frf.n_positions:
+        return content
+    if content.frf_force_axis not in axes:
+        found = f"responses in {' '.join(map(_axis_name, axes))}, force in another direction"
+        rule = "on a circle, radial responses to a radial force are used"
+        remedy = "Export the radial FRFs alone, or state the direction of the force in the file"
+        raise RecordingFormatError(content.path.name, found, rule, remedy)
+    kept = frf.axis == content.frf_force_axis
+    detail = (
+        f"{np.count_nonzero(~kept)} of {kept.size} FRFs are not in the direction of the force "
+        f"({_axis_name(content.frf_force_axis)}): left out"
+    )
+    findings.append(Finding(content.path.name, "", None, Check.DIRECTION, Verdict.OK, detail))
+    rows = np.flatnonzero(kept)
+    return replace(content, frf=frf.rows(kept), frf_names=tuple(names[row] for row in rows))
+
+
+def _axis_name(axis: int) -> str:
+    return "?XYZ"[axis] if 0 <= axis <= 3 else str(axis)
 
 
 def _rows_as_channels(content: FileContent) -> list[Channel]:

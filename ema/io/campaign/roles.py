@@ -63,7 +63,7 @@ def assign(
             grid.place(recording.path, channel, wanted.positions_deg, findings),
             direction=wanted.directions.get(channel.name, Direction.RADIAL),
         )
-        for channel in roles.responses(taken)
+        for channel in roles.responses(taken, on_circle=grid.positions is not None)
     ]
     roles.check_places(responses)
     roles.check_directions(reference)
@@ -230,7 +230,20 @@ class _Roles:
             raise ManifestError(f"{where}, reference", repr(force.name), rule, remedy)
         return self._as(named, ACCELERATION)
 
-    def responses(self, taken: set[str]) -> list[Channel]:
+    def _along_force(self, responses: list[Channel]) -> list[Channel]:
+        """Those in the direction of the force, where a node was measured in several directions."""
+        places = {(channel.node, channel.axis) for channel in responses}
+        if len({node for node, _ in places}) == len(places) or self.wanted.directions:
+            return responses
+        axis = self.force().axis
+        kept = [channel for channel in responses if channel.axis == axis]
+        names = ", ".join(channel.name for channel in responses if channel.axis != axis)
+        place = self.recording.path.name, "", None
+        detail = f"{names}: not in the direction of the force, left out"
+        self.findings.append(Finding(*place, Check.DIRECTION, Verdict.OK, detail))
+        return kept
+
+    def responses(self, taken: set[str], *, on_circle: bool) -> list[Channel]:
         """Channels that are responses: those with a position, or else all accelerations."""
         positions = self.wanted.positions_deg
         for name in positions or ():
@@ -244,6 +257,8 @@ class _Roles:
             else:
                 reason = "not an acceleration" if positions is None else "not in positions_deg"
                 self.note(channel.name, Check.IGNORED, reason)
+        if positions is None and on_circle:
+            chosen = self._along_force(chosen)
         if not chosen:
             rule = "a run needs at least one acceleration besides the force and the reference"
             raise self.fault(self._listed, rule, "Check the units and data types")
@@ -398,7 +413,11 @@ def exchanged_frfs(files: Sequence[FileContent]) -> list[FileContent] | None:
     if len(responses) > 1 or len(forces) < 2 or None in forces:
         return None
     return [
-        replace(each, frf=replace(each.frf, node=each.frf.node * 0 + each.frf_force_node))
+        replace(
+            each,
+            frf=replace(each.frf, node=each.frf.node * 0 + each.frf_force_node),
+            frf_force_node=None,
+        )
         for each in files
         if each.frf is not None and each.frf_force_node is not None
     ]

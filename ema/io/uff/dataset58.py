@@ -84,7 +84,10 @@ def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.flo
             text += file.readline(min(_LONGEST_LINE, end - file.tell()))
             blocks.append(_convert(text, widths, where))
     numbers = np.concatenate(blocks)
-    surplus = len(numbers) - header.n_values * per_value
+    wanted = header.n_values * per_value
+    surplus = len(numbers) - wanted
+    if 0 < surplus < len(widths) and not numbers[wanted:].any():
+        return numbers[:wanted]  # programs that fill the last line with zeros
     if surplus:
         rule = "the file is truncated" if surplus < 0 else "there are more than stated"
         raise damaged(where, f"{len(numbers) // per_value} of {header.n_values} values", rule)

@@ -166,6 +166,19 @@ def _binary(line: str) -> dict[str, Any]:
     return {"binary": True, **codes}
 
 
+def _identity(line: str) -> str:
+    """Line 8 in its columns: names of entities that are too long push the rest to the right."""
+    head, words = line[:30], line[30:].split()
+    if len(words) != 6:
+        return line
+    try:
+        numbers = [_integer(word) for word in (*words[1:3], *words[4:6])]
+    except ValueError:
+        return line
+    ends = [f" {'':<10}{numbers[at]:10d}{numbers[at + 1]:4d}" for at in (0, 2)]
+    return f"{head:<30}{''.join(ends)}"
+
+
 def parse_header(lines: list[str]) -> Header58:
     """Read the twelve header lines that follow the delimiter, that of the dataset number first.
 
@@ -174,7 +187,7 @@ def parse_header(lines: list[str]) -> Header58:
     if len(lines) <= HEADER_LINES:
         rule = f"dataset 58 must have {HEADER_LINES} header lines: the file is truncated"
         raise HeaderError(len(lines) + 1, f"{max(len(lines) - 1, 0)} header lines", rule)
-    codes = _columns(lines[6], _IDENTITY_COLUMNS, 8, _integer)
+    codes = _columns(_identity(lines[6]), _IDENTITY_COLUMNS, 8, _integer)
     return Header58(
         id_lines=tuple(line.strip() for line in lines[1:6]),
         abscissa=_axis(lines[8], 10),

@@ -70,7 +70,8 @@ def read_frf(
             rule = "all FRFs must have the same frequency lines"
             remedy = "Export them with one resolution, or in separate files"
             raise RecordingFormatError(place(path, dataset.index), found, rule, remedy)
-        values[row] = _inertance(path, dataset, ordinate, around.units, frequency_hz, findings)
+        units = around.units_at(dataset)
+        values[row] = _inertance(path, dataset, ordinate, units, frequency_hz, findings)
     nodes, shared = _nodes(path, datasets, findings)
     values.setflags(write=False)
     frf = FRF(
@@ -79,6 +80,7 @@ def read_frf(
         coherence=_coherence(path, datasets, coherences, frequency_hz, findings),
         std=constant(np.nan, values.shape),
         node=np.array(nodes),
+        axis=np.array([abs(each.header58.response_direction) for each in datasets]),
         position_deg=np.array([around.angle_deg.get(node, np.nan) for node in nodes]),
         run=(path.name,) * len(values),
     )
@@ -184,6 +186,11 @@ def _inertance(
     findings: list[Finding],
 ) -> NDArray[np.complex128]:
     header = dataset.header58
+    if not header.is_complex:
+        rule = "an FRF needs real and imaginary part; magnitude, dB or real part is not enough"
+        remedy = "Export real and imaginary part (ordinate data type 5 or 6)"
+        found = f"{header.id_lines[0]!r} has real values"
+        raise RecordingFormatError(place(path, dataset.index, 9), found, rule, remedy)
     name = header.id_lines[0]
     motion, force = _motion_and_force(path, dataset, units)
     for each in (motion, force):

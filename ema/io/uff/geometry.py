@@ -139,21 +139,27 @@ def _cartesian(kind: int, point: NDArray[np.float64]) -> NDArray[np.float64]:
 class Surroundings:
     """Units, angles of nodes, and findings about them."""
 
-    units: UnitSystem
+    units: dict[int, UnitSystem]  # by the index of the dataset 164; each holds for what follows
     angle_deg: dict[int, float]
     findings: tuple[Finding, ...] = ()
+
+    def units_at(self, dataset: Dataset) -> UnitSystem:
+        """Units of a dataset: of the last 164 in front of it, else of the first one."""
+        before = [index for index in self.units if index < dataset.index]
+        place = max(before, default=min(self.units, default=0))
+        return self.units.get(place, UnitSystem())
 
 
 def read_surroundings(path: Path, datasets: Sequence[Dataset], in_use: set[int]) -> Surroundings:
     """Read units and the geometry of the nodes in use."""
-    units = [read_units(path, each) for each in datasets if each.number == _UNITS]
+    units = {each.index: read_units(path, each) for each in datasets if each.number == _UNITS}
     nodes, doubt = read_nodes(path, datasets)
     carrying = {node: point for node, point in nodes.items() if node in in_use}
     angles = angles_on_circle(carrying)
     if carrying and not angles:
         doubt = "the nodes of the file's geometry are not on a circle; no angles available"
     findings = (remark(path, "", Check.GEOMETRY, doubt),) if doubt else ()
-    return Surroundings([UnitSystem(), *units][-1], angles, findings)
+    return Surroundings(units, angles, findings)
 
 
 def read_units(path: Path, dataset: Dataset) -> UnitSystem:

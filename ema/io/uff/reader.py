@@ -83,8 +83,10 @@ def read(path: Path, *, form_only: bool = False) -> FileContent:
     if responses:
         coherences = [each for each in datasets if _function(each) == COHERENCE]
         frf, shared_node = read_frf(path, responses, coherences, around, findings)
-    names = tuple(_channel_name(each.header58, row) for row, each in enumerate(responses, 1))
-    return FileContent(path, recording, frf, names, shared_node, tuple(findings))
+    names = _channel_names([each.header58 for each in responses])
+    axes = {abs(each.header58.reference_direction) for each in responses}
+    force_axis = axes.pop() if len(axes) == 1 else 0
+    return FileContent(path, recording, frf, names, shared_node, force_axis, tuple(findings))
 
 
 def _describe_left_out(datasets: Sequence[Dataset]) -> str:
@@ -126,6 +128,7 @@ def _read_recording(
     form_only: bool,
 ) -> Recording:
     channels: list[Channel] = []
+    names = _channel_names([each.header58 for each in datasets])
     rates: list[Rate] = []
     starts: list[tuple[float, float]] = []
     for dataset in datasets:
@@ -137,14 +140,15 @@ def _read_recording(
         seconds = axis_factor(path, dataset, TIME)
         rates.append(_sampling_rate(path, dataset, abscissa, seconds))
         starts.append(_start(header, abscissa, seconds))
-        unit = ordinate_unit(header.ordinate_axis, around.units)
-        name = _channel_name(header, len(channels) + 1)
+        unit = ordinate_unit(header.ordinate_axis, around.units_at(dataset))
+        name = names[len(channels)]
         if unit.remark:
             findings.append(remark(path, name, Check.UNIT, unit.remark))
         node = header.response_node
         factor = -unit.factor if header.response_direction < 0 else unit.factor
         angle_deg = around.angle_deg.get(node)
-        channels.append(Channel(name, unit.quantity, unit.text, values, factor, node, angle_deg))
+        about = unit.quantity, unit.text, values, factor, node, angle_deg
+        channels.append(Channel(name, *about, axis=abs(header.response_direction)))
         if len(values) != channels[0].n_samples and starts[-1][0] == starts[0][0]:
             first = f"{channels[0].n_samples} samples of {channels[0].name!r}"
             raise not_together(path, f"{first}, {len(values)} of {name!r}")
@@ -170,14 +174,17 @@ def _start(
     return header.abscissa_min * seconds, place * seconds
 
 
-def _channel_name(header: Header58, number: int) -> str:
-    """First ID line; where it is empty, the degree of freedom or the number in the file."""
-    name = header.id_lines[0]
-    if name and name.upper() != "NONE":
-        return name
-    if header.response_node:
-        return f"{header.response_node}{_DIRECTIONS.get(header.response_direction, '')}"
-    return f"channel {number}"
+def _channel_names(headers: Sequence[Header58]) -> tuple[str, ...]:
+    """First ID lines; where they are empty or all the same, degrees of freedom or numbers."""
+    titles = [header.id_lines[0] for header in headers]
+    is_name = len(set(titles)) > 1 or len(titles) < 2
+    names = []
+    for number, header in enumerate(headers, 1):
+        title = header.id_lines[0]
+        dof = f"{header.response_node}{_DIRECTIONS.get(header.response_direction, '')}"
+        dof = dof if header.response_node else f"channel {number}"
+        names.append(title if is_name and title and title.upper() != "NONE" else dof)
+    return tuple(names)
 
 
 def _sampling_rate(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mmap
+import re
 from codecs import BOM_UTF8
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,6 +28,8 @@ _LONGEST_LINE = 256  # header lines have 80 columns; the rest of longer ones is 
 _WORTH_A_JUMP = 1 << 20  # bytes of text; shorter payloads are searched as fast
 _CHUNK_BYTES = 1 << 12
 _IGNORED_BETWEEN = b" \t\r\n\x00\x1a"  # blank lines, padding, the end mark of old systems
+_WORD = re.compile(rb"[A-Za-z]{2}")
+_MOST_TEXT = 200  # lines of text between datasets
 _LARGEST_INTEGER = 2**53  # beyond, not every integer is a float
 
 
@@ -87,6 +90,7 @@ def _datasets(path: Path, data: mmap.mmap) -> list[Dataset]:
     position = _next_content(data, len(BOM_UTF8) if has_mark else 0)
     while position < len(data):
         index = len(found) + 1
+        position = _behind_text(data, position)
         opening, after = _line(data, position)
         if opening.rstrip() != DELIMITER and opening.strip() != b"-1":
             rule = 'a dataset of a universal file begins with a line "    -1"'
@@ -95,6 +99,23 @@ def _datasets(path: Path, data: mmap.mmap) -> list[Dataset]:
         found.append(dataset)
         position = _next_content(data, dataset.stop)
     return found
+
+
+def _behind_text(data: mmap.mmap, position: int) -> int:
+    """The next dataset behind lines of text, as some programs write; the place itself if none.
+
+    Lines of numbers are the payload of a damaged dataset, and no text.
+    """
+    start = position
+    for _ in range(_MOST_TEXT):
+        line, after = _line(data, start)
+        if line.strip() == b"-1":
+            number = _line(data, after)[0][:6].strip()
+            return start if number.isdigit() else position
+        if line.strip(_IGNORED_BETWEEN) and not _WORD.search(line):
+            return position
+        start = after
+    return position
 
 
 def _dataset(path: Path, data: mmap.mmap, index: int, start: int, after: int) -> Dataset:
@@ -123,11 +144,19 @@ def _header(path: Path, data: mmap.mmap, index: int, position: int) -> tuple[Hea
     lines: list[str] = []
     while len(lines) <= HEADER_LINES and position < len(data):
         line, position = _line(data, position)
-        lines.append(line.decode("latin-1"))
+        lines.append(_decoded(line))
     try:
         return parse_header(lines), position
     except HeaderError as fault:
         raise damaged(place(path, index, fault.line), fault.found, fault.rule) from None
+
+
+def _decoded(line: bytes) -> str:
+    """A header line, in UTF-8 or as old programs write it."""
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("cp1252", "replace")
 
 
 def _binary_function(path: Path, data: mmap.mmap, dataset: Dataset, begin: int) -> Dataset:

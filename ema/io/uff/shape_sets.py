@@ -308,7 +308,7 @@ def read_radial_shapes(
 def _wheel(path: Path, node: NDArray[np.int_]) -> _Wheel | None:
     datasets = scan(path)
     place, _ = geometry.read_nodes(path, datasets)
-    to_m = 1.0 / geometry.read_surroundings(path, datasets, set()).units.length
+    to_m = 1.0 / geometry.read_surroundings(path, datasets, set()).units_at(datasets[-1]).length
     blank = np.full(3, np.nan)
     points = to_m * np.array([place.get(each, blank) for each in node.tolist()])
     known = points[np.isfinite(points).all(axis=1)]

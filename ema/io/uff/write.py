@@ -124,7 +124,12 @@ def append_frfs(
     )
     for row, values in enumerate(frf.values):
         named = _row_name(frf, row), _one_line(frf.run[row]), _one_line(note), "NONE", "NONE"
-        header = replace(template, id_lines=named, response_node=max(int(frf.node[row]), 0))
+        header = replace(
+            template,
+            id_lines=named,
+            response_node=max(int(frf.node[row]), 0),
+            response_direction=int(frf.axis[row]) or direction,
+        )
         _write_dataset(file, header, values, byte_order)
 
 
