@@ -63,6 +63,7 @@ class Flag(StrEnum):
 
     NOT_RING_MODE = "not a ring mode"
     ORDER_UNKNOWN = "order unknown"
+    NO_CLEAR_PEAK = "no clear peak"
     AT_BOUND = "at bound"
 
 
@@ -155,8 +156,8 @@ class Mode(ReadonlyArrays):
 
     @property
     def doubtful(self) -> bool:
-        """Whether frequency or damping are at a bound, or the mode is not one of the ring."""
-        return Flag.AT_BOUND in self.flags or Flag.NOT_RING_MODE in self.flags
+        """Whether the mode is not one of the ring, has no clear peak, or is at a bound."""
+        return any(flag is not Flag.ORDER_UNKNOWN for flag in self.flags)
 
     @property
     def shape(self) -> NDArray[np.complex128]:

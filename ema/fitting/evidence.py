@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.mac import mpc
-from ema.core.modes import Mode
+from ema.core.modes import Flag, Mode
 from ema.fitting.covariance import parameter_covariance, residue_std, std_of_waves
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit
 from ema.fitting.variable_projection import Complex, Real
@@ -32,6 +32,9 @@ _BEYOND_CHANCE = 3.0
 _DOUBTFUL = 2.5
 # … and one whose positions move less in phase than this (MPC) this many times more.
 _IN_PHASE, _UNLIKELY = 0.5, 5.0
+
+# Measured: peaks of a wheel and a ruler have 3.7 or more, their humps up to 1.7.
+_STANDS_OUT = 2.0
 
 
 def scatter_over_positions(fit: PoleFit, refit: Refit) -> Real:
@@ -63,7 +66,8 @@ def with_model_error(
     """Modes of all poles whose ± contain the model's errors, and their covariance.
 
     Residuals count as waves where they are, positions where they scatter by more than the residuals
-    explain, and the ends of the band by what they do to a pole.
+    explain, and the ends of the band by what they do to a pole. Modes that do not stand out are
+    flagged.
     """
     own = np.array([(mode.frequency_std_hz, mode.damping_std) for mode in modes])
     shift = np.array([(m.frequency_band_shift_hz, m.damping_band_shift) for m in modes])
@@ -71,9 +75,10 @@ def with_model_error(
     scatter = scatter_over_positions(fit, refit)
     std = np.where(scatter**2 > _BEYOND_CHANCE * std**2, scatter, std)
     whole = np.hypot(std, np.nan_to_num(shift))
+    flags = [() if seen else (Flag.NO_CLEAR_PEAK,) for seen in stands_out(fit)]
     grown = [
-        replace(mode, frequency_std_hz=float(hz), damping_std=float(ratio))
-        for mode, (hz, ratio) in zip(modes, whole, strict=True)
+        replace(mode, frequency_std_hz=hz, damping_std=ratio, flags=(*flag, *mode.flags))
+        for mode, flag, (hz, ratio) in zip(modes, flags, whole.tolist(), strict=True)
     ]
     return grown, covariance + np.diag(np.ravel(whole**2 - own**2))
 
@@ -99,6 +104,23 @@ def visible_share(fit: PoleFit) -> Real:
             missing -= _response(omega[near], complex(joined / np.vdot(both, both)), both)
         share[k] = np.linalg.norm(missing) / np.linalg.norm(fit.lines.values[:, near])
     return share
+
+
+def stands_out(fit: PoleFit) -> Matrix:
+    """Whether each pole adds twice what all others have at its resonance, RMS over positions.
+
+    Others are humps on the flanks of their neighbours: a mode may be the cause, or several.
+    """
+    omega = fit.lines.omega
+    every = zip(fit.poles, fit.residues.T, strict=True)
+    each = np.array([_response(omega, pole, residues) for pole, residues in every])
+    whole = each.sum(axis=0) + fit.lower[:, None] - np.outer(fit.upper, omega**2)
+    at = np.argmin(np.abs(fit.poles.imag[:, None] - omega), axis=1)
+    own, rest = (
+        [np.linalg.norm(values[:, line]) for values, line in zip(parts, at, strict=True)]
+        for parts in (each, whole - each)
+    )
+    return np.asarray(np.array(own) > _STANDS_OUT * np.array(rest))
 
 
 def is_below_misfit(fit: PoleFit) -> Matrix:

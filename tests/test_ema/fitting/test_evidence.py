@@ -14,6 +14,7 @@ from ema.fitting.evidence import (
     is_beneath,
     is_no_mode,
     scatter_over_positions,
+    stands_out,
     visible_share,
 )
 from ema.fitting.fit_steps import is_undetermined, shift_beside
@@ -158,3 +159,19 @@ def test_beside_the_ring_the_band_ends_count():
     mode = Mode(POLES[2], 0.01, 1e-4, SHAPES[:, 2], np.zeros(12))
     moved = replace(mode, frequency_band_shift_hz=0.3, damping_band_shift=0.02)
     assert shift_beside([moved, moved, mode], {1, 2}).tolist() == [[0, 0], [0.3, 0.02], [0, 0]]
+
+
+def test_a_hump_between_peaks_does_not_stand_out():
+    hump = systems.pole(57.0, 0.1)
+    poles = np.append(POLES, hump)
+    weak = 0.1 * SHAPES[:, :1] * systems.residue(hump)
+    values = systems.inertance(LINES_HZ, poles, np.hstack([RESIDUES, weak]))
+    ones = np.ones(LINES_HZ.size)
+    lines = Lines(LINES_HZ, values, ones, np.ones(12), np.zeros(12, dtype=int), ones)
+    fit = evaluate(lines, np.append(poles, STAND_INS), np.zeros((1, N_DRIFT)))
+    np.testing.assert_array_equal(stands_out(fit)[:5], [True, True, True, True, False])
+
+
+def test_modes_with_peaks_are_ok():
+    frf = frf_of(systems.inertance(LINES_HZ, POLES, RESIDUES), 40)
+    assert all(mode.status == "ok" for mode in identify_modes(frf, BAND_HZ).model.modes)
