@@ -155,6 +155,8 @@ def _verdict(record: dict[str, Any]) -> RingVerdict:
 
 
 def _measured(record: dict[str, Any]) -> MeasuredOrder:
+    if not isinstance(record, dict):
+        raise TypeError(f"order {record!r} is no table")
     values = {name: float(value) for name, value in record.items() if name != "order"}
     if not all(isfinite(value) and value > 0 for value in values.values()):
         raise ValueError(f"order {record['order']} with a value that is not > 0")
