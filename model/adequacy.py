@@ -38,11 +38,13 @@ class Reason(StrEnum):
         return member
 
     RIM = "rim moves", "two modes of order 1: the rim or its fixture moves", State.BAD
+    TURNING = "rim turns", "two torsions: the rim turns on its fixture", State.DOUBTFUL
     SHIFTED = "orders shifted", "the ring fits better with all orders moved by one", State.BAD
     MISFIT = "misfit", "no ring has these frequencies", State.BAD
     ORDER = "order", "one order does not belong to the ring of the others", State.DOUBTFUL
     DEVIATION = "deviation", "the ring deviates more than rings do from tyres", State.DOUBTFUL
     MASSES = "modal masses", "modal masses contradict the frequencies", State.DOUBTFUL
+    TORSION = "torsion", "the torsion contradicts the frequencies", State.DOUBTFUL
     UNTESTED = "untested", "no more orders than unknowns: nothing tests the ring", State.DOUBTFUL
     BOUND = "at bound", "a parameter ended on a limit", State.DOUBTFUL
 
@@ -106,6 +108,7 @@ class RingVerdict:
         )
 
 
+_MASSES, _TORSION = "masses", "torsion_hz"  # fields of a tuning problem
 _STARTS = 2  # of a tuning that another is compared with
 _LEAST_P = 1e-3  # probability of χ² from which on a deviation is one of the model
 _MISFIT = 4.0  # standard deviations of the model form, rms, from which no ring fits
@@ -117,7 +120,7 @@ _LEAST_ERROR = 1e-4  # relative error of a frequency below which none is compare
 
 
 def judge_tuning(
-    problem: TuningProblem, rim_hz: Sequence[float] = ()
+    problem: TuningProblem, rim_hz: Sequence[float] = (), rim_torsion_hz: Sequence[float] = ()
 ) -> tuple[Search, Array, str, RingVerdict]:
     """Tune a ring, leave out what contradicts it, and judge the rest.
 
@@ -129,22 +132,30 @@ def judge_tuning(
     """
     evidence = []
     if rim_hz and 1 in problem.orders:
-        problem, found = _without_order_1(problem, rim_hz)
-        evidence.append(found)
+        problem, of_rim = _without_order_1(problem, rim_hz)
+        evidence.append(of_rim)
+    if rim_torsion_hz and problem.torsion_hz is not None:
+        listed = _listed(problem.torsion_hz[0], rim_torsion_hz)
+        problem = replace(problem, torsion_hz=None)
+        detail = f"torsions at {listed} Hz: the rim turns on its fixture; they are not used"
+        evidence.append(Evidence(Reason.TURNING, detail))
     search = plan_search(problem)
     values, starts = search.run()
-    whole = problem
-    search, values, found_masses = _without_wrong_masses(search, values)
-    search, values, found_order = _without_wrong_order(search, values)
-    for each in found_order:
+    for known in (_MASSES, _TORSION):
+        search, values, found = _without_contradiction(search, values, known)
+        evidence += found
+    all_orders = search, values
+    # A wrong unit of the modal masses moves no order: their scale is left open.
+    whole = replace(problem, torsion_hz=search.problem.torsion_hz, belt_width_m=None)
+    search, values, found = _without_wrong_order(search, values)
+    for each in found:
         whole = _without_order(whole, each.order or 0)
     evidence += [
-        *found_masses,
-        *found_order,
+        *found,
         *_misfit(search, values),
-        *_shifted(search, values, whole),
+        *_shifted(search, values, whole, all_orders),
+        *_at_bound(search, values),
     ]
-    evidence += _at_bound(search, values)
     problem = search.problem
     spare = degrees_of_freedom(search)
     if spare <= 0:
@@ -166,12 +177,15 @@ def _without_order_1(
 ) -> tuple[TuningProblem, Evidence]:
     """Leave order 1 out where the rim moves: mass and support of the rim take both its modes."""
     own = float(problem.measured_hz[problem.orders == 1][0])
-    listed = ", ".join(f"{each:.1f}" for each in sorted((own, *rim_hz)))
-    detail = f"modes of order 1 at {listed} Hz: the rim or its fixture moves"
+    detail = f"modes of order 1 at {_listed(own, rim_hz)} Hz: the rim or its fixture moves"
     if int(problem.used.sum()) > 2:
         problem = _without_order(problem, 1)
         detail += "; order 1 is left out"
     return problem, Evidence(Reason.RIM, detail, 1)
+
+
+def _listed(own_hz: float, others_hz: Sequence[float]) -> str:
+    return ", ".join(f"{each:.1f}" for each in sorted((own_hz, *others_hz)))
 
 
 def _without_order(problem: TuningProblem, order: int) -> TuningProblem:
@@ -198,27 +212,31 @@ def _chi2(search: Search, values: Array) -> float:
     return float(np.sum(deviations[problem.used] ** 2))
 
 
-def _without_wrong_masses(search: Search, values: Array) -> tuple[Search, Array, list[Evidence]]:
-    """Drop modal masses that the frequencies contradict, however K may be."""
-    masses = search.problem.masses
-    if masses is None or search.problem.objective == "paper":
+def _without_contradiction(
+    search: Search, values: Array, known: str
+) -> tuple[Search, Array, list[Evidence]]:
+    """Drop modal masses or the torsion where the frequencies contradict them, however K may be."""
+    problem = search.problem
+    if getattr(problem, known) is None or problem.objective == "paper":
         return search, values, []
-    alone = plan_search(replace(search.problem, masses=None))
+    of_torsion = known == _TORSION
+    changed = replace(problem, torsion_hz=None) if of_torsion else replace(problem, masses=None)
+    alone = plan_search(changed)
     found, _ = alone.run(_STARTS)
-    rise = np.sum(search.residual(values) ** 2) - np.sum(alone.residual(found) ** 2)
-    if chi2.sf(rise, masses.orders.size) > _LEAST_P:
+    rise = _cost(search, values) - _cost(alone, found)
+    n_data = 1 if problem.masses is None or of_torsion else problem.masses.orders.size
+    if chi2.sf(rise, n_data) > _LEAST_P:
         return search, values, []
-    ratio = np.exp(
-        -np.median(
-            search.problem.mass_deviations(
-                alone.ring(found) if search.problem.belt_width_m else search.ring(values)
-            )
-        )
-    )
-    detail = (
-        f"modal masses are {ratio:.3g} times those of the ring (χ² +{rise:.0f}): they are not used"
-    )
-    return alone, found, [Evidence(Reason.MASSES, detail)]
+    ring = alone.ring(found)
+    if of_torsion and problem.torsion_hz is not None:
+        ratio = problem.torsion_hz[0] / max(problem.torsion_of(ring), 1.0)
+        reason, what = Reason.TORSION, f"the torsion is {ratio:.3g} times that"
+    else:
+        compared = ring if problem.belt_width_m else search.ring(values)
+        ratio = np.exp(-np.median(problem.mass_deviations(compared)))
+        reason, what = Reason.MASSES, f"modal masses are {ratio:.3g} times those"
+    detail = f"{what} of the ring (χ² +{rise:.0f}) and not used"
+    return alone, found, [Evidence(reason, detail)]
 
 
 def _without_wrong_order(search: Search, values: Array) -> tuple[Search, Array, list[Evidence]]:
@@ -255,21 +273,24 @@ def _misfit(search: Search, values: Array) -> list[Evidence]:
     return [Evidence(reason, detail)]
 
 
-def _shifted(search: Search, values: Array, problem: TuningProblem) -> list[Evidence]:
+def _shifted(
+    search: Search, values: Array, problem: TuningProblem, all_orders: tuple[Search, Array]
+) -> list[Evidence]:
     """Whether all orders moved by one fit better; `problem` still has every modal mass.
 
     A wrong ring may come within the model form of all frequencies. It is the worse one where the
-    other leaves far smaller residuals (F test), or fits modal masses that it does not.
+    other leaves far smaller residuals (F test), or fits modal masses that it does not. An order
+    left out is part of the F test: moved, it may belong to the ring.
     """
-    spare = degrees_of_freedom(search)
+    spare = degrees_of_freedom(all_orders[0])
     if search.problem.objective == "paper" or spare <= 0:
         return []
     limit = f_distribution.isf(_SHIFT_P, spare, spare)
-    own_cost, own = _cost(*_restarted(problem, search, values)), _squares(search, values)
+    own_cost, own = _cost(*_restarted(problem, search, values)), _squares(*all_orders)
     for step in (-1, 1):
         if problem.orders.min() + step < 1:
             continue
-        alone = plan_search(_moved_orders(search.problem, step))
+        alone = plan_search(_moved_orders(all_orders[0].problem, step))
         found, _ = alone.run(_STARTS)
         ratio = own / _squares(alone, found)
         gain = own_cost - _cost(*_restarted(_moved_orders(problem, step), alone, found))

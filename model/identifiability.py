@@ -17,8 +17,9 @@ IDENTIFIED = "identified"
 NOT_IDENTIFIED = "not identified"
 AT_BOUND = "at bound"
 
-#: A standard deviation above this share of the value means that the data do not determine it.
-LARGEST_RELATIVE_STD = 0.5
+#: A standard deviation above this share of the value means that the data do not determine it: two
+#: of them are then half the value.
+LARGEST_RELATIVE_STD = 0.25
 _RANK = 1e-9  # singular value over the largest one that counts as zero
 #: Parameters that the frequencies of a ring depend on, besides its radius.
 SENSITIVE = (
@@ -141,7 +142,7 @@ def assess(
     These are `given`, or else follow from the residuals; `nominal` decides where neither is known,
     and no standard deviations are stated then. `further` is a covariance from other causes. A
     parameter is not identified where it is undetermined (see `LinearFit.undetermined`), or where
-    its standard deviation exceeds half its value.
+    its standard deviation exceeds a quarter of its value.
     """
     relative, note = _error_level(fit, residual, given)
     known = bool(np.all(np.isfinite(relative)))

@@ -170,6 +170,7 @@ def tune_ring(
     torsion_hz: float | None = None,
     torsion_std_hz: float = 0.0,
     rim_hz: Sequence[float] = (),
+    rim_torsion_hz: Sequence[float] = (),
     priors: TuningPriors | None = None,
 ) -> TuningResult:
     """Tune ρh, k_r, k_θ and D on natural frequencies at Ω = 0 (section 4, eqs 16 to 18).
@@ -214,6 +215,8 @@ def tune_ring(
         Torsion of order 0 on a fixed rim, as tangential sensors detect it, Hz.
     rim_hz : sequence of float
         Further modes of order 1, Hz: the rim moves, and order 1 is left out.
+    rim_torsion_hz : sequence of float
+        Further torsions, Hz: the rim turns, and the torsion is not used.
     priors : TuningPriors or None
         What else is known, and how well.
 
@@ -263,11 +266,11 @@ def tune_ring(
         known,
     )
     with threadpool_limits(1, user_api="blas"):  # threads slow small matrices down
-        return _tuned(problem, tuple(rim_hz))
+        return _tuned(problem, rim_hz, rim_torsion_hz)
 
 
-def _tuned(problem: TuningProblem, rim_hz: tuple[float, ...]) -> TuningResult:
-    search, values, starts, verdict = judge_tuning(problem, rim_hz)
+def _tuned(problem: TuningProblem, *of_rim: Sequence[float]) -> TuningResult:
+    search, values, starts, verdict = judge_tuning(problem, *of_rim)
     form = model_form_std(search, values)
     problem = replace(search.problem, priors=replace(search.problem.priors, model_form_std=form))
     search = replace(search, problem=problem)
@@ -361,8 +364,8 @@ def _remarks(search: Search, values: Array, how: dict[str, str], form: float) ->
     for name in search.free:
         if how.get(name) == NOT_IDENTIFIED:
             remarks.append(
-                f"The {_title(name)} is not identified: its standard deviation exceeds half its "
-                "value, or other parameters can replace it."
+                f"The {_title(name)} is not identified: its standard deviation exceeds a quarter "
+                "of its value, or other parameters can replace it."
             )
         if how.get(name) == AT_BOUND:
             remarks.append(f"The {_title(name)} is at a bound of its range.")

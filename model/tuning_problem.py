@@ -179,14 +179,17 @@ class TuningProblem(ReadonlyArrays):
         parts[0] = parts[0] / self.frequency_errors[used]
         if self.torsion_hz is not None:
             measured, std = self.torsion_hz
-            squared = float(harmonics(ring, 0, pressure_load=self.pressure_load).m22)
-            torsion = np.sqrt(max(squared, 0.0) / ring.mass_per_area_kg_m2) / (2.0 * np.pi)
             error = np.hypot(std / measured, self.priors.model_form_std)
-            parts.append(np.array([(torsion / measured - 1.0) / error]))
+            parts.append(np.array([(self.torsion_of(ring) / measured - 1.0) / error]))
         if self.masses is not None:
             whitened = solve_triangular(self._mass_root, self.mass_deviations(ring), lower=True)
             parts.append(whitened)
         return np.concatenate(parts)
+
+    def torsion_of(self, ring: RingParameters) -> float:
+        """Torsion of `ring`, Hz; zero where a pressure of this kind would make it turn."""
+        squared = float(harmonics(ring, 0, pressure_load=self.pressure_load).m22)
+        return float(np.sqrt(max(squared, 0.0) / ring.mass_per_area_kg_m2) / (2.0 * np.pi))
 
     def mass_deviations(self, ring: RingParameters) -> Array:
         """Logarithm of each modal mass of the ring over the measured one."""

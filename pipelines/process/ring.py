@@ -44,7 +44,7 @@ def tune(result: Result, options: Options) -> Result:
     kept = tuple(f for f in result.findings if f.check not in _OF_RING)
     orders = ring_orders(modal_model)
     numbers = np.array([order.order for order in orders])
-    tuning = _tuned(tyre, modal_model, orders, result.torsion, options)
+    tuning = _tuned(tyre, modal_model, orders, result.torsions, options)
     damping = model.identify_damping(
         tuning.ring,
         numbers,
@@ -123,7 +123,7 @@ def _tuned(
     tyre: Tyre,
     modal_model: ModalModel,
     orders: Sequence[RingOrder],
-    torsion: OtherMode | None,
+    torsions: Sequence[OtherMode],
     options: Options,
 ) -> TuningResult:
     """Tune for the pressure model chosen, or for the dead load of the paper where it has a ring.
@@ -131,6 +131,7 @@ def _tuned(
     A tyre whose frequencies a dead load reaches only with k_θ < 0 has a follower load.
     """
     masses = [modal_mass_kg(modal_model, order) for order in orders]
+    torsion, further = next(iter(torsions), None), torsions[1:]
 
     def tuned(tuning: dict[str, Any]) -> TuningResult:
         return model.tune_ring(
@@ -143,6 +144,7 @@ def _tuned(
             rim_hz=rim_frequencies_hz(modal_model),
             torsion_hz=torsion.frequency_hz if torsion else None,
             torsion_std_hz=torsion.frequency_std_hz if torsion else 0.0,
+            rim_torsion_hz=[each.frequency_hz for each in further],
             objective=options.objective,
             mean_radius_m=tyre.mean_radius_m or math.nan,
             inflation_pressure_pa=tyre.inflation_pressure_pa or math.nan,

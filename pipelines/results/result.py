@@ -149,12 +149,17 @@ class Result:
     @property
     def torsion(self) -> OtherMode | None:
         """Torsion of the belt against the rim, where sensors and force are tangential."""
-        found = [
+        return next(iter(self.torsions), None)
+
+    @property
+    def torsions(self) -> tuple[OtherMode, ...]:
+        """All modes of order 0 of tangential sensors and force, the purest first."""
+        found = (
             mode
             for mode in self.other_modes
             if mode.name == TORSION and mode.force_direction == Direction.TANGENTIAL
-        ]
-        return max(found, key=lambda mode: mode.order_purity, default=None)
+        )
+        return tuple(sorted(found, key=lambda mode: -mode.order_purity))
 
     def to_frame(self) -> pd.DataFrame:
         """Table of the quality checks, one row for each; modes and FRFs have their own `to_frame`.

@@ -60,6 +60,36 @@ def test_shifted_orders_are_bad(step):
     assert result.verdict.state is State.BAD
 
 
+def test_shifted_orders_are_bad_where_all_but_the_lowest_fit():
+    """Without what is called order 2 here, the others are those of a ring within 0.3 %."""
+    found_hz = [72.49, 96.39, 117.07, 138.90, 162.37, 187.47, 213.66, 240.64, 268.32, 296.91]
+    tyre = {"mean_radius_m": 0.348, "inflation_pressure_pa": 2.286e5}
+    assert Reason.SHIFTED in reasons(tuned(found_hz, np.arange(2, 12), **tyre))
+    assert tuned(found_hz, np.arange(1, 11), **tyre).verdict.is_good
+
+
+def test_a_second_torsion_shows_a_rim_that_turns():
+    torsion_hz = 0.8 * torsion_frequency_hz(RING, pressure_load="dead")
+    result = tuned(torsion_hz=torsion_hz, torsion_std_hz=0.02, rim_torsion_hz=(90.0,))
+    assert reasons(result) == [Reason.TURNING]
+    assert_within(result)
+
+
+def test_a_torsion_that_contradicts_the_frequencies_is_not_used():
+    torsion_hz = 0.8 * torsion_frequency_hz(RING, pressure_load="dead")
+    result = tuned(torsion_hz=torsion_hz, torsion_std_hz=0.02)
+    assert reasons(result) == [Reason.TORSION]
+    assert "0.798 times" in result.verdict.evidence[0].detail
+    assert_within(result)
+
+
+def test_identified_means_that_twice_the_error_is_within_half_the_value():
+    result = tuned()
+    for name in (*FREE, "bending_stiffness_n_m"):
+        known = result.std[name] <= 0.25 * getattr(result.ring, name)
+        assert (result.how[name] == "identified") == known, name
+
+
 def test_frequencies_of_no_ring_are_bad():
     scatter = np.array([1.05, 0.95, 1.04, 0.93, 1.06, 0.95, 1.05, 0.94])
     result = tuned(TRUTH_HZ * scatter)

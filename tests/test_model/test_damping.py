@@ -27,7 +27,7 @@ def test_refit_to_table_3():
     assert result.damping.loss_factor == pytest.approx(0.0140, abs=1e-4)
     expected = [0.0399, 0.0295, 0.0255, 0.0229, 0.0209, 0.0193, 0.0180]
     np.testing.assert_allclose(result.model, expected, atol=1e-4)
-    assert set(result.how.values()) == {"identified"}
+    assert [name for name, how in result.how.items() if how != "identified"] == ["loss_factor"]
     rounded = damping_ratios(TABLE_4_RING, REFITTED_DAMPING, TABLE_3_ORDERS)
     np.testing.assert_allclose(rounded, result.model, atol=5e-5)
 

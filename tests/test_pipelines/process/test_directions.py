@@ -77,6 +77,9 @@ def test_torsion_narrows_the_circumferential_stiffness(result):
     )
     true = getattr(Laboratory(EFFECTS).tyre.ring, name)
     assert with_it.std[name] < 0.5 * without.std[name]
+    wind_up = torsion_frequency_hz(with_it.ring, pressure_load=with_it.pressure_load)
+    true_hz = torsion_frequency_hz(Laboratory(EFFECTS).tyre.ring, pressure_load="dead")
+    assert wind_up == pytest.approx(true_hz, rel=0.01)
     for tuning in (with_it, without):
         assert abs(getattr(tuning.ring, name) - true) < 2 * tuning.std[name]
 
