@@ -163,6 +163,8 @@ def _remarks(recording: Recording) -> list[Finding]:
     for channel in recording.channels:
         if channel.quantity == VOLTAGE:
             detail = "volts: set a sensitivity in [calibration] of the manifest"
+        elif not is_stated(channel.unit) and abs(channel.scale_to_si) != 1.0:
+            detail = f"no unit stated: factor {abs(channel.scale_to_si):g} to SI by the file"
         elif not is_stated(channel.unit):
             detail = "no unit stated: taken as SI, unless [calibration] of the manifest sets one"
         else:

@@ -24,6 +24,10 @@ from ema.io.rates import SAME_RATE
 from ema.signals.damage import SAME_LENGTH
 
 _SAME_LINES = 1e-6  # relative, of frequency lines
+_FEWEST_LINES = 64  # fewer show no decay
+# Energy before the force over that behind it: below 1 for what is causal, its inverse where the
+# phase is conjugate; noise has 1.
+_BACKWARDS = 2.0
 _SHOWN = 12  # positions in a message
 
 
@@ -127,6 +131,8 @@ def merge(
     Each file comes with angles by name, where given; `positions` is the number on the grid.
     """
     _check_references(files)
+    for content, _ in files:
+        _check_causal(content)
     if positions is not None:
         files = [(_along_force(content, findings), given) for content, given in files]
     frfs = [content.frf for content, _ in files if content.frf is not None]
@@ -161,12 +167,37 @@ def merge(
 
 def _check_references(files: Sequence[tuple[FileContent, dict[str, float] | None]]) -> None:
     """Refuse files of several forces at different nodes, which would give every node twice."""
-    known = {each.frf_force_node: each.path.name for each, _ in files if each.frf_force_node}
+    known = {
+        (each.frf_force_node, each.frf_force_axis): each.path.name
+        for each, _ in files
+        if each.frf_force_node
+    }
     if len(known) > 1:
-        found = ", ".join(f"node {node} in {name}" for node, name in sorted(known.items()))
+        places = [f"node {dof[0]} {_axis_name(dof[1])} in {known[dof]}" for dof in sorted(known)]
+        found = ", ".join(places)
         rule = "all FRFs of a campaign must be of one force"
         remedy = "Process the files of each force by themselves"
         raise RecordingFormatError("references", found, rule, remedy)
+
+
+def _check_causal(content: FileContent) -> None:
+    """Refuse FRFs of which most respond before the force, as with phases in e^{-jωt}.
+
+    The conjugate of an FRF is its impulse response backwards in time, whatever its sign.
+    """
+    frf = content.frf
+    assert frf is not None
+    n_lines = frf.frequency_hz.size
+    if n_lines < _FEWEST_LINES:
+        return
+    energy = np.abs(np.fft.ifft(frf.values, axis=1)) ** 2
+    half = n_lines // 2
+    after, before = energy[:, 1:half].sum(axis=1), energy[:, n_lines - half + 1 :].sum(axis=1)
+    if np.mean(before > _BACKWARDS * after) > 0.5:
+        found = "impulse responses that run backwards in time"
+        rule = "phases must be those of e^{+jωt}; these are conjugate (e^{-jωt})"
+        remedy = "Change the sign of the imaginary parts, or export with the other convention"
+        raise RecordingFormatError(content.path.name, found, rule, remedy)
 
 
 def _along_force(content: FileContent, findings: list[Finding]) -> FileContent:

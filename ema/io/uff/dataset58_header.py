@@ -170,6 +170,10 @@ def _identity(line: str) -> str:
     """Line 8 in its columns: names of entities that are too long push the rest to the right."""
     head, words = line[:30], line[30:].split()
     if len(words) != 6:
+        for first in (40, 65):
+            found = line[first - 9 : first + 11]
+            rule = f"the name before column {first + 2} must not reach into the node behind it"
+            _require(len(line[first : first + 2].split(" ", 1)[0]) < 2, 8, repr(found), rule)
         return line
     try:
         numbers = [_integer(word) for word in (*words[1:3], *words[4:6])]

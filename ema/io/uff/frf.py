@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ema.core.arrays import constant
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Check, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOCITY
 from ema.core.units import FREQUENCY, is_stated, parse_ratio
@@ -205,7 +205,7 @@ def _inertance(
         scaled *= (2j * np.pi * frequency_hz) ** power
     factor = "jω" if power == 1 else "−ω²"
     detail = f"{motion.quantity} over force, converted to inertance (factor {factor})"
-    findings.append(remark(path, name, Check.QUANTITY, detail))
+    findings.append(Finding(path.name, name, None, Check.QUANTITY, Verdict.OK, detail))
     return scaled
 
 
@@ -238,6 +238,11 @@ def _nodes(
     """Nodes of the rows, and the node of the end that all share: the force or the response."""
     responses = [each.header58.response_node for each in datasets]
     forces = [each.header58.reference_node for each in datasets]
+    axes = {abs(each.header58.reference_direction) for each in datasets}
+    if len(set(forces)) == 1 and len(axes) > 1:
+        found = f"a force at node {forces[0]} in {len(axes)} directions"
+        remedy = "Export the FRFs of each force to a file of its own"
+        raise RecordingFormatError(path.name, found, "all FRFs must have one force", remedy)
     if len(set(forces)) == 1:
         return responses, forces[0] or None
     if len(set(responses)) == 1:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Check, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Channel, Recording
 from ema.core.units import TIME
 from ema.io.columns import aligned
@@ -68,7 +68,10 @@ def read(path: Path, *, form_only: bool = False) -> FileContent:
         findings.append(remark(path, "", Check.CONTENT, others))
     responses = measured_only(path, responses, findings)
     findings += [
-        remark(path, each.header58.id_lines[0], Check.BYTE_COUNT, each.remark)
+        # The closing delimiter confirms what is read.
+        Finding(
+            path.name, each.header58.id_lines[0], None, Check.BYTE_COUNT, Verdict.OK, each.remark
+        )
         for each in (*times, *responses)
         if each.remark
     ]

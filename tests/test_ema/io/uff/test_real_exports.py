@@ -138,3 +138,39 @@ def test_forces_at_several_nodes_are_not_mixed(tmp_path):
         written(tmp_path / f"{number}.uff", *rows((3,), reference=(number, 3)))
     with pytest.raises(InputError, match="one force"):
         ema.read_campaign(tmp_path)
+
+
+def test_forces_in_several_directions_at_one_node_are_not_mixed(tmp_path):
+    parts = [*rows((3,), reference=(1, 3)), *rows((3,), reference=(1, 1))]
+    with pytest.raises(InputError, match="node 1 in 2 directions"):
+        read_file(written(tmp_path / "a.uff", *parts))
+
+
+def test_a_long_entity_name_with_blanks_is_no_node(tmp_path):
+    name = b"WHEEL FL 12         7   3"
+    header = header58(node=7, direction=3).replace(f"{'NONE':<10}{7:10d}{3:4d}".encode(), name)
+    path = written(tmp_path / "a.uff", header, fixed(np.arange(8.0)).encode(), b"    -1\n")
+    with pytest.raises(InputError, match=r"line 8.*WHEEL FL 12"):
+        read_file(path)
+
+
+def resonances(sign):
+    """Inertances of four nodes at 0 to 127 Hz, all of one sign."""
+    omega = 2j * np.pi * np.arange(128.0)
+    modes = sum(omega**2 / (w**2 + 0.04 * w * omega + omega**2) for w in (190.0, 420.0))
+    return [sign * shape * modes for shape in (1.0, -0.5, 0.3, 1.5)]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_phases_of_the_other_convention_are_refused(tmp_path, sign):
+    for name, change in (("right", np.asarray), ("wrong", np.conj)):
+        parts = [
+            frf58(change(values), node=node, name=f"H{node}")
+            for node, values in enumerate(resonances(sign), 1)
+        ]
+        path = written(tmp_path / f"{name}.uff", *parts)
+        if name == "right":
+            assert ema.read_campaign(path).frf.n_positions == 4
+        else:
+            with pytest.raises(InputError, match=r"e\^\{-jωt\}"):
+                ema.read_campaign(path)
