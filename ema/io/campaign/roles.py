@@ -238,6 +238,12 @@ class _Roles:
         axis = self.force().axis
         kept = [channel for channel in responses if channel.axis == axis]
         names = ", ".join(channel.name for channel in responses if channel.axis != axis)
+        if not kept:
+            rule = "where nodes have several sensors, those in the direction of the force are used"
+            remedy = "State the directions of channels in the manifest, or that of the force in UFF"
+            raise self.fault(
+                f"no response in the direction of the force, but {names}", rule, remedy
+            )
         place = self.recording.path.name, "", None
         detail = f"{names}: not in the direction of the force, left out"
         self.findings.append(Finding(*place, Check.DIRECTION, Verdict.OK, detail))

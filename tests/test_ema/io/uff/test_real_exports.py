@@ -174,3 +174,16 @@ def test_phases_of_the_other_convention_are_refused(tmp_path, sign):
         else:
             with pytest.raises(InputError, match=r"e\^\{-jωt\}"):
                 ema.read_campaign(path)
+
+
+def test_sensors_in_no_direction_of_the_force_are_refused(tmp_path):
+    force = {"name": "force", "node": 1, "direction": 3, "axis": (13, 0, 0, "Force", "N")}
+    parts = [
+        binary58(floats(range(8)), name=f"A{node}{axis}", node=node, direction=axis)
+        for node in (1, 2)
+        for axis in (1, 2)
+    ]
+    written(tmp_path / "a.uff", binary58(floats(range(8)), **force), *parts)
+    (tmp_path / "campaign.toml").write_text(MANIFEST, encoding="utf-8")
+    with pytest.raises(InputError, match="no response in the direction of the force"):
+        ema.read_campaign(tmp_path)
