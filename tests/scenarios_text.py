@@ -155,8 +155,10 @@ TIMES = (
 )
 
 
-def lvm_file(*, decimal=".", delta="0.0005", samples=N, rows=N):
-    """A LabVIEW measurement file of text."""
+def lvm_file(
+    *, decimal=".", delta="0.0005", samples=N, rows=N, time=True, starts=("0", "0"), more=""
+):
+    """A LabVIEW measurement file of text; `more` lines follow the numbers."""
     head = [
         "LabVIEW Measurement\t",
         "Writer_Version\t2",
@@ -164,7 +166,7 @@ def lvm_file(*, decimal=".", delta="0.0005", samples=N, rows=N):
         "Separator\tTab",
         f"Decimal_Separator\t{decimal}",
         "Multi_Headings\tNo",
-        "X_Columns\tOne",
+        f"X_Columns\t{'One' if time else 'No'}",
         "Time_Pref\tRelative",
         "***End_of_Header***\t",
         "\t",
@@ -172,13 +174,15 @@ def lvm_file(*, decimal=".", delta="0.0005", samples=N, rows=N):
         f"Samples\t{samples}\t{samples}\t",
         "Y_Unit_Label\tN\tm/s^2\t",
         "X_Dimension\tTime\tTime\t",
-        "X0\t0\t0\t",
+        "\t".join(["X0", *starts, ""]),
         f"Delta_X\t{delta}\t{delta}\t",
         "***End_of_Header***\t\t\t",
         "X_Value\tforce\tA01\tComment",
     ]
-    body = [f"{k / RATE_HZ:.4f}\t{FORCE[k]:.6f}\t{ACCELERATION[k]:.6f}\t" for k in range(rows)]
-    return "\r\n".join(head + [row.replace(".", decimal) for row in body] + [""]).encode()
+    stamps = [f"{k / RATE_HZ:.4f}" if time else "" for k in range(rows)]
+    body = [f"{stamps[k]}\t{FORCE[k]:.6f}\t{ACCELERATION[k]:.6f}\t" for k in range(rows)]
+    text = "\r\n".join(head + [row.replace(".", decimal) for row in body] + [""])
+    return (text + more).encode()
 
 
 def _lvm(name, content, expected):

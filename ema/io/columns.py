@@ -134,49 +134,56 @@ def _axes(
     path: Path, columns: Sequence[Column], rate: Rate, findings: list[Finding]
 ) -> dict[int, _Axis | None]:
     """Columns of time by their place, and None for others that only count."""
-    found: dict[int, _Axis | None] = {}
     named = [is_time(column.name, column.unit) for column in columns]
-    read: list[tuple[NDArray[Any], _Axis]] = []
-    for at, column in enumerate(columns):
-        if not named[at] and (parse_unit(column.unit) or not _rises_evenly(column.samples)):
-            continue
-        factor = _seconds(column.unit) if named[at] else None
-        factor = factor or _seconds_of_ramp(path, column, rate, any(named), findings)
+    ramps = {
+        at: _seconds(column.unit) if named[at] else None
+        for at, column in enumerate(columns)
+        if named[at] or (not parse_unit(column.unit) and _rises_evenly(column.samples))
+    }
+    for at, factor in ramps.items():
+        ramps[at] = factor or _seconds_of_ramp(path, columns[at], rate, any(named), findings)
+        named[at] = bool(ramps[at])
+    found: dict[int, _Axis | None] = {}
+    for at, factor in ramps.items():
         if not factor:
             found[at] = None
             continue
-        equal = (axis for samples, axis in read if np.array_equal(samples, column.samples))
-        axis = next(equal, None) or _time_axis(path, column, factor, is_only=sum(named) < 2)
-        read.append((column.samples, axis))
-        found[at] = axis
-        named[at] = True
+        samples = columns[at].samples
+        same = (
+            f for other, f in found.items() if f and np.array_equal(columns[other].samples, samples)
+        )
+        found[at] = next(same, None) or _time_axis(
+            path, columns[at], factor, is_only=sum(named) < 2
+        )
     return found
 
 
 def _time_axis(path: Path, column: Column, seconds: float, *, is_only: bool) -> _Axis:
     """Rate, start and length by a column of time; one of several may be shorter than others."""
     stamps = np.asarray(column.samples, dtype=np.float64) * seconds
-    n_samples = len(stamps)
-    if not is_only:
-        n_samples = int(np.flatnonzero(np.isfinite(stamps)).max(initial=-1)) + 1 or n_samples
-        stamps = stamps[:n_samples]
+    stamps = stamps if is_only else _filled(stamps)
     rate = rate_of_stamps(stamps, f"column {column.name!r}")
     if rate is None:
         rule = "time is not at equal steps, and spectra need a constant sampling rate"
         remedy = "Look for dropped samples, or resample"
         where = f"{path.name}, column {column.name!r}"
         raise RecordingFormatError(where, uneven(stamps), rule, remedy)
-    return _Axis(column.name, rate, float(stamps[0]), n_samples)
+    return _Axis(column.name, rate, float(stamps[0]), len(stamps))
 
 
 def _rises_evenly(samples: NDArray[Any]) -> bool:
     """Whether a column counts or tells the time, whatever its name: no signal rises evenly."""
     if samples.dtype.kind not in "iuf" or len(samples) < _FEWEST_OF_AXIS:
         return False
-    first = np.asarray(samples[:_FIRST_ROWS], dtype=np.float64)
+    first = _filled(np.asarray(samples[:_FIRST_ROWS], dtype=np.float64))
     if not (first[-1] > first[0] and even_step(first)):
         return False
-    return even_step(np.asarray(samples, dtype=np.float64)) is not None
+    return even_step(_filled(np.asarray(samples, dtype=np.float64))) is not None
+
+
+def _filled(stamps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times without the empty cells at the end of a column that is shorter than others."""
+    return stamps[: int(np.flatnonzero(np.isfinite(stamps)).max(initial=-1)) + 1 or len(stamps)]
 
 
 def _seconds_of_ramp(
@@ -191,7 +198,7 @@ def _seconds_of_ramp(
         rule = "a column of time must be in s, ms, us, ns, min or h"
         where = f"{path.name}, column {column.name!r}"
         raise RecordingFormatError(where, f"unit {column.unit!r}", rule, EXPORT_AGAIN)
-    steps = even_step(np.asarray(column.samples, dtype=np.float64))
+    steps = even_step(_filled(np.asarray(column.samples, dtype=np.float64)))
     assert steps is not None
     rises = f"rises evenly by {steps.step:.6g} and is no sensor"
     rate = likeliest(

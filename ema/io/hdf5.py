@@ -6,7 +6,7 @@ import mmap
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from ema.io.rates import stated_rate, states_rate
 SUFFIXES = (".h5", ".hdf5")
 _NAMES = ("names", "channels", "labels")
 _UNITS = ("unit", "units")
+_SCALES = ("scale_factor", "add_offset")  # of stored numbers, after the CF conventions
 _DEEPEST = 32  # groups in groups
 
 
@@ -47,7 +48,7 @@ def read(path: Path) -> FileContent:
         held = "; ".join(f"{place}: {why}" for place, why in skipped.items()) or "nothing"
         rule = "a channel is a dataset of one dimension, or a row or column of a matrix"
         raise RecordingFormatError(path.name, held, rule, "Export the samples in this layout")
-    columns = [column for array in series for column in _columns(path, array)]
+    columns = [column for array in series for column in _columns(path, _scaled(path, array))]
     rate = stated_rate(path, stated)
     findings = content.left_out(path, skipped)
     return content_of_columns(path, columns, rate=rate, findings=findings)
@@ -92,6 +93,22 @@ def _attributes(item: Any) -> dict[str, Any]:
         except (OSError, TypeError):
             continue
     return found
+
+
+def _scaled(path: Path, array: _Array) -> _Array:
+    """Samples as their attributes scale them: stored · scale_factor + add_offset."""
+    stated = [np.ravel(array.attributes.get(name, ())) for name in _SCALES]
+    if not any(each.size for each in stated):
+        return array
+    if any(each.size > 1 or each.dtype.kind not in "iuf" for each in stated):
+        rule = "scale_factor and add_offset must be one number each"
+        where = f"{path.name}, {array.path}"
+        raise RecordingFormatError(where, "other attributes", rule, content.EXPORT_AGAIN)
+    factor, offset = (
+        float(each[0]) if each.size else usual
+        for each, usual in zip(stated, (1.0, 0.0), strict=True)
+    )
+    return replace(array, samples=array.samples * factor + offset)
 
 
 def _columns(path: Path, array: _Array) -> list[Column]:

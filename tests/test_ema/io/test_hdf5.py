@@ -309,3 +309,25 @@ def test_a_complex_sampling_rate_is_none(tmp_path):
         file.attrs["fs"] = 100 + 2j
     with pytest.raises(RecordingFormatError):
         read_file(path)
+
+
+@pytest.mark.parametrize("layout", ["contiguous", "chunked"])
+@pytest.mark.parametrize(
+    "scales", [{"scale_factor": 0.01}, {"scale_factor": [0.5], "add_offset": 3}]
+)
+def test_integers_are_scaled_as_their_attributes_say(tmp_path, layout, scales):
+    counts = np.arange(-30, 30, dtype=np.int16) ** 3
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        chunks = (7,) if layout == "chunked" else None
+        file.create_dataset("force", data=counts, chunks=chunks).attrs.update(scales, unit="N")
+        file.attrs["fs"] = RATE_HZ
+    factor = np.ravel(scales["scale_factor"])[0]
+    (force,) = read_file(tmp_path / "a.h5").recording.channels
+    np.testing.assert_allclose(force.block(0, 60), counts * factor + scales.get("add_offset", 0))
+
+
+def test_scales_that_are_no_numbers_are_refused(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("force", data=np.arange(9)).attrs["scale_factor"] = "0.01"
+    with pytest.raises(RecordingFormatError, match="scale_factor"):
+        read_file(tmp_path / "a.h5")

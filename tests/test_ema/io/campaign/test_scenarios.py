@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from scenarios import Read
+from scenarios_axes import SCENARIOS as AXES
 from scenarios_binary import SCENARIOS as BINARY
 from scenarios_campaign import SCENARIOS as CAMPAIGN
 from scenarios_text import SCENARIOS as TEXT
@@ -15,7 +16,7 @@ import ema
 from ema.core.errors import InputError
 from pipelines.prepare.inspection import inspect_files
 
-SCENARIOS = (*UFF, *UFF_HEADERS, *TEXT, *CAMPAIGN, *BINARY)
+SCENARIOS = (*UFF, *UFF_HEADERS, *TEXT, *CAMPAIGN, *BINARY, *AXES)
 
 
 def test_scenarios_have_names_of_their_own():

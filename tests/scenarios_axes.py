@@ -1,0 +1,251 @@
+"""Rates, starts and axes as files print them: rounded, shifted, in other units, more than once."""
+
+import io
+
+import numpy as np
+import scipy.io
+from nptdms import ChannelObject, TdmsWriter
+from scenarios import ACCELERATION, FORCE, RATE_HZ, N, Read, Scenario, bad_file, bad_manifest
+from scenarios_text import lvm_file
+
+_LONG = 600
+_FORCE = np.random.default_rng(3).integers(-100, 100, 8192).astype(float)
+_MOTION = np.random.default_rng(4).integers(-100, 100, 8192).astype(float)
+
+
+def rows(*columns, header, separator=","):
+    """A table of columns of numbers or texts."""
+    lines = [separator.join(map(str, cells)) for cells in zip(*columns, strict=True)]
+    return "\n".join([header, *lines, ""])
+
+
+def printed(rate_hz, decimals, n=_LONG, factor=1.0):
+    """Times of an even grid, rounded."""
+    return [f"{factor * k / rate_hz:.{decimals}f}" for k in range(n)]
+
+
+def _csv(name, content, expected):
+    return Scenario(f"axis {name}", {"a.csv": content.encode()}, expected, "a.csv")
+
+
+def _timed(times, header="time [s],force [N],A01 [m/s^2]", skipped=None):
+    columns = [times, _FORCE[: len(times)], _MOTION[: len(times)]]
+    kept = [k for k in range(len(times)) if k != skipped]
+    return rows(*([column[k] for k in kept] for column in columns), header=header)
+
+
+def _plain(above):
+    signals = FORCE, ACCELERATION
+    return above + rows(*signals, header="force [N],A01 [m/s^2]")
+
+
+_RATES = {rate: rate for rate in (1024, 2048, 5120, 2560, 8192, 25600)}
+_RATES[51200] = 50000  # 0.000020 s may be either, which is a warning
+STEPS = (
+    *(
+        Scenario(
+            f"axis Delta_X of six decimals, {rate} Hz",
+            {"a.lvm": lvm_file(delta=f"{1 / rate:.6f}", time=False)},
+            Read(rate_hz=taken, findings=(r"Delta_X = 0\.0.* leaves .* to ",)),
+            "a.lvm",
+        )
+        for rate, taken in _RATES.items()
+    ),
+    *(
+        _csv(
+            f"dt line of {digits} decimals, {rate} Hz",
+            _plain(f"# dt = {1 / rate:.{digits}f}\n"),
+            Read(rate_hz=rate),
+        )
+        for rate, digits in ((1024, 6), (2048, 6), (2048, 7), (5120, 7), (51200, 8), (500, 3))
+    ),
+    *(
+        Scenario(
+            f"axis manifest rate {rate} Hz beside a printed step",
+            {
+                "a.csv": _plain("# dt = 0.000488\n").encode(),
+                "campaign.toml": (
+                    f"schema = 1\n[acquisition]\nsampling_rate_hz = {rate}\n"
+                    '[excitation]\nchannel = "force"\n[[runs]]\nfile = "a.csv"\n'
+                ).encode(),
+            },
+            expected,
+        )
+        for rate, expected in (
+            (2050.0, Read(rate_hz=2050.0)),
+            (2048.0, Read(rate_hz=2048.0)),
+            (2000.0, bad_manifest("2000 Hz", "2048", "2047.* to 2051")),
+        )
+    ),
+)
+
+_DROPPED = bad_file("a.csv, column 'time'", "equal steps")
+ROUNDED = (
+    *(
+        _csv(f"times of {decimals} decimals, {rate} Hz", _timed(printed(rate, decimals)), expected)
+        for rate, decimals in ((512, 3), (1024, 3), (2048, 3), (4096, 3), (2048, 4), (4096, 4))
+        for expected in [Read(rate_hz=rate)]
+    ),
+    *(
+        _csv(
+            f"sample {skipped} dropped among times of {decimals} decimals, {rate} Hz",
+            _timed(printed(rate, decimals), skipped=skipped),
+            _DROPPED,
+        )
+        for rate, decimals in ((512, 3), (1024, 3), (2048, 4), (4096, 4))
+        for skipped in (100, 300, 590)
+    ),
+)
+
+
+def _tdms(starts_s):
+    sink = io.BytesIO()
+    begin = np.datetime64("2026-03-04T10:00:00", "us")
+    with TdmsWriter(sink) as writer:
+        writer.write_segment(
+            [
+                ChannelObject(
+                    "run",
+                    name,
+                    samples,
+                    {
+                        "unit_string": unit,
+                        "wf_increment": 1 / RATE_HZ,
+                        "wf_start_time": begin + np.timedelta64(round(start * 1e6), "us"),
+                    },
+                )
+                for name, unit, samples, start in zip(
+                    ("force", "A01"), ("N", "m/s^2"), (FORCE, ACCELERATION), starts_s, strict=True
+                )
+            ]
+        )
+    return sink.getvalue()
+
+
+_SHIFTED = Read(
+    first={"force": tuple(FORCE[4:8]), "A01": tuple(ACCELERATION[:4])},
+    findings=("begins 0.002 s after 'force'",),
+)
+STARTS = (
+    Scenario("axis TDMS starts four samples apart", {"a.tdms": _tdms((0, 0.002))}, _SHIFTED),
+    Scenario(
+        "axis TDMS starts half a sample apart",
+        {"a.tdms": _tdms((0, 0.00225))},
+        bad_file("a.tdms", "whole samples apart", "4.5 samples"),
+    ),
+    Scenario(
+        "axis LVM starts four samples apart",
+        {"a.lvm": lvm_file(starts=("0.000000", "0.002000"), time=False)},
+        _SHIFTED,
+    ),
+    Scenario(
+        "axis LVM starts half a sample apart",
+        {"a.lvm": lvm_file(starts=("0.000000", "0.002250"), time=False)},
+        bad_file("a.lvm", "whole samples apart"),
+    ),
+)
+
+_AS_WRITTEN = Read(first={"force": tuple(_FORCE[:4]), "A01": tuple(_MOTION[:4])})
+UNITS = tuple(
+    _csv(
+        f"times under {header.partition(',')[0]}",
+        _timed(printed(2000, decimals, N, factor), header),
+        _AS_WRITTEN,
+    )
+    for unit, factor, decimals in (
+        ("ms", 1e3, 1),
+        ("us", 1e6, 0),
+        ("µs", 1e6, 0),
+        ("ns", 1e9, 0),
+        ("min", 1 / 60, 10),
+    )
+    for header in (f"time [{unit}],force [N],A01 [m/s^2]", f"Zeit ({unit}),force [N],A01 [m/s^2]")
+)
+
+
+def _pairs(first, second, header="time [s],force [N],time 2 [s],A01 [m/s^2]"):
+    """A column of time for each channel; the shorter one leaves cells empty at its end."""
+    length = max(len(first), len(second))
+    columns = [first, list(_FORCE[: len(first)]), second, list(_MOTION[: len(second)])]
+    return rows(*([*each, *[""] * (length - len(each))] for each in columns), header=header)
+
+
+_HALF = printed(1000, 4, N)
+_FULL = printed(2000, 4, N)
+_FEW = printed(2000, 4, N - 10)
+SEVERAL = (
+    _csv("two equal columns of time", _pairs(_FULL, _FULL), _AS_WRITTEN),
+    _csv(
+        "two equal columns of time with one name",
+        _pairs(_FULL, _FULL, "time [s],force [N],time [s],A01 [m/s^2]"),
+        _AS_WRITTEN,
+    ),
+    _csv(
+        "a second column of time, shifted by four samples",
+        _pairs(_FULL, [f"{(k + 4) / 2000:.4f}" for k in range(N)]),
+        Read(
+            first={"force": tuple(_FORCE[4:8]), "A01": tuple(_MOTION[:4])},
+            findings=("begins 0.002 s after 'force'",),
+        ),
+    ),
+    _csv(
+        "a second column of time, shifted by a part of a sample",
+        _pairs(_FULL, [f"{(k + 0.4) / 2000:.5f}" for k in range(N)]),
+        bad_file("a.csv", "whole samples apart"),
+    ),
+    _csv(
+        "a second column of time at another rate",
+        _pairs(_HALF, _FULL),
+        bad_file("a.csv", "1000 Hz", "2000 Hz"),
+    ),
+    _csv(
+        "a second column of time at another rate, shorter",
+        _pairs(_FULL, _HALF[: N // 2]),
+        bad_file("a.csv", "1000 Hz", "2000 Hz"),
+    ),
+    _csv(
+        "a second column of time, shorter",
+        _pairs(_FULL, _FEW),
+        Read(first=_AS_WRITTEN.first, findings=("cut to the shorter",)),
+    ),
+    _csv(
+        "a count beside the time",
+        rows(range(N), _FULL, _FORCE[:N], _MOTION[:N], header="no,time [s],force [N],A01 [m/s^2]"),
+        Read(first=_AS_WRITTEN.first, findings=("'no' rises evenly by 1",)),
+    ),
+    _csv(
+        "a count and a rate above",
+        "# sampling rate: 2000 Hz\n"
+        + rows(range(N), _FORCE[:N], _MOTION[:N], header="sample,force [N],A01 [m/s^2]"),
+        Read(first=_AS_WRITTEN.first, findings=("'sample' rises evenly by 1",)),
+    ),
+)
+
+
+def _mat(**variables):
+    sink = io.BytesIO()
+    scipy.io.savemat(sink, variables)
+    return sink.getvalue()
+
+
+_MATRIX = np.column_stack([np.arange(N) / 2048, FORCE, ACCELERATION])
+MATRICES = (
+    Scenario(
+        "axis MAT matrix [t x y] without names",
+        {"a.mat": _mat(data=_MATRIX)},
+        bad_file("no force among channels channel 2 .*, channel 3 "),
+    ),
+    Scenario(
+        "axis MAT matrix [t x y] with names",
+        {
+            "a.mat": _mat(
+                data=_MATRIX,
+                names=np.array(["x_axis", "force", "A01"], dtype=object),
+                units=np.array(["s", "N", "m/s^2"], dtype=object),
+            )
+        },
+        Read(rate_hz=2048.0),
+    ),
+)
+
+SCENARIOS = (*STEPS, *ROUNDED, *STARTS, *UNITS, *SEVERAL, *MATRICES)
