@@ -1,6 +1,7 @@
 """Rates, starts and axes as files print them: rounded, shifted, in other units, more than once."""
 
 import io
+from datetime import datetime, timedelta
 
 import numpy as np
 import scipy.io
@@ -222,6 +223,86 @@ SEVERAL = (
 )
 
 
+def _clock(form, start="2026-03-01 12:00:00", rate_hz=500, n=N, zone=""):
+    """Times of day or dates in a form of strftime."""
+    begin = datetime.fromisoformat(start)
+    return [(begin + timedelta(seconds=k / rate_hz)).strftime(form) + zone for k in range(n)]
+
+
+_MIDNIGHT = {"start": "2026-03-01 23:59:59.950"}
+_CLOCKS = Read(rate_hz=500.0)
+_KINDS = {
+    "German dates": (";", "%d.%m.%Y %H:%M:%S,%f", {}),
+    "German dates over midnight": (";", "%d.%m.%Y %H:%M:%S,%f", _MIDNIGHT),
+    "American dates": (",", "%m/%d/%Y %I:%M:%S.%f %p", {}),
+    "American dates over noon": (
+        ",",
+        "%m/%d/%Y %I:%M:%S.%f %p",
+        {"start": "2026-03-01 11:59:59.9"},
+    ),
+    "American dates over midnight": (",", "%m/%d/%Y %I:%M:%S.%f %p", _MIDNIGHT),
+    "dates of days below 13 over midnight": (
+        ",",
+        "%d/%m/%y %H:%M:%S.%f",
+        {"start": "2026-04-03 23:59:59.9"},
+    ),
+    "the end of a month": (",", "%d/%m/%Y %H:%M:%S.%f", {"start": "2026-04-30 23:59:59.9"}),
+    "ISO with an offset": (",", "%Y-%m-%dT%H:%M:%S.%f", {"zone": "+01:00"}),
+    "ISO with a short offset": ("\t", "%Y-%m-%dT%H:%M:%S.%f", {"zone": "-0530"}),
+    "ISO in UTC over midnight": (",", "%Y-%m-%dT%H:%M:%S.%f", _MIDNIGHT | {"zone": "Z"}),
+    "times of day over midnight": (",", "%H:%M:%S.%f", _MIDNIGHT),
+    "hours of one digit": (",", "%-H:%M:%S.%f", {"start": "2026-03-01 09:59:59.9"}),
+}
+
+
+def _stamped(separator, *columns, heading):
+    """A table that begins with columns of stamps."""
+    comma = "," if separator == ";" else "."
+    signals = [[f"{v:.1f}".replace(".", comma) for v in each[:N]] for each in (_FORCE, _MOTION)]
+    header = separator.join([*heading, "force [N]", "A01 [m/s^2]"])
+    return rows(*columns, *signals, header=header, separator=separator)
+
+
+_GAP = _clock("%d.%m.%Y %H:%M:%S.%f", **_MIDNIGHT)
+CLOCKS = (
+    *(
+        _csv(
+            f"stamps, {name}", _stamped(sign, _clock(form, **more), heading=["Date/Time"]), _CLOCKS
+        )
+        for name, (sign, form, more) in _KINDS.items()
+    ),
+    *(
+        _csv(
+            f"date and clock in two columns, {name}",
+            _stamped(
+                sign, _clock(date, **more), _clock(form, **more), heading=["Datum", "Uhrzeit"]
+            ),
+            _CLOCKS,
+        )
+        for name, sign, date, form, more in (
+            ("German", ";", "%d.%m.%Y", "%H:%M:%S,%f", {}),
+            ("blanks", " ", "%d.%m.%Y", "%H:%M:%S.%f", {}),
+            ("over midnight", ";", "%d.%m.%Y", "%H:%M:%S,%f", _MIDNIGHT),
+            ("American", ",", "%m/%d/%Y", "%I:%M:%S.%f %p", {}),
+        )
+    ),
+    _csv(
+        "stamps, days left out",
+        _stamped(",", [each.replace("02.03", "05.03") for each in _GAP], heading=["t"]),
+        bad_file("a.csv", "one day after another"),
+    ),
+    _csv(
+        "stamps, a dropped sample at midnight",
+        _stamped(
+            ",",
+            [*_GAP[:25], *_clock("%d.%m.%Y %H:%M:%S.%f", **_MIDNIGHT, n=N + 1)[26:]],
+            heading=["t"],
+        ),
+        bad_file("a.csv", "equal steps"),
+    ),
+)
+
+
 def _mat(**variables):
     sink = io.BytesIO()
     scipy.io.savemat(sink, variables)
@@ -248,4 +329,4 @@ MATRICES = (
     ),
 )
 
-SCENARIOS = (*STEPS, *ROUNDED, *STARTS, *UNITS, *SEVERAL, *MATRICES)
+SCENARIOS = (*STEPS, *ROUNDED, *STARTS, *UNITS, *SEVERAL, *CLOCKS, *MATRICES)

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.core.files import part
-from ema.core.finding import Check, Finding, Verdict
+from ema.core.finding import Check, Finding
 from ema.core.recording import UNKNOWN, Channel, Recording
 from ema.core.units import TIME, is_stated, parse_axis, parse_unit
-from ema.io.content import EXPORT_AGAIN, FileContent, not_together, remark
+from ema.io.content import EXPORT_AGAIN, FileContent, not_together, note, remark
 from ema.io.rates import (
     SAME_RATE,
     UNSTATED,
@@ -207,10 +207,10 @@ def _seconds_of_ramp(
     is_rate = steps.inverse > 1.0 and rate.is_sure and not is_stated(column.unit)
     if has_time or not is_rate or not math.isnan(stated.hz):
         detail = f"{column.name!r} {rises}; left out"
-        findings.append(Finding(path.name, "", None, Check.IGNORED, Verdict.OK, detail))
+        findings.append(note(path, Check.IGNORED, detail))
         return 0.0
     detail = f"{column.name!r} {rises}; taken as time in s, which gives {rate.hz:.10g} Hz"
-    findings.append(Finding(path.name, "", None, Check.SAMPLING_RATE, Verdict.OK, detail))
+    findings.append(note(path, Check.SAMPLING_RATE, detail))
     return 1.0
 
 
@@ -248,7 +248,7 @@ def aligned(
         raise RecordingFormatError(path.name, apart, "they have no time in common", EXPORT_AGAIN)
     if whole.any():
         detail = f"{apart} ({whole.max():.0f} samples): cut to the {n_samples} samples of both"
-        findings.append(Finding(path.name, "", None, Check.START, Verdict.OK, detail))
+        findings.append(note(path, Check.START, detail))
     elif len(set(lengths)) > 1:
         detail = f"{max(lengths)} and {n_samples} samples: cut to the shorter"
         findings.append(remark(path, "", Check.START, detail))

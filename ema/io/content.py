@@ -53,6 +53,11 @@ def remark(path: Path, channel: str, check: Check, detail: str) -> Finding:
     return Finding(path.name, channel, None, check, Verdict.WARNING, detail)
 
 
+def note(path: Path, check: Check, detail: str) -> Finding:
+    """Build a finding about a file that is as it should be."""
+    return Finding(path.name, "", None, check, Verdict.OK, detail)
+
+
 def left_out(path: Path, why: Mapping[str, str]) -> tuple[Finding, ...]:
     """Warnings about parts of a file that are not read: the reason by the name of the part."""
     return tuple(

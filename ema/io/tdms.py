@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Check, Finding, Verdict
+from ema.core.finding import Check
 from ema.core.recording import ACCELERATION, FORCE
 from ema.core.units import parse_unit
 from ema.io.columns import Column, content_of_columns, name_and_unit
-from ema.io.content import LEAVE_OUT, FileContent, check_stored, reading, remark, require
+from ema.io.content import LEAVE_OUT, FileContent, check_stored, note, reading, remark, require
 from ema.io.rates import stated_rate
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def read(path: Path) -> FileContent:
     if slower := [each for each in usable if each not in wanted]:
         names = ", ".join(f"{each.group_name}/{each.name}" for each in slower)
         detail = f"{names}: slower than the other channels, left out"
-        findings.append(Finding(path.name, "", None, Check.CONTENT, Verdict.OK, detail))
+        findings.append(note(path, Check.CONTENT, detail))
     rate = stated_rate(path, statements)
     columns = list(map(_column, wanted, samples, starts_s))
     return content_of_columns(path, columns, rate=rate, findings=findings)

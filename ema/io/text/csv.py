@@ -14,7 +14,7 @@ from ema.core.finding import Check, Finding
 from ema.core.recording import Channel
 from ema.core.units import is_stated
 from ema.io.columns import Column, content_of_columns, is_time
-from ema.io.content import EXPORT_AGAIN, FileContent, remark
+from ema.io.content import EXPORT_AGAIN, FileContent, note, remark
 from ema.io.text.layout import Layout, find_layout
 from ema.io.text.source import open_text
 from ema.io.text.table import Cells, missing_samples, read_cells
@@ -53,6 +53,9 @@ def _wanted(path: Path, layout: Layout) -> tuple[list[int], list[Finding]]:
             detail = f"column {index + 1} has no name and is left out"
         elif index in layout.clocks and has_time:
             detail = "time stamps beside the time are left out"
+        elif index in layout.dates:
+            findings.append(note(path, Check.IGNORED, f"{name!r}: dates alone are left out"))
+            continue
         else:
             wanted.append(index)
             has_time = has_time or index in layout.clocks

@@ -16,6 +16,7 @@ from ema.io.rates import UNSTATED, Rate, exact_rate, rate_of_step
 from ema.io.text.source import (
     BLANKS,
     CLOCK,
+    DATE,
     MISSING,
     NOT_A_NUMBER,
     THOUSANDS,
@@ -54,7 +55,8 @@ class Layout:
     units: tuple[str, ...]
     first_line: int  # of the numbers in the file, counted from 1
     start: int  # first character of the numbers in the beginning of the text
-    clocks: frozenset[int] = frozenset()  # columns of times of day or dates
+    clocks: frozenset[int] = frozenset()  # columns of times of day, perhaps with their date
+    dates: frozenset[int] = frozenset()  # columns of dates alone
     filled: int = 0  # columns without the empty ones of separators at the ends of rows
     either_decimal: bool = False  # whether the first rows, integers, leave the decimal sign open
     rate: Rate = UNSTATED  # stated above the table
@@ -155,7 +157,7 @@ def _row(line: Line, dialect: Dialect) -> _Row:
         filled = index if cell else filled
         if is_number(cell, dialect.decimal) or cell.lower() in NOT_A_NUMBER:
             numbers += 1
-        elif cell.lower() not in MISSING and not CLOCK.fullmatch(cell):
+        elif cell.lower() not in MISSING and not (CLOCK.fullmatch(cell) or DATE.fullmatch(cell)):
             texts += 1
     return _Row(line, dialect.separator, len(cells), filled, numbers, texts)
 
@@ -253,7 +255,7 @@ def _layout(
     first, dialect = table.rows[0].line, table.dialect
     _check_commas(where, table)
     labels = [label(cell) for cell in _heading(table, table.names)]
-    clocks = cells_of(first.text, dialect.separator)
+    cells = cells_of(first.text, dialect.separator)
     other = replace(dialect, decimal="," if dialect.decimal == "." else ".")
     return Layout(
         dialect=dialect,
@@ -264,7 +266,8 @@ def _layout(
         ),
         first_line=first.number,
         start=first.start,
-        clocks=frozenset(index for index, cell in enumerate(clocks) if CLOCK.fullmatch(cell)),
+        clocks=frozenset(index for index, cell in enumerate(cells) if CLOCK.fullmatch(cell)),
+        dates=frozenset(index for index, cell in enumerate(cells) if DATE.fullmatch(cell)),
         filled=max(each.filled for each in table.rows),
         either_decimal=any(t and t.dialect == other and t.rank == table.rank for t in tables),
         rate=_rate_above(where, lines, table),

@@ -184,9 +184,13 @@ NOT_A_NUMBER = frozenset(("nan", "-nan", "+nan", "1.#qnan", "-1.#qnan", "1.#ind"
 MISSING = NOT_A_NUMBER | {"", "-", "--", "null", "none", "n/a", "na"}
 MISSING |= {"inf", "-inf", "+inf", "infinity", "-infinity", "1.#inf", "-1.#inf"}
 MISSING |= {"#n/a", "#nv", "#num!", "#wert!", "#value!", "#div/0!", "#ref!"}  # of spreadsheets
-# A time of day, or a date and time as in ISO 8601.
+_DATE = r"[0-9]{4}[-/.][0-9]{2}[-/.][0-9]{2}|[0-9]{1,2}[-/.][0-9]{1,2}[-/.](?:[0-9]{4}|[0-9]{2})"
+DATE = re.compile(_DATE)
+# A time of day or since a start, perhaps with a date: ISO 8601, 31.12.2026 or 12/31/2026.
 CLOCK = re.compile(
-    r"(?:[0-9]{4}([-/])[0-9]{2}\1[0-9]{2}[T ])?[0-9]{2}:[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,9})?Z?"
+    rf"(?:(?P<date>{_DATE})(?:T|[ ]+))?(?P<hours>[0-9]{{1,2}}):"
+    r"(?P<rest>[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,9})?)"
+    r"(?:Z|[+-][0-9]{2}:?[0-9]{2})?(?:[ ]*(?P<half>[AaPp])[Mm])?"
 )
 # Numbers whose points or commas may as well separate thousands: 1,234.
 THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:[.,][0-9]{3})+")

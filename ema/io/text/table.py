@@ -6,7 +6,8 @@ import io
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import cached_property
+from datetime import datetime
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,10 @@ _BLOCK_BYTES = 1 << 20
 _NARROW_BYTES = 4  # cells of fewer bytes are kept in single precision where that is exact
 _CUT_SHORT = "the file is cut short"
 _USUAL_MISSING = ["", "NaN", "nan", "-", "#N/A"]  # for each column Arrow builds a tree of these
-_STAMP_RULE = "a time stamp must be hh:mm:ss.s, or date and time as in ISO 8601"
+_HOUR_NS = 3_600_000_000_000
+_STAMP_RULE = (
+    "a time stamp must be hh:mm:ss.s, or a date and that (ISO 8601, 31.12.2026, 12/31/2026)"
+)
 _TAIL_ROWS = 8  # with which the last one is compared
 _DECIMAL = {".": "point", ",": "comma"}
 
@@ -83,7 +87,11 @@ class Cells:
         """All samples, NaN where missing; time stamps in s since the first."""
         samples = np.concatenate(self._pieces)
         self._pieces.clear()
-        return (samples - samples[:1]) * 1e-9 if samples.dtype == np.int64 else samples
+        if samples.dtype != np.int64:
+            return samples
+        # Times of day without a date begin again at midnight.
+        nights = np.cumsum(np.diff(samples, prepend=samples[:1]) < -12 * _HOUR_NS)
+        return (samples - samples[:1] + nights * (24 * _HOUR_NS)) * 1e-9
 
 
 class _Reader:
@@ -95,6 +103,7 @@ class _Reader:
         self._decimal_is_open = layout.either_decimal
         self._line, self.n_rows = layout.first_line, 0
         self._tail = self._held = b""
+        self._days: dict[int, list[str]] = {}  # of columns of time stamps
 
     def take(self, section: bytes) -> None:
         """Read the next section into the columns."""
@@ -247,19 +256,59 @@ class _Reader:
             raise self._fault(self._line, found, _CUT_SHORT, remedy=COPY_AGAIN)
 
     def _nanoseconds(self, section: bytes, index: int, stamps: pa.ChunkedArray) -> pa.ChunkedArray:
-        """Time stamps as integer nanoseconds since some moment."""
-        text = compute.utf8_trim_whitespace(compute.replace_substring(stamps, ",", "."))
-        text = compute.replace_substring(compute.replace_substring(text, "/", "-"), "Z", "")
-        if "-" not in (text[0].as_py() or ""):
-            text = compute.binary_join_element_wise("1970-01-01", text, " ")
+        """Time stamps as integer nanoseconds since some midnight."""
+        text = compute.utf8_trim_whitespace(stamps)
+        found = "a row without a time"
         try:
-            if not stamps.null_count:
-                return text.cast(pa.timestamp("ns")).cast(pa.int64())
-            found = "a row without a time"
-        except pa.ArrowInvalid as error:
+            parts = compute.extract_regex(text, rf"\A(?:{CLOCK.pattern})\z")
+            if not parts.null_count:
+                return self._since_midnight(
+                    index, *map(partial(compute.struct_field, parts), range(4))
+                )
+        except (pa.ArrowInvalid, ValueError) as error:
             found = str(error)
         self._checked(section)  # names the line, unless a stamp only looks like one
         raise self._fault(self._line, found, _STAMP_RULE, index)
+
+    def _since_midnight(
+        self,
+        index: int,
+        dates: pa.ChunkedArray,
+        hours: pa.ChunkedArray,
+        rest: pa.ChunkedArray,
+        half: pa.ChunkedArray,
+    ) -> pa.ChunkedArray:
+        """Nanoseconds since midnight of the first day; ValueError where a day is left out."""
+        rest = compute.replace_substring(rest, ",", ".")
+        rest = compute.binary_join_element_wise("1970-01-01 00", rest, ":")
+        rest = rest.cast(pa.timestamp("ns")).cast(pa.int64())
+        hours = hours.cast(pa.int64())
+        if half[0].as_py():
+            is_late = compute.equal(compute.utf8_upper(half), "P")
+            hours = compute.if_else(compute.equal(hours, 12), 0, hours)
+            hours = compute.add(hours, compute.multiply(is_late.cast(pa.int64()), 12))
+        days = self._days.setdefault(index, [])
+        days += [day for day in dates.unique().to_pylist() if day not in days]
+        check_days(days)
+        numbers = compute.index_in(dates, pa.array(days)).cast(pa.int64())
+        hours = compute.add(hours, compute.multiply(numbers, 24))
+        return compute.add(compute.multiply(hours, _HOUR_NS), rest)
+
+
+def check_days(dates: Sequence[str]) -> None:
+    """Refuse (ValueError) days that do not follow one another, day or month first."""
+    for order in ("%Y-%m-%d", "%d-%m-%Y", "%m-%d-%Y", "%d-%m-%y", "%m-%d-%y"):
+        try:
+            days = [
+                datetime.strptime(each.replace("/", "-").replace(".", "-"), order).toordinal()
+                for each in dates
+                if each
+            ]
+        except ValueError:
+            continue
+        if days == list(range(days[0], days[0] + len(days)) if days else ()):
+            return
+    raise ValueError(f"{', '.join(dates[:3])}: no dates, or not one day after another")
 
 
 def _single_blanks(section: bytes) -> bytes:
