@@ -273,19 +273,20 @@ def rate_of_stamps(stamps: NDArray[np.float64], source: str) -> Rate | None:
     return Rate(found.hz, hz - width, hz + width, source, found.is_sure)
 
 
-def uneven(stamps: NDArray[np.float64]) -> str:
-    """Where time stamps that `even_step` refused leave their even steps."""
+def uneven(stamps: NDArray[np.float64], unit: str = "s") -> str:
+    """Where times or frequencies that `even_step` refused leave their even steps."""
+    axis = "time" if unit == "s" else "frequency"
     if len(stamps) < 2:
-        return f"{len(stamps)} time stamp"
+        return f"{len(stamps)} {axis} stamp"
     missing = np.flatnonzero(~np.isfinite(stamps))
     if missing.size:
-        return f"no time in row {missing[0] + 1} of {len(stamps)}"
+        return f"no {axis} in row {missing[0] + 1} of {len(stamps)}"
     steps = np.diff(stamps)
     usual = float(np.median(steps))
     row = int(np.argmax(np.abs(steps - usual)))
     return (
-        f"time goes from {stamps[row]:g} s to {stamps[row + 1]:g} s at row {row + 2} "
-        f"of {len(stamps)}, elsewhere in steps of {usual:g} s"
+        f"{axis} goes from {stamps[row]:g} {unit} to {stamps[row + 1]:g} {unit} at row {row + 2} "
+        f"of {len(stamps)}, elsewhere in steps of {usual:g} {unit}"
     )
 
 

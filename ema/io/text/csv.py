@@ -15,6 +15,7 @@ from ema.core.recording import Channel
 from ema.core.units import is_stated
 from ema.io.columns import Column, content_of_columns, is_time
 from ema.io.content import EXPORT_AGAIN, FileContent, note, remark
+from ema.io.frf_table import frf_content, has_frequency
 from ema.io.text.layout import Layout, find_layout
 from ema.io.text.source import open_text
 from ema.io.text.table import Cells, missing_samples, read_cells
@@ -25,7 +26,7 @@ NAMED_SUFFIXES = (".txt", ".asc", ".dat", ".txt.gz")
 
 
 def read(path: Path) -> FileContent:
-    """Read the time series of a table with a header row such as ``time [s],A01 [m/s^2]``.
+    """Read the time series or FRFs of a table with a header row such as ``time [s],A01 [m/s^2]``.
 
     What such a table may look like is in docs/recordings.md. `RecordingFormatError` if the file is
     missing or empty, has no header, a cell is not a number, rows differ in length, the last one is
@@ -37,6 +38,8 @@ def read(path: Path) -> FileContent:
         cells = read_cells(source, layout, wanted, source.sections(layout.start))
     read_in = [_column(layout, index, cells.pop(index), path, findings) for index in wanted]
     columns = [column for column in read_in if column is not None]
+    if has_frequency(columns):
+        return frf_content(path, columns, findings)
     return content_of_columns(path, columns, rate=layout.rate, findings=findings)
 
 

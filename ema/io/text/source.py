@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 from ema.core.errors import RecordingFormatError, original
-from ema.core.units import parse_unit
-from ema.io.columns import is_time, name_and_unit
+from ema.core.units import parse_axis, parse_ratio, parse_unit
+from ema.io.columns import name_and_unit
 from ema.io.content import COPY_AGAIN, unreadable
 
 _HEAD_BYTES = 1 << 20
@@ -198,7 +198,9 @@ THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:[.,][0-9]{3})+")
 _OTHER_LABELS = (
     re.compile(r"(?P<name>.*\S)\s*\((?P<unit>[^()]*(?:\([^()]*\))?[^()]*)\)"),
     re.compile(r"(?P<name>.*\S)\s+/\s+(?P<unit>\S+)"),
+    re.compile(r"(?P<name>.*\S)\s+(?P<unit>\([^()]*\)/\w+)"),  # real (m/s²)/N
 )
+_PHASES = {"deg", "°", "degree", "degrees", "rad", "radian"}
 _COMMENT_MARK = re.compile(r"^ *(?:[#!']+|//|%+(?= )) *")
 _LONGEST_NAME = 400
 
@@ -245,9 +247,13 @@ def heading_cells(line: str, separator: str, width: int) -> list[str]:
 
 
 def is_known_unit(text: str) -> bool:
-    """Whether a text is a unit of a channel or of time."""
+    """Whether a text is a unit of a channel, an axis or an FRF."""
     text = text.strip().removeprefix("[").removesuffix("]")
-    return bool(text) and (parse_unit(text) is not None or is_time("t", text))
+    if not text:
+        return False
+    if text.lower() in _PHASES or text.startswith("dB"):
+        return True
+    return any(parse(text) is not None for parse in (parse_unit, parse_axis, parse_ratio))
 
 
 def label(cell: str) -> tuple[str, str]:

@@ -1,0 +1,199 @@
+"""FRFs from the columns of a table: frequency, two parts of each FRF, perhaps its coherence."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.core.arrays import constant
+from ema.core.errors import RecordingFormatError
+from ema.core.finding import Check, Finding
+from ema.core.frf import FRF
+from ema.core.recording import ACCELERATION, DISPLACEMENT, VELOCITY
+from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
+from ema.io.columns import Column, node_and_sense
+from ema.io.content import EXPORT_AGAIN, FileContent, remark
+from ema.io.rates import even_step, uneven
+
+POWERS = {ACCELERATION: 0, VELOCITY: 1, DISPLACEMENT: 2}  # of jω, which make it inertance
+_FREQUENCY_NAMES = {"f", "freq", "frequency", "frequenz", "frequence", "fréquence", "frequencia"}
+_MOST_RADIANS = 7.0  # a phase beyond a whole turn is in degrees
+_DEGREES = {"deg", "°", "degree", "degrees", "grad"}
+_RADIANS = {"rad", "radian", "radians"}
+_DECIBEL = re.compile(r"dB(?:\s+re\.?)?\s*[:(]?\s*1?\s*(?P<unit>\S.*?)?\)?", re.IGNORECASE)
+_SEPARATORS = " \t_-:|,.()"
+
+
+class _Part(Enum):
+    """What a column has of an FRF."""
+
+    REAL = r"re|real|realteil|reell"
+    IMAGINARY = r"im|imag|imaginary|imaginär|imaginärteil|imaginaer"
+    MAGNITUDE = r"mag|magn|magnitude|abs|amp|ampl|amplitude|betrag"
+    PHASE = r"phase|phas|ph|phi|arg|angle|winkel"
+    COHERENCE = r"coh|coherence|kohärenz|kohaerenz|msc"
+
+
+_PARTS = {
+    part: re.compile(rf"(?<![^\W_])(?:{part.value})(?![^\W_])", re.IGNORECASE) for part in _Part
+}
+_PAIRS = ((_Part.REAL, _Part.IMAGINARY), (_Part.MAGNITUDE, _Part.PHASE))
+
+
+def has_frequency(columns: Sequence[Column]) -> bool:
+    """Whether the first column is of frequencies, by its name or its unit."""
+    if not columns:
+        return False
+    axis = parse_axis(columns[0].unit)
+    if axis is not None:
+        return axis.kind == FREQUENCY
+    name = columns[0].name.strip(_SEPARATORS).lower()
+    return name in _FREQUENCY_NAMES and not is_stated(columns[0].unit)
+
+
+@dataclass
+class _Parts:
+    """Columns of one FRF."""
+
+    name: str
+    columns: dict[_Part, Column] = field(default_factory=dict)
+
+
+def frf_content(path: Path, columns: Sequence[Column], findings: Sequence[Finding]) -> FileContent:
+    """FRFs as inertance; their names are what the headings of their columns have in common.
+
+    `RecordingFormatError` if frequencies are uneven, an FRF lacks its phase or its other part, a
+    column belongs to none, or a unit is not stated.
+    """
+    noticed = list(findings)
+    lines = _lines(path, columns[0])
+    grouped = _grouped(path, columns[1:])
+    values = np.array([_inertance(path, each, lines, noticed) for each in grouped])
+    coherence = np.full(values.shape, np.nan)
+    for row, each in enumerate(grouped):
+        if _Part.COHERENCE in each.columns:
+            coherence[row] = _coherence(path, each.columns[_Part.COHERENCE])
+    names = [each.name for each in grouped]
+    places = [node_and_sense(name) for name in names]
+    known = all(places)
+    senses = np.array([each[1] if each else 1 for each in places])
+    values *= senses[:, None]
+    frf = FRF(
+        frequency_hz=lines,
+        values=values,
+        coherence=coherence,
+        std=constant(np.nan, values.shape),
+        node=np.array([each[0] if each and known else 0 for each in places]),
+        position_deg=np.full(len(names), np.nan),
+        run=(path.name,) * len(names),
+    )
+    return FileContent(path, None, frf, tuple(names), None, tuple(noticed))
+
+
+def _fault(path: Path, column: str, found: str, rule: str, remedy: str) -> RecordingFormatError:
+    return RecordingFormatError(f"{path.name}, column {column!r}", found, rule, remedy)
+
+
+def _lines(path: Path, column: Column) -> NDArray[np.float64]:
+    """Frequency lines in Hz, which must be equidistant."""
+    axis = parse_axis(column.unit)
+    stored = np.asarray(column.samples, dtype=np.float64) * (axis.factor if axis else 1.0)
+    steps = even_step(stored)
+    if steps is None or stored[0] < 0.0:
+        rule = "frequencies must be positive and at equal steps"
+        raise _fault(path, column.name, uneven(stored, "Hz"), rule, EXPORT_AGAIN)
+    start = np.rint(stored[0] / steps.step)
+    if abs(stored[0] - start * steps.step) > 1e-3 * steps.step:
+        return np.asarray(stored[0] + steps.step * np.arange(len(stored)))
+    return np.asarray(steps.step * (start + np.arange(len(stored))))
+
+
+def _grouped(path: Path, columns: Sequence[Column]) -> list[_Parts]:
+    """Columns of each FRF, by what their names have in common; a coherence follows its FRF."""
+    groups: dict[str, _Parts] = {}
+    last = None
+    for column in columns:
+        found = [(part, form.search(column.name)) for part, form in _PARTS.items()]
+        matches = [(part, match) for part, match in found if match]
+        if len(matches) != 1 or not matches[0][1]:
+            rule = "beside frequencies, each column must be a part of an FRF"
+            remedy = "Call it by its FRF and real, imag, magnitude, phase or coherence: 'H1 real'"
+            raise _fault(path, column.name, "no such part", rule, remedy)
+        part, match = matches[0]
+        name = column.name[: match.start()].rstrip(_SEPARATORS) or ""
+        name = f"{name} {column.name[match.end() :].strip(_SEPARATORS)}".strip()
+        if part is _Part.COHERENCE and name not in groups:
+            name = last.name if last is not None else name
+        last = groups.setdefault(name, _Parts(name))
+        if part in last.columns:
+            rule = f"{last.columns[part].name!r} is the same part of the same FRF"
+            raise _fault(path, column.name, "a part twice", rule, "Give each FRF a name of its own")
+        last.columns[part] = column
+    if not groups:
+        rule = "FRFs must follow the frequencies"
+        raise RecordingFormatError(path.name, "no columns beside them", rule, EXPORT_AGAIN)
+    for each in groups.values():
+        each.name = each.name or "FRF"
+    return list(groups.values())
+
+
+def _inertance(
+    path: Path, parts: _Parts, lines: NDArray[np.float64], findings: list[Finding]
+) -> NDArray[np.complex128]:
+    """One FRF in (m/s²)/N."""
+    pair = next((each for each in _PAIRS if set(each) & set(parts.columns)), _PAIRS[0])
+    lacking = [each for each in pair if each not in parts.columns]
+    if lacking:
+        rule = "an FRF needs real and imaginary part, or magnitude and phase"
+        found = f"no {lacking[0].name.lower()}"
+        raise _fault(path, parts.name, found, rule, "Export both")
+    first, second = (parts.columns[each] for each in pair)
+    unit, ordinate = first.unit, np.asarray(first.samples, dtype=np.float64)
+    if pair[0] is _Part.MAGNITUDE:
+        if decibel := _DECIBEL.fullmatch(unit):
+            unit, ordinate = decibel["unit"] or "", 10 ** (ordinate / 20)
+        values = ordinate * np.exp(1j * _radians(path, second))
+    else:
+        values = ordinate + 1j * np.asarray(second.samples, dtype=np.float64)
+        if is_stated(second.unit) and second.unit != unit:
+            rule = f"the unit of {first.name!r} is {unit!r}"
+            raise _fault(path, second.name, f"unit {second.unit!r}", rule, EXPORT_AGAIN)
+    ratio = parse_ratio(unit)
+    if ratio is None or ratio[0].quantity not in POWERS:
+        rule = "the unit of an FRF must be one of motion over force"
+        remedy = f"Write it behind the name: '{first.name} [(m/s^2)/N]', dB as [dB re 1 (m/s^2)/N]"
+        raise _fault(path, first.name, f"unit {first.unit!r}", rule, remedy)
+    motion, force = ratio
+    values *= motion.factor / force.factor
+    if power := POWERS[motion.quantity]:
+        values *= (2j * np.pi * lines) ** power
+        factor = "jω" if power == 1 else "−ω²"
+        detail = f"{motion.quantity} over force, converted to inertance (factor {factor})"
+        findings.append(remark(path, parts.name, Check.QUANTITY, detail))
+    return values
+
+
+def _radians(path: Path, column: Column) -> NDArray[np.float64]:
+    phase = np.asarray(column.samples, dtype=np.float64)
+    unit = column.unit.strip().lower()
+    if unit in _RADIANS:
+        return phase
+    if unit in _DEGREES or (not unit and np.nanmax(np.abs(phase)) > _MOST_RADIANS):
+        return np.deg2rad(phase)
+    rule = "a phase must be in deg or rad"
+    remedy = f"Write it behind the name: '{column.name} [deg]'"
+    raise _fault(path, column.name, f"unit {column.unit!r}", rule, remedy)
+
+
+def _coherence(path: Path, column: Column) -> NDArray[np.float64]:
+    values = np.asarray(column.samples, dtype=np.float64)
+    if not np.all((values >= 0) & (values <= 1.001)):
+        found = f"{np.nanmin(values):g} to {np.nanmax(values):g}"
+        raise _fault(path, column.name, found, "a coherence must be from 0 to 1", EXPORT_AGAIN)
+    return np.minimum(values, 1.0)

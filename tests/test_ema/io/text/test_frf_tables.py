@@ -1,0 +1,129 @@
+"""FRFs in text tables: parts, units, coherence, names, and what is refused."""
+
+import numpy as np
+import pytest
+
+import ema
+from ema.core.errors import RecordingFormatError
+from ema.io.formats import read_file
+
+LINES = np.arange(1, 41) * 0.5
+FIRST = 1 / (9.0**2 - LINES**2 + 1.2j * LINES) * -(LINES**2)
+SECOND = 0.5j * FIRST
+OMEGA = 2 * np.pi * LINES
+
+
+def read(tmp_path, header, *columns, separator=",", above="", frequency=LINES):
+    cells = np.column_stack([frequency, *columns])
+    body = [separator.join(f"{value:.12e}" for value in row) for row in cells]
+    if separator == ";":
+        body = [line.replace(".", ",") for line in body]
+    (tmp_path / "a.csv").write_text("\n".join([above + header, *body, ""]), encoding="utf-8")
+    return read_file(tmp_path / "a.csv")
+
+
+def parts(values):
+    return values.real, values.imag
+
+
+def polar(values):
+    return np.abs(values), np.rad2deg(np.angle(values))
+
+
+@pytest.mark.parametrize(
+    ("header", "columns"),
+    [
+        ("Frequency (Hz),H1 Re (m/s²/N),H1 Im (m/s²/N)", parts(FIRST)),
+        ("f [Hz],Re(H1) [(m/s^2)/N],Im(H1) [(m/s^2)/N]", parts(FIRST)),
+        ("Frequenz;H1 Realteil [m/s^2/N];H1 Imaginärteil [m/s^2/N]", parts(FIRST)),
+        ("f,H1_real [g/kN],H1_imag [g/kN]", parts(FIRST * 1e3 / 9.80665)),
+        ("Frequency,H1 real (m/s²)/N,H1 imag (m/s²)/N", parts(FIRST)),
+        ("f [Hz],H1 [real] [m/s^2/N],H1 [imag] [m/s^2/N]", parts(FIRST)),
+        ("f [Hz],H1 Magnitude [m/s^2/N],H1 Phase [deg]", polar(FIRST)),
+        ("f [Hz],|H1| mag [m/s^2/N],|H1| Phase", polar(FIRST)),
+        ("f [Hz],H1 Betrag [m/s^2/N],H1 Phase [rad]", (np.abs(FIRST), np.angle(FIRST))),
+        (
+            "f [Hz],H1 mag [dB re 1 m/s^2/N],H1 phase [°]",
+            (20 * np.log10(np.abs(FIRST)), polar(FIRST)[1]),
+        ),
+        ("f [Hz],H1 real [mm/s/N],H1 imag [mm/s/N]", parts(1e3 * FIRST / (1j * OMEGA))),
+        ("f [Hz],H1 real [m/N],H1 imag [m/N]", parts(-FIRST / OMEGA**2)),
+    ],
+)
+def test_parts_and_units(tmp_path, header, columns):
+    content = read(tmp_path, header, *columns, separator=";" if ";" in header else ",")
+    np.testing.assert_allclose(content.frf.frequency_hz, LINES, rtol=1e-12)
+    np.testing.assert_allclose(content.frf.values, [FIRST], rtol=1e-9)
+    assert content.frf_names[0].strip("|[] ") == "H1"
+
+
+@pytest.mark.parametrize("unit", [("rad/s", 2 * np.pi), ("kHz", 1e-3), ("rpm", 60.0)])
+def test_unit_of_the_frequencies(tmp_path, unit):
+    header = f"Frequency [{unit[0]}],H1 real [m/s^2/N],H1 imag [m/s^2/N]"
+    content = read(tmp_path, header, *parts(FIRST), frequency=LINES * unit[1])
+    np.testing.assert_allclose(content.frf.frequency_hz, LINES, rtol=1e-9)
+
+
+def test_units_in_a_row_of_their_own(tmp_path):
+    header = "Frequency,H1 real,H1 imag\nHz,m/s^2/N,m/s^2/N"
+    content = read(tmp_path, header, *parts(FIRST))
+    np.testing.assert_allclose(content.frf.values, [FIRST], rtol=1e-9)
+
+
+def test_several_with_coherence_and_nodes(tmp_path):
+    names = ["Tire:13:+Z", "Tire:14:-Z"]
+    header = ",".join(f"{name} real [g/N],{name} imag [g/N],{name} coherence" for name in names)
+    share = np.full(len(LINES), 0.75)
+    columns = (*parts(FIRST), share, *parts(SECOND), share / 2)
+    content = read(tmp_path, f"Frequency [Hz],{header}", *columns)
+    assert content.frf_names == tuple(names)
+    assert content.frf.node.tolist() == [13, 14]
+    np.testing.assert_allclose(content.frf.values, [9.80665 * FIRST, -9.80665 * SECOND], rtol=1e-9)
+    np.testing.assert_allclose(content.frf.coherence[:, 0], [0.75, 0.375])
+
+
+def test_a_coherence_without_a_name_follows_its_frf(tmp_path):
+    header = "f [Hz],A real [m/s^2/N],A imag [m/s^2/N],Coherence"
+    content = read(tmp_path, header, *parts(FIRST), np.full(len(LINES), 0.5))
+    assert np.all(content.frf.coherence == 0.5)
+
+
+def test_a_campaign_of_them(tmp_path):
+    header = "f [Hz],A real [m/s^2/N],A imag [m/s^2/N],B real [m/s^2/N],B imag [m/s^2/N]"
+    read(tmp_path, header, *parts(FIRST), *parts(SECOND))
+    frf = ema.read_campaign(tmp_path).frf
+    np.testing.assert_allclose(frf.values, [FIRST, SECOND], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "patterns"),
+    [
+        ("f [Hz],H1 Magnitude [m/s^2/N]", [np.abs(FIRST)], ("'H1'", "no phase")),
+        ("f [Hz],H1 real [m/s^2/N]", [FIRST.real], ("'H1'", "no imaginary")),
+        ("f [Hz],H1 mag [dB],H1 phase [deg]", polar(FIRST), ("unit 'dB'", "dB re 1")),
+        ("f [Hz],H1 real,H1 imag", parts(FIRST), ("unit ''", "motion over force")),
+        ("f [Hz],H1 real [V/N],H1 imag [V/N]", parts(FIRST), ("unit 'V/N'",)),
+        ("f [Hz],H1 real [g/N],H1 imag [m/s^2/N]", parts(FIRST), ("'H1 imag'", "'g/N'")),
+        (
+            "f [Hz],H1 mag [g/N],H1 phase",
+            (np.abs(FIRST), np.angle(FIRST)),
+            ("'H1 phase'", "deg or rad"),
+        ),
+        ("f [Hz],H1 [m/s^2/N],H2 [m/s^2/N]", parts(FIRST), ("'H1'", "part of an FRF")),
+        (
+            "f [Hz],H real [g/N],H imag [g/N],coherence",
+            (*parts(FIRST), np.full(40, 1.7)),
+            ("'coherence'", "1.7"),
+        ),
+    ],
+)
+def test_what_is_refused(tmp_path, header, columns, patterns):
+    with pytest.raises(RecordingFormatError) as caught:
+        read(tmp_path, header, *columns)
+    assert [each for each in patterns if each not in str(caught.value)] == []
+
+
+def test_uneven_frequencies_are_refused(tmp_path):
+    lines = np.geomspace(1, 50, len(LINES))
+    with pytest.raises(RecordingFormatError, match="frequency goes from"):
+        read(tmp_path, "f [Hz],H real [g/N],H imag [g/N]", *parts(FIRST), frequency=lines)
