@@ -164,6 +164,84 @@ UNITS = tuple(
 )
 
 
+def _blocks(n_blocks, *, goes_on, time=True, size=32):
+    """Blocks of several writes below one header, whose count is that of one block."""
+    whole = lvm_file(samples=size, rows=n_blocks * size, time=time)
+    if goes_on or not time:
+        return whole
+    lines = whole.split(b"\r\n")
+    first = next(k for k, line in enumerate(lines) if line.startswith(b"X_Value")) + 1
+    stamps = [lines[first + k].partition(b"\t")[0] for k in range(size)]
+    for k in range(size, n_blocks * size):
+        lines[first + k] = stamps[k % size] + lines[first + k][len(stamps[0]) :]
+    return b"\r\n".join(lines)
+
+
+def _beside(count, step, unit, cell=""):
+    """A third channel beside force and A01, with `count` samples."""
+    lines = lvm_file().decode().split("\r\n")
+    start = next(k for k, line in enumerate(lines) if line.startswith("Channels"))
+    more = {"Channels": None, "Samples": count, "Y_Unit_Label": unit, "X_Dimension": "Time"}
+    more |= {"X0": "0", "Delta_X": step, "X_Value": "T1"}
+    for k in range(start, len(lines)):
+        key, *cells = lines[k].split("\t")
+        if key == "Channels":
+            lines[k] = "Channels\t3\t\t\t"
+        elif key in more:
+            lines[k] = "\t".join([key, *cells[:2], more[key], *cells[2:]])
+        elif key and key[0].isdigit():
+            lines[k] = "\t".join([key, *cells[:2], cell if k < start + 12 else "", *cells[2:]])
+    return "\r\n".join(lines).encode()
+
+
+WRITES = (
+    Scenario(
+        "axis LVM with one header, time goes on",
+        {"a.lvm": _blocks(2, goes_on=True)},
+        Read(first={"A01": tuple(ACCELERATION)}, findings=("64 rows .* one recording",)),
+        "a.lvm",
+    ),
+    Scenario(
+        "axis LVM with one header, time starts again",
+        {"a.lvm": _blocks(2, goes_on=False)},
+        Read(
+            first={"A01": tuple(ACCELERATION[:32])},
+            findings=("again in row 33: the first of 2 events",),
+        ),
+        "a.lvm",
+    ),
+    Scenario(
+        "axis LVM with one header, without time",
+        {"a.lvm": _blocks(2, goes_on=True, time=False)},
+        Read(first={"A01": tuple(ACCELERATION)}, findings=("taken as one recording",)),
+        "a.lvm",
+    ),
+    Scenario(
+        "axis LVM with a channel that is not wired",
+        {"a.lvm": _beside("", "", "")},
+        Read(findings=("'T1': not wired",)),
+        "a.lvm",
+    ),
+    Scenario(
+        "axis LVM with a channel of no samples",
+        {"a.lvm": _beside("0", "0.0005", "m/s^2")},
+        Read(findings=("'T1': 0 samples",)),
+        "a.lvm",
+    ),
+    Scenario(
+        "axis LVM with a slow channel beside",
+        {"a.lvm": _beside("4", "0.008", "Deg C", "21.5")},
+        Read(findings=("'T1': 4 samples beside 64",)),
+        "a.lvm",
+    ),
+    Scenario(
+        "axis LVM with a slow accelerometer",
+        {"a.lvm": _beside("4", "0.008", "g", "21.5")},
+        bad_file("a.lvm, Delta_X", "0.0005, 0.008", "one sampling rate"),
+    ),
+)
+
+
 def _pairs(first, second, header="time [s],force [N],time 2 [s],A01 [m/s^2]"):
     """A column of time for each channel; the shorter one leaves cells empty at its end."""
     length = max(len(first), len(second))
@@ -329,4 +407,4 @@ MATRICES = (
     ),
 )
 
-SCENARIOS = (*STEPS, *ROUNDED, *STARTS, *UNITS, *SEVERAL, *CLOCKS, *MATRICES)
+SCENARIOS = (*STEPS, *ROUNDED, *STARTS, *UNITS, *WRITES, *SEVERAL, *CLOCKS, *MATRICES)

@@ -31,7 +31,10 @@ def read(path: Path) -> FileContent:
     a memory map. `RecordingFormatError` if the file is missing or damaged, claims to be far larger
     than it is, has no column of numbers, or time is uneven.
     """
-    parquet = path.suffix.lower() == ".parquet"
+    with reading(path, "a Parquet or Arrow file"), path.open("rb") as file:
+        head = file.read(6)
+    named = path.suffix.lower() == ".parquet"
+    parquet = head.startswith(b"PAR1") or (named and head != b"ARROW1")
     with reading(path, "a Parquet file" if parquet else "a Feather or Arrow file"):
         schema, read_column = _parquet(path) if parquet else _ipc(path)
         kept = _kept(path, schema)

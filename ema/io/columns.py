@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -286,6 +287,7 @@ def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Colu
 
 def _channel(path: Path, column: Column, is_repeated: bool, findings: list[Finding]) -> Channel:
     name = column.place if column.place and is_repeated else column.name
+    name = unicodedata.normalize("NFC", name)  # umlauts as manifests are read
     unit = parse_unit(column.unit)
     if unit is None and is_stated(column.unit):
         findings.append(remark(path, name, Check.UNIT, f"unit {column.unit!r} is not known"))

@@ -3,25 +3,52 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ema.core.errors import RecordingFormatError
+from ema.core.finding import Check
 from ema.io import arrow, hdf5, matlab, tdms, wav
-from ema.io.content import COPY_AGAIN, FileContent, unreadable
-from ema.io.text import csv, lvm
+from ema.io.content import COPY_AGAIN, FileContent, note, unreadable
+from ema.io.text import csv, lvm, xlsx
 from ema.io.uff import reader as uff
 
 Reader = Callable[[Path], FileContent]
 
-FORMATS = (arrow, csv, hdf5, lvm, matlab, tdms, uff, wav)
+FORMATS = (arrow, csv, hdf5, lvm, matlab, tdms, uff, wav, xlsx)
 READERS = {ending: module for module in FORMATS for ending in module.SUFFIXES}
 _NAMED = {end: module for module in FORMATS for end in getattr(module, "NAMED_SUFFIXES", ())}
+_HEAD_BYTES = 512
+# What files of a format begin with, whatever their name ends in.
+_BEGINNINGS = {
+    rb"(?:\s*\n)?    -1\s*\n\s*[0-9]{2,4}b?\s": uff,
+    rb"LabVIEW Measurement": lvm,
+    rb"PK\x03\x04.{26}(?:\[Content_Types\]\.xml|xl/|_rels/|docProps/)": xlsx,
+    rb"\x89HDF\r\n\x1a\n": hdf5,
+    rb"MATLAB 5\.0 MAT-file": matlab,
+    rb"TDSm": tdms,
+    rb"(?:RIFF|RF64).{4}WAVE": wav,
+    rb"PAR1|ARROW1": arrow,
+}
+_OLD_WORKBOOK = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 
 
 def is_recording(path: Path) -> bool:
     """Whether the ending of the name is one of a known format."""
     return path.name.lower().endswith(tuple(READERS))
+
+
+def is_text_table(path: Path) -> bool:
+    """Whether a file of an ending that is too common for recordings holds a table."""
+    if not path.name.lower().endswith(tuple(_NAMED)):
+        return False
+    try:
+        return _by_content(path, _head(path)) is not None or csv.has_table(path)
+    except RecordingFormatError:
+        return False
 
 
 def exists(path: Path) -> bool:
@@ -57,19 +84,44 @@ def read_file(path: Path, *, headers_only: bool = False) -> FileContent:
         raise RecordingFormatError(str(path), "file not found", rule, _suggestion(path))
     known = READERS | _NAMED
     fitting = [ending for ending in known if path.name.lower().endswith(ending)]
-    if not fitting or not path.is_file():
+    head = _head(path) if path.is_file() else b""
+    inside = _by_content(path, head)
+    if not path.is_file() or not (fitting or inside):
         found = f"ending {path.suffix!r}" if path.is_file() else "not a file"
         rule = f"recordings end in {', '.join(sorted(known))}"
         raise RecordingFormatError(str(path), found, rule, "Export to one of these formats")
-    try:
-        with path.open("rb") as file:
-            is_empty = not file.read(1)
-    except OSError as error:
-        raise unreadable(path, error) from error
-    if is_empty:
+    if not head:
         rule = "a recording must contain samples"
         raise RecordingFormatError(str(path), "the file is empty", rule, COPY_AGAIN)
-    module = known[max(fitting, key=len)]  # .csv.gz before .gz
+    module = known[max(fitting, key=len)] if fitting else None  # .csv.gz before .gz
+    if inside in (None, module) or (module is matlab and inside is hdf5):
+        inside = None
+    content = _read(path, inside or module, headers_only=headers_only)
+    if inside is None:
+        return content
+    detail = f"by its content it is of the kind {inside.SUFFIXES[0]}, and read as that"
+    return replace(content, findings=(*content.findings, note(path, Check.CONTENT, detail)))
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(_HEAD_BYTES)
+    except OSError as error:
+        raise unreadable(path, error) from error
+
+
+def _by_content(path: Path, head: bytes) -> Any:
+    """Module of the format that a file begins like; None where that is none of them."""
+    if head.startswith(_OLD_WORKBOOK):
+        rule = "it is an Excel workbook of the old kind, or another Office document"
+        remedy = "Save it as .xlsx or CSV"
+        raise RecordingFormatError(path.name, "an OLE file", rule, remedy)
+    matches = (form for start, form in _BEGINNINGS.items() if re.match(start, head, re.DOTALL))
+    return next(matches, None)
+
+
+def _read(path: Path, module: Any, *, headers_only: bool) -> FileContent:
     reader: Reader = getattr(module, "read_headers", module.read) if headers_only else module.read
     return reader(path)
 

@@ -158,7 +158,7 @@ def _inertance(
     if pair[0] is _Part.MAGNITUDE:
         if decibel := _DECIBEL.fullmatch(unit):
             unit, ordinate = decibel["unit"] or "", 10 ** (ordinate / 20)
-        values = ordinate * np.exp(1j * _radians(path, second))
+        values: NDArray[np.complex128] = ordinate * np.exp(1j * _radians(path, second))
     else:
         values = ordinate + 1j * np.asarray(second.samples, dtype=np.float64)
         if is_stated(second.unit) and second.unit != unit:

@@ -27,6 +27,7 @@ _IN_DS64 = 0xFFFFFFFF  # the size is in the chunk 'ds64': files beyond 4 GB
 # Types of samples by format code (1 integers, 3 floats) and number of bits.
 _TYPES = {(1, 8): "u1", (1, 16): "<i2", (1, 24): "V3", (1, 32): "<i4", (3, 32): "<f4"}
 _TYPES |= {(3, 64): "<f8"}
+_CHUNKS = (b"LIST", b"bext", b"fact", b"cue ", b"id3 ", b"JUNK", b"iXML")  # after no samples
 
 
 def read(path: Path) -> FileContent:
@@ -47,6 +48,14 @@ def read(path: Path) -> FileContent:
     layout, n_channels, rate_hz = _format(f"{path.name}, 'fmt '", data[start : start + size])
     start, size = _place(path, places, b"data")
     row = n_channels * layout.itemsize
+    detail = "WAV files have no unit; samples are fractions of full scale"
+    findings = [remark(path, "", Check.UNIT, detail)]
+    left = len(data) - start
+    is_next = size == 0 and data[start : start + 4] in _CHUNKS
+    if size in (0, _IN_DS64) and left >= row and not is_next:
+        size = left // row * row
+        detail = f"the header was never completed: read to the end, {size // row} samples"
+        findings.append(remark(path, "", Check.BYTE_COUNT, detail))
     if start + size > len(data):
         found = f"{len(data) - start} of {size} bytes of samples"
         raise RecordingFormatError(path.name, found, "the file is truncated", LEAVE_OUT)
@@ -56,8 +65,6 @@ def read(path: Path) -> FileContent:
     stored = np.frombuffer(data, layout, size // layout.itemsize, start)
     tracks = enumerate(_fractions(stored).reshape(-1, n_channels).T, start=1)
     columns = [Column(f"channel {number}", "", track) for number, track in tracks]
-    detail = "WAV files have no unit; samples are fractions of full scale"
-    findings = [remark(path, "", Check.UNIT, detail)]
     return content_of_columns(path, columns, rate=exact_rate(float(rate_hz)), findings=findings)
 
 
@@ -73,7 +80,7 @@ def _chunks(path: Path, data: mmap.mmap) -> Iterator[tuple[bytes, int, int]]:
         if name == b"ds64" and start + 16 <= len(data):
             size_in_ds64 = struct.unpack("<Q", data[start + 8 : start + 16])[0]
         if name == b"data" and size == _IN_DS64 and size_in_ds64 is not None:
-            size = size_in_ds64
+            size = size_in_ds64 or size
         yield name, start, size
         start += size + size % 2
 

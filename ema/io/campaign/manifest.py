@@ -31,6 +31,7 @@ USE_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
 
 _DECIMAL_COMMA = re.compile(rb"= *[0-9]+,[0-9]")
 _SIMILAR = 0.8  # a free key that resembles a known one this much is a typing error
+_QUOTES = dict.fromkeys(map(ord, "“”„‟«»"), '"') | dict.fromkeys(map(ord, "‘’‚"), "'")
 _TOML = "a manifest must be TOML in UTF-8"
 _LONGEST_VALUE = 60  # characters of a value in a message
 
@@ -306,12 +307,24 @@ class Manifest(_Section):
     runs: Annotated[tuple[RunSection, ...], Field(min_length=1)]
 
 
+def _parsed(text: str) -> dict[str, Any]:
+    """Contents of TOML; umlauts as one character, quotation marks as a word processor sets them."""
+    text = unicodedata.normalize("NFC", text)
+    try:
+        return tomllib.loads(text)
+    except ValueError:
+        plain = text.translate(_QUOTES)
+        if plain == text:
+            raise
+        return tomllib.loads(plain)
+
+
 def read_manifest(path: Path) -> Manifest:
     """Read and check a manifest; the first fault is named with its place and the nearest key."""
     require_regular(path)
     try:
         raw = path.read_bytes()
-        content = tomllib.loads(raw.decode("utf-8-sig"))
+        content = _parsed(raw.decode("utf-8-sig"))
     except OSError as error:
         rule, remedy = "a manifest must be readable", "Check the name and the access rights"
         raise ManifestError(str(path), error.strerror or str(error), rule, remedy) from error

@@ -29,12 +29,13 @@ from ema.io.campaign.roles import (
     ring_runs,
 )
 from ema.io.content import FileContent, unreadable
-from ema.io.formats import exists, is_folder, is_recording, read_file
+from ema.io.formats import exists, is_folder, is_recording, is_text_table, read_file
 from ema.io.rates import SAME_RATE
 from ema.signals.signal_checks import level_findings
 from ema.signals.spikes import spike_findings, with_limits
 
 _SAME_ANGLE_DEG = 1e-6
+_OF_A_RESULT = "provenance.json"
 
 
 def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
@@ -96,7 +97,13 @@ def recordings_in(folder: Path) -> list[Path]:
         listed = [path for path in folder.iterdir() if not path.name.startswith(".")]
     except OSError as error:
         raise unreadable(folder, error, "the folder of a campaign must be readable") from error
-    found = [path for path in listed if is_recording(path) and not path.is_dir()]
+    files = [path for path in listed if not path.is_dir()]
+    if any(path.name == _OF_A_RESULT for path in files):
+        rule = "it is a folder of results, and recordings are needed"
+        raise RecordingFormatError(
+            str(folder), f"{_OF_A_RESULT} in it", rule, "Name the folder of the recordings"
+        )
+    found = list(filter(is_recording, files)) or list(filter(is_text_table, files))
     if not found:
         rule = f"a campaign needs recordings, and a {MANIFEST_NAME} where they are incomplete"
         raise RecordingFormatError(str(folder), "no recordings", rule, "Check the folder name")

@@ -17,7 +17,7 @@ from ema.io.columns import Column, content_of_columns, is_time
 from ema.io.content import EXPORT_AGAIN, FileContent, note, remark
 from ema.io.frf_table import frf_content, has_frequency
 from ema.io.text.layout import Layout, find_layout
-from ema.io.text.source import open_text
+from ema.io.text.source import TextSource, open_text
 from ema.io.text.table import Cells, missing_samples, read_cells
 from ema.io.uff.write import check_time_series, in_own_unit
 
@@ -33,9 +33,21 @@ def read(path: Path) -> FileContent:
     cut short, or time is uneven.
     """
     with open_text(path) as source:
-        layout = find_layout(source)
-        wanted, findings = _wanted(path, layout)
-        cells = read_cells(source, layout, wanted, source.sections(layout.start))
+        return read_table(path, source)
+
+
+def has_table(path: Path) -> bool:
+    """Whether there are names above rows of numbers."""
+    with open_text(path) as source:
+        find_layout(source)
+    return True
+
+
+def read_table(path: Path, source: TextSource) -> FileContent:
+    """Read the table in an open text; see `read`."""
+    layout = find_layout(source)
+    wanted, findings = _wanted(path, layout)
+    cells = read_cells(source, layout, wanted, source.sections(layout.start), findings)
     read_in = [_column(layout, index, cells.pop(index), path, findings) for index in wanted]
     columns = [column for column in read_in if column is not None]
     if has_frequency(columns):

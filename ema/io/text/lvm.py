@@ -5,12 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding
+from ema.core.recording import ACCELERATION, FORCE
+from ema.core.units import parse_unit
 from ema.io.columns import Column, content_of_columns
-from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, remark
+from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, note, remark
 from ema.io.rates import UNSTATED, Rate, parse_number, rate_of_step
 from ema.io.text.layout import Dialect, Layout
 from ema.io.text.source import open_text
@@ -29,20 +36,24 @@ _X_COLUMNS = ("no", "one", "multi")
 
 
 @dataclass(frozen=True)
+class _ChannelHeader:
+    """What the header states about a channel, and why it is not read."""
+
+    place: int  # of its column
+    unit: str
+    start_s: float  # by X0
+    why_not: str = ""
+
+
+@dataclass(frozen=True)
 class _Header:
     """What the headers state about the first segment."""
 
     layout: Layout
     x_columns: str  # "no" column of time, "one", or one for each channel: "multi"
-    units: Sequence[str]  # of the channels
+    channels: Sequence[_ChannelHeader]
     n_rows: int | None  # None where not stated
     rate: Rate  # by Delta_X
-    starts_s: Sequence[float]  # by X0
-
-    @property
-    def places(self) -> range:
-        """Columns of the channels."""
-        return range(1, self.layout.width, 2 if self.x_columns == "multi" else 1)
 
 
 def read(path: Path) -> FileContent:
@@ -59,21 +70,54 @@ def read(path: Path) -> FileContent:
         wanted = range(0 if has_time else 1, layout.width)
         segment = _first_segment(path, source.sections(layout.start), findings)
         sections = (_without_comments(part, layout) for part in segment)
-        cells = read_cells(source, layout, wanted, sections)
-    n_rows = len(cells[1].samples)
-    if n_rows != (stated := n_rows if header.n_rows is None else header.n_rows):
-        found = f"{n_rows} rows of numbers, {stated} samples by the header"
-        rule = "the file is cut short" if n_rows < stated else "the numbers must be the same"
-        raise RecordingFormatError(path.name, found, rule, COPY_AGAIN)
-    columns = [Column("X_Value", "s", cells[0].samples)] if header.x_columns == "one" else []
-    # One column of time for each channel: each shows the start of its channel.
-    starts_s = [0.0] * len(header.units) if header.x_columns == "multi" else header.starts_s
-    for place, unit, start_s in zip(header.places, header.units, starts_s, strict=True):
-        if header.x_columns == "multi":
-            columns.append(Column("X_Value", "s", cells[place - 1].samples))
-        columns.append(Column(layout.names[place], unit, cells[place].samples, "", start_s))
-        findings += missing_samples(path, layout.names[place], cells[place])
+        cells = read_cells(source, layout, wanted, sections, findings)
+    time = cells[0].samples if has_time else None
+    n_rows = _rows(path, len(cells[1].samples), header.n_rows, time, findings)
+    columns = (
+        [Column("X_Value", "s", cells[0].samples[:n_rows])] if header.x_columns == "one" else []
+    )
+    is_multi = header.x_columns == "multi"
+    for channel in header.channels:
+        name, own = layout.names[channel.place], cells[channel.place]
+        if channel.why_not or own.n_missing == len(own.samples):
+            why = channel.why_not or "no number in any row"
+            findings.append(note(path, Check.CONTENT, f"{name!r}: {why}, left out"))
+            continue
+        if is_multi:
+            columns.append(Column("X_Value", "s", cells[channel.place - 1].samples[:n_rows]))
+        # One column of time for each channel: each shows the start of its channel.
+        start_s = 0.0 if is_multi else channel.start_s
+        columns.append(Column(name, channel.unit, own.samples[:n_rows], "", start_s))
+        findings += missing_samples(path, name, own)
     return content_of_columns(path, columns, rate=header.rate, findings=findings)
+
+
+def _rows(
+    path: Path, n_rows: int, stated: int | None, time: NDArray[Any] | None, findings: list[Finding]
+) -> int:
+    """Rows of the recording, where one header may stand above the blocks of several writes.
+
+    Time that goes on joins the blocks; where it starts again, they are events of their own.
+    """
+    if stated is None or n_rows == stated:
+        return n_rows
+    counts = f"{n_rows} rows of numbers, {stated} samples by the header"
+    if n_rows < stated:
+        raise RecordingFormatError(path.name, counts, "the file is cut short", COPY_AGAIN)
+    if time is None:
+        detail = f"{counts}: taken as one recording, as no column of time shows other events"
+        findings.append(remark(path, "", Check.SEGMENTS, detail))
+        return n_rows
+    again = np.flatnonzero(np.diff(time) <= 0) + 1
+    if not again.size:
+        detail = f"{counts}, which counts one write: time goes on, one recording"
+        findings.append(note(path, Check.SEGMENTS, detail))
+        return n_rows
+    detail = (
+        f"time starts again in row {again[0] + 1}: the first of {len(again) + 1} events is read"
+    )
+    findings.append(remark(path, "", Check.SEGMENTS, detail))
+    return int(again[0])
 
 
 def _first_segment(
@@ -133,9 +177,8 @@ class _Entries:
             self._values.setdefault(key, values)
 
     def of_channels(self, key: str, n: int) -> list[str]:
-        """Values for each channel; none where they are not stated."""
-        values = self._values.get(key, [])[:n]
-        return values if len(values) == n and all(values) else []
+        """Values for each channel, empty where they are not stated."""
+        return [*self._values.get(key, []), *[""] * n][:n]
 
     def one(self, key: str, default: str) -> str:
         """A single value in lower case."""
@@ -171,27 +214,50 @@ def _header(
         rule = f"it must be the number of channels, and {len(heading)} names are below the header"
         raise segment.fault("Channels", repr(count), rule)
     n = int(count)
-    samples = segment.of_channels("Samples", n)
-    if not all(value.isdecimal() and len(value) < 16 for value in samples):
-        raise segment.fault("Samples", repr(samples[:3]), "there must be one number for each")
+    counts = _counts(segment, n)
+    steps = segment.of_channels("Delta_X", n)
+    units = segment.of_channels("Y_Unit_Label", n)
+    starts_s = _starts_s(segment, n, decimal)
+    most_rows = max((each for each in counts if each is not None), default=None)
+    fast = next((step for step, each in zip(steps, counts, strict=True) if each == most_rows), "")
+    reasons = [_why_not(*each, most_rows, fast) for each in zip(counts, steps, units, strict=True)]
     names = tuple(cell.strip() for cell in heading[: 2 + stride * (n - 1)])
     dialect = Dialect(general.separator, decimal)
+    used = [not why for why in reasons]
     return _Header(
         layout=Layout(dialect, names, ("",) * len(names), first_line, start),
         x_columns=x_columns,
-        units=segment.of_channels("Y_Unit_Label", n) or [""] * n,
-        n_rows=max(map(int, samples), default=None),
-        rate=_rate(segment, n, decimal),
-        starts_s=_starts_s(segment, n, decimal),
+        channels=tuple(map(_ChannelHeader, range(1, len(names), stride), units, starts_s, reasons)),
+        n_rows=most_rows,
+        rate=_rate(segment, list(compress(steps, used)), decimal),
     )
 
 
-def _rate(segment: _Entries, n: int, decimal: str) -> Rate:
-    dimensions = segment.of_channels("X_Dimension", n)
+def _counts(segment: _Entries, n: int) -> list[int | None]:
+    """Samples of each channel, None where they are not stated."""
+    samples = segment.of_channels("Samples", n)
+    if not all(not value or (value.isdecimal() and len(value) < 16) for value in samples):
+        raise segment.fault("Samples", repr(samples[:3]), "there must be one number for each")
+    return [int(value) if value else None for value in samples]
+
+
+def _why_not(count: int | None, step: str, unit: str, most_rows: int | None, fast: str) -> str:
+    """Why a channel beside the recording is not read; a slow force or sensor is an error."""
+    if count is None or count == most_rows:
+        return "not wired" if count is None and most_rows is not None and not step else ""
+    known = parse_unit(unit)
+    is_wanted = known is not None and known.quantity in (FORCE, ACCELERATION)
+    if count and (step == fast or is_wanted):
+        return ""
+    return f"{count} samples beside {most_rows}"
+
+
+def _rate(segment: _Entries, stated: Sequence[str], decimal: str) -> Rate:
+    dimensions = [each for each in segment.of_channels("X_Dimension", len(stated)) if each]
     if any(each.lower() != "time" for each in dimensions):
         rule = "FRFs are estimated from channels over time"
         raise segment.fault("X_Dimension", ", ".join(dict.fromkeys(dimensions)), rule)
-    steps = list(dict.fromkeys(segment.of_channels("Delta_X", n)))
+    steps = [step for step in dict.fromkeys(stated) if step]
     try:
         rates = [rate_of_step(step.replace(decimal, "."), "Delta_X") for step in steps]
     except ValueError as error:
@@ -202,7 +268,7 @@ def _rate(segment: _Entries, n: int, decimal: str) -> Rate:
 
 
 def _starts_s(segment: _Entries, n: int, decimal: str) -> list[float]:
-    starts = segment.of_channels("X0", n) or ["0"] * n
+    starts = [each or "0" for each in segment.of_channels("X0", n)]
     try:
         return [parse_number(start.replace(decimal, ".")) for start in starts]
     except ValueError as error:

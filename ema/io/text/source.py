@@ -38,7 +38,8 @@ class TextSource:
 
     def __init__(self, path: Path, file: BinaryIO) -> None:
         self.path = path
-        self._size = os.fstat(file.fileno()).st_size
+        self._size = file.seek(0, os.SEEK_END)
+        file.seek(0)
         self._packed = path.name.lower().endswith(".gz")
         self._stream = cast(BinaryIO, gzip.GzipFile(fileobj=file)) if self._packed else file
         self._unpacked = 0
@@ -156,7 +157,7 @@ def lines_of(source: TextSource) -> Iterator[Line]:
                 break
         if end == len(text) and not source.is_whole and text[-1] != "\n":
             return  # the head ends within this line
-        line = text[start:end].rstrip("\r\n")
+        line = text[start:end].rstrip("\r\n").translate(_TYPESET)
         if line.strip(_RULE):
             yield Line(line, number, start)
         number += text.count("\n", start, end)
@@ -175,10 +176,17 @@ def _last_line(text: str, start: int, end: int) -> str:
 
 BLANKS = " "  # as a separator: any run of blanks and tabs
 
+# A sign that separates thousands counts only before a decimal sign: 1.234,56 or 1,234.56.
 _NUMBER = {
-    decimal: re.compile(rf"[+-]?(?:[0-9]+(?:{sign}[0-9]*)?|{sign}[0-9]+)(?:[eEdD][+-]?[0-9]+)?")
-    for decimal, sign in ((".", r"\."), (",", ","))
+    decimal: re.compile(
+        rf"[+-]?(?:[0-9]+(?:{sign}[0-9]*)?|{sign}[0-9]+)(?:[eEdD][+-]?[0-9]+)?"
+        rf"|[+-]?[1-9][0-9]{{0,2}}(?:{thousands}[0-9]{{3}})+{sign}[0-9]+"
+    )
+    for decimal, sign, thousands in ((".", r"\.", ","), (",", ",", r"\."))
 }
+# A minus sign and blanks as word processors set them.
+TYPESET = {"\u2212": "-", "\u00a0": " ", "\u202f": " "}
+_TYPESET = {ord(sign): plain for sign, plain in TYPESET.items()}
 # Cells, in lower case, that cannot be mistaken for a name, and all that mark a missing sample.
 NOT_A_NUMBER = frozenset(("nan", "-nan", "+nan", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind"))
 MISSING = NOT_A_NUMBER | {"", "-", "--", "null", "none", "n/a", "na"}

@@ -20,9 +20,9 @@ from pyarrow import compute
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding
 from ema.io.columns import is_time
-from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, arrow_reader, remark
+from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, arrow_reader, note, remark
 from ema.io.text.layout import Dialect, Layout
-from ema.io.text.source import BLANKS, CLOCK, MISSING, TextSource, cells_of, is_number
+from ema.io.text.source import BLANKS, CLOCK, MISSING, TYPESET, TextSource, cells_of, is_number
 
 _BLOCK_BYTES = 1 << 20
 _NARROW_BYTES = 4  # cells of fewer bytes are kept in single precision where that is exact
@@ -37,16 +37,26 @@ _DECIMAL = {".": "point", ",": "comma"}
 
 
 def read_cells(
-    source: TextSource, layout: Layout, wanted: Sequence[int], sections: Iterable[bytes]
+    source: TextSource,
+    layout: Layout,
+    wanted: Sequence[int],
+    sections: Iterable[bytes],
+    findings: list[Finding],
 ) -> dict[int, Cells]:
     """Read columns of a table by number; cells of other columns may be anything.
+
+    Lines of text below the last row of numbers are left out with a finding.
 
     `sections` are complete lines from the first row of numbers on; one without a line end is the
     last.
     """
-    reader = _Reader(source.path.name, layout, wanted)
+    reader = _Reader(source.path.name, layout, wanted, source.encoding)
     for section in sections:
         reader.take(section)
+    if reader.below is not None:
+        place = reader.below.where.removeprefix(f"{source.path.name}, ")
+        detail = f"below the numbers: {reader.below.found} in {place}: not read"
+        findings.append(note(source.path, Check.IGNORED, detail))
     if not reader.n_rows:
         rule = "a table needs at least one row of numbers"
         raise RecordingFormatError(source.path.name, "blank rows only", rule, EXPORT_AGAIN)
@@ -91,23 +101,31 @@ class Cells:
             return samples
         # Times of day without a date begin again at midnight.
         nights = np.cumsum(np.diff(samples, prepend=samples[:1]) < -12 * _HOUR_NS)
-        return (samples - samples[:1] + nights * (24 * _HOUR_NS)) * 1e-9
+        return np.asarray((samples - samples[:1] + nights * (24 * _HOUR_NS)) * 1e-9)
 
 
 class _Reader:
     """State of reading: lines and rows read, decimal sign, columns so far."""
 
-    def __init__(self, where: str, layout: Layout, wanted: Sequence[int]) -> None:
+    def __init__(self, where: str, layout: Layout, wanted: Sequence[int], encoding: str) -> None:
         self._where, self._layout = where, layout
         self.columns = {index: Cells() for index in wanted}
         self._decimal_is_open = layout.either_decimal
         self._line, self.n_rows = layout.first_line, 0
         self._tail = self._held = b""
+        self.below: RecordingFormatError | None = None  # what text would be among numbers
+        self._typeset = [
+            (sign.encode(encoding, "ignore"), plain.encode()) for sign, plain in TYPESET.items()
+        ]
         self._days: dict[int, list[str]] = {}  # of columns of time stamps
 
     def take(self, section: bytes) -> None:
         """Read the next section into the columns."""
         section = section.rstrip(b"\x1a")  # DOS programs end a text with it
+        for sign, plain in self._typeset:
+            section = section.replace(sign, plain) if sign else section
+        if self.below is not None and section.strip():
+            raise self.below
         if not section or section.isspace():
             if self._layout.width == 1:
                 self._held += section
@@ -120,6 +138,8 @@ class _Reader:
         if not section.endswith(b"\n"):
             self._check_end(section)
         table = self._parsed(section)
+        if table is None:
+            return
         self.n_rows += table.num_rows
         narrow = len(section) < _NARROW_BYTES * table.num_rows * self._layout.width
         with np.errstate(over="ignore", invalid="ignore"):
@@ -149,7 +169,7 @@ class _Reader:
         decimal = "." if b"." in section else ","
         self._layout = replace(self._layout, dialect=Dialect(separator, decimal))
 
-    def _parsed(self, section: bytes) -> pa.Table:
+    def _parsed(self, section: bytes) -> pa.Table | None:
         if self._layout.dialect.separator == BLANKS:
             section = _single_blanks(section)
         try:
@@ -157,7 +177,7 @@ class _Reader:
         except (pa.ArrowInvalid, pa.ArrowKeyError):
             plain = self._checked(section)
         try:
-            return self._by_arrow(plain)
+            return self._by_arrow(plain) if plain else None
         except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
             rule = f"each of the {self._layout.width} columns must have a number in every row"
             raise self._fault(self._line, str(error), rule) from error
@@ -195,9 +215,17 @@ class _Reader:
             if not line.strip() and self._layout.width > 1:
                 continue
             cells = cells_of(line, separator)
-            if len(cells) != self._layout.width:
-                raise self._ragged(number, line, cells, is_cut=not raw.endswith(b"\n"))
-            plain += separator.join(self._checked_cells(number, cells)).encode() + b"\n"
+            try:
+                if len(cells) != self._layout.width:
+                    raise self._ragged(number, line, cells, is_cut=not raw.endswith(b"\n"))
+                plain += separator.join(self._checked_cells(number, cells)).encode() + b"\n"
+            except RecordingFormatError as fault:
+                if self.below is None and not (cells[0][:1].isalpha() and (plain or self.n_rows)):
+                    raise
+                self.below = self.below or fault
+            else:
+                if self.below is not None:  # numbers go on below the text
+                    raise self.below
         return bytes(plain)
 
     def _checked_cells(self, number: int, cells: Sequence[str]) -> list[str]:
@@ -211,7 +239,8 @@ class _Reader:
                     raise self._fault(number, found, _STAMP_RULE, index)
                 checked[index] = f'"{cell}"'
             elif is_number(cell, decimal):
-                number_text = cell.upper().replace("D", "E")
+                thousands = "," if decimal == "." else "."
+                number_text = cell.upper().replace("D", "E").replace(thousands, "")
                 checked[index] = f'"{number_text}"' if decimal in number_text else number_text
             elif cell.lower() not in MISSING:
                 rule = f"a cell must be empty or a number with a decimal {_DECIMAL[decimal]}"

@@ -108,7 +108,6 @@ def test_without_steps_and_times_there_is_no_rate(tmp_path):
             general() + segment(NO[:3]),
             "3 rows of numbers, 4 samples by the header; the file is cut",
         ),
-        (general() + segment(NO, samples=3), "4 rows of numbers, 3 samples by the header"),
         (PLAIN[:-4], "line 25: the last row ends in ''"),
         (PLAIN[:-5], "line 25: 2 cells, 3 columns"),
         (PLAIN.replace("Tab", "Star"), "Separator: 'star'"),

@@ -1,0 +1,47 @@
+"""What a file is by its content, under another ending; headers of WAV that were never completed."""
+
+import numpy as np
+import pytest
+from builders import force58, response58
+from scenarios_binary import hdf5_file, mat_file, parquet_file, tdms_file, wav_file
+from scenarios_text import lvm_file
+
+from ema.core.errors import RecordingFormatError
+from ema.io.formats import read_file
+
+CONTENTS = {
+    ".uff": force58() + response58(),
+    ".lvm": lvm_file(),
+    ".mat": mat_file(),
+    ".h5": hdf5_file(),
+    ".tdms": tdms_file(),
+    ".parquet": parquet_file(),
+    ".wav": wav_file(),
+}
+
+
+@pytest.mark.parametrize("ending", [".csv", ".txt", ".uff", ".mat", ".xyz", ".uff.txt", ""])
+@pytest.mark.parametrize("kind", CONTENTS)
+def test_content_decides(tmp_path, kind, ending):
+    path = tmp_path / f"a{ending}"
+    path.write_bytes(CONTENTS[kind])
+    found = read_file(path)
+    assert len(found.recording.channels) == 2
+    named = any("by its content" in each.detail for each in found.findings)
+    assert named == (kind != ending and (kind, ending) != (".h5", ".mat"))
+
+
+@pytest.mark.parametrize("n_bytes", [0, 0xFFFFFFFF])
+@pytest.mark.parametrize("more", [b"", b"\0"])
+def test_unfinished_wav_header(tmp_path, n_bytes, more):
+    (tmp_path / "a.wav").write_bytes(wav_file(n_bytes=n_bytes) + more)
+    found = read_file(tmp_path / "a.wav")
+    assert [each.n_samples for each in found.recording.channels] == [64, 64]
+    assert any("never completed" in each.detail for each in found.findings)
+
+
+def test_wav_without_samples_but_other_chunks(tmp_path):
+    content = wav_file(n_bytes=0, samples=b"LIST" + np.uint32(4).tobytes() + b"INFO")
+    (tmp_path / "a.wav").write_bytes(content)
+    with pytest.raises(RecordingFormatError):
+        read_file(tmp_path / "a.wav")
