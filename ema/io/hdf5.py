@@ -73,14 +73,25 @@ def _arrays(
 ) -> Iterator[_Array]:
     """Arrays below a group; what is `skipped` comes with the reason."""
     above = above | {f"{prefix}/{name}": value for name, value in _attributes(group).items()}
+    is_frame = "pandas_type" in group.attrs
     for place, item in file.members(group, prefix):
+        if is_frame and place.endswith(("_items", "/axis0")):
+            continue  # names of columns, read with their values
         if file.is_group(item):
             yield from _arrays(file, item, place, above, skipped)
+        elif fields := file.fields(item):
+            own = _attributes(item)
+            stated = above | {f"{place}/{name}": value for name, value in own.items()}
+            table = file.table(item)
+            for name in fields:
+                yield _Array(f"{place}/{name}", table[name], {}, stated)
         elif why := file.unreadable(item):
             skipped[place] = why
         else:
             own = _attributes(item)
             stated = above | {f"{place}/{name}": value for name, value in own.items()}
+            if is_frame and (items := group.get(f"{place[len(prefix) + 1 : -6]}items")):
+                own["names"] = items[()]
             yield _Array(place, file.samples(item), own, stated)
 
 
@@ -158,6 +169,24 @@ class Hdf5File:
     def is_group(self, item: Any) -> bool:
         """Whether a member is a group."""
         return isinstance(item, self.h5py.Group)
+
+    def fields(self, item: Any) -> list[str]:
+        """Fields with numbers of a table, a dataset of one dimension and a compound type."""
+        if not isinstance(item, self.h5py.Dataset) or item.dtype.names is None or item.ndim != 1:
+            return []
+        if item.is_virtual or item.external:
+            return []
+        fields = item.dtype.fields.items()
+        if any(kind.shape for _, (kind, *_) in fields):  # nothing names the columns of these
+            return []
+        return [name for name, (kind, *_) in fields if kind.kind in "iuf"]
+
+    def table(self, dataset: Any) -> NDArray[Any]:
+        """Rows of a table."""
+        n_bytes = int(np.prod(dataset.shape, dtype=object)) * dataset.dtype.itemsize
+        self._n_bytes += n_bytes
+        check_expansion(f"{self.path.name}, {dataset.name}", self.path, self._n_bytes)
+        return np.asarray(dataset[()])
 
     def unreadable(self, item: Any) -> str:
         """Why a member is not an array of numbers that may be read; empty where it is."""

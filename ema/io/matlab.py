@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
+from ema.core.units import TIME, AxisUnit, parse_axis
 from ema.io.columns import Column, content_of_columns, is_time, matrix_columns, unit_of_each
 from ema.io.content import FileContent, left_out, reading
 from ema.io.hdf5 import Hdf5File, opened
@@ -51,7 +52,11 @@ def read(path: Path) -> FileContent:
     missing, damaged or of level 4, claims to be far larger than it is, or its variables can be
     understood in more than one way.
     """
-    found = _sorted(path, _unwrapped(_variables(path)))
+    variables = _variables(path)
+    functions = {name: each for name, each in variables.items() if _is_function(each)}
+    if functions:
+        return _of_functions(path, functions, [each for each in variables if each not in functions])
+    found = _sorted(path, _unwrapped(variables))
     columns = _columns(path, found)
     rate = stated_rate(path, found.rates)
     findings = left_out(path, found.left_out)
@@ -116,6 +121,64 @@ def _cells(file: Hdf5File, item: Any) -> Any:
     if len(cells) < item.size or any(_class_of(cell) != "char" for cell in cells):
         return LeftOut("a cell array of non-text values")
     return [_value(file, cell) for cell in cells]
+
+
+def _is_function(value: Any) -> bool:
+    """Whether a struct is a function as Testlab exports it."""
+    parts = (
+        [value.get(name) for name in ("x_values", "y_values")] if isinstance(value, dict) else []
+    )
+    return bool(parts) and all(isinstance(part, dict) for part in parts)
+
+
+def _of_functions(path: Path, functions: Mapping[str, Any], others: Sequence[str]) -> FileContent:
+    """Channels of Testlab: a struct of x_values, y_values and function_record for each."""
+    columns, steps = [], {}
+    for variable, each in functions.items():
+        where = f"{path.name}, {variable}"
+        axis, ordinate = each["x_values"], each["y_values"]
+        label = _label(axis)
+        unit = parse_axis(label) if label else AxisUnit(TIME, 1.0)
+        values = ordinate.get("values")
+        if unit is None or unit.kind != TIME or not isinstance(values, np.ndarray):
+            found = f"x_values in {label!r}" if isinstance(values, np.ndarray) else "no real values"
+            rule = "functions of Testlab in MATLAB files must be real, over time"
+            raise RecordingFormatError(where, found, rule, "Export FRFs as universal file")
+        factor = _number(where, ordinate.get("quantity", {}), "unit_transformation/factor", 1.0)
+        if factor != 1.0:
+            found, rule = f"factor {factor:g}", "the values must be in the unit that is stated"
+            raise RecordingFormatError(where, found, rule, "Export in SI units")
+        steps[f"{variable}/dt"] = _number(where, axis, "increment", np.nan) * unit.factor
+        start_s = _number(where, axis, "start_value", 0.0) * unit.factor
+        names = _texts(each.get("function_record", {}).get("name")) or [variable]
+        signals = np.atleast_2d(np.squeeze(values).T)
+        if len(names) != len(signals):
+            names = [f"{variable} {row}" for row in range(1, len(signals) + 1)]
+        columns += [
+            Column(name, _label(ordinate), samples, f"{variable}/{name}", start_s)
+            for name, samples in zip(names, signals, strict=True)
+        ]
+    findings = left_out(path, dict.fromkeys(others, "beside functions of Testlab"))
+    return content_of_columns(path, columns, rate=stated_rate(path, steps), findings=findings)
+
+
+def _label(values: Mapping[str, Any]) -> str:
+    """Unit of an axis of Testlab."""
+    quantity = values.get("quantity")
+    texts = _texts(quantity.get("label")) if isinstance(quantity, dict) else []
+    return texts[0] if texts else ""
+
+
+def _number(where: str, values: Any, place: str, usual: float) -> float:
+    """A number in nested structs; `usual` where there is none."""
+    for name in place.split("/"):
+        values = values.get(name) if isinstance(values, dict) else None
+    if values is None:
+        return usual
+    if not isinstance(values, np.ndarray) or values.size != 1:
+        rule = "it must be one number"
+        raise RecordingFormatError(where, f"{place}: another value", rule, _SAVE_AGAIN)
+    return float(values.ravel()[0])
 
 
 def _unwrapped(variables: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -191,8 +254,22 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
         remedy = "Save a struct with the unit of each channel under its name"
         raise RecordingFormatError(path.name, what, "a list is only allowed with a matrix", remedy)
     units = unit_of_each(path.name, len(others), _units(found, others))
-    return columns + [
-        Column(name, unit, found.vectors[name]) for name, unit in zip(others, units, strict=True)
+    unit_of = dict(zip(others, units, strict=True))
+    return columns + [Column(name, unit_of[name], found.vectors[name]) for name in _paired(others)]
+
+
+def _paired(names: Sequence[str]) -> list[str]:
+    """Vectors with the time of each channel in front of it, as DEWESoft calls them.
+
+    The time of ``Data1_AI_1`` is ``Data1_time_AI_1``.
+    """
+    time_of = {name.replace("time_", "", 1): name for name in names if "time_" in name}
+    times = set(time_of.values()) if set(time_of) & set(names) else set()
+    return [
+        each
+        for name in names
+        if name not in times or name.replace("time_", "", 1) not in names
+        for each in ([time_of[name], name] if time_of.get(name) in times else [name])
     ]
 
 

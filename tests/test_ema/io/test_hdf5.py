@@ -175,7 +175,7 @@ def complex_numbers(file):
 
 
 def compound(file):
-    file["odd"] = np.zeros(N, [("a", "f8"), ("b", "i4")])
+    file["odd"] = np.zeros(N, [("a", "S8"), ("b", "f8", (2,))])
 
 
 def nothing(file):
@@ -331,3 +331,28 @@ def test_scales_that_are_no_numbers_are_refused(tmp_path):
         file.create_dataset("force", data=np.arange(9)).attrs["scale_factor"] = "0.01"
     with pytest.raises(RecordingFormatError, match="scale_factor"):
         read_file(tmp_path / "a.h5")
+
+
+def test_fields_of_a_compound_type_are_channels(tmp_path):
+    table = np.zeros(N, dtype=[("time", "f8"), ("force [N]", "f4"), ("A01 [g]", "f8"), ("s", "S4")])
+    table["time"] = np.arange(N) / RATE_HZ
+    table["force [N]"], table["A01 [g]"] = NOISE.T
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("run/table", data=table)
+    found = read_file(tmp_path / "a.h5").recording
+    assert (found.names, found.sampling_rate_hz) == (("force", "A01"), RATE_HZ)
+    np.testing.assert_array_equal(found.channels[1].samples, NOISE[:, 1])
+
+
+def test_a_frame_of_pandas_has_its_names(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        group = file.create_group("df")
+        group.attrs["pandas_type"] = "frame"
+        group["axis0"] = group["block0_items"] = np.array(["force [N]", "A01 [g]"], "S")
+        group["axis1"] = np.arange(N) / RATE_HZ
+        group["block0_values"] = NOISE
+    found = read_file(tmp_path / "a.h5")
+    assert found.recording.names == ("force", "A01")
+    assert found.recording.sampling_rate_hz == RATE_HZ
+    np.testing.assert_array_equal(found.recording.channels[1].samples, NOISE[:, 1])
+    assert [each.verdict for each in found.findings] == ["ok"]

@@ -281,3 +281,59 @@ def test_no_damage_escapes_as_another_exception(tmp_path_factory, write, data):
     path = tmp_path_factory.mktemp("damage") / "a.mat"
     write(path, SAME["struct"])
     assert_no_other_exception(path, read_file, lambda *ends: data.draw(st.integers(*ends)))
+
+
+def function_of_testlab(name, unit, samples, **axis):
+    """A function as Testlab exports it."""
+    stated = {"start_value": 0.0, "increment": 1 / 512, "number_of_values": float(len(samples))}
+    return {
+        "x_values": {**stated, "quantity": {"label": "s"}, **axis},
+        "y_values": {"values": np.asarray(samples)[:, None], "quantity": {"label": unit}},
+        "function_record": {"name": name, "type": "Signal"},
+    }
+
+
+_FORCE, _MOTION = np.random.default_rng(8).standard_normal((2, 64))
+
+
+def _functions(path, **axis):
+    variables = {
+        "Signal_0": function_of_testlab("Tire:13:-Z", "g", _MOTION, **axis),
+        "Signal_1": function_of_testlab("Hub:1:+Z", "N", _FORCE),
+    }
+    scipy.io.savemat(path, variables)
+    return path
+
+
+def test_functions_of_testlab(tmp_path):
+    found = read_file(_functions(tmp_path / "a.mat")).recording
+    assert found.names == ("Tire:13:-Z", "Hub:1:+Z")
+    assert found.sampling_rate_hz == 512.0
+    assert [each.node for each in found.channels] == [13, 1]
+    np.testing.assert_allclose(found.block(0, 64), [-9.80665 * _MOTION, _FORCE], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("axis", "message"),
+    [
+        ({"increment": 1 / 1024}, "512"),
+        ({"quantity": {"label": "Hz"}}, "over time"),
+        ({"start_value": 0.5 / 512}, "whole samples apart"),
+        ({"increment": "fast"}, "one number"),
+    ],
+)
+def test_functions_of_testlab_that_are_refused(tmp_path, axis, message):
+    with pytest.raises(RecordingFormatError, match=message):
+        read_file(_functions(tmp_path / "a.mat", **axis))
+
+
+@pytest.mark.parametrize("apart", [True, False])
+def test_times_of_dewesoft_belong_to_their_channels(tmp_path, apart):
+    channels = {"Data1_AI_1": _FORCE, "Data1_AI_2": _MOTION}
+    times = {"Data1_time_AI_1": np.arange(64) / 512, "Data1_time_AI_2": (np.arange(64) + 4) / 512}
+    mixed = dict(sorted((times | channels).items()))
+    scipy.io.savemat(tmp_path / "a.mat", times | channels if apart else mixed)
+    found = read_file(tmp_path / "a.mat").recording
+    assert found.names == ("Data1_AI_1", "Data1_AI_2")
+    np.testing.assert_array_equal(found.channels[0].samples, _FORCE[4:])
+    np.testing.assert_array_equal(found.channels[1].samples, _MOTION[:60])
