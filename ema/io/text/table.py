@@ -122,7 +122,7 @@ class _Reader:
     def take(self, section: bytes) -> None:
         """Read the next section into the columns."""
         section = section.rstrip(b"\x1a")  # DOS programs end a text with it
-        for sign, plain in self._typeset:
+        for sign, plain in () if section.isascii() else self._typeset:
             section = section.replace(sign, plain) if sign else section
         if self.below is not None and section.strip():
             raise self.below

@@ -112,7 +112,7 @@ def test_floats_stay_on_disk(tmp_path):
         (wav(chunk(b"fmt ", layout()), SAMPLES[:-2]), "6 of 8 bytes of samples"),
         (wav(chunk(b"fmt ", layout(n_channels=3)), SAMPLES), "each instant takes 6 bytes"),
         (wav(chunk(b"fmt ", layout()), chunk(b"data", b"")), "no rows of numbers"),
-        (wav(chunk(b"fmt ", layout()), b"data" + b"\xff" * 4 + SAMPLES[8:]), "of 4294967295 bytes"),
+        (wav(chunk(b"fmt ", layout()), b"data" + b"\xfe" * 4 + SAMPLES[8:]), "of 4278124286 bytes"),
     ],
 )
 def test_faults_are_named(tmp_path, content, message):
