@@ -93,7 +93,7 @@ def frf_content(path: Path, columns: Sequence[Column], findings: Sequence[Findin
         position_deg=np.full(len(names), np.nan),
         run=(path.name,) * len(names),
     )
-    return FileContent(path, None, frf, tuple(names), None, tuple(noticed))
+    return FileContent(path, frf=frf, frf_names=tuple(names), findings=tuple(noticed))
 
 
 def _fault(path: Path, column: str, found: str, rule: str, remedy: str) -> RecordingFormatError:
