@@ -229,7 +229,7 @@ def _without_contradiction(
         return search, values, []
     ring = alone.ring(found)
     if of_torsion and problem.torsion_hz is not None:
-        ratio = problem.torsion_hz[0] / max(problem.torsion_of(ring), 1.0)
+        ratio = problem.torsion_hz[0] / max(float(problem.torsion_of(ring)[0]), 1.0)
         reason, what = Reason.TORSION, f"the torsion is {ratio:.3g} times that"
     else:
         compared = ring if problem.belt_width_m else search.ring(values)

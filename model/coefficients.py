@@ -85,7 +85,7 @@ def equilibrium(
     strain = _positive_root(ring, speed, pressure_load)
     beyond = strain > LARGEST_HOOP_STRAIN
     if np.any(beyond):
-        first = float(np.abs(speed[beyond]).min())
+        first = float(np.abs(np.broadcast_to(speed, beyond.shape)[beyond]).min())
         rule = f"no equilibrium with a hoop strain of at most {LARGEST_HOOP_STRAIN:g}"
         remedy = "Lower the speed or the pressure, or raise K or k_r"
         raise ParameterError("speed_rad_s", f"{first:g}", rule, remedy)

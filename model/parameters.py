@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+import numpy as np
+
 from model.arrays import require_number
 from model.display import number, table
 from model.errors import ParameterError
@@ -107,6 +109,19 @@ class RingParameters:
             for _, name, symbol, value, unit in listed_parameters(self)
         ]
         return table("Ring", ("parameter", "symbol", "value", "unit"), rows, words=(0, 1, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class ManyRings(RingParameters):
+    """Rings of columns (n_rings, 1), for slopes around a ring that was checked."""
+
+    def __post_init__(self) -> None:
+        known = {name: value for name, value in vars(self).items() if value is not None}
+        for name, column in zip(known, np.broadcast_arrays(*known.values()), strict=True):
+            object.__setattr__(self, name, column)
+
+    __hash__ = object.__hash__
+    __eq__ = object.__eq__
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares, nnls
 from model.arrays import Array, ReadonlyArrays, require_number, require_one_of
 from model.coefficients import PressureLoad, harmonics, require_pressure_load
 from model.errors import ParameterError
-from model.parameters import LARGEST_THICKNESS_RATIO, RingParameters
+from model.parameters import LARGEST_THICKNESS_RATIO, ManyRings, RingParameters
 from model.ring import modal_mass_kg, natural_frequencies_hz
 from model.tuning_prior import GROWTH, GROWTH_STD, ModalMasses, TuningPriors
 
@@ -128,12 +128,16 @@ class TuningProblem(ReadonlyArrays):
         return stated
 
     def ring(self, parameters: Mapping[str, float]) -> RingParameters:
-        """Ring with these `parameters`; K by eq 16 where it is not among them."""
+        """Ring with these `parameters`; K by eq 16 where it is not among them.
+
+        Columns (n_rings, 1) make many rings.
+        """
         complete: dict[str, Any] = {WIDTH: self.belt_width_m, **parameters}
         growth_m = complete.pop(RADIAL_GROWTH, None)
         if AXIAL not in complete:
             complete[AXIAL] = self.axial_stiffness_n_m(parameters[RADIAL], growth_m)
-        return RingParameters(
+        many = any(np.ndim(value) for value in parameters.values())
+        return (ManyRings if many else RingParameters)(
             mean_radius_m=self.mean_radius_m,
             inflation_pressure_pa=self.inflation_pressure_pa,
             **complete,
@@ -143,11 +147,12 @@ class TuningProblem(ReadonlyArrays):
         self, radial_stiffness_n_m3: float, growth_m: float | None = None
     ) -> float:
         """K from the radial growth u_r° (eq 16 at Ω = 0), N/m."""
-        a, w = self.mean_radius_m, growth_m or self.growth_m
+        a, w = self.mean_radius_m, self.growth_m if growth_m is None else growth_m
         follows = 1.0 + w / a if self.pressure_load == "follower" else 1.0
         load = self.inflation_pressure_pa * follows
-        carried = max(load - radial_stiffness_n_m3 * w, _LEAST_CARRIED * load)
-        return carried / (w**3 / (2.0 * a**4) + 3.0 * w**2 / (2.0 * a**3) + w / a**2)
+        carried = np.maximum(load - radial_stiffness_n_m3 * w, _LEAST_CARRIED * load)
+        found = carried / (w**3 / (2.0 * a**4) + 3.0 * w**2 / (2.0 * a**3) + w / a**2)
+        return found if np.ndim(found) else float(found)
 
     def frequencies_hz(self, ring: RingParameters) -> Array:
         """Natural frequencies of `ring` for the measured orders, Hz."""
@@ -173,23 +178,24 @@ class TuningProblem(ReadonlyArrays):
 
     def deviations(self, ring: RingParameters) -> Array:
         """What the search minimises: eq 18, or deviations over their standard deviations."""
-        used, parts = self.used, [self.residual(ring)[self.used]]
+        used, parts = self.used, [self.residual(ring)[..., self.used]]
         if self.objective == "paper":
             return parts[0]
         parts[0] = parts[0] / self.frequency_errors[used]
         if self.torsion_hz is not None:
             measured, std = self.torsion_hz
             error = np.hypot(std / measured, self.priors.model_form_std)
-            parts.append(np.array([(self.torsion_of(ring) / measured - 1.0) / error]))
+            parts.append((self.torsion_of(ring) / measured - 1.0) / error)
         if self.masses is not None:
-            whitened = solve_triangular(self._mass_root, self.mass_deviations(ring), lower=True)
-            parts.append(whitened)
-        return np.concatenate(parts)
+            whitened = solve_triangular(self._mass_root, self.mass_deviations(ring).T, lower=True)
+            parts.append(whitened.T)
+        return np.concatenate(parts, axis=-1)
 
-    def torsion_of(self, ring: RingParameters) -> float:
-        """Torsion of `ring`, Hz; zero where a pressure of this kind would make it turn."""
-        squared = float(harmonics(ring, 0, pressure_load=self.pressure_load).m22)
-        return float(np.sqrt(max(squared, 0.0) / ring.mass_per_area_kg_m2) / (2.0 * np.pi))
+    def torsion_of(self, ring: RingParameters) -> Array:
+        """Torsion of `ring`, Hz, (1,); zero where a pressure of this kind would make it turn."""
+        squared = harmonics(ring, [0], pressure_load=self.pressure_load).m22
+        turning = np.maximum(squared, 0.0) / ring.mass_per_area_kg_m2
+        return np.asarray(np.sqrt(turning) / (2.0 * np.pi))
 
     def mass_deviations(self, ring: RingParameters) -> Array:
         """Logarithm of each modal mass of the ring over the measured one."""
@@ -246,8 +252,8 @@ class Search(ReadonlyArrays):
     upper: Array
 
     def ring(self, values: Array, problem: TuningProblem | None = None) -> RingParameters:
-        """Ring with the free parameters at `values`."""
-        found = dict(zip(self.free, map(float, values), strict=True))
+        """Ring with the free parameters at `values`; many rings with a row of them for each."""
+        found = dict(zip(self.free, _by_name(values), strict=True))
         held = {name: value for name, (value, _) in self.held.items()}
         return (problem or self.problem).ring({**self.problem.given, **held, **found})
 
@@ -270,22 +276,24 @@ class Search(ReadonlyArrays):
         return found
 
     def residual(self, values: Array, problem: TuningProblem | None = None) -> Array:
-        """What the search minimises: deviations of the data, then those from the priors."""
+        """What the search minimises: deviations of the data, then those from the priors.
+
+        A row of it for each row of `values` where there are many.
+        """
         ring = self.ring(values, problem)
         data = (problem or self.problem).deviations(ring)
-        at = {AXIAL: ring.axial_stiffness_n_m, **dict(zip(self.free, values, strict=True))}
-        own = [(at[name] - value) / std for name, (value, std) in self.priors.items()]
-        return np.concatenate([data, np.array(own)])
+        free = dict(zip(self.free, _by_name(values), strict=True))
+        at = {AXIAL: ring.axial_stiffness_n_m, **free}
+        own = [np.atleast_1d((at[name] - x) / std) for name, (x, std) in self.priors.items()]
+        return np.concatenate([data, *own], axis=-1)
 
     def residual_slope(self, values: Array) -> Array:
         """Slopes of the residuals over the free parameters, central, shape (n_data, n_free)."""
-        columns = []
-        for step in np.diag(1e-5 * self.scale):
-            ahead = np.minimum(values + step, self.upper)
-            behind = np.maximum(values - step, self.lower)
-            rise = self.residual(ahead) - self.residual(behind)
-            columns.append(rise / (ahead - behind).sum())
-        return np.column_stack(columns)
+        steps = np.diag(1e-5 * self.scale)
+        ahead = np.minimum(values + steps, self.upper)
+        behind = np.maximum(values - steps, self.lower)
+        risen, fallen = np.split(self.residual(np.concatenate([ahead, behind])), 2)
+        return np.asarray(((risen - fallen) / (ahead - behind).sum(axis=1)[:, None]).T)
 
     def at_bound(self, values: Array) -> NDArray[np.bool_]:
         """Which free parameters lie on a bound."""
@@ -343,6 +351,11 @@ class Search(ReadonlyArrays):
             )
             for guess in guesses
         ]
+
+
+def _by_name(values: Array) -> list[Any]:
+    """Each free parameter: a number, or a column where `values` has many rows."""
+    return values.tolist() if values.ndim == 1 else list(values.T[:, :, None])
 
 
 def plan_search(problem: TuningProblem) -> Search:
