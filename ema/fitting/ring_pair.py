@@ -15,13 +15,12 @@ two waves a little, H → (1 + E) H: E has to pay for itself.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgeqrf, dorgqr
-from scipy.optimize import OptimizeResult, least_squares
+from scipy.linalg.lapack import zgeqrf, ztrtrs, zungqr
+from scipy.optimize import OptimizeResult, least_squares, leastsq
 
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.fitting.variable_projection import Complex, Real
@@ -38,11 +37,11 @@ _N_PARAMETERS = 7
 _SMALL = np.array([0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
 _LARGE = tuple(product((0.0, -0.1, -0.3), (-1.0, -0.4, 0.0, 0.4, 1.0), (-0.8, -0.3, 0.3, 0.8)))
 _MOST_LOOKS, _FIRST_LOOK, _LAST_LOOK = 3, 15, 40  # starts, evaluations from each
-_ENOUGH = 1e-6  # relative gain not worth another step
+_ENOUGH, _FLAT = 1e-6, 1e-8  # relative gain not worth another step, and slope
 # Dimensions that hold every pole near the resonance to 1e-6.
 _DIMENSIONS = 20
-# Amplitude and E; the background of the two rows is taken out of the basis.
-_N_LINEAR = 10
+# Amplitude and E, complex; the background of the two rows is taken out of the basis.
+_N_LINEAR = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +115,8 @@ class Known:
 class _Linear:
     """What is linear at some parameters."""
 
-    left: Real  # weighted residuals, (n_rows,)
-    orthonormal: Real  # (n_rows, _N_LINEAR)
+    left: Complex  # weighted residuals, (n_rows,)
+    orthonormal: Complex  # (n_rows, _N_LINEAR)
     amplitude: complex  # 1/M
     mixing: Complex  # E times the amplitude, (2, 2)
 
@@ -155,22 +154,18 @@ class PairProblem:
         self.size, self.ratio, self.settings = abs(start), -start.real / abs(start), settings
         self.std = std * np.sqrt(known.correlation)
         self.n_independent = 4 * frequency_hz.size / known.correlation
-        self.priors = np.array(
-            [
-                settings.pair_split,
-                settings.pair_split,
-                settings.pair_damping_likeness,
-                settings.pair_damping_likeness,
-                known.force_std_rad,
-            ]
-        )
+        alike = settings.pair_split, settings.pair_damping_likeness
+        self.priors = np.array([*np.repeat(alike, 2), known.force_std_rad])
         beside = [wave / np.linalg.norm(wave) for wave in self._alone(np.array(known.beside))]
         ground = [np.ones_like(self.omega), (self.omega / self.size) ** 2, *beside]
         self.ground = np.linalg.qr(np.array(ground).T)[0]
         self.basis = self._span()
-        self.inside = values @ self.basis.conj()
+        self.to_basis = self.basis.conj()
+        self.inside = values @ self.to_basis
         outside = self._above_ground(values) - self.inside @ self.basis.T
         self.outside = np.sum(np.abs(outside) ** 2, axis=1)
+        self.sizes = np.array([self.ratio, 1.0, self.ratio, self.ratio, 1.0, 1.0, 0.2]) / 10
+        self.steps = 1e-6 * np.diag(self.sizes)
         self.scale = 1.0
         self.amplitude = 0.0
         self._solved: tuple[tuple[float, ...], _Linear] | None = None
@@ -203,7 +198,7 @@ class PairProblem:
 
     def residuals(self, x: Real) -> Real:
         """Weighted residuals at some parameters, those of the priors included."""
-        return np.concatenate([self._linear(x).left, x[_ALONG:] / self.priors])
+        return np.concatenate([self._linear(x).left.view(float), x[_ALONG:] / self.priors])
 
     def jacobian(self, x: Real, steps: Real) -> Real:
         """Slopes of the residuals to the parameters that `steps` moves, (n_residuals, n_steps).
@@ -213,12 +208,13 @@ class PairProblem:
         linear = self._linear(x)
         ahead, behind = np.split(self._waves(np.concatenate([x + steps, x - steps])), 2)
         size = np.linalg.norm(steps, axis=1)
-        slopes = (ahead - behind) @ self.basis.conj() / (2 * size[:, None, None])
-        slopes = linear.amplitude * slopes + np.einsum("rw,kwn->krn", linear.mixing, slopes)
-        slopes = (slopes * self._weight[:, None]).reshape(size.size, -1)
-        rows = np.concatenate([slopes.real, slopes.imag, np.zeros((size.size, 8))], axis=1).T
-        rows -= linear.orthonormal @ (linear.orthonormal.T @ rows)
-        return np.concatenate([-rows, (steps[:, _ALONG:] / size[:, None] / self.priors).T])
+        slopes = (ahead - behind) @ self.to_basis / (2 * size[:, None, None])
+        slopes = linear.amplitude * slopes + linear.mixing @ slopes
+        rows = np.zeros((size.size, len(linear.left)), dtype=complex)
+        rows[:, : -_N_LINEAR + 1] = (slopes * self._weight[:, None]).reshape(size.size, -1)
+        rows -= (rows @ linear.orthonormal.conj()) @ linear.orthonormal.T
+        priors = steps[:, _ALONG:] / size[:, None] / self.priors
+        return np.concatenate([-rows.view(float), priors], axis=1).T
 
     @property
     def _weight(self) -> Real:
@@ -228,46 +224,46 @@ class PairProblem:
         """Best amplitude and mixing at some parameters; the last is kept."""
         key = (*x, self.scale, self.amplitude)
         if self._solved is None or self._solved[0] != key:
-            self._solved = key, self._eliminated(self._waves(x[None])[0] @ self.basis.conj())
+            self._solved = key, self._eliminated(self._waves(x[None])[0] @ self.to_basis)
         return self._solved[1]
 
     def _eliminated(self, waves: Complex) -> _Linear:
-        columns = np.zeros((_N_LINEAR, *waves.shape), dtype=complex)
-        columns[0], columns[1] = waves, 1j * waves
-        for row in (0, 1):
-            first = 2 + 4 * row
-            columns[first : first + 4 : 2, row] = waves
-            columns[first + 1 : first + 5 : 2, row] = 1j * waves
-        design = (columns * self._weight[:, None]).reshape(_N_LINEAR, -1).T
-        data = (self.inside * self._weight[:, None]).ravel()
-        prior = np.zeros((8, _N_LINEAR))
+        columns = np.zeros((_N_LINEAR, waves.size + _N_LINEAR - 1), dtype=complex)
+        design = columns[:, : waves.size].reshape(_N_LINEAR, *waves.shape)
+        design[0] = waves * self._weight[:, None]
+        design[1:3, 0] = waves * self._weight[0]
+        design[3:5, 1] = waves * self._weight[1]
         allowed = max(self.settings.wave_deviation * self.amplitude, 1e-300)
-        prior[np.arange(8), np.arange(2, 10)] = 1 / allowed
-        matrix = np.concatenate([design.real, design.imag, prior])
-        right = np.concatenate([data.real, data.imag, np.zeros(8)])
-        size = np.linalg.norm(matrix, axis=0)
-        factors, scales, _, _ = dgeqrf(matrix / size)  # a quarter of the time of numpy's qr
-        orthonormal = dorgqr(factors, scales)[0]
-        seen = orthonormal.T @ right
-        solution = np.linalg.solve(np.triu(factors[:_N_LINEAR]), seen) / size
-        found = solution[0::2] + 1j * solution[1::2]
+        np.fill_diagonal(columns[1:, waves.size :], 1 / allowed)
+        right = np.zeros(columns.shape[1], dtype=complex)
+        right[: waves.size] = (self.inside * self._weight[:, None]).ravel()
+        size = np.linalg.norm(columns, axis=1)
+        factors, scales, _, _ = zgeqrf((columns / size[:, None]).T)  # faster than numpy's qr
+        orthonormal = zungqr(factors, scales)[0]
+        seen = orthonormal.conj().T @ right
+        found = ztrtrs(factors[:_N_LINEAR], seen)[0] / size
         left = right - orthonormal @ seen
         return _Linear(left, orthonormal, complex(found[0]), found[1:].reshape(2, 2))
 
     def _waves(self, x: Real) -> Complex:
         """FRFs of cosine and sine for unit amplitude, (n_sets, 2, n_lines)."""
-        pole, along, across = (each[:, None] for each in self._states(x))
-        force = np.array([np.cos(x[:, _FORCE]), np.sin(x[:, _FORCE])])[:, :, None]
-        shown = []
-        for s, c, d in ((pole, along, across), (pole.conj(), along.conj(), across.conj())):
-            away = 1j * self.omega - s
-            below = 1 / (away**2 - c**2 - d**2)
-            shown.append(((away + c) * below, d * below, (away - c) * below))
-        (a11, a12, a22), (b11, b12, b22) = shown
-        cc, ss = a11 * b11 + a12 * b12, a12 * b12 + a22 * b22
-        cs = 0.5 * (a12 * (b11 + b22) + b12 * (a11 + a22))
-        waves = np.stack([cc * force[0] + cs * force[1], cs * force[0] + ss * force[1]], axis=1)
-        return np.asarray(-(self.omega**2) * waves)
+        pole, along, across = (each[:, None, None] for each in self._states(x))
+        first, second = np.cos(x[:, _FORCE]), np.sin(x[:, _FORCE])
+        force, by_along, by_across = (
+            np.stack(each, axis=1)[:, :, None]
+            for each in ((first, second), (first, -second), (second, first))
+        )
+        # jω − s and its mirror image; beside their product, the inverse of Λ's has a constant and
+        # a part that is linear in jω.
+        away, mirrored = 1j * self.omega - pole, 1j * self.omega - pole.conj()
+        coupling = along**2 + across**2
+        below = (away**2 - coupling) * (mirrored**2 - coupling.conj())
+        constant = (np.abs(along) ** 2 + np.abs(across) ** 2) * force
+        constant = constant - 2 * (pole * along.conj()).real * by_along
+        constant = constant - 2 * (pole * across.conj()).real * by_across
+        linear = 2j * (along.real * by_along + across.real * by_across)
+        above = away * mirrored * force + (linear * self.omega + constant)
+        return np.asarray(above * (-(self.omega**2) / below))
 
     def solve(self) -> PairFit:
         """Best pair, with what the data say against one pole."""
@@ -323,36 +319,37 @@ class PairProblem:
     ) -> OptimizeResult:
         """Search for the minimum from `start`, inside what a pair can be."""
         reach = np.array([2 * self.ratio, 1.5, 3 * self.ratio, 3 * self.ratio, 0.5, 0.5, 0.8])
-        scale = np.array([self.ratio, 1.0, self.ratio, self.ratio, 1.0, 1.0, 0.2]) / 10
         chosen = np.array(free)
-        steps = np.zeros((chosen.size, _N_PARAMETERS))
-        steps[np.arange(chosen.size), chosen] = 1e-6 * scale[chosen]
+        limit, scale, steps = reach[chosen], self.sizes[chosen], self.steps[chosen]
 
         def whole(values: Real) -> Real:
             x = start.copy()
             x[chosen] = values
             return x
 
-        limit = reach[chosen]
-        search = partial(
-            least_squares,
-            lambda values: self.residuals(whole(values)),
-            np.clip(start[chosen], -limit * (1 - 1e-9), limit * (1 - 1e-9)),
-            lambda values: self.jacobian(whole(values), steps),
-            x_scale=scale[chosen],
-            max_nfev=most,
-            ftol=_ENOUGH,
-            xtol=_ENOUGH,
-        )
-        found = search(method="lm")
-        if np.any(np.abs(found.x) > limit):
-            found = search(method="trf", bounds=(-limit, limit))
-        found.x = whole(found.x)
-        return found
+        def residuals(values: Real) -> Real:
+            return self.residuals(whole(values))
+
+        def slopes(values: Real) -> Real:
+            return self.jacobian(whole(values), steps)
+
+        inside = np.clip(start[chosen], -limit * (1 - 1e-9), limit * (1 - 1e-9))
+        enough = {"ftol": _ENOUGH, "xtol": _ENOUGH, "gtol": _FLAT}
+        # The same MINPACK as least_squares, which evaluates start and end once more.
+        found = leastsq(residuals, inside, (), slopes, True, diag=1 / scale, maxfev=most, **enough)[
+            0
+        ]
+        if np.any(np.abs(found) > limit):
+            bounds = -limit, limit
+            found = least_squares(
+                residuals, inside, slopes, bounds, x_scale=scale, max_nfev=most, **enough
+            ).x
+        return OptimizeResult(x=whole(found), cost=0.5 * float(np.sum(residuals(found) ** 2)))
 
     def covariance(self, found: OptimizeResult) -> Real:
         """Covariance of the numbers at a minimum, (6, 6)."""
-        inner = np.linalg.pinv(found.jac.T @ found.jac, rcond=1e-14, hermitian=True)
+        slopes = self.jacobian(found.x, self.steps)
+        inner = np.linalg.pinv(slopes.T @ slopes, rcond=1e-14, hermitian=True)
         ends = [
             self.numbers(found.x + h) - self.numbers(found.x - h)
             for h in 1e-7 * np.eye(_N_PARAMETERS)
