@@ -204,7 +204,10 @@ def _intermittent(run: Run, spectra: Spectra, plan: BlockPlan) -> Iterator[_Dama
         return
     explained = np.sum(np.abs(ratio(spectra.cross, np.sqrt(spectra.force))) ** 2, axis=1)
     share = ratio(explained, spectra.response.sum(axis=1))
-    if np.median(share) < _EXPLAINED:  # what rings longer than a block follows no force in it
+    doubtful = np.flatnonzero((share < _EXPLAINED) & (share > 0)).tolist()
+    if (
+        not doubtful or np.median(share) < _EXPLAINED
+    ):  # what rings longer than a block follows no force in it
         return
 
     def lost_blocks(row: int) -> NDArray[np.int_]:
@@ -212,7 +215,7 @@ def _intermittent(run: Run, spectra: Spectra, plan: BlockPlan) -> Iterator[_Dama
         return _lost_blocks(run.force, run.channels[1 + row], frf, plan)
 
     in_all = lost_blocks(int(np.argmax(share)))
-    for row in np.flatnonzero((share < _EXPLAINED) & (share > 0)).tolist():
+    for row in doubtful:
         lost, channel = np.setdiff1d(lost_blocks(row), in_all), run.channels[1 + row]
         if lost.size:
             first_s = plan.starts[lost[0]] / plan.sampling_rate_hz
