@@ -142,21 +142,26 @@ class _Pieces:
         smoothing: int,
     ) -> None:
         """Add a sensor, unless the modes do not explain what it shows."""
-        own = max(float(np.sum(np.abs(expected) ** 2)), 1e-300)
+        own = max(float(np.vdot(expected, expected).real), 1e-300)
         gain = float(np.vdot(expected, seen).real) / own
         rest = seen - gain * expected
-        left, there = (float(np.sum(np.abs(each) ** 2)) for each in (rest, seen))
-        if not np.isfinite(there) or not left < _UNEXPLAINED * there:
+        left, there = _squared(rest), float(np.vdot(seen, seen).real)
+        if not np.isfinite(there) or not left.sum() < _UNEXPLAINED * there:
             return
-        noise = np.sqrt(uniform_filter1d(np.abs(rest) ** 2, smoothing, mode="nearest"))
-        noise = np.maximum(noise, 1e-12 * np.abs(seen).max())
+        noise = np.sqrt(uniform_filter1d(left, smoothing, mode="nearest"))
+        noise = np.maximum(noise, 1e-12 * np.sqrt(_squared(seen).max()))
         rest, moved = self._over_time(rest / noise), self._over_time(gain * moved / noise)
         self.projected += np.sum((moved.conj() * rest).real, axis=1)
-        self.weight += np.sum(np.abs(moved) ** 2, axis=1)
-        self.power += np.sum(np.abs(self._over_time(seen)) ** 2, axis=1) / there
+        self.weight += np.sum(_squared(moved), axis=1)
+        self.power += np.sum(_squared(self._over_time(seen)), axis=1) / there
 
     def _over_time(self, spectrum: NDArray[np.complex128]) -> NDArray[np.complex128]:
         return np.asarray(ifft(spectrum)[: self.n_samples].reshape(self.shape))
+
+
+def _squared(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """|z|², without the root that np.abs takes."""
+    return values.real**2 + values.imag**2
 
 
 def _sweeps(force: NDArray[np.complex128], n_pieces: int, step: int) -> bool:
@@ -196,16 +201,26 @@ def _response(
     """FRFs of some rows in the state of a run, and their derivative to a common change."""
     poles, residues = model.poles_and_residues(as_measured=True)
     poles, residues = model.drift.poles_in(run, poles), residues[rows]
-    direct = 1 / (1j * omega - poles[:, None])
-    mirrored = 1 / (1j * omega - poles[:, None].conj())
-    terms = model.residual_terms
-    modal = residues @ direct + residues.conj() @ mirrored
+    # R/(jω − s) and its mirror image have one denominator and a real numerator in jω.
+    both = 1 / ((1j * omega - poles[:, None]) * (1j * omega - poles[:, None].conj()))
+    terms, turned = model.residual_terms, residues * poles.conj()
+    constant, linear = _real_sums(both, turned.real, residues.real)
+    modal = 2 * (1j * omega * linear - constant)
     values = -(omega**2) * (modal + terms.upper[rows, None]) + terms.lower[rows, None]
     listed = slice(len(model.modes))
-    own, residues = poles[listed, None], residues[:, listed]
-    slope = residues @ (own * direct[listed] ** 2)
-    slope = slope + residues.conj() @ (own.conj() * mirrored[listed] ** 2)
+    own, residues, both = poles[listed], residues[:, listed], both[listed]
+    size = np.abs(own) ** 2
+    parts = size * turned[:, listed].real, size * residues.real, (own * residues).real
+    constant, linear, square = _real_sums(both**2, *parts)
+    slope = 2 * (constant - 2j * omega * linear - omega**2 * square)
     return values, -(omega**2) * slope
+
+
+def _real_sums(
+    functions: NDArray[np.complex128], *factors: NDArray[np.float64]
+) -> list[NDArray[np.complex128]]:
+    """Sums over complex functions (rows), each set of them with real factors."""
+    return [(each @ functions.view(float)).view(complex) for each in factors]
 
 
 def _regression(
