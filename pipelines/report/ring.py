@@ -18,9 +18,7 @@ from model.tuning import TuningResult
 from pipelines.library.series import UNITS_PA, Series, Trend
 from pipelines.plots import ring as plots
 from pipelines.plots.chart import Chart
-from pipelines.plots.draw import draw_plot
 from pipelines.plots.modes import matrix_chart
-from pipelines.plots.style import data_uri, png, write_figure
 from pipelines.process.validate import ring_orders
 from pipelines.report.closing import listed, remaining_notes
 from pipelines.report.page import Beside, Block, Paragraph, Picture, Section, Table, render_page
@@ -168,11 +166,14 @@ def _influence(tuning: TuningResult) -> Beside:
 
 def write_series(path: Path, series: Series, unit: str) -> None:
     """Write a series as PNG, SVG or HTML, by the ending of `path`; written atomically."""
-    figure = draw_plot(plots.pressure_plot(series, unit))
+    # Load matplotlib (0.4 s), which the pages of a result do without.
+    from pipelines.plots import draw, style
+
+    figure = draw.draw_plot(plots.pressure_plot(series, unit))
     if path.suffix.lower() != ".html":
-        write_figure(path, figure)
+        style.write_figure(path, figure)
         return
-    page = _page(series, unit, data_uri(png(figure)))
+    page = _page(series, unit, style.data_uri(style.png(figure)))
     with file_written_whole(path) as partial:
         partial.write_text(page, encoding="utf-8", newline="\n")
 
