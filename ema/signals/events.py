@@ -47,6 +47,7 @@ _END, _PIECES, _LAST_PIECES, _SLOWER, _STEPS = 0.6, 6, 4, 0.75, 3.0
 # Without a window it falls by up to 0.05 (log) over those pieces; a window that is not declared
 # has to show by more, at the same rate within this share in all runs. Only so many hits tell.
 _FALLS, _SAME_RATE, _HITS_FOR_NOISE = 0.15, 0.3, 4
+_LEAST_NOISE = 1e-7  # of a response; below, a simulation without noise and rounding are seen
 
 
 @dataclass(frozen=True)
@@ -264,7 +265,10 @@ def _decay_per_s(run: Run, plan: BlockPlan) -> float:
         noise = np.diff(blocks, 2).reshape(len(blocks), _PIECES, size)  # rather than modes
         rms = np.sqrt(np.mean(noise**2, axis=(0, 2)))
         if np.all(rms > _STEPS * moves[moves > 0].min(initial=np.inf)):
-            levels.append(_noise_level(noise, force))
+            level = _noise_level(noise, force)
+            first = channel.block(plan.starts[0], plan.starts[0] + plan.block_samples)
+            if level.min() > np.log(_LEAST_NOISE * np.abs(first).max(initial=0.0) * size**0.5):
+                levels.append(level)
     if not levels:
         return np.nan
     level = np.median(levels, axis=0)[-_LAST_PIECES:]
