@@ -84,6 +84,11 @@ def exact_rate(hz: float, source: str = "") -> Rate:
     return Rate(hz, hz, hz, source)
 
 
+def is_possible(hz: float) -> bool:
+    """Whether a number may be a rate: neither it nor one over it is zero or infinite."""
+    return 0.0 < hz < math.inf and 1.0 / hz < math.inf
+
+
 def agreed(path: Path, stated: Rate, measured: Rate) -> Rate:
     """The rate that two sources of a file allow: the narrower one decides.
 
@@ -331,7 +336,7 @@ def _stated(path: Path, place: str, name: str, value: Any) -> Rate:
             hz = plainest(1.0 / hz, _ROUNDING / hz)[0]
     except (ArithmeticError, TypeError, ValueError):
         hz = math.nan
-    if 0.0 < hz < math.inf:
+    if is_possible(hz):
         return exact_rate(hz, repr(place))
     rule = "a sampling rate in Hz or a time step in s must be one positive number"
     raise RecordingFormatError(f"{path.name}, {place}", repr(str(value)[:40]), rule, EXPORT_AGAIN)

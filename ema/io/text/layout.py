@@ -12,7 +12,7 @@ from ema.core.errors import RecordingFormatError
 from ema.core.units import FREQUENCY, TIME, is_stated, parse_axis
 from ema.io.columns import is_time
 from ema.io.content import EXPORT_AGAIN
-from ema.io.rates import UNSTATED, Rate, exact_rate, rate_of_step
+from ema.io.rates import UNSTATED, Rate, exact_rate, is_possible, rate_of_step
 from ema.io.text.source import (
     BLANKS,
     CLOCK,
@@ -350,7 +350,7 @@ def stated_rate(line: str, decimal: str) -> Rate | None:
         kind = FREQUENCY if match["rate"] else TIME
         factor = axis.factor if axis is not None and axis.kind == kind else None
     try:
-        if factor is None or not float(value) > 0.0:
+        if factor is None or not is_possible(float(value) * factor):
             return None
         if match["step"]:
             return rate_of_step(value, match["step"].strip(), factor)

@@ -104,6 +104,12 @@ def test_a_wide_range_is_said(tmp_path):
     assert low < 2048 < 2050 < high
 
 
+@pytest.mark.parametrize("line", ["Sampling rate [Hz],1e-320", "dt = 1e-320", "fs = 1e320"])
+def test_no_rate_that_cannot_be_is_taken(tmp_path, line):
+    recording = read_file(csv(tmp_path, f"{line}\nF [N],A [g]", NOISE.T)).recording
+    assert np.isnan(recording.sampling_rate_hz)
+
+
 def test_an_exact_rate_is_not_open():
     assert not exact_rate(2000.0).is_open
     assert exact_rate(2000.0).allows(2000.01)
