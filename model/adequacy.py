@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 from scipy.special import chdtrc, fdtri  # scipy.stats has the same, and takes 0.5 s to load
 
-from model.arrays import Array
+from model.arguments import Array
 from model.parameters import RING_NAMES
 from model.tuning_prior import ModalMasses
 from model.tuning_problem import CIRCUMFERENTIAL, MASS, RADIAL, Search, TuningProblem, plan_search

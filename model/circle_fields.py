@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.arrays import Array, ReadonlyArrays
+from model.arguments import Array, ReadonlyArrays
 from model.coefficients import PressureLoad
 from model.parameters import RingParameters
 

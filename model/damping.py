@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from model.arrays import Array, ReadonlyArrays, measured_orders, whole_orders
+from model.arguments import Array, ReadonlyArrays, measured_orders, whole_orders
 from model.coefficients import PressureLoad, characteristic_roots
 from model.identifiability import AT_BOUND, NOT_IDENTIFIED, Correlation, LinearFit, assess
 from model.parameters import DAMPING_NAMES, RingDamping, RingParameters

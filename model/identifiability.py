@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import Array, ReadonlyArrays, whole_orders
+from model.arguments import Array, ReadonlyArrays, whole_orders
 from model.coefficients import PressureLoad
 from model.parameters import RingParameters
 from model.ring import natural_frequencies_hz

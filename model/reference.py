@@ -4,7 +4,7 @@ Belt width and inflation pressure are not in the paper. With 2.2 bar, Table 4 re
 frequencies of Table 3; the width is typical of a tyre of this size.
 """
 
-from model.arrays import readonly
+from model.arguments import readonly
 from model.parameters import RingDamping, RingParameters
 
 DESIGNATION = "225/55R17"

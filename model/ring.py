@@ -7,9 +7,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import Array, whole_orders
+from model.arguments import Array, InstabilityError, ParameterError, whole_orders
 from model.coefficients import Harmonics, PressureLoad, harmonics, inextensional_roots
-from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
 
 

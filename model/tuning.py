@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from model.adequacy import RingVerdict, judge_tuning
-from model.arrays import Array, ReadonlyArrays, measured_orders
+from model.arguments import Array, ReadonlyArrays, measured_orders
 from model.coefficients import PressureLoad
 from model.display import table, value_with_std
 from model.identifiability import (

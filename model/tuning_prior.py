@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import Array, ReadonlyArrays, measured_orders, require_number
+from model.arguments import Array, ReadonlyArrays, measured_orders, require_number
 
 #: Radial growth of a belt on inflation over its radius where it was not measured, and its standard
 #: deviation: tyres grow by 0.05 to 1 %.

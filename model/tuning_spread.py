@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from model.arrays import Array, ReadonlyArrays
+from model.arguments import Array, ReadonlyArrays
 from model.identifiability import LinearFit
 from model.parameters import RING_NAMES
 from model.tuning_problem import WIDTH, Search

@@ -17,7 +17,7 @@ from ema.core.display import DASH, number, signed, value_with_std
 from ema.core.errors import InputError, unknown
 from ema.core.mac import mac
 from ema.io.uff.shape_sets import DIRECTIONS
-from model.arrays import ReadonlyArrays
+from model.arguments import ReadonlyArrays
 from pipelines.compare.shape_source import (
     WAYS,
     Alignment,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ema.core.errors import InputError
 from ema.core.files import require_regular
 from ema.io.uff.shape_sets import read_radial_shapes
-from model.arrays import ReadonlyArrays
+from model.arguments import ReadonlyArrays
 from pipelines.export.data import node_numbers
 from pipelines.results.provenance import accepted_notes
 from pipelines.results.result import Result

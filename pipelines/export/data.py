@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ema.core.frf import FRF
 from ema.core.modes import Mode
-from model.arrays import ReadonlyArrays
+from model.arguments import ReadonlyArrays
 from pipelines.results.result import Result
 
 MEASURED, BOTH, NONE = "measured", "both", "none"

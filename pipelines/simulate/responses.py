@@ -23,7 +23,7 @@ from model import (
     loaded_frequencies_hz,
     press_on_road,
 )
-from model.arrays import ReadonlyArrays
+from model.arguments import ReadonlyArrays
 from model.cleat import Quantity
 from model.coefficients import PressureLoad
 from model.forced import Direction
