@@ -146,7 +146,9 @@ def belt_values(
             for name, slope in slopes.items()
             if abs(slope) >= _MATTERS and known[name].how in (NOT_IDENTIFIED, AT_BOUND)
         )
-        own = parameters.basis.covariance if width_m is None else None
+        own = parameters.basis.covariance
+        if own is not None and width_m is not None:  # it replaces that of the set
+            own = own.without("belt_width_m")
         std = _std(value, slopes, known) if own is None else _joint_std(value_of, belt, known, own)
         values[key] = BeltValue(value, std, basis, doubts)
     return values, open_ones

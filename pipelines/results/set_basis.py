@@ -22,6 +22,12 @@ class Covariance:
     parameters: tuple[str, ...]  # rows and columns
     values: tuple[tuple[float, ...], ...]
 
+    def without(self, name: str) -> Covariance:
+        """That of the other parameters."""
+        kept = [k for k, own in enumerate(self.parameters) if own != name]
+        rows = tuple(tuple(self.values[k][j] for j in kept) for k in kept)
+        return Covariance(tuple(self.parameters[k] for k in kept), rows)
+
 
 @dataclass(frozen=True)
 class MeasuredOrder:

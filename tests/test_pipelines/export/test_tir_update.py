@@ -340,3 +340,18 @@ def test_no_ring_is_made_of_values_that_cannot_be(si, key, value):
     with pytest.raises(InputError) as refused:
         ring_from_tir(changed(si, key, value), 0.19)
     assert key in refused.value.where
+
+
+def test_a_given_width_keeps_the_error_bars_of_the_set(si):
+    """Of torsion and translation; the mass has that of ρh alone."""
+    theta = "circumferential_stiffness_n_m3"
+    names = ("mean_radius_m", "belt_width_m", "mass_per_area_kg_m2", theta)
+    values = tuple(map(tuple, np.diag([1e-3, 5e-3, 0.4, 3e4]) ** 2))
+    ring = {**SET.ring, "belt_width_m": Parameter(0.19, std=5e-3)}
+    known = replace(SET, ring=ring, basis=Basis("dead", covariance=Covariance(names, values)))
+    of_set, given = (
+        {change.key: change.std for change in plan_update(si, known, width).changes}
+        for width in (None, 0.19)
+    )
+    assert given["FREQ_WINDUP"] == pytest.approx(of_set["FREQ_WINDUP"])
+    assert 0 < given["BELT_MASS"] < of_set["BELT_MASS"]
