@@ -326,5 +326,12 @@ def _squares(search: Search, values: Array) -> float:
 def _at_bound(search: Search, values: Array) -> list[Evidence]:
     """Bounds that say something: a belt may have hardly any bending stiffness."""
     held = zip(search.free, search.at_bound(values).tolist(), strict=True)
-    names = [RING_NAMES[name][1] for name, bound in held if bound and name in _TELLING]
-    return [Evidence(Reason.BOUND, f"{', '.join(names)} ended on a limit")] if names else []
+    names = [name for name, bound in held if bound and name in _TELLING]
+    if not names:
+        return []
+    detail = f"{', '.join(RING_NAMES[name][1] for name in names)} ended on a limit"
+    problem = search.problem
+    alone = problem.torsion_hz is None and 1 in problem.orders[problem.used]
+    if CIRCUMFERENTIAL in names and alone:
+        return [Evidence(Reason.BOUND, f"{detail}: order 1, which decides on it, may be wrong", 1)]
+    return [Evidence(Reason.BOUND, detail)]

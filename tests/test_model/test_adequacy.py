@@ -52,6 +52,16 @@ def test_an_order_that_does_not_belong_is_named_and_left_out(order):
     assert_within(result)
 
 
+def test_order_1_is_named_where_it_leaves_no_circumferential_stiffness():
+    truth_hz = natural_frequencies_hz(TABLE_4_RING, ORDERS)
+    result = tuned(np.where(ORDERS == 1, 0.95, 1.0) * truth_hz)
+    assert [(each.reason, each.order) for each in result.verdict.evidence] == [(Reason.BOUND, 1)]
+    torsion_hz = torsion_frequency_hz(TABLE_4_RING, pressure_load="dead")
+    for share in (0.95, 1.05):
+        both = tuned(np.where(ORDERS == 1, share, 1.0) * truth_hz, torsion_hz=torsion_hz)
+        assert Reason.TORSION in reasons(both)
+
+
 @pytest.mark.parametrize("step", [-1, 1])
 def test_shifted_orders_are_bad(step):
     frequencies_hz = natural_frequencies_hz(RING, ORDERS + 1)
