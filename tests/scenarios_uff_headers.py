@@ -90,7 +90,7 @@ ROLES = (
     ),
     uff("no force", sensor() + sensor(name="A02", node=2), bad_file("a.uff", "no force among")),
     uff(
-        "no response", force(), bad_file("a.uff", "force \\(force\\)", "at least one acceleration")
+        "no response", force(), bad_file("a.uff", "force \\(force\\)", "at least one response")
     ),
     uff(
         "a name twice",
@@ -115,7 +115,7 @@ ROLES = (
     uff(
         "responses in volts",
         force() + sensor(axis=(12, 0, 0, "Acceleration", "V")),
-        bad_file("a.uff", "A01 \\(voltage\\)", "at least one acceleration"),
+        bad_file("a.uff", "A01 \\(voltage\\)", "at least one response"),
     ),
     Scenario(
         "uff node beyond the grid",

@@ -18,6 +18,9 @@ DISPLACEMENT = "displacement"
 VOLTAGE = "voltage"
 UNKNOWN = "unknown"
 
+#: Motions, and how often each is differentiated to an acceleration.
+DERIVATIVES = {ACCELERATION: 0, VELOCITY: 1, DISPLACEMENT: 2}
+
 SENSELESS = 1e30  # in SI, beyond any signal: what programs write where they have no number
 
 

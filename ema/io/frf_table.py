@@ -15,13 +15,12 @@ from ema.core.arrays import constant
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding
 from ema.core.frf import FRF
-from ema.core.recording import ACCELERATION, DISPLACEMENT, VELOCITY
+from ema.core.recording import DERIVATIVES
 from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
 from ema.io.columns import Column, node_and_sense
 from ema.io.content import EXPORT_AGAIN, FileContent, remark
 from ema.io.rates import even_step, uneven
 
-POWERS = {ACCELERATION: 0, VELOCITY: 1, DISPLACEMENT: 2}  # of jω, which make it inertance
 _FREQUENCY_NAMES = {"f", "freq", "frequency", "frequenz", "frequence", "fréquence", "frequencia"}
 _MOST_RADIANS = 7.0  # a phase beyond a whole turn is in degrees
 _DEGREES = {"deg", "°", "degree", "degrees", "grad"}
@@ -165,13 +164,13 @@ def _inertance(
             rule = f"the unit of {first.name!r} is {unit!r}"
             raise _fault(path, second.name, f"unit {second.unit!r}", rule, EXPORT_AGAIN)
     ratio = parse_ratio(unit)
-    if ratio is None or ratio[0].quantity not in POWERS:
+    if ratio is None or ratio[0].quantity not in DERIVATIVES:
         rule = "the unit of an FRF must be one of motion over force"
         remedy = f"Write it behind the name: '{first.name} [(m/s^2)/N]', dB as [dB re 1 (m/s^2)/N]"
         raise _fault(path, first.name, f"unit {first.unit!r}", rule, remedy)
     motion, force = ratio
     values *= motion.factor / force.factor
-    if power := POWERS[motion.quantity]:
+    if power := DERIVATIVES[motion.quantity]:
         values *= (2j * np.pi * lines) ** power
         factor = "jω" if power == 1 else "−ω²"
         detail = f"{motion.quantity} over force, converted to inertance (factor {factor})"

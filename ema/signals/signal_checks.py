@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ema.core.display import counted
 from ema.core.finding import Check, Finding, Verdict
-from ema.core.recording import ACCELERATION, FORCE, Channel, Recording
+from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY, Channel, Recording
 from ema.core.units import SI_UNIT, is_stated, parse_unit
 from ema.signals.clipping_and_hum import Hum, HumMeter, Plateaus
 
@@ -262,6 +262,9 @@ class _Plausible:
 # structures: a false alarm would teach users not to read the warnings.
 _PLAUSIBLE = {
     ACCELERATION: _Plausible(0.01, 30.0, 1000.0, ("m/s^2", "g", "mm/s^2"), ("mm/s^2",)),
+    # What these accelerations are at 100 Hz.
+    VELOCITY: _Plausible(1.6e-5, 0.05, 1.6, ("m/s", "mm/s", "um/s", "in/s"), ("um/s", "in/s")),
+    DISPLACEMENT: _Plausible(2.5e-8, 8e-5, 2.5e-3, ("m", "mm", "um", "in"), ("in",)),
     FORCE: _Plausible(0.05, 20.0, 2000.0, ("N", "kN", "lbf", "mN"), ("kN", "lbf", "mN")),
 }
 _RARE = np.log(30.0)  # a rare unit has to bring the level this much nearer to the usual one
@@ -275,7 +278,7 @@ def level_findings(
     A few pieces along the recording tell that a level is in order. Only where they do not is the
     whole channel read, as an impact may lie between them; `summaries` are those of the channels,
     where they are known already. Channels without signal are not judged, nor quantities other than
-    acceleration and force.
+    motions and forces.
     """
     findings = []
     for row, channel in enumerate(recording.channels):

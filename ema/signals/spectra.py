@@ -9,7 +9,7 @@ warms up does not look like that: one percent in frequency passes for a third of
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Run
-from ema.core.recording import Channel
+from ema.core.recording import DERIVATIVES, Channel
 
 _LEAST_POWER = np.finfo(float).tiny
 _LIMIT = 0.1  # of the span of a block: the distance of a limit from the mean, at least
@@ -64,6 +64,8 @@ class Spectra:
 def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
     """Spectra of all responses of a run and, in the last row, of its reference sensor.
 
+    Velocities and displacements are converted to accelerations.
+
     Only a few blocks of all channels are in memory at a time. Means are removed block by block: the
     shaker's preload is a constant force that says nothing about the tyre. A block in which samples
     of a channel are missing (not finite) is left out for that channel; without the force, for all.
@@ -71,9 +73,13 @@ def measure_spectra(run: Run, plan: BlockPlan) -> Spectra:
     force, *sensors = run.channels
     groups = [sensors[k : k + _TOGETHER] for k in range(0, len(sensors), _TOGETHER)]
     parts = [_measured((force, *group), plan) for group in groups]
-    if len(parts) == 1:
-        return parts[0]
-    return Spectra(*(_stacked(parts, field.name) for field in fields(Spectra)))
+    whole = Spectra(*(_stacked(parts, field.name) for field in fields(Spectra)))
+    power = np.array([[DERIVATIVES.get(channel.quantity, 0)] for channel in sensors])
+    if not power.any():
+        return whole
+    to_acceleration = (2j * np.pi * plan.frequency_hz) ** power
+    response = whole.response * np.abs(to_acceleration) ** 2
+    return replace(whole, response=response, cross=whole.cross * to_acceleration)
 
 
 def _measured(channels: Sequence[Channel], plan: BlockPlan) -> Spectra:

@@ -10,16 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.finding import Check, Finding
-from ema.core.recording import (
-    ACCELERATION,
-    DISPLACEMENT,
-    FORCE,
-    SENSELESS,
-    UNKNOWN,
-    VELOCITY,
-    Channel,
-    Recording,
-)
+from ema.core.recording import DERIVATIVES, FORCE, SENSELESS, UNKNOWN, Channel, Recording
 from ema.signals.excitation import is_steady
 from ema.signals.signal_checks import STEADY_CREST, signal_findings, summarise
 
@@ -32,8 +23,7 @@ _BEYOND_STEADY = 30.0
 # converter, 1.7e7 steps high; its hits are neither. One sample alone 1e6 times beyond is damage.
 _BEYOND_ANY = 1e6
 _FEW = 8  # more of them in a steady channel are a pattern, not damage
-_MOTION = (ACCELERATION, VELOCITY, DISPLACEMENT)
-_JUDGED = (*_MOTION, FORCE, UNKNOWN)  # a voltage may be a trigger: one sample, and nothing else
+_JUDGED = (*DERIVATIVES, FORCE, UNKNOWN)  # a voltage may be a trigger: one sample, and nothing else
 
 
 def with_limits(recording: Recording) -> Recording:
@@ -130,7 +120,7 @@ def _is_steady(channels: Sequence[Channel], lonely: Sequence[_Lonely]) -> bool:
         for without in (
             replace(channel, limit=each.limit(steady=True))
             for channel, each in zip(channels, lonely, strict=True)
-            if channel.quantity in (*_MOTION, UNKNOWN)
+            if channel.quantity in (*DERIVATIVES, UNKNOWN)
         )
     ]
     return 2 * sum(verdicts) > len(verdicts)

@@ -19,7 +19,7 @@ from ema.core.campaign import Response, Run
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
-from ema.core.recording import Channel
+from ema.core.recording import DERIVATIVES, Channel
 from ema.core.settings import CHECKS, CheckSettings
 
 # Sensors of a run that are looked at; more would cost time and tell the same.
@@ -118,7 +118,8 @@ def run_steadiness(run: Run, frf: FRF, model: ModalModel) -> Steadiness | None:
     smoothing = max(int(_SMOOTHING_HZ * n / rate), 1)
     pieces = _Pieces(n_pieces, step)
     for (sensor, _), own, moved in zip(sensors, expected, slope, strict=True):
-        seen = _spectrum(sensor.channel, n)[first:last]
+        power = DERIVATIVES.get(sensor.channel.quantity, 0)
+        seen = _spectrum(sensor.channel, n)[first:last] * (1j * omega) ** power
         pieces.add(seen, own, moved, smoothing)
     time = np.asarray((np.arange(n_pieces) + 0.5) * _PIECE_S)
     over_time, over_level = _regression(pieces, time, n / rate) or (None, None)

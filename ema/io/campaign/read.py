@@ -260,7 +260,7 @@ def _fill_runs(
     campaign: Campaign, recordings: Sequence[tuple[Recording, Wanted]], findings: list[Finding]
 ) -> Campaign:
     agreement.check_rates([recording for recording, _ in recordings])
-    channels = [filter(each.may_be_response, recording.channels) for recording, each in recordings]
+    channels = [each.possible_responses(recording.channels) for recording, each in recordings]
     grid = Grid.over(campaign.positions, list(chain.from_iterable(channels)))
     runs, reference_deg, excitation_deg = [], None, campaign.excitation_deg
     forces: dict[str, Response] = {}

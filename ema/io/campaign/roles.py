@@ -14,7 +14,15 @@ import numpy as np
 from ema.core.campaign import Campaign, Direction, Response, Run
 from ema.core.errors import InputError, ManifestError, RecordingFormatError, nearest
 from ema.core.finding import Check, Finding, Verdict
-from ema.core.recording import ACCELERATION, FORCE, UNKNOWN, VOLTAGE, Channel, Recording
+from ema.core.recording import (
+    ACCELERATION,
+    DERIVATIVES,
+    FORCE,
+    UNKNOWN,
+    VOLTAGE,
+    Channel,
+    Recording,
+)
 from ema.core.units import SI_UNIT, is_stated
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.content import FileContent, remark
@@ -38,13 +46,17 @@ class Wanted:
     force_direction: Direction = Direction.RADIAL
     force_deg: float | None = None  # where it is not that of the campaign
 
-    def may_be_response(self, channel: Channel) -> bool:
-        """Whether a channel may be a response: it has a position, or else is an acceleration."""
-        if channel.name in (self.force, self.reference):
-            return False
+    def possible_responses(self, channels: Sequence[Channel]) -> list[Channel]:
+        """Channels that may be responses: those with a position, or else all of one quantity.
+
+        That is acceleration where a channel measures it, or else velocity, or displacement.
+        """
+        free = [each for each in channels if each.name not in (self.force, self.reference)]
         if self.positions_deg is not None:
-            return channel.name in self.positions_deg
-        return channel.quantity == ACCELERATION
+            return [each for each in free if each.name in self.positions_deg]
+        measured = {each.quantity for each in free}
+        motion = next((each for each in DERIVATIVES if each in measured), ACCELERATION)
+        return [each for each in free if each.quantity == motion]
 
 
 def assign(
@@ -196,6 +208,12 @@ class _Roles:
         """A channel in its role; one without a unit is taken as SI with a finding."""
         if channel.quantity == quantity:
             return channel
+        if quantity == ACCELERATION and channel.quantity in DERIVATIVES:
+            power = "" if DERIVATIVES[channel.quantity] == 1 else "²"
+            detail = f"{channel.quantity}, converted to acceleration in the spectra by (jω){power}"
+            place = self.recording.path.name, channel.name, channel.angle_deg
+            self.findings.append(Finding(*place, Check.QUANTITY, Verdict.OK, detail))
+            return channel
         if channel.quantity != UNKNOWN or is_stated(channel.unit):
             unit = f" in {channel.unit!r}" if is_stated(channel.unit) else ""
             remedy = f"Convert it to {SI_UNIT[quantity]}, or choose another channel"
@@ -250,23 +268,25 @@ class _Roles:
         return kept
 
     def responses(self, taken: set[str], *, on_circle: bool) -> list[Channel]:
-        """Channels that are responses: those with a position, or else all accelerations."""
+        """Channels that are responses, and a finding for each of the others."""
         positions = self.wanted.positions_deg
         for name in positions or ():
             self._named(name, "positions_deg")
+        possible = self.wanted.possible_responses(self.recording.channels)
         chosen = []
         for channel in self.recording.channels:
             if channel.name in taken:
                 continue
-            if self.wanted.may_be_response(channel):
+            if channel in possible:
                 chosen.append(self._as(channel, ACCELERATION))
             else:
-                reason = "not an acceleration" if positions is None else "not in positions_deg"
+                motion = possible[0].quantity if possible else ACCELERATION
+                reason = f"not {motion}" if positions is None else "not in positions_deg"
                 self.note(channel.name, Check.IGNORED, reason)
         if positions is None and on_circle:
             chosen = self._along_force(chosen)
         if not chosen:
-            rule = "a run needs at least one acceleration besides the force and the reference"
+            rule = "a run needs at least one response (a motion) besides force and reference"
             raise self.fault(self._listed, rule, "Check the units and data types")
         return chosen
 

@@ -15,10 +15,9 @@ from ema.core.arrays import constant
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
-from ema.core.recording import FORCE, UNKNOWN
+from ema.core.recording import DERIVATIVES, FORCE, UNKNOWN
 from ema.core.units import FREQUENCY, is_stated, parse_ratio
 from ema.io.content import remark
-from ema.io.frf_table import POWERS
 from ema.io.rates import even_step, step_and_inverse
 from ema.io.uff.dataset58 import axis_factor, read_values
 from ema.io.uff.dataset58_header import OrdinateUnit, UnitSystem, ordinate_unit
@@ -197,7 +196,7 @@ def _inertance(
         if each.remark:
             findings.append(remark(path, name, Check.UNIT, each.remark))
     sign = -1.0 if (header.response_direction < 0) != (header.reference_direction < 0) else 1.0
-    power = POWERS[motion.quantity]
+    power = DERIVATIVES[motion.quantity]
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite stays so
         scaled = values.astype(np.complex128) * (sign * motion.factor / force.factor)
         if not power:
@@ -224,7 +223,7 @@ def _motion_and_force(
     denominator = header.denominator_axis
     if force.quantity == UNKNOWN and not denominator.data_type and not is_stated(denominator.unit):
         force = OrdinateUnit(FORCE, "", 1.0 / units.force, "no denominator given; force assumed")
-    if motion.quantity not in POWERS or force.quantity != FORCE:
+    if motion.quantity not in DERIVATIVES or force.quantity != FORCE:
         found = f"{header.id_lines[0]!r} is {motion.quantity} over {force.quantity}"
         rule = "an FRF must be acceleration, velocity or displacement over force"
         remedy = "Leave this function out, or export it with data types and units"
