@@ -14,6 +14,11 @@ def parts(values):
     return [values.real.tolist(), values.imag.tolist()]
 
 
+def along_global(coordinates):
+    """What SDynPy takes each degree of freedom for, as unit vectors of the global system."""
+    return geometry.global_deflection(coordinates).tolist()
+
+
 content = readunv(sys.argv[1])
 shapes = sdynpy.shape.ShapeArray.from_unv(content)
 geometry = sdynpy.Geometry.from_unv(content)
@@ -29,6 +34,7 @@ sys.stdout.write(
             "modal": parts(shapes.modal_mass.astype(complex)),
             "shape_node": shapes.coordinate.node[0].tolist(),
             "shape_direction": shapes.coordinate.direction[0].tolist(),
+            "shape_global": along_global(shapes.coordinate[0]),
             "shapes": parts(shapes.shape_matrix.astype(complex)),
             "node": geometry.node.id.tolist(),
             "xyz_m": geometry.node.coordinate.tolist(),
@@ -37,6 +43,7 @@ sys.stdout.write(
             "frfs": parts(frfs.ordinate),
             "frf_nodes": frfs.coordinate.node.tolist(),
             "frf_kind": type(frfs).__name__,
+            "frf_global": along_global(frfs.coordinate.reshape(-1)),
         }
     )
 )

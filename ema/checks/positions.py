@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,6 +45,9 @@ _AS_GOOD = 1.5
 # Modes with less of the strongest one's response do not count. One mode looks the same after some
 # turn whatever is wrong; this many do not.
 _STRONG, _FEWEST_MODES = 0.03, 3
+# Axes of the sensors: tyres with 2 to 5 % of damping leave 0.84 of the power in one pattern where
+# the axes are right, 0.57 where they are not; with fewer orders everything looks alike.
+_CLEARLY, _FEWEST_ORDERS = 0.05, 4
 
 _Move = tuple[int, float]
 
@@ -252,3 +255,78 @@ def _best_moves(frf: FRF, shapes: NDArray[np.complex128], run: str) -> dict[int,
             left += np.sum(np.abs(shape[own] - there.reshape(tried.shape)) ** 2, axis=1)
         moves[sign] = float(offsets[np.argmin(left)])
     return moves
+
+
+def axes_finding(frf: FRF, band_hz: tuple[float, float]) -> list[Finding]:
+    """Whether the sensors point outwards, or all of them along one axis of space.
+
+    Near a resonance, radial motion is mostly one order. Along an axis of space it is not: with a
+    belt that does not stretch (u_r = −∂u_t/∂θ), order n shows as orders n − 1 and n + 1. The share
+    of the power in the strongest pattern of each line is compared between both, for axes towards
+    0° and 90°.
+
+    Parameters
+    ----------
+    frf : FRF
+    band_hz : tuple of float
+
+    Returns
+    -------
+    list of Finding
+        A warning about an axis of space; what was taken as radial where the files state axes;
+        nothing without a circle, or with fewer orders than `_FEWEST_ORDERS`.
+    """
+    lines = (frf.frequency_hz >= band_hz[0]) & (frf.frequency_hz <= band_hz[1])
+    if not on_circle(frf.position_deg):
+        return []
+    highest = highest_order(frf.position_deg)
+    values = frf.values[:, lines]
+    known = np.isfinite(values).all(axis=1) & (np.abs(values) > 0).any(axis=1)
+    if highest < _FEWEST_ORDERS or known.sum() < 2 * highest:
+        return []
+    values, angle = values[known], frf.position_deg[known]
+    radial = _largest_share(values, [order_basis(angle, n) for n in range(highest + 1)])
+    towards = {
+        axis_deg: _largest_share(
+            values, [_along_axis(angle, n, axis_deg) for n in range(1, highest + 1)]
+        )
+        for axis_deg in (0, 90)
+    }
+    axis_deg = max(towards, key=towards.__getitem__)
+    share = towards[axis_deg]
+    shares = (
+        f"{radial:.2f} of the power in one pattern if radial, {share:.2f} if all along one axis"
+    )
+    if share > radial + _CLEARLY:
+        detail = (
+            f"the sensors seem to point along one axis of space, that at {axis_deg}°, not outwards "
+            f'({shares}). State axes = ["X", "Z"] in [grid], those at 0° and 90°, and measure both'
+        )
+        return [Finding("", "", None, Check.DIRECTION, Verdict.WARNING, detail)]
+    if not frf.axis.any():
+        return []
+    told = "the FRFs agree" if radial > share + _CLEARLY else "the FRFs do not tell"
+    letters = ", ".join("XYZ"[axis - 1] for axis in np.unique(frf.axis[frf.axis > 0]))
+    detail = f"{letters} of each node taken as radial: {told} ({shares})"
+    return [Finding("", "", None, Check.DIRECTION, Verdict.OK, detail)]
+
+
+def _largest_share(
+    values: NDArray[np.complex128], patterns: Sequence[NDArray[np.float64]]
+) -> float:
+    """Power over all lines that the strongest pattern of each line carries, as a share."""
+    power = [
+        np.sum(np.abs(np.linalg.qr(pattern)[0].T @ values) ** 2, axis=0) for pattern in patterns
+    ]
+    return float(np.max(power, axis=0).sum() / np.sum(np.abs(values) ** 2))
+
+
+def _along_axis(
+    position_deg: NDArray[np.float64], order: int, axis_deg: float
+) -> NDArray[np.float64]:
+    """Both waves of an order, seen along the axis of space at an angle."""
+    angle = np.deg2rad(position_deg)
+    off = (angle - np.deg2rad(axis_deg))[:, None]
+    radial = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
+    tangential = np.column_stack([-radial[:, 1], radial[:, 0]]) / order
+    return np.asarray(radial * np.cos(off) - tangential * np.sin(off))

@@ -7,12 +7,13 @@ import struct
 import textwrap
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from ema.core.errors import InputError, RecordingFormatError
 from ema.core.finding import Check, Finding, Verdict
@@ -36,6 +37,17 @@ _ON_DAMAGE = (
 
 
 @dataclass(frozen=True, eq=False)
+class CircleNodes:
+    """Nodes around a circle by the geometry of a file, whether sensors are there or not."""
+
+    angle_deg: Mapping[int, float] = field(default_factory=dict)
+    #: X, Y and Z of a node's motion (one per row) in radial, tangential and axial components.
+    frames: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+    #: Nodes whose axes the file defines; elsewhere they are the global ones, if not meant as local.
+    defined: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, eq=False)
 class FileContent:
     """Time series and FRFs of one file, and what its reader noticed."""
 
@@ -46,6 +58,7 @@ class FileContent:
     frf_force_node: int | None = None  # where the file numbers it
     frf_force_axis: int = 0  # as `Channel.axis`
     findings: tuple[Finding, ...] = ()  # what was assumed, converted or left out
+    circle: CircleNodes = field(default_factory=CircleNodes)
 
 
 def remark(path: Path, channel: str, check: Check, detail: str) -> Finding:

@@ -30,7 +30,7 @@ class Geometry(ReadonlyArrays):
     xyz_m: NDArray[np.float64]  # shape (n_nodes, 3)
     # shape (n_nodes, 3); unit vector of the measured motion: radial and outward on a circle
     direction: NDArray[np.float64]
-    direction_code: int  # code of this direction in the FRFs of a universal file
+    direction_code: int  # of this direction in a universal file: on a circle 1, the radius
     n_measured: int  # nodes with a sensor; the force has a further node where it acts elsewhere
     reference_node: int  # node of the force; 0 where unknown
     is_closed: bool  # whether the nodes form a circle

@@ -298,15 +298,16 @@ def _shapes(found: ModalExport) -> pd.DataFrame:
 def write_uff(found: ModalExport, path: Path) -> None:
     """Write datasets 151, 164, 2420, 2411, 82, 55 and 58b or 58.
 
-    Shapes are in Cartesian components: the motion along the measured direction as x, y, z.
+    On a circle, shapes and FRFs are along the axes of a cylindrical system: radial is the first.
     """
     geometry = found.geometry
     program = f"ringmodal {software_version()}"
     notes = "; ".join(geometry.notes)
     with path.open("wb") as file:
         file.write(uff.header_151(found.result.name, notes, program, datetime.now().astimezone()))
-        file.write(uff.units_164() + uff.coordinate_system_2420())
-        file.write(uff.nodes_2411(geometry.node, geometry.xyz_m))
+        file.write(uff.units_164() + uff.coordinate_systems_2420(is_wheel=geometry.is_closed))
+        moving = uff.CYLINDRICAL if geometry.is_closed else uff.CARTESIAN
+        file.write(uff.nodes_2411(geometry.node, geometry.xyz_m, moving))
         file.write(uff.trace_lines_82("ring" if geometry.is_closed else "line", geometry.path))
         for number in range(1, len(found.modes) + 1):
             file.write(uff.shape_55(_shape(found, number)))
@@ -326,7 +327,7 @@ def write_uff(found: ModalExport, path: Path) -> None:
 def _shape(found: ModalExport, number: int) -> uff.ShapeDataset:
     mode, geometry = found.modes[number - 1], found.geometry
     along = found.shapes[number - 1]
-    directions = geometry.direction[: geometry.n_measured]
+    axis = np.eye(3)[geometry.direction_code - 1]
     modal_a, mass_kg = complex(found.modal_a[number - 1]), float(found.modal_mass_kg[number - 1])
     order = "" if mode.order is None else f", order {mode.order}{mode.member}"
     motion = "radial motion" if geometry.is_closed else "measured motion"
@@ -337,12 +338,12 @@ def _shape(found: ModalExport, number: int) -> uff.ShapeDataset:
             f"Mode {number}{order}, {mode.frequency_hz:.4f} Hz, {100 * mode.damping_ratio:.4f} %",
             found.result.name,
             f"std {stds} damping",
-            f"{motion} as x, y, z; largest part 1",
+            f"{motion}; largest part 1",
             f"status {mode.status}",
         ),
         pole=mode.pole,
         node=geometry.node[: geometry.n_measured],
-        values=along[:, None] * directions,
+        values=along[:, None] * axis,
         modal_a=0.0 if np.isnan(modal_a) else modal_a,
         modal_mass_kg=0.0 if np.isnan(mass_kg) else mass_kg,
     )

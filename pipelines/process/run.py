@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import ema
+from ema.checks.positions import axes_finding
 from ema.checks.quality import (
     averages_finding,
     check_reference,
@@ -162,6 +163,7 @@ def _measured(
             *averages_finding(estimated),
             *period_finding(estimated),
             *coherence_findings(estimated, band_hz, checks),
+            *axes_finding(estimated, band_hz),
             *found.findings,
             *compared,
             *drift_findings(found.model.drift, found.model.frequencies_hz),

@@ -17,6 +17,7 @@ from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.recording import ACCELERATION, Channel, Recording
+from ema.io.campaign.axes import REMEDY
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.campaign.roles import Grid
 from ema.io.content import FileContent
@@ -210,7 +211,7 @@ def _along_force(content: FileContent, findings: list[Finding]) -> FileContent:
     if content.frf_force_axis not in axes:
         found = f"responses in {' '.join(map(_axis_name, axes))}, force in another direction"
         rule = "on a circle, radial responses to a radial force are used"
-        remedy = "Export the radial FRFs alone, or state the direction of the force in the file"
+        remedy = f"State the direction of the force in the file. {REMEDY}"
         raise RecordingFormatError(content.path.name, found, rule, remedy)
     kept = frf.axis == content.frf_force_axis
     detail = (

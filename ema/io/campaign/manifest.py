@@ -57,6 +57,7 @@ _mass = _between(0.0, 1.0, "sensors have up to 1 kg (4 g are 0.004 kg)")
 _Pascals = Annotated[Positive, _pressure]
 _Metres = Annotated[Positive, _length]
 _Kilograms = Annotated[NotNegative, _mass]
+_Axis = Annotated[str, Field(pattern="^[+-]?[XYZ]$")]
 _ONE, _MANY = "<number>", "<table>"  # parts of the place of an error that no manifest has
 
 
@@ -162,9 +163,17 @@ class CalibrationSection(_Section):
 
 
 class GridSection(_Section):
-    """``[grid]``: node k lies at k·360/positions degrees."""
+    """``[grid]``: node k lies at k·360/positions degrees; which axes point to 0° and 90°."""
 
     positions: Annotated[int, Field(ge=3, le=100_000, strict=True)]
+    axes: Literal["local"] | tuple[_Axis, _Axis] | None = None
+
+    @field_validator("axes")
+    @classmethod
+    def _span_a_plane(cls, axes: Any) -> Any:
+        if isinstance(axes, tuple) and axes[0][-1] == axes[1][-1]:
+            raise ValueError("the axes at 0 and at 90 degrees must be two of X, Y, Z")
+        return axes
 
 
 class ExcitationSection(_Section):

@@ -16,6 +16,7 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Recording
 from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
 from ema.io.campaign import agreement
+from ema.io.campaign.axes import Around, channels_along_circle, frfs_along_circle
 from ema.io.campaign.calibration import calibrated, check_keys
 from ema.io.campaign.manifest import MANIFEST_NAME, USE_SLASHES, Manifest, read_manifest, resolve
 from ema.io.campaign.roles import (
@@ -201,6 +202,7 @@ def _run_by_manifest(
         directions=section.directions,
         force_direction=own.direction,
         force_deg=own.position_deg,
+        axes=None if manifest.grid is None else manifest.grid.axes,
     )
     if content.recording is not None:
         rate_hz = manifest.acquisition.sampling_rate_hz
@@ -240,6 +242,7 @@ def with_rate(recording: Recording, rate_hz: float | None) -> Recording:
 def _fill(campaign: Campaign, files: Sequence[tuple[FileContent, Wanted]]) -> Campaign:
     """Add FRFs where the files have some, and else the runs."""
     findings = [finding for content, _ in files for finding in content.findings]
+    files = [_along_circle(campaign, content, wanted, findings) for content, wanted in files]
     recordings = [(each.recording, wanted) for each, wanted in files if each.recording is not None]
     frfs = [(each, wanted.positions_deg) for each, wanted in files if each.frf is not None]
     if not frfs:
@@ -254,6 +257,22 @@ def _fill(campaign: Campaign, files: Sequence[tuple[FileContent, Wanted]]) -> Ca
         findings.append(ROVING)
     frf = agreement.merge(frfs, campaign.positions, findings)
     return replace(campaign, frf=frf, findings=tuple(findings))
+
+
+def _along_circle(
+    campaign: Campaign, content: FileContent, wanted: Wanted, findings: list[Finding]
+) -> tuple[FileContent, Wanted]:
+    """Content by radial, tangential and axial motion; FRFs by the radial alone."""
+    if campaign.positions is None:
+        return content, wanted
+    force_deg = campaign.excitation_deg if wanted.force_deg is None else wanted.force_deg
+    around = Around(content, wanted, campaign.positions, force_deg)
+    if content.frf is not None:
+        turned = frfs_along_circle(around, findings)
+        return (content if turned is None else turned), wanted
+    if content.recording is not None:
+        return channels_along_circle(around, findings) or (content, wanted)
+    return content, wanted
 
 
 def _fill_runs(

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -45,6 +46,7 @@ class Wanted:
     directions: dict[str, Direction] = field(default_factory=dict)  # of channels not radial
     force_direction: Direction = Direction.RADIAL
     force_deg: float | None = None  # where it is not that of the campaign
+    axes: tuple[str, str] | Literal["local"] | None = None  # global ones at 0 and 90 degrees
 
     def possible_responses(self, channels: Sequence[Channel]) -> list[Channel]:
         """Channels that may be responses: those with a position, or else all of one quantity.

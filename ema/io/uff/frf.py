@@ -50,8 +50,8 @@ def read_frf(
     coherences: Sequence[Dataset],
     around: Surroundings,
     findings: list[Finding],
-) -> tuple[FRF, int | None]:
-    """Read the FRFs of a file as inertance in (m/s²)/N, and the node of the end that all share.
+) -> tuple[FRF, int | None, int]:
+    """Read the FRFs of a file as inertance in (m/s²)/N; node and axis of the end that all share.
 
     Mobility is multiplied by jω, receptance by −ω². Where the response stays and the force roves,
     by reciprocity the nodes of the force are the positions. The deviation is unknown.
@@ -71,7 +71,14 @@ def read_frf(
             raise RecordingFormatError(place(path, dataset.index), found, rule, remedy)
         units = around.units_at(dataset)
         values[row] = _inertance(path, dataset, ordinate, units, frequency_hz, findings)
-    nodes, shared = _nodes(path, datasets, findings)
+    nodes, shared, is_force = _nodes(path, datasets, findings)
+    axes = [
+        (abs(each.header58.response_direction), abs(each.header58.reference_direction))
+        for each in datasets
+    ]
+    axis, shared_axis = (
+        zip(*axes, strict=True) if is_force else zip(*map(reversed, axes), strict=True)
+    )
     values.setflags(write=False)
     frf = FRF(
         frequency_hz=frequency_hz,
@@ -79,11 +86,11 @@ def read_frf(
         coherence=_coherence(path, datasets, coherences, frequency_hz, findings),
         std=constant(np.nan, values.shape),
         node=np.array(nodes),
-        axis=np.array([abs(each.header58.response_direction) for each in datasets]),
+        axis=np.array(axis),
         position_deg=np.array([around.angle_deg.get(node, np.nan) for node in nodes]),
         run=(path.name,) * len(values),
     )
-    return frf, shared
+    return frf, shared, shared_axis[0] if len(set(shared_axis)) == 1 else 0
 
 
 def _coherence(
@@ -233,8 +240,8 @@ def _motion_and_force(
 
 def _nodes(
     path: Path, datasets: Sequence[Dataset], findings: list[Finding]
-) -> tuple[list[int], int | None]:
-    """Nodes of the rows, and the node of the end that all share: the force or the response."""
+) -> tuple[list[int], int | None, bool]:
+    """Nodes of the rows, the node of the end that all share, and whether that is the force."""
     responses = [each.header58.response_node for each in datasets]
     forces = [each.header58.reference_node for each in datasets]
     axes = {abs(each.header58.reference_direction) for each in datasets}
@@ -243,11 +250,11 @@ def _nodes(
         remedy = "Export the FRFs of each force to a file of its own"
         raise RecordingFormatError(path.name, found, "all FRFs must have one force", remedy)
     if len(set(forces)) == 1:
-        return responses, forces[0] or None
+        return responses, forces[0] or None, True
     if len(set(responses)) == 1:
         detail = "one response, roving force: by reciprocity, the force nodes are used as positions"
         findings.append(remark(path, "", Check.RECIPROCITY, detail))
-        return forces, responses[0] or None
+        return forces, responses[0] or None, False
     found = f"{len(set(forces))} force nodes and {len(set(responses))} response nodes"
     rule = "all FRFs must have one force (or one response, where the force roves)"
     raise RecordingFormatError(path.name, found, rule, "Export one reference per file")

@@ -80,16 +80,15 @@ def read(path: Path, *, form_only: bool = False) -> FileContent:
     in_use = {each.header58.response_node for each in (*times, *responses)}
     around = read_surroundings(path, datasets, in_use)
     findings += around.findings
-    recording, frf, shared_node = None, None, None
+    recording, frf, shared_node, shared_axis = None, None, None, 0
     if times:
         recording = _read_recording(path, times, around, findings, form_only=form_only)
     if responses:
         coherences = [each for each in datasets if _function(each) == COHERENCE]
-        frf, shared_node = read_frf(path, responses, coherences, around, findings)
+        frf, shared_node, shared_axis = read_frf(path, responses, coherences, around, findings)
     names = _channel_names([each.header58 for each in responses])
-    axes = {abs(each.header58.reference_direction) for each in responses}
-    force_axis = axes.pop() if len(axes) == 1 else 0
-    return FileContent(path, recording, frf, names, shared_node, force_axis, tuple(findings))
+    shared, noticed = (shared_node, shared_axis), tuple(findings)
+    return FileContent(path, recording, frf, names, *shared, noticed, around.circle)
 
 
 def _describe_left_out(datasets: Sequence[Dataset]) -> str:

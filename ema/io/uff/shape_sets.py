@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -124,6 +124,7 @@ def read_shapes(path: Path | str) -> ShapeSet:
     damping_ratio = np.array([mode.damping_ratio for mode in modes])
     angle_deg = np.array([around.angle_deg.get(each, np.nan) for each in node.tolist()])
     findings += around.findings
+    values = _along_global_axes(node, direction, values, around.axes)
     return ShapeSet(frequency_hz, damping_ratio, node, direction, angle_deg, values, findings)
 
 
@@ -148,6 +149,22 @@ def _table(
     node = np.repeat(np.array(nodes), len(directions))
     direction = np.tile(np.array(directions), len(nodes))
     return node, direction, table.reshape(len(modes), -1)
+
+
+def _along_global_axes(
+    node: NDArray[np.int_],
+    direction: NDArray[np.int_],
+    values: NDArray[np.complex128],
+    axes: Mapping[int, NDArray[np.float64]],
+) -> NDArray[np.complex128]:
+    """Values along the global axes; those of a node count along its displacement system."""
+    found = values.copy()
+    for first in (1, 4):  # translations, rotations
+        for each in axes.keys() & set(node.tolist()):
+            rows = np.flatnonzero((node == each) & (direction >= first) & (direction < first + 3))
+            if rows.size:
+                found[:, rows] = values[:, rows] @ axes[each]
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,7 +324,7 @@ def read_radial_shapes(
 
 def _wheel(path: Path, node: NDArray[np.int_]) -> _Wheel | None:
     datasets = scan(path)
-    place, _ = geometry.read_nodes(path, datasets)
+    place = geometry.read_nodes(path, datasets).xyz
     to_m = 1.0 / geometry.read_surroundings(path, datasets, set()).units_at(datasets[-1]).length
     blank = np.full(3, np.nan)
     points = to_m * np.array([place.get(each, blank) for each in node.tolist()])

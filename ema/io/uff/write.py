@@ -205,7 +205,7 @@ def _write_text(file: BinaryIO, values: NDArray[np.inexact], double: bool) -> No
         np.savetxt(file, values[np.newaxis, full:], pattern, delimiter="")
 
 
-CARTESIAN = 1  # number of the only coordinate system, the global one
+CARTESIAN, CYLINDRICAL = 1, 2  # numbers of the coordinate systems: the global one, the wheel's
 
 _KELVIN_AT_0_C = 273.15
 _NODE_COLOUR, _LINE_COLOUR = 11, 8
@@ -223,7 +223,7 @@ class ShapeDataset:
     id_lines: tuple[str, ...]  # up to five
     pole: complex  # rad/s, upper half plane
     node: NDArray[np.int_]
-    values: NDArray[np.inexact]  # (n_nodes, 3) along x, y, z; complex for a complex mode
+    values: NDArray[np.inexact]  # (n_nodes, 3) along the axes of motion; complex for a complex mode
     modal_a: complex = 0.0  # of a complex mode in N s/m, 0 where unknown
     modal_mass_kg: float = 0.0  # of a normal mode, 0 where unknown
 
@@ -246,21 +246,24 @@ def units_164() -> bytes:
     return _written({"type": 164, **units, **factors})
 
 
-def coordinate_system_2420() -> bytes:
-    """Dataset 2420: the global Cartesian system, for programs that require one."""
-    axes = np.vstack([np.eye(3), np.zeros(3)])
-    system = {"CS_sys_labels": [CARTESIAN], "CS_types": [0], "CS_colors": [_LINE_COLOUR]}
-    named = {"CS_names": [_text("global")], "Part_UID": 1, "Part_Name": _text("ringmodal")}
-    return _written({"type": 2420, **named, **system, "CS_matrices": [axes]})
+def coordinate_systems_2420(*, is_wheel: bool) -> bytes:
+    """Dataset 2420: the global Cartesian system, and for a wheel in x-z a cylindrical one."""
+    axes = [np.vstack([np.eye(3), np.zeros(3)])]
+    labels, kinds, names = [CARTESIAN], [0], ["global"]
+    if is_wheel:
+        axes.append(np.array([(1.0, 0, 0), (0, 0, 1.0), (0, -1.0, 0), (0, 0, 0)]))
+        labels, kinds, names = [*labels, CYLINDRICAL], [0, 1], [*names, "radial, tangential, axial"]
+    system = {"CS_sys_labels": labels, "CS_types": kinds, "CS_colors": [_LINE_COLOUR] * len(labels)}
+    named = {"CS_names": list(map(_text, names)), "Part_UID": 1, "Part_Name": _text("ringmodal")}
+    return _written({"type": 2420, **named, **system, "CS_matrices": axes})
 
 
-def nodes_2411(node: NDArray[np.int_], xyz_m: NDArray[np.float64]) -> bytes:
-    """Dataset 2411: nodes in Cartesian coordinates, m."""
-    system = np.full(len(node), CARTESIAN)
-    colour = np.full(len(node), _NODE_COLOUR)
+def nodes_2411(node: NDArray[np.int_], xyz_m: NDArray[np.float64], moving: int) -> bytes:
+    """Dataset 2411: nodes in Cartesian coordinates, m; they move along the system `moving`."""
+    system, colour = np.full(len(node), CARTESIAN), np.full(len(node), _NODE_COLOUR)
     points = dict(zip("xyz", xyz_m.T, strict=True))
-    labels = {"node_nums": node, "def_cs": system, "disp_cs": system, "color": colour}
-    return _written({"type": 2411, **labels, **points})
+    labels = {"node_nums": node, "def_cs": system, "disp_cs": np.full(len(node), moving)}
+    return _written({"type": 2411, **labels, "color": colour, **points})
 
 
 def trace_lines_82(name: str, path: Sequence[int]) -> bytes:

@@ -63,7 +63,7 @@ def tyre_model(path, *, axes=(0, 2), turned_deg=0.0, sense=1, step_deg=3.0, mill
         if millimetre:
             file.write(b"    -1\n   164\n         5mm (milli newton)             2\n")
             file.write(b"%25.16E%25.16E%25.16E\n%25.16E\n    -1\n" % (1e3, 1e3, 1.0, 273.15))
-        file.write(nodes_2411(node, scale * points.reshape(-1, 3)))
+        file.write(nodes_2411(node, scale * points.reshape(-1, 3), 1))
         for number, (order, half) in enumerate(
             [(order, half) for order in range(1, 8) for half in (0, 1)], start=1
         ):

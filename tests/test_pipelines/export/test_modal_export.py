@@ -72,10 +72,9 @@ def test_pyuff_reads_complex_shapes(universal):
         assert (held["analysis_type"], held["data_type"], held["mode_n"]) == (3, 5, number)
         assert held["id1"].startswith(f"Mode {number}, order {mode.order},")
         np.testing.assert_allclose(held["eig"], mode.pole, rtol=1e-5)
-        turn = np.deg2rad(found.geometry.position_deg)
-        radial = held["r1"] * np.cos(turn) + held["r3"] * np.sin(turn)
-        np.testing.assert_allclose(radial, mode.shape, atol=2e-6)
+        np.testing.assert_allclose(held["r1"], mode.shape, atol=2e-6)  # the radius
         assert not held["r2"].any()
+        assert not held["r3"].any()
         at_force = mode.shape[0] ** 2 / held["modal_a"]
         np.testing.assert_allclose(at_force, mode.residues[0], rtol=1e-4)
         np.testing.assert_allclose(held["modal_b"], -held["eig"] * held["modal_a"], rtol=1e-4)
@@ -150,8 +149,12 @@ def test_a_second_program_reads_the_same(folder, tmp_path, real):
     shapes = complex_of(held["shapes"]).reshape(len(modes), 72, 3)
     assert held["shape_node"][::3] == list(range(1, 73))
     assert held["shape_direction"][:3] == [1, 2, 3]
-    radial = np.sum(shapes * geometry.direction, axis=2)
-    np.testing.assert_allclose(radial, found.shapes, atol=2e-6)
+    axes = np.reshape(held["shape_global"], (72, 3, 3))
+    motion = np.einsum("mna,nax->mnx", shapes, axes)
+    np.testing.assert_allclose(motion, found.shapes[..., None] * geometry.direction, atol=2e-6)
+    ends = np.reshape(held["frf_global"], (144, 2, 3))
+    np.testing.assert_allclose(ends[:, 0], np.tile(geometry.direction, (2, 1)), atol=1e-9)
+    np.testing.assert_allclose(ends[:, 1], np.tile(geometry.direction[0], (144, 1)), atol=1e-9)
     assert held["node"] == list(range(1, 73))
     np.testing.assert_allclose(held["xyz_m"], geometry.xyz_m, atol=1e-15)
     assert held["line"] == [[*range(1, 73), 1]]
@@ -172,6 +175,9 @@ def test_we_read_our_shapes(universal):
     assert found.findings == ()
     np.testing.assert_allclose(found.angle_deg[::3], np.arange(72) * 5.0, atol=1e-9)
     np.testing.assert_allclose(found.frequency_hz, FREQUENCIES_HZ, rtol=1e-5)
+    written = universal.export
+    along = written.shapes[..., None] * written.geometry.direction  # of the global axes
+    np.testing.assert_allclose(found.values, along.reshape(len(found.values), -1), atol=2e-6)
 
 
 def test_synthesised_frfs_are_not_read_as_measurements(folder, universal, tmp_path):

@@ -20,7 +20,8 @@ def write(tmp_path, content):
 
 def nodes_of(tmp_path, content):
     path = write(tmp_path, content)
-    return read_nodes(path, scan(path))
+    found = read_nodes(path, scan(path))
+    return found.xyz, found.doubt
 
 
 def test_2411_is_in_the_structure_s_own_system(tmp_path):
@@ -144,7 +145,8 @@ def test_damaged_units_are_named(tmp_path, line, message):
 
 @pytest.mark.skipif(not OROS.exists(), reason="measured data of others are not at hand")
 def test_nodes_of_a_real_drum_lie_every_fifteen_degrees_or_so():
-    nodes, doubt = read_nodes(OROS, scan(OROS))
+    found = read_nodes(OROS, scan(OROS))
+    nodes, doubt = found.xyz, found.doubt
     assert doubt == ""
     assert len(nodes) == 96
     np.testing.assert_allclose(nodes[4], [0.0, 83.25, 50.0], atol=1e-12)
