@@ -89,9 +89,7 @@ ROLES = (
         bad_file("a.uff", "2 forces: force, F2"),
     ),
     uff("no force", sensor() + sensor(name="A02", node=2), bad_file("a.uff", "no force among")),
-    uff(
-        "no response", force(), bad_file("a.uff", "force \\(force\\)", "at least one response")
-    ),
+    uff("no response", force(), bad_file("a.uff", "force \\(force\\)", "at least one response")),
     uff(
         "a name twice",
         force() + sensor() + sensor(node=2),

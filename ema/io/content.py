@@ -48,6 +48,26 @@ class CircleNodes:
 
 
 @dataclass(frozen=True, eq=False)
+class Nodes:
+    """Nodes of a file in its unit of length."""
+
+    xyz: dict[int, NDArray[np.float64]]  # global Cartesian coordinates
+    #: Global unit vectors, one per row, along which X, Y and Z of a node's motion count; only of
+    #: nodes whose displacement coordinate system is not the global one.
+    axes: dict[int, NDArray[np.float64]]
+    doubt: str = ""  # what was assumed; empty where nothing was
+
+
+@dataclass(frozen=True, eq=False)
+class Coherences:
+    """Coherences without their FRFs."""
+
+    frequency_hz: NDArray[np.float64]
+    #: By node and axis of the response, node and axis of the force.
+    values: dict[tuple[int, ...], NDArray[np.float64]]
+
+
+@dataclass(frozen=True, eq=False)
 class FileContent:
     """Time series and FRFs of one file, and what its reader noticed."""
 
@@ -59,6 +79,13 @@ class FileContent:
     frf_force_axis: int = 0  # as `Channel.axis`
     findings: tuple[Finding, ...] = ()  # what was assumed, converted or left out
     circle: CircleNodes = field(default_factory=CircleNodes)
+    nodes: Nodes | None = None  # of a file with neither
+    coherences: Coherences | None = None  # the same
+
+    @property
+    def has_data(self) -> bool:
+        """Whether it has time series or FRFs."""
+        return self.recording is not None or self.frf is not None
 
 
 def remark(path: Path, channel: str, check: Check, detail: str) -> Finding:

@@ -235,11 +235,7 @@ def channels_along_circle(
     content, wanted, recording = around.content, around.wanted, around.content.recording
     assert recording is not None
     given = wanted.positions_deg or {}
-    channels = [
-        channel
-        for channel in recording.channels
-        if channel.axis and wanted.may_be_response(channel)
-    ]
+    channels = [each for each in wanted.possible_responses(recording.channels) if each.axis]
     dofs = [
         _Dof(each.name, each.node, each.axis, given.get(each.name, each.angle_deg))
         for each in channels

@@ -17,6 +17,7 @@ from ema.core.recording import Recording
 from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
 from ema.io.campaign import agreement
 from ema.io.campaign.axes import Around, channels_along_circle, frfs_along_circle
+from ema.io.campaign.beside import joined
 from ema.io.campaign.calibration import calibrated, check_keys
 from ema.io.campaign.manifest import MANIFEST_NAME, USE_SLASHES, Manifest, read_manifest, resolve
 from ema.io.campaign.roles import (
@@ -170,9 +171,9 @@ def _instead_of(file: str, folder: Path) -> str:
 
 
 def _read_all(paths: Sequence[Path]) -> list[FileContent]:
-    contents = [read_file(path) for path in paths]
+    contents = joined([read_file(path) for path in paths])
     agreement.check_duplicates(paths)
-    if all(each.recording is None and each.frf is None for each in contents):
+    if not any(each.has_data for each in contents):
         notes = "; ".join(finding.detail for each in contents for finding in each.findings)
         found = f"no time series and no FRFs ({notes or 'no datasets'})"
         rule = "no usable datasets"
@@ -214,7 +215,7 @@ def _run_by_manifest(
         recording = with_rate(content.recording, rate_hz)
         recording = calibrated(recording, manifest.calibration, findings)
         content = replace(content, recording=recording, findings=tuple(findings))
-    elif content.frf is None:
+    elif content.frf is None and content.nodes is None and content.coherences is None:
         notes = "; ".join(finding.detail for finding in content.findings)
         found = "neither time series nor FRFs" + (f" ({notes})" if notes else "")
         rule = "each run must contain time series or FRFs"

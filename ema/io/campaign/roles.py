@@ -211,8 +211,7 @@ class _Roles:
         if channel.quantity == quantity:
             return channel
         if quantity == ACCELERATION and channel.quantity in DERIVATIVES:
-            power = "" if DERIVATIVES[channel.quantity] == 1 else "²"
-            detail = f"{channel.quantity}, converted to acceleration in the spectra by (jω){power}"
+            detail = f"{channel.quantity}, converted to acceleration in the spectra"
             place = self.recording.path.name, channel.name, channel.angle_deg
             self.findings.append(Finding(*place, Check.QUANTITY, Verdict.OK, detail))
             return channel

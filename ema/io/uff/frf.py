@@ -17,7 +17,7 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.recording import DERIVATIVES, FORCE, UNKNOWN
 from ema.core.units import FREQUENCY, is_stated, parse_ratio
-from ema.io.content import remark
+from ema.io.content import Coherences, remark
 from ema.io.rates import even_step, step_and_inverse
 from ema.io.uff.dataset58 import axis_factor, read_values
 from ema.io.uff.dataset58_header import OrdinateUnit, UnitSystem, ordinate_unit
@@ -64,7 +64,7 @@ def read_frf(
         if row == 0:
             frequency_hz = lines
             values = np.empty((len(datasets), len(lines)), dtype=np.complex128)
-        elif not _same_lines(lines, frequency_hz):
+        elif not same_lines(lines, frequency_hz):
             found = f"{_described(lines)}; dataset {datasets[0].index}: {_described(frequency_hz)}"
             rule = "all FRFs must have the same frequency lines"
             remedy = "Export them with one resolution, or in separate files"
@@ -127,6 +127,16 @@ def _coherence(
     return found if len(odd) < len(coherences) else unknown
 
 
+def coherences_alone(path: Path, datasets: Sequence[Dataset]) -> Coherences | None:
+    """Coherences of a file without FRFs, on the lines of the first; None where it has none."""
+    if not datasets:
+        return None
+    abscissa = read_values(path, datasets[0])[0]
+    lines = _lines(path, datasets[0], abscissa)
+    found = {_ends(each): _coherence_on(path, each, lines) for each in datasets}
+    return Coherences(lines, {ends: each for ends, each in found.items() if each is not None})
+
+
 def _coherence_on(
     path: Path, dataset: Dataset, frequency_hz: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
@@ -137,7 +147,7 @@ def _coherence_on(
     except RecordingFormatError:
         return None
     in_range = not np.iscomplexobj(values) and np.all((values >= 0) & (values <= 1 + _ROUNDING))
-    return np.minimum(values, 1.0) if in_range and _same_lines(lines, frequency_hz) else None
+    return np.minimum(values, 1.0) if in_range and same_lines(lines, frequency_hz) else None
 
 
 def _ends(dataset: Dataset) -> tuple[int, ...]:
@@ -147,7 +157,8 @@ def _ends(dataset: Dataset) -> tuple[int, ...]:
     return (*response, header.reference_node, abs(header.reference_direction))
 
 
-def _same_lines(lines: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
+def same_lines(lines: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
+    """Whether two files have the same frequency lines."""
     if len(lines) != len(others):
         return False
     atol = _SAME_LINE * (others[1] - others[0])

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.finding import Check, Finding
-from ema.io.content import CircleNodes, remark
+from ema.io.content import CircleNodes, Nodes, remark
 from ema.io.uff.dataset58_header import UnitSystem
 from ema.io.uff.scan import Dataset, Lines, damaged
 
@@ -39,17 +39,6 @@ class _System:
     origin: NDArray[np.float64]
     axes: NDArray[np.float64]  # one unit vector per row
     where: str
-
-
-@dataclass(frozen=True, eq=False)
-class Nodes:
-    """Nodes of a file in its unit of length."""
-
-    xyz: dict[int, NDArray[np.float64]]  # global Cartesian coordinates
-    #: Global unit vectors, one per row, along which X, Y and Z of a node's motion count; only of
-    #: nodes whose displacement coordinate system is not the global one.
-    axes: dict[int, NDArray[np.float64]]
-    doubt: str = ""  # what was assumed; empty where nothing was
 
 
 def read_nodes(path: Path, datasets: Sequence[Dataset]) -> Nodes:
@@ -211,14 +200,18 @@ class Surroundings:
 def read_surroundings(path: Path, datasets: Sequence[Dataset], in_use: set[int]) -> Surroundings:
     """Read units and the geometry; the nodes in use show whether there is a circle."""
     units = {each.index: read_units(path, each) for each in datasets if each.number == _UNITS}
-    nodes = read_nodes(path, datasets)
+    return replace(placed(path, read_nodes(path, datasets), in_use), units=units)
+
+
+def placed(path: Path, nodes: Nodes, in_use: set[int]) -> Surroundings:
+    """Angles of the nodes in use, where these are on a circle."""
     carrying = {node: point for node, point in nodes.xyz.items() if node in in_use}
     circle, doubt = circle_of(carrying), nodes.doubt
     if carrying and circle is None:
         doubt = "the nodes of the file's geometry are not on a circle; no angles available"
     findings = (remark(path, "", Check.GEOMETRY, doubt),) if doubt else ()
     if circle is None:
-        return Surroundings(units, {}, findings, axes=nodes.axes)
+        return Surroundings({}, {}, findings, axes=nodes.axes)
     angles = {node: circle.angle_deg(point) for node, point in nodes.xyz.items()}
     plane = np.eye(3)[list(circle.plane)]
     frames = {
@@ -227,7 +220,7 @@ def read_surroundings(path: Path, datasets: Sequence[Dataset], in_use: set[int])
     }
     in_place = {node: angles[node] for node in carrying}
     around = CircleNodes(angles, frames, frozenset(nodes.axes))
-    return Surroundings(units, in_place, findings, around, nodes.axes)
+    return Surroundings({}, in_place, findings, around, nodes.axes)
 
 
 def frame_at(

@@ -24,8 +24,8 @@ from ema.io.uff.dataset58_header import (
     Header58,
     ordinate_unit,
 )
-from ema.io.uff.frf import measured_only, read_frf
-from ema.io.uff.geometry import Surroundings, read_surroundings
+from ema.io.uff.frf import coherences_alone, measured_only, read_frf
+from ema.io.uff.geometry import Surroundings, read_nodes, read_surroundings
 from ema.io.uff.scan import Dataset, damaged, place, scan
 
 SUFFIXES = (".uff", ".unv", ".uf", ".bunv", ".58", ".ufb")
@@ -76,7 +76,10 @@ def read(path: Path, *, form_only: bool = False) -> FileContent:
         if each.remark
     ]
     if not times and not responses:
-        return FileContent(path, findings=tuple(findings))
+        nodes = read_nodes(path, datasets)
+        alone = coherences_alone(path, [each for each in datasets if _function(each) == COHERENCE])
+        known = nodes if nodes.xyz else None
+        return FileContent(path, findings=tuple(findings), nodes=known, coherences=alone)
     in_use = {each.header58.response_node for each in (*times, *responses)}
     around = read_surroundings(path, datasets, in_use)
     findings += around.findings
