@@ -60,7 +60,10 @@ class Check(StrEnum):
     # FRFs
     PERIOD = "period", "block length against the period of the force"
     EXCITATION = "excitation", "runs whose force is far below that of the others"
-    WINDOW = "window", "a declared exponential window against the noise of the recordings"
+    WINDOW = (
+        "window",
+        "windows that headers state, and a declared one against the noise of recordings",
+    )
     DOUBLE_HITS = "double hits", "hammer hits with more than one pulse"
     AVERAGES = "averages", "number of averages"
     COHERENCE = "coherence", "median coherence in the band"

@@ -31,6 +31,7 @@ from ema.io.rates import (
     rate_of_stamps,
     uneven,
 )
+from ema.io.stated import stated_windows
 
 _TIME_NAMES = {
     *("t", "time", "zeit", "timestamp", "time stamp", "x_value", "x value"),
@@ -87,8 +88,11 @@ def content_of_columns(
     *,
     rate: Rate = UNSTATED,
     findings: Sequence[Finding] = (),
+    statements: Mapping[str, object] | None = None,
 ) -> FileContent:
     """Channels and sampling rate of a table, with the findings of its reader.
+
+    `statements` are entries of headers, which may name windows and triggers.
 
     Columns of time give the rate and the start of the channels that follow them; it has to agree
     with `rate`, what the file states apart from any column. Other columns that rise evenly are
@@ -109,7 +113,8 @@ def content_of_columns(
     lengths = [_axis_of(times, at).n_samples or len(each.samples) for at, each in signals]
     together = aligned(path, channels, starts_s, rate.hz, noticed, lengths)
     recording = Recording(path, rate.hz, together, (rate.low_hz, rate.high_hz))
-    return FileContent(path, recording, findings=tuple(noticed))
+    windows, ignored = stated_windows(path, statements or {})
+    return FileContent(path, recording, findings=(*noticed, *ignored), windows=windows)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from enum import Enum
 from pathlib import Path
 from types import ModuleType
 
@@ -47,6 +48,22 @@ class CircleNodes:
     defined: frozenset[int] = frozenset()
 
 
+class WindowKind(Enum):
+    """Window of an analyser that changes poles or averages; the value is its key in manifests."""
+
+    EXPONENTIAL = "exponential_window_s"
+    FORCE = "force_window_s"
+
+
+@dataclass(frozen=True)
+class StatedWindow:
+    """A window that a header states."""
+
+    kind: WindowKind
+    said: str  # as the header has it
+    seconds: float | None  # time constant or length; None where it is not stated as such
+
+
 @dataclass(frozen=True, eq=False)
 class Nodes:
     """Nodes of a file in its unit of length."""
@@ -79,6 +96,7 @@ class FileContent:
     frf_force_axis: int = 0  # as `Channel.axis`
     findings: tuple[Finding, ...] = ()  # what was assumed, converted or left out
     circle: CircleNodes = field(default_factory=CircleNodes)
+    windows: tuple[StatedWindow, ...] = ()  # that the analyser applied
     nodes: Nodes | None = None  # of a file with neither
     coherences: Coherences | None = None  # the same
 

@@ -51,7 +51,7 @@ def read(path: Path) -> FileContent:
     columns = [column for array in series for column in _columns(path, _scaled(path, array))]
     rate = stated_rate(path, stated)
     findings = content.left_out(path, skipped)
-    return content_of_columns(path, columns, rate=rate, findings=findings)
+    return content_of_columns(path, columns, rate=rate, findings=findings, statements=stated)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from ema.io.content import FileContent, left_out, reading
 from ema.io.hdf5 import Hdf5File, opened
 from ema.io.mat5 import COPY_AGAIN, HEADER_BYTES, LeftOut, Mat5Reader
 from ema.io.rates import plain_name, stated_rate, states_rate
+from ema.io.stated import states_treatment
 
 SUFFIXES = (".mat",)
 _NAMES = {"names", "channels", "channelnames", "labels", "channellabels"}
@@ -43,6 +44,7 @@ class _Variables:
     names: list[str] = field(default_factory=list)
     units: list[str] | dict[str, Any] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
+    treatment: dict[str, Any] = field(default_factory=dict)  # windows and triggers
 
 
 def read(path: Path) -> FileContent:
@@ -60,7 +62,9 @@ def read(path: Path) -> FileContent:
     columns = _columns(path, found)
     rate = stated_rate(path, found.rates)
     findings = left_out(path, found.left_out)
-    return content_of_columns(path, columns, rate=rate, findings=findings)
+    return content_of_columns(
+        path, columns, rate=rate, findings=findings, statements=found.treatment
+    )
 
 
 def _variables(path: Path) -> Mapping[str, Any]:
@@ -159,7 +163,18 @@ def _of_functions(path: Path, functions: Mapping[str, Any], others: Sequence[str
             for name, samples in zip(names, signals, strict=True)
         ]
     findings = left_out(path, dict.fromkeys(others, "beside functions of Testlab"))
-    return content_of_columns(path, columns, rate=stated_rate(path, steps), findings=findings)
+    rate, treatment = stated_rate(path, steps), _flat(functions)
+    return content_of_columns(path, columns, rate=rate, findings=findings, statements=treatment)
+
+
+def _flat(values: Mapping[str, Any], place: str = "", separator: str = "/") -> dict[str, Any]:
+    """Texts and numbers of nested structs by their place."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        where = f"{place}{name}"
+        nested = isinstance(value, dict)
+        found |= _flat(value, where + separator, separator) if nested else {where: value}
+    return found
 
 
 def _label(values: Mapping[str, Any]) -> str:
@@ -201,6 +216,8 @@ def _sorted(path: Path, variables: Mapping[str, Any]) -> _Variables:
             found.units = value if isinstance(value, dict) else _texts(value)
         elif states_rate(name) and not isinstance(value, LeftOut):
             found.rates[name] = value
+        elif states_treatment(name, value):
+            found.treatment |= _flat({name: value}, separator=" ")
         elif isinstance(value, np.ndarray) and value.size != 1:
             _sort_array(name, value, found)
         else:

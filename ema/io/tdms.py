@@ -52,6 +52,11 @@ def read(path: Path) -> FileContent:
             for channel in wanted
             if channel.properties.get("wf_increment")  # LabVIEW writes 0 where it knows none
         }
+        properties = {
+            f"{place}/{name}": value
+            for place, item in enumerate((tdms, *tdms.groups(), *wanted))
+            for name, value in item.properties.items()
+        }
     findings = [
         remark(path, channel.name, Check.CONTENT, "no samples, or not numeric")
         for channel in channels
@@ -63,7 +68,7 @@ def read(path: Path) -> FileContent:
         findings.append(note(path, Check.CONTENT, detail))
     rate = stated_rate(path, statements)
     columns = list(map(_column, wanted, samples, starts_s))
-    return content_of_columns(path, columns, rate=rate, findings=findings)
+    return content_of_columns(path, columns, rate=rate, findings=findings, statements=properties)
 
 
 class _BoundedFile(io.BufferedReader):

@@ -8,11 +8,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
 from ema.core.arrays import stacked
-from ema.core.campaign import Run
+from ema.core.campaign import Campaign, Run
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
@@ -20,7 +21,7 @@ from ema.core.recording import ACCELERATION, Channel, Recording
 from ema.io.campaign.axes import REMEDY
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.campaign.roles import Grid
-from ema.io.content import FileContent
+from ema.io.content import FileContent, WindowKind
 from ema.io.rates import SAME_RATE
 from ema.signals.damage import SAME_LENGTH
 
@@ -39,6 +40,38 @@ def check_duplicates(paths: Sequence[Path]) -> None:
             rule = f"it is {one.name} again, byte for byte, and runs must differ"
             remedy = "Remove one of them, or replace it by the right recording"
             raise RecordingFormatError(str(other), "a duplicated file", rule, remedy)
+
+
+def with_stated_windows(
+    campaign: Campaign, contents: Sequence[FileContent], findings: list[Finding]
+) -> Campaign:
+    """The campaign with the windows that all headers state; those of the manifest come first.
+
+    An analyser may record without the window of its FRFs: one of recordings is to be confirmed.
+    """
+    for kind in WindowKind:
+        key = kind.value
+        said = [each for content in contents for each in content.windows if each.kind is kind]
+        if not said or getattr(campaign.processing, key) is not None:
+            continue
+        known = {
+            next((w.seconds for w in each.windows if w.kind is kind and w.seconds), None)
+            for each in contents
+        }
+        seconds = known.pop() if len(known) == 1 else None
+        text = "; ".join(dict.fromkeys(each.said for each in said))
+        fitting = f"Give {key} in [processing] of {MANIFEST_NAME}"
+        verdict, detail = Verdict.OK, f"{text}: taken as {key} = {seconds:.6g}" if seconds else ""
+        if seconds is None:
+            verdict, detail = Verdict.WARNING, f"{text}: no time that all files share. {fitting}"
+        elif any(content.recording is not None for content in contents):
+            verdict = Verdict.WARNING
+            detail += f", if the samples were recorded behind the window. {fitting} to confirm"
+        findings.append(Finding("", "", None, Check.WINDOW, verdict, detail))
+        if seconds is not None:
+            processing = replace(campaign.processing, **cast("Any", {key: seconds}))
+            campaign = replace(campaign, processing=processing)
+    return campaign
 
 
 def run_names(paths: Sequence[Path]) -> list[str]:

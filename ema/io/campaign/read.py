@@ -243,6 +243,7 @@ def with_rate(recording: Recording, rate_hz: float | None) -> Recording:
 def _fill(campaign: Campaign, files: Sequence[tuple[FileContent, Wanted]]) -> Campaign:
     """Add FRFs where the files have some, and else the runs."""
     findings = [finding for content, _ in files for finding in content.findings]
+    campaign = agreement.with_stated_windows(campaign, [each for each, _ in files], findings)
     files = [_along_circle(campaign, content, wanted, findings) for content, wanted in files]
     recordings = [(each.recording, wanted) for each, wanted in files if each.recording is not None]
     frfs = [(each, wanted.positions_deg) for each, wanted in files if each.frf is not None]

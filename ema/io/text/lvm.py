@@ -19,6 +19,7 @@ from ema.core.units import parse_unit
 from ema.io.columns import Column, content_of_columns
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, note, remark
 from ema.io.rates import UNSTATED, Rate, parse_number, rate_of_step
+from ema.io.stated import entries
 from ema.io.text.layout import Dialect, Layout
 from ema.io.text.source import open_text
 from ema.io.text.table import missing_samples, read_cells
@@ -54,6 +55,7 @@ class _Header:
     channels: Sequence[_ChannelHeader]
     n_rows: int | None  # None where not stated
     rate: Rate  # by Delta_X
+    statements: dict[str, str]  # first value of all other entries
 
 
 def read(path: Path) -> FileContent:
@@ -89,7 +91,9 @@ def read(path: Path) -> FileContent:
         start_s = 0.0 if is_multi else channel.start_s
         columns.append(Column(name, channel.unit, own.samples[:n_rows], "", start_s))
         findings += missing_samples(path, name, own)
-    return content_of_columns(path, columns, rate=header.rate, findings=findings)
+    return content_of_columns(
+        path, columns, rate=header.rate, findings=findings, statements=header.statements
+    )
 
 
 def _rows(
@@ -172,9 +176,13 @@ class _Entries:
     def __init__(self, where: str, lines: list[str], separator: str) -> None:
         self.where, self.separator = where, separator
         self._values: dict[str, list[str]] = {}
+        self.first: dict[str, str] = {}  # of special blocks too
         for line in _SPECIAL.sub("", "\n".join(lines)).split("\n"):
             key, *values = (cell.strip() for cell in line.split(separator))
             self._values.setdefault(key, values)
+        for line in lines:
+            key, *values = (cell.strip() for cell in line.split(separator))
+            self.first |= {key: values[0]} if values else entries([key])
 
     def of_channels(self, key: str, n: int) -> list[str]:
         """Values for each channel, empty where they are not stated."""
@@ -230,6 +238,7 @@ def _header(
         channels=tuple(map(_ChannelHeader, range(1, len(names), stride), units, starts_s, reasons)),
         n_rows=most_rows,
         rate=_rate(segment, list(compress(steps, used)), decimal),
+        statements=general.first | segment.first,
     )
 
 

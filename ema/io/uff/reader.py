@@ -16,6 +16,7 @@ from ema.core.units import TIME
 from ema.io.columns import aligned
 from ema.io.content import FileContent, not_together, remark
 from ema.io.rates import Rate, rate_findings, rate_of_stamps, rate_of_step
+from ema.io.stated import entries, stated_windows, statements_of_1858
 from ema.io.uff.dataset58 import axis_factor, read_values
 from ema.io.uff.dataset58_header import (
     COHERENCE,
@@ -26,13 +27,14 @@ from ema.io.uff.dataset58_header import (
 )
 from ema.io.uff.frf import coherences_alone, measured_only, read_frf
 from ema.io.uff.geometry import Surroundings, read_nodes, read_surroundings
-from ema.io.uff.scan import Dataset, damaged, place, scan
+from ema.io.uff.scan import Dataset, Lines, damaged, place, scan
 
 SUFFIXES = (".uff", ".unv", ".uf", ".bunv", ".58", ".ufb")
 _SAME_RATE = 1e-6  # relative
 _START_DIGITS = 5  # of an abscissa minimum behind the point
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
 _SHAPES = (55, 2414)
+_QUALIFIERS = 1858
 _AROUND = (15, 18, 82, 151, 164, 1858, 2400, 2411, 2412, 2420)  # of no use alone
 _DATASETS = {15: "nodes", 18: "coordinate systems", 55: "data at nodes", 56: "data at elements"}
 _DATASETS |= {57: "data at nodes of elements", 82: "trace lines", 151: "file header", 164: "units"}
@@ -90,8 +92,24 @@ def read(path: Path, *, form_only: bool = False) -> FileContent:
         coherences = [each for each in datasets if _function(each) == COHERENCE]
         frf, shared_node, shared_axis = read_frf(path, responses, coherences, around, findings)
     names = _channel_names([each.header58 for each in responses])
-    shared, noticed = (shared_node, shared_axis), tuple(findings)
-    return FileContent(path, recording, frf, names, *shared, noticed, around.circle)
+    windows, ignored = stated_windows(path, _statements(path, datasets, (*times, *responses)))
+    shared, noticed = (shared_node, shared_axis), (*findings, *ignored)
+    return FileContent(path, recording, frf, names, *shared, noticed, around.circle, windows)
+
+
+def _statements(
+    path: Path, datasets: Sequence[Dataset], functions: Sequence[Dataset]
+) -> dict[str, str]:
+    """What ID lines and qualifiers (dataset 1858) state about the treatment of functions."""
+    found: dict[str, str] = {}
+    for each in functions:
+        found |= entries(each.header58.id_lines[1:])
+    for each in datasets:
+        if each.number == _QUALIFIERS:
+            lines = Lines(path, each)
+            lines.text()
+            found |= statements_of_1858([int(code) for code in lines.numbers((6,) * 12, 2)])
+    return found
 
 
 def _describe_left_out(datasets: Sequence[Dataset]) -> str:
