@@ -133,16 +133,9 @@ def _bared(
 
 def loading_note(model: ModalModel, n_sensors: int, excitation_deg: float) -> str:
     """Say how large the effect of the sensors may be where their mass is not given."""
-    modes, drive = _driven(model, excitation_deg)
+    modes, worst = _per_gram(model, n_sensors, excitation_deg)
     if not modes:
         return "Sensor mass not given: nothing was corrected for it."
-    worst = loading_percent(
-        np.array([mode.frequency_hz for mode in modes]),
-        np.array([mode.residues for mode in modes]),
-        np.array([mode.residues[drive] for mode in modes]),
-        n_sensors,
-        mass_kg=1e-3,
-    )
     text = (
         "Sensor mass not given, nothing was corrected for it: each gram per sensor lowers the "
         f"natural frequencies by about {np.median(worst) / 2:.2f} %"
@@ -156,6 +149,24 @@ def loading_note(model: ModalModel, n_sensors: int, excitation_deg: float) -> st
     return (
         f"{text}, that of order {modes[most].order} by up to {worst[most]:.2f} % in the run with "
         "all sensors on antinodes."
+    )
+
+
+def percent_per_gram(model: ModalModel, n_sensors: int, excitation_deg: float) -> float:
+    """How far each gram per sensor lowers the natural frequencies; NaN where that is unknown."""
+    modes, worst = _per_gram(model, n_sensors, excitation_deg)
+    return float(np.median(worst) / 2) if modes else float("nan")
+
+
+def _per_gram(model: ModalModel, n_sensors: int, excitation_deg: float) -> tuple[list[Mode], Real]:
+    """A mode of each order, and what a gram per sensor does to it in the worst run, in percent."""
+    modes, drive = _driven(model, excitation_deg)
+    if not modes:
+        return [], np.zeros(0)
+    residues = np.array([mode.residues for mode in modes])
+    frequency_hz = np.array([mode.frequency_hz for mode in modes])
+    return modes, loading_percent(
+        frequency_hz, residues, residues[:, drive], n_sensors, mass_kg=1e-3
     )
 
 

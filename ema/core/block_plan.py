@@ -106,6 +106,30 @@ class ExponentialWindow:
         return self.std_s / self.time_constant_s**2
 
 
+# Names of windows in other programs, and those of scipy.
+_WINDOW_NAMES = {"hanning": "hann", "von hann": "hann", "flat top": "flattop"}
+_WINDOW_NAMES |= dict.fromkeys(("rectangular", "rectangle", "rect", "uniform", "none"), "boxcar")
+
+
+def window_name(name: str) -> str:
+    """The scipy name of a window, whatever other programs call it."""
+    return _WINDOW_NAMES.get(" ".join(name.split()).casefold(), name)
+
+
+def overlap_share(overlap: float | str) -> float:
+    """Overlap as a share of a block, from a share or percent: 0.5, 50 or "50 %"."""
+    text = str(overlap).strip()
+    try:
+        value = float(text.removesuffix("%"))
+    except ValueError:
+        value = -1.0
+    share = value / 100 if text.endswith("%") or value > 1 else value
+    if not 0 <= share < 1:
+        rule = "it must be a share from 0 to below 1, or percent below 100"
+        raise InputError("overlap", repr(overlap), rule, "Write e.g. 0.5 or 50 %")
+    return share
+
+
 def _window(name: str, n_samples: int) -> NDArray[np.float64]:
     """Periodic window; scipy.signal takes a second to load and is spared for the usual two."""
     if name == "boxcar":
@@ -119,4 +143,4 @@ def _window(name: str, n_samples: int) -> NDArray[np.float64]:
         return np.asarray(get_window(name, n_samples))
     except ValueError as error:
         rule = "it must be a scipy window without parameters"
-        raise InputError("window", repr(name), rule, "Choose e.g. 'hann' or 'boxcar'") from error
+        raise InputError("window", repr(name), rule, "Use e.g. 'hann' or 'rectangular'") from error

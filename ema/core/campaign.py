@@ -7,7 +7,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from ema.core.block_plan import ExponentialWindow
+from ema.core.block_plan import ExponentialWindow, overlap_share, window_name
 from ema.core.display import as_typed, counted, facts, number, table
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
@@ -46,6 +46,12 @@ class Processing:
     exponential_window_s: float | None = None  # time constant of a window the analyser applied
     exponential_window_std_s: float = 0.0
     force_window_s: float | None = None  # length of a window the analyser applied to the force
+
+    def __post_init__(self) -> None:
+        if self.window is not None:
+            object.__setattr__(self, "window", window_name(self.window))
+        if self.overlap is not None:
+            object.__setattr__(self, "overlap", overlap_share(self.overlap))
 
     @property
     def exponential_window(self) -> ExponentialWindow | None:

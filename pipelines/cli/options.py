@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import logging
 from collections.abc import Callable, Sequence
 from functools import partial, wraps
 from pathlib import Path
@@ -12,12 +13,15 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from ema.core.block_plan import overlap_share
 from ema.core.campaign import Processing
 from ema.core.errors import InputError, unknown
 from model.coefficients import PressureLoad
 from model.tuning_problem import PARAMETERS, RADIAL_GROWTH
+from pipelines.cli.terminal import show_logs
 from pipelines.library.library import VARIABLE, numbers_of
 from pipelines.results.options import Options
+from pipelines.results.units import Units
 from pipelines.storage.atomic import require_free_file
 
 # Headings of the help
@@ -29,9 +33,10 @@ ESTIMATORS = ("H1", "H2", "Hv")
 METHODS = ("lsce", "plscf")
 OBJECTIVES = ("frequency", "paper")
 WINDOWS = (  # completed by the shell; any other window of scipy is accepted as well
-    *("boxcar", "hann", "hamming", "blackman", "blackmanharris", "flattop"),
+    *("hann", "rectangular", "hamming", "blackman", "blackmanharris", "flattop"),
     *("bartlett", "bohman", "cosine", "nuttall", "parzen", "triang", "tukey"),
 )
+MOST_OVERLAP = 0.95
 TABLE_ENDINGS, FIGURE_ENDINGS = (".csv", ".parquet"), (".png", ".svg")
 # A simulation of one line or instant takes seconds and less than 200 MB for this many values.
 MOST_VALUES = 100_000
@@ -92,6 +97,15 @@ Figures = Annotated[
     Path | None, option("Write each figure of the report as PNG and SVG.", FILES, "DIR")
 ]
 Pdf = Annotated[bool, flag("--pdf", "Also write report.pdf; needs the optional part pdf.", FILES)]
+Template = Annotated[
+    Path | None,
+    option(
+        "TOML file with logo, client, texts and signatures of the report; see the documentation.",
+        FILES,
+        "FILE",
+        envvar="RINGMODAL_TEMPLATE",
+    ),
+]
 AcceptChanges = Annotated[
     bool, flag("--accept-changes", "Use a result whose files were changed later; recorded.", FILES)
 ]
@@ -102,8 +116,20 @@ Strict = Annotated[
     bool, flag("--strict", "Refuse recordings that give any warning; write nothing.", FILES)
 ]
 Json = Annotated[bool, flag("--json", "Print the result as JSON on standard output.", SCREEN)]
-Quiet = Annotated[
-    bool, flag("--quiet", "Print only errors and, on standard output, the result.", SCREEN)
+Quiet = Annotated[bool, flag("--quiet", "Print nothing but errors, and --json.", SCREEN)]
+Verbose = Annotated[
+    bool,
+    option(
+        "Also print all notes and the time of each stage.",
+        *(SCREEN, "", "--verbose"),
+        callback=lambda wanted: wanted and show_logs(logging.INFO),
+    ),
+]
+UnitSystem = Annotated[
+    Units | None,
+    option(
+        "Units of tables and report: si (kPa, m) or lab (bar, mm). Default: si.", SCREEN, "NAME"
+    ),
 ]
 Objective = Annotated[
     str,
@@ -175,16 +201,15 @@ def processing_options(
         ),
     ] = None,
     window: Annotated[
-        str | None, one_of(WINDOWS, "Any window of scipy. Default: hann.", PROCESSING)
+        str | None,
+        one_of(WINDOWS, "hann, rectangular, or any window of scipy. Default: hann.", PROCESSING),
     ] = None,
     overlap: Annotated[
-        float | None,
+        str | None,
         option(
-            "Overlap as a share of a block. Default: 0.5; for boxcar 0.",
+            "Overlap as a share or in percent: 0.5, 50 or 50%. Default: 0.5; rectangular 0.",
             PROCESSING,
             "SHARE",
-            min=0.0,
-            max=0.95,
         ),
     ] = None,
     estimator: Annotated[
@@ -217,7 +242,9 @@ def processing_options(
 ) -> Options:
     """Options for the processing of a campaign, from the command line."""
     return Options(
-        processing=Processing(averages, block_seconds, window, overlap, band_hz),
+        processing=Processing(
+            averages, block_seconds, window, None if overlap is None else _overlap(overlap), band_hz
+        ),
         estimator=choice("--estimator", estimator, ESTIMATORS),
         max_order=max_order,
         pinned_hz=numbers("--pin", pin),
@@ -229,6 +256,15 @@ def processing_options(
         tuning=tuning_table(pressure_load, prior, bounds, start),
         strict=strict,
     )
+
+
+def _overlap(text: str) -> float:
+    """Overlap as a share; above 95 % blocks hardly differ and take for ever."""
+    share = overlap_share(text)
+    if share > MOST_OVERLAP:
+        rule = f"at most {100 * MOST_OVERLAP:g} % is accepted"
+        raise InputError("--overlap", text, rule, "Use less")
+    return share
 
 
 def sharing(

@@ -6,20 +6,24 @@ import logging
 from pathlib import Path
 from typing import Annotated, Any
 
-from ema.core.display import value_with_std
+from ema.core.display import band_text, value_with_std
 from ema.core.errors import InputError
 from model import TuningResult
+from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.cli import options as opt
-from pipelines.cli.screen import print_table, shown, warn
+from pipelines.cli.screen import print_table, say, shown, warn
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.export.modal import export as write
 from pipelines.process.ring import retune
 from pipelines.process.run import process as run
 from pipelines.report.save import PDF, has_pdf, save
+from pipelines.report.template import read_template
 from pipelines.report.write import printing_library, write_figures
 from pipelines.results.options import Options
 from pipelines.results.result import Result
+from pipelines.results.units import Units, parameter_rows
+from pipelines.results.verdict import judge, orders_in_doubt, ring_is_usable
 from pipelines.storage.result_folder import require_free
 from pipelines.storage.tables import plain_rows
 
@@ -41,8 +45,11 @@ def process(
     figures: opt.Figures = None,
     pdf: opt.Pdf = False,
     force: opt.Force = False,
+    template: opt.Template = None,
+    units: opt.UnitSystem = None,
     as_json: opt.Json = False,
     quiet: opt.Quiet = False,
+    verbose: opt.Verbose = False,
 ) -> None:
     """Recordings → FRFs → poles → modes → ring parameters → validation → report.
 
@@ -55,19 +62,21 @@ def process(
       ringmodal process tyre_7 --out result --pdf --figures pictures
     """  # noqa: D406, D407 - a heading of the help
     source = campaign[0] if len(campaign) == 1 else campaign
+    looks = read_template(template, units)
     with reporting_outcome(out):
         require_free(out, force=force)
         _require_possible(figures, out, pdf=pdf, force=force)
         with shown(quiet=quiet) as progress:
             result = run(source, options, progress.stage, progress.step)
             progress.stage("Writing the result …")
-            save(result, out, report=not no_report, pdf=pdf, force=force)
+            save(result, out, report=not no_report, pdf=pdf, force=force, template=looks)
             if figures is not None:
                 progress.stage("Drawing the figures …")
                 write_figures(result, figures, force=force)
         for stage, seconds in result.provenance.get("stage_seconds", {}).items():
             _LOG.info("%s took %.2f s", stage, seconds)
-        show(result, out, as_json=as_json, report=not no_report, quiet=quiet)
+        told: dict[str, Any] = {"as_json": as_json, "quiet": quiet, "units": looks.units}
+        show(result, out, report=not no_report, **told)
 
 
 def tune(
@@ -81,7 +90,11 @@ def tune(
     no_report: opt.NoReport = False,
     strict: opt.Strict = False,
     accept_changes: opt.AcceptChanges = False,
+    template: opt.Template = None,
+    units: opt.UnitSystem = None,
     as_json: opt.Json = False,
+    quiet: opt.Quiet = False,
+    verbose: opt.Verbose = False,
 ) -> None:
     """Determine the ring parameters again, from the modes of an earlier result.
 
@@ -92,6 +105,7 @@ def tune(
     """  # noqa: D406, D407 - a heading of the help
     objective = opt.choice("--objective", objective, opt.OBJECTIVES)
     known = opt.ring_parameters("--given", given)
+    looks = read_template(template, units)
     with reporting_outcome(result_folder):
         result = retune(
             result_folder,
@@ -102,8 +116,10 @@ def tune(
             accept_changes=accept_changes,
         )
         pdf = has_pdf(result_folder) and not no_report
-        save(result, result_folder, report=not no_report, pdf=pdf, force=True)
-        show(result, result_folder, as_json=as_json, report=not no_report)
+        written: dict[str, Any] = {"report": not no_report, "template": looks}
+        save(result, result_folder, pdf=pdf, force=True, **written)
+        told: dict[str, Any] = {"as_json": as_json, "quiet": quiet, "units": looks.units}
+        show(result, result_folder, report=not no_report, **told)
 
 
 def report(
@@ -112,24 +128,29 @@ def report(
     pdf: opt.Pdf = False,
     force: Annotated[bool, opt.replacing("earlier figures")] = False,
     accept_changes: opt.AcceptChanges = False,
+    template: opt.Template = None,
+    units: opt.UnitSystem = None,
     as_json: opt.Json = False,
+    quiet: opt.Quiet = False,
 ) -> None:
     """Write the report of an earlier result again, as HTML and optionally as PDF.
 
     Examples:
       ringmodal report result
       ringmodal report result --pdf --figures pictures
+      ringmodal report result --template laboratory.toml --units lab
     """  # noqa: D406, D407 - a heading of the help
+    looks = read_template(template, units)
     pdf = pdf or has_pdf(result_folder)
     with reporting_outcome(result_folder):
         _require_possible(figures, result_folder, pdf=pdf, force=force)
         result = retune(result_folder, accept_changes=accept_changes)
-        save(result, result_folder, pdf=pdf, force=True)
+        save(result, result_folder, pdf=pdf, force=True, template=looks)
         if figures is not None:
             write_figures(result, figures, force=force)
     if as_json:
         print_json(_summary(result, result_folder, report=True))
-    else:
+    elif not quiet:
         _say_files(result_folder, report=True)
 
 
@@ -147,23 +168,35 @@ def _require_possible(figures: Path | None, result_folder: Path, *, pdf: bool, f
         printing_library("--pdf")
 
 
-def show(result: Result, folder: Path, *, as_json: bool, report: bool, quiet: bool = False) -> None:
-    """Print a result; unless `quiet`, its warnings and notes go to standard error."""
+def show(
+    result: Result,
+    folder: Path,
+    *,
+    as_json: bool,
+    report: bool,
+    quiet: bool = False,
+    units: Units = Units.SI,
+) -> None:
+    """Print tables, verdict and files of a result; its warnings go to standard error."""
     if as_json:
         print_json(_summary(result, folder, report=report))
+    if as_json or quiet:
         return
+    overall = judge(result)
     _show_modes(result)
-    if (tuning := result.tuning) is not None:
-        ring = _ring(tuning).items()
-        rows = [(name, value_with_std(p["value"], p["std"]), p["how"]) for name, p in ring]
-        head = ("parameter", "value", "obtained")
-        title = f"Ring, {tuning.verdict.state}; pressure as {tuning.pressure_load} load"
-        print_table(title, head, rows, texts=("parameter", "obtained"), folding=("obtained",))
-    if not quiet:
-        for text in warnings(result):
-            warn(text)
-        for note in result.notes:
-            echo_error(f"Note: {note}")
+    if (tuning := result.tuning) is not None and ring_is_usable(result):
+        rows = parameter_rows(tuning.ring, tuning, RING_NAMES, units)
+        if (damping := result.damping) is not None:
+            rows += parameter_rows(damping.damping, damping, DAMPING_NAMES, units)
+        cells = [(f"{title} {symbol}", *others) for title, symbol, *others in rows]
+        head = ("ring parameter", "value", "unit", "obtained")
+        title = f"Ring parameters, pressure as {tuning.pressure_load} load"
+        print_table(title, head, cells, texts=("ring parameter", "unit", "obtained"))
+    for remark in overall.remarks:
+        warn(remark.text)
+    for note in result.notes:
+        _LOG.info("Note: %s", note)
+    say(f"Verdict: {overall.line}")
     echo(f"Result: {folder}")
     _say_files(folder, report=report)
 
@@ -181,7 +214,7 @@ def _show_modes(result: Result) -> None:
         frequency = value_with_std(m.frequency_hz, m.frequency_std_hz)
         damping = value_with_std(100 * m.damping_ratio, 100 * m.damping_std)
         order, purity = "", ""
-        if m.order is not None:
+        if m.order is not None and not orders_in_doubt(result):
             order, purity = f"{m.order}{m.member}", f"{m.order_purity:.3f}"
         rows.append((str(number), order, frequency, damping, purity, m.pair.value, m.status))
     head = ("mode", "order", "frequency / Hz", "damping / %", "purity", "pair", "status")
@@ -191,23 +224,8 @@ def _show_modes(result: Result) -> None:
         "first_to_go": ("purity", "mode"),
     }
     # modes.csv has the columns that a narrow screen leaves out.
-    print_table(f"Modes of {result.name}", head, rows, **looks)
-
-
-def warnings(result: Result) -> list[str]:
-    """Findings that are not ok, one line for each check with any."""
-    by_check: dict[str, list[str]] = {}
-    for finding in result.findings:
-        if not finding.is_ok:
-            place = (finding.run, finding.channel if finding.channel != finding.check else "")
-            where = " ".join(filter(None, place))
-            text = f"{where}: {finding.detail}" if where else finding.detail
-            by_check.setdefault(finding.check, []).append(text)
-    return [
-        f"{check}: {found[-1]}"
-        + (f" (and {len(found) - 1} more, see quality.csv)" if len(found) > 1 else "")
-        for check, found in by_check.items()
-    ]
+    title = f"Modes of {result.name}, {band_text(result.modal_model.band_hz)}"
+    print_table(title, head, rows, **looks)
 
 
 def _ring(tuning: TuningResult) -> dict[str, dict[str, Any]]:
@@ -219,13 +237,18 @@ def _ring(tuning: TuningResult) -> dict[str, dict[str, Any]]:
 
 def _summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
     """Content of ``--json``."""
-    table = result.modal_model.to_frame()
+    table, overall = result.modal_model.to_frame(), judge(result)
     return {
         "result": str(folder),
         "report": str(folder / REPORT) if report else None,
         "pdf": str(folder / PDF) if (folder / PDF).is_file() else None,
         "modes": [dict(zip(table.columns, row, strict=True)) for row in plain_rows(table)],
         "ring": {} if result.tuning is None else _ring(result.tuning),
+        "overall": {
+            "state": overall.state.value,
+            "line": overall.line,
+            "remarks": [remark.text for remark in overall.remarks],
+        },
         "verdict": None if result.tuning is None else result.tuning.verdict.state.value,
         "warnings": [f.detail for f in result.findings if not f.is_ok],
         "notes": list(result.notes),

@@ -37,6 +37,11 @@ def warn(text: str) -> None:
     screen(errors=True).print(Text(printable(f"Warning: {text}"), style="yellow"))
 
 
+def say(text: str) -> None:
+    """Print a sentence on standard output, broken at the width of the screen."""
+    screen().print(Text(printable(text)))
+
+
 def print_table(
     title: str,
     head: Sequence[str],

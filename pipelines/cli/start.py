@@ -23,6 +23,7 @@ from pipelines.prepare.guesses import Layout
 from pipelines.prepare.inspection import ChannelReport, FileReport, Inspection, inspect_files
 from pipelines.prepare.manifest_template import draft_manifest, write_draft
 from pipelines.report.save import run_demo
+from pipelines.report.template import read_template
 from pipelines.storage.result_folder import named
 
 PLACES = "Sensor positions"
@@ -30,16 +31,21 @@ PLACES = "Sensor positions"
 
 def demo(
     out: Annotated[Path, opt.option("Folder to write.", metavar="DIR")] = Path("demo"),
+    units: opt.UnitSystem = None,
     as_json: opt.Json = False,
+    quiet: opt.Quiet = False,
+    verbose: opt.Verbose = False,
 ) -> None:
     """Process the sample campaign and write its report.
 
     Example:
       ringmodal demo --out demo
     """
+    looks = read_template(None, units)
     with reporting_outcome(out / "result"):
-        result, folder = run_demo(out)
-    show(result, folder, as_json=as_json, report=True)
+        result, folder = run_demo(out, looks)
+    told: dict[str, Any] = {"as_json": as_json, "quiet": quiet, "units": looks.units}
+    show(result, folder, report=True, **told)
 
 
 def inspect(

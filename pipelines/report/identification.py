@@ -15,6 +15,7 @@ from pipelines.report.closing import listed
 from pipelines.report.page import Animation, Beside, Block, Paragraph, Section, Table
 from pipelines.results.labels import each_once, mode_name, row_names
 from pipelines.results.result import Result
+from pipelines.results.verdict import orders_in_doubt
 
 NO_MODE = "No mode was found in the band."
 ON_CIRCLE = (
@@ -22,6 +23,10 @@ ON_CIRCLE = (
     "position, nodes of the standing part (open circles), force (arrow); 0° is on the right. An "
     "order n shows n waves; a kink at one position is a faulty sensor, not a shape. A standing "
     "wave keeps its nodes, a travelling one moves them around."
+)
+ORDERS_WITHHELD = (
+    "The angles of the sensors are in doubt: orders and pairs are withheld, and the shapes below "
+    "are drawn at angles that may be wrong."
 )
 BY_NODE = (
     "Deflection over the nodes, scaled to a largest part of 1. Neighbours should change smoothly; "
@@ -60,12 +65,14 @@ def modes(result: Result) -> Section:
     model = result.modal_model
     if not model.modes:
         return Section("modes", "Modes", (Paragraph(NO_MODE, "warning"), *listed(model.notes)))
-    every = _mode_columns(model)
+    doubt = orders_in_doubt(result)
+    every = _mode_columns(model, with_orders=not doubt)
     columns = {title: cells for title, cells in every.items() if set(cells) != {DASH}}
     words = len(columns) - 2, len(columns) - 1
     table = Table.of_columns("Identified modes", columns, words)
     blocks: tuple[Block, ...] = (table, Paragraph(_fit_text(model)), *listed(model.notes))
-    return Section("modes", "Modes", (*blocks, *_orders(model), *_cross_check(result)))
+    orders = (Paragraph(ORDERS_WITHHELD, "bad"),) if doubt else _orders(model)
+    return Section("modes", "Modes", (*blocks, *orders, *_cross_check(result)))
 
 
 def shapes(result: Result) -> Section:
@@ -77,12 +84,14 @@ def shapes(result: Result) -> Section:
     return Section("shapes", "Shapes", (Beside((_animation(result), _auto_mac(result))),))
 
 
-def _mode_columns(model: ModalModel) -> dict[str, list[str]]:
+def _mode_columns(model: ModalModel, *, with_orders: bool) -> dict[str, list[str]]:
     modes = model.modes
     shape_known = model.frac.size > 1
     return {
         "mode": [str(index) for index, _ in enumerate(modes, 1)],
-        "order n": [DASH if m.order is None else f"{m.order}{m.member}" for m in modes],
+        "order n": [
+            f"{m.order}{m.member}" if with_orders and m.order is not None else DASH for m in modes
+        ],
         "frequency / Hz": [value_with_std(m.frequency_hz, m.frequency_std_hz, 5) for m in modes],
         "damping ratio / %": [
             value_with_std(100 * m.damping_ratio, 100 * m.damping_std, 3) for m in modes
@@ -90,7 +99,7 @@ def _mode_columns(model: ModalModel) -> dict[str, list[str]]:
         "MPC": [f"{m.mpc:.3f}" if shape_known else DASH for m in modes],
         "MPD / °": [f"{m.mpd_deg:.1f}" if shape_known else DASH for m in modes],
         "purity": [f"{m.order_purity:.3f}" if np.isfinite(m.order_purity) else DASH for m in modes],
-        "pair": [m.pair.value or DASH for m in modes],
+        "pair": [m.pair.value or DASH if with_orders else DASH for m in modes],
         "status": [f"{m.status}: {m.remark}" if m.remark else m.status for m in modes],
     }
 

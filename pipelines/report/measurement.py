@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.checks.quality import ReferenceCheck
+from ema.core.campaign import Tyre
 from ema.core.display import DASH, number, plain, signed, value_with_std
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
@@ -16,14 +17,14 @@ from ema.core.modes import ModalModel
 from pipelines.plots import measurement as plots
 from pipelines.plots.chart import Chart
 from pipelines.report.page import Beside, Block, Facts, Paragraph, Section, Table
+from pipelines.report.template import Template
 from pipelines.results.labels import KNOWN, in_band, named
 from pipelines.results.result import Result
+from pipelines.results.units import Units, quantity
 
 FINDING_HEAD = ("run", "channel", "position", "check", "detail")
 MOST_NAMED_RUNS = 12
 FINDING_WORDS = (0, 1, 3, 4)
-CHECKSUM_DIGITS = 12  # enough to compare by eye; all of them are in the section on inputs
-MOST_FILES = 8
 #: Keys without which a test cannot be repeated.
 WANTED = ("serial", "rim", "load_n", "temperature_c", "boundary", "operator", "date")
 
@@ -35,10 +36,6 @@ def setup(result: Result) -> Section:
     if np.isfinite(result.frf.position_deg).any():
         places = result.excitation_deg, result.reference_deg
         blocks = [Beside((plots.setup_chart(result.frf, *places), facts))]
-    options = flatten(result.provenance.get("options", {}))
-    if options:
-        rows = tuple(options.items())
-        blocks.append(Table("Options in force", ("option", "value"), rows, (0, 1), folded=True))
     return Section("setup", "Set-up and processing", tuple(blocks))
 
 
@@ -201,28 +198,34 @@ def _finding_row(finding: Finding) -> tuple[str, ...]:
     return finding.run or DASH, finding.channel or DASH, position, finding.check, finding.detail
 
 
-def identity(result: Result) -> Section:
-    """The tyre or structure tested, how, and the files."""
-    return Section("identity", "Identity", (Facts((*_object_rows(result), *_origin_rows(result))),))
+def identity(result: Result, template: Template) -> Section:
+    """The tyre or structure tested and how; the introduction of the template, if any."""
+    facts = Facts((*_object_rows(result, template.units), *_origin_rows(result)))
+    opening = (Paragraph(template.introduction),) if template.introduction else ()
+    return Section("identity", "Identity", (*opening, facts))
 
 
-def _object_rows(result: Result) -> list[tuple[str, str]]:
+def _object_rows(result: Result, units: Units) -> list[tuple[str, str]]:
     tyre = result.tyre
     if tyre is None:
         return [("Object", "structure, not described as a tyre"), ("Campaign", result.name)]
     rows = [("Tyre", tyre.designation), ("Campaign", result.name)]
     if (pressure := tyre.inflation_pressure_pa) is not None:
-        rows.append(("Inflation pressure", f"{pressure / 1e3:g} kPa ({pressure / 1e5:g} bar)"))
+        rows.append(("Inflation pressure", quantity(pressure, "Pa", units)))
     for name, value_m in (("Mean radius", tyre.mean_radius_m), ("Belt width", tyre.belt_width_m)):
         if value_m is not None:
-            rows.append((name, f"{value_m:g} m"))
+            rows.append((name, quantity(value_m, "m", units)))
     order = [*(key for key in KNOWN if key in tyre.details), *tyre.details]
-    rows += [named(key, tyre.details[key]) for key in dict.fromkeys(order)]
-    if missing := [key for key in WANTED if key not in tyre.details]:
-        names = ", ".join(named(key, "")[0].lower() for key in missing)
-        keys = ", ".join(missing)
-        rows.append(("Not stated", f"{names} (in the manifest under [tyre]: {keys})"))
-    return rows
+    return rows + [named(key, tyre.details[key]) for key in dict.fromkeys(order)]
+
+
+def not_stated(tyre: Tyre | None) -> tuple[tuple[str, str], ...]:
+    """What a test report should have and the manifest does not."""
+    missing = [key for key in WANTED if tyre is not None and key not in tyre.details]
+    names = ", ".join(named(key, "")[0].lower() for key in missing)
+    keys = ", ".join(missing)
+    row = ("Not stated", f"{names} (in the manifest under [tyre]: {keys})")
+    return (row,) if missing else ()
 
 
 def _origin_rows(result: Result) -> list[tuple[str, str]]:
@@ -233,8 +236,4 @@ def _origin_rows(result: Result) -> list[tuple[str, str]]:
         rows.append(("Processed", created))
     if version := record.get("software", {}).get("ringmodal"):
         rows.append(("Software", f"ringmodal {version}"))
-    if inputs := record.get("inputs", ()):
-        files = [f"{each['file']} {str(each['sha256'])[:CHECKSUM_DIGITS]}" for each in inputs]
-        more = [f"and {len(files) - MOST_FILES} more"] if len(files) > MOST_FILES else []
-        rows.append(("Files (SHA-256 begins with)", ", ".join(files[:MOST_FILES] + more)))
     return rows

@@ -18,6 +18,7 @@ from markupsafe import Markup
 
 from ema.core.errors import visible
 from pipelines.plots.chart import Chart, Drawn
+from pipelines.report.template import Template
 
 LONG_WORD, PIECE = 32, 16  # characters: a checksum breaks, a file name does not
 LIBRARY = "vendor/plotly-cartesian.min.js"
@@ -37,11 +38,30 @@ class Paragraph:
 
 
 @dataclass(frozen=True)
+class Lamp:
+    """A verdict as a traffic light: its colour, a sign for who does not see it, and a line."""
+
+    state: str  # "good", "doubtful" or "bad"
+    sign: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Pointer:
+    """A sentence of a listing, and the section of the page that has its details."""
+
+    text: str
+    anchor: str
+    title: str
+
+
+@dataclass(frozen=True)
 class Listing:
     """Sentences one below the other."""
 
-    items: tuple[str, ...]
+    items: tuple[str | Pointer, ...]
     tone: str = "plain"
+    folded: str = ""  # under this title, shown on demand
 
 
 @dataclass(frozen=True)
@@ -110,7 +130,7 @@ class Animation:
     printed: Callable[[], tuple[Chart, ...]]  # gives the charts for paper
 
 
-Alone = Paragraph | Listing | Facts | Table | Picture | Chart | Chooser | Animation
+Alone = Paragraph | Lamp | Listing | Facts | Table | Picture | Chart | Chooser | Animation
 
 
 @dataclass(frozen=True)
@@ -133,18 +153,18 @@ class Section:
 
 
 def render_page(
-    kind: str, subject: str, sections: tuple[Section, ...], *, signed: bool = False
+    kind: str, subject: str, sections: tuple[Section, ...], template: Template | None = None
 ) -> str:
     """Render sections as one self-contained HTML page.
 
-    `kind` is shown above the title `subject`; a `signed` page ends in print with lines for name,
-    date and signature.
+    `kind` is shown above the title `subject`; a page with a `template` has its head, and ends with
+    lines for signatures.
     """
     moving = any(isinstance(block, Drawn) for section in sections for block in inside(section))
     scripts = tuple(Markup(_text(name)) for name in (LIBRARY, *SCRIPTS)) if moving else ()
     page = _environment().get_template("report.html")
     content = {"kind": kind, "subject": subject, "sections": sections}
-    return page.render(**content, signed=signed, scripts=scripts)
+    return page.render(**content, template=template, scripts=scripts)
 
 
 def drawings(sections: tuple[Section, ...]) -> tuple[Chart, ...]:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.display import DASH, number, plain, signed, value_with_std
-from model.identifiability import AT_BOUND, GIVEN, NOT_IDENTIFIED
+from ema.core.display import DASH, number, signed, value_with_std
+from model.adequacy import State
+from model.identifiability import AT_BOUND, NOT_IDENTIFIED
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from model.ring import natural_frequencies_hz
 from model.tuning import TuningResult
@@ -23,14 +23,22 @@ from pipelines.process.validate import ring_orders
 from pipelines.report.closing import listed, remaining_notes
 from pipelines.report.page import Beside, Block, Paragraph, Picture, Section, Table, render_page
 from pipelines.results.result import Result, Validation
+from pipelines.results.units import Units, parameter_rows
+from pipelines.results.verdict import orders_in_doubt, ring_is_usable
 from pipelines.storage.atomic import file_written_whole
 
 HEAD = ("parameter", "symbol", "value", "unit", "how obtained")
+WORDS = (0, 1, 3, 4)
 HOW_OBTAINED = (
     "± is one standard deviation. Not identified: the measured frequencies do not determine the "
     "parameter, its value is an assumption. At bound: the search ended on a limit, the value is "
     "not an optimum. All stiffnesses, masses and damping values are per unit of belt width."
 )
+IN_DOUBT = (
+    "The angles of the sensors are in doubt, and with them every order: the ring that follows from "
+    "them is withheld."
+)
+TONES = {State.GOOD: "good", State.DOUBTFUL: "warning", State.BAD: "bad"}
 ENDINGS = (".png", ".svg", ".html")
 _EXPLANATION = (
     "Points are versions with their standard deviation, the line is fitted with weights 1/σ², the "
@@ -44,6 +52,8 @@ def validation(result: Result) -> Section:
     title = "Ring model against measurement"
     if result.validation is None or result.tuning is None:
         return Section("validation", title, _left_out(result))
+    if orders_in_doubt(result):
+        return Section("validation", title, (Paragraph(IN_DOUBT, "bad"),))
     found = result.validation
     std_hz, damping_std = _measured_std(result, found.order)
     damped = np.isfinite(found.model_damping).any()
@@ -59,17 +69,25 @@ def validation(result: Result) -> Section:
     return Section("validation", title, blocks)
 
 
-def parameters(result: Result) -> Section:
+def parameters(result: Result, units: Units = Units.SI) -> Section:
     """The parameters of the ring and how each was obtained."""
     title = "Ring parameters"
     tuning = result.tuning
     if tuning is None:
         return Section("parameters", title, _left_out(result))
-    table = _parameter_table("Ring", tuning.ring, tuning, RING_NAMES)
-    blocks: list[Block] = [_verdict(tuning), table, *_undetermined(tuning), *listed(tuning.notes)]
+    usable = ring_is_usable(result)
+    rows = parameter_rows(tuning.ring, tuning, RING_NAMES, units)
+    table = Table("Ring", HEAD, tuple(rows), WORDS)
+    blocks: list[Block] = [
+        _verdict(tuning) if usable or not orders_in_doubt(result) else Paragraph(IN_DOUBT, "bad"),
+        table if usable else _withheld(table),
+        *(_undetermined(tuning) if usable else ()),
+        *listed(tuning.notes),
+    ]
     if (damping := result.damping) is not None:
-        table = _parameter_table("Damping", damping.damping, damping, DAMPING_NAMES)
-        blocks += [table, *listed(damping.notes)]
+        rows = parameter_rows(damping.damping, damping, DAMPING_NAMES, units)
+        table = Table("Damping", HEAD, tuple(rows), WORDS)
+        blocks += [table if usable else _withheld(table), *listed(damping.notes)]
     blocks += [Paragraph(HOW_OBTAINED), _influence(tuning)]
     return Section("parameters", title, tuple(blocks))
 
@@ -121,17 +139,9 @@ def _validation_table(found: Validation) -> Table:
     return Table.of_columns("Measured modes and the tuned ring", columns)
 
 
-def _parameter_table(
-    caption: str, values: Any, found: Any, names: Mapping[str, tuple[str, str, str]]
-) -> Table:
-    """Values with their ±; `found` has the `std` and how each was obtained."""
-    rows = []
-    for name, (title, symbol, unit) in names.items():
-        if (value := getattr(values, name)) is not None:
-            how, std = found.how.get(name, DASH), found.std.get(name)
-            text = plain(value) if how == GIVEN else value_with_std(value, std)
-            rows.append((title, symbol, text, unit, how))
-    return Table(caption, HEAD, tuple(rows), words=(0, 1, 3, 4))
+def _withheld(table: Table) -> Table:
+    """A table of values that are not to be used, shown on demand."""
+    return replace(table, caption=f"{table.caption}: values found, not to be used", folded=True)
 
 
 def _verdict(tuning: TuningResult) -> Paragraph:
@@ -139,7 +149,7 @@ def _verdict(tuning: TuningResult) -> Paragraph:
     found = tuning.verdict
     orders = ", ".join(map(str, found.orders_used))
     text = f"Ring {found.text()}. Orders used: {orders}. Pressure: {tuning.pressure_load} load."
-    return Paragraph(text, "good" if found.is_good else "warning")
+    return Paragraph(text, TONES[found.state])
 
 
 def _undetermined(tuning: TuningResult) -> tuple[Paragraph, ...]:

@@ -9,7 +9,8 @@ from pathlib import Path
 from ema.core.modes import ModalModel
 from pipelines.process.run import process
 from pipelines.process.validate import ring_orders
-from pipelines.report.write import write_pdf, write_report
+from pipelines.report.template import Template
+from pipelines.report.write import PLAIN, write_pdf, write_report
 from pipelines.results import tables
 from pipelines.results.parameter_set import from_tuning, write_parameter_set
 from pipelines.results.provenance import OPTIONAL_READ_BACK, READ_BACK
@@ -31,6 +32,7 @@ def save(
     report: bool = True,
     pdf: bool = False,
     force: bool = False,
+    template: Template = PLAIN,
 ) -> None:
     """Write a result folder as the contract describes it.
 
@@ -45,6 +47,8 @@ def save(
         Whether to write ``report.pdf`` too.
     force : bool
         Replace an existing result.
+    template : Template
+        Texts, logo and units of the report.
 
     Raises
     ------
@@ -67,9 +71,9 @@ def save(
         write_identification(result, partial)
         _write_tyre(result, partial / "tyre.toml")
         if report:
-            write_report(result, partial / "report.html")
+            write_report(result, partial / "report.html", template)
         if pdf:
-            write_pdf(result, partial / PDF)
+            write_pdf(result, partial / PDF, template)
         warnings = [asdict(finding) for finding in result.findings if not finding.is_ok]
         write_marker(partial / MARKER, {**result.provenance, "warnings": warnings})
 
@@ -128,7 +132,7 @@ def _replaceable(result: Result) -> dict[str, str]:
     return {name: sha for name, sha in accepted.items() if name in kept and sha}
 
 
-def run_demo(out: Path) -> tuple[Result, Path]:
+def run_demo(out: Path, template: Template = PLAIN) -> tuple[Result, Path]:
     """Process the sample campaign into ``out/result``, where it replaces an earlier demonstration.
 
     The campaign comes from the project's folder; where that is missing it is written to
@@ -136,5 +140,5 @@ def run_demo(out: Path) -> tuple[Result, Path]:
     """
     result = process(sample_campaign(out / "campaign"))
     folder = out / "result"
-    save(result, folder, force=True)
+    save(result, folder, force=True, template=template)
     return result, folder

@@ -15,7 +15,7 @@ from typing import Any
 
 from ema.core.errors import InputError, visible
 from pipelines.plots.chart import Chart, Drawn
-from pipelines.report import closing, identification, measurement, responses, ring
+from pipelines.report import closing, identification, measurement, responses, ring, summary
 from pipelines.report.page import (
     Alone,
     Beside,
@@ -27,16 +27,12 @@ from pipelines.report.page import (
     drawings,
     render_page,
 )
+from pipelines.report.template import Template
 from pipelines.results.labels import short
 from pipelines.results.result import Result
 from pipelines.storage.atomic import file_written_whole, not_written, require_free_file
 
-KIND = "Modal report"
-SECTIONS = (
-    *(closing.summary, measurement.identity, measurement.setup, measurement.quality),
-    *(identification.stability, identification.modes, responses.responses, identification.shapes),
-    *(ring.validation, ring.parameters, closing.warnings, closing.origin, closing.definitions),
-)
+PLAIN = Template()
 STYLE = Path(__file__).parent / "paper.css"
 MOST_FOLDED_ROWS = 30  # of a table that is folded on the screen: longer ones are not printed
 FORMATS = ("png", "svg")
@@ -48,14 +44,35 @@ INSTALL = (
 )
 
 
-def report_sections(result: Result) -> tuple[Section, ...]:
+def report_sections(result: Result, template: Template = PLAIN) -> tuple[Section, ...]:
     """All sections of the report in their order."""
-    return tuple(build(result) for build in SECTIONS)
+    units = template.units
+    return (
+        summary.summary(result, units),
+        measurement.identity(result, template),
+        measurement.setup(result),
+        measurement.quality(result),
+        identification.stability(result),
+        identification.modes(result),
+        responses.responses(result),
+        identification.shapes(result),
+        ring.validation(result),
+        ring.parameters(result, units),
+        closing.warnings(result),
+        closing.origin(result),
+        closing.definitions(result),
+    )
 
 
-def render_report(result: Result) -> str:
+def render_report(result: Result, template: Template = PLAIN) -> str:
     """Render a result as one HTML page with styles, scripts and pictures inside."""
-    return render_page(KIND, subject_of(result), report_sections(result), signed=True)
+    template = _completed(template, result)
+    sections = report_sections(result, template)
+    return render_page(template.title, subject_of(result), sections, template)
+
+
+def _completed(template: Template, result: Result) -> Template:
+    return template if result.tyre is None else template.completed(result.tyre.details)
 
 
 def subject_of(result: Result) -> str:
@@ -63,8 +80,8 @@ def subject_of(result: Result) -> str:
     return result.tyre.designation if result.tyre is not None else result.name
 
 
-def write_report(result: Result, path: str | Path) -> Path:
-    """Write the report to `path` and return it.
+def write_report(result: Result, path: str | Path, template: Template = PLAIN) -> Path:
+    """Write the report to `path` and return it; a template adds texts, a logo and units.
 
     Examples
     --------
@@ -73,11 +90,11 @@ def write_report(result: Result, path: str | Path) -> Path:
     'report.html'
     """
     target = Path(path)
-    target.write_text(render_report(result), encoding="utf-8")
+    target.write_text(render_report(result, template), encoding="utf-8")
     return target
 
 
-def write_pdf(result: Result, path: str | Path) -> Path:
+def write_pdf(result: Result, path: str | Path, template: Template = PLAIN) -> Path:
     """Write the report as PDF, A4, with a line for the signature, and return `path`.
 
     Parameters
@@ -85,6 +102,8 @@ def write_pdf(result: Result, path: str | Path) -> Path:
     result : Result
     path : path
         Written atomically; an earlier file is replaced.
+    template : Template
+        Texts, logo and units of a laboratory.
 
     Raises
     ------
@@ -93,12 +112,16 @@ def write_pdf(result: Result, path: str | Path) -> Path:
     """
     target = Path(path)
     weasyprint = printing_library(str(target))
-    sections = tuple(map(_for_paper, report_sections(result)))
-    page = render_page(KIND, subject_of(result), sections, signed=True)
+    template = _completed(template, result)
+    sections = tuple(map(_for_paper, report_sections(result, template)))
+    page = render_page(template.title, subject_of(result), sections, template)
     # Everything is inside the page: no other address is fetched.
     inside = weasyprint.URLFetcher(allowed_protocols=["data"])
     document = weasyprint.HTML(string=page, url_fetcher=inside)
-    sheets = [weasyprint.CSS(filename=STYLE), weasyprint.CSS(string=_running_texts(result))]
+    sheets = [
+        weasyprint.CSS(filename=STYLE),
+        weasyprint.CSS(string=_running_texts(result, template)),
+    ]
     with file_written_whole(target) as partial:
         partial.write_bytes(document.write_pdf(stylesheets=sheets, pdf_tags=True))
     return target
@@ -194,11 +217,12 @@ def _picture(drawing: Chart) -> Picture:
     return Picture(source, drawing.alternative, drawing.caption, drawing.wide)
 
 
-def _running_texts(result: Result) -> str:
+def _running_texts(result: Result, template: Template) -> str:
     """Style with the texts at the head and foot of each page."""
     version = result.provenance.get("software", {}).get("ringmodal", "")
+    number = f" – {short(template.report_number, 30)}" if template.report_number else ""
     texts = {
-        "top-left": f"{KIND} – {short(subject_of(result), 60)}",
+        "top-left": f"{short(template.title, 40)}{number} – {short(subject_of(result), 60)}",
         "top-right": str(result.provenance.get("created", ""))[:10],
         "bottom-left": f"ringmodal {version}".strip(),
     }

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Discriminator,
     Field,
@@ -21,6 +22,7 @@ from pydantic import (
     model_validator,
 )
 
+from ema.core.block_plan import overlap_share
 from ema.core.campaign import Direction, Processing, Tyre
 from ema.core.errors import ManifestError, nearest
 from ema.core.files import require_regular
@@ -210,13 +212,20 @@ class UncertainSection(_Section):
     std: NotNegative
 
 
+def _overlap(value: Any) -> float:
+    """A share of a block, or percent."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError("overlap must be a share such as 0.5, or percent such as 50")
+    return overlap_share(value)
+
+
 class ProcessingSection(_Section):
     """``[processing]``: how recordings become FRFs."""
 
     averages: Annotated[int, Field(ge=1, strict=True)] | None = None
     block_seconds: Positive | None = None
     window: str | None = None
-    overlap: Annotated[float, Field(ge=0, lt=1, strict=True)] | None = None
+    overlap: Annotated[float, BeforeValidator(_overlap)] | None = None
     band_hz: tuple[NotNegative, Positive] | None = None
     exponential_window_s: Positive | UncertainSection | None = None
     force_window_s: Positive | None = None

@@ -1,5 +1,7 @@
 """How recordings are cut: lengths, windows, overlap, and what averages are worth."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -157,3 +159,27 @@ def test_blocks_that_do_not_fit_are_refused(processing):
 def test_unknown_windows_are_refused(window):
     with pytest.raises(InputError, match=window):
         _ = plan(20, window=window).taper
+
+
+@pytest.mark.parametrize(
+    ("name", "known"),
+    [
+        ("Hanning", "hann"),
+        ("Rectangular", "boxcar"),
+        ("uniform", "boxcar"),
+        ("Flat Top", "flattop"),
+    ],
+)
+def test_windows_have_the_names_of_other_programs_too(name, known):
+    assert Processing(window=name).window == known
+
+
+@pytest.mark.parametrize("overlap", [0.5, 50, "50 %", "50%", "0.5"])
+def test_an_overlap_is_a_share_or_percent(overlap):
+    assert Processing(overlap=overlap).overlap == 0.5
+
+
+@pytest.mark.parametrize("overlap", [1.0, 100, -0.1, "half", math.nan, "100 %"])
+def test_an_overlap_that_is_none_is_refused(overlap):
+    with pytest.raises(InputError, match="overlap"):
+        Processing(overlap=overlap)

@@ -355,8 +355,7 @@ def test_names_from_files_are_texts_on_a_terminal(capsys, monkeypatch, name):
     output, errors = capsys.readouterr()
     shown = terminal.printable(name)
     assert f"Modes of {shown}" in output
-    assert f"Warning: hum: {shown} {shown}: {shown}" in errors
-    assert f"Note: {shown}" in errors
+    assert f"Warning: Hum: {shown} {shown}: {shown}" in errors
     assert f"{shown}: {shown}; {shown}. {shown}." in errors
     assert all(line.isprintable() for line in (output + errors).split("\n"))
 

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -12,8 +13,9 @@ import pytest
 
 from ema.core.finding import Check, Finding, Verdict
 from pipelines.cli import streams, terminal
-from pipelines.cli.result import show, warnings
+from pipelines.cli.result import show
 from pipelines.cli.screen import print_table, screen
+from pipelines.results.units import Units
 
 HEAD = ("mode", "frequency in Hz", "status", "purity", "remark")
 ROWS = (
@@ -126,10 +128,24 @@ def test_help_appears_on_an_old_console():
     assert b"Recordings -> FRFs" in finished.stdout
 
 
-def test_a_warning_names_its_check_once(sample_result):
+def test_a_warning_names_its_check_once(sample_result, capsys):
     finding = Finding("", "reference", None, Check.REFERENCE, Verdict.WARNING, "the tyre changed")
-    (text,) = warnings(replace(sample_result, findings=(finding,)))
-    assert text == "reference: the tyre changed"
+    result = replace(sample_result, findings=(finding,))
+    show(result, Path("r"), as_json=False, report=True)
+    assert "Warning: Reference: the tyre changed." in capsys.readouterr().err
+
+
+def test_a_clean_run_prints_tables_verdict_and_files_and_no_notes(sample_result, capsys):
+    show(sample_result, Path("r"), as_json=False, report=True)
+    output, errors = capsys.readouterr()
+    assert [line.split(":")[0] for line in output.splitlines()[-3:]] == [
+        *("Verdict", "Result", "Report")
+    ]
+    assert "inflation pressure p₀" in output
+    assert "kPa" in output
+    assert "Note" not in errors
+    show(sample_result, Path("r"), as_json=False, report=True, units=Units.LAB)
+    assert re.search(r"p₀ +2\.200 ± 0\.022 +bar", capsys.readouterr().out)
 
 
 def test_inspect_names_files_with_their_folder(ringmodal, short_campaign):

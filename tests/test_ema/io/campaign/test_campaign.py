@@ -124,6 +124,7 @@ def test_samples_stay_on_disk(folder):
         ("[20, 260.0]", "[260, 20]", "[lower, upper]"),
         ("averages = 2", "averages = 2\nblock_seconds = 4.0", "exclude each other"),
         ("averages = 2", "overlap = 1.0", "processing.overlap"),
+        ("averages = 2", 'overlap = "half"', "processing.overlap"),
         ("averages = 2", "exponential_window_s = 0.0", "processing.exponential_window_s"),
         ("averages = 2", "force_window_s = -1.0", "processing.force_window_s"),
         ("2000.0", "2048.0", "config_1.uff was sampled at 2000 Hz"),

@@ -1,0 +1,251 @@
+"""The verdict on a result as a whole: a state, one line, and what the reader should know first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+
+from ema.circumference.mass_loading import percent_per_gram
+from ema.circumference.ring_modes import PURE
+from ema.core.display import counted, number
+from ema.core.finding import Check, Finding, Verdict
+from ema.core.modes import Mode
+from model.adequacy import State
+from model.identifiability import AT_BOUND, NOT_IDENTIFIED
+from model.parameters import DAMPING_NAMES, RING_NAMES
+from pipelines.results.result import Result
+
+#: The state in words, and a sign that can be told without its colour.
+WORDS = {State.GOOD: "Good", State.DOUBTFUL: "Usable with care", State.BAD: "Not usable as it is"}
+SIGNS = {State.GOOD: "✓", State.DOUBTFUL: "!", State.BAD: "×"}
+# Loss of about 4 % of the pressure, or 5 to 10 °C: the runs are of one tyre in different states.
+_BAD_DRIFT_PERCENT = 1.0
+_BAD_EXCLUDED = 0.1  # share of the positions: more than one sensor in ten calls for a new test
+_MOST_PLACES = 2  # that are named
+_POOR_FRAC = 0.9  # median, below which the modes do not explain the FRFs
+# Findings that come first among those of one state, by what they put in doubt.
+_FIRST = (
+    *(Check.CHANGED, Check.POSITIONS, Check.PLAUSIBILITY, Check.SAMPLING_RATE, Check.AMPLITUDE),
+    *(Check.DRIVE_POINT, Check.DRIFT, Check.REFERENCE, Check.GAIN, Check.WITHIN_RUN),
+    *(Check.INCONSISTENT, Check.CORRECTIONS_WITHHELD),
+)
+
+
+@dataclass(frozen=True)
+class Remark:
+    """Something that the reader of a result should know."""
+
+    state: State  # what it makes of the result
+    text: str  # sentences
+    section: str  # anchor of the section of the report that has the details
+    brief: str = ""  # why the result is bad, in a few words
+
+
+@dataclass(frozen=True)
+class Overall:
+    """The verdict on a result: the worst state of its remarks."""
+
+    state: State
+    line: str
+    remarks: tuple[Remark, ...]  # the most important first
+
+
+def judge(result: Result) -> Overall:
+    """The verdict on a result as a whole."""
+    found = sorted(_remarks(result), key=lambda each: -list(State).index(each.state))
+    state = found[0].state if found else State.GOOD
+    line = "; ".join(each.brief for each in found if each.state == State.BAD and each.brief)
+    return Overall(state, f"{WORDS[state]}: {line or _content(result)}.", tuple(found))
+
+
+def orders_in_doubt(result: Result) -> bool:
+    """Whether the angles of the sensors are, so that orders, shapes and ring are withheld."""
+    return any(each.check == Check.POSITIONS and not each.is_ok for each in result.findings)
+
+
+def ring_is_usable(result: Result) -> bool:
+    """Whether there are ring parameters that may be shown as a result."""
+    tuning = result.tuning
+    return tuning is not None and tuning.verdict.state != State.BAD and not orders_in_doubt(result)
+
+
+def order_is_mixed(mode: Mode) -> bool:
+    """Whether a mode's shape has so little of its order that it is withheld."""
+    return mode.order is not None and mode.order_purity < PURE
+
+
+def findings_by_check(result: Result) -> dict[Check, list[Finding]]:
+    """Findings that are not ok, the most important checks first."""
+    found: dict[Check, list[Finding]] = {}
+    for each in result.findings:
+        if not each.is_ok:
+            found.setdefault(each.check, []).append(each)
+    rank = {check: place for place, check in enumerate(_FIRST)}
+    return dict(sorted(found.items(), key=lambda pair: rank.get(pair[0], len(rank))))
+
+
+def in_words(findings: list[Finding]) -> str:
+    """Findings of one check in a line: the last one, as the largest, and how many there are."""
+    last = findings[0 if findings[0].check == Check.POSITIONS else -1]
+    place = (last.run, last.channel if last.channel != last.check else "")
+    where = " ".join(filter(None, place))
+    text = f"{where}: {last.detail}" if where else last.detail
+    return text if len(findings) == 1 else f"{text} (and {len(findings) - 1} more)"
+
+
+def _content(result: Result) -> str:
+    """What was found, where nothing speaks against it."""
+    modes, tuning = result.modal_model.modes, result.tuning
+    orders = sorted({mode.order for mode in modes if mode.order is not None})
+    of_orders = f" of {_runs(orders)}" if orders else ""
+    parts = [f"{counted(len(modes), 'mode')}{of_orders}"]
+    if tuning is not None and result.validation is not None:
+        worst = np.abs(result.validation.error_percent).max()
+        parts.append(f"ring model within {worst:.2g} %")
+        if missing := _named(tuning.how, NOT_IDENTIFIED):
+            parts.append(f"{counted(len(missing), 'ring parameter')} not identified")
+    return "; ".join(parts)
+
+
+def _runs(orders: list[int]) -> str:
+    """Orders as "order 3", "orders 1 to 9" or "orders 1, 2, 4"."""
+    if len(orders) == 1:
+        return f"order {orders[0]}"
+    closed = len(orders) > 2 and orders == list(range(orders[0], orders[-1] + 1))
+    return "orders " + (f"{orders[0]} to {orders[-1]}" if closed else ", ".join(map(str, orders)))
+
+
+def _remarks(result: Result) -> Iterator[Remark]:
+    if not result.modal_model.modes:
+        brief = "no mode was found in the band"
+        yield Remark(State.BAD, "No mode was found in the band.", "stability", brief)
+    yield from _of_ring(result)
+    yield from _of_findings(result)
+    yield from _of_modes(result)
+    yield from _of_parameters(result)
+    yield from _of_sensor_mass(result)
+
+
+def _of_findings(result: Result) -> Iterator[Remark]:
+    excluded = {(e.run, e.channel): e for e in result.findings if e.verdict == Verdict.EXCLUDED}
+    checks = findings_by_check(result)
+    checks.pop(Check.RING, None)  # the verdict on the ring has them
+    if Check.DRIFT in checks and result.modal_model.drift.run:
+        checks.pop(Check.DRIFT)
+        yield _drift(result)
+    for check, findings in checks.items():
+        state, brief = State.DOUBTFUL, ""
+        if check == Check.POSITIONS:
+            state, brief = State.BAD, "the angles of the sensors are in doubt"
+        # Other warnings of a channel that is left out concern nobody.
+        if others := [each for each in findings if (each.run, each.channel) not in excluded]:
+            text = f"{check.value.capitalize()}: {in_words(others).rstrip('.')}."
+            yield Remark(state, text, "quality", brief)
+    if excluded:
+        yield _excluded(result, list(excluded.values()))
+
+
+def _drift(result: Result) -> Remark:
+    drift, model = result.modal_model.drift, result.modal_model
+    largest = float(np.max(np.abs(drift.at(model.frequencies_hz[:, None]))))
+    state = State.BAD if largest > _BAD_DRIFT_PERCENT else State.DOUBTFUL
+    brief = f"frequencies drift by {largest:.2g} % between the runs"
+    text = f"Drift: the natural frequencies change by up to {largest:.2g} % between the runs"
+    return Remark(state, f"{text}; modes are given in the state of the first.", "quality", brief)
+
+
+def _excluded(result: Result, out: list[Finding]) -> Remark:
+    checks = list(dict.fromkeys(each.check for each in out))
+    n_measured = result.measured.n_positions
+    n_out = n_measured - result.frf.n_positions
+    state = State.BAD if n_out > _BAD_EXCLUDED * n_measured else State.DOUBTFUL
+    brief = f"{n_out} of {n_measured} positions are excluded" if n_out else "excluded"
+    why = ", ".join(
+        f"{check} ({_places([each for each in out if each.check == check])})" for check in checks
+    )
+    return Remark(state, f"{brief.capitalize()}: {why}.", "quality", brief)
+
+
+def _places(findings: list[Finding]) -> str:
+    """Where findings are, the first of many."""
+    named = [" ".join(filter(None, (each.run, each.channel))) for each in findings]
+    more = len(named) - _MOST_PLACES
+    return ", ".join(named[:_MOST_PLACES]) + (f" and {more} more" if more > 0 else "")
+
+
+def _of_ring(result: Result) -> Iterator[Remark]:
+    wanted = result.tyre is not None and result.provenance.get("options", {}).get("tune", True)
+    if result.tuning is None and wanted and result.notes:
+        yield Remark(State.DOUBTFUL, result.notes[-1], "parameters")  # the reason, see `tune`
+    if result.tuning is None or orders_in_doubt(result):
+        return
+    for each in result.tuning.verdict.evidence:
+        brief = f"no ring parameters ({each.reason.meaning})"
+        text = f"Ring model: {each.reason.meaning} ({each.detail})."
+        yield Remark(each.reason.state, text, "parameters", brief)
+
+
+def _of_modes(result: Result) -> Iterator[Remark]:
+    model = result.modal_model
+    if impure := [mode for mode in model.modes if order_is_mixed(mode)]:
+        text = f"{counted(len(impure), 'mode')} of mixed order: the purity is below {PURE}."
+        yield Remark(State.DOUBTFUL, text, "modes")
+    doubtful = Counter(mode.status for mode in model.modes if mode.doubtful)
+    for status, count in doubtful.items():
+        yield Remark(State.DOUBTFUL, f"{counted(count, 'mode')}: {status}.", "modes")
+    if model.modes and np.median(model.frac) < _POOR_FRAC:
+        text = f"The modes explain the FRFs poorly: median FRAC {np.median(model.frac):.2f}."
+        yield Remark(State.DOUBTFUL, text, "frf")
+    yield from _of_second_estimator(result)
+
+
+def _of_second_estimator(result: Result) -> Iterator[Remark]:
+    n_modes = len(result.modal_model.modes)
+    apart = [isfinite(each.mode_hz) for each in result.opinions if not each.agrees]
+    if (further := apart.count(False)) >= max(n_modes, 1):
+        brief = f"a second estimator finds {further} poles beside the {counted(n_modes, 'mode')}"
+        yield Remark(State.BAD, f"{brief[0].upper()}{brief[1:]}.", "modes", brief)
+    elif apart:
+        text = f"A second estimator disagrees on {apart.count(True)} of {counted(n_modes, 'mode')}"
+        text += f" and finds {counted(further, 'further pole')}" if further else ""
+        yield Remark(State.DOUBTFUL, f"{text}.", "modes")
+
+
+def _of_parameters(result: Result) -> Iterator[Remark]:
+    tuning, damping = result.tuning, result.damping
+    if tuning is None or not ring_is_usable(result):
+        return
+    how = tuning.how | (damping.how if damping is not None else {})
+    if missing := _named(how, NOT_IDENTIFIED):
+        text = f"Not identified: {', '.join(missing)}; values and ± are assumptions."
+        yield Remark(State.DOUBTFUL, text, "parameters")
+    if bound := _named(how, AT_BOUND):
+        text = f"At a limit of the search: {', '.join(bound)}; the value is not an optimum."
+        yield Remark(State.DOUBTFUL, text, "parameters")
+
+
+def _of_sensor_mass(result: Result) -> Iterator[Remark]:
+    """A sensor mass that is not compensated, where a gram shifts more than the ± says."""
+    runs = Counter(name for names in result.measured.run for name in names.split("+"))
+    if result.sensor_mass is not None or not runs:
+        return
+    sensors = max(runs.values()) + (result.reference_deg is not None)
+    shift = percent_per_gram(result.modal_model, sensors, result.excitation_deg or 0.0)
+    stds = [100 * mode.frequency_std_hz / mode.frequency_hz for mode in result.modal_model.modes]
+    std = float(np.median(stds)) if stds else float("nan")
+    if isfinite(shift) and shift > std:
+        text = (
+            f"Sensor mass not compensated: each gram per sensor lowers the frequencies by "
+            f"{number(shift, 1)} %, their ± is {number(std, 1)} %; state mass_kg in [sensors]."
+        )
+        yield Remark(State.DOUBTFUL, text, "modes")
+
+
+def _named(how: dict[str, str], wanted: str) -> list[str]:
+    """Name and symbol of the parameters that were obtained in a way."""
+    names = RING_NAMES | DAMPING_NAMES
+    return [" ".join(names[each][:2]) for each, found in how.items() if found == wanted]
