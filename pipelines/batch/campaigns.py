@@ -28,6 +28,7 @@ from pipelines.batch.state import (
 )
 from pipelines.process.run import process
 from pipelines.report.save import save
+from pipelines.report.template import PLAIN, Template
 from pipelines.results.options import Options
 from pipelines.results.parameter_set import tuned_parameters
 from pipelines.storage.atomic import remove_abandoned
@@ -56,6 +57,7 @@ class Task:
     folder: BatchFolder
     options: Options
     report: bool = False
+    template: Template = PLAIN
 
     @property
     def result(self) -> Path:
@@ -203,7 +205,7 @@ def _processed(task: Task) -> Record:
         rule = "files changed while they were processed"
         remedy = "Run the batch again when the files no longer change"
         raise InputError(name, "two states of the files", rule, remedy)
-    save(result, task.result, report=task.report, force=True)
+    save(result, task.result, report=task.report, force=True, template=task.template)
     files = (
         replace(state, sha256=entry["sha256"])
         for state, entry in zip(before, result.provenance["inputs"], strict=True)

@@ -25,6 +25,7 @@ from pipelines.batch.summary import (
     write_summary,
 )
 from pipelines.batch.workers import in_this_process, on_cluster, on_this_machine
+from pipelines.report.template import PLAIN, Template
 from pipelines.results.options import Options
 from pipelines.results.provenance import PAGES, is_as_written
 
@@ -70,6 +71,7 @@ def run_batch(
     scheduler: str | None = None,
     allow_unencrypted: bool = False,
     reports: bool = False,
+    template: Template = PLAIN,
     retry_failed: bool = False,
     finished: Finished = lambda record, done, total: None,
     announce: Callable[[str], None] = lambda text: None,
@@ -95,6 +97,8 @@ def run_batch(
         code in its workers and in this process.
     reports : bool
         Whether each result gets its ``report.html``.
+    template : Template
+        Texts, logo and units of the reports.
     retry_failed : bool
         Whether to retry campaigns that failed and have not changed.
     finished : callable, optional
@@ -111,7 +115,7 @@ def run_batch(
     options = options or Options()
     campaigns = find_campaigns(Path(root), Path(out))
     folder = prepared(Path(out))
-    tasks = [Task(each, folder, options, reports) for each in campaigns]
+    tasks = [Task(each, folder, options, reports, template) for each in campaigns]
     known = {each.campaign.name: _earlier(each, retry_failed=retry_failed) for each in tasks}
     earlier = {name: record for name, record in known.items() if record is not None}
     tasks = [each for each in tasks if each.campaign.name not in earlier]

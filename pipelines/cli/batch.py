@@ -14,6 +14,7 @@ from pipelines.cli import options as opt
 from pipelines.cli.screen import shown
 from pipelines.cli.streams import Interrupted
 from pipelines.cli.terminal import echo, print_json
+from pipelines.report.template import read_template
 from pipelines.results.options import Options
 
 MACHINES = "Machines"
@@ -49,14 +50,15 @@ def batch(
         bool,
         opt.flag("--retry-failed", "Retry campaigns that failed and have not changed.", opt.FILES),
     ] = False,
+    template: opt.Template = None,
+    units: opt.UnitSystem = None,
     as_json: opt.Json = False,
     quiet: opt.Quiet = False,
 ) -> None:
     """Process every campaign under a folder, and collect modes and parameters.
 
     A campaign that cannot be processed becomes a row with its message. The same command again
-    processes only what is new or changed. Ends with code 0 when every campaign has its row; with
-    --strict, with 2 if any failed.
+    processes only what is new or changed. Ends with code 1 if any campaign failed.
 
     Examples:
       ringmodal batch measurements/2025 --out results/2025
@@ -82,6 +84,7 @@ def batch(
                 scheduler=scheduler,
                 allow_unencrypted=allow_unencrypted,
                 reports=reports,
+                template=read_template(template, units),
                 retry_failed=retry_failed,
                 finished=finished,
                 announce=progress.line,
@@ -92,9 +95,10 @@ def batch(
                 "processes the others"
             )
             raise
-    _show(found, as_json=as_json)
-    if options.strict and found.failed:
-        raise typer.Exit(2)
+    if as_json or not quiet:
+        _show(found, as_json=as_json)
+    if found.failed:
+        raise typer.Exit(1)
 
 
 def _outcome(record: Record) -> str:

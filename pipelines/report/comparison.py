@@ -19,7 +19,7 @@ from pipelines.plots.comparison import change_chart, cross_mac_chart, frf_charts
 from pipelines.plots.modes import matrix_chart
 from pipelines.report.closing import DEFINITIONS, input_files
 from pipelines.report.page import Block, Facts, Listing, Paragraph, Section, Table, render_page
-from pipelines.report.template import Template
+from pipelines.report.template import PLAIN
 from pipelines.results.labels import short
 from pipelines.storage.atomic import file_written_whole, require_free_file
 
@@ -59,7 +59,7 @@ def comparison_sections(comparison: Comparison) -> tuple[Section, ...]:
 def render_comparison(comparison: Comparison) -> str:
     """Render a comparison as one HTML page."""
     subject, sections = " → ".join(comparison.names), comparison_sections(comparison)
-    return render_page("Comparison of two results", subject, sections, Template())
+    return render_page("Comparison of two results", subject, sections, PLAIN)
 
 
 def write_comparison(comparison: Comparison, path: Path | str, *, force: bool = False) -> Path:

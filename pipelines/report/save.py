@@ -9,8 +9,8 @@ from pathlib import Path
 from ema.core.modes import ModalModel
 from pipelines.process.run import process
 from pipelines.process.validate import ring_orders
-from pipelines.report.template import Template
-from pipelines.report.write import PLAIN, write_pdf, write_report
+from pipelines.report.template import PLAIN, Template
+from pipelines.report.write import write_pdf, write_report
 from pipelines.results import tables
 from pipelines.results.parameter_set import from_tuning, write_parameter_set
 from pipelines.results.provenance import OPTIONAL_READ_BACK, READ_BACK

@@ -52,9 +52,12 @@ class Template:
         return replace(self, **own)  # type: ignore[arg-type]
 
 
+PLAIN = Template()
+
+
 def read_template(path: Path | None, units: Units | None = None) -> Template:
     """Read a template, the plain one where there is none; `units` overrides its own."""
-    template = Template() if path is None else _read(path)
+    template = PLAIN if path is None else _read(path)
     return template if units is None else replace(template, units=units)
 
 

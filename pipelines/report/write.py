@@ -27,12 +27,11 @@ from pipelines.report.page import (
     drawings,
     render_page,
 )
-from pipelines.report.template import Template
+from pipelines.report.template import PLAIN, Template
 from pipelines.results.labels import short
 from pipelines.results.result import Result
 from pipelines.storage.atomic import file_written_whole, not_written, require_free_file
 
-PLAIN = Template()
 STYLE = Path(__file__).parent / "paper.css"
 MOST_FOLDED_ROWS = 30  # of a table that is folded on the screen: longer ones are not printed
 FORMATS = ("png", "svg")

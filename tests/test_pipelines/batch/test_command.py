@@ -64,16 +64,17 @@ def page_of(records, tmp_path):
     return folder.summary.read_text(encoding="utf-8")
 
 
-def test_it_says_what_became_of_each_campaign_and_ends_well(ringmodal, root, tmp_path):
+def test_it_says_what_became_of_each_campaign_and_ends_with_1(ringmodal, root, tmp_path):
     out = tmp_path / "out"
     code, output, errors = ringmodal("batch", root, "--out", out, *ONCE)
-    assert code == 0
+    assert code == 1
     page = out / "summary.html"
     assert output == f"2 done, 6 failed (see {page}), 0 already done\n"
     assert re.search(r"^\[1/8, .+ left\] 2025/tyre_1: 9 modes, .* s$", errors, re.MULTILINE)
     assert re.search(r"^\[8/8\] recording truncated: failed\. config_1", errors, re.MULTILINE)
-    code, output, _ = ringmodal("batch", root, "--out", out, *ONCE, "--quiet")
-    assert code == 0
+    assert ringmodal("batch", root, "--out", out, *ONCE, "--quiet") == (1, "", "")
+    code, output, _ = ringmodal("batch", root, "--out", out, *ONCE)
+    assert code == 1
     assert output == (
         f"Nothing to do: 0 done, 0 failed (see {page}), 2 already done, "
         "6 failed before (use --retry-failed to retry them)\n"
@@ -84,7 +85,7 @@ def test_json_prints_the_rows_and_quiet_nothing_else(ringmodal, broken, tmp_path
     code, output, errors = ringmodal(
         *("batch", broken, "--out", tmp_path / "out", *ONCE, "--json", "--quiet")
     )
-    assert (code, errors) == (0, "")
+    assert (code, errors) == (1, "")
     content = json.loads(output)
     assert (content["done"], content["failed"], content["already_done"]) == (0, 8, 0)
     rows = {row["campaign"]: row for row in content["campaigns"]}
@@ -93,9 +94,9 @@ def test_json_prints_the_rows_and_quiet_nothing_else(ringmodal, broken, tmp_path
     assert "gone: No such file" in rows["2025/tyre_1"]["message"]
 
 
-def test_strict_ends_with_2_if_any_failed(ringmodal, broken, tmp_path):
+def test_strict_ends_with_1_too(ringmodal, broken, tmp_path):
     code, output, _ = ringmodal("batch", broken, "--out", tmp_path / "out", *ONCE, "--strict")
-    assert code == 2
+    assert code == 1
     assert "0 done, 8 failed" in output
 
 
