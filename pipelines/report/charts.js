@@ -41,7 +41,7 @@ function layoutOf(chart, style, width) {
     font: { family: getComputedStyle(document.body).fontFamily, size: narrow ? 11 : 12.5, color: "--ink" },
     paper_bgcolor: "rgba(0,0,0,0)",
     plot_bgcolor: "rgba(0,0,0,0)",
-    margin: { l: narrow ? 48 : 60, r: narrow ? 12 : 18, t: 26, b: 46 },
+    margin: { l: narrow ? 48 : 60, r: narrow ? 12 : 18, t: 12, b: 46 },
     hoverlabel: { bgcolor: "--card", bordercolor: "--soft", font: { color: "--ink" } },
     modebar: { bgcolor: "rgba(0,0,0,0)", color: "--soft", activecolor: "--accent" },
     legend: {

@@ -15,7 +15,7 @@ from ema.core.finding import Check, Finding, Verdict
 from pipelines.report.write import write_report
 
 LARGEST_BYTES = 6_000_000
-WIDTHS_PX = (360, 400, 1200)
+WIDTHS_PX = (360, 400, 1000, 1300)
 SCHEMES = ("light", "dark")
 TURNING = "\u202e"  # what follows it would be read from right to left, numbers too
 HOSTILE = (
@@ -72,6 +72,33 @@ async function cells(matrix) {
 Promise.all([...document.querySelectorAll('.hm')].map(cells)).then(found => done(found.flat()))"""
 
 
+# Pairs of texts, controls, legends and toolbars of which one lies on the other.
+OVERLAPS = """
+const what = 'h1,h2,p,li,caption,th,td,dt,dd,label,button,select,figcaption,summary,'
+  + '.legend,.modebar,.infolayer text,.stage canvas,.stage svg';
+const boxes = [...document.querySelectorAll(what)]
+  .filter(e => e.checkVisibility({visibilityProperty: true}) && !e.closest('.said, .skip, .traces'))
+  .map(e => [e, e.getBoundingClientRect()]).filter(([, box]) => box.width > 2 && box.height > 2)
+  .sort(([, a], [, b]) => a.top - b.top);
+const found = [], named = e => `${e.tagName} ${e.textContent.trim().slice(0, 40)}`;
+boxes.forEach(([a, p], i) => {
+  for (const [b, q] of boxes.slice(i + 1)) {
+    if (q.top >= p.bottom) break;
+    const across = Math.min(p.right, q.right) - Math.max(p.left, q.left);
+    const up = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
+    // What scrolls by itself may reach under its neighbours; there it is hidden.
+    const same = a.closest('.scroll') === b.closest('.scroll');
+    if (across > 2 && up > 2 && same && !a.contains(b) && !b.contains(a))
+      found.push([named(a), named(b)]);
+  }
+});
+return found"""
+SCROLLING = """
+return [...document.querySelectorAll('.scroll')]
+  .filter(e => e.checkVisibility() && e.scrollWidth > e.clientWidth + 1)
+  .map(e => e.getAttribute('aria-label'))"""
+
+
 @pytest.fixture(scope="session")
 def hostile_report(tmp_path_factory):
     """A report whose tyre, details, channels, files and notes hold hostile texts."""
@@ -121,6 +148,29 @@ def test_nothing_reaches_beyond_the_sides(page, scheme):
     for width in WIDTHS_PX:
         page.show(width=width, scheme=scheme)
         assert page.js("return document.scrollingElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize("width", WIDTHS_PX)
+def test_nothing_overlaps_and_tables_fit(page, width):
+    page.show(width=width)
+    page.unfold()
+    assert page.js(OVERLAPS) == []
+    if width >= 1000:
+        assert page.js(SCROLLING) == []
+
+
+def test_first_screen_shows_verdict_findings_modes_and_parameters(page):
+    page.show(width=1300)
+    page.js("window.scrollTo(0, 0)")
+    parts = "#summary .lamp, #summary .findings li, #summary table"
+    boxes = page.js(
+        "return [...document.querySelectorAll(arguments[0])]"
+        ".map(e => [e.tagName, e.getBoundingClientRect().bottom])",
+        parts,
+    )
+    assert [name for name, _ in boxes].count("TABLE") == 2
+    assert {name for name, _ in boxes} == {"P", "LI", "TABLE"}
+    assert max(bottom for _, bottom in boxes) <= 900
 
 
 def test_headings_come_in_order(page):
