@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from ema.core.arrays import constant
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Check, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.recording import DERIVATIVES
 from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
 from ema.io.columns import Column, node_and_sense
-from ema.io.content import EXPORT_AGAIN, FileContent, remark
+from ema.io.content import EXPORT_AGAIN, FileContent
 from ema.io.rates import even_step, uneven
 
 _FREQUENCY_NAMES = {"f", "freq", "frequency", "frequenz", "frequence", "fréquence", "frequencia"}
@@ -174,7 +174,7 @@ def _inertance(
         values *= (2j * np.pi * lines) ** power
         factor = "jω" if power == 1 else "−ω²"
         detail = f"{motion.quantity} over force, converted to inertance (factor {factor})"
-        findings.append(remark(path, parts.name, Check.QUANTITY, detail))
+        findings.append(Finding(path.name, parts.name, None, Check.QUANTITY, Verdict.OK, detail))
     return values
 
 

@@ -1,19 +1,57 @@
-"""Geometry and coherence in files of their own, joined to the recordings or FRFs beside them."""
+"""What lies beside recordings: geometry and coherence in files of their own, stray tables."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+from statistics import median
 
 import numpy as np
 
 from ema.core.display import counted
+from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check
 from ema.core.frf import FRF
-from ema.core.recording import Recording
-from ema.io.content import Coherences, FileContent, note
+from ema.core.recording import FORCE, Recording
+from ema.io.content import Coherences, FileContent, note, remark
+from ema.io.formats import read_file
 from ema.io.uff.frf import same_lines
 from ema.io.uff.geometry import Surroundings, placed
+
+# A table this many times smaller than the files beside it is hardly a run of the same test.
+_SMALLER = 10
+_SHOWN = 6  # names in a message
+_TABLES = (".csv", ".tsv", ".txt", ".asc", ".dat", ".xlsx", ".xlsm")
+
+
+def read_folder(paths: Sequence[Path]) -> list[FileContent]:
+    """Read the files of a folder; small tables that are no recordings are set aside and named."""
+    if len(paths) < 2:
+        return [read_file(path) for path in paths]
+    typical = median(path.stat().st_size if path.is_file() else 0 for path in paths)
+    return [
+        _unless_stray(path) if _is_small_table(path, typical) else read_file(path) for path in paths
+    ]
+
+
+def _is_small_table(path: Path, typical: float) -> bool:
+    is_table = path.suffix.lower() in _TABLES and path.is_file()
+    return is_table and _SMALLER * path.stat().st_size < typical
+
+
+def _unless_stray(path: Path) -> FileContent:
+    try:
+        content = read_file(path)
+    except RecordingFormatError as error:
+        found = f"{error.found}; {error.rule}"
+    else:
+        recording = content.recording
+        if recording is None or any(each.quantity == FORCE for each in recording.channels):
+            return content
+        found = f"no force among its columns {', '.join(recording.names[:_SHOWN])}"
+    detail = f"a small table beside the recordings and none itself, set aside: {found}"
+    return FileContent(path, findings=(remark(path, "", Check.CONTENT, detail),))
 
 
 def joined(contents: Sequence[FileContent]) -> list[FileContent]:

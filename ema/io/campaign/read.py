@@ -17,7 +17,7 @@ from ema.core.recording import Recording
 from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
 from ema.io.campaign import agreement
 from ema.io.campaign.axes import Around, channels_along_circle, frfs_along_circle
-from ema.io.campaign.beside import joined
+from ema.io.campaign.beside import joined, read_folder
 from ema.io.campaign.calibration import calibrated, check_keys
 from ema.io.campaign.manifest import MANIFEST_NAME, USE_SLASHES, Manifest, read_manifest, resolve
 from ema.io.campaign.roles import (
@@ -75,6 +75,7 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
         if exists(paths[0] / MANIFEST_NAME):
             return _with_manifest(paths[0] / MANIFEST_NAME)
         name, paths = paths[0].resolve().name, recordings_in(paths[0])
+        contents = _usable(read_folder(paths))
     elif len(paths) == 1 and paths[0].suffix.lower() == ".toml":
         return _with_manifest(paths[0])
     elif not paths:
@@ -82,7 +83,8 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
         raise RecordingFormatError("campaign", "no files", rule, "Name the recordings")
     else:
         name = paths[0].stem if len(paths) == 1 else paths[0].resolve().parent.name
-    files = [(content, Wanted()) for content in _read_all(paths)]
+        contents = _usable([read_file(path) for path in paths])
+    files = [(content, Wanted()) for content in contents]
     return _fill(Campaign(name=name, sources=tuple(path.resolve() for path in paths)), files)
 
 
@@ -119,7 +121,7 @@ def _number(part: str) -> tuple[int, str]:
 def _with_manifest(path: Path) -> Campaign:
     manifest = read_manifest(path)
     files = _files_of(path, manifest)
-    contents = _read_all(files)
+    contents = _usable([read_file(file) for file in files])
     names = {name for each in contents if each.recording for name in each.recording.names}
     check_keys(names, "calibration", manifest.calibration)
     if names:
@@ -170,8 +172,9 @@ def _instead_of(file: str, folder: Path) -> str:
     return nearest(file, sorted(each.name for each in folder.iterdir()))
 
 
-def _read_all(paths: Sequence[Path]) -> list[FileContent]:
-    contents = joined([read_file(path) for path in paths])
+def _usable(read: Sequence[FileContent]) -> list[FileContent]:
+    """Contents completed by one another; refused if none has data, or two are the same."""
+    contents, paths = joined(read), [each.path for each in read]
     agreement.check_duplicates(paths)
     if not any(each.has_data for each in contents):
         notes = "; ".join(finding.detail for each in contents for finding in each.findings)

@@ -102,3 +102,30 @@ def test_a_file_keeps_its_own_geometry(tmp_path):
     (tmp_path / "campaign.toml").write_text(MANIFEST + runs)
     frf = ema.read_campaign(tmp_path).frf
     assert angle_by_size(frf) == pytest.approx([180.0, 270.0, 0.0, 90.0])
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        "mode,order,frequency_hz\n1,1,78.7\n2,2,100.3\n",
+        "Remark\nTyre changed after run 2\n",
+        "Time [s],Temperature [degC]\n0,21.5\n60,21.7\n120,21.9\n",
+    ],
+)
+def test_a_stray_table_is_set_aside_and_named(tmp_path, table):
+    samples = b"".join(response58(n=4 * N, name=f"A{node}", node=node) for node in NODES)
+    written(tmp_path, run=force58(n=4 * N) + samples)
+    (tmp_path / "notes.csv").write_text(table)
+    campaign = ema.read_campaign(tmp_path)
+    assert [run.name for run in campaign.runs] == ["run.uff"]
+    (named,) = [each for each in campaign.findings if each.run == "notes.csv"]
+    assert not named.is_ok
+
+
+def test_a_small_recording_is_not_set_aside(tmp_path):
+    samples = b"".join(response58(n=64 * N, name=f"A{node}", node=node) for node in NODES)
+    written(tmp_path, run=force58(n=64 * N) + samples)
+    rows = "".join(f"{k / 2000:.4f},1,{k % 7}\n" for k in range(200))
+    (tmp_path / "short.csv").write_text("Time [s],force [N],A1 [m/s^2]\n" + rows)
+    campaign = ema.read_campaign(tmp_path)
+    assert len(campaign.runs) == 2
