@@ -97,6 +97,7 @@ class FileContent:
     findings: tuple[Finding, ...] = ()  # what was assumed, converted or left out
     circle: CircleNodes = field(default_factory=CircleNodes)
     windows: tuple[StatedWindow, ...] = ()  # that the analyser applied
+    frf_without_unit: tuple[int, ...] = ()  # rows whose values are as the file has them
     nodes: Nodes | None = None  # of a file with neither
     coherences: Coherences | None = None  # the same
 

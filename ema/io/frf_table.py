@@ -26,6 +26,12 @@ _MOST_RADIANS = 7.0  # a phase beyond a whole turn is in degrees
 _DEGREES = {"deg", "°", "degree", "degrees", "grad"}
 _RADIANS = {"rad", "radian", "radians"}
 _DECIBEL = re.compile(r"dB(?:\s+re\.?)?\s*[:(]?\s*1?\s*(?P<unit>\S.*?)?\)?", re.IGNORECASE)
+#: What is done with motion over force, by the power of jω.
+CONVERTED = (
+    "",
+    "{} over force, converted to inertance (factor jω)",
+    "{} over force, converted to inertance (factor −ω²)",
+)
 _SEPARATORS = " \t_-:|,.()"
 
 
@@ -63,6 +69,19 @@ class _Parts:
     name: str
     columns: dict[_Part, Column] = field(default_factory=dict)
 
+    @property
+    def pair(self) -> tuple[_Part, _Part]:
+        """The two parts that it has, or should have."""
+        return next((each for each in _PAIRS if set(each) & set(self.columns)), _PAIRS[0])
+
+    @property
+    def unit(self) -> str:
+        """Unit of the first part, in decibels with that behind the reference."""
+        first = self.columns.get(self.pair[0])
+        text = "" if first is None else first.unit
+        decibel = _DECIBEL.fullmatch(text)
+        return (decibel["unit"] or "") if decibel else text
+
 
 def frf_content(path: Path, columns: Sequence[Column], findings: Sequence[Finding]) -> FileContent:
     """FRFs as inertance; their names are what the headings of their columns have in common.
@@ -92,7 +111,10 @@ def frf_content(path: Path, columns: Sequence[Column], findings: Sequence[Findin
         position_deg=np.full(len(names), np.nan),
         run=(path.name,) * len(names),
     )
-    return FileContent(path, frf=frf, frf_names=tuple(names), findings=tuple(noticed))
+    without = tuple(row for row, each in enumerate(grouped) if not is_stated(each.unit))
+    return FileContent(
+        path, frf=frf, frf_names=tuple(names), findings=tuple(noticed), frf_without_unit=without
+    )
 
 
 def _fault(path: Path, column: str, found: str, rule: str, remedy: str) -> RecordingFormatError:
@@ -145,37 +167,47 @@ def _grouped(path: Path, columns: Sequence[Column]) -> list[_Parts]:
 def _inertance(
     path: Path, parts: _Parts, lines: NDArray[np.float64], findings: list[Finding]
 ) -> NDArray[np.complex128]:
-    """One FRF in (m/s²)/N."""
-    pair = next((each for each in _PAIRS if set(each) & set(parts.columns)), _PAIRS[0])
+    """One FRF in (m/s²)/N, or as the file has it where that states no unit."""
+    pair, unit = parts.pair, parts.unit
     lacking = [each for each in pair if each not in parts.columns]
     if lacking:
         rule = "an FRF needs real and imaginary part, or magnitude and phase"
         found = f"no {lacking[0].name.lower()}"
         raise _fault(path, parts.name, found, rule, "Export both")
     first, second = (parts.columns[each] for each in pair)
-    unit, ordinate = first.unit, np.asarray(first.samples, dtype=np.float64)
+    ordinate = np.asarray(first.samples, dtype=np.float64)
     if pair[0] is _Part.MAGNITUDE:
-        if decibel := _DECIBEL.fullmatch(unit):
-            unit, ordinate = decibel["unit"] or "", 10 ** (ordinate / 20)
+        if _DECIBEL.fullmatch(first.unit):
+            ordinate = 10 ** (ordinate / 20)
         values: NDArray[np.complex128] = ordinate * np.exp(1j * _radians(path, second))
     else:
         values = ordinate + 1j * np.asarray(second.samples, dtype=np.float64)
-        if is_stated(second.unit) and second.unit != unit:
+        if is_stated(second.unit) and second.unit != first.unit:
             rule = f"the unit of {first.name!r} is {unit!r}"
             raise _fault(path, second.name, f"unit {second.unit!r}", rule, EXPORT_AGAIN)
-    ratio = parse_ratio(unit)
-    if ratio is None or ratio[0].quantity not in DERIVATIVES:
+    if not is_stated(unit):
+        return values
+    if (converted := inertances(values, unit, lines)) is None:
         rule = "the unit of an FRF must be one of motion over force"
         remedy = f"Write it behind the name: '{first.name} [(m/s^2)/N]', dB as [dB re 1 (m/s^2)/N]"
         raise _fault(path, first.name, f"unit {first.unit!r}", rule, remedy)
-    motion, force = ratio
-    values *= motion.factor / force.factor
-    if power := DERIVATIVES[motion.quantity]:
-        values *= (2j * np.pi * lines) ** power
-        factor = "jω" if power == 1 else "−ω²"
-        detail = f"{motion.quantity} over force, converted to inertance (factor {factor})"
+    values, detail = converted
+    if detail:
         findings.append(Finding(path.name, parts.name, None, Check.QUANTITY, Verdict.OK, detail))
     return values
+
+
+def inertances(
+    values: NDArray[np.complex128], unit: str, lines: NDArray[np.float64]
+) -> tuple[NDArray[np.complex128], str] | None:
+    """FRFs of a unit as inertances in (m/s²)/N, and what was converted; None for another unit."""
+    ratio = parse_ratio(unit)
+    if ratio is None or ratio[0].quantity not in DERIVATIVES:
+        return None
+    motion, force = ratio
+    power = DERIVATIVES[motion.quantity]
+    scaled = values * (motion.factor / force.factor) * (2j * np.pi * lines) ** power
+    return scaled, CONVERTED[power].format(motion.quantity)
 
 
 def _radians(path: Path, column: Column) -> NDArray[np.float64]:

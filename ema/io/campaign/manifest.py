@@ -129,6 +129,7 @@ class AcquisitionSection(_Section):
     """``[acquisition]``: what files may leave out."""
 
     sampling_rate_hz: Positive | None = None
+    frf_unit: str | None = None  # of FRFs whose file states none
 
 
 class SensorsSection(_Section):

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ema.core.campaign import Campaign, Direction, Response, Run
+from ema.core.display import counted
 from ema.core.errors import ManifestError, RecordingFormatError, nearest
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Recording
@@ -30,8 +31,9 @@ from ema.io.campaign.roles import (
     exchanged_frfs,
     ring_runs,
 )
-from ema.io.content import FileContent, unreadable
+from ema.io.content import FileContent, note, unreadable
 from ema.io.formats import exists, is_folder, is_recording, is_text_table, read_file
+from ema.io.frf_table import inertances
 from ema.io.rates import SAME_RATE
 from ema.signals.signal_checks import level_findings
 from ema.signals.spikes import spike_findings, with_limits
@@ -84,7 +86,7 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
     else:
         name = paths[0].stem if len(paths) == 1 else paths[0].resolve().parent.name
         contents = _usable([read_file(path) for path in paths])
-    files = [(content, Wanted()) for content in contents]
+    files = [(with_frf_unit(content, None), Wanted()) for content in contents]
     return _fill(Campaign(name=name, sources=tuple(path.resolve() for path in paths)), files)
 
 
@@ -191,6 +193,7 @@ def _run_by_manifest(
     """A run with its rate and calibration by the manifest, and what that states about it."""
     section = manifest.runs[number - 1]
     where = f"{MANIFEST_NAME}, runs.{number} ({section.file})"
+    content = with_frf_unit(content, manifest.acquisition.frf_unit)
     own = section.excitation
     force = own.channel or manifest.excitation.channel
     usual_deg = manifest.excitation.position_deg
@@ -241,6 +244,28 @@ def with_rate(recording: Recording, rate_hz: float | None) -> Recording:
             rule += f" ({low_hz:.6g} to {high_hz:.6g} Hz by its digits)"
         raise ManifestError(where, f"{rate_hz:g} Hz", rule, "Correct or remove the key")
     return recording
+
+
+def with_frf_unit(content: FileContent, unit: str | None) -> FileContent:
+    """FRFs whose file states no unit as inertances by the unit of the manifest; else refused."""
+    frf, rows = content.frf, list(content.frf_without_unit)
+    if frf is None or not rows:
+        return content
+    name = content.frf_names[rows[0]]
+    converted = None if unit is None else inertances(frf.values[rows], unit, frf.frequency_hz)
+    if converted is None:
+        place, found = f"{content.path.name}, {name!r}", "no unit"
+        if unit is not None:
+            place, found = f"{MANIFEST_NAME}, acquisition.frf_unit", repr(unit)
+        rule = "an FRF must be acceleration, velocity or displacement over force"
+        remedy = 'Export it with its unit, or state it in the manifest: frf_unit = "(m/s^2)/N"'
+        raise RecordingFormatError(place, found, rule, f"{remedy} in [acquisition]")
+    values = np.array(frf.values)
+    values[rows], detail = converted
+    said = f"{counted(len(rows), 'FRF')} without unit, taken as {unit} by the manifest"
+    finding = note(content.path, Check.UNIT, f"{said}; {detail}" if detail else said)
+    findings = (*content.findings, finding)
+    return replace(content, frf=replace(frf, values=values), findings=findings, frf_without_unit=())
 
 
 def _fill(campaign: Campaign, files: Sequence[tuple[FileContent, Wanted]]) -> Campaign:

@@ -18,6 +18,7 @@ from ema.core.frf import FRF
 from ema.core.recording import DERIVATIVES, FORCE, UNKNOWN
 from ema.core.units import FREQUENCY, is_stated, parse_ratio
 from ema.io.content import Coherences, remark
+from ema.io.frf_table import CONVERTED
 from ema.io.rates import even_step, step_and_inverse
 from ema.io.uff.dataset58 import axis_factor, read_values
 from ema.io.uff.dataset58_header import OrdinateUnit, UnitSystem, ordinate_unit
@@ -209,21 +210,28 @@ def _inertance(
         found = f"{header.id_lines[0]!r} has real values"
         raise RecordingFormatError(place(path, dataset.index, 9), found, rule, remedy)
     name = header.id_lines[0]
+    sign = -1.0 if (header.response_direction < 0) != (header.reference_direction < 0) else 1.0
+    if states_no_unit(dataset):
+        return values.astype(np.complex128) * sign
     motion, force = _motion_and_force(path, dataset, units)
     for each in (motion, force):
         if each.remark:
             findings.append(remark(path, name, Check.UNIT, each.remark))
-    sign = -1.0 if (header.response_direction < 0) != (header.reference_direction < 0) else 1.0
     power = DERIVATIVES[motion.quantity]
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite stays so
         scaled = values.astype(np.complex128) * (sign * motion.factor / force.factor)
         if not power:
             return scaled
         scaled *= (2j * np.pi * frequency_hz) ** power
-    factor = "jω" if power == 1 else "−ω²"
-    detail = f"{motion.quantity} over force, converted to inertance (factor {factor})"
+    detail = CONVERTED[power].format(motion.quantity)
     findings.append(Finding(path.name, name, None, Check.QUANTITY, Verdict.OK, detail))
     return scaled
+
+
+def states_no_unit(dataset: Dataset) -> bool:
+    """Whether neither kind nor unit of the motion is stated."""
+    axis = dataset.header58.ordinate_axis
+    return not axis.data_type and not is_stated(axis.unit)
 
 
 def _motion_and_force(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ from ema.io.uff.dataset58_header import (
     Header58,
     ordinate_unit,
 )
-from ema.io.uff.frf import coherences_alone, measured_only, read_frf
+from ema.io.uff.frf import coherences_alone, measured_only, read_frf, states_no_unit
 from ema.io.uff.geometry import Surroundings, read_nodes, read_surroundings
 from ema.io.uff.scan import Dataset, Lines, damaged, place, scan
 
@@ -94,7 +95,9 @@ def read(path: Path, *, form_only: bool = False) -> FileContent:
     names = _channel_names([each.header58 for each in responses])
     windows, ignored = stated_windows(path, _statements(path, datasets, (*times, *responses)))
     shared, noticed = (shared_node, shared_axis), (*findings, *ignored)
-    return FileContent(path, recording, frf, names, *shared, noticed, around.circle, windows)
+    unitless = tuple(row for row, each in enumerate(responses) if states_no_unit(each))
+    found = FileContent(path, recording, frf, names, *shared, noticed, around.circle, windows)
+    return replace(found, frf_without_unit=unitless)
 
 
 def _statements(

@@ -5,6 +5,7 @@ import pytest
 
 import ema
 from ema.core.errors import RecordingFormatError
+from ema.core.finding import Check
 from ema.io.formats import read_file
 
 LINES = np.arange(1, 41) * 0.5
@@ -100,8 +101,6 @@ def test_a_campaign_of_them(tmp_path):
     [
         ("f [Hz],H1 Magnitude [m/s^2/N]", [np.abs(FIRST)], ("'H1'", "no phase")),
         ("f [Hz],H1 real [m/s^2/N]", [FIRST.real], ("'H1'", "no imaginary")),
-        ("f [Hz],H1 mag [dB],H1 phase [deg]", polar(FIRST), ("unit 'dB'", "dB re 1")),
-        ("f [Hz],H1 real,H1 imag", parts(FIRST), ("unit ''", "motion over force")),
         ("f [Hz],H1 real [V/N],H1 imag [V/N]", parts(FIRST), ("unit 'V/N'",)),
         ("f [Hz],H1 real [g/N],H1 imag [m/s^2/N]", parts(FIRST), ("'H1 imag'", "'g/N'")),
         (
@@ -127,3 +126,28 @@ def test_uneven_frequencies_are_refused(tmp_path):
     lines = np.geomspace(1, 50, len(LINES))
     with pytest.raises(RecordingFormatError, match="frequency goes from"):
         read(tmp_path, "f [Hz],H real [g/N],H imag [g/N]", *parts(FIRST), frequency=lines)
+
+
+@pytest.mark.parametrize(
+    ("header", "columns"),
+    [
+        ("f [Hz],H1 real,H1 imag", parts(FIRST / (2j * np.pi * LINES) * 1e3)),
+        (
+            "f [Hz],H1 mag [dB],H1 phase [deg]",
+            (20 * np.log10(np.abs(FIRST / OMEGA * 1e3)), np.rad2deg(np.angle(FIRST / 1j))),
+        ),
+    ],
+)
+def test_the_manifest_states_the_unit_of_frfs_without(tmp_path, header, columns):
+    read(tmp_path, header, *columns)
+    with pytest.raises(RecordingFormatError, match="no unit.*frf_unit"):
+        ema.read_campaign(tmp_path / "a.csv")
+    manifest = tmp_path / "campaign.toml"
+    state = 'schema = 1\n[acquisition]\nfrf_unit = "{}"\n[[runs]]\nfile = "a.csv"\n'
+    manifest.write_text(state.format("(mm/s)/N"), encoding="utf-8")
+    campaign = ema.read_campaign(tmp_path)
+    np.testing.assert_allclose(campaign.frf.values, [FIRST], rtol=1e-9)
+    assert all(each.is_ok for each in campaign.findings if each.check == Check.UNIT)
+    manifest.write_text(state.format("volts"), encoding="utf-8")
+    with pytest.raises(RecordingFormatError, match="acquisition.frf_unit"):
+        ema.read_campaign(tmp_path)
