@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.finding import Check, Finding
 from ema.core.frf import FRF
+
+
+class DecidedBy(StrEnum):
+    """Who decided on a correction."""
+
+    AUTOMATIC = "automatic"
+    BY_HAND = "by hand"
 
 
 @dataclass(frozen=True)
@@ -28,6 +36,12 @@ class Correction:
     gain: float | None = None
     gain_std: float | None = None
     mismatch_std: float | None = None  # RMS of what is left over the modes after this gain, in σ
+    decided: DecidedBy = DecidedBy.AUTOMATIC
+
+    @property
+    def is_by_hand(self) -> bool:
+        """Whether a person decided, which no check changes."""
+        return self.decided is DecidedBy.BY_HAND
 
 
 def exclusion(row: int, finding: Finding) -> Correction:

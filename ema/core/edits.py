@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from ema.core.errors import InputError
+
 
 class EditKind(StrEnum):
     """What an edit does: the value of ``kind`` in ``edits.toml``."""
@@ -97,7 +99,29 @@ class Edit:
     at: str = ""
     reason: str = ""
 
+    def __post_init__(self) -> None:
+        """Refuse an edit that does not say what it acts on."""
+        given = {
+            "pole": (self.pole, OF_POLES),
+            "channel": (self.channel, OF_CHANNELS),
+            "run": (self.run, {EditKind.RUN_OUT}),
+            "value": (self.value, {EditKind.GAIN, EditKind.ORDER_IS}),
+        }
+        for name, (value, kinds) in given.items():
+            if self.kind in kinds and value is None:
+                raise InputError(f"edit {self.kind}", f"no {name}", "it needs one", f"Add {name}")
+
 
 def of_kind(edits: Iterable[Edit], *kinds: EditKind) -> tuple[Edit, ...]:
     """The edits of some kinds, in their order."""
     return tuple(edit for edit in edits if edit.kind in kinds)
+
+
+def shorthand(
+    pinned_hz: Iterable[float] | None = None, excluded_hz: Iterable[float] = ()
+) -> tuple[Edit, ...]:
+    """What frequencies alone say: nothing but the pinned modes, and none of the excluded ones."""
+    pins = [Edit(EditKind.KEEP, PoleName(hz)) for hz in pinned_hz or ()]
+    excluded = [Edit(EditKind.SET_ASIDE, PoleName(hz)) for hz in excluded_hz]
+    only = [] if pinned_hz is None else [Edit(EditKind.ONLY_KEPT)]
+    return (*pins, *only, *excluded)

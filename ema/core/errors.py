@@ -69,6 +69,10 @@ class FitError(RuntimeError):
     """
 
 
+class Superseded(RuntimeError):
+    """A fit was stopped, as nobody waits for it any more."""
+
+
 # C0 and C1 controls, line and paragraph separators, lone surrogates (bytes of file names that are
 # no text), and marks that are not seen but turn the reading direction. Tabs and line ends stay.
 _HIDDEN = re.compile(

@@ -82,6 +82,7 @@ class Check(StrEnum):
     SCALED = "scaled", "wrong gain, corrected"
     SWAPPED = "swapped", "two sensors swapped, corrected"
     INCONSISTENT = "inconsistent", "sensors or runs that contradict the modes"
+    BY_HAND = "by hand", "rows of the FRFs changed, left out or brought back by a person"
     CORRECTIONS_WITHHELD = "corrections withheld", "corrections of sensors that were not made"
     POSITIONS = "positions", "angles of the sensors against the shapes of the modes"
     DRIVE_POINT = "drive point", "position and sign of the force against the modes"

@@ -67,6 +67,14 @@ class Flag(StrEnum):
     AT_BOUND = "at bound"
 
 
+class Chosen(StrEnum):
+    """Who put a mode on the list."""
+
+    AUTOMATIC = "automatic"
+    KEPT = "kept"  # by hand, a mode of the automatic fit
+    PICKED = "picked"  # by hand, from the stability diagram or as the second mode of its order
+
+
 @dataclass(frozen=True, eq=False)
 class Mode(ReadonlyArrays):
     """One mode of vibration.
@@ -96,6 +104,8 @@ class Mode(ReadonlyArrays):
     frequency_band_shift_hz, damping_band_shift : float
         Largest change when the band loses lines at either end; not part of the standard
         deviations. NaN next to the ends.
+    chosen : Chosen
+        Who put it on the list.
 
     Examples
     --------
@@ -127,6 +137,7 @@ class Mode(ReadonlyArrays):
     remark: str = ""
     frequency_band_shift_hz: float = float("nan")
     damping_band_shift: float = float("nan")
+    chosen: Chosen = Chosen.AUTOMATIC
 
     @property
     def frequency_hz(self) -> float:
