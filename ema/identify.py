@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.checks.corrections import Correction, followed_by
+from ema.checks.by_hand import channel_edits, corrections_by_hand, rows_by_hand
+from ema.checks.corrections import Correction, corrected, followed_by
 from ema.checks.positions import (
     PositionCheck,
     check_positions,
@@ -20,16 +21,19 @@ from ema.checks.positions import (
 )
 from ema.checks.screening import screen
 from ema.checks.sensor_consistency import ConsistencyCheck, check_consistency, is_better, withheld
-from ema.circumference.mass_loading import unloaded, without_live_mass
+from ema.checks.sensor_mass import SensorMass, is_drift_lost, with_mass_std, without_mass
 from ema.circumference.orders import on_circle, without_order
 from ema.core.display import band_text, counted
-from ema.core.drift import NO_DRIFT, Drift
+from ema.core.edits import Edit, shorthand
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF, widened_band
 from ema.core.modes import ModalModel, model_html
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
-from ema.fitting.curve_fit import fit_modes
+from ema.fitting.curve_fit import settled
+from ema.fitting.decisions import acts_on_poles
+from ema.fitting.edited_fit import EditedFit, edited
+from ema.fitting.search import CurveFit, curve_fit
 from ema.poles.selection import OTHER, Opinion, PoleSelection, second_opinion, select_poles
 from ema.poles.stability import StabilityDiagram, build_stability
 
@@ -37,8 +41,6 @@ from ema.poles.stability import StabilityDiagram, build_stability
 _CONSISTENCY_PASSES = 3
 # What a drift does to the compensation of masses is a tenth of it each time.
 _DRIFT_PASSES = 2
-# Mean gain and phase of the sensors are known to this (1 σ): ISO 16063-21, and 10 µs at 160 Hz.
-_MASS_KNOWN = 0.01
 _ANGLES_IN_DOUBT = "the angles of the sensors are in doubt"
 
 
@@ -62,6 +64,15 @@ class Identification:
         What is done with single rows before the fit, at most one for each.
     sensor_mass : SensorMass or None
         The mass that was compensated.
+    edits : tuple of Edit
+        What a person decided.
+    automatic : ModalModel or None
+        The modes without edits of poles.
+    is_preview : bool
+        Whether these are numbers of a live refit, whose pairs, cross-check and checks of channels
+        are those of before.
+    basis : Basis or None
+        What `refit_modes` goes on from.
 
     Examples
     --------
@@ -84,6 +95,10 @@ class Identification:
     measured: FRF
     corrections: tuple[Correction, ...] = ()
     sensor_mass: SensorMass | None = None
+    edits: tuple[Edit, ...] = ()
+    automatic: ModalModel | None = None
+    is_preview: bool = False
+    basis: Basis | None = None
 
     def __repr__(self) -> str:
         return identification_line(self)
@@ -92,53 +107,12 @@ class Identification:
         return identification_html(self)
 
 
-@dataclass(frozen=True, eq=False)
-class SensorMass:
-    """Mass of the sensors and where they sat.
-
-    Parameters
-    ----------
-    mass_kg : float
-        Mass of one sensor.
-    sensors_deg : dict of str to ndarray
-        Angles of all sensors of each run.
-    excitation_deg : float
-        Angle of the force.
-    live_mass_kg : float
-        Mass between load cell and tyre.
-    drift : Drift
-        Natural frequencies of the runs against each other.
-    own_kg : dict of str to ndarray
-        Mass of each sensor in `sensors_deg`, where they differ.
-
-    Examples
-    --------
-    >>> import ringmodal as rm
-    >>> from ema.circumference.mass_loading import sensors_of_runs
-    >>> campaign = rm.read_campaign("sample_data/tyre_225_55R17")
-    >>> mass = rm.SensorMass(0.004, sensors_of_runs(campaign))
-    >>> mass.sensors_deg["config_1.uff"][:3]
-    array([ 0., 30., 60.])
-    """
-
-    mass_kg: float
-    sensors_deg: dict[str, NDArray[np.float64]]
-    excitation_deg: float = 0.0
-    live_mass_kg: float = 0.0
-    drift: Drift = NO_DRIFT
-    own_kg: dict[str, NDArray[np.float64]] = field(default_factory=dict)
-
-    @property
-    def loads(self) -> bool:
-        """Whether a sensor has a mass."""
-        return bool(self.mass_kg) or any(np.any(each) for each in self.own_kg.values())
-
-
 @one_blas_thread
 def identify_modes(
     frf: FRF,
     band_hz: tuple[float, float] = (20.0, 260.0),
     *,
+    edits: Sequence[Edit] = (),
     pinned_hz: Sequence[float] | None = None,
     excluded_hz: Sequence[float] = (),
     sensor_mass: SensorMass | None = None,
@@ -162,10 +136,14 @@ def identify_modes(
     frf : FRF
     band_hz : tuple of float
         Band of the result.
+    edits : sequence of Edit
+        What a person decided about channels and poles. The automatic identification is run as
+        always on the channels; edits of poles act on its modes. Of several decisions on one mode
+        the last one counts. Edits of settings are the caller's to apply.
     pinned_hz : sequence of float, optional
-        Frequencies of the modes, instead of the automatic selection.
+        Short for edits that keep the modes at these frequencies, and only those.
     excluded_hz : sequence of float
-        Frequencies of poles that are no modes.
+        Short for edits that set the modes at these frequencies aside.
     sensor_mass : SensorMass, optional
         Corrects to the bare tyre.
     max_order : int
@@ -184,9 +162,9 @@ def identify_modes(
     Raises
     ------
     InputError
-        If no channel is usable.
+        If no channel is usable, or an edit names one that was not measured.
     FitError
-        If no mode can be identified.
+        If no mode can be identified, or an edit names none, or several.
 
     Examples
     --------
@@ -202,81 +180,74 @@ def identify_modes(
     3 121 Hz, 2.4 %
     4 145 Hz, 2.2 %
     """
-    asked = _Asked(band_hz, pinned_hz, excluded_hz, max_order, method, settings, checks)
-    widened_band(frf, band_hz)  # refuses a band without lines, of which nothing can be judged
-    usable, findings, exclusions = screen(frf, band_hz, checks)
-    poles = asked.poles(usable)
-    state = _State(frf, usable, exclusions, tuple(findings))
-    if not on_circle(usable.position_deg):
-        fitted, (diagram, model) = usable, asked.fit(usable, poles)
-    else:
-        positions = check_positions(usable, poles[1], band_hz, checks)
-        state = state.told(position_findings(positions, frf))
-        if positions.orders_hold:
-            state = replace(state, mass=sensor_mass)
-            state, fitted, (diagram, model) = _consistent(state, asked, poles, positions)
-        else:
-            fitted, (diagram, model) = usable, asked.fit_elsewhere(usable, poles, positions)
-    other = OTHER[method]
-    opinions = second_opinion(fitted, model.modes, band_hz, other, max_order, settings)
-    return Identification(
-        frf=fitted,
-        diagram=diagram,
-        model=model,
-        opinions=opinions,
-        findings=state.findings,
-        measured=frf,
-        corrections=state.corrections,
-        sensor_mass=state.mass,
+    edits = (*edits, *shorthand(pinned_hz, excluded_hz))
+    asked = Asked(band_hz, sensor_mass, max_order, method, settings, checks)
+    return automatic_basis(frf, asked, edits).with_edits(edits)
+
+
+def automatic_basis(frf: FRF, asked: Asked, edits: Sequence[Edit]) -> Basis:
+    """The automatic identification of the FRFs with the edits of channels, to its end."""
+    widened_band(frf, asked.band_hz)  # refuses a band without lines, of which nothing can be judged
+    edits = channel_edits(edits)
+    by_hand, told = corrections_by_hand(frf, edits)
+    offered = corrected(frf, by_hand)
+    usable, findings, exclusions = screen(
+        offered, asked.band_hz, asked.checks, decided=rows_by_hand(frf, by_hand)
     )
+    corrections = followed_by(frf, by_hand, exclusions)
+    state = State(frf, usable, corrections, (*told, *findings))
+    poles = asked.poles(usable)
+    if not on_circle(usable.position_deg):
+        return Basis(asked, state, usable, *asked.fit(usable, poles), edits=edits)
+    positions = check_positions(usable, poles[1], asked.band_hz, asked.checks)
+    state = state.told(position_findings(positions, frf))
+    if positions.orders_hold:
+        state = replace(state, mass=asked.sensor_mass)
+        return replace(_consistent(state, asked, poles, positions), edits=edits)
+    elsewhere = replace(usable, position_deg=moved(usable, positions.moves))
+    fit = asked.fit(elsewhere, poles)
+    return Basis(asked, state, usable, *fit, stated_deg=usable.position_deg, edits=edits)
 
 
 _Poles = tuple[StabilityDiagram, PoleSelection]
-_Fit = tuple[StabilityDiagram, ModalModel]
+_Fit = tuple[StabilityDiagram, EditedFit]
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """Options of an identification."""
+class Asked:
+    """Options of an identification, as of `identify_modes`."""
 
     band_hz: tuple[float, float]
-    pinned_hz: Sequence[float] | None
-    excluded_hz: Sequence[float]
+    sensor_mass: SensorMass | None
     max_order: int
     method: str
     settings: IdentificationSettings
     checks: CheckSettings
 
+    def diagram(self, frf: FRF, method: str | None = None) -> StabilityDiagram:
+        """Stability diagram of the asked method or another one."""
+        return build_stability(
+            frf,
+            self.band_hz,
+            max_order=self.max_order,
+            method=method or self.method,
+            settings=self.settings,
+        )
+
     def poles(self, frf: FRF) -> _Poles:
         """Stability diagram, and the poles selected from it."""
-        diagram = build_stability(
-            frf, self.band_hz, max_order=self.max_order, method=self.method, settings=self.settings
-        )
-        return diagram, self.selected(diagram)
-
-    def selected(self, diagram: StabilityDiagram) -> PoleSelection:
-        """Poles of a stability diagram."""
-        return select_poles(diagram, self.pinned_hz, self.excluded_hz, self.settings)
+        diagram = self.diagram(frf)
+        return diagram, select_poles(diagram)
 
     def fit(self, frf: FRF, poles: _Poles | None = None) -> _Fit:
-        """Modes from poles, or from poles yet to be found."""
+        """The automatic fit from poles, or from poles yet to be found."""
         diagram, selection = poles or self.poles(frf)
-        return diagram, fit_modes(frf, selection, settings=self.settings)
-
-    def fit_elsewhere(self, frf: FRF, poles: _Poles, positions: PositionCheck) -> _Fit:
-        """Modes at the angles that explain the shapes, and nothing said of their orders.
-
-        As of any structure, the members of pairs would be free at all positions: damping wrong by
-        tens of per cent.
-        """
-        elsewhere = replace(frf, position_deg=moved(frf, positions.moves))
-        diagram, model = self.fit(elsewhere, poles)
-        modes = tuple(without_order(mode, _ANGLES_IN_DOUBT) for mode in model.modes)
-        return diagram, replace(model, modes=modes, orders=(), position_deg=frf.position_deg)
+        curve = curve_fit(frf, selection, selection.band_hz, self.settings)
+        return diagram, EditedFit(curve, settled(curve))
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
+class State:
     """FRFs as measured, what was corrected, and what is usable of them."""
 
     measured: FRF
@@ -290,41 +261,138 @@ class _State:
         """What is fitted."""
         return without_mass(self.usable, self.mass)
 
-    def told(self, findings: Sequence[Finding]) -> _State:
+    def told(self, findings: Sequence[Finding]) -> State:
         """The same with more findings."""
-        return replace(self, findings=(*self.findings, *findings))
+        new = [each for each in findings if each not in self.findings]
+        return replace(self, findings=(*self.findings, *new))
 
-    def after(self, check: ConsistencyCheck) -> _State:
+    def after(self, check: ConsistencyCheck) -> State:
         """With the corrections of a check, and its findings."""
         corrections = followed_by(self.measured, self.corrections, check.corrections)
         state = replace(self, usable=check.frf, corrections=corrections)
         return state.told(check.findings)
 
+    def checked(self, model: ModalModel, checks: CheckSettings, **how: bool) -> ConsistencyCheck:
+        """Check of the sensors against the modes; rows decided by hand stay as they are."""
+        decided = rows_by_hand(self.measured, self.corrections)
+        return check_consistency(self.usable, model, settings=checks, decided=decided, **how)
 
-def _consistent(
-    state: _State, asked: _Asked, poles: _Poles, positions: PositionCheck
-) -> tuple[_State, FRF, _Fit]:
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """The automatic identification, on which edits of poles act.
+
+    Parameters
+    ----------
+    asked : Asked
+    state : State
+        What was done with the FRFs.
+    frf : FRF
+        What was fitted.
+    diagram : StabilityDiagram
+    fit : EditedFit
+        Without edits.
+    loaded : ModalModel or None
+        The tyre with the sensors, where their mass was compensated.
+    stated_deg : ndarray or None
+        Angles as stated, where others explain the shapes: modes are then fitted at those and
+        nothing is said of their orders. As of any structure, the members of pairs would be free at
+        all positions, and damping wrong by tens of per cent.
+    edits : tuple of Edit
+        Of channels, which led here.
+    is_preview : bool
+        Whether the FRFs were changed without the checks looking at them again.
+    shown : EditedFit or None
+        With edits.
+    """
+
+    asked: Asked
+    state: State
+    frf: FRF
+    diagram: StabilityDiagram
+    fit: EditedFit
+    loaded: ModalModel | None = None
+    stated_deg: NDArray[np.float64] | None = None
+    edits: tuple[Edit, ...] = ()
+    is_preview: bool = False
+    shown: EditedFit | None = None
+
+    @cached_property
+    def automatic(self) -> ModalModel:
+        """The modes without edits of poles."""
+        return self._stated(self.fit.model)
+
+    def _stated(self, model: ModalModel) -> ModalModel:
+        """The modes of a fit as a result states them."""
+        if self.loaded is not None:
+            model = with_mass_std(model, self.loaded, self.fit.model)
+        if self.stated_deg is None:
+            return model
+        modes = tuple(without_order(mode, _ANGLES_IN_DOUBT) for mode in model.modes)
+        return replace(model, modes=modes, orders=(), position_deg=self.stated_deg)
+
+    def with_edits(
+        self, edits: Sequence[Edit], *, live: bool = False, before: Identification | None = None
+    ) -> Identification:
+        """The identification with the edits of poles.
+
+        `live` leaves out the second stage; of the same edits, the first one was done `before`.
+        """
+        asked, fit = self.asked, self.fit
+        if acts_on_poles(edits):
+            first = self._first_stage(edits, before)
+            fit = edited(fit, edits, self._diagram, live=live, first_stage=first)
+        model = self.automatic if fit is self.fit else self._stated(fit.model)
+        known = asked.band_hz, OTHER[asked.method], asked.max_order, asked.settings
+        return Identification(
+            frf=self.frf,
+            diagram=self.diagram,
+            model=model,
+            opinions=second_opinion(self.frf, model.modes, *known),
+            findings=self.state.findings,
+            measured=self.state.measured,
+            corrections=self.state.corrections,
+            sensor_mass=self.state.mass,
+            edits=tuple(edits),
+            automatic=self.automatic,
+            is_preview=self.is_preview or fit.is_preview,
+            basis=replace(self, shown=fit),
+        )
+
+    def _first_stage(self, edits: Sequence[Edit], before: Identification | None) -> CurveFit | None:
+        """The fit of a preview of the same edits on the same basis."""
+        if before is None or before.basis is None or before.edits != tuple(edits):
+            return None
+        shown = before.basis.shown if before.basis.fit is self.fit else None
+        return shown.curve if shown is not None and shown.is_preview else None
+
+    def _diagram(self, method: str | None) -> StabilityDiagram:
+        same = method in (None, self.asked.method)
+        return self.diagram if same else self.asked.diagram(self.frf, method)
+
+
+def _consistent(state: State, asked: Asked, poles: _Poles, positions: PositionCheck) -> Basis:
     """Corrections that make the sensors consistent, FRFs of the bare tyre, and the fit."""
     checks, passes = asked.checks, 0 if positions.hypothesis else _CONSISTENCY_PASSES
     screened, mass, rough = state.usable, state.mass, None
     if mass is not None and passes:
         # Poles as found will do: what the mass does to pairs is not worth sorting out.
-        rough = asked.fit(screened, (poles[0], replace(poles[1], pinned=True)))[1]
-        check = check_consistency(screened, rough, exclude=False, settings=checks)
+        rough = asked.fit(screened, (poles[0], replace(poles[1], pinned=True)))[1].model
+        check = state.checked(rough, checks, exclude=False)
         state = state.after(check) if check.changed else state
     fitted = state.fitted
     fit = asked.fit(fitted, poles if fitted is screened else None)
-    if mass is not None and rough is not None and is_drift_lost(rough, fit[1]):
+    if mass is not None and rough is not None and is_drift_lost(rough, fit[1].model):
         known = replace(state, mass=replace(mass, drift=rough.drift))
         tried = asked.fit(known.fitted)
-        if is_better((fitted, fit[1]), (known.fitted, tried[1])):
+        if is_better((fitted, fit[1].model), (known.fitted, tried[1].model)):
             state, fitted, fit = known, known.fitted, tried
     for _ in range(passes):
-        check = check_consistency(state.usable, fit[1], settings=checks)
+        check = state.checked(fit[1].model, checks)
         after = state.after(check)
         if check.changed:
             tried = asked.fit(after.fitted)
-            if not is_better((fitted, fit[1]), (after.fitted, tried[1])):
+            if not is_better((fitted, fit[1].model), (after.fitted, tried[1].model)):
                 state = state.told([withheld(check)])
                 break
             fitted, fit = after.fitted, tried
@@ -332,65 +400,15 @@ def _consistent(
         if not check.changed:
             break
     for _ in range(_DRIFT_PASSES):
-        drift = fit[1].drift
+        drift = fit[1].settled.drift
         if state.mass is None or not state.mass.loads or not drift.applied:
             break
         state = replace(state, mass=replace(state.mass, drift=drift))
-        fitted, fit = state.fitted, asked.fit(state.fitted, (fit[0], asked.selected(fit[0])))
+        fitted, fit = state.fitted, asked.fit(state.fitted, (fit[0], select_poles(fit[0])))
     if positions.unexplained > checks.no_wave_share and not positions.hypothesis:
-        share = unexplained_share(fitted, asked.selected(fit[0]), asked.band_hz)
+        share = unexplained_share(fitted, select_poles(fit[0]), asked.band_hz)
         state = state.told(no_wave_finding(share, checks))
-    if rough is not None:
-        fit = fit[0], with_mass_std(fit[1], rough)
-    return state, fitted, fit
-
-
-def is_drift_lost(loaded: ModalModel, bare: ModalModel) -> bool:
-    """Whether runs that drift were compensated as if in one state.
-
-    They then look like pairs, which leave more than the loaded tyre does.
-    """
-    return loaded.drift.applied and bare.misfit > loaded.misfit
-
-
-def with_mass_std(model: ModalModel, loaded: ModalModel) -> ModalModel:
-    """The model of the bare tyre with what is not known of the compensation in its ±.
-
-    The force of a mass is as wrong as gain and phase of the sensors that tell its motion: a phase
-    turns a shift of frequency into damping.
-    """
-    bare_hz = np.array([mode.frequency_hz for mode in model.modes])
-    loaded_hz = np.array([mode.frequency_hz for mode in loaded.modes])
-    shift = np.min(np.abs(bare_hz[:, None] / loaded_hz - 1), axis=1)
-    # A mode that only one of both shows is shifted like the others.
-    unknown = _MASS_KNOWN * np.minimum(shift, 2 * np.median(shift))
-    variance = np.stack([unknown * bare_hz, unknown], axis=1) ** 2
-    modes = [
-        replace(
-            mode,
-            frequency_std_hz=float(np.sqrt(mode.frequency_std_hz**2 + hz)),
-            damping_std=float(np.sqrt(mode.damping_std**2 + ratio)),
-        )
-        for mode, (hz, ratio) in zip(model.modes, variance, strict=True)
-    ]
-    covariance = model.covariance + np.diag(variance.ravel())
-    return replace(model, modes=tuple(modes), covariance=covariance)
-
-
-def without_mass(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
-    """FRFs without the mass of the sensors, where it is known and the positions are a circle."""
-    if sensor_mass is None or not on_circle(frf.position_deg):
-        return frf
-    if not sensor_mass.loads:
-        return without_live_mass(frf, sensor_mass.live_mass_kg, sensor_mass.excitation_deg)
-    return unloaded(
-        frf,
-        sensor_mass.sensors_deg,
-        sensor_mass.own_kg or sensor_mass.mass_kg,
-        sensor_mass.excitation_deg,
-        sensor_mass.drift,
-        sensor_mass.live_mass_kg,
-    )
+    return Basis(asked, state, fitted, *fit, loaded=rough)
 
 
 def identification_line(found: Identification) -> str:

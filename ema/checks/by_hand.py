@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ema.checks.corrections import Correction, DecidedBy
+from ema.checks.corrections import Correction, DecidedBy, kept_rows
 from ema.core.edits import OF_CHANNELS, Edit, EditKind, of_kind
 from ema.core.errors import unknown
 from ema.core.finding import Check, Finding, Verdict
@@ -23,6 +23,12 @@ _SAID = {
 def channel_edits(edits: Sequence[Edit]) -> tuple[Edit, ...]:
     """Edits of rows, in their order."""
     return of_kind(edits, *OF_CHANNELS, EditKind.RUN_OUT)
+
+
+def rows_by_hand(frf: FRF, corrections: Sequence[Correction]) -> frozenset[int]:
+    """Rows that a person decided on, counted among those that are left."""
+    decided = {each.row for each in corrections if each.is_by_hand}
+    return frozenset(at for at, row in enumerate(kept_rows(frf, corrections)) if row in decided)
 
 
 def corrections_by_hand(

@@ -170,7 +170,7 @@ def _key(name: str) -> str:
 def _shapes(frf: FRF, poles: PoleSelection, band_hz: tuple[float, float]) -> NDArray[np.complex128]:
     """Residues times |s|, (n_modes, n_positions), nothing assumed about orders; outliers tamed."""
     lines = lines_to_fit(frf, band_hz)
-    fit = evaluate(lines, starting_poles(poles.fitted, lines, band_hz), np.zeros((1, N_DRIFT)))
+    fit = evaluate(lines, starting_poles(poles.poles, lines, band_hz), np.zeros((1, N_DRIFT)))
     groups = close_modes(modes_of(fit)[:-N_STAND_INS])
     shapes = np.array([sum(mode.residues * abs(mode.pole) for mode in each) for each in groups])
     size = np.maximum(np.abs(shapes), np.finfo(float).tiny)

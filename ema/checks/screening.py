@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,7 +22,10 @@ _FEW_AVERAGES = 6.0
 
 
 def screen(
-    frf: FRF, band_hz: tuple[float, float], settings: CheckSettings = CHECKS
+    frf: FRF,
+    band_hz: tuple[float, float],
+    settings: CheckSettings = CHECKS,
+    decided: Container[int] = (),
 ) -> tuple[FRF, list[Finding], tuple[Correction, ...]]:
     """Leave out channels that are dead, clipped, incoherent or full of gaps; remark on hum.
 
@@ -30,6 +35,8 @@ def screen(
     band_hz : tuple of float
         Band in which the channels are judged.
     settings : CheckSettings
+    decided : container of int
+        Rows that a person decided on: what speaks against them is told, and they are used.
 
     Returns
     -------
@@ -51,6 +58,7 @@ def screen(
         **_dead(frf, band_hz, settings.dead_db),
         **_missing(frf, settings.missing_share),
     }
+    faults = {row: _used(fault) if row in decided else fault for row, fault in faults.items()}
     of_row = {row: position_finding(frf, row, *found) for row, found in sorted(faults.items())}
     findings = list(of_row.values())
     exclusions = tuple(
@@ -104,6 +112,13 @@ def _disagreeing(frf: FRF, share: float) -> list[Finding]:
 
 
 _Fault = tuple[Check, Verdict, str]  # and the detail
+
+
+def _used(fault: _Fault) -> _Fault:
+    """The fault of a row that is used by decision."""
+    check, verdict, detail = fault
+    left_out = verdict is Verdict.EXCLUDED
+    return check, Verdict.WARNING, f"{detail}; used all the same, by hand" if left_out else detail
 
 
 def _dead(frf: FRF, band_hz: tuple[float, float], limit_db: float) -> dict[int, _Fault]:

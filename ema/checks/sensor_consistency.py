@@ -7,7 +7,7 @@ it is significant, and for few sensors: what makes many of them look wrong is th
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ _DONE = {
     Check.SWAPPED: "both corrected for the fit",
     Check.INCONSISTENT: "left out of the fit",
 }
+_BY_HAND = "not corrected, as the row was decided on by hand"
 _AS_IT_IS = "not corrected, as [checks] correct_sensors is false"
 
 _Evidence = tuple[float, float, float]
@@ -67,7 +68,12 @@ class ConsistencyCheck:
 
 
 def check_consistency(
-    frf: FRF, model: ModalModel, *, exclude: bool = True, settings: CheckSettings = CHECKS
+    frf: FRF,
+    model: ModalModel,
+    *,
+    exclude: bool = True,
+    settings: CheckSettings = CHECKS,
+    decided: Container[int] = (),
 ) -> ConsistencyCheck:
     """Compare every sensor with the shapes that all sensors together show.
 
@@ -84,6 +90,8 @@ def check_consistency(
     exclude : bool
         Whether to leave out what cannot be corrected.
     settings : CheckSettings
+    decided : container of int
+        Rows that a person decided on: what speaks against them is told, and nothing is changed.
 
     Returns
     -------
@@ -91,7 +99,7 @@ def check_consistency(
     """
     changes = _force_changes(frf, ring_shapes(frf, model, followed_by=MAJORITY), settings)
     if changes:  # of whole runs: single sensors are judged once those are right
-        return _checked(frf, changes, [], settings)
+        return _checked(frf, changes, [], settings, decided)
     shapes = ring_shapes(frf, model)
     if shapes.n_waves < _FEWEST_WAVES:
         return ConsistencyCheck(frf, ())
@@ -105,7 +113,7 @@ def check_consistency(
     odd = [_odd_run_finding(frf, run, count) for run, count in odd_runs.items()]
     if _too_many(frf, changes, settings):
         return ConsistencyCheck(frf, (*odd, _withheld_finding(frf, model, changes, settings)))
-    return _checked(frf, changes, odd, settings)
+    return _checked(frf, changes, odd, settings, decided)
 
 
 def is_better(before: tuple[FRF, ModalModel], after: tuple[FRF, ModalModel]) -> bool:
@@ -217,7 +225,8 @@ def _change(
     )
     place = finding.run, finding.channel, finding.position_deg
     source = row if source_row is None else source_row
-    known = (number if np.isfinite(number) else None for number in evidence)
+    gain, std, mismatch = (number if np.isfinite(number) else None for number in evidence)
+    known = gain, std, mismatch
     return _Change(Correction(row, *place, check, factor, source, excluded, *known), finding)
 
 
@@ -357,21 +366,24 @@ def _looks_like(frf: FRF, model: ModalModel, rows: Sequence[int]) -> str:
 
 
 def _checked(
-    frf: FRF, changes: dict[int, _Change], odd: Sequence[Finding], settings: CheckSettings
+    frf: FRF,
+    changes: dict[int, _Change],
+    odd: Sequence[Finding],
+    settings: CheckSettings,
+    decided: Container[int],
 ) -> ConsistencyCheck:
     """Changes made, or only told where the user does not want any."""
-    made = [changes[row] for row in sorted(changes)]
-    if not settings.correct_sensors:
-        told = [
-            replace(
-                each.finding, verdict=Verdict.WARNING, detail=f"{each.finding.detail}: {_AS_IT_IS}"
-            )
-            for each in made
-        ]
-        return ConsistencyCheck(frf, (*told, *odd))
-    findings = [
-        replace(each.finding, detail=f"{each.finding.detail}: {_DONE[each.finding.check]}")
-        for each in made
-    ]
-    corrections = tuple(each.correction for each in made)
-    return ConsistencyCheck(corrected(frf, corrections), (*findings, *odd), corrections)
+    findings, corrections = list[Finding](), list[Correction]()
+    for row in sorted(changes):
+        each = changes[row]
+        by_hand = row in decided or each.correction.source_row in decided
+        if by_hand or not settings.correct_sensors:
+            why = _BY_HAND if by_hand else _AS_IT_IS
+            detail = f"{each.finding.detail}: {why}"
+            findings.append(replace(each.finding, verdict=Verdict.WARNING, detail=detail))
+        else:
+            detail = f"{each.finding.detail}: {_DONE[each.finding.check]}"
+            findings.append(replace(each.finding, detail=detail))
+            corrections.append(each.correction)
+    made = tuple(corrections)
+    return ConsistencyCheck(corrected(frf, made), (*findings, *odd), made)

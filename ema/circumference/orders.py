@@ -128,6 +128,13 @@ def label_modes(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> tup
     )
 
 
+def of_order(mode: Mode, order: int, position_deg: NDArray[np.float64]) -> Mode:
+    """The mode with the order that a person gave it, and that order's share of its power."""
+    power = order_content(mode.residues, position_deg).power
+    share = float(power[order] / power.sum()) if order < power.size else float("nan")
+    return replace(mode, order=order, order_purity=share)
+
+
 def with_aliases(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> list[Mode]:
     """The modes, those of unknown order with the order that they look like at the positions.
 

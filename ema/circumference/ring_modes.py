@@ -61,7 +61,7 @@ def judged(modes: Sequence[Mode], reports: Sequence[OrderReport]) -> tuple[Mode,
     named = list(modes)
     for order, chosen in members.items():
         pair = verdicts.get(order, Pair.NOT_SEPARABLE)
-        letters = "ab" if pair is Pair.RESOLVED else ("", "")
+        letters = "ab" if pair is Pair.RESOLVED and len(chosen) > 1 else ("", "")
         for k, letter in zip(sorted(chosen), letters, strict=False):
             named[k] = replace(modes[k], member=letter, pair=pair)
     for k in set(range(len(modes))) - set(own):

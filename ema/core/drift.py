@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,26 @@ class Drift(ReadonlyArrays):
         lever = (2 * np.pi * self.middle_hz / np.abs(poles)) ** 2 - 1
         factor = 1 + shift + slope * lever + curvature * lever**2
         return np.asarray(poles.real * (factor + damping) + 1j * poles.imag * factor)
+
+
+def of_runs(drift: Drift, run: tuple[str, ...]) -> Drift:
+    """The drift of some of the runs, against the first of those."""
+    rows = [drift.run.index(name) for name in run]
+
+    def left(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(values[rows] - values[rows[0]])
+
+    return replace(
+        drift,
+        run=run,
+        percent=left(drift.percent),
+        std_percent=drift.std_percent[rows],
+        slope_percent=left(drift.slope_percent),
+        curvature_percent=left(drift.curvature_percent),
+        damping_percent=left(drift.damping_percent),
+        damping_std_percent=drift.damping_std_percent[rows],
+        applied=len(run) > 1,
+    )
 
 
 _NOTHING = np.zeros(0)

@@ -69,7 +69,7 @@ class FitError(RuntimeError):
     """
 
 
-class Superseded(RuntimeError):
+class SupersededError(RuntimeError):
     """A fit was stopped, as nobody waits for it any more."""
 
 

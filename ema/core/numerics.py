@@ -1,4 +1,4 @@
-"""Threads of the linear algebra: how many there may be, and one where matrices are small."""
+"""Threads of the linear algebra, one where matrices are small; answers kept with an argument."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import os
 from collections.abc import Callable
 from functools import wraps
 from threading import Lock
-from typing import ParamSpec, TypeVar
+from typing import Concatenate, ParamSpec, TypeVar
+from weakref import WeakKeyDictionary
 
 import threadpoolctl
 from threadpoolctl import threadpool_limits
 
 Arguments = ParamSpec("Arguments")
 Answer = TypeVar("Answer")
+Of = TypeVar("Of")
 
 
 def available_cores() -> int:
@@ -45,6 +47,22 @@ def one_blas_thread(function: Callable[Arguments, Answer]) -> Callable[Arguments
             return function(*args, **kwargs)
 
     return limited
+
+
+def kept_with(
+    function: Callable[Concatenate[Of, Arguments], Answer],
+) -> Callable[Concatenate[Of, Arguments], Answer]:
+    """Keep a function's answers as long as its first argument lives, for each of the others."""
+    kept: WeakKeyDictionary[Of, dict[object, Answer]] = WeakKeyDictionary()
+
+    @wraps(function)
+    def cached(of: Of, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Answer:
+        known, key = kept.setdefault(of, {}), (args, tuple(kwargs.items()))
+        if key not in known:
+            known[key] = function(of, *args, **kwargs)
+        return known[key]
+
+    return cached
 
 
 class _SharedLimit:

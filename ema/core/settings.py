@@ -47,10 +47,13 @@ class IdentificationSettings:
         0.1, "–", "largest cut of the cluster tree", "Reynders et al. (2012)"
     )
     pin_reach: float = _setting(
-        0.05, "–", "a pinned frequency takes the nearest pole within this share", "convention"
+        0.05,
+        "–",
+        "a pole of the diagram that an edit names is the nearest within this share",
+        "convention",
     )
     exclude_reach: float = _setting(
-        0.01, "–", "an excluded frequency removes the nearest mode within this share", "convention"
+        0.01, "–", "a mode that an edit names is the nearest within this share", "convention"
     )
     cross_check_frequency: float = _setting(
         0.005, "–", "both estimators agree within this share of the frequency", _ACCURACY

@@ -61,18 +61,17 @@ def _of_rows(lines: Lines, rows: Matrix) -> Lines:
 
 
 def with_model_error(
-    modes: Sequence[Mode], covariance: Real, fit: PoleFit, refit: Refit
+    modes: Sequence[Mode], covariance: Real, fit: PoleFit, scatter: Real
 ) -> tuple[list[Mode], Real]:
     """Modes of all poles whose ± contain the model's errors, and their covariance.
 
     Residuals count as waves where they are, positions where they scatter by more than the residuals
-    explain, and the ends of the band by what they do to a pole. Modes that do not stand out are
-    flagged.
+    explain (`scatter`, of `scatter_over_positions`), and the ends of the band by what they do to a
+    pole. Modes that do not stand out are flagged.
     """
     own = np.array([(mode.frequency_std_hz, mode.damping_std) for mode in modes])
     shift = np.array([(m.frequency_band_shift_hz, m.damping_band_shift) for m in modes])
     std = np.fmax(own, std_of_waves(fit))
-    scatter = scatter_over_positions(fit, refit)
     std = np.where(scatter**2 > _BEYOND_CHANCE * std**2, scatter, std)
     whole = np.hypot(std, np.nan_to_num(shift))
     flags = [() if seen else (Flag.NO_CLEAR_PEAK,) for seen in stands_out(fit)]

@@ -311,7 +311,8 @@ def without_leakage(
         lines = replace(plain.lines, values=plain.lines.values - bias)
         start = np.append(cleared.poles[:-N_STAND_INS], plain.poles[-N_STAND_INS:])
         drift = cleared.drift if len(cleared.drift) > 1 else None
-        cleared = fit_bounded(lines, start, settings, drift, around, plain.pairs)
+        given = settings, drift, around, plain.pairs, plain.locked
+        cleared = fit_bounded(lines, start, *given)
     if cleared.misfit > _WORSE * plain.misfit:
         note = (
             "The bias of window and block length was not compensated: compensation makes the "

@@ -126,6 +126,11 @@ class RingOrder:
     is_main: bool
 
     @property
+    def key(self) -> int:
+        """The pole that stands for all members."""
+        return self.members[0]
+
+    @property
     def is_resolved(self) -> bool:
         """Whether both members are determined."""
         return self.is_main and self.report.pair.verdict is Pair.RESOLVED
@@ -211,6 +216,18 @@ class PairSearch:
             orders = [self.again(each, change) if each in both else each for each in orders]
         return tuple(orders)
 
+    def orders_near(self, before: Sequence[RingOrder]) -> tuple[RingOrder, ...]:
+        """The orders as found before in much the same fit, each searched from where it was."""
+        both = [each for each in before if each.shows_two(self.settings)]
+        change = self.of_two_poles(both) if both else 0.0
+        known = {(order, tuple(found)) for order, found in self.orders}
+        return tuple(
+            self.again(each, change if each in both else 0.0)
+            if each.pair is not None and (each.order, each.members) in known
+            else each
+            for each in before
+        )
+
     def fitted(
         self, order: int, found: list[int], change: Complex | float = 0.0, near: Real | None = None
     ) -> RingOrder:
@@ -234,7 +251,7 @@ class PairSearch:
         is_main = (order, found) in self.main
         return RingOrder(order, tuple(found), pair, report, force_rad, is_main)
 
-    def again(self, before: RingOrder, change: Complex) -> RingOrder:
+    def again(self, before: RingOrder, change: Complex | float) -> RingOrder:
         """The same order from changed FRFs."""
         assert before.pair is not None
         return self.fitted(before.order, list(before.members), change, before.pair.parameters)

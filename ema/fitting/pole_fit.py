@@ -127,6 +127,8 @@ class PoleFit:
         Decay rates and frequencies that ended on a bound, mode by mode.
     pairs : tuple of (int, int)
         Poles that are members of one pair, and therefore damped alike.
+    locked : tuple of int
+        Poles that were kept where they started.
     """
 
     lines: Lines
@@ -136,6 +138,7 @@ class PoleFit:
     parts: tuple[Projection, ...]
     at_bound: NDArray[np.bool_]
     pairs: tuple[tuple[int, int], ...] = ()
+    locked: tuple[int, ...] = ()
 
     @property
     def n_parameters(self) -> int:
@@ -344,6 +347,8 @@ _STAND_INS, _STAND_IN_REACH = (1.04, 1.2), ((1.002, 1.1), (1.1, 1.6))
 _STAND_IN_DAMPING = 0.02
 # What lies beyond the lines disturbs those next to it: their weight falls to this at the ends.
 _END_WEIGHT = 0.05
+# A locked pole stays within this share, as the search needs a box that is not empty.
+_LOCKED = 1e-9
 # Frequencies stay above this share of their start, however broad the pole: none becomes negative.
 _LEAST_FREQUENCY = 0.1
 
@@ -403,6 +408,7 @@ def fit_bounded(
     drift: NDArray[np.float64] | None = None,
     around: NDArray[np.complex128] | None = None,
     pairs: tuple[tuple[int, int], ...] = (),
+    locked: tuple[int, ...] = (),
 ) -> PoleFit:
     """Fit poles within the bounds that suit start values from a stability diagram.
 
@@ -410,7 +416,13 @@ def fit_bounded(
     """
     centre = start if around is None else around
     lower, upper = _bounds(centre, lines.frequency_hz[-1], settings)
-    return fit_poles(lines, start, lower, upper, drift, pairs=pairs)
+    held = np.ravel([(2 * k, 2 * k + 1) for k in locked]).astype(int)
+    there = np.ravel(np.column_stack([-start.real, start.imag]))[held]
+    lower[held], upper[held] = there * (1 - _LOCKED), there * (1 + _LOCKED)
+    fit = fit_poles(lines, start, lower, upper, drift, pairs=pairs)
+    bound = fit.at_bound.copy()
+    bound[held] = False
+    return replace(fit, at_bound=bound, locked=locked)
 
 
 def _bounds(

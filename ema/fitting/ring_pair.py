@@ -23,6 +23,7 @@ from scipy.linalg.lapack import zgeqrf, ztrtrs, zungqr
 from scipy.optimize import OptimizeResult, least_squares, leastsq
 
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
+from ema.core.stopping import end_if_stopped
 from ema.fitting.variable_projection import Complex, Real
 
 # Half-widths of the resonance on either side whose lines are fitted.
@@ -318,6 +319,7 @@ class PairProblem:
         most: int = _LAST_LOOK,
     ) -> OptimizeResult:
         """Search for the minimum from `start`, inside what a pair can be."""
+        end_if_stopped()
         reach = np.array([2 * self.ratio, 1.5, 3 * self.ratio, 3 * self.ratio, 0.5, 0.5, 0.8])
         chosen = np.array(free)
         limit, scale, steps = reach[chosen], self.sizes[chosen], self.steps[chosen]

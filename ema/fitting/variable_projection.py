@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgeqrf, dorgqr
 from scipy.optimize import least_squares
 
+from ema.core.stopping import end_if_stopped
+
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -205,6 +207,7 @@ def descend(
 
     def seen(x: Real) -> tuple[Real, Point, tuple[Real, Real]]:
         if not last or not np.array_equal(last[0][0], x):
+            end_if_stopped()
             point = at(x)
             last[:] = [(x.copy(), point, _shortest(point))]
         return last[0]

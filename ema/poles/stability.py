@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +13,9 @@ from ema.core.arrays import ReadonlyArrays, frame_of, readonly
 from ema.core.display import band_text, counted, table
 from ema.core.errors import InputError
 from ema.core.frf import FRF, widened_band
-from ema.core.numerics import one_blas_thread
+from ema.core.numerics import kept_with, one_blas_thread
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
+from ema.core.stopping import end_if_stopped
 from ema.poles.estimators import (
     impulse_responses,
     line_weight,
@@ -165,6 +165,7 @@ def build_stability(
     if method not in METHODS:
         rule = f"it must be one of {', '.join(METHODS)}"
         raise InputError("poles", f"method {method!r}", rule, "Choose one")
+    end_if_stopped()
     lines = widened_band(frf, band_hz)
     frequency_hz, values = frf.frequency_hz[lines], _prepared(frf, lines.start, lines.stop)
     responses, step_s = impulse_responses(frequency_hz, values)
@@ -192,7 +193,7 @@ def build_stability(
     )
 
 
-@lru_cache(maxsize=1)
+@kept_with
 def _prepared(frf: FRF, start: int, stop: int) -> NDArray[np.complex128]:
     """FRFs of some lines with runs aligned and tones taken out; both estimators ask for them."""
     lines = slice(start, stop)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import correlate1d, median_filter, uniform_filter1d
 
 from ema.core.arrays import readonly
 from ema.core.frf import FRF, ForceRecord
+from ema.core.numerics import kept_with
 
 #: Lines over which the noise level is smoothed: σ of one is itself uncertain, or that of a tone.
 SMOOTHING_LINES = 21
@@ -71,7 +70,7 @@ def without_spikes(
     return values
 
 
-@lru_cache(maxsize=1)
+@kept_with
 def _median_level(frf: FRF, start: int | None, stop: int | None) -> NDArray[np.float64]:
     """Median noise power around each line; both pole estimators and the fit ask for it."""
     power = frf.std[:, start:stop] ** 2

@@ -19,6 +19,7 @@ from ema.checks.quality import (
     reference_finding,
 )
 from ema.checks.ring_shapes import drive_point_finding
+from ema.checks.sensor_mass import SensorMass
 from ema.circumference.mass_loading import (
     live_mass_note,
     loading_note,
@@ -29,7 +30,7 @@ from ema.core.campaign import Campaign
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
-from ema.identify import Identification, SensorMass
+from ema.identify import Identification
 from ema.signals.steadiness import steadiness_findings, steadiness_of, with_changes_within_runs
 from pipelines.process.directions import with_other_modes
 from pipelines.process.ring import tune

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ema.checks.corrections import Correction
 from ema.checks.quality import ReferenceCheck
+from ema.checks.sensor_mass import SensorMass
 from ema.circumference.ring_modes import PURE
 from ema.core.arrays import frame_of
 from ema.core.campaign import Direction, Tyre
@@ -17,7 +18,6 @@ from ema.core.display import band_text, facts, table
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
 from ema.core.modes import COMMON_NAMES, ModalModel, modes_html
-from ema.identify import SensorMass
 from ema.poles.selection import Opinion
 from ema.poles.stability import StabilityDiagram
 from model.damping import DampingResult

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ema.checks.corrections import corrected
 from ema.checks.quality import check_reference
+from ema.checks.sensor_mass import SensorMass, without_mass
 from ema.circumference.orders import highest_order
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError
@@ -22,7 +23,6 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode, ResidualTerms
 from ema.core.settings import CheckSettings
-from ema.identify import SensorMass, without_mass
 from ema.poles.stability import StabilityDiagram
 from ema.poles.tracking import Cluster
 from pipelines.results import schema

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import systems
 
+from ema.checks.sensor_mass import SensorMass, is_drift_lost, with_mass_std, without_mass
 from ema.circumference.mass_loading import (
     live_mass_note,
     loading_note,
@@ -19,7 +20,7 @@ from ema.core.errors import InputError
 from ema.core.finding import Verdict
 from ema.core.modes import Pair
 from ema.fitting.curve_fit import fit_modes
-from ema.identify import SensorMass, identify_modes, is_drift_lost, with_mass_std, without_mass
+from ema.identify import identify_modes
 from pipelines.simulate.laboratory import Laboratory
 from pipelines.simulate.laboratory_effects import Effects
 from pipelines.simulate.truth import modal_sum, solve, truth_modes

@@ -8,8 +8,8 @@ import pytest
 import pyuff
 
 from ema.checks.corrections import Correction, corrected
+from ema.checks.sensor_mass import SensorMass, without_mass
 from ema.core.errors import InputError
-from ema.identify import SensorMass, without_mass
 from pipelines.report.save import save
 from pipelines.results.store import load
 

@@ -1,0 +1,112 @@
+"""The mass of the sensors: what is known of it, and FRFs and modes without it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.circumference.mass_loading import unloaded, without_live_mass
+from ema.circumference.orders import on_circle
+from ema.core.drift import NO_DRIFT, Drift
+from ema.core.frf import FRF
+from ema.core.modes import ModalModel
+
+# Mean gain and phase of the sensors are known to this (1 σ): ISO 16063-21, and 10 µs at 160 Hz.
+_MASS_KNOWN = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class SensorMass:
+    """Mass of the sensors and where they sat.
+
+    Parameters
+    ----------
+    mass_kg : float
+        Mass of one sensor.
+    sensors_deg : dict of str to ndarray
+        Angles of all sensors of each run.
+    excitation_deg : float
+        Angle of the force.
+    live_mass_kg : float
+        Mass between load cell and tyre.
+    drift : Drift
+        Natural frequencies of the runs against each other.
+    own_kg : dict of str to ndarray
+        Mass of each sensor in `sensors_deg`, where they differ.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> from ema.circumference.mass_loading import sensors_of_runs
+    >>> campaign = rm.read_campaign("sample_data/tyre_225_55R17")
+    >>> mass = rm.SensorMass(0.004, sensors_of_runs(campaign))
+    >>> mass.sensors_deg["config_1.uff"][:3]
+    array([ 0., 30., 60.])
+    """
+
+    mass_kg: float
+    sensors_deg: dict[str, NDArray[np.float64]]
+    excitation_deg: float = 0.0
+    live_mass_kg: float = 0.0
+    drift: Drift = NO_DRIFT
+    own_kg: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+
+    @property
+    def loads(self) -> bool:
+        """Whether a sensor has a mass."""
+        return bool(self.mass_kg) or any(np.any(each) for each in self.own_kg.values())
+
+
+def is_drift_lost(loaded: ModalModel, bare: ModalModel) -> bool:
+    """Whether runs that drift were compensated as if in one state.
+
+    They then look like pairs, which leave more than the loaded tyre does.
+    """
+    return loaded.drift.applied and bare.misfit > loaded.misfit
+
+
+def with_mass_std(
+    model: ModalModel, loaded: ModalModel, usual: ModalModel | None = None
+) -> ModalModel:
+    """The model of the bare tyre with what is not known of the compensation in its ±.
+
+    The force of a mass is as wrong as gain and phase of the sensors that tell its motion: a phase
+    turns a shift of frequency into damping. What is usual among shifts is that of the modes of
+    `usual`, by default the same.
+    """
+    bare_hz, loaded_hz = model.frequencies_hz, loaded.frequencies_hz
+    others_hz = bare_hz if usual is None else usual.frequencies_hz
+    shift, others = (
+        np.min(np.abs(hz[:, None] / loaded_hz - 1), axis=1) for hz in (bare_hz, others_hz)
+    )
+    # A mode that only one of both shows is shifted like the others.
+    unknown = _MASS_KNOWN * np.minimum(shift, 2 * np.median(others))
+    variance = np.stack([unknown * bare_hz, unknown], axis=1) ** 2
+    modes = [
+        replace(
+            mode,
+            frequency_std_hz=float(np.sqrt(mode.frequency_std_hz**2 + hz)),
+            damping_std=float(np.sqrt(mode.damping_std**2 + ratio)),
+        )
+        for mode, (hz, ratio) in zip(model.modes, variance, strict=True)
+    ]
+    covariance = model.covariance + np.diag(variance.ravel())
+    return replace(model, modes=tuple(modes), covariance=covariance)
+
+
+def without_mass(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
+    """FRFs without the mass of the sensors, where it is known and the positions are a circle."""
+    if sensor_mass is None or not on_circle(frf.position_deg):
+        return frf
+    if not sensor_mass.loads:
+        return without_live_mass(frf, sensor_mass.live_mass_kg, sensor_mass.excitation_deg)
+    return unloaded(
+        frf,
+        sensor_mass.sensors_deg,
+        sensor_mass.own_kg or sensor_mass.mass_kg,
+        sensor_mass.excitation_deg,
+        sensor_mass.drift,
+        sensor_mass.live_mass_kg,
+    )

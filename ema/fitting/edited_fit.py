@@ -1,0 +1,289 @@
+"""The automatic fit as a person changed it: other rows listed, further poles, pairs by decision.
+
+The automatic fit is run as always and the edits act on its rows. Only further poles, other starts
+and locks are fitted, from where the automatic fit ended: a first stage settles poles, residues and
+their uncertainty with the pairs as they were, a second one judges pairs and sensitivity anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from ema.circumference.orders import PAIR_REACH
+from ema.core.edits import Edit, EditKind, of_kind
+from ema.core.modes import Chosen, ModalModel, Pair
+from ema.fitting.curve_fit import settled
+from ema.fitting.decisions import (
+    Diagrams,
+    Wish,
+    is_same,
+    pole_named,
+    row_named,
+    row_refused,
+    verified,
+    wishes,
+)
+from ema.fitting.listing import Choice, Key, Row, Settled, listed
+from ema.fitting.mode_pairs import RingOrder
+from ema.fitting.pole_fit import N_STAND_INS, evaluate
+from ema.fitting.search import CurveFit
+
+
+@dataclass(frozen=True, eq=False)
+class EditedFit:
+    """A fit and what is listed of it.
+
+    Parameters
+    ----------
+    curve : CurveFit
+    settled : Settled
+    choice : Choice
+    is_preview : bool
+        Whether pairs and sensitivity are still those of the fit before.
+    """
+
+    curve: CurveFit
+    settled: Settled
+    choice: Choice = field(default_factory=Choice)
+    is_preview: bool = False
+
+    @cached_property
+    def model(self) -> ModalModel:
+        """The modes that are listed."""
+        return listed(self.settled, self.choice)
+
+
+@dataclass
+class _Found:
+    """What the edits mean in a fit, gathered one by one."""
+
+    added: list[complex] = field(default_factory=list)  # further poles, rad/s
+    starts: dict[int, complex] = field(default_factory=dict)
+    locked: list[int] = field(default_factory=list)
+    two: set[int] = field(default_factory=set)  # keys of orders that have two members
+    orders: dict[Key, int] = field(default_factory=dict)
+    kept: dict[Key, Wish] = field(default_factory=dict)
+    picked: set[Key] = field(default_factory=set)
+
+    def keep(self, key: Key, wish: Wish, *, picked: bool = False) -> None:
+        """Note that a row is wanted; two names for one row are a mistake."""
+        before = self.kept.get(key)
+        if before is not None and before.pole != wish.pole:
+            remedy = "Leave one of them out, or pick a pole of the diagram"
+            raise wish.refused(f"edit {before.number} means the same mode", (), remedy)
+        self.kept[key] = wish
+        if picked:
+            self.picked.add(key)
+
+    @property
+    def refits(self) -> bool:
+        """Whether poles have to be fitted again."""
+        return bool(self.added or self.starts or self.locked)
+
+
+def edited(
+    before: EditedFit,
+    edits: Sequence[Edit],
+    diagrams: Diagrams,
+    *,
+    live: bool = False,
+    first_stage: CurveFit | None = None,
+) -> EditedFit:
+    """The fit with the edits of poles.
+
+    Parameters
+    ----------
+    before : EditedFit
+        The automatic fit.
+    edits : sequence of Edit
+    diagrams : callable
+        Stability diagram by method.
+    live : bool
+        Whether to stop after the first stage.
+    first_stage : CurveFit, optional
+        What the first stage of the same edits gave.
+
+    Raises
+    ------
+    FitError
+        Where an edit means nothing that is there, or several things.
+    """
+    if of_kind(edits, EditKind.NO_PARTNERS):
+        before = _again(before.curve, [_one(order) for order in before.curve.ring])
+    found = _meaning(before, edits, diagrams)
+    curve, anew = before.curve, found.refits or bool(found.orders)
+    if found.refits:
+        curve = (
+            first_stage
+            or curve.going_on(
+                added=found.added, starts=found.starts, locked=found.locked
+            ).with_pairs_near()
+        )
+    if anew and not live:
+        curve = copy(curve)
+        curve.order_of = {key[0]: order for key, order in found.orders.items()}
+        curve = curve.judged_anew()
+        if of_kind(edits, EditKind.NO_PARTNERS):
+            curve.ring = tuple(_one(order) for order in curve.ring)
+    after = before
+    if anew or found.two:
+        after = _with_orders(curve, found, before.curve.fit.poles.size - N_STAND_INS)
+    choice = _choice(after, edits, found)
+    result = replace(after, choice=choice, is_preview=anew and live)
+    listed_poles = {mode.pole for mode in result.model.modes}
+    verified(result.settled, choice, found.kept, listed_poles)
+    return result
+
+
+def _again(curve: CurveFit, ring: Sequence[RingOrder]) -> EditedFit:
+    """The same poles with other verdicts on pairs."""
+    other = copy(curve)
+    other.ring = tuple(ring)
+    return EditedFit(other, settled(other))
+
+
+def _one(order: RingOrder) -> RingOrder:
+    """The order with one mode, as a person wants no partners."""
+    pair = order.report.pair
+    if pair.verdict is not Pair.RESOLVED:
+        return order
+    said = f"no partners are added, by decision; {pair.evidence}"
+    one = replace(pair, verdict=Pair.NOT_SEPARABLE, evidence=said)
+    return replace(order, report=replace(order.report, pair=one))
+
+
+def _two(order: RingOrder) -> RingOrder:
+    """The order with both members, as a person says that it has two."""
+    pair = order.report.pair
+    if pair.verdict is Pair.RESOLVED:
+        return order
+    said = f"this order has two members, by decision; {pair.evidence}"
+    two = replace(pair, verdict=Pair.RESOLVED, evidence=said)
+    return replace(order, report=replace(order.report, pair=two))
+
+
+def _meaning(before: EditedFit, edits: Sequence[Edit], diagrams: Diagrams) -> _Found:
+    """What the edits mean in the automatic fit."""
+    found, settings = _Found(), before.curve.settings
+    rows = [row for row in before.settled.rows if row.in_band]
+    for wish in wishes(edits, EditKind.KEEP, EditKind.PICK):
+        row = None
+        if wish.edit.kind is EditKind.KEEP:
+            row = row_named(before.settled, wish, settings.exclude_reach, rows)
+        if row is not None:
+            found.keep(row.key, wish)
+        else:
+            _pick(before, pole_named(diagrams(wish.pole.method), wish, settings), wish, found)
+    for wish in wishes(edits, EditKind.START, EditKind.LOCK, EditKind.ORDER_IS):
+        row = row_named(before.settled, wish, settings.exclude_reach, rows)
+        if row is None:
+            raise row_refused(before.settled, wish, settings.exclude_reach, rows)
+        if wish.edit.kind is EditKind.ORDER_IS:
+            found.orders[row.key] = int(wish.edit.value or 0)
+        else:
+            _hold(before, row, wish, found)
+    return found
+
+
+def _hold(before: EditedFit, row: Row, wish: Wish, found: _Found) -> None:
+    """A pole that starts elsewhere, or stays where it is."""
+    pole = row.key[0]
+    if any(other.key == (pole, 1) for other in before.settled.rows):
+        remedy = "Add no_partners, which leaves one mode for the order"
+        raise wish.refused("a member of a pair cannot be moved by itself", (), remedy)
+    if wish.edit.kind is EditKind.LOCK:
+        found.starts.setdefault(pole, row.mode.pole)
+        found.locked.append(pole)
+        return
+    size = 2 * np.pi * wish.pole.frequency_hz
+    ratio = wish.pole.damping_ratio
+    ratio = row.mode.damping_ratio if ratio is None else ratio
+    found.starts[pole] = size * complex(-ratio, np.sqrt(1 - ratio**2))
+
+
+def _pick(before: EditedFit, pole: complex, wish: Wish, found: _Found) -> None:
+    """A pole of the diagram: a mode that is there, the second one of an order, or a new one."""
+    rows = [row for row in before.settled.rows if row.in_band]
+    near = min(rows, key=lambda row: abs(row.mode.pole - pole), default=None)
+    if near is not None and is_same(near.mode.pole, pole):
+        found.keep(near.key, wish)
+        return
+    order = _order_holding(before.curve, pole)
+    if order is not None:
+        found.two.add(order.key)
+        found.keep((order.key, _nearest_member(order, pole)), wish, picked=True)
+        return
+    n_before = before.curve.fit.poles.size - N_STAND_INS
+    key = n_before + len(found.added), 0
+    if any(is_same(other, pole) for other in found.added):
+        raise wish.refused("another edit leads to the same pole", (pole,), "Leave one of them out")
+    found.added.append(pole)
+    found.keep(key, wish, picked=True)
+
+
+def _order_holding(curve: CurveFit, pole: complex) -> RingOrder | None:
+    """The order of the ring whose second member a further pole would be, by its shape."""
+    near = [
+        order
+        for order in curve.ring
+        if order.is_main and order.pair and abs(abs(pole) / abs(order.pair.mean) - 1) < PAIR_REACH
+    ]
+    if not near:
+        return None
+    at = curve.fit.poles.size - N_STAND_INS
+    tried = evaluate(curve.lines, np.insert(curve.fit.poles, at, pole), curve.fit.drift)
+    shape = curve.labelled(tried)[at]
+    return next((order for order in near if order.order == shape.order), None)
+
+
+def _nearest_member(order: RingOrder, pole: complex) -> int:
+    assert order.pair is not None
+    return int(np.argmin([abs(member - pole) for member in order.pair.poles]))
+
+
+def _with_orders(curve: CurveFit, found: _Found, n_before: int) -> EditedFit:
+    """Rows of a fit whose orders have two members, or a locked pole, where that was decided.
+
+    A further pole that turns out to be the second member of an order gets that member's row.
+    """
+    ring = []
+    for order in curve.ring:
+        if order.key in found.locked:
+            order = replace(order, pair=None)
+        joined = order.pair is not None and any(k >= n_before for k in order.members)
+        if order.is_main and order.pair is not None and (order.key in found.two or joined):
+            order = _two(order)
+        for k in order.members if joined else ():
+            wish = found.kept.pop((k, 0), None)
+            if wish is not None:
+                member = _nearest_member(order, curve.fit.poles[k])
+                found.keep((order.key, member), wish, picked=k >= n_before)
+        ring.append(order)
+    return _again(curve, ring)
+
+
+def _choice(after: EditedFit, edits: Sequence[Edit], found: _Found) -> Choice:
+    """What is listed of the rows; of decisions on one row the last one counts."""
+    reach, rows = after.curve.settings.exclude_reach, after.settled.rows
+    named = [row for row in rows if row.is_listed or row.key in found.kept]
+    aside, notes = dict[Key, Wish](), list[str]()
+    for wish in wishes(edits, EditKind.SET_ASIDE):
+        row = row_named(after.settled, wish, reach, named)
+        if row is None:
+            raise row_refused(after.settled, wish, reach, named)
+        before = found.kept.get(row.key)
+        if before is not None:
+            late, early = max(wish.number, before.number), min(wish.number, before.number)
+            notes.append(f"Edit {late} overrules edit {early}.")
+            if before.number > wish.number:
+                continue
+            del found.kept[row.key]
+        aside[row.key] = wish
+    how = {k: Chosen.PICKED if k in found.picked else Chosen.KEPT for k in found.kept}
+    only = bool(of_kind(edits, EditKind.ONLY_KEPT))
+    return Choice(how, frozenset(aside), only, found.orders, tuple(notes))

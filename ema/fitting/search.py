@@ -1,0 +1,390 @@
+"""The automatic fit of poles: start, drift, leakage, what is dropped, and the pairs of orders."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from ema.circumference.orders import label_modes, of_order, on_circle
+from ema.circumference.ring_modes import family
+from ema.core.drift import NO_DRIFT, Drift, of_runs
+from ema.core.frf import FRF, widened_band
+from ema.core.modes import Mode
+from ema.core.numerics import one_blas_thread
+from ema.core.settings import IdentificationSettings
+from ema.fitting.covariance import band_shift, line_correlation
+from ema.fitting.evidence import (
+    is_hidden,
+    residue_size,
+    scatter_over_positions,
+    share_resonance,
+    visible_share,
+)
+from ema.fitting.exponential_window import with_own_factor
+from ema.fitting.fit_steps import (
+    drift_in_one_step,
+    merged,
+    modes_of,
+    surplus_poles,
+    without_leakage,
+)
+from ema.fitting.local_poles import at_mean_of_positions
+from ema.fitting.mode_pairs import PairSearch, RingOrder
+from ema.fitting.pole_fit import (
+    N_DRIFT,
+    N_STAND_INS,
+    Lines,
+    PoleFit,
+    evaluate,
+    fit_bounded,
+    lines_to_fit,
+    starting_poles,
+    with_stand_ins,
+)
+from ema.fitting.variable_projection import Real
+from ema.poles.selection import PoleSelection
+
+# A pole damped this many times more than the others, on its bound, is no mode.
+_BROAD = 3.0
+NO_SHIFT = np.zeros((1, N_DRIFT))
+# A pole with this share of the response makes up its resonance.
+_MAKES_UP = 0.8
+# Without a circle, one of several doubtful poles goes first if this many half-widths hold them.
+_AROUND = 4.0
+# A ring mode of less purity may hide one of another order, damped this much more.
+_TWO_ORDERS, _BROADER = 0.97, 1.8
+# Its shape has at least this share of its power in that order.
+_ITS_OWN = 0.6
+# Rounds in which poles that hardly show are dropped; more than five were never needed.
+_MOST_DROPS = 8
+# Rounds after which the poles of the orders have settled; more than two were never needed.
+_ROUNDS = 4
+
+
+@one_blas_thread
+def curve_fit(
+    frf: FRF,
+    selection: PoleSelection,
+    band_hz: tuple[float, float],
+    settings: IdentificationSettings,
+) -> CurveFit:
+    """The automatic fit to its end, from which others can go on; as `fit_modes`."""
+    fit = CurveFit(with_own_factor(frf), selection, band_hz, settings)
+    fit.start()
+    fit.follow_drift()
+    fit.compensate_leakage()
+    if not selection.pinned:
+        fit.drop_insignificant()
+    if fit.circle:
+        fit.settle_orders()
+    else:
+        if not selection.pinned:
+            fit.drop_surplus()
+            fit.follow_poles()
+            fit.drop_hidden()
+        fit.fit = fit.at_mean(fit.fit)
+    return fit
+
+
+class CurveFit:
+    """State of one curve fit; each step replaces `fit`, the poles and residues so far.
+
+    Parameters
+    ----------
+    frf : FRF
+    selection : PoleSelection
+        Where the poles start.
+    band_hz : tuple of float
+        Band of the result.
+    settings : IdentificationSettings
+
+    Attributes
+    ----------
+    lines : Lines
+        What is fitted, with weights.
+    fit : PoleFit
+    drift : Drift
+        Drift of the runs, and whether it is significant.
+    leakage_notes, notes : list of str
+    ring : tuple of RingOrder
+        Pairs of the ring, order by order.
+    locked : tuple of int
+        Poles that stay where they start.
+    order_of : mapping of int to int
+        Orders of poles that a person gave them.
+    """
+
+    def __init__(
+        self,
+        frf: FRF,
+        selection: PoleSelection,
+        band_hz: tuple[float, float],
+        settings: IdentificationSettings,
+    ) -> None:
+        self.frf, self.selection, self.band_hz, self.settings = frf, selection, band_hz, settings
+        self.lines = lines_to_fit(frf, band_hz)
+        self.start_poles = starting_poles(selection.poles, self.lines, band_hz)
+        self.correlation = line_correlation(frf.blocks)
+        self.drift: Drift = NO_DRIFT
+        self.leakage_notes, self.notes = list[str](), list[str]()
+        self.ring: tuple[RingOrder, ...] = ()
+        self.circle = on_circle(frf.position_deg)
+        self.locked: tuple[int, ...] = ()
+        self.order_of: Mapping[int, int] = {}
+
+    def start(self) -> None:
+        """Fit all runs in one state, the members of close pairs as one pole at first."""
+        if not self.selection.pinned:
+            self.start_poles = merged(self.lines, self.start_poles, self.frf.position_deg)
+        pairs = self._pairs(evaluate(self.lines, self.start_poles, NO_SHIFT))
+        self.centre = self.start_poles
+        self.fit = fit_bounded(self.lines, self.start_poles, self.settings, pairs=pairs)
+
+    def follow_drift(self) -> None:
+        """Give each run its own state where the frequencies differ by more than chance."""
+        known = np.all(np.isfinite(self.frf.std))
+        if self.lines.n_runs < 2 or not (known or self.circle):
+            return
+        limit = self.settings.drift_p_value
+        self.drift = drift_in_one_step(self.fit, self.frf.run_names, self.correlation, limit)
+        if self.drift.applied:
+            given = self.settings, self._shifts, self.start_poles, self.fit.pairs
+            self.fit = fit_bounded(self.lines, self.fit.poles, *given)
+
+    def compensate_leakage(self) -> None:
+        """Fit again without the bias of window and block length."""
+        self.fit, self.leakage_notes = without_leakage(
+            self.frf, self.fit, self.start_poles, self.settings
+        )
+
+    def drop_insignificant(self) -> None:
+        """Drop poles of the band whose residues are no larger than their uncertainty.
+
+        A pole may be stable from model order to model order and yet be only a wiggle of the noise.
+        Of two that share a resonance, neither may be determined: only the lesser one goes.
+        """
+        size = residue_size(self.fit, self.correlation)
+        p_value = chdtrc(2 * self.fit.lines.scale.size, size)
+        noise = ~(p_value < self.settings.residue_p_value)
+        reach = 1.0 if self.circle else _AROUND
+        self._drop(noise, size, "its residues are no larger than their uncertainty", reach)
+
+    def follow_poles(self) -> None:
+        """Move bounds of frequencies along with poles that ended on them, main ones only."""
+        for _ in range(_ROUNDS):
+            poles = self.fit.poles
+            held = self.fit.at_bound[1::2] & self._is_inside(poles)
+            held &= visible_share(self.fit) > _MAKES_UP
+            if not np.any(held):
+                break
+            self._refit(poles, np.where(held, poles, self.centre))
+
+    def drop_hidden(self) -> None:
+        """Drop poles that hardly show at their own resonance, until none is left.
+
+        They follow what the model leaves out of other resonances.
+        """
+        for _ in range(_MOST_DROPS):
+            share = visible_share(self.fit)
+            hidden = is_hidden(self.fit, self.settings.visible_share)
+            if not self._drop(hidden, share, "it hardly shows at its own resonance"):
+                break
+
+    def _drop(
+        self, doubtful: NDArray[np.bool_], size: Real, reason: str, reach: float = 1.0
+    ) -> bool:
+        """Fit again without doubtful poles of the band; of two in a resonance the lesser one goes.
+
+        False where there is none to drop, or no other.
+        """
+        poles = self.fit.poles
+        inside = self._is_inside(poles)
+        drop = inside & doubtful
+        drop &= ~np.any(drop & share_resonance(poles, reach) & (size[:, None] > size), axis=1)
+        if not np.any(drop) or np.all(drop | ~inside):
+            return False
+        self._refit(poles[~drop])
+        self.notes += [
+            f"The pole at {abs(pole) / (2 * np.pi):.2f} Hz was dropped: {reason}."
+            for pole in poles[drop]
+        ]
+        return True
+
+    def _is_inside(self, poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
+        """Which poles lie in the band."""
+        frequency_hz = np.abs(poles) / (2 * np.pi)
+        inside = (frequency_hz >= self.band_hz[0]) & (frequency_hz <= self.band_hz[1])
+        inside[-N_STAND_INS:] = False
+        return inside
+
+    def drop_surplus(self) -> None:
+        """Drop poles that ended on the bound of their damping, far above that of the others."""
+        fit = self.fit
+        ratio = -fit.poles.real / np.abs(fit.poles)
+        broad = fit.at_bound[0::2] & (ratio > _BROAD * np.median(ratio[:-N_STAND_INS]))
+        broad[-N_STAND_INS:] = False
+        if np.any(broad) and np.count_nonzero(~broad) > N_STAND_INS:
+            self._refit(fit.poles[~broad])
+
+    def settle_orders(self) -> None:
+        """Fit the pair of each order of the ring, after poles that diverged were dropped.
+
+        Pinned poles stay as they are.
+        """
+        for _ in range(0 if self.selection.pinned else _ROUNDS):
+            surplus = surplus_poles(self.labelled(self.fit), self.fit)
+            if not np.any(surplus):
+                break
+            self._refit(self.fit.poles[~surplus])
+        if not self.selection.pinned:
+            self._add_hidden()
+        self.find_pairs()
+
+    def find_pairs(self) -> None:
+        """Fit the pair of each order of the ring, from the FRFs of that order."""
+        self.ring = self._pair_search().orders_found()
+
+    def _pair_search(self) -> PairSearch:
+        known = self.band_hz, self.correlation, self.drift, self.settings
+        lines = widened_band(self.frf, self.band_hz)
+        return PairSearch(self.frf, lines, self.fit, self.labelled(self.fit), *known)
+
+    def _add_hidden(self) -> None:
+        """Add the pole of a second order where one pole holds two at the same frequency.
+
+        A rim that moves gives order 1 a broad resonance, often beneath that of order 2. Kept only
+        if its shape is that order's.
+        """
+        before, (low, high) = self.fit, self.band_hz
+        labelled = self.labelled(before)
+        for found in family(labelled).values():
+            mode = labelled[found[0]]
+            if mode.order_purity < _TWO_ORDERS and low <= mode.frequency_hz <= high:
+                size, ratio = abs(mode.pole), min(_BROADER * mode.damping_ratio, 0.9)
+                added = size * (-ratio + 1j * np.sqrt(1 - ratio**2))
+                self._refit(np.insert(before.poles, 0, added))
+                tried = self.labelled(self.fit)
+                if tried[0].order != mode.order and tried[0].order_purity > _ITS_OWN:
+                    return
+                self.fit = before
+
+    @property
+    def _shifts(self) -> NDArray[np.float64] | None:
+        return self.drift.states if self.drift.applied else None
+
+    def _refit(
+        self, poles: NDArray[np.complex128], around: NDArray[np.complex128] | None = None
+    ) -> None:
+        """Fit from other poles, with bounds around them or others."""
+        self.centre = poles if around is None else around
+        shifts = NO_SHIFT if self._shifts is None else self._shifts
+        pairs = self._pairs(evaluate(self.lines, poles, shifts))
+        given = self.settings, self._shifts, self.centre, pairs, self.locked
+        fit = fit_bounded(self.lines, poles, *given)
+        self.fit, self.leakage_notes = without_leakage(self.frf, fit, self.centre, self.settings)
+
+    def _pairs(self, fit: PoleFit) -> tuple[tuple[int, int], ...]:
+        """Poles that are the two members of one order; none without a circle or known noise."""
+        if not self.circle or not np.all(np.isfinite(self.frf.std)):
+            return ()
+        members = family(self.labelled(fit)).values()
+        pairs = sorted(sorted(chosen) for chosen in members if len(chosen) == 2)
+        return tuple((first, second) for first, second in pairs)
+
+    def labelled(self, fit: PoleFit) -> tuple[Mode, ...]:
+        """Modes of all poles but the stand-ins, with their orders."""
+        modes = list(label_modes(modes_of(fit), self.frf.position_deg)[:-N_STAND_INS])
+        for pole, order in self.order_of.items():
+            modes[pole] = of_order(modes[pole], order, self.frf.position_deg)
+        return tuple(modes)
+
+    @cached_property
+    def sensitivity(self) -> tuple[Real, Real]:
+        """What the ends of the band change in each pole, and, without a circle, other positions."""
+        shifts = band_shift(self.fit, self._again)
+        unknown = np.zeros((self.fit.poles.size, 2))
+        return shifts, unknown if self.circle else scatter_over_positions(self.fit, self._again)
+
+    def going_on(
+        self,
+        frf: FRF | None = None,
+        added: Sequence[complex] = (),
+        starts: Mapping[int, complex] | None = None,
+        locked: Sequence[int] = (),
+        left_out: Sequence[int] = (),
+    ) -> CurveFit:
+        """Fit again from these poles; pairs and sensitivity stay those of before.
+
+        Parameters
+        ----------
+        frf : FRF, optional
+            Other FRFs of the same tyre: of the same lines, perhaps of other rows.
+        added : sequence of complex
+            Further poles, rad/s, behind those there are.
+        starts : mapping of int to complex
+            Other starts of some poles.
+        locked : sequence of int
+            Poles that stay where they start.
+        left_out : sequence of int
+            Poles that are not fitted; those behind move up.
+        """
+        other = copy(self)
+        shifts, scatter = (_with_rows(each, len(added)) for each in self.sensitivity)
+        other.__dict__["sensitivity"] = shifts, scatter
+        other.locked = tuple(locked)
+        if frf is not None:
+            other._take(with_own_factor(frf))
+        poles = self.fit.poles.copy()
+        for pole, start in (starts or {}).items():
+            poles[pole] = start
+        poles = np.insert(poles, poles.size - N_STAND_INS, np.array(added, dtype=complex))
+        other._refit(np.delete(poles, left_out))
+        other.fit = other.at_mean(other.fit)
+        return other
+
+    def _take(self, frf: FRF) -> None:
+        """Other FRFs of the same tyre; the runs that are left keep their states."""
+        self.frf, self.lines = frf, lines_to_fit(frf, self.band_hz)
+        self.circle = on_circle(frf.position_deg)
+        self.ring = self.ring if self.circle else ()
+        if self.drift.applied:
+            self.drift = of_runs(self.drift, frf.run_names)
+
+    def with_pairs_near(self) -> CurveFit:
+        """The same poles with the pairs of before, searched again from where they were."""
+        other = copy(self)
+        if other.ring:
+            other.ring = other._pair_search().orders_near(other.ring)
+        return other
+
+    def members_of(self, pole: int) -> tuple[int, ...]:
+        """The poles of the fit that one pole stands for."""
+        found = (order.members for order in self.ring if order.key == pole and order.pair)
+        return next(found, (pole,))
+
+    def judged_anew(self) -> CurveFit:
+        """The same poles with pairs and sensitivity of their own."""
+        other = copy(self)
+        other.__dict__.pop("sensitivity", None)
+        if other.circle and not other.selection.pinned:
+            other.find_pairs()
+        return other
+
+    def _again(self, lines: Lines, poles: NDArray[np.complex128]) -> PoleFit:
+        """Fit other lines from these poles."""
+        drift = self.fit.drift if len(self.fit.drift) > 1 else None
+        return self.at_mean(fit_bounded(lines, with_stand_ins(poles, lines), self.settings, drift))
+
+    def at_mean(self, fit: PoleFit) -> PoleFit:
+        """The fit at the mean poles of its positions, where no circle tells pairs."""
+        return fit if self.circle else at_mean_of_positions(fit)
+
+
+def _with_rows(known: Real, number: int) -> Real:
+    """Further rows, of which nothing is known, before those of the stand-ins."""
+    return np.insert(known, len(known) - N_STAND_INS, np.full((number, 2), np.nan), axis=0)
