@@ -304,6 +304,8 @@ class Basis:
         Whether the FRFs were changed without the checks looking at them again.
     shown : EditedFit or None
         With edits.
+    crossed : FRF or None
+        What the cross-check looked at, where that was not `frf`.
     """
 
     asked: Asked
@@ -316,6 +318,7 @@ class Basis:
     edits: tuple[Edit, ...] = ()
     is_preview: bool = False
     shown: EditedFit | None = None
+    crossed: FRF | None = None
 
     @cached_property
     def automatic(self) -> ModalModel:
@@ -348,7 +351,7 @@ class Basis:
             frf=self.frf,
             diagram=self.diagram,
             model=model,
-            opinions=second_opinion(self.frf, model.modes, *known),
+            opinions=second_opinion(self.crossed or self.frf, model.modes, *known),
             findings=self.state.findings,
             measured=self.state.measured,
             corrections=self.state.corrections,

@@ -13,12 +13,16 @@ from ema.checks.sensor_mass import without_mass
 from ema.core.edits import Edit
 from ema.core.errors import InputError
 from ema.core.modes import Mode
-from ema.core.numerics import one_blas_thread
+from ema.core.numerics import kept_with, one_blas_thread
 from ema.core.stopping import stoppable
 from ema.fitting.curve_fit import settled
 from ema.fitting.edited_fit import EditedFit
 from ema.fitting.listing import Key
+from ema.fitting.pole_fit import fit_bounded
 from ema.identify import Basis, Identification, automatic_basis
+
+# Steps of a search that is only to say how much worse a fit is.
+_FEW_TRIES = 8
 
 
 @one_blas_thread
@@ -42,9 +46,9 @@ def refit_modes(
     edits : sequence of Edit
         All that are in force.
     live : bool
-        Whether to stop where poles, drift, leakage, residues and their ± have settled: pairs are
-        searched near those of before, and the checks of the channels, the cross-check and what the
-        ends of the band change are those of before.
+        Whether to stop where poles, drift, leakage, residues and their ± have settled. Verdicts
+        on pairs, checks of the channels, the cross-check and what the ends of the band change are
+        those of before.
     stop : callable, optional
         Asked at every step of a search; the fit ends where it gives true.
 
@@ -98,11 +102,18 @@ def _live_basis(basis: Basis, edits: Sequence[Edit]) -> Basis:
     corrections = tuple(sorted((*by_hand, *others), key=lambda each: each.row))
     usable = corrected(measured, corrections)
     fitted = without_mass(usable, state.mass)
-    curve = basis.fit.curve.going_on(fitted).with_pairs_near()
+    curve = basis.fit.curve.on(fitted)
     state = replace(state, usable=usable, corrections=corrections).told(told)
     fit = EditedFit(curve, settled(curve), is_preview=True)
-    edits = channel_edits(edits)
-    return replace(basis, state=state, frf=fitted, fit=fit, edits=edits, is_preview=True)
+    return replace(
+        basis,
+        state=state,
+        frf=fitted,
+        fit=fit,
+        edits=channel_edits(edits),
+        is_preview=True,
+        crossed=basis.crossed or basis.frf,
+    )
 
 
 @dataclass(frozen=True)
@@ -145,6 +156,7 @@ class EditCost:
         return self.chi_square_after - self.chi_square_before
 
 
+@one_blas_thread
 def edit_cost(
     found: Identification, edits: Sequence[Edit], *, stop: Callable[[], bool] | None = None
 ) -> EditCost:
@@ -164,7 +176,7 @@ def edit_cost(
     shifts = []
     for key, mode in before.listed.items():
         if key in after.listed:
-            moved = after.poles[key[0]] - before.poles[key[0]]
+            moved = after.poles[key] - before.poles[key]
             along = (mode.pole.conjugate() * moved).real / abs(mode.pole)
             ratio = (-moved.real - mode.damping_ratio * along) / abs(mode.pole)
             hz_std = along / (2 * np.pi) / mode.frequency_std_hz
@@ -180,26 +192,23 @@ class _Weighed:
 
     chi_square: float
     misfit: float
-    poles: Mapping[int, complex]  # as long as the automatic fit counts them, rad/s
+    poles: Mapping[Key, complex]  # rad/s
     listed: Mapping[Key, Mode]
 
 
+@kept_with
 def _weighed(found: Identification) -> _Weighed:
     assert found.basis is not None
     shown = found.basis.shown or found.basis.fit
-    choice, fit = shown.choice, shown.curve.fit
-    rows = [row.key for row in shown.settled.rows]
-    whole = [k for k, _ in rows if all((k, m) in choice.aside for j, m in rows if j == k)]
-    gone = {m for k in whole for m in shown.curve.members_of(k)}
-    curve = shown.curve.going_on(left_out=sorted(gone)) if gone else shown.curve
-    left = [k for k in range(fit.poles.size) if k not in gone]
-    # Of an order with one pole, what its own FRFs say against it.
-    both = [o for o in shown.settled.ring if o.is_resolved and o.pair and o.key not in gone]
-    both = [o for o in both if not choice.aside & {(o.key, 0), (o.key, 1)}]
-    gain = sum(order.pair.gain for order in both if order.pair)
-    freedom = curve.fit.chi_square / curve.fit.misfit
-    chi_square = curve.fit.chi_square - gain
-    keys = [row.key for row in shown.settled.rows if choice.lists(row)]
+    rows = [row for row in shown.settled.rows if row.key not in shown.choice.aside]
+    rows.sort(key=lambda row: row.key)  # those beyond the lines last
+    before, curve = shown.curve.fit, shown.curve
+    poles = np.array([row.mode.pole for row in rows])
+    drift = before.drift if len(before.drift) > 1 else None
+    locked = tuple(k for k, row in enumerate(rows) if row.key[0] in curve.locked)
+    given = curve.settings, drift, None, (), locked
+    fit = fit_bounded(before.lines, poles, *given, tries=_FEW_TRIES)
+    where = dict(zip([row.key for row in rows], fit.poles.tolist(), strict=True))
+    keys = [row.key for row in shown.settled.rows if shown.choice.lists(row)]
     named = dict(zip(keys, found.model.modes, strict=False))
-    poles = dict(zip(left, curve.fit.poles.tolist(), strict=True))
-    return _Weighed(chi_square, chi_square / freedom, poles, named)
+    return _Weighed(fit.chi_square, fit.misfit, where, named)

@@ -118,11 +118,8 @@ def edited(
     found = _meaning(before, edits, diagrams)
     curve, anew = before.curve, found.refits or bool(found.orders)
     if found.refits:
-        curve = (
-            first_stage
-            or curve.going_on(
-                added=found.added, starts=found.starts, locked=found.locked
-            ).with_pairs_near()
+        curve = first_stage or curve.going_on(
+            added=found.added, starts=found.starts, locked=found.locked
         )
     if anew and not live:
         curve = copy(curve)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,8 @@ from ema.fitting.local_poles import std_over_positions
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
 from ema.fitting.ring_pair import PairFit
-from ema.signals.leakage import has_leakage, leakage_bias
+from ema.fitting.variable_projection import Complex, Real
+from ema.signals.leakage import has_leakage, leakage_of
 
 # A correction for random excitation that fits worse than this shows that it was not random.
 _WORSE = 1.05
@@ -299,15 +300,7 @@ def without_leakage(
         return plain, []
     cleared = plain
     for _ in range(_LEAKAGE_ROUNDS):
-        bias = leakage_bias(
-            frf,
-            plain.lines.frequency_hz,
-            {
-                name: cleared.in_run(number)[:-N_STAND_INS]
-                for number, name in enumerate(frf.run_names)
-            },
-            cleared.residues[:, :-N_STAND_INS],
-        )
+        bias = _leakage_of(frf, cleared)(cleared.residues[:, :-N_STAND_INS])
         lines = replace(plain.lines, values=plain.lines.values - bias)
         start = np.append(cleared.poles[:-N_STAND_INS], plain.poles[-N_STAND_INS:])
         drift = cleared.drift if len(cleared.drift) > 1 else None
@@ -320,6 +313,25 @@ def without_leakage(
         )
         return plain, [note]
     return cleared, ["The bias of window and block length was compensated in the curve fit."]
+
+
+def _leakage_of(
+    frf: FRF, fit: PoleFit
+) -> Callable[[NDArray[np.complex128]], NDArray[np.complex128]]:
+    """Bias of the poles of a fit, as a function of their residues."""
+    runs = enumerate(frf.run_names)
+    poles = {name: fit.in_run(number)[:-N_STAND_INS] for number, name in runs}
+    return leakage_of(frf, fit.lines.frequency_hz, poles)
+
+
+def cleared_lines(frf: FRF, lines: Lines, poles: Complex, drift: Real) -> Lines:
+    """Lines without the bias of poles that are nearly known."""
+    fit = evaluate(lines, poles, drift)
+    bias_of = _leakage_of(frf, fit)
+    for _ in range(_LEAKAGE_ROUNDS):
+        bias = bias_of(fit.residues[:, :-N_STAND_INS])
+        fit = evaluate(replace(lines, values=lines.values - bias), poles, drift)
+    return fit.lines
 
 
 def surplus_poles(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from ema.circumference.orders import circle_basis, highest_order, with_aliases
 from ema.circumference.ring_modes import family, further_resonances
 from ema.core.drift import Drift
 from ema.core.frf import FRF
-from ema.core.modes import Mode, OrderReport, Pair, PairVerdict, synthesise
+from ema.core.modes import Mode, OrderReport, Pair, synthesise
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
+from ema.fitting.order_pair import ONE_MEMBER, fit_pair, order_report, pair_problem
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit
-from ema.fitting.ring_pair import Known, PairFit, fit_pair
+from ema.fitting.ring_pair import Known, PairFit
 from ema.fitting.variable_projection import Complex, Real
 from ema.signals.leakage import has_leakage, leakage_bias
 
@@ -25,16 +25,8 @@ from ema.signals.leakage import has_leakage, leakage_bias
 _FORCE_STD_DEG = 0.5
 # … and not known at all where most orders point elsewhere by more than this, in rad.
 _ELSEWHERE_RAD, _UNKNOWN_RAD = 0.5, 0.3
-# Members that are known to no better than this share are not listed by themselves.
-_KNOWN_DAMPING = 0.008
 # Poles closer than this many half-widths of the broader one share a resonance.
 _SHARED = 1.5
-# A pair is not told from a drift whose standard deviation is more than this share of its split …
-_DRIFTS = 0.1
-# … nor, with less than this share of the response, where it leaves more than this reduced χ².
-_PLAIN_SHARE, _MOST_LEFT = 0.15, 10.0
-# An order whose other member has less than this share of the response shows one member.
-_ONE_MEMBER = 0.02
 # Fits with leakage and states of the runs computed for two poles; each leaves a fifth of the error.
 _ROUNDS = 2
 
@@ -137,7 +129,7 @@ class RingOrder:
 
     def shows_two(self, settings: IdentificationSettings) -> bool:
         """Whether two poles explain the order better than one."""
-        if self.pair is None or min(self.pair.share) < _ONE_MEMBER:
+        if self.pair is None or min(self.pair.share) < ONE_MEMBER:
             return False
         return self.report.pair.chance < settings.pair_p_value
 
@@ -216,22 +208,38 @@ class PairSearch:
             orders = [self.again(each, change) if each in both else each for each in orders]
         return tuple(orders)
 
-    def orders_near(self, before: Sequence[RingOrder]) -> tuple[RingOrder, ...]:
-        """The orders as found before in much the same fit, each searched from where it was."""
-        both = [each for each in before if each.shows_two(self.settings)]
-        change = self.of_two_poles(both) if both else 0.0
-        known = {(order, tuple(found)) for order, found in self.orders}
-        return tuple(
-            self.again(each, change if each in both else 0.0)
-            if each.pair is not None and (each.order, each.members) in known
-            else each
-            for each in before
-        )
-
     def fitted(
         self, order: int, found: list[int], change: Complex | float = 0.0, near: Real | None = None
     ) -> RingOrder:
         """The pair of one order, from FRFs with a `change`, perhaps near known parameters."""
+        seen, start, known, force_rad = self._seen(order, found, change, near)
+        pair = fit_pair(seen.frequency_hz, seen.values, seen.std, start, known)
+        pair = None if pair is None else self._in_first_state(pair, start)
+        report = order_report(order, pair, self.settings, _change_hz(self.drift, start))
+        is_main = (order, found) in self.main
+        return RingOrder(order, tuple(found), pair, report, force_rad, is_main)
+
+    def orders_near(self, before: Sequence[RingOrder]) -> tuple[RingOrder, ...]:
+        """The orders as found before in much the same fit: pairs move, verdicts stay."""
+        both = [each for each in before if each.shows_two(self.settings)]
+        change = self.of_two_poles(both) if both else 0.0
+        return tuple(self._near(each, change if each in both else 0.0) for each in before)
+
+    def _near(self, before: RingOrder, change: Complex | float) -> RingOrder:
+        found = list(before.members)
+        if before.pair is None or found[0] not in self.directions:
+            return before
+        seen, start, known, force_rad = self._seen(before.order, found, change)
+        problem = pair_problem(seen.frequency_hz, seen.values, seen.std, start, known)
+        if problem is None:
+            return before
+        pair = self._in_first_state(problem.solve_near(before.pair), start)
+        return replace(before, pair=pair, force_rad=force_rad)
+
+    def _seen(
+        self, order: int, found: list[int], change: Complex | float, near: Real | None = None
+    ) -> tuple[OrderFrf, complex, Known, float]:
+        """FRFs of one order, its pole as one mode, what is known of it, and the force's angle."""
         middle, radians = self.middle, order * np.pi / 180
         power = np.sum(np.abs(self.fit.residues[:, found]) ** 2, axis=0)
         start = complex(np.average(middle.poles[found], weights=power))
@@ -242,16 +250,14 @@ class PairSearch:
             force_rad, spread = self.force_deg * radians, _FORCE_STD_DEG * radians
         seen = self.decomposition.order(order, self.lines, own).seen_from(force_rad)
         poles = tuple(middle.poles[beside].tolist())
-        known = Known(spread, self.correlation, self.settings, poles, near)
-        pair = fit_pair(seen.frequency_hz, seen.values, seen.std, start, known)
-        if pair is not None:
-            shift, decay = self.fit.lines.drift_factors(np.array([start]), self.state)
-            pair = pair.moved(float(shift[0]), float(decay[0]))
-        report = order_report(order, pair, self.settings, _change_hz(self.drift, start))
-        is_main = (order, found) in self.main
-        return RingOrder(order, tuple(found), pair, report, force_rad, is_main)
+        return seen, start, Known(spread, self.correlation, self.settings, poles, near), force_rad
 
-    def again(self, before: RingOrder, change: Complex | float) -> RingOrder:
+    def _in_first_state(self, pair: PairFit, start: complex) -> PairFit:
+        """A pair of the middle state in that of the first run."""
+        shift, decay = self.fit.lines.drift_factors(np.array([start]), self.state)
+        return pair.moved(float(shift[0]), float(decay[0]))
+
+    def again(self, before: RingOrder, change: Complex) -> RingOrder:
         """The same order from changed FRFs."""
         assert before.pair is not None
         return self.fitted(before.order, list(before.members), change, before.pair.parameters)
@@ -315,61 +321,6 @@ def _change_hz(drift: Drift, pole: complex) -> float:
         return 0.0
     hz = abs(pole) / (2 * np.pi)
     return float(hz * np.std(drift.at(hz)) / 100)
-
-
-def order_report(
-    order: int,
-    pair: PairFit | None,
-    settings: IdentificationSettings = IDENTIFICATION,
-    change_hz: float = 0.0,
-) -> OrderReport:
-    """Verdict on a pair, with its evidence; `change_hz` is its change over the runs."""
-    nothing = float("nan")
-    if pair is None:
-        few = PairVerdict(order, Pair.NOT_SEPARABLE, nothing, "too few lines around the resonance")
-        return OrderReport(few)
-    chance = float(chdtrc(4, max(pair.gain, 0.0)))
-    doubt = _doubt(pair, settings, change_hz)
-    weaker = min(pair.share)
-    if chance < settings.pair_p_value and not doubt:
-        verdict, text = Pair.RESOLVED, f"two poles fit better than one (p = {chance:.2g})"
-    elif weaker < _ONE_MEMBER:
-        verdict = Pair.ONE_SEEN
-        text = f"the force drives one member; the other has {100 * weaker:.1f} % of the response"
-    elif chance < settings.pair_p_value:
-        verdict, text = Pair.NOT_SEPARABLE, doubt
-    else:
-        verdict = Pair.NOT_SEPARABLE
-        text = f"one pole explains the order; a second one is not significant (p = {chance:.2g})"
-    std = np.sqrt(np.diag(pair.covariance))
-    return OrderReport(
-        PairVerdict(order, verdict, chance, text),
-        frequency_hz=float(abs(pair.mean) / (2 * np.pi)),
-        frequency_std_hz=float(std[4]),
-        damping_ratio=float(-pair.mean.real / abs(pair.mean)),
-        damping_std=float(std[5]),
-    )
-
-
-def _doubt(pair: PairFit, settings: IdentificationSettings, change_hz: float) -> str:
-    """Why the members are not determined; empty where they are."""
-    if min(pair.share) < settings.pair_weakest_share:
-        return f"the weaker member has {100 * min(pair.share):.1f} % of the response"
-    if pair.split_std < settings.pair_separation_std:
-        return f"the two frequencies differ by only {pair.split_std:.1f} standard deviations"
-    split_hz = (abs(pair.poles[1]) - abs(pair.poles[0])) / (2 * np.pi)
-    if change_hz > _DRIFTS * split_hz:
-        return f"the runs differ by {change_hz:.2g} Hz, the members by {split_hz:.2g} Hz"
-    if pair.misfit > _MOST_LEFT and min(pair.share) < _PLAIN_SHARE:
-        return f"both members leave {pair.misfit:.0f} times the noise"
-    damping = [-pole.real / abs(pole) for pole in pair.poles]
-    if max(damping) > settings.pair_damping_factor * min(damping):
-        return f"the damping ratios would differ by a factor of {max(damping) / min(damping):.1f}"
-    std = np.sqrt(np.diag(pair.covariance))[[1, 3]]
-    worst = float(np.max(std / damping))
-    if worst > _KNOWN_DAMPING:
-        return f"the damping of one member is known to {100 * worst:.0f} % only"
-    return ""
 
 
 def _direction(amplitude: Complex) -> float:

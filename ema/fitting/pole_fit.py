@@ -409,6 +409,7 @@ def fit_bounded(
     around: NDArray[np.complex128] | None = None,
     pairs: tuple[tuple[int, int], ...] = (),
     locked: tuple[int, ...] = (),
+    tries: int = 60,
 ) -> PoleFit:
     """Fit poles within the bounds that suit start values from a stability diagram.
 
@@ -419,7 +420,7 @@ def fit_bounded(
     held = np.ravel([(2 * k, 2 * k + 1) for k in locked]).astype(int)
     there = np.ravel(np.column_stack([-start.real, start.imag]))[held]
     lower[held], upper[held] = there * (1 - _LOCKED), there * (1 + _LOCKED)
-    fit = fit_poles(lines, start, lower, upper, drift, pairs=pairs)
+    fit = fit_poles(lines, start, lower, upper, drift, pairs=pairs, tries=tries)
     bound = fit.at_bound.copy()
     bound[held] = False
     return replace(fit, at_bound=bound, locked=locked)

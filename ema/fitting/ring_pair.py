@@ -26,9 +26,6 @@ from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.core.stopping import end_if_stopped
 from ema.fitting.variable_projection import Complex, Real
 
-# Half-widths of the resonance on either side whose lines are fitted.
-_REACH = 6.0
-_FEWEST_LINES = 12
 # Parameters: mean frequency and damping (log); half the split of the frequencies, relative, along
 # the force and across; the same of the damping; direction of the force.
 _MEAN, _DAMPING, _ALONG, _ACROSS, _DAMPED_ALONG, _DAMPED_ACROSS, _FORCE = range(7)
@@ -168,7 +165,7 @@ class PairProblem:
         self.sizes = np.array([self.ratio, 1.0, self.ratio, self.ratio, 1.0, 1.0, 0.2]) / 10
         self.steps = 1e-6 * np.diag(self.sizes)
         self.scale = 1.0
-        self.amplitude = 0.0
+        self.amplitude = 1e-12  # no mixing at first, to see the size of the wave
         self._solved: tuple[tuple[float, ...], _Linear] | None = None
 
     def _span(self) -> Complex:
@@ -269,7 +266,6 @@ class PairProblem:
     def solve(self) -> PairFit:
         """Best pair, with what the data say against one pole."""
         single = np.zeros(_N_PARAMETERS)
-        self.amplitude = 1e-12  # no mixing at first, to see the size of the wave
         self.amplitude = abs(self._linear(single).amplitude)
         one = self.minimum(single, free=(_MEAN, _DAMPING))
         small = one.x + _SMALL * self.ratio
@@ -286,6 +282,13 @@ class PairProblem:
             best = self.minimum(one.x)
         misfit = self.scale * self._misfit(best)
         return self._fit(best, 2 * (one.cost - best.cost), misfit)
+
+    def solve_near(self, before: PairFit) -> PairFit:
+        """The pair where it is known from much the same FRFs; what is known of it stays."""
+        self.amplitude = abs(self._linear(np.zeros(_N_PARAMETERS)).amplitude)
+        self.scale = before.misfit
+        found = self._fit(self.minimum(before.parameters), before.gain, before.misfit)
+        return replace(found, covariance=before.covariance)
 
     def _misfit(self, found: OptimizeResult) -> float:
         """Reduced χ², in terms of the scale."""
@@ -406,43 +409,3 @@ class PairProblem:
 
 def _numbers(poles: Complex) -> Real:
     return np.ravel(np.column_stack([np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)]))
-
-
-def fit_pair(
-    frequency_hz: Real, values: Complex, std: Real, start: complex, known: Known
-) -> PairFit | None:
-    """Fit the pair of one order around its resonance; None where too few lines lie there.
-
-    Arguments as for `PairProblem`, with the noise of every line: `std`, shape (2, n_lines).
-    """
-
-    def problem(reach: float) -> PairProblem | None:
-        width_hz = -start.real / (2 * np.pi)
-        near = np.abs(frequency_hz - abs(start) / (2 * np.pi)) < reach * width_hz
-        if np.count_nonzero(near) < _FEWEST_LINES:
-            return None
-        own = values[:, near]
-        level = np.sqrt(np.mean(std[:, near] ** 2, axis=1))
-        measured = bool(np.all(np.isfinite(level)) and np.all(level > 0))
-        noise = level if measured else np.full(2, np.sqrt(np.mean(np.abs(own) ** 2)))
-        return PairProblem(frequency_hz[near], own, noise, start, known, noise_known=measured)
-
-    wide, narrow = problem(_REACH), problem(_REACH / 2)
-    if wide is None:
-        return None
-    pair = wide.solve()
-    return pair if narrow is None else _with_window(pair, wide, narrow)
-
-
-def _with_window(pair: PairFit, wide: PairProblem, narrow: PairProblem) -> PairFit:
-    """The pair with what half the lines would change in its covariance.
-
-    A model that is not quite right shows here: the two estimates differ by more than the variances
-    do (Hausman 1978).
-    """
-    narrow.amplitude, narrow.scale = wide.amplitude, wide.scale
-    found = narrow.minimum(pair.parameters)
-    change = (narrow.numbers(found.x) - pair.numbers) ** 2
-    variance = np.diag(narrow.covariance(found))
-    expected = np.maximum(variance - np.diag(pair.covariance), 0.0)
-    return replace(pair, covariance=pair.covariance + np.diag(np.maximum(change - expected, 0.0)))

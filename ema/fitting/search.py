@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +28,7 @@ from ema.fitting.evidence import (
 )
 from ema.fitting.exponential_window import with_own_factor
 from ema.fitting.fit_steps import (
+    cleared_lines,
     drift_in_one_step,
     merged,
     modes_of,
@@ -312,60 +314,61 @@ class CurveFit:
 
     def going_on(
         self,
-        frf: FRF | None = None,
         added: Sequence[complex] = (),
         starts: Mapping[int, complex] | None = None,
         locked: Sequence[int] = (),
-        left_out: Sequence[int] = (),
     ) -> CurveFit:
-        """Fit again from these poles; pairs and sensitivity stay those of before.
+        """Fit again from these poles; pairs move along, verdicts and sensitivity stay.
 
         Parameters
         ----------
-        frf : FRF, optional
-            Other FRFs of the same tyre: of the same lines, perhaps of other rows.
         added : sequence of complex
             Further poles, rad/s, behind those there are.
         starts : mapping of int to complex
             Other starts of some poles.
         locked : sequence of int
             Poles that stay where they start.
-        left_out : sequence of int
-            Poles that are not fitted; those behind move up.
         """
         other = copy(self)
         shifts, scatter = (_with_rows(each, len(added)) for each in self.sensitivity)
         other.__dict__["sensitivity"] = shifts, scatter
         other.locked = tuple(locked)
-        if frf is not None:
-            other._take(with_own_factor(frf))
         poles = self.fit.poles.copy()
         for pole, start in (starts or {}).items():
             poles[pole] = start
         poles = np.insert(poles, poles.size - N_STAND_INS, np.array(added, dtype=complex))
-        other._refit(np.delete(poles, left_out))
-        other.fit = other.at_mean(other.fit)
+        fit = other._fit_near(self.fit.lines, poles, self.fit.drift)
+        if self.fit.lines is not self.lines:  # its bias is compensated
+            lines = cleared_lines(self.frf, self.lines, fit.poles, fit.drift)
+            fit = other._fit_near(lines, fit.poles, fit.drift)
+        other.fit = other.at_mean(fit)
+        other.ring = tuple(_moved(order, self.fit, other.fit) for order in self.ring)
         return other
 
-    def _take(self, frf: FRF) -> None:
-        """Other FRFs of the same tyre; the runs that are left keep their states."""
-        self.frf, self.lines = frf, lines_to_fit(frf, self.band_hz)
-        self.circle = on_circle(frf.position_deg)
-        self.ring = self.ring if self.circle else ()
-        if self.drift.applied:
-            self.drift = of_runs(self.drift, frf.run_names)
-
-    def with_pairs_near(self) -> CurveFit:
-        """The same poles with the pairs of before, searched again from where they were."""
+    def on(self, frf: FRF) -> CurveFit:
+        """Fit other rows of the same tyre from these poles, and the pairs from where they were."""
         other = copy(self)
-        if other.ring:
-            other.ring = other._pair_search().orders_near(other.ring)
+        other.frf = with_own_factor(frf)
+        other.lines = lines_to_fit(other.frf, self.band_hz)
+        other.circle = on_circle(frf.position_deg)
+        poles, drift = self.fit.poles, self.fit.drift
+        if len(drift) > 1:
+            rows = [self.frf.run_names.index(name) for name in frf.run_names]
+            poles, drift = self.lines.drifted(poles, drift[rows[0]]), drift[rows] - drift[rows[0]]
+            other.drift = of_runs(self.drift, frf.run_names)
+        lines = other.lines
+        if self.fit.lines is not self.lines:
+            lines = cleared_lines(other.frf, lines, poles, drift)
+        other.fit = other.at_mean(other._fit_near(lines, poles, drift))
+        ring = self.ring if other.circle else ()
+        other.ring = other._pair_search().orders_near(ring) if ring else ()
         return other
 
-    def members_of(self, pole: int) -> tuple[int, ...]:
-        """The poles of the fit that one pole stands for."""
-        found = (order.members for order in self.ring if order.key == pole and order.pair)
-        return next(found, (pole,))
+    def _fit_near(self, lines: Lines, poles: NDArray[np.complex128], drift: Real) -> PoleFit:
+        """Fit lines from poles and states that are nearly right."""
+        pairs = self._pairs(evaluate(lines, poles, drift))
+        states = drift if len(drift) > 1 else None
+        return fit_bounded(lines, poles, self.settings, states, poles, pairs, self.locked)
 
     def judged_anew(self) -> CurveFit:
         """The same poles with pairs and sensitivity of their own."""
@@ -388,3 +391,12 @@ class CurveFit:
 def _with_rows(known: Real, number: int) -> Real:
     """Further rows, of which nothing is known, before those of the stand-ins."""
     return np.insert(known, len(known) - N_STAND_INS, np.full((number, 2), np.nan), axis=0)
+
+
+def _moved(order: RingOrder, before: PoleFit, after: PoleFit) -> RingOrder:
+    """The order with its pair moved as far as its pole."""
+    if order.pair is None:
+        return order
+    factor = before.poles[order.key], after.poles[order.key]
+    shift, decay = factor[0].imag / factor[1].imag, factor[0].real / factor[1].real
+    return replace(order, pair=order.pair.moved(float(shift), float(decay)))

@@ -6,7 +6,7 @@ with the force as recorded where that is at hand, and elsewhere as the mean over
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,34 +39,45 @@ def leakage_bias(
     `frequency_hz` are some lines of `frf`, which has blocks; `poles`, (n_modes,), are in the state
     of each run; `residues` are (n_positions, n_modes).
     """
-    bias = np.zeros((frf.n_positions, frequency_hz.size), dtype=complex)
+    return leakage_of(frf, frequency_hz, poles)(residues)
+
+
+def leakage_of(
+    frf: FRF, frequency_hz: NDArray[np.float64], poles: Mapping[str, NDArray[np.complex128]]
+) -> Callable[[NDArray[np.complex128]], NDArray[np.complex128]]:
+    """`leakage_bias` of given poles as a function of the residues; the poles are what costs."""
     plan = frf.blocks
-    if plan is None:
-        return bias
+    assert plan is not None
     lines = np.round(frequency_hz * plan.block_s).astype(int)
     exact = _rows_with_force(frf)
     records = [frf.forces[name] for name in exact]
-    work = residues.shape[1] * sum(each.plan.n_blocks * each.plan.step_samples for each in records)
+    n_modes = max((own.size for own in poles.values()), default=0)
+    work = n_modes * sum(each.plan.n_blocks * each.plan.step_samples for each in records)
     if work > _MOST_WORK and all(each.is_steady for each in records):
         exact = {}
-    run = np.array(frf.run)
+    of_force = {name: _of_force(frf.forces[name], lines, poles[name]) for name in exact}
     of_noise: dict[bytes, NDArray[np.complex128]] = {}  # runs in the same state share it
-    for name in frf.run_names:
-        rows = run == name
-        own = poles[name]
-        if plan.event_starts:  # blocks in which the response rings out
-            if name in exact:
-                bias[exact[name]] = residues[exact[name]] @ _of_force(frf.forces[name], lines, own)
-            continue
+    for own in poles.values() if not plan.event_starts else ():
         if own.tobytes() not in of_noise:
             of_noise[own.tobytes()] = _of_noise(plan, own)
-        around = of_noise[own.tobytes()]
-        direct, mirrored = around[:, lines], around[:, -lines].conj()
-        bias[rows] = residues[rows] @ direct + residues[rows].conj() @ mirrored
-        if name in exact:
-            rows = exact[name]
-            bias[rows] += residues[rows] @ (_of_force(frf.forces[name], lines, own) - direct)
-    return bias
+    run = np.array(frf.run)
+
+    def bias_of(residues: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        bias = np.zeros((frf.n_positions, frequency_hz.size), dtype=complex)
+        for name, own in poles.items():
+            rows, force_rows = run == name, exact.get(name)
+            if plan.event_starts:  # blocks in which the response rings out
+                if force_rows is not None:
+                    bias[force_rows] = residues[force_rows] @ of_force[name]
+                continue
+            around = of_noise[own.tobytes()]
+            direct, mirrored = around[:, lines], around[:, -lines].conj()
+            bias[rows] = residues[rows] @ direct + residues[rows].conj() @ mirrored
+            if force_rows is not None:
+                bias[force_rows] += residues[force_rows] @ (of_force[name] - direct)
+        return bias
+
+    return bias_of
 
 
 def _rows_with_force(frf: FRF) -> dict[str, NDArray[np.int_]]:

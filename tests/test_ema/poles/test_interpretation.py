@@ -6,9 +6,6 @@ import systems
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ema.core.errors import FitError
-from ema.poles.selection import select_poles
-from ema.poles.stability import build_stability
 from ema.poles.tracking import PoleHistory, interpret
 
 MAX_ORDER = 60
@@ -165,26 +162,6 @@ def test_without_any_match_there_is_nothing_to_read():
     label, verdicts = interpret(history, MAX_ORDER)
     assert verdicts == []
     np.testing.assert_array_equal(label, [-1, -1])
-
-
-@pytest.fixture(scope="module")
-def diagram():
-    frf = systems.tyre_frf(snr_db=30, positions=24, frequency_hz=np.arange(1, 700) / 2)
-    return build_stability(frf, max_order=40)
-
-
-def test_an_excluded_frequency_is_left_out_of_the_selection(diagram):
-    everything = select_poles(diagram).poles
-    without = select_poles(diagram, excluded_hz=[145.0, 197.0]).poles
-    gone = np.setdiff1d(everything, without)
-    np.testing.assert_allclose(np.sort(systems.frequency_hz_of(gone)), [145.45, 196.52], rtol=3e-3)
-    assert without.size == everything.size - 2
-
-
-@pytest.mark.parametrize("nowhere_hz", [60.0, 149.0])
-def test_a_frequency_to_exclude_that_is_no_mode_is_refused(diagram, nowhere_hz):
-    with pytest.raises(FitError, match=f"no mode within 1 % of the excluded {nowhere_hz:g} Hz"):
-        select_poles(diagram, excluded_hz=[nowhere_hz])
 
 
 def test_late_tracks_that_last_are_kept_where_no_circle_tells_better():

@@ -1,0 +1,124 @@
+"""The pair of one order from its FRFs: fitted around the resonance, and judged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import chdtrc
+
+from ema.core.modes import OrderReport, Pair, PairVerdict
+from ema.core.settings import IDENTIFICATION, IdentificationSettings
+from ema.fitting.ring_pair import Known, PairFit, PairProblem
+from ema.fitting.variable_projection import Complex, Real
+
+# Half-widths of the resonance on either side whose lines are fitted.
+_REACH = 6.0
+_FEWEST_LINES = 12
+# Members that are known to no better than this share are not listed by themselves.
+_KNOWN_DAMPING = 0.008
+# A pair is not told from a drift whose standard deviation is more than this share of its split …
+_DRIFTS = 0.1
+# … nor, with less than this share of the response, where it leaves more than this reduced χ².
+_PLAIN_SHARE, _MOST_LEFT = 0.15, 10.0
+#: An order whose other member has less than this share of the response shows one member.
+ONE_MEMBER = 0.02
+
+
+def pair_problem(
+    frequency_hz: Real, values: Complex, std: Real, start: complex, known: Known, reach: float = 1.0
+) -> PairProblem | None:
+    """The problem of an order around its resonance; None where too few lines lie there.
+
+    Arguments as for `PairProblem`, with the noise of every line: `std`, shape (2, n_lines).
+    """
+    width_hz = -start.real / (2 * np.pi)
+    near = np.abs(frequency_hz - abs(start) / (2 * np.pi)) < reach * _REACH * width_hz
+    if np.count_nonzero(near) < _FEWEST_LINES:
+        return None
+    own = values[:, near]
+    level = np.sqrt(np.mean(std[:, near] ** 2, axis=1))
+    measured = bool(np.all(np.isfinite(level)) and np.all(level > 0))
+    noise = level if measured else np.full(2, np.sqrt(np.mean(np.abs(own) ** 2)))
+    return PairProblem(frequency_hz[near], own, noise, start, known, noise_known=measured)
+
+
+def fit_pair(
+    frequency_hz: Real, values: Complex, std: Real, start: complex, known: Known
+) -> PairFit | None:
+    """Fit the pair of one order; arguments as for `pair_problem`."""
+    given = frequency_hz, values, std, start, known
+    wide, narrow = pair_problem(*given), pair_problem(*given, 0.5)
+    if wide is None:
+        return None
+    pair = wide.solve()
+    return pair if narrow is None else _with_window(pair, wide, narrow)
+
+
+def _with_window(pair: PairFit, wide: PairProblem, narrow: PairProblem) -> PairFit:
+    """The pair with what half the lines would change in its covariance.
+
+    A model that is not quite right shows here: the two estimates differ by more than the variances
+    do (Hausman 1978).
+    """
+    narrow.amplitude, narrow.scale = wide.amplitude, wide.scale
+    found = narrow.minimum(pair.parameters)
+    change = (narrow.numbers(found.x) - pair.numbers) ** 2
+    variance = np.diag(narrow.covariance(found))
+    expected = np.maximum(variance - np.diag(pair.covariance), 0.0)
+    return replace(pair, covariance=pair.covariance + np.diag(np.maximum(change - expected, 0.0)))
+
+
+def order_report(
+    order: int,
+    pair: PairFit | None,
+    settings: IdentificationSettings = IDENTIFICATION,
+    change_hz: float = 0.0,
+) -> OrderReport:
+    """Verdict on a pair, with its evidence; `change_hz` is its change over the runs."""
+    nothing = float("nan")
+    if pair is None:
+        few = PairVerdict(order, Pair.NOT_SEPARABLE, nothing, "too few lines around the resonance")
+        return OrderReport(few)
+    chance = float(chdtrc(4, max(pair.gain, 0.0)))
+    doubt = _doubt(pair, settings, change_hz)
+    weaker = min(pair.share)
+    if chance < settings.pair_p_value and not doubt:
+        verdict, text = Pair.RESOLVED, f"two poles fit better than one (p = {chance:.2g})"
+    elif weaker < ONE_MEMBER:
+        verdict = Pair.ONE_SEEN
+        text = f"the force drives one member; the other has {100 * weaker:.1f} % of the response"
+    elif chance < settings.pair_p_value:
+        verdict, text = Pair.NOT_SEPARABLE, doubt
+    else:
+        verdict = Pair.NOT_SEPARABLE
+        text = f"one pole explains the order; a second one is not significant (p = {chance:.2g})"
+    std = np.sqrt(np.diag(pair.covariance))
+    return OrderReport(
+        PairVerdict(order, verdict, chance, text),
+        frequency_hz=float(abs(pair.mean) / (2 * np.pi)),
+        frequency_std_hz=float(std[4]),
+        damping_ratio=float(-pair.mean.real / abs(pair.mean)),
+        damping_std=float(std[5]),
+    )
+
+
+def _doubt(pair: PairFit, settings: IdentificationSettings, change_hz: float) -> str:
+    """Why the members are not determined; empty where they are."""
+    if min(pair.share) < settings.pair_weakest_share:
+        return f"the weaker member has {100 * min(pair.share):.1f} % of the response"
+    if pair.split_std < settings.pair_separation_std:
+        return f"the two frequencies differ by only {pair.split_std:.1f} standard deviations"
+    split_hz = (abs(pair.poles[1]) - abs(pair.poles[0])) / (2 * np.pi)
+    if change_hz > _DRIFTS * split_hz:
+        return f"the runs differ by {change_hz:.2g} Hz, the members by {split_hz:.2g} Hz"
+    if pair.misfit > _MOST_LEFT and min(pair.share) < _PLAIN_SHARE:
+        return f"both members leave {pair.misfit:.0f} times the noise"
+    damping = [-pole.real / abs(pole) for pole in pair.poles]
+    if max(damping) > settings.pair_damping_factor * min(damping):
+        return f"the damping ratios would differ by a factor of {max(damping) / min(damping):.1f}"
+    std = np.sqrt(np.diag(pair.covariance))[[1, 3]]
+    worst = float(np.max(std / damping))
+    if worst > _KNOWN_DAMPING:
+        return f"the damping of one member is known to {100 * worst:.0f} % only"
+    return ""
