@@ -4,7 +4,7 @@ const page = document.documentElement;
 const paper = document.getElementById("on-paper");
 const charts = new Map();
 const WIDE_IN_PRINT = 680, NARROW_IN_PRINT = 325; // CSS pixels: A4 without its margins, and half
-const HEIGHT_IN_PRINT = 0.8; // of the height on the screen, so that more fits on a sheet
+const HEIGHT_IN_PRINT = 0.65; // of the height on the screen, so that more fits on a sheet
 const TOUCHED = matchMedia("(pointer: coarse)").matches;
 let printing = false;
 
