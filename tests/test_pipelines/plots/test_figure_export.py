@@ -15,6 +15,7 @@ from results import structure_result, tyre_result
 from ema.core.errors import InputError
 from pipelines.report import write
 from pipelines.report.page import Beside, Paragraph, Picture, Section, Table, drawings
+from pipelines.report.template import PLAIN
 from pipelines.report.write import report_sections, write_figures
 
 
@@ -62,7 +63,7 @@ def only(monkeypatch, result, *anchors):
     """Write a short report."""
     chosen = tuple(each for each in report_sections(result) if each.anchor in anchors)
     assert len(chosen) == len(anchors)
-    monkeypatch.setattr(write, "report_sections", lambda _: chosen)
+    monkeypatch.setattr(write, "report_sections", lambda *_: chosen)
 
 
 def test_existing_files_are_replaced_only_when_asked(structure, tmp_path, monkeypatch):
@@ -130,7 +131,7 @@ def test_a_missing_library_is_said_before_anything_is_computed(
 def test_running_texts_are_texts(structure):
     hostile = '"; } body { display: none } /* \\ é'
     style = write._running_texts(
-        replace(structure, name=hostile, provenance={"created": "2025-01-01T00:00:00+00:00"})
+        replace(structure, name=hostile, provenance={"created": "2025-01-01T00:00:00+00:00"}), PLAIN
     )
     assert "display" not in style
     assert "body" not in style
