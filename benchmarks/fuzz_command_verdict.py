@@ -15,8 +15,9 @@ from fuzz_command_lines import Line
 TIMES_INPUT = 4
 # What a command takes whatever its input: buffers of a stage, libraries that load late.
 ALLOWANCE_BYTES = 128 << 20
-# Typesetting loads fonts; a simulation holds what its options ask for, up to their limits.
-_MORE_BYTES = {"--pdf": 128 << 20, "simulate": 256 << 20, "paper": 256 << 20}
+# Typesetting loads fonts; a simulation holds what its options ask for, up to their limits, and the
+# demo processes recordings that it brings.
+_MORE_BYTES = {"--pdf": 128 << 20, "demo": 64 << 20, "simulate": 256 << 20, "paper": 256 << 20}
 _DOCUMENTED = (0, 2)
 # Exit code 1 is theirs to say that something was found.
 _MAY_END_WITH_1 = {"doctor", "batch"}

@@ -190,7 +190,7 @@ def _rises_evenly(samples: NDArray[Any]) -> bool:
     if samples.dtype.kind not in "iuf" or len(samples) < _FEWEST_OF_AXIS:
         return False
     first = _filled(np.asarray(samples[:_FIRST_ROWS], dtype=np.float64))
-    if not (first[-1] > first[0] and even_step(first)):
+    if not (np.all(np.diff(first) >= 0) and first[-1] > first[0] and even_step(first)):
         return False
     return even_step(_filled(np.asarray(samples, dtype=np.float64))) is not None
 
