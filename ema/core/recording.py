@@ -72,7 +72,7 @@ class Channel:
 
     def _leave_out(self, start: int, samples: NDArray[np.float64]) -> None:
         limit = min(self.limit, SENSELESS)
-        # No sample exceeds the root of the sum of all squares, which BLAS has sooner than both ends.
+        # No sample exceeds the root of the sum of squares, which BLAS has sooner than both ends.
         if not np.vdot(samples, samples) <= limit**2 and samples.size:
             samples[np.abs(samples) > limit] = np.nan
         for first, behind in self.gaps:

@@ -140,7 +140,7 @@ def test_uneven_frequencies_are_refused(tmp_path):
 )
 def test_the_manifest_states_the_unit_of_frfs_without(tmp_path, header, columns):
     read(tmp_path, header, *columns)
-    with pytest.raises(RecordingFormatError, match="no unit.*frf_unit"):
+    with pytest.raises(RecordingFormatError, match=r"no unit.*frf_unit"):
         ema.read_campaign(tmp_path / "a.csv")
     manifest = tmp_path / "campaign.toml"
     state = 'schema = 1\n[acquisition]\nfrf_unit = "{}"\n[[runs]]\nfile = "a.csv"\n'
@@ -149,5 +149,5 @@ def test_the_manifest_states_the_unit_of_frfs_without(tmp_path, header, columns)
     np.testing.assert_allclose(campaign.frf.values, [FIRST], rtol=1e-9)
     assert all(each.is_ok for each in campaign.findings if each.check == Check.UNIT)
     manifest.write_text(state.format("volts"), encoding="utf-8")
-    with pytest.raises(RecordingFormatError, match="acquisition.frf_unit"):
+    with pytest.raises(RecordingFormatError, match=r"acquisition\.frf_unit"):
         ema.read_campaign(tmp_path)
