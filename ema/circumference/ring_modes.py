@@ -56,7 +56,11 @@ def judged(modes: Sequence[Mode], reports: Sequence[OrderReport]) -> tuple[Mode,
     if not reports:
         return tuple(modes)
     verdicts = {report.order: report.pair.verdict for report in reports}
-    members = family(modes)
+    # One row holds a pair that was looked into and not resolved; a second one is none of it.
+    members = {
+        order: chosen if verdicts.get(order, Pair.RESOLVED) is Pair.RESOLVED else chosen[:1]
+        for order, chosen in family(modes).items()
+    }
     own = [k for chosen in members.values() for k in chosen]
     named = list(modes)
     for order, chosen in members.items():

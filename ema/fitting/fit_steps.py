@@ -225,12 +225,18 @@ def _with_std(mode: Mode, covariance: NDArray[np.float64]) -> Mode:
     return replace(mode, frequency_std_hz=float(std[0]), damping_std=float(std[1]))
 
 
-def beside_ring(modes: Sequence[Mode], position_deg: NDArray[np.float64]) -> set[int]:
-    """Modes that are surely not the ring's own; without a circle all."""
+def beside_ring(
+    modes: Sequence[Mode], position_deg: NDArray[np.float64], owner: Container[int] = ()
+) -> set[int]:
+    """Modes that are surely not the ring's own; without a circle all.
+
+    Those in `owner` stand for all that their order has.
+    """
     if not on_circle(position_deg):
         return set(range(len(modes)))
     labelled = label_modes(modes, position_deg)
-    own = {k for each in family(labelled).values() for k in each}
+    groups = family(labelled).values()
+    own = {k for each in groups for k in (each[:1] if each[0] in owner else each)}
     return {k for k, mode in enumerate(labelled) if mode.order is not None} - own
 
 
