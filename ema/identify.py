@@ -24,14 +24,14 @@ from ema.checks.sensor_consistency import ConsistencyCheck, check_consistency, i
 from ema.checks.sensor_mass import SensorMass, is_drift_lost, with_mass_std, without_mass
 from ema.circumference.orders import on_circle, without_order
 from ema.core.display import band_text, counted
-from ema.core.edits import Edit, shorthand
+from ema.core.edits import Edit, EditKind, shorthand
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF, widened_band
 from ema.core.modes import ModalModel, model_html
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import settled
-from ema.fitting.decisions import acts_on_poles
+from ema.fitting.decisions import Wish, acts_on_poles, pole_named, wishes
 from ema.fitting.edited_fit import EditedFit, edited
 from ema.fitting.search import CurveFit, curve_fit
 from ema.poles.selection import OTHER, Opinion, PoleSelection, second_opinion, select_poles
@@ -188,6 +188,7 @@ def identify_modes(
 def automatic_basis(frf: FRF, asked: Asked, edits: Sequence[Edit]) -> Basis:
     """The automatic identification of the FRFs with the edits of channels, to its end."""
     widened_band(frf, asked.band_hz)  # refuses a band without lines, of which nothing can be judged
+    asked = replace(asked, wanted=_wanted(edits))
     edits = channel_edits(edits)
     by_hand, told = corrections_by_hand(frf, edits)
     offered = corrected(frf, by_hand)
@@ -209,6 +210,10 @@ def automatic_basis(frf: FRF, asked: Asked, edits: Sequence[Edit]) -> Basis:
     return Basis(asked, state, usable, *fit, stated_deg=usable.position_deg, edits=edits)
 
 
+def _wanted(edits: Sequence[Edit]) -> tuple[Wish, ...]:
+    return tuple(wishes(edits, EditKind.KEEP, EditKind.PICK))
+
+
 _Poles = tuple[StabilityDiagram, PoleSelection]
 _Fit = tuple[StabilityDiagram, EditedFit]
 
@@ -223,6 +228,7 @@ class Asked:
     method: str
     settings: IdentificationSettings
     checks: CheckSettings
+    wanted: tuple[Wish, ...] = ()  # poles to start from where the diagram shows no mode
 
     def diagram(self, frf: FRF, method: str | None = None) -> StabilityDiagram:
         """Stability diagram of the asked method or another one."""
@@ -237,7 +243,19 @@ class Asked:
     def poles(self, frf: FRF) -> _Poles:
         """Stability diagram, and the poles selected from it."""
         diagram = self.diagram(frf)
-        return diagram, select_poles(diagram)
+        return diagram, self.selected(diagram)
+
+    def selected(self, diagram: StabilityDiagram) -> PoleSelection:
+        """Poles of a diagram: the automatic ones, or what a person wants where there are none."""
+        if self.wanted and not self.shows_mode(diagram):
+            poles = {pole_named(diagram, wish, self.settings) for wish in self.wanted}
+            return PoleSelection(np.array(sorted(poles, key=abs)), self.band_hz)
+        return select_poles(diagram)
+
+    def shows_mode(self, diagram: StabilityDiagram) -> bool:
+        """Whether a diagram has an automatic pole in the band."""
+        low, high = self.band_hz
+        return any(c.kept and low <= c.frequency_hz <= high for c in diagram.clusters)
 
     def fit(self, frf: FRF, poles: _Poles | None = None) -> _Fit:
         """The automatic fit from poles, or from poles yet to be found."""
@@ -319,6 +337,11 @@ class Basis:
     is_preview: bool = False
     shown: EditedFit | None = None
     crossed: FRF | None = None
+
+    def is_of(self, edits: Sequence[Edit]) -> bool:
+        """Whether the automatic identification is the same with these edits."""
+        same = self.asked.shows_mode(self.diagram) or self.asked.wanted == _wanted(edits)
+        return same and channel_edits(edits) == self.edits
 
     @cached_property
     def automatic(self) -> ModalModel:
@@ -407,9 +430,9 @@ def _consistent(state: State, asked: Asked, poles: _Poles, positions: PositionCh
         if state.mass is None or not state.mass.loads or not drift.applied:
             break
         state = replace(state, mass=replace(state.mass, drift=drift))
-        fitted, fit = state.fitted, asked.fit(state.fitted, (fit[0], select_poles(fit[0])))
+        fitted, fit = state.fitted, asked.fit(state.fitted, (fit[0], asked.selected(fit[0])))
     if positions.unexplained > checks.no_wave_share and not positions.hypothesis:
-        share = unexplained_share(fitted, select_poles(fit[0]), asked.band_hz)
+        share = unexplained_share(fitted, asked.selected(fit[0]), asked.band_hz)
         state = state.told(no_wave_finding(share, checks))
     return Basis(asked, state, fitted, *fit, loaded=rough)
 

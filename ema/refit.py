@@ -83,7 +83,7 @@ def refit_modes(
         rule = "it was read from a file and does not hold what a refit goes on from"
         raise InputError("result", "no fit", rule, "Identify the modes of its FRFs with the edits")
     with stoppable(stop):
-        if channel_edits(edits) != basis.edits or (basis.is_preview and not live):
+        if not basis.is_of(edits) or (basis.is_preview and not live):
             anew = _live_basis if live and basis.stated_deg is None else _whole_basis
             basis = anew(basis, edits)
         return basis.with_edits(edits, live=live, before=found)

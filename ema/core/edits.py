@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -58,6 +59,15 @@ class PoleName:
     method: str | None = None
     model_order: int | None = None
 
+    def __post_init__(self) -> None:
+        """Refuse numbers that are no frequency or damping ratio."""
+        hz, ratio = self.frequency_hz, self.damping_ratio
+        if not (math.isfinite(hz) and hz > 0):
+            raise InputError("pole", f"{hz:g} Hz", "a frequency must be > 0", "Correct it")
+        if ratio is not None and not abs(ratio) < 1:
+            rule = "a damping ratio lies between −1 and 1"
+            raise InputError("pole", f"damping ratio {ratio:g}", rule, "Correct it")
+
 
 @dataclass(frozen=True)
 class ChannelName:
@@ -110,6 +120,13 @@ class Edit:
         for name, (value, kinds) in given.items():
             if self.kind in kinds and value is None:
                 raise InputError(f"edit {self.kind}", f"no {name}", "it needs one", f"Add {name}")
+        if self.kind is EditKind.GAIN and not (self.value and math.isfinite(self.value)):
+            rule = "a row is multiplied with a finite number that is not 0"
+            raise InputError("edit gain", f"value {self.value}", rule, "Correct it")
+        if self.kind is EditKind.ORDER_IS and self.value not in range(1000):
+            raise InputError(
+                "edit order_is", f"value {self.value}", "it is an order 0, 1, 2 …", "Correct it"
+            )
 
 
 def of_kind(edits: Iterable[Edit], *kinds: EditKind) -> tuple[Edit, ...]:

@@ -102,8 +102,6 @@ def pole_named(diagram: StabilityDiagram, wish: Wish, settings: IdentificationSe
         Where there is none within reach.
     """
     name, reach = wish.pole, settings.pin_reach
-    if not name.frequency_hz > 0:
-        raise wish.refused("the frequency must be > 0", (), "Correct it or leave the edit out")
     if name.model_order is None:
         for within in (settings.exclude_reach, reach):
             near = [c for c in diagram.clusters if _away(name, c.pole) < within]
@@ -144,7 +142,7 @@ def verified(settled: Settled, choice: Choice, kept: dict[Key, Wish], poles: set
 
 def _away(name: PoleName, pole: complex) -> float:
     """Distance in frequency, relative, and in damping ratio."""
-    apart = abs(pole) / (2 * np.pi * name.frequency_hz) - 1 if name.frequency_hz else np.inf
+    apart = abs(pole) / (2 * np.pi * name.frequency_hz) - 1
     ratio = -pole.real / abs(pole)
     return float(
         np.hypot(apart, ratio - (ratio if name.damping_ratio is None else name.damping_ratio))

@@ -14,7 +14,6 @@ from functools import cached_property
 
 import numpy as np
 
-from ema.circumference.orders import PAIR_REACH
 from ema.core.edits import Edit, EditKind, of_kind
 from ema.core.modes import Chosen, ModalModel, Pair
 from ema.fitting.curve_fit import settled
@@ -205,6 +204,10 @@ def _hold(before: EditedFit, row: Row, wish: Wish, found: _Found) -> None:
 
 def _pick(before: EditedFit, pole: complex, wish: Wish, found: _Found) -> None:
     """A pole of the diagram: a mode that is there, the second one of an order, or a new one."""
+    low, high = before.settled.band_hz
+    if not low <= abs(pole) / (2 * np.pi) <= high:
+        remedy = "Widen the band or leave the edit out"
+        raise wish.refused(f"not between {low:g} and {high:g} Hz", (pole,), remedy)
     rows = [row for row in before.settled.rows if row.in_band]
     near = min(rows, key=lambda row: abs(row.mode.pole - pole), default=None)
     if near is not None and is_same(near.mode.pole, pole):
@@ -224,11 +227,13 @@ def _pick(before: EditedFit, pole: complex, wish: Wish, found: _Found) -> None:
 
 
 def _order_holding(curve: CurveFit, pole: complex) -> RingOrder | None:
-    """The order of the ring whose second member a further pole would be, by its shape."""
+    """The order of the ring one of whose members a further pole is, by place and shape."""
     near = [
         order
         for order in curve.ring
-        if order.is_main and order.pair and abs(abs(pole) / abs(order.pair.mean) - 1) < PAIR_REACH
+        if order.is_main
+        and order.pair is not None
+        and min(abs(member - pole) for member in order.pair.poles) < -pole.real
     ]
     if not near:
         return None
