@@ -34,6 +34,7 @@ from pipelines.compare.compare import Comparison as Comparison
 from pipelines.compare.compare import compare as compare
 from pipelines.compare.compare import compare_folders as compare_folders
 from pipelines.process import process as process
+from pipelines.process import refit as refit
 from pipelines.process import retune as retune
 from pipelines.report.save import save as save
 from pipelines.report.write import write_report as write_report

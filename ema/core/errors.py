@@ -130,7 +130,7 @@ def nearest(name: str, names: Iterable[str]) -> str:
 
 def unknown(where: str, found: str, rule: str, known: Iterable[str]) -> InputError:
     """The error for a name that is not known; it suggests the nearest one, whatever its case."""
-    names = list(known)
+    names = list(dict.fromkeys(known))
     same = [name for name in names if name.casefold() == found.casefold()]
     return InputError(where, repr(found), rule, nearest(same[0] if same else found, names))
 

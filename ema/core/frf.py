@@ -77,9 +77,10 @@ class FRF(ReadonlyArrays):
     excitation_deg : float
         Angle of the force; NaN where unknown.
     forces : dict of str to ForceRecord
-        Force of each run, for H1 from recordings.
+        Force of each run, for FRFs from recordings.
     exponential_window : ExponentialWindow or None
         Window that the analyser applied to the responses; its damping is part of the values.
+    estimator : {"H1", "H2", "Hv"}
 
     Examples
     --------
@@ -121,6 +122,7 @@ class FRF(ReadonlyArrays):
     excitation_deg: float = float("nan")
     forces: Mapping[str, ForceRecord] = field(default_factory=dict)
     exponential_window: ExponentialWindow | None = None
+    estimator: str = "H1"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -145,6 +147,22 @@ class FRF(ReadonlyArrays):
         here = set(self.run)
         order = dict.fromkeys(self.reference.run if self.reference is not None else ())
         return tuple(name for name in dict.fromkeys([*order, *sorted(here)]) if name in here)
+
+    @property
+    def exact_forces(self) -> Mapping[str, ForceRecord]:
+        """Force of each run where the values are its H1, and follow from it exactly."""
+        return self.forces if self.estimator == "H1" else {}
+
+    def as_stored(self) -> FRF:
+        """The same with coherence and σ rounded to the single precision of ``frf.parquet``.
+
+        What is fitted is then what a result holds, to the last digit.
+        """
+        coherence, std = (
+            each.astype(np.float32).astype(float) for each in (self.coherence, self.std)
+        )
+        fixed = None if self.reference is None else self.reference.as_stored()
+        return replace(self, coherence=coherence, std=std, reference=fixed)
 
     def rows(self, chosen: NDArray[np.generic]) -> FRF:
         """Keep the chosen rows (indices or a mask) only."""

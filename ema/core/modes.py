@@ -33,6 +33,7 @@ MODE_COLUMNS = {
     "order_purity": "order_purity",
     "status": "status",
     "pair": "pair",
+    "chosen": "chosen",
     "frequency_band_shift_hz": "frequency_band_shift_hz",
     "damping_ratio_band_shift": "damping_band_shift",
     "name": "common_name",
@@ -315,8 +316,9 @@ class ModalModel(ReadonlyArrays):
         pandas.DataFrame
             ``mode`` (from 1), ``order`` (missing without a circle), ``member``, ``frequency_hz``,
             ``frequency_std_hz``, ``damping_ratio``, ``damping_ratio_std``, ``mpc``, ``mpd_deg``
-            (degrees), ``order_purity``, ``status``, ``pair``, ``frequency_band_shift_hz`` and
-            ``damping_ratio_band_shift``, as in `Mode`; NaN where unknown.
+            (degrees), ``order_purity``, ``status``, ``pair``, ``chosen``,
+            ``frequency_band_shift_hz`` and ``damping_ratio_band_shift``, as in `Mode`; NaN where
+            unknown.
 
         Examples
         --------

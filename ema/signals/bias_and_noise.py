@@ -93,7 +93,7 @@ def line_coherence(frf: FRF) -> NDArray[np.float64]:
     """
     found = np.full(frf.values.shape, np.nan)
     run, least = np.array(frf.run), np.finfo(float).tiny
-    for name, record in frf.forces.items():
+    for name, record in frf.exact_forces.items():
         rows = run == name
         width = max(-(-_VALUES // record.plan.n_blocks), 1)
         force = _force_power(record)

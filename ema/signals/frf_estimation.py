@@ -116,7 +116,7 @@ def _estimated(
     forces = {
         run.name: ForceRecord(run.force, plans[run.name], steady)
         for run in runs
-        if estimator == "H1" and not run.force.gaps
+        if not run.force.gaps
     }
     return replace(frf, reference=reference, findings=findings, forces=forces)
 
@@ -292,6 +292,7 @@ def _as_frf(
         clipped=spectra.clipped,
         force_clipped=spectra.force_clipped,
         missing=missing,
+        estimator=estimator,
     )
 
 
@@ -325,6 +326,18 @@ ESTIMATORS: dict[str, Callable[[Spectra], NDArray[np.complex128]]] = {
     "H2": _h2,
     "Hv": _hv,
 }
+
+
+def restated(frf: FRF, estimator: str) -> FRF:
+    """The same FRFs from recordings by another estimator: H1 = γ² H2, |Hv|² = |H1 H2|."""
+    if estimator == frf.estimator:
+        return frf
+    power = {"H1": 0.0, "Hv": 0.5, "H2": 1.0}
+    change, known = power[frf.estimator] - power[estimator], frf.coherence > 0
+    factor = np.power(frf.coherence, change, out=np.zeros(known.shape), where=known)
+    values = frf.values * factor
+    fixed = None if frf.reference is None else restated(frf.reference, estimator)
+    return replace(frf, values=values, estimator=estimator, reference=fixed)
 
 
 def with_given_averages(frf: FRF, averages: int | None) -> FRF:

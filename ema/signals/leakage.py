@@ -50,12 +50,12 @@ def leakage_of(
     assert plan is not None
     lines = np.round(frequency_hz * plan.block_s).astype(int)
     exact = _rows_with_force(frf)
-    records = [frf.forces[name] for name in exact]
+    records = [frf.exact_forces[name] for name in exact]
     n_modes = max((own.size for own in poles.values()), default=0)
     work = n_modes * sum(each.plan.n_blocks * each.plan.step_samples for each in records)
     if work > _MOST_WORK and all(each.is_steady for each in records):
         exact = {}
-    of_force = {name: _of_force(frf.forces[name], lines, poles[name]) for name in exact}
+    of_force = {name: _of_force(frf.exact_forces[name], lines, poles[name]) for name in exact}
     of_noise: dict[bytes, NDArray[np.complex128]] = {}  # runs in the same state share it
     for own in poles.values() if not plan.event_starts else ():
         if own.tobytes() not in of_noise:
@@ -84,7 +84,7 @@ def _rows_with_force(frf: FRF) -> dict[str, NDArray[np.int_]]:
     """Rows of each run whose force is known and whose blocks were all used."""
     run = np.array(frf.run)
     whole = frf.missing == 0 if frf.missing.size else np.ones(frf.n_positions, dtype=bool)
-    found = {name: np.flatnonzero((run == name) & whole) for name in frf.forces}
+    found = {name: np.flatnonzero((run == name) & whole) for name in frf.exact_forces}
     return {name: rows for name, rows in found.items() if rows.size}
 
 

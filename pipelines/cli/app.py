@@ -24,6 +24,7 @@ _COMMANDS = {
     ),
     "From recordings to a result": (
         ("result", "process", "Recordings → FRFs → poles → modes → ring parameters → report."),
+        ("refit", "refit", "Identify the modes of a result again, with decisions of yours."),
         ("result", "tune", "Determine the ring parameters again, from the modes of a result."),
         ("result", "report", "Write the report of a result again, as HTML and optionally PDF."),
         ("compare", "compare", "Compare two results, with the significance of each difference."),

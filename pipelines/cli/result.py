@@ -6,8 +6,9 @@ import logging
 from pathlib import Path
 from typing import Annotated, Any
 
-from ema.core.display import band_text, value_with_std
+from ema.core.display import band_text, counted, value_with_std
 from ema.core.errors import InputError
+from ema.core.modes import Chosen
 from model import TuningResult
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.cli import options as opt
@@ -20,6 +21,8 @@ from pipelines.process.run import process as run
 from pipelines.report.save import PDF, has_pdf, save
 from pipelines.report.template import read_template
 from pipelines.report.write import printing_library, write_figures
+from pipelines.results.decided import edit_records
+from pipelines.results.edits_file import read_edits
 from pipelines.results.options import Options
 from pipelines.results.result import Result
 from pipelines.results.units import Units, parameter_rows
@@ -41,6 +44,10 @@ def process(
     ],
     out: opt.Out,
     options: Options,
+    edits: Annotated[
+        Path | None,
+        opt.option("Decisions to replay: edits.toml of a result, or your own.", opt.POLES, "FILE"),
+    ] = None,
     no_report: opt.NoReport = False,
     figures: opt.Figures = None,
     pdf: opt.Pdf = False,
@@ -58,6 +65,7 @@ def process(
       ringmodal process config_1.uff config_2.uff --out result
       ringmodal process tyre_7 --out result --band-hz 40 300 --max-order 80
       ringmodal process tyre_7 --out result --pin 78.7,100.3,121.4 --force
+      ringmodal process tyre_7 --out result --edits edits.toml
       ringmodal process tyre_7 --out result --given mass_per_area_kg_m2=19.7
       ringmodal process tyre_7 --out result --pdf --figures pictures
     """  # noqa: D406, D407 - a heading of the help
@@ -66,8 +74,9 @@ def process(
     with reporting_outcome(out):
         require_free(out, force=force)
         _require_possible(figures, out, pdf=pdf, force=force)
+        record = () if edits is None else read_edits(edits)
         with shown(quiet=quiet) as progress:
-            result = run(source, options, progress.stage, progress.step)
+            result = run(source, options, progress.stage, progress.step, record)
             progress.stage("Writing the result …")
             save(result, out, report=not no_report, pdf=pdf, force=force, template=looks)
             if figures is not None:
@@ -197,6 +206,10 @@ def show(
     for note in result.notes:
         _LOG.info("Note: %s", note)
     say(f"Verdict: {overall.line}")
+    if result.edits:
+        replayed = result.provenance.get("replayed")
+        compared = f", against its record: {replayed}" if replayed else ""
+        echo(f"Decided by hand: {counted(len(result.edits), 'decision')}{compared}")
     echo(f"Result: {folder}")
     _say_files(folder, report=report)
 
@@ -216,8 +229,11 @@ def _show_modes(result: Result) -> None:
         order, purity = "", ""
         if m.order is not None and not orders_in_doubt(result):
             order, purity = f"{m.order}{m.member}", f"{m.order_purity:.3f}"
-        rows.append((str(number), order, frequency, damping, purity, m.pair.value, m.status))
-    head = ("mode", "order", "frequency / Hz", "damping / %", "purity", "pair", "status")
+        chosen = "" if m.chosen is Chosen.AUTOMATIC else m.chosen.value
+        rows.append(
+            (str(number), order, frequency, damping, purity, m.pair.value, chosen, m.status)
+        )
+    head = ("mode", "order", "frequency / Hz", "damping / %", "purity", "pair", "chosen", "status")
     looks: dict[str, Any] = {
         "texts": head[5:],
         "folding": head[5:],
@@ -252,6 +268,8 @@ def _summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
         "verdict": None if result.tuning is None else result.tuning.verdict.state.value,
         "warnings": [f.detail for f in result.findings if not f.is_ok],
         "notes": list(result.notes),
+        "edits": edit_records(result.edits),
+        "replayed": result.provenance.get("replayed"),
     }
 
 

@@ -92,13 +92,13 @@ def signed_now(author: str) -> dict[str, str]:
     }
 
 
-def login_name() -> str:
+def login_name(option: str = "--author") -> str:
     """Login name of the user; `InputError` if the system has none."""
     try:
         return getpass.getuser()
     except (OSError, KeyError, ImportError) as error:
-        rule = "every version needs an author"
-        raise InputError("--author", "no login name", rule, "Give --author NAME") from error
+        rule = "it needs an author"
+        raise InputError(option, "no login name", rule, f"Give {option} NAME") from error
 
 
 def version_text(parameters: ParameterSet, entry: Entry, number: int) -> str:

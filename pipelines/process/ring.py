@@ -32,6 +32,7 @@ from pipelines.results.options import Options, tuning_arguments, tuning_in_force
 from pipelines.results.result import OtherMode, Result
 from pipelines.results.store import load
 
+_OF_TUNING = ("tune", "objective", "given", "tuning")
 _OF_RING = (Check.AMPLITUDE, Check.PLAUSIBILITY, Check.RING)  # found again by each tuning
 
 
@@ -109,14 +110,23 @@ def retune(
     if strict:
         refuse_warnings(result.findings)
     earlier = result.provenance["options"]
-    chosen: dict[str, Any] = {
-        "tune": True if objective is not None else earlier["tune"],
-        "objective": objective or earlier["objective"],
-        "given": earlier["given"] if given is None else given,
-        "tuning": tuning_in_force(earlier.get("tuning", {}), tuning or {}),
-    }
-    again = tune(result, Options(**chosen))
+    options = options_of(result)
+    options = replace(
+        options,
+        tune=True if objective is not None else options.tune,
+        objective=objective or options.objective,
+        given=options.given if given is None else given,
+        tuning=tuning_in_force(options.tuning, tuning or {}),
+    )
+    chosen = {name: getattr(options, name) for name in _OF_TUNING}
+    again = tune(result, options)
     return replace(again, provenance={**result.provenance, "options": {**earlier, **chosen}})
+
+
+def options_of(result: Result) -> Options:
+    """Options of the tuning of a stored result."""
+    earlier = {"tuning": {}, **result.provenance["options"]}
+    return Options(**{name: earlier[name] for name in _OF_TUNING})
 
 
 def _tuned(

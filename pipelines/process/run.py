@@ -7,18 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import ema
-from ema.checks.positions import axes_finding
-from ema.checks.quality import (
-    averages_finding,
-    check_reference,
-    coherence_findings,
-    coherent_band,
-    drift_findings,
-    gain_findings,
-    period_finding,
-    reference_finding,
-)
-from ema.checks.ring_shapes import drive_point_finding
+from ema.checks.quality import coherent_band
 from ema.checks.sensor_mass import SensorMass
 from ema.circumference.mass_loading import (
     live_mass_note,
@@ -27,15 +16,25 @@ from ema.circumference.mass_loading import (
     sensors_of_runs,
 )
 from ema.core.campaign import Campaign
+from ema.core.edits import Edit, shorthand
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.identify import Identification
-from ema.signals.steadiness import steadiness_findings, steadiness_of, with_changes_within_runs
+from ema.signals.steadiness import steadiness_of
 from pipelines.process.directions import with_other_modes
+from pipelines.process.refit import Asked, as_record, decided_on, of_blocks, with_modes, with_record
 from pipelines.process.ring import tune
 from pipelines.process.validate import refuse_warnings
-from pipelines.results.options import TYRE_BAND_HZ, Options, processing_in_force, tuning_in_force
+from pipelines.results.decided import Setup
+from pipelines.results.edits_file import Record
+from pipelines.results.options import (
+    TYRE_BAND_HZ,
+    Options,
+    processing_in_force,
+    tuning_in_force,
+    with_settings,
+)
 from pipelines.results.provenance import Stopwatch, checksummed, provenance
 from pipelines.results.result import Result
 
@@ -50,6 +49,7 @@ def process(
     options: Options | None = None,
     progress: Callable[[str], None] | None = None,
     run_progress: Callable[[int, int], None] | None = None,
+    edits: Sequence[Edit] | Record = (),
 ) -> Result:
     """Recordings → FRFs → poles → modes → ring parameters → validation.
 
@@ -62,6 +62,8 @@ def process(
         Called with the name of each stage as it starts.
     run_progress : callable, optional
         Called with (done, total) after the FRFs of each run.
+    edits : sequence of Edit, or Record
+        Decisions on modes, channels and settings, in their order.
 
     Returns
     -------
@@ -72,7 +74,7 @@ def process(
     InputError
         If the input cannot be used, or gives a warning in a strict run.
     FitError
-        If no modes can be identified.
+        If no modes can be identified, or an edit names none, or several.
 
     Examples
     --------
@@ -83,7 +85,9 @@ def process(
     >>> bool(abs(result.validation.error_percent).max() < 1.0)
     True
     """
-    options = options or Options()
+    record = as_record(edits)
+    options = with_settings(options or Options(), {**record.processing, **of_blocks(record.edits)})
+    decided = (*record.edits, *shorthand(options.pinned_hz or None, options.excluded_hz))
     watch = Stopwatch(progress or (lambda name: None))
     with watch.stage("read", "Reading"):
         campaign = _read(source, options)
@@ -92,36 +96,36 @@ def process(
     with watch.stage("frf", "Estimating FRFs"):
         estimated = ema.estimate_frf(
             campaign, processing, estimator=options.estimator, progress=run_progress
-        )
+        ).as_stored()
         campaign, band_hz = _with_band(replace(campaign, processing=processing), estimated)
+    asked = Asked(
+        band_hz=band_hz,
+        max_order=options.max_order,
+        method=options.method,
+        estimator=options.estimator,
+        identification=campaign.identification,
+        checks=campaign.checks,
+    )
     with checksummed(campaign.sources) as inputs:
         with watch.stage("modes", "Identifying modes"):
-            found = ema.identify_modes(
-                estimated,
-                band_hz,
-                pinned_hz=options.pinned_hz or None,
-                excluded_hz=options.excluded_hz,
-                sensor_mass=_sensor_mass(campaign),
-                max_order=options.max_order,
-                method=options.method,
-                settings=campaign.identification,
-                checks=campaign.checks,
-            )
-        measured = _measured(campaign, estimated, found, band_hz)
-        measured = with_other_modes(measured, campaign, band_hz, options.estimator)
+            found = asked.identify(estimated, _sensor_mass(campaign))
+        measured = _measured(campaign, found, asked, _setup(campaign, estimated, found))
+        if decided:
+            with watch.stage("decisions", "Applying decisions"):
+                measured = decided_on(measured, asked, decided, found)
         if options.strict:
             refuse_warnings(measured.findings)
         with watch.stage("ring", "Tuning the ring"):
             result = tune(measured, options)
     in_force = replace(processing, band_hz=band_hz)
-    record = provenance(campaign, inputs(), options, in_force, found.frf, watch)
+    about = provenance(campaign, inputs(), options, in_force, found.frf, watch)
     mass = found.sensor_mass
-    record["corrections"] = {
+    about["corrections"] = {
         "exponential_window_s": in_force.exponential_window_s,
         "sensor_mass_kg": campaign.stated_mass_kg if mass is not None and mass.loads else None,
         "live_mass_kg": None if mass is None else mass.live_mass_kg or None,
     }
-    return replace(result, provenance=record)
+    return with_record(replace(result, provenance=about), asked, record)
 
 
 def _read(source: str | Path | Sequence[str | Path], options: Options) -> Campaign:
@@ -136,46 +140,34 @@ def _read(source: str | Path | Sequence[str | Path], options: Options) -> Campai
     )
 
 
-def _measured(
-    campaign: Campaign, estimated: FRF, found: Identification, band_hz: tuple[float, float]
-) -> Result:
-    """Result before the ring steps, with the findings of all checks."""
-    notes = (*found.model.notes, *_mass_notes(campaign, found))
-    fixed, checks = found.frf.reference, campaign.checks
-    reference = None if fixed is None else check_reference(fixed, band_hz, checks)
-    steadiness = steadiness_of(campaign.runs, found.frf, found.model)
-    model = with_changes_within_runs(found.model, steadiness, checks)
-    compared: list[Finding] = []
-    if reference is not None:
-        compared = [reference_finding(reference, checks), *gain_findings(reference)]
-    return Result(
+def _setup(campaign: Campaign, estimated: FRF, found: Identification) -> Setup:
+    """What is said of the recordings, whatever is decided on the modes."""
+    return Setup(
+        sensor_mass=_sensor_mass(campaign),
+        findings=(*campaign.findings, *estimated.findings),
+        notes=tuple(_mass_notes(campaign, found)),
+        steadiness=tuple(steadiness_of(campaign.runs, found.frf, found.model)),
+    )
+
+
+def _measured(campaign: Campaign, found: Identification, asked: Asked, setup: Setup) -> Result:
+    """Result before the ring steps and any decision, with the findings of all checks."""
+    bare = Result(
         name=campaign.name,
         tyre=campaign.tyre,
         frf=found.frf,
         measured=found.measured,
         diagram=found.diagram,
-        modal_model=replace(model, notes=notes),
-        reference=reference,
+        modal_model=found.model,
         excitation_deg=campaign.excitation_deg,
         reference_deg=campaign.reference_deg,
-        findings=(
-            *campaign.findings,
-            *estimated.findings,
-            *averages_finding(estimated),
-            *period_finding(estimated),
-            *coherence_findings(estimated, band_hz, checks),
-            *axes_finding(estimated, band_hz),
-            *found.findings,
-            *compared,
-            *drift_findings(found.model.drift, found.model.frequencies_hz),
-            *steadiness_findings(steadiness, found.model, checks),
-            *drive_point_finding(found.model, campaign.excitation_deg, checks),
-        ),
-        opinions=found.opinions,
-        notes=notes,
-        corrections=found.corrections,
-        sensor_mass=found.sensor_mass,
+        setup=setup,
     )
+    plain = with_modes(bare, found, asked.checks)
+    whole = with_other_modes(plain, campaign, asked.band_hz, asked.estimator)
+    notes = (*setup.notes, *whole.notes[len(plain.notes) :])
+    later = whole.findings[len(plain.findings) :]
+    return replace(whole, setup=replace(setup, notes=notes, later=later))
 
 
 def _require_ring_data(campaign: Campaign, options: Options) -> None:

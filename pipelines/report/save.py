@@ -12,11 +12,12 @@ from pipelines.process.validate import ring_orders
 from pipelines.report.template import PLAIN, Template
 from pipelines.report.write import write_pdf, write_report
 from pipelines.results import tables
+from pipelines.results.edits_file import EDITS_NAME, record_of, write_edits
 from pipelines.results.parameter_set import from_tuning, write_parameter_set
-from pipelines.results.provenance import OPTIONAL_READ_BACK, READ_BACK
+from pipelines.results.provenance import OPTIONAL_READ_BACK, READ_BACK, relative_to, with_inputs_at
 from pipelines.results.result import Result
 from pipelines.results.set_basis import MeasuredOrder
-from pipelines.results.store import write_identification
+from pipelines.results.store import FORCE_NAME, write_forces, write_identification
 from pipelines.simulate.campaign import sample_campaign
 from pipelines.storage.checksums import ACCEPTED, write_marker
 from pipelines.storage.result_folder import MARKER, written_whole
@@ -69,13 +70,17 @@ def save(
         write_parquet(partial / "poles.parquet", tables.poles(result.diagram))
         tables.write_frfs(result.measured, partial)
         write_identification(result, partial)
+        write_forces(result.measured, partial / FORCE_NAME)
         _write_tyre(result, partial / "tyre.toml")
         if report:
             write_report(result, partial / "report.html", template)
         if pdf:
             write_pdf(result, partial / PDF, template)
+        record = with_inputs_at(result.provenance, relative_to(folder))
+        if result.edits:
+            write_edits(partial / EDITS_NAME, record_of(replace(result, provenance=record)))
         warnings = [asdict(finding) for finding in result.findings if not finding.is_ok]
-        write_marker(partial / MARKER, {**result.provenance, "warnings": warnings})
+        write_marker(partial / MARKER, {**record, "warnings": warnings})
 
 
 def has_pdf(folder: Path | str) -> bool:

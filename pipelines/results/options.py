@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from math import inf
 from typing import Any
 
 from ema.core.campaign import Campaign, Processing
@@ -17,6 +18,39 @@ TYRE_BAND_HZ = (20.0, 300.0)
 
 #: Pressure model of a tuning: that of the paper.
 DEFAULT_LOAD: PressureLoad = "dead"
+
+
+def _number_from(low: float, below: float = inf) -> Callable[[Any], bool]:
+    def is_valid(value: Any) -> bool:
+        plain = isinstance(value, int | float) and not isinstance(value, bool)
+        return plain and low <= value < below
+
+    return is_valid
+
+
+def _whole_from(low: int, high: int) -> Callable[[Any], bool]:
+    return lambda value: type(value) is int and low <= value <= high
+
+
+def _is_band(value: Any) -> bool:
+    is_pair = isinstance(value, list | tuple) and len(value) == 2
+    return is_pair and all(map(_number_from(0.0), value)) and value[0] < value[1]
+
+
+#: Settings that a decision may change: whether a value is one, and the rule.
+SETTINGS: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "band_hz": (_is_band, "it must be two frequencies that rise from 0 Hz or above"),
+    "max_order": (_whole_from(1, 200), "it must be a whole number up to 200"),
+    "method": (("lsce", "plscf").__contains__, "it must be lsce or plscf"),
+    "estimator": (("H1", "H2", "Hv").__contains__, "it must be H1, H2 or Hv"),
+    "averages": (_whole_from(1, 10**9), "it must be a whole number ≥ 1"),
+    "block_seconds": (_number_from(1e-9), "it must be a number > 0"),
+    "window": (lambda value: isinstance(value, str), "it must be the name of a window of scipy"),
+    "overlap": (_number_from(0.0, 1.0), "it must be from 0 to below 1"),
+    "exponential_window_s": (_number_from(1e-9), "it must be a number > 0"),
+    "exponential_window_std_s": (_number_from(0.0), "it must be a number ≥ 0"),
+    "force_window_s": (_number_from(1e-9), "it must be a number > 0"),
+}
 
 
 @dataclass(frozen=True)
@@ -73,6 +107,27 @@ class Options:
     strict: bool = False
     identification: IdentificationSettings | None = None
     checks: CheckSettings | None = None
+
+
+def given_processing(options: Options) -> dict[str, Any]:
+    """What was chosen on the way to the modes instead of the manifest or a default."""
+    usual = Options()
+    unset = vars(usual.processing)
+    given = {name: each for name, each in vars(options.processing).items() if each != unset[name]}
+    own = {name: getattr(options, name) for name in ("estimator", "max_order", "method")}
+    return given | {name: each for name, each in own.items() if each != getattr(usual, name)}
+
+
+def with_settings(options: Options, settings: Mapping[str, Any]) -> Options:
+    """Options with settings of ``edits.toml`` where they do not choose for themselves."""
+    given = given_processing(options)
+    lengths = {"averages", "block_seconds"} if {"averages", "block_seconds"} & {*given} else set()
+    chosen = {name: each for name, each in settings.items() if name not in lengths} | given
+    if "band_hz" in chosen:
+        chosen["band_hz"] = tuple(chosen["band_hz"])
+    blocks = {name: chosen[name] for name in vars(options.processing) if name in chosen}
+    own = {name: chosen[name] for name in ("estimator", "max_order", "method") if name in chosen}
+    return replace(options, processing=replace(options.processing, **blocks), **own)
 
 
 def processing_in_force(campaign: Campaign, chosen: Processing) -> Processing:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from enum import Enum
@@ -17,7 +18,7 @@ from typing import Any
 from ema.core.campaign import Campaign, Processing
 from ema.core.errors import InputError
 from ema.core.frf import FRF
-from pipelines.results.options import Options
+from pipelines.results.options import Options, given_processing
 from pipelines.storage.checksums import ACCEPTED, Fault, Marker, is_plain_file, read_marker, sha256
 from pipelines.storage.result_folder import MARKER, named, recover
 
@@ -26,13 +27,13 @@ LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pyuff")
 UNKNOWN = "unknown"
 PAGES = ("report.html", "report.pdf")  # may be left out or deleted
 READ_BACK = ("identification.json", "frf.parquet", "residues.parquet", "poles.parquet")
-OPTIONAL_READ_BACK = ("reference.parquet",)
+OPTIONAL_READ_BACK = ("reference.parquet", "force.parquet")
 PARTS = (
     *READ_BACK,
     *OPTIONAL_READ_BACK,
     *("modes.csv", "shapes.csv", "orders.csv", "quality.csv"),
     *("corrections.csv", "other_modes.csv", "validation.csv"),
-    *("frf.uff", "tyre.toml"),
+    *("frf.uff", "tyre.toml", "edits.toml"),
     *PAGES,
 )
 
@@ -65,13 +66,21 @@ def provenance(
     settings = {name: asdict(getattr(campaign, name)) for name in ("identification", "checks")}
     chosen = {key: value for key, value in asdict(options).items() if key not in settings}
     return {
-        "software": {"ringmodal": software_version(), **library_versions()},
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        **made_now(),
         "campaign": campaign.name,
         "inputs": inputs,
         "options": {**chosen, "processing": {**asdict(processing), **_blocks_in_force(frf)}},
+        "given_processing": given_processing(options),
         "settings": settings,
         "stage_seconds": watch.seconds,
+    }
+
+
+def made_now() -> dict[str, Any]:
+    """Versions and time of a provenance."""
+    return {
+        "software": {"ringmodal": software_version(), **library_versions()},
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
 
@@ -80,10 +89,31 @@ def checksummed(paths: Sequence[Path]) -> Iterator[Callable[[], list[dict[str, A
     """Yield a function that returns name, size and SHA-256 of files; a thread computes them."""
 
     def fingerprint(path: Path) -> dict[str, Any]:
-        return {"file": path.name, "bytes": path.stat().st_size, "sha256": sha256(path)}
+        about = {"file": path.name, "bytes": path.stat().st_size, "sha256": sha256(path)}
+        return {**about, "path": str(path.resolve())}
 
     with ThreadPoolExecutor(1) as pool:
         yield pool.submit(lambda: [fingerprint(path) for path in paths]).result
+
+
+def with_inputs_at(record: dict[str, Any], place: Callable[[Path], Path | str]) -> dict[str, Any]:
+    """Provenance with the path of each input that is known changed."""
+    inputs = [
+        {**entry, "path": Path(place(Path(entry["path"]))).as_posix()} if "path" in entry else entry
+        for entry in record.get("inputs", ())
+    ]
+    return {**record, "inputs": inputs} if inputs else record
+
+
+def relative_to(folder: Path) -> Callable[[Path], Path | str]:
+    """A path as seen from a folder; as it is where there is no way, as to another drive."""
+
+    def seen(path: Path) -> Path | str:
+        with suppress(ValueError):
+            return os.path.relpath(path, os.path.realpath(folder))
+        return path
+
+    return seen
 
 
 def _blocks_in_force(frf: FRF) -> dict[str, Any]:

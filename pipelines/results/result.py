@@ -15,6 +15,7 @@ from ema.circumference.ring_modes import PURE
 from ema.core.arrays import frame_of
 from ema.core.campaign import Direction, Tyre
 from ema.core.display import band_text, facts, table
+from ema.core.edits import Edit
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
 from ema.core.modes import COMMON_NAMES, ModalModel, modes_html
@@ -22,6 +23,7 @@ from ema.poles.selection import Opinion
 from ema.poles.stability import StabilityDiagram
 from model.damping import DampingResult
 from model.tuning import TuningResult
+from pipelines.results.decided import AutomaticMode, Setup
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -115,6 +117,12 @@ class Result:
         Modes of tangential and axial sensors, kept out of the ring.
     provenance : dict
         Content of ``provenance.json``: versions, inputs with SHA-256, options, stage times.
+    setup : Setup or None
+        What a refit needs beside the FRFs; None for a result of an earlier version.
+    edits : tuple of Edit
+        What a person decided.
+    automatic : tuple of AutomaticMode
+        The modes before any of it; empty where nothing was decided.
 
     Examples
     --------
@@ -145,6 +153,9 @@ class Result:
     sensor_mass: SensorMass | None = None
     other_modes: tuple[OtherMode, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
+    setup: Setup | None = None
+    edits: tuple[Edit, ...] = ()
+    automatic: tuple[AutomaticMode, ...] = ()
 
     @property
     def torsion(self) -> OtherMode | None:

@@ -16,8 +16,10 @@ from ema.core.campaign import Tyre
 from ema.core.errors import InputError
 from ema.core.files import require_regular
 from ema.core.finding import Finding
-from ema.core.modes import Flag, OrderReport, Pair
+from ema.core.modes import Chosen, Flag, OrderReport, Pair
 from ema.poles.selection import Opinion
+from ema.signals.steadiness import Steadiness
+from pipelines.results.decided import AutomaticMode
 from pipelines.results.result import OtherMode
 from pipelines.storage.tables import LARGEST
 
@@ -44,6 +46,7 @@ class StoredMode:
     remark: str
     frequency_band_shift_hz: float
     damping_band_shift: float
+    chosen: Chosen = Chosen.AUTOMATIC
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,27 @@ class StoredMass:
 
 
 @dataclass(frozen=True)
+class StoredForce:
+    """A `ForceRecord` without its samples."""
+
+    run: str
+    channel: str
+    plan: BlockPlan
+    is_steady: bool
+
+
+@dataclass(frozen=True)
+class StoredSetup:
+    """A `Setup`."""
+
+    sensor_mass: StoredMass | None
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...]
+    steadiness: tuple[Steadiness, ...]
+    later: tuple[Finding, ...]
+
+
+@dataclass(frozen=True)
 class Stored:
     """Content of ``identification.json``."""
 
@@ -114,6 +138,10 @@ class Stored:
     corrections: tuple[Correction, ...] = ()
     sensor_mass: StoredMass | None = None
     other_modes: tuple[OtherMode, ...] = ()
+    rows: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    forces: tuple[StoredForce, ...] = ()
+    setup: StoredSetup | None = None
+    automatic: tuple[AutomaticMode, ...] = ()
 
 
 def read_identification_json(path: Path) -> Stored:
@@ -186,7 +214,7 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
         groups = held.sensors_deg, held.own_kg
         seats, masses = ({run: len(each) for run, each in group.items()} for group in groups)
         yield "sensor_mass", [masses] if masses != seats else [], "needs a mass for each sensor"
-    if (plan := found.blocks) is not None:
+    for plan in [*([found.blocks] if found.blocks else []), *(each.plan for each in found.forces)]:
         counts = (plan.sampling_rate_hz, plan.block_samples, plan.step_samples, plan.n_blocks)
         wrong = [plan] if not (min(counts) > 0 and plan.period_samples >= 0) else []
         yield "blocks", wrong, "lengths and rates must be > 0"

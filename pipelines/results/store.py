@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -20,14 +21,17 @@ from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError
 from ema.core.files import require_regular
 from ema.core.finding import Check, Finding, Verdict
-from ema.core.frf import FRF
+from ema.core.frf import FRF, ForceRecord
 from ema.core.modes import ModalModel, Mode, ResidualTerms
+from ema.core.recording import FORCE, Channel
 from ema.core.settings import CheckSettings
 from ema.poles.stability import StabilityDiagram
 from ema.poles.tracking import Cluster
 from pipelines.results import schema
+from pipelines.results.decided import Setup
+from pipelines.results.edits_file import edits_of
 from pipelines.results.labels import in_band
-from pipelines.results.provenance import CheckedResult, checked_result
+from pipelines.results.provenance import CheckedResult, checked_result, with_inputs_at
 from pipelines.results.result import Result
 from pipelines.results.tables import read_frf
 from pipelines.storage.checksums import ACCEPTED
@@ -37,6 +41,8 @@ from pipelines.storage.tables import Table, write_parquet
 JSON_NAME = "identification.json"
 RESIDUES_NAME = "residues.parquet"
 REFERENCE_NAME = "reference.parquet"
+FORCE_NAME = "force.parquet"
+_OF_ROWS = ("clipped", "force_clipped", "missing", "disagreement")
 
 _ATTEMPTS = 20  # another process may keep replacing the result
 _SMALLEST_RESIDUE = 1e-100  # far below any measured inertance; its square is still a double
@@ -112,12 +118,19 @@ def write_identification(result: Result, folder: Path) -> None:
     sources: tuple[tuple[Any, tuple[str, ...]], ...] = (
         (result, ("name", "tyre", "excitation_deg", "reference_deg", "findings", "opinions")),
         (result, ("corrections", "sensor_mass", "other_modes")),
+        (result, ("setup", "automatic")),
         (result.frf, ("blocks", "n_effective")),
         (model, ("band_hz", "fit_band_hz", "misfit", "covariance", "frac", "drift", "notes")),
         (model, ("orders", "modes", "guard_modes", "exponential_window")),
         (diagram, ("clusters", "indicator_hz", "indicator")),
     )
     content = {name: getattr(source, name) for source, names in sources for name in names}
+    measured = result.measured
+    content["rows"] = {name: getattr(measured, name) for name in _OF_ROWS}
+    content["forces"] = [
+        {"run": run, "channel": each.force.name, "plan": each.plan, "is_steady": each.is_steady}
+        for run, each in measured.forces.items()
+    ]
     text = json.dumps(content, default=_as_json)
     (folder / JSON_NAME).write_text(text, encoding="utf-8", newline="\n")
     # One row per position: residues of modes and guard modes, then residual terms.
@@ -127,6 +140,40 @@ def write_identification(result: Result, folder: Path) -> None:
     columns |= {f"std_{r}": mode.residues_std for r, mode in enumerate(modes)}
     columns |= {"lower": terms.lower, "upper": terms.upper, "row": np.arange(terms.lower.size)}
     write_parquet(folder / RESIDUES_NAME, pd.DataFrame(columns))
+
+
+def write_forces(frf: FRF, path: Path) -> None:
+    """Write the force of each run as far as blocks reach, run after run; nothing without any."""
+    samples = {run: _samples(each) for run, each in frf.forces.items()}
+    if not samples:
+        return
+    force = np.concatenate(list(samples.values()))
+    if np.array_equal(force.astype(np.float32), force):
+        force = force.astype(np.float32)
+    sizes = [each.size for each in samples.values()]
+    run = np.repeat(np.array(list(samples), dtype=object), sizes)
+    write_parquet(path, pd.DataFrame({"run": pd.Categorical(run), "force_n": force}))
+
+
+def _samples(record: ForceRecord) -> NDArray[np.float64]:
+    plan = record.plan
+    return record.force.block(0, plan.starts[-1] + plan.block_samples)
+
+
+def _read_forces(path: Path, stored: schema.Stored) -> dict[str, ForceRecord]:
+    """Force of each run; none where they are not stored, as by earlier versions."""
+    if not stored.forces or not path.is_file():
+        return {}
+    table = Table(path)
+    (of_run, names), force = table.texts("run"), table.numbers("force_n")
+    found = {}
+    for each in stored.forces:
+        own = force[of_run == names.index(each.run)] if each.run in names else force[:0]
+        if own.size != each.plan.starts[-1] + each.plan.block_samples:
+            raise table.unusable(f"{own.size} samples of {each.run}", "they must fill its blocks")
+        channel = Channel(each.channel, FORCE, "N", own)
+        found[each.run] = ForceRecord(channel, each.plan, each.is_steady)
+    return found
 
 
 def _as_json(value: Any) -> Any:
@@ -142,19 +189,19 @@ def _as_json(value: Any) -> Any:
 def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
     """Result without its ring steps from a folder and its provenance."""
     stored = schema.read_identification_json(folder / JSON_NAME)
-    measured = _read_measured(folder, stored)
-    mass = None
-    if (held := stored.sensor_mass) is not None:
-        seats = {run: np.array(angles) for run, angles in held.sensors_deg.items()}
-        drift = NO_DRIFT if held.drift is None else Drift(**vars(held.drift))
-        own = {run: np.array(masses) for run, masses in held.own_kg.items()}
-        mass = SensorMass(held.mass_kg, seats, held.excitation_deg, held.live_mass_kg, drift, own)
+    options = record["options"]
+    measured = _read_measured(folder, stored, options.get("estimator", "H1"))
+    mass = _mass(stored.sensor_mass)
+    setup = None
+    if (own := stored.setup) is not None:
+        setup = Setup(**{**vars(own), "sensor_mass": _mass(own.sensor_mass)})
     frf = without_mass(corrected(measured, stored.corrections), mass)
     model = _read_model(stored, frf, folder / RESIDUES_NAME)
     recorded = record.get("settings", {}).get("checks", {})
     known = (each.name for each in fields(CheckSettings))
     checks = CheckSettings(**{name: recorded[name] for name in known if name in recorded})
     fixed = frf.reference
+    here = with_inputs_at(record, lambda path: os.path.normpath(folder.resolve() / path))
     return Result(
         name=stored.name,
         tyre=stored.tyre,
@@ -171,17 +218,43 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
         corrections=stored.corrections,
         sensor_mass=mass,
         other_modes=stored.other_modes,
-        provenance={key: value for key, value in record.items() if key != "warnings"},
+        provenance={key: value for key, value in here.items() if key != "warnings"},
+        setup=setup,
+        edits=edits_of(f"{folder / MARKER}", record.get("edits", ())),
+        automatic=stored.automatic,
     )
 
 
-def _read_measured(folder: Path, stored: schema.Stored) -> FRF:
+def _mass(held: schema.StoredMass | None) -> SensorMass | None:
+    if held is None:
+        return None
+    seats = {run: np.array(angles) for run, angles in held.sensors_deg.items()}
+    drift = NO_DRIFT if held.drift is None else Drift(**vars(held.drift))
+    own = {run: np.array(masses) for run, masses in held.own_kg.items()}
+    return SensorMass(held.mass_kg, seats, held.excitation_deg, held.live_mass_kg, drift, own)
+
+
+def _read_measured(folder: Path, stored: schema.Stored, estimator: str) -> FRF:
     """FRFs as measured, those of the fixed sensor among them."""
     frf = read_frf(folder / "frf.parquet")
-    frf = replace(frf, blocks=stored.blocks, n_effective=stored.n_effective)
+    of_rows: dict[str, Any] = {name: np.array(stored.rows[name]) for name in stored.rows}
+    if {*of_rows} - {*_OF_ROWS} or {each.size for each in of_rows.values()} - {frf.n_positions}:
+        rule = f"one value for each of the {frf.n_positions} FRFs"
+        raise InputError(f"{folder / JSON_NAME}, rows", "another number", rule, schema.REMEDY)
+    frf = replace(
+        frf,
+        blocks=stored.blocks,
+        n_effective=stored.n_effective,
+        forces=_read_forces(folder / FORCE_NAME, stored),
+        excitation_deg=np.nan if stored.excitation_deg is None else stored.excitation_deg,
+        exponential_window=stored.exponential_window,
+        estimator=estimator,
+        **of_rows,
+    )
     _require_rows(folder / JSON_NAME, stored, frf.n_positions)
     if (folder / REFERENCE_NAME).is_file():
-        frf = replace(frf, reference=_read_reference(folder / REFERENCE_NAME, stored.band_hz))
+        fixed = _read_reference(folder / REFERENCE_NAME, stored.band_hz)
+        frf = replace(frf, reference=replace(fixed, estimator=estimator))
     return frf
 
 
