@@ -148,10 +148,12 @@ def decided_on(
     mass = result.setup.sensor_mass
     before, now = (asked.changed(settings_of(each)) for each in (result.edits, edits))
     automatic = result.automatic or automatic_modes(result.modal_model)
+    misfit = result.automatic_misfit if result.automatic else result.modal_model.misfit
     if now != before:
         measured = restated(result.measured, now.estimator)
         found = now.identify(measured, mass)
-        automatic = automatic_modes(with_modes(result, found, now.checks).modal_model)
+        plain = with_modes(result, found, now.checks).modal_model
+        automatic, misfit = automatic_modes(plain), plain.misfit
         result = replace(result, measured=measured)
     if found is None:
         found = now.identify(result.measured, mass, edits)
@@ -161,7 +163,9 @@ def decided_on(
     if "band_hz" in settings_of(edits):
         stated = tuple(each for each in again.findings if each.check is not Check.BAND)
         again = replace(again, findings=stated)
-    return replace(again, edits=tuple(edits), automatic=automatic if edits else ())
+    if not edits:
+        return replace(again, edits=(), automatic=(), automatic_misfit=float("nan"))
+    return replace(again, edits=tuple(edits), automatic=automatic, automatic_misfit=misfit)
 
 
 def settings_of(edits: Sequence[Edit]) -> dict[str, Any]:

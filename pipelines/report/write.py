@@ -15,7 +15,15 @@ from typing import Any
 
 from ema.core.errors import InputError, visible
 from pipelines.plots.chart import Chart, Drawn
-from pipelines.report import closing, identification, measurement, responses, ring, summary
+from pipelines.report import (
+    by_hand,
+    closing,
+    identification,
+    measurement,
+    responses,
+    ring,
+    summary,
+)
 from pipelines.report.page import (
     Alone,
     Beside,
@@ -53,6 +61,7 @@ def report_sections(result: Result, template: Template = PLAIN) -> tuple[Section
         measurement.quality(result),
         identification.stability(result),
         identification.modes(result),
+        *by_hand.changed_by_hand(result),
         responses.responses(result),
         identification.shapes(result),
         ring.validation(result),

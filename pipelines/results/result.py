@@ -123,6 +123,8 @@ class Result:
         What a person decided.
     automatic : tuple of AutomaticMode
         The modes before any of it; empty where nothing was decided.
+    automatic_misfit : float
+        Reduced χ² of their fit.
 
     Examples
     --------
@@ -156,6 +158,7 @@ class Result:
     setup: Setup | None = None
     edits: tuple[Edit, ...] = ()
     automatic: tuple[AutomaticMode, ...] = ()
+    automatic_misfit: float = float("nan")
 
     @property
     def torsion(self) -> OtherMode | None:

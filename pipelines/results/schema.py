@@ -142,6 +142,7 @@ class Stored:
     forces: tuple[StoredForce, ...] = ()
     setup: StoredSetup | None = None
     automatic: tuple[AutomaticMode, ...] = ()
+    automatic_misfit: float = math.nan
 
 
 def read_identification_json(path: Path) -> Stored:

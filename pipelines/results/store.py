@@ -118,7 +118,7 @@ def write_identification(result: Result, folder: Path) -> None:
     sources: tuple[tuple[Any, tuple[str, ...]], ...] = (
         (result, ("name", "tyre", "excitation_deg", "reference_deg", "findings", "opinions")),
         (result, ("corrections", "sensor_mass", "other_modes")),
-        (result, ("setup", "automatic")),
+        (result, ("setup", "automatic", "automatic_misfit")),
         (result.frf, ("blocks", "n_effective")),
         (model, ("band_hz", "fit_band_hz", "misfit", "covariance", "frac", "drift", "notes")),
         (model, ("orders", "modes", "guard_modes", "exponential_window")),
@@ -222,6 +222,7 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
         setup=setup,
         edits=edits_of(f"{folder / MARKER}", record.get("edits", ())),
         automatic=stored.automatic,
+        automatic_misfit=stored.automatic_misfit,
     )
 
 

@@ -46,6 +46,7 @@ def test_pandas_reads_modes(folder, short_result):
         "order_purity": "order_purity",
         "status": "status",
         "pair": "pair",
+        "chosen": "chosen",
         "frequency_band_shift_hz": "frequency_band_shift_hz",
         "damping_ratio_band_shift": "damping_band_shift",
         "name": "common_name",
