@@ -17,7 +17,7 @@ from pipelines.results.parameter_set import from_tuning, write_parameter_set
 from pipelines.results.provenance import OPTIONAL_READ_BACK, READ_BACK, relative_to, with_inputs_at
 from pipelines.results.result import Result
 from pipelines.results.set_basis import MeasuredOrder
-from pipelines.results.store import FORCE_NAME, write_forces, write_identification
+from pipelines.results.store import write_identification, write_measured
 from pipelines.simulate.campaign import sample_campaign
 from pipelines.storage.checksums import ACCEPTED, write_marker
 from pipelines.storage.result_folder import MARKER, written_whole
@@ -68,9 +68,8 @@ def save(
         for name, table in tables.csv_tables(result).items():
             write_csv(partial / name, table)
         write_parquet(partial / "poles.parquet", tables.poles(result.diagram))
-        tables.write_frfs(result.measured, partial)
+        write_measured(result, partial)
         write_identification(result, partial)
-        write_forces(result.measured, partial / FORCE_NAME)
         _write_tyre(result, partial / "tyre.toml")
         if report:
             write_report(result, partial / "report.html", template)

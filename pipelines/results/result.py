@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -82,6 +84,15 @@ class OtherMode:
 
 
 @dataclass(frozen=True, eq=False)
+class Stored:
+    """FRFs as a folder holds them: as long as they are these, its files can be copied."""
+
+    folder: Path
+    sha256: Mapping[str, str]  # by file
+    measured: FRF
+
+
+@dataclass(frozen=True, eq=False)
 class Result:
     """Result of `pipelines.process.run`; stages that did not apply are None.
 
@@ -125,6 +136,8 @@ class Result:
         The modes before any of it; empty where nothing was decided.
     automatic_misfit : float
         Reduced χ² of their fit.
+    stored : Stored or None
+        Where the FRFs were read from.
 
     Examples
     --------
@@ -159,6 +172,7 @@ class Result:
     edits: tuple[Edit, ...] = ()
     automatic: tuple[AutomaticMode, ...] = ()
     automatic_misfit: float = float("nan")
+    stored: Stored | None = None
 
     @property
     def torsion(self) -> OtherMode | None:

@@ -7,6 +7,7 @@ import os
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from shutil import copyfile
 from typing import Any
 
 import numpy as np
@@ -32,9 +33,9 @@ from pipelines.results.decided import Setup
 from pipelines.results.edits_file import edits_of
 from pipelines.results.labels import in_band
 from pipelines.results.provenance import CheckedResult, checked_result, with_inputs_at
-from pipelines.results.result import Result
-from pipelines.results.tables import read_frf
-from pipelines.storage.checksums import ACCEPTED
+from pipelines.results.result import Result, Stored
+from pipelines.results.tables import read_frf, write_frfs
+from pipelines.storage.checksums import ACCEPTED, sha256
 from pipelines.storage.result_folder import MARKER, recover
 from pipelines.storage.tables import Table, write_parquet
 
@@ -85,7 +86,7 @@ def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
                 raise
         else:
             if not attempts_left or _marker_bytes(folder) == before:
-                return _with_accepted(result, checked)
+                return _from_folder(result, checked)
     raise AssertionError("the last attempt returns or raises")
 
 
@@ -96,10 +97,11 @@ def _marker_bytes(folder: Path) -> bytes | None:
     return None
 
 
-def _with_accepted(result: Result, checked: CheckedResult) -> Result:
-    """The result with its accepted changes among findings and provenance."""
+def _from_folder(result: Result, checked: CheckedResult) -> Result:
+    """The result with where it is, or with its accepted changes among findings and provenance."""
     if not checked.accepted:
-        return result
+        stored = Stored(checked.folder, checked.marker.files, result.measured)
+        return replace(result, stored=stored)
     changed = (
         Finding("", name, None, Check.CHANGED, Verdict.WARNING, f"{how.value}; accepted as it is")
         for name, how in checked.accepted.items()
@@ -142,7 +144,28 @@ def write_identification(result: Result, folder: Path) -> None:
     write_parquet(folder / RESIDUES_NAME, pd.DataFrame(columns))
 
 
-def write_forces(frf: FRF, path: Path) -> None:
+def write_measured(result: Result, folder: Path) -> None:
+    """Write the FRFs as measured and the forces, or copy them from where they were read."""
+    stored, frf = result.stored, result.measured
+    if stored is None or stored.measured is not frf or not _copied(stored, folder):
+        write_frfs(frf, folder)
+        _write_forces(frf, folder / FORCE_NAME)
+
+
+def _copied(stored: Stored, folder: Path) -> bool:
+    """Whether all files of FRFs could be copied as they were when they were read."""
+    names = ("frf.uff", "frf.parquet", REFERENCE_NAME, FORCE_NAME)
+    for name in (each for each in names if each in stored.sha256):
+        try:
+            copyfile(stored.folder / name, folder / name)
+        except OSError:  # moved or replaced since
+            return False
+        if sha256(folder / name) != stored.sha256[name]:
+            return False
+    return True
+
+
+def _write_forces(frf: FRF, path: Path) -> None:
     """Write the force of each run as far as blocks reach, run after run; nothing without any."""
     samples = {run: _samples(each) for run, each in frf.forces.items()}
     if not samples:
@@ -150,9 +173,9 @@ def write_forces(frf: FRF, path: Path) -> None:
     force = np.concatenate(list(samples.values()))
     if np.array_equal(force.astype(np.float32), force):
         force = force.astype(np.float32)
-    sizes = [each.size for each in samples.values()]
-    run = np.repeat(np.array(list(samples), dtype=object), sizes)
-    write_parquet(path, pd.DataFrame({"run": pd.Categorical(run), "force_n": force}))
+    number = np.repeat(np.arange(len(samples)), [each.size for each in samples.values()])
+    run = pd.Categorical.from_codes(number, pd.Index(list(samples)))
+    write_parquet(path, pd.DataFrame({"run": run, "force_n": force}))
 
 
 def _samples(record: ForceRecord) -> NDArray[np.float64]:
