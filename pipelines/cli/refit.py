@@ -23,6 +23,7 @@ from pipelines.library.version import login_name
 from pipelines.process.refit import cost, refittable
 from pipelines.process.refit import refit as refitted
 from pipelines.report.save import save
+from pipelines.report.template import read_template
 from pipelines.results.edits_file import Record, read_edits
 from pipelines.storage.result_folder import require_free
 
@@ -70,6 +71,8 @@ def refit(
     no_report: opt.NoReport = False,
     force: opt.Force = False,
     accept_changes: opt.AcceptChanges = False,
+    template: opt.Template = None,
+    units: opt.UnitSystem = None,
     as_json: opt.Json = False,
     quiet: opt.Quiet = False,
 ) -> None:
@@ -95,7 +98,7 @@ def refit(
     if edits is None and not any(asked.values()):
         rule = "a refit needs a decision"
         raise InputError("refit", "none", rule, "Give --edits, --set-aside, --channel-out …")
-    target = out or _beside(result_folder)
+    target, looks = out or _beside(result_folder), read_template(template, units)
     with reporting_outcome(target):
         if not only_try:
             require_free(target, force=force)
@@ -113,11 +116,12 @@ def refit(
             else:
                 again = refitted(result, record, progress=progress.stage)
                 progress.stage("Writing the result …")
-                save(again, target, report=not no_report, force=force)
+                save(again, target, report=not no_report, force=force, template=looks)
     if only_try:
         _show_cost(tried, as_json=as_json)
         return
-    show(again, target, as_json=as_json, report=not no_report, quiet=quiet)
+    told: dict[str, Any] = {"as_json": as_json, "quiet": quiet, "units": looks.units}
+    show(again, target, report=not no_report, **told)
 
 
 def _words(texts: Sequence[str] | None) -> tuple[str, ...]:

@@ -150,6 +150,9 @@ def decided_on(
     automatic = result.automatic or automatic_modes(result.modal_model)
     misfit = result.automatic_misfit if result.automatic else result.modal_model.misfit
     if now != before:
+        if now.estimator != before.estimator and result.measured.blocks is None:
+            rule, remedy = "FRFs from a file are as they are", "Leave the estimator out"
+            raise InputError("estimator", repr(now.estimator), rule, remedy)
         measured = restated(result.measured, now.estimator)
         found = now.identify(measured, mass)
         plain = with_modes(result, found, now.checks).modal_model

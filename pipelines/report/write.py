@@ -15,15 +15,7 @@ from typing import Any
 
 from ema.core.errors import InputError, visible
 from pipelines.plots.chart import Chart, Drawn
-from pipelines.report import (
-    by_hand,
-    closing,
-    identification,
-    measurement,
-    responses,
-    ring,
-    summary,
-)
+from pipelines.report import by_hand, closing, identification, measurement, responses, ring, summary
 from pipelines.report.page import (
     Alone,
     Beside,
