@@ -56,6 +56,8 @@ class FRF(ReadonlyArrays):
         Angles counter-clockwise from the excitation's zero; NaN where there is no circle.
     axis : ndarray of int, shape (n_positions,)
         Axis of each response in the file: 1 to 3 for X, Y, Z; 0 where it states none.
+    force_node, force_axis : int
+        Node of the force and its axis in the file; 0 where it states none.
     run : tuple of str
         The run each row was measured in; several names joined by "+" where rows were averaged.
     channel : tuple of str
@@ -118,6 +120,8 @@ class FRF(ReadonlyArrays):
     missing: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     disagreement: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     axis: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, dtype=int))
+    force_node: int = 0
+    force_axis: int = 0
     findings: tuple[Finding, ...] = ()
     excitation_deg: float = float("nan")
     forces: Mapping[str, ForceRecord] = field(default_factory=dict)

@@ -28,7 +28,8 @@ class Geometry(ReadonlyArrays):
     # shape (n_nodes,); angles in the x-z plane, from x towards z; NaN without a circle
     position_deg: NDArray[np.float64]
     xyz_m: NDArray[np.float64]  # shape (n_nodes, 3)
-    # shape (n_nodes, 3); unit vector of the measured motion: radial and outward on a circle
+    # shape (n_nodes, 3); unit vector of the measured motion: radial and outward on a circle, else
+    # the axis in the file
     direction: NDArray[np.float64]
     direction_code: int  # of this direction in a universal file: on a circle 1, the radius
     n_measured: int  # nodes with a sensor; the force has a further node where it acts elsewhere
@@ -99,12 +100,12 @@ def _line(frf: FRF) -> Geometry:
         node=node,
         position_deg=np.full(node.size, np.nan),
         xyz_m=np.column_stack([along, zeros, zeros]),
-        direction=np.column_stack([zeros, zeros, zeros + 1.0]),
+        direction=np.eye(3)[np.where(frf.axis > 0, frf.axis, Z) - 1],
         direction_code=Z,
         n_measured=node.size,
         reference_node=0,
         is_closed=False,
-        notes=("no angles known: nodes on a line, 0.1 m apart; motion drawn along z",),
+        notes=("no angles known: nodes on a line, 0.1 m apart; motion without an axis along z",),
     )
 
 

@@ -126,6 +126,8 @@ def gather(
     geometry = replace(geometry, notes=(*geometry.notes, *notes))
     shapes = np.array([mode.shape for mode in model.modes]).reshape(-1, geometry.n_measured)
     frf = replace(result.frf, node=geometry.node[: geometry.n_measured])
+    if geometry.is_closed:  # letters that turn with the circle: all of them radial
+        frf = replace(frf, axis=np.zeros(frf.n_positions, dtype=int), force_axis=0)
     synthesised = None
     if frfs in (BOTH, SYNTHESISED):
         fitted = in_band(frf.frequency_hz, model.fit_band_hz)
@@ -327,7 +329,7 @@ def write_uff(found: ModalExport, path: Path) -> None:
 def _shape(found: ModalExport, number: int) -> uff.ShapeDataset:
     mode, geometry = found.modes[number - 1], found.geometry
     along = found.shapes[number - 1]
-    axis = np.eye(3)[geometry.direction_code - 1]
+    axes = np.eye(3)[:1] if geometry.is_closed else geometry.direction
     modal_a, mass_kg = complex(found.modal_a[number - 1]), float(found.modal_mass_kg[number - 1])
     order = "" if mode.order is None else f", order {mode.order}{mode.member}"
     motion = "radial motion" if geometry.is_closed else "measured motion"
@@ -343,7 +345,7 @@ def _shape(found: ModalExport, number: int) -> uff.ShapeDataset:
         ),
         pole=mode.pole,
         node=geometry.node[: geometry.n_measured],
-        values=along[:, None] * axis,
+        values=along[:, None] * axes,
         modal_a=0.0 if np.isnan(modal_a) else modal_a,
         modal_mass_kg=0.0 if np.isnan(mass_kg) else mass_kg,
     )

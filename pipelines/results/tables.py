@@ -42,6 +42,9 @@ _VALIDATION = (
 )
 
 
+_OF_FORCE = ("force_node", "force_axis")  # in the metadata of Parquet files
+
+
 def csv_tables(result: Result) -> dict[str, pd.DataFrame]:
     """Tables of a result folder that are CSV, by file name."""
     return {
@@ -123,6 +126,7 @@ def write_frfs(frf: FRF, folder: Path) -> None:
     for name, rows in (("frf", frf), ("reference", frf.reference)):
         if rows is not None:
             metadata = {"n_positions": str(rows.n_positions)}
+            metadata |= {name: str(getattr(frf, name)) for name in _OF_FORCE}
             write_parquet(folder / f"{name}.parquet", frfs(rows), metadata)
 
 
@@ -177,4 +181,6 @@ def read_frf(path: Path) -> FRF:
         run=words("run"),
         channel=words("channel"),
         axis=of_row("axis", table.numbers("axis")).astype(int),
+        force_node=table.stated("force_node"),
+        force_axis=table.stated("force_axis"),
     )

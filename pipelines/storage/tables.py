@@ -19,6 +19,7 @@ from pipelines.storage.atomic import file_written_whole
 # Columns that repeat few values; to search the others for repetitions takes most of the time.
 _REPEATING = ("position_deg", "frequency_hz", "node", "order", "row")
 # No number of a result is as large in SI units, and its fourth power is still a double.
+_MOST_DIGITS = 10  # of a node
 LARGEST = 1e30
 
 
@@ -106,6 +107,13 @@ class Table:
     def n_rows(self) -> int:
         """Number of rows."""
         return int(self._table.num_rows)
+
+    def stated(self, name: str) -> int:
+        """A whole number of the file's metadata; 0 where it states none."""
+        text = (self._table.schema.metadata or {}).get(name.encode(), b"0")
+        if not text.isdigit() or len(text) > _MOST_DIGITS:
+            raise self.unusable(f"{name} {text[:20]!r}", "it must be a whole number")
+        return int(text)
 
     def numbers(self, name: str, *, unknown: bool = False) -> NDArray[Any]:
         """A column of numbers without gaps; NaN only where `unknown` permits it."""

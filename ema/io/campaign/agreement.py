@@ -195,8 +195,14 @@ def merge(
         node=np.array([-1 if place.node is None else place.node for place in places]),
         position_deg=np.array(angles),
         axis=stacked([frf.axis for frf in frfs]),
+        force_node=_common([content.frf_force_node or 0 for content, _ in files]),
+        force_axis=_common([content.frf_force_axis for content, _ in files]),
         run=tuple(run for frf in frfs for run in frf.run),
     )
+
+
+def _common(numbers: Sequence[int]) -> int:
+    return numbers[0] if len(set(numbers)) == 1 else 0
 
 
 def _check_references(files: Sequence[tuple[FileContent, dict[str, float] | None]]) -> None:

@@ -46,6 +46,7 @@ class _Dof(NamedTuple):
     node: int | None
     axis: int  # 1 to 3, 0 where none is stated
     angle_deg: float | None
+    quantity: str = ""  # of a channel: what is summed must be alike
 
 
 class _Sum(NamedTuple):
@@ -117,7 +118,7 @@ class Around:
         for row, each in enumerate(dofs):
             if each.axis and frame(each) is not None:
                 place = each.node if each.angle_deg is None else round(each.angle_deg, 6)
-                groups.setdefault(place, []).append(row)
+                groups.setdefault((place, each.quantity), []).append(row)
         found, askew = [], []
         for members in groups.values():
             axes = np.array([_along(frame(dofs[row]), dofs[row].axis) for row in members])
@@ -237,7 +238,9 @@ def channels_along_circle(
     given = wanted.positions_deg or {}
     channels = [each for each in wanted.possible_responses(recording.channels) if each.axis]
     dofs = [
-        _Dof(each.name, each.node, each.axis, given.get(each.name, each.angle_deg))
+        _Dof(
+            *(each.name, each.node, each.axis, given.get(each.name, each.angle_deg)), each.quantity
+        )
         for each in channels
     ]
     frame = around.frames(dofs)

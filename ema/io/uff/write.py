@@ -100,8 +100,8 @@ def append_frfs(
 ) -> None:
     """Write inertances to an open file, as `write_frfs` does.
 
-    `direction` is the code of force and response (1 to 3), `note` the third ID line of each
-    dataset. Without a byte order, text is written.
+    `direction` is the code of force and response (1 to 3) in FRFs without axes of their own, `note`
+    the third ID line of each dataset. Without a byte order, text is written.
     """
     lines = frf.frequency_hz
     if len(lines) < 2 or not len(frf.values):
@@ -116,8 +116,8 @@ def append_frfs(
         abscissa_min=float(lines[0]),
         abscissa_step=f"{step:.6E}",
         response_direction=direction,
-        reference_node=reference_node,
-        reference_direction=direction,
+        reference_node=reference_node or frf.force_node,
+        reference_direction=frf.force_axis or (0 if frf.axis.any() else direction),
         abscissa=Axis(codes.DATA_FREQUENCY, label="Frequency", unit="Hz"),
         ordinate_axis=Axis(codes.DATA_ACCELERATION, label="Acceleration", unit="m/s^2"),
         denominator_axis=Axis(codes.DATA_FORCE, label="Excitation force", unit="N"),

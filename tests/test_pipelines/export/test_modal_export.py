@@ -1,13 +1,8 @@
 """What other modal programs are given: read back by us, by pyuff, by SDynPy, by MATLAB's format."""
 
 import errno
-import importlib.util
 import json
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,6 +10,7 @@ import pytest
 import pyuff
 from results import FREQUENCIES_HZ, structure_result, tyre_result
 from scipy.io import loadmat
+from sdynpy_reader import read_by_sdynpy
 
 import ema
 from ema.core.errors import InputError
@@ -24,7 +20,6 @@ from pipelines.export.data import geometry_of
 from pipelines.export.modal import FORMATS, export, gather
 from pipelines.report.save import save
 
-SECOND_READER = Path(__file__).parents[2] / "second_reader.py"
 MASS_KG = 4.0  # of each mode of the synthetic result, times √(1 − ζ²)
 
 
@@ -118,26 +113,10 @@ def test_measured_frfs_alone_keep_all_lines(folder, tmp_path):
     np.testing.assert_array_equal(written.measured.values, written.result.frf.values)
 
 
-def reader_with_sdynpy():
-    """A Python that has SDynPy: named in RINGMODAL_SDYNPY, or this one."""
-    other = os.environ.get("RINGMODAL_SDYNPY")
-    if not other and importlib.util.find_spec("sdynpy") is None:
-        pytest.skip("no SDynPy: name a Python that has it in RINGMODAL_SDYNPY")
-    return other or sys.executable
-
-
 @pytest.mark.parametrize("real", [False, True])
 def test_a_second_program_reads_the_same(folder, tmp_path, real):
-    python = reader_with_sdynpy()
     written = export(folder, tmp_path / "second.uff", real=real, text=real)
-    answer = subprocess.run(
-        [python, SECOND_READER, written.path],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={**os.environ, "QT_QPA_PLATFORM": "offscreen", "PYTHONPATH": ""},
-    )
-    held, found = json.loads(answer.stdout.splitlines()[-1]), written.export
+    held, found = read_by_sdynpy(written.path), written.export
     modes, geometry = found.modes, found.geometry
     frequencies_hz = [mode.frequency_hz for mode in modes]
     np.testing.assert_allclose(held["frequency_hz"], frequencies_hz, rtol=1e-5)
