@@ -226,7 +226,7 @@ class PairSearch:
         return tuple(self._near(each, change if each in both else 0.0) for each in before)
 
     def _near(self, before: RingOrder, change: Complex | float) -> RingOrder:
-        found = list(before.members)
+        found = sorted(before.members, key=lambda k: k not in self.directions)
         if before.pair is None or found[0] not in self.directions:
             return before
         seen, start, known, force_rad = self._seen(before.order, found, change)

@@ -342,7 +342,11 @@ class CurveFit:
             lines = cleared_lines(self.frf, self.lines, fit.poles, fit.drift)
             fit = other._fit_near(lines, fit.poles, fit.drift)
         other.fit = other.at_mean(fit)
-        other.ring = tuple(_moved(order, self.fit, other.fit) for order in self.ring)
+        # Of two poles so close, each by itself moves by any amount.
+        ring = [o if o.members[1:] else _moved(o, self.fit, other.fit) for o in self.ring]
+        near = [order for order in ring if order.members[1:]]
+        found = dict(zip(near, other._pair_search().orders_near(near), strict=True)) if near else {}
+        other.ring = tuple(found.get(order, order) for order in ring)
         return other
 
     def on(self, frf: FRF) -> CurveFit:
