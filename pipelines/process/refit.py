@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from ema.checks.quality import (
 from ema.checks.ring_shapes import drive_point_finding
 from ema.checks.sensor_mass import SensorMass
 from ema.core.edits import Edit, EditKind, of_kind
-from ema.core.errors import InputError
+from ema.core.errors import FitError, InputError
 from ema.core.finding import Check
 from ema.core.frf import FRF
 from ema.core.settings import CheckSettings, IdentificationSettings
@@ -234,7 +235,7 @@ def refit(
         record = read_edits(edits) if isinstance(edits, Path | str) else as_record(edits)
     asked = asked_of(result)
     decided = _with_processing(result, asked, record)
-    with watch.stage("modes", "Identifying modes"):
+    with watch.stage("modes", "Identifying modes"), naming(record):
         again = decided_on(result, asked, decided)
     with watch.stage("ring", "Tuning the ring"):
         again = tune(again, options_of(result))
@@ -258,6 +259,15 @@ def cost(
         raise InputError("--try", "another band or estimator", rule, "Refit without --try")
     found = force.identify(result.measured, result.setup.sensor_mass, result.edits)
     return edit_cost(found, edits)
+
+
+@contextmanager
+def naming(record: Record) -> Iterator[None]:
+    """Name the file of a record in errors about its edits."""
+    try:
+        yield
+    except FitError as error:
+        raise (FitError(f"{record.file}, {error}") if record.file else error) from error
 
 
 def as_record(edits: Sequence[Edit] | Record) -> Record:

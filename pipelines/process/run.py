@@ -23,7 +23,15 @@ from ema.core.frf import FRF
 from ema.identify import Identification
 from ema.signals.steadiness import steadiness_of
 from pipelines.process.directions import with_other_modes
-from pipelines.process.refit import Asked, as_record, decided_on, of_blocks, with_modes, with_record
+from pipelines.process.refit import (
+    Asked,
+    as_record,
+    decided_on,
+    naming,
+    of_blocks,
+    with_modes,
+    with_record,
+)
 from pipelines.process.ring import tune
 from pipelines.process.validate import refuse_warnings
 from pipelines.results.decided import Setup
@@ -111,7 +119,7 @@ def process(
             found = asked.identify(estimated, _sensor_mass(campaign))
         measured = _measured(campaign, found, asked, _setup(campaign, estimated, found))
         if decided:
-            with watch.stage("decisions", "Applying decisions"):
+            with watch.stage("decisions", "Applying decisions"), naming(record):
                 measured = decided_on(measured, asked, decided, found)
         if options.strict:
             refuse_warnings(measured.findings)
