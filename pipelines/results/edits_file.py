@@ -196,7 +196,11 @@ def read_edits(path: Path | str) -> Record:
         automatic=str(base.get("automatic", "")),
         processing=settings_of(f"{where}, [processing]", tables["processing"]),
         selection=tuple(tables["selection"].get("modes", ())),
-        signed={name: str(part) for name, part in signed.items() if name != "sha256"},
+        signed={
+            name: _time(f"{where}, [signed]", part) if name == "at" else str(part)
+            for name, part in signed.items()
+            if name != "sha256"
+        },
         file=str(path),
     )
 
