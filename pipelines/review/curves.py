@@ -1,0 +1,139 @@
+"""Arrays for the page: FRFs, fits, poles, orders and shapes, as float32 after a JSON header."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ema.checks.corrections import corrected, kept_rows
+from ema.circumference.orders import circle_basis, highest_order, on_circle, order_basis
+from ema.core.frf import FRF
+from ema.core.mac import mac
+from pipelines.results.labels import in_band
+from pipelines.review.sight import Sight
+
+_SHOWN_ORDERS = 12
+_ALIGNED = 4  # header and arrays start at multiples of so many bytes
+_BEYOND = 0.15  # share of the band that is shown beyond its ends
+
+
+def blob(header: Mapping[str, Any], arrays: Mapping[str, ArrayLike]) -> bytes:
+    """A JSON header that names the arrays, after its length, and the arrays."""
+    parts = {name: np.asarray(array, dtype="<f4") for name, array in arrays.items()}
+    names = [{"name": name, "shape": part.shape} for name, part in parts.items()]
+    head = json.dumps({**header, "arrays": names}).encode()
+    head += b" " * (-len(head) % _ALIGNED)
+    content = b"".join(np.ascontiguousarray(part).tobytes() for part in parts.values())
+    return len(head).to_bytes(4, "little") + head + content
+
+
+def frf_blob(sight: Sight, row: int) -> bytes:
+    """One row as it was measured, turned and scaled as it is fitted."""
+    one = _signed(sight, row)
+    lines = _shown(one, sight)
+    values = one.values[0, lines]
+    arrays = {"frequency_hz": one.frequency_hz[lines], "real": values.real, "imag": values.imag}
+    arrays |= {"std": one.std[0, lines], "coherence": one.coherence[0, lines]}
+    return blob({"row": row, "unit": "(m/s²)/N", "revision": sight.revision}, arrays)
+
+
+def fit_blob(sight: Sight, row: int) -> bytes:
+    """The fit of one measured row over the fitted lines, and what it leaves in σ."""
+    header = {"row": row, "revision": sight.revision, "is_preview": sight.is_preview, "frac": None}
+    at = np.flatnonzero(kept_rows(sight.measured, sight.corrections) == row)
+    if not at.size:
+        nothing = np.zeros(0)
+        names = "frequency_hz", "real", "imag", "residual_sigma"
+        return blob(header, dict.fromkeys(names, nothing))
+    place, model, frf = int(at[0]), sight.model, sight.frf
+    lines = in_band(frf.frequency_hz, model.fit_band_hz)
+    frequency_hz = frf.frequency_hz[lines]
+    fitted = model.synthesise(frequency_hz, run=frf.run)[place]
+    left = np.abs(frf.values[place, lines] - fitted) / (np.sqrt(2) * frf.std[place, lines])
+    arrays = {"frequency_hz": frequency_hz, "real": fitted.real, "imag": fitted.imag}
+    return blob({**header, "frac": float(model.frac[place])}, {**arrays, "residual_sigma": left})
+
+
+def diagram_blob(sight: Sight) -> bytes:
+    """Poles of all model orders, their clusters, and indicator functions."""
+    diagram, frf = sight.diagram, sight.frf
+    clusters = [
+        {
+            **{"label": each.label, "frequency_hz": each.frequency_hz},
+            **{"damping_ratio": each.damping_ratio, "kept": each.kept},
+            **{"size": each.size, "reason": each.reason},
+        }
+        for each in diagram.clusters
+    ]
+    stability = np.where(diagram.stable_frequency, 1 + diagram.stable_damping, 0)
+    lines = _shown(frf, sight)
+    arrays = {
+        **{"frequency_hz": diagram.frequency_hz, "damping_ratio": diagram.damping_ratio},
+        **{"model_order": diagram.model_order, "stability": stability},
+        **{"cluster": diagram.cluster, "indicator_hz": frf.frequency_hz[lines]},
+        "rms": np.sqrt(np.mean(np.abs(frf.values[:, lines]) ** 2, axis=0)),
+        "nmif": _nmif(frf.values[:, lines]),
+    }
+    header = {"band_hz": diagram.band_hz, "clusters": clusters, **sight.poles_asked}
+    return blob({**header, "revision": sight.revision}, arrays)
+
+
+def _nmif(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """1 − Σ|Re H|·|H| / Σ|H|²: near 1 where all positions move at 90° to the force."""
+    size = np.abs(values)
+    power = np.sum(size**2, axis=0)
+    share = np.sum(np.abs(values.real) * size, axis=0)
+    return np.asarray(1 - np.divide(share, power, out=np.ones_like(power), where=power > 0))
+
+
+def orders_blob(sight: Sight) -> bytes | None:
+    """Size of the FRFs resolved into circumferential orders; None off a circle."""
+    frf = sight.frf
+    if not on_circle(frf.position_deg):
+        return None
+    lines = _shown(frf, sight)
+    highest = highest_order(frf.position_deg)
+    waves = np.linalg.pinv(circle_basis(frf.position_deg, highest)) @ frf.values[:, lines]
+    power = np.abs(waves) ** 2
+    levels = [power[0], *(power[k : k + 2].sum(axis=0) for k in range(1, 2 * highest, 2))]
+    shown = np.sqrt(np.stack(levels[: _SHOWN_ORDERS + 1]))
+    arrays = {"frequency_hz": frf.frequency_hz[lines], "level": shown}
+    return blob({"orders": list(range(len(shown))), "revision": sight.revision}, arrays)
+
+
+def shapes_blob(sight: Sight) -> bytes:
+    """Shapes of the listed modes, of a ring beside each, and their MAC."""
+    modes, angles = sight.model.modes, sight.model.position_deg
+    shapes = np.array([mode.shape for mode in modes]).reshape(len(modes), angles.size)
+    ring = np.full(shapes.shape, np.nan)
+    if on_circle(angles):
+        for row, mode in enumerate(modes):
+            if mode.order is not None:
+                basis = order_basis(angles, mode.order)
+                ring[row] = basis @ np.linalg.lstsq(basis, mode.shape.real, rcond=None)[0]
+    header = {
+        **{"keys": [each.key for each in sight.listed], "orders": [mode.order for mode in modes]},
+        **{"rows": kept_rows(sight.measured, sight.corrections).tolist()},
+        "revision": sight.revision,
+    }
+    arrays = {"position_deg": angles, "real": shapes.real, "imag": shapes.imag, "ring": ring}
+    return blob(header, {**arrays, "automac": mac(shapes, shapes) if modes else np.zeros((0, 0))})
+
+
+def _signed(sight: Sight, row: int) -> FRF:
+    """A measured row with its correction, also where it is left out."""
+    changes = [each for each in sight.corrections if each.row == row and not each.excluded]
+    if not changes:
+        return sight.measured.rows(np.array([row]))
+    kept = kept_rows(sight.measured, changes)
+    return corrected(sight.measured, changes).rows(kept == row)
+
+
+def _shown(frf: FRF, sight: Sight) -> NDArray[np.bool_]:
+    low, high = sight.model.band_hz
+    beyond = _BEYOND * (high - low)
+    return in_band(frf.frequency_hz, (max(0.0, low - beyond), high + beyond))

@@ -1,0 +1,160 @@
+"""A review as a value: edits in their order, and how many of them are in force."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from math import isfinite
+from typing import Any
+
+from ema.core.edits import OF_CHANNELS, OF_POLES, ChannelName, Edit, EditKind, PoleName, of_kind
+from ema.core.errors import InputError
+
+_REMEDY = "Reload the page"
+_MOST_LETTERS = 2000  # of a reason
+
+
+@dataclass(frozen=True)
+class Session:
+    """Edits of a result; those behind the cursor are undone and can be redone.
+
+    Parameters
+    ----------
+    history : tuple of Edit
+    cursor : int
+        How many are in force.
+    revision : int
+        Rises with every change, undo and redo among them: by it a page knows that it is stale.
+    """
+
+    history: tuple[Edit, ...] = ()
+    cursor: int = 0
+    revision: int = 0
+
+    @property
+    def edits(self) -> tuple[Edit, ...]:
+        """Those in force."""
+        return self.history[: self.cursor]
+
+    def applied(self, edit: Edit) -> Session:
+        """With one more edit; what was undone is gone."""
+        history = (*self.edits, edit)
+        return Session(history, len(history), self.revision + 1)
+
+    def moved(self, cursor: int) -> Session:
+        """Undone or redone to a place in the history."""
+        if not 0 <= cursor <= len(self.history):
+            rule = f"the history has 0 to {len(self.history)} edits"
+            raise InputError("cursor", str(cursor), rule, _REMEDY)
+        return Session(self.history, cursor, self.revision + 1)
+
+    def explained(self, index: int, reason: str) -> Session:
+        """With the reason of an edit; it changes no number."""
+        if not 0 <= index < len(self.history):
+            rule = f"the history has {len(self.history)} edits"
+            raise InputError("index", str(index), rule, _REMEDY)
+        history = list(self.history)
+        history[index] = replace(history[index], reason=_text("reason", reason))
+        return Session(tuple(history), self.cursor, self.revision + 1)
+
+    def without_last(self) -> Session:
+        """Without the last edit in force, which could not be carried out."""
+        kept = (*self.history[: self.cursor - 1], *self.history[self.cursor :])
+        return Session(kept, self.cursor - 1, self.revision + 1)
+
+
+def key(edits: Iterable[Edit]) -> str:
+    """A text that differs where the numbers may: who, when and why do not count."""
+    return json.dumps([as_record(replace(edit, by="", at="", reason="")) for edit in edits])
+
+
+def settings_of(edits: Iterable[Edit]) -> dict[str, Any]:
+    """Settings in force by the edits; of several the last one counts."""
+    found: dict[str, Any] = {}
+    for edit in of_kind(edits, EditKind.SETTINGS):
+        found |= edit.settings
+    return found
+
+
+def as_record(edit: Edit) -> dict[str, Any]:
+    """An edit as JSON or TOML has it, without what it leaves open."""
+    record = {name: value for name, value in asdict(edit).items() if value not in (None, "", {})}
+    for name in ("pole", "channel"):
+        if name in record:
+            record[name] = {part: v for part, v in record[name].items() if v is not None}
+    return {**record, "kind": edit.kind.value}
+
+
+def edit_of(record: object) -> Edit:
+    """The edit that a page or a draft states.
+
+    Raises
+    ------
+    InputError
+        If it is not one.
+    """
+    content = _table("edit", record, {each.name for each in fields(Edit)})
+    try:
+        kind = EditKind(str(content.get("kind")))
+    except ValueError:
+        kinds = ", ".join(EditKind)
+        raise InputError(
+            "kind", repr(content.get("kind")), f"it is one of {kinds}", _REMEDY
+        ) from None
+    pole, channel = content.get("pole"), content.get("channel")
+    if (pole is None) != (kind not in OF_POLES) or (channel is None) != (kind not in OF_CHANNELS):
+        rule = "edits of poles name a pole, edits of channels a channel, others neither"
+        raise InputError(f"edit {kind.value}", "a name too many or too few", rule, _REMEDY)
+    return Edit(
+        kind,
+        pole=None if pole is None else _pole(pole),
+        channel=None if channel is None else _channel(channel),
+        run=None if content.get("run") is None else _text("run", content["run"]),
+        value=None if content.get("value") is None else _number("value", content["value"]),
+        settings=_table("settings", content.get("settings") or {}, None),
+        **{name: _text(name, content.get(name) or "") for name in ("by", "at", "reason")},
+    )
+
+
+def _pole(record: object) -> PoleName:
+    content = _table("pole", record, {each.name for each in fields(PoleName)})
+    order, method, damping = (content.get(n) for n in ("model_order", "method", "damping_ratio"))
+    return PoleName(
+        _number("frequency_hz", content.get("frequency_hz")),
+        None if damping is None else _number("damping_ratio", damping),
+        None if method is None else _text("method", method),
+        None if order is None else int(_number("model_order", order)),
+    )
+
+
+def _channel(record: object) -> ChannelName:
+    content = _table("channel", record, {each.name for each in fields(ChannelName)})
+    run = content.get("run")
+    return ChannelName(
+        _text("channel", content.get("channel")), None if run is None else _text("run", run)
+    )
+
+
+def _table(name: str, value: object, known: set[str] | None) -> dict[str, Any]:
+    if not isinstance(value, Mapping) or (known is not None and not set(value) <= known):
+        rule = "it is a table" + (f" of {', '.join(sorted(known))}" if known else "")
+        raise InputError(name, _shown(value), rule, _REMEDY)
+    return {str(part): content for part, content in value.items()}
+
+
+def _text(name: str, value: object) -> str:
+    if not isinstance(value, str) or len(value) > _MOST_LETTERS:
+        rule = f"it is a text of at most {_MOST_LETTERS} letters"
+        raise InputError(name, _shown(value), rule, "Shorten it")
+    return value
+
+
+def _number(name: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise InputError(name, _shown(value), "it is a finite number", _REMEDY)
+    return float(value)
+
+
+def _shown(value: object) -> str:
+    return repr(value)[:80]
