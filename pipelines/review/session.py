@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from math import isfinite
 from typing import Any
 
@@ -78,16 +78,27 @@ def settings_of(edits: Iterable[Edit]) -> dict[str, Any]:
 
 
 def as_record(edit: Edit) -> dict[str, Any]:
-    """An edit as JSON or TOML has it, without what it leaves open."""
-    record = {name: value for name, value in asdict(edit).items() if value not in (None, "", {})}
-    for name in ("pole", "channel"):
-        if name in record:
-            record[name] = {part: v for part, v in record[name].items() if v is not None}
-    return {**record, "kind": edit.kind.value}
+    """An edit as in ``edits.toml``, without what it leaves open."""
+    pole, channel = edit.pole, edit.channel
+    of_pole = None
+    if pole is not None:
+        of_pole = _said({"method": pole.method, "order": pole.model_order, **_place(pole)})
+    of_channel = {"run": edit.run} if channel is None else vars(channel)
+    rest = {"value": edit.value, "settings": dict(edit.settings)}
+    who = {"by": edit.by, "at": edit.at, "reason": edit.reason}
+    return _said({"kind": edit.kind.value, "pole": of_pole, **of_channel, **rest, **who})
+
+
+def _place(pole: PoleName) -> dict[str, float | None]:
+    return {"frequency_hz": pole.frequency_hz, "damping_ratio": pole.damping_ratio}
+
+
+def _said(record: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in record.items() if value not in (None, "", {})}
 
 
 def edit_of(record: object) -> Edit:
-    """The edit that a page or a draft states.
+    """The edit that a page or a draft states, as in ``edits.toml``.
 
     Raises
     ------
@@ -95,22 +106,20 @@ def edit_of(record: object) -> Edit:
         If it is not one.
     """
     content = _table("edit", record, {each.name for each in fields(Edit)})
-    try:
-        kind = EditKind(str(content.get("kind")))
-    except ValueError:
-        kinds = ", ".join(EditKind)
-        raise InputError(
-            "kind", repr(content.get("kind")), f"it is one of {kinds}", _REMEDY
-        ) from None
-    pole, channel = content.get("pole"), content.get("channel")
+    if content.get("kind") not in list(EditKind):
+        rule = f"it is one of {', '.join(EditKind)}"
+        raise InputError("kind", _shown(content.get("kind")), rule, _REMEDY)
+    kind = EditKind(content["kind"])
+    pole, channel, run = (content.get(name) for name in ("pole", "channel", "run"))
     if (pole is None) != (kind not in OF_POLES) or (channel is None) != (kind not in OF_CHANNELS):
         rule = "edits of poles name a pole, edits of channels a channel, others neither"
         raise InputError(f"edit {kind.value}", "a name too many or too few", rule, _REMEDY)
+    run = None if run is None else _text("run", run)
     return Edit(
         kind,
         pole=None if pole is None else _pole(pole),
-        channel=None if channel is None else _channel(channel),
-        run=None if content.get("run") is None else _text("run", content["run"]),
+        channel=None if channel is None else ChannelName(_text("channel", channel), run),
+        run=run if channel is None else None,
         value=None if content.get("value") is None else _number("value", content["value"]),
         settings=_table("settings", content.get("settings") or {}, None),
         **{name: _text(name, content.get(name) or "") for name in ("by", "at", "reason")},
@@ -118,21 +127,13 @@ def edit_of(record: object) -> Edit:
 
 
 def _pole(record: object) -> PoleName:
-    content = _table("pole", record, {each.name for each in fields(PoleName)})
-    order, method, damping = (content.get(n) for n in ("model_order", "method", "damping_ratio"))
+    content = _table("pole", record, {"frequency_hz", "damping_ratio", "method", "order"})
+    order, method, damping = (content.get(n) for n in ("order", "method", "damping_ratio"))
     return PoleName(
         _number("frequency_hz", content.get("frequency_hz")),
         None if damping is None else _number("damping_ratio", damping),
         None if method is None else _text("method", method),
-        None if order is None else int(_number("model_order", order)),
-    )
-
-
-def _channel(record: object) -> ChannelName:
-    content = _table("channel", record, {each.name for each in fields(ChannelName)})
-    run = content.get("run")
-    return ChannelName(
-        _text("channel", content.get("channel")), None if run is None else _text("run", run)
+        None if order is None else int(_number("order", order)),
     )
 
 
