@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -42,7 +42,9 @@ _SAME_ANGLE_DEG = 1e-6
 _OF_A_RESULT = "provenance.json"
 
 
-def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
+def read_campaign(
+    source: str | Path | Sequence[str | Path], *, only: Collection[str] | None = None
+) -> Campaign:
     """Read recordings and manifest, check them and give each channel its role.
 
     Parameters
@@ -50,6 +52,9 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
     source : path or sequence of paths
         A folder (with ``campaign.toml``, or with recordings alone), a manifest, a recording, or
         several recordings.
+    only : collection of str, optional
+        Of the files that a manifest names, those that are read: the others may be missing, as in a
+        campaign that is still being measured.
 
     Returns
     -------
@@ -75,11 +80,11 @@ def read_campaign(source: str | Path | Sequence[str | Path]) -> Campaign:
     paths = [Path(source)] if isinstance(source, str | Path) else [Path(each) for each in source]
     if len(paths) == 1 and is_folder(paths[0]):
         if exists(paths[0] / MANIFEST_NAME):
-            return _with_manifest(paths[0] / MANIFEST_NAME)
+            return _with_manifest(paths[0] / MANIFEST_NAME, only)
         name, paths = paths[0].resolve().name, recordings_in(paths[0])
         contents = _usable(read_folder(paths))
     elif len(paths) == 1 and paths[0].suffix.lower() == ".toml":
-        return _with_manifest(paths[0])
+        return _with_manifest(paths[0], only)
     elif not paths:
         rule = "a campaign needs at least one recording"
         raise RecordingFormatError("campaign", "no files", rule, "Name the recordings")
@@ -120,8 +125,11 @@ def _number(part: str) -> tuple[int, str]:
     return (int(part), "") if part.isdecimal() and len(part) < 100 else (-1, part)
 
 
-def _with_manifest(path: Path) -> Campaign:
+def _with_manifest(path: Path, only: Collection[str] | None) -> Campaign:
     manifest = read_manifest(path)
+    if only is not None:
+        there = [section for section in manifest.runs if section.file in only]
+        manifest = manifest.model_copy(update={"runs": there})
     files = _files_of(path, manifest)
     contents = _usable([read_file(file) for file in files])
     names = {name for each in contents if each.recording for name in each.recording.names}

@@ -1,0 +1,207 @@
+"""The landing page of a folder: results, campaigns without one, batches and libraries in it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from ema.core.display import counted
+from ema.core.errors import InputError
+from ema.core.modes import Pair
+from ema.io.campaign.manifest import MANIFEST_NAME, read_manifest, resolve
+from ema.io.campaign.read import recordings_in
+from ema.io.formats import is_recording
+from pipelines.batch.state import BatchFolder, Record, read_record
+from pipelines.library.history import verdict_text
+from pipelines.library.library import TyreLibrary
+from pipelines.library.version import LibraryTyre
+from pipelines.review.draft import n_drafted
+from pipelines.storage.result_folder import MARKER
+
+_MOST_FOLDERS = 5000  # that are looked into
+_RECENT_S = 600.0  # a batch without a new record for so long is not running
+_RATE_OVER = 10  # records over which the speed of a batch is taken
+_CHI_SQUARE = 2.0  # reduced, above which a fit is worth a look
+_MB = 1e6
+
+Named = Callable[[Path], str]
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a folder has, by kind."""
+
+    results: tuple[Path, ...]
+    campaigns: tuple[Path, ...]
+    batches: tuple[Path, ...]
+    libraries: tuple[Path, ...]
+
+
+def search(root: Path) -> Found:
+    """Look into a folder at any depth; links are not followed, hidden folders left out."""
+    found: dict[str, list[Path]] = {name: [] for name in Found.__dataclass_fields__}
+    for number, (place, folders, files) in enumerate(os.walk(root)):
+        path = Path(place)
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        if number >= _MOST_FOLDERS:
+            break
+        if MARKER in files:
+            found["results"].append(path)
+            folders.clear()
+        elif "records" in folders and "results" in folders:
+            found["batches"].append(path)
+            folders.remove("records")
+        elif MANIFEST_NAME in files or any(is_recording(path / name) for name in files):
+            found["campaigns"].append(path)
+        elif any(LibraryTyre(path / name).newest for name in folders):
+            found["libraries"].append(path)
+            folders.clear()
+    return Found(**{name: tuple(paths) for name, paths in found.items()})
+
+
+def landing(root: Path, named: Named, jobs: Mapping[Path, Mapping[str, Any]]) -> dict[str, Any]:
+    """What the landing page shows, in names instead of paths."""
+    found = search(root)
+    results = [_result(path, root, named) for path in found.results]
+    results.sort(key=lambda row: (not row["needs_look"], -len(row["doubts"]), row["name"]))
+    done = {row["campaign"] for row in results}
+    open_ones = [path for path in found.campaigns if path.name not in done or path in jobs]
+    return {
+        "folder": str(root),
+        "batch": next((_batch(path, found, root) for path in found.batches), None),
+        "results": results,
+        "campaigns": [_campaign(path, root, named, jobs.get(path)) for path in open_ones],
+        "libraries": [_library(path, root) for path in found.libraries],
+    }
+
+
+def _shown(path: Path, root: Path) -> str:
+    return path.name if path == root else path.relative_to(root).as_posix()
+
+
+def _result(path: Path, root: Path, named: Named) -> dict[str, Any]:
+    row: dict[str, Any] = {"id": named(path), "name": _shown(path, root), "campaign": ""}
+    row |= {"tyre": "", "modes": None, "pairs": None, "chi2": None, "doubts": [], "reviewed": ""}
+    try:
+        row |= _content(path)
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        row["doubts"] = ["cannot be read"]
+    row["needs_look"] = bool(row["doubts"]) and not row["reviewed"].startswith("signed")
+    return row
+
+
+def _content(path: Path) -> dict[str, Any]:
+    record = json.loads((path / MARKER).read_text(encoding="utf-8"))
+    stored = json.loads((path / "identification.json").read_text(encoding="utf-8"))
+    with (path / "modes.csv").open(encoding="utf-8", newline="") as file:
+        modes = list(csv.DictReader(file))
+    tyre, signed = stored["tyre"], record.get("signed") or {}
+    pressure = None if tyre is None else tyre["inflation_pressure_pa"]
+    drafted = n_drafted(path)
+    reviewed = f"draft, {counted(drafted, 'edit')}" if drafted else ""
+    if signed and not reviewed:
+        reviewed = f"signed {signed.get('by', '')} {str(signed.get('at', ''))[:10]}"
+    misfit = float(stored["misfit"])
+    return {
+        "campaign": record["campaign"],
+        "tyre": ""
+        if tyre is None
+        else tyre["designation"] + ("" if pressure is None else f", {pressure / 1e5:.3g} bar"),
+        "modes": len(modes),
+        "pairs": sum(mode["pair"] == Pair.RESOLVED and mode["member"] == "a" for mode in modes),
+        "chi2": misfit if isfinite(misfit) else None,
+        "doubts": list(_doubts(record, stored, modes, misfit)),
+        "reviewed": reviewed,
+    }
+
+
+def _doubts(
+    record: Mapping[str, Any], stored: Mapping[str, Any], modes: list[dict[str, str]], misfit: float
+) -> Iterator[str]:
+    if warnings := len(record.get("warnings", ())):
+        yield counted(warnings, "warning")
+    if out := sum(bool(each["excluded"]) for each in stored["corrections"]):
+        yield f"{counted(out, 'channel')} left out"
+    if doubtful := sum(mode["status"] != "ok" for mode in modes):
+        yield f"{counted(doubtful, 'mode')} in doubt"
+    seen = [each for each in stored["opinions"] if each["mode_hz"] is not None]
+    apart = sum(not each["agrees"] for each in seen if isfinite(float(each["mode_hz"])))
+    if apart:
+        yield f"{seen[0]['method'].upper()} disagrees on {apart}"
+    if misfit > _CHI_SQUARE:
+        yield f"χ² {misfit:.3g}"
+
+
+def _campaign(
+    path: Path, root: Path, named: Named, job: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    manifest = "none"
+    files: list[Path] = []
+    try:
+        if (path / MANIFEST_NAME).is_file():
+            sections = read_manifest(path / MANIFEST_NAME).runs
+            files = [resolve(path / MANIFEST_NAME, each.file) for each in sections]
+            manifest = "ready"
+        else:
+            files = recordings_in(path)
+    except InputError as error:
+        manifest = f"error: {error.found}"
+    there = [file for file in files if file.is_file()]
+    size = sum(file.stat().st_size for file in there) / _MB
+    kinds = sorted({file.suffix.lstrip(".").upper() for file in files})
+    missing = len(files) - len(there)
+    return {
+        **{"id": named(path), "name": _shown(path, root), "manifest": manifest},
+        "files": f"{len(there)} {'/'.join(kinds)}, {size:.0f} MB",
+        "measuring": missing > 0,
+        "job": None if job is None else dict(job),
+    }
+
+
+def _batch(path: Path, found: Found, root: Path) -> dict[str, Any]:
+    folder = BatchFolder(path)
+    records: list[tuple[float, Record]] = []
+    for file in folder.path.joinpath("records").rglob("record.json"):
+        with suppress(OSError):
+            if (record := read_record(file)) is not None:
+                records.append((file.stat().st_mtime, record))
+    records.sort(key=lambda each: each[0])
+    times = [at for at, _ in records]
+    failed = [record for _, record in records if not record.is_done]
+    total = max(len(found.campaigns), len(records))
+    recent = bool(times) and time.time() - times[-1] < _RECENT_S
+    running = recent and len(records) < total
+    known = times[-_RATE_OVER:]
+    rate = 60 * (len(known) - 1) / (known[-1] - known[0]) if running and len(known) > 1 else None
+    return {
+        **{"name": _shown(path, root), "done": len(records), "total": total, "running": running},
+        "failed": len(failed),
+        "failures": [{"name": each.campaign, "why": each.message} for each in failed],
+        "per_minute": rate,
+    }
+
+
+def _library(path: Path, root: Path) -> dict[str, Any]:
+    sets = []
+    with suppress(InputError, OSError):
+        for tyre in TyreLibrary(path).tyres():
+            sets.append(_tyre(tyre))
+    return {"name": _shown(path, root), "sets": sets}
+
+
+def _tyre(tyre: LibraryTyre) -> dict[str, Any]:
+    row = {"tyre": tyre.name, "versions": tyre.newest, "approved": "", "verdict": ""}
+    with suppress(InputError, OSError):
+        row["verdict"] = verdict_text(tyre.latest_intact().parameters)
+        approval, version = tyre.approval(), tyre.approved()
+        if approval is not None and version is not None:
+            row["approved"] = f"v{version.number}, {approval.author}"
+    return row

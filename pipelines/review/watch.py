@@ -1,0 +1,249 @@
+"""A campaign that is still being measured: what each run is worth, and what to do next."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import ema
+from ema.checks.quality import (
+    check_reference,
+    coherence_findings,
+    coherent_band,
+    gain_findings,
+    reference_finding,
+)
+from ema.core.campaign import Campaign
+from ema.core.errors import FitError, InputError
+from ema.core.finding import Check, Finding, Verdict
+from ema.core.frf import FRF
+from ema.io.campaign.manifest import MANIFEST_NAME, RunSection, read_manifest, resolve
+from ema.io.campaign.read import recordings_in
+from pipelines.results.labels import in_band
+from pipelines.results.options import TYRE_BAND_HZ
+
+_SETTLED_S = 2.0  # a file that has not changed for so long is written
+#: What a run is measured again for; other warnings are shown.
+_REPEAT = frozenset(
+    {
+        *(Check.CLIPPED, Check.SILENT, Check.DROPOUT, Check.STUCK, Check.MISSING_SAMPLES),
+        *(Check.LOST_SAMPLES, Check.DOUBLE_HITS, Check.COHERENCE, Check.EXCITATION),
+        *(Check.REFERENCE, Check.GAIN, Check.LENGTH, Check.LEVEL),
+    }
+)
+# Of runs that are not measured yet, or checks that ask for all of them.
+_TOO_EARLY = frozenset({Check.GRID, Check.AVERAGES})
+
+
+@dataclass(frozen=True)
+class RunSeen:
+    """A run as it is on the drive, and what was found in it."""
+
+    name: str
+    state: str  # {"measured", "being written", "missing", "unreadable"}
+    content: Mapping[str, Any]
+    lines: tuple[Finding, ...] = ()
+    error: str = ""
+
+    @property
+    def faults(self) -> list[Finding]:
+        """Reasons to measure it again."""
+        return [each for each in self.lines if not each.is_ok and each.check in _REPEAT]
+
+
+@dataclass(frozen=True)
+class Expected:
+    """The runs of a campaign that its manifest names, or the recordings that are there."""
+
+    folder: Path
+    files: dict[str, Path]
+    sections: dict[str, RunSection]  # empty without a manifest
+
+    @property
+    def is_planned(self) -> bool:
+        """Whether it is known how many runs there will be."""
+        return bool(self.sections)
+
+
+def expected(folder: Path) -> Expected:
+    """The runs of a campaign's folder; none as long as nothing is there."""
+    manifest = folder / MANIFEST_NAME
+    if manifest.is_file():
+        sections = {section.file: section for section in read_manifest(manifest).runs}
+        files = {name: resolve(manifest, name) for name in sections}
+        return Expected(folder, files, sections)
+    try:
+        found = recordings_in(folder)
+    except InputError:
+        found = []
+    return Expected(folder, {path.name: path for path in found}, {})
+
+
+def settled(runs: Expected, now_s: float | None = None) -> dict[str, tuple[int, int]]:
+    """Size and time of the files that are written, by name."""
+    now_s = time.time() if now_s is None else now_s
+    found = {}
+    for name, path in runs.files.items():
+        try:
+            status = path.stat()
+        except OSError:
+            continue
+        if status.st_size and now_s - status.st_mtime >= _SETTLED_S:
+            found[name] = (status.st_size, status.st_mtime_ns)
+    return found
+
+
+def looked_at(runs: Expected, written: Sequence[str]) -> tuple[RunSeen, ...]:
+    """Every run, with the checks of those that are `written`."""
+    unreadable: dict[str, str] = {}
+    usable = list(written)
+    campaign = None
+    while usable and campaign is None:
+        try:
+            campaign = _read(runs, usable)
+        except (InputError, FitError) as error:
+            broken = next((name for name in usable if name in str(error)), usable[-1])
+            unreadable[broken] = str(error)
+            usable.remove(broken)
+    checked = {} if campaign is None else _checked(campaign)
+    seen = []
+    for name, path in runs.files.items():
+        state = "missing" if not path.exists() else "being written"
+        if name in unreadable:
+            seen.append(RunSeen(name, "unreadable", {}, error=unreadable[name]))
+        elif name in checked:
+            seen.append(checked[name])
+        else:
+            seen.append(RunSeen(name, state, {}))
+    return tuple(seen)
+
+
+def _read(runs: Expected, names: Sequence[str]) -> Campaign:
+    if runs.is_planned:
+        return ema.read_campaign(runs.folder, only=names)
+    return ema.read_campaign([runs.files[name] for name in names])
+
+
+def _checked(campaign: Campaign) -> dict[str, RunSeen]:
+    frf = ema.estimate_frf(campaign)
+    low, high = TYRE_BAND_HZ if campaign.processing.band_hz is None else campaign.processing.band_hz
+    band_hz = low, min(high, float(frf.frequency_hz[-1]))
+    findings = [*campaign.findings, *frf.findings, *coherence_findings(frf, band_hz)]
+    findings += _of_reference(frf, band_hz)
+    files = {Path(path).name: path for path in campaign.sources}
+    seen = {}
+    for run in campaign.runs:
+        own = tuple(
+            each for each in findings if each.run == run.name and each.check not in _TOO_EARLY
+        )
+        name = next((file for file in files if run.name == file or run.name in file), run.name)
+        seen[name] = RunSeen(name, "measured", _numbers(campaign, frf, run.name, band_hz), own)
+    return seen
+
+
+def _of_reference(frf: FRF, band_hz: tuple[float, float]) -> list[Finding]:
+    if frf.reference is None or frf.reference.n_positions < 2:
+        return []
+    check = check_reference(frf.reference, band_hz)
+    found = [each for each in gain_findings(check) if not each.is_ok]
+    if not check.consistent:  # it concerns all runs; the last one is new
+        finding = reference_finding(check)
+        found.append(replace(finding, run=check.run[-1]))
+    return found
+
+
+def _numbers(
+    campaign: Campaign, frf: FRF, run: str, band_hz: tuple[float, float]
+) -> dict[str, float | None]:
+    rows = np.array([run in each.split("+") for each in frf.run])
+    lines = in_band(frf.frequency_hz, band_hz)
+    recording = next(each for each in campaign.runs if each.name == run)
+    coherence = frf.coherence[rows][:, lines]
+    good_hz = coherent_band(frf.rows(rows)) if rows.any() else (np.nan, np.nan)
+    return {
+        "seconds": recording.recording.duration_s,
+        "coherence": float(np.nanmedian(coherence)) if np.isfinite(coherence).any() else None,
+        "coherent_from_hz": good_hz[0],
+        "coherent_to_hz": good_hz[1],
+        "clipped": float(frf.clipped[rows].max(initial=0.0)),
+        "reference_drift_percent": _drift_percent(frf.reference, run, band_hz),
+    }
+
+
+def _drift_percent(reference: FRF | None, run: str, band_hz: tuple[float, float]) -> float | None:
+    """Shift of all frequencies of the reference sensor against the first run.
+
+    A shift by a share δ changes H(f) into H(f − δf): δ is the regression of the difference on
+    −f·dH/df.
+    """
+    if reference is None or run not in reference.run:
+        return None
+    lines = in_band(reference.frequency_hz, band_hz)
+    frequency_hz, values = reference.frequency_hz[lines], reference.values[:, lines]
+    row = reference.run.index(run)
+    slope = -frequency_hz * np.gradient(values[0], frequency_hz)
+    power = float(np.sum(np.abs(slope) ** 2))
+    if row == 0 or power == 0:
+        return 0.0 if row == 0 else None
+    return 100 * float(np.sum((values[row] - values[0]) * slope.conj()).real) / power
+
+
+def advice(runs: Expected, seen: Sequence[RunSeen]) -> tuple[str, str]:
+    """What to do now: {"ok", "warning", "wait"}, and in words."""
+    for number, run in enumerate(seen, 1):
+        if run.state == "unreadable":
+            return "warning", f"Measure run {number} ({run.name}) again: {run.error}"
+        if run.faults:
+            fault = run.faults[0]
+            where = f" {fault.channel}" if fault.channel else ""
+            why = f"{fault.check}{where}, {fault.detail}"
+            return "warning", f"Repeat run {number} ({run.name}), because: {why}."
+    for number, run in enumerate(seen, 1):
+        if run.state == "being written":
+            return "wait", f"Run {number} ({run.name}) is being written."
+        if run.state == "missing":
+            return "ok", f"Next is run {number} ({run.name}). {_turn(runs, run.name)}".strip()
+    if not seen:
+        return "wait", "No recording yet."
+    if runs.is_planned:
+        return "ok", f"All {len(seen)} runs are measured. Process the campaign."
+    return "ok", f"{len(seen)} runs are in order. Turn the sensors for the next one."
+
+
+def _turn(runs: Expected, name: str) -> str:
+    """Where the sensors go for a run of the manifest."""
+    section = runs.sections.get(name)
+    places = {} if section is None else dict(section.positions_deg or {})
+    fixed = None if section is None else section.reference
+    moved = [f"{sensor} at {angle:g}°" for sensor, angle in places.items() if sensor != fixed]
+    return f"Turn the sensors: {', '.join(moved)}." if moved else ""
+
+
+def as_record(runs: Expected, seen: Sequence[RunSeen]) -> dict[str, Any]:
+    """What the page shows."""
+    verdict, text = advice(runs, seen)
+    lines = {
+        run.name: [
+            {"text": f"{each.check} {each.channel}: {each.detail}", "verdict": each.verdict.value}
+            for each in run.lines
+            if each.verdict is not Verdict.OK
+        ]
+        for run in seen
+    }
+    return {
+        **{"name": runs.folder.name, "folder": str(runs.folder)},
+        "runs_expected": len(runs.files) if runs.is_planned else None,
+        "advice": {"verdict": verdict, "text": text},
+        "runs": [
+            {
+                **{"run": run.name, "file": run.name, "state": run.state, "error": run.error},
+                **{"lines": lines[run.name], **run.content},
+            }
+            for run in seen
+        ],
+    }
