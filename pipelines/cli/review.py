@@ -41,8 +41,10 @@ def review(
     if not place.is_dir():
         rule = "it is the folder of a result, of a campaign, or of several"
         raise InputError(str(place), "no folder", rule, "Name a folder")
-    desk = Desk(place)
-    page = f"/r/{desk.name_of(place.resolve())}" if (place / MARKER).is_file() else "/"
+    place = place.resolve()
+    is_result = (place / MARKER).is_file()
+    desk = Desk(place.parent if is_result else place)
+    page = f"/r/{desk.name_of(place)}" if is_result else "/"
 
     def announce(address: str, file: Path) -> None:
         echo(address)

@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-import getpass
+import json
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, fields, replace
+from collections.abc import Callable
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-import ema
 from ema.core.edits import Edit
 from ema.core.errors import FitError, InputError
 from ema.core.modes import ModalModel
-from ema.core.settings import CheckSettings, IdentificationSettings
 from ema.identify import Identification
 from ema.refit import EditCost, edit_cost, refit_modes
+from ema.signals.frf_estimation import restated
+from pipelines.library.version import login_name
+from pipelines.process.refit import asked_of, of_blocks, refittable, settings_of
+from pipelines.results.result import Result
 from pipelines.results.store import load
 from pipelines.review import draft as drafts
-from pipelines.review.session import Session, key, settings_of
+from pipelines.review.recordings import recordings_of, reread
+from pipelines.review.session import Session, key
 from pipelines.review.sight import Sight
-from pipelines.review.state import REREADS, edit_text, refusal, state
+from pipelines.review.state import edit_text, refusal, state
 from pipelines.review.worker import Stop, Worker
 
 _KEPT_FITS = 24  # undo and redo among these asks for no fit
@@ -64,11 +67,12 @@ class Bench:
         self.name, self.folder = name, folder
         self.result = load(folder)
         self._worker, self._publish = worker, publish
-        self._draft = drafts.opened(folder)
+        self._draft = drafts.opened(folder, self.result.edits)
         self._lock = threading.RLock()
-        self._bases: OrderedDict[str, Identification] = OrderedDict()
-        self._fits: OrderedDict[str, Identification] = OrderedDict()
-        self._shown: Identification | None = None
+        self._sources: dict[str, Result] = {_name_of({}): self.result}  # by settings of blocks
+        self._bases: OrderedDict[str, Identification] = OrderedDict()  # by all settings
+        self._fits: OrderedDict[str, Identification] = OrderedDict()  # by all edits
+        self._shown: tuple[Result, Identification | None] = (self.result, None)
         self._error: dict[str, str] | None = None
         self._failed = False
         worker.wake(self)
@@ -78,27 +82,34 @@ class Bench:
         """Edits, and how many are in force."""
         return self._draft.session
 
+    @property
+    def is_final(self) -> bool:
+        """Whether the numbers shown are those of all edits in force, and no preview."""
+        with self._lock:
+            return self._stage() is Stage.FINAL
+
     def sight(self) -> Sight:
         """The newest numbers."""
         with self._lock:
-            current = self._fits.get(key(self.session.edits))
-            found = current or self._shown
-            return Sight(self.result, self.session, self._automatic(), found, found is current)
+            edits = self.session.edits
+            current = self._fits.get(key(edits))
+            source, found = self._shown
+            if current is not None:
+                source, found = self._source(edits) or source, current
+            return Sight(source, self.session, self.automatic, found, found is current)
 
     def state(self) -> dict[str, Any]:
         """Everything that the page shows but curves."""
         with self._lock:
             told = state(self.sight())
-            stage = self._stage()
-            told |= {"id": self.name, "stage": stage.value, "error": self._error}
-            return told | {"by": _user(), "can_reread": False}
+            told |= {"id": self.name, "stage": self._stage().value, "error": self._error}
+            return told | {"by": login_name(), "can_reread": bool(recordings_of(self.result))}
 
     def applied(self, revision: int, edit: Edit) -> dict[str, Any]:
         """With one more edit, which is on disk when this returns."""
         now = datetime.now(UTC).isoformat(timespec="seconds")
-        self._require_settings(edit)
         return self._changed(
-            revision, lambda old: old.applied(replace(edit, by=edit.by or _user(), at=now))
+            revision, lambda old: old.applied(replace(edit, by=edit.by or login_name(), at=now))
         )
 
     def moved(self, revision: int, cursor: int) -> dict[str, Any]:
@@ -112,24 +123,30 @@ class Bench:
     def tried(self, revision: int, edit: Edit) -> dict[str, Any]:
         """What an edit would cost."""
         with self._lock:
-            self._require(revision)
+            self.require(revision)
             edits = self.session.edits
-            found = self._fits.get(key(edits)) or self._base(edits)
+            found = self._fits.get(key(edits))
         if found is None:
-            raise StaleError("the result is being opened")
+            raise StaleError("the last edit is still being fitted")
+        asked = self._worker.call(lambda stop: edit_cost(found, (*edits, edit), stop=stop))
+        return _cost_record(asked.result(), edit_text(edit, self.sight()))
 
-        def asked(stop: Stop) -> EditCost:
-            start = (
-                found if key(found.edits) == key(edits) else refit_modes(found, edits, live=True)
-            )
-            return edit_cost(start, (*edits, edit), stop=stop)
-
-        cost = self._worker.call(asked).result()
-        return _cost_record(cost, edit_text(edit, self.sight()))
+    def require(self, revision: int) -> None:
+        """Refuse what was decided on an older revision."""
+        if revision != self.session.revision:
+            raise StaleError(f"revision {revision}, now {self.session.revision}")
 
     def close(self) -> None:
         """Let other processes review the result."""
         self._draft.close()
+
+    def signed(self) -> None:
+        """Forget the draft, whose edits are in a result now."""
+        with self._lock:
+            self._draft.discard()
+            self._draft = drafts.opened(self.folder, self.result.edits)
+        self._publish(self.state())
+        self._worker.wake(self)
 
     # What the worker asks.
 
@@ -142,15 +159,19 @@ class Bench:
         """Do the next fit."""
         with self._lock:
             edits, failed = self.session.edits, self._failed
-            base, fit = self._base(edits), self._fits.get(key(edits))
+            source, base = self._source(edits), self._bases.get(_name_of(settings_of(edits)))
+            fit = self._fits.get(key(edits))
         if failed or (fit is not None and not fit.is_preview):
             return False
         try:
-            if base is None:
-                self._keep_base(edits, self._identified(settings_of(edits)))
+            if source is None:
+                self._sources[_name_of(of_blocks(edits))] = reread(self.result, edits)
+            elif base is None:
+                self._keep_base(edits, source, _identified(source, edits))
             else:
                 start = fit or self._nearest(edits, base)
-                self._keep(edits, refit_modes(start, edits, live=fit is None, stop=stop))
+                found = refit_modes(start, edits, live=fit is None, stop=stop)
+                self._keep(edits, source, found)
         except (InputError, FitError) as error:
             self._refuse(edits, refusal(error))
         self._publish(self.state())
@@ -163,26 +184,21 @@ class Bench:
         self._refuse(self.session.edits, {**told, "remedy": "Please report it"})
         self._publish(self.state())
 
+    @property
+    def automatic(self) -> ModalModel:
+        """The modes without any edit; until they are found, those of the result."""
+        first = next(iter(self._bases.values()), None)
+        return self.result.modal_model if first is None else first.model
+
     def _changed(self, revision: int, change: Callable[[Session], Session]) -> dict[str, Any]:
         with self._lock:
-            self._require(revision)
+            self.require(revision)
             self._draft.record(change(self.session))
             self._error, self._failed = None, False
             told = self.state()
         self._publish(told)
         self._worker.wake(self)
         return told
-
-    def _require(self, revision: int) -> None:
-        if revision != self.session.revision:
-            raise StaleError(f"revision {revision}, now {self.session.revision}")
-
-    def _require_settings(self, edit: Edit) -> None:
-        known = {*REREADS, "method", "max_order", "estimator", "band_hz"}
-        for name in edit.settings:
-            if name not in known:
-                rule = f"settings are {', '.join(sorted(known))}"
-                raise InputError("settings", repr(name), rule, "Choose one of them")
 
     def _stage(self) -> Stage:
         if self._failed:
@@ -192,52 +208,35 @@ class Bench:
             return Stage.PREVIEW if fit.is_preview else Stage.FINAL
         return Stage.OPENING if not self._bases else Stage.FITTING
 
-    def _automatic(self) -> ModalModel:
-        first = next(iter(self._bases.values()), None)
-        return self.result.modal_model if first is None else first.model
-
-    def _base(self, edits: tuple[Edit, ...]) -> Identification | None:
-        return self._bases.get(_settings_key(edits))
+    def _source(self, edits: tuple[Edit, ...]) -> Result | None:
+        return self._sources.get(_name_of(of_blocks(edits)))
 
     def _nearest(self, edits: tuple[Edit, ...], base: Identification) -> Identification:
         """The fit of the longest beginning of the edits: what changed since is least."""
+        settings = settings_of(edits)
         with self._lock:
             for stop in range(len(edits) - 1, 0, -1):
-                if _settings_key(edits[:stop]) != _settings_key(edits):
+                if settings_of(edits[:stop]) != settings:
                     break
                 if (known := self._fits.get(key(edits[:stop]))) is not None:
                     return known
         return base
 
-    def _identified(self, settings: Mapping[str, Any]) -> Identification:
-        """The automatic identification with other settings."""
-        record, result = self.result.provenance, self.result
-        options, stored = record.get("options", {}), record.get("settings", {})
-        identification = stored.get("identification", {})
-        return ema.identify_modes(
-            result.measured,
-            tuple(settings.get("band_hz") or result.modal_model.band_hz),
-            sensor_mass=result.sensor_mass,
-            max_order=int(settings.get("max_order") or options.get("max_order") or 60),
-            method=settings.get("method") or options.get("method") or "lsce",
-            settings=IdentificationSettings(**_known(IdentificationSettings, identification)),
-            checks=CheckSettings(**_known(CheckSettings, stored.get("checks", {}))),
-        )
-
-    def _keep_base(self, edits: tuple[Edit, ...], base: Identification) -> None:
+    def _keep_base(self, edits: tuple[Edit, ...], source: Result, base: Identification) -> None:
         with self._lock:
-            self._bases[_settings_key(edits)] = base
+            self._bases[_name_of(settings_of(edits))] = base
             while len(self._bases) > _KEPT_BASES:
                 second = list(self._bases)[1]  # the first one is the automatic result
                 del self._bases[second]
-            self._shown = self._shown or base
+            if self._shown[1] is None:
+                self._shown = source, base
 
-    def _keep(self, edits: tuple[Edit, ...], fit: Identification) -> None:
+    def _keep(self, edits: tuple[Edit, ...], source: Result, fit: Identification) -> None:
         with self._lock:
             self._fits[key(edits)] = fit
             self._fits.move_to_end(key(edits))
             if key(edits) == key(self.session.edits):
-                self._shown = fit
+                self._shown = source, fit
             while len(self._fits) > _KEPT_FITS:
                 self._fits.popitem(last=False)
 
@@ -253,14 +252,16 @@ class Bench:
                 self._failed = True
 
 
-def _settings_key(edits: tuple[Edit, ...]) -> str:
-    return repr(sorted(settings_of(edits).items()))
+def _identified(source: Result, edits: tuple[Edit, ...]) -> Identification:
+    """The automatic identification with the settings in force."""
+    source = refittable(source)
+    assert source.setup is not None
+    asked = asked_of(source).changed(settings_of(edits))
+    return asked.identify(restated(source.measured, asked.estimator), source.setup.sensor_mass)
 
 
-def _known(kind: Any, stored: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings as stored, without those that this version does not have."""
-    names = {each.name for each in fields(kind)}
-    return {name: value for name, value in stored.items() if name in names}
+def _name_of(settings: dict[str, Any]) -> str:
+    return json.dumps(settings, sort_keys=True)
 
 
 def _cost_record(cost: EditCost, text: str) -> dict[str, Any]:
@@ -273,10 +274,3 @@ def _cost_record(cost: EditCost, text: str) -> dict[str, Any]:
         **{"chi2_before": cost.misfit_before, "chi2_after": cost.misfit_after},
         **{"change": cost.change, "shifts": shifts, "text": text},
     }
-
-
-def _user() -> str:
-    try:
-        return getpass.getuser()
-    except (OSError, KeyError, ImportError):  # a user without a name
-        return ""

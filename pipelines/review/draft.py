@@ -16,7 +16,9 @@ from filelock import FileLock, Timeout
 
 from ema.core.edits import Edit
 from ema.core.errors import InputError
-from pipelines.review.session import Session, as_record, edit_of
+from pipelines.results.decided import edit_records
+from pipelines.results.edits_file import edits_of
+from pipelines.review.session import Session
 from pipelines.storage.checksums import sha256
 from pipelines.storage.result_folder import MARKER
 
@@ -85,8 +87,8 @@ def opened(result: Path, edits: tuple[Edit, ...] = ()) -> Draft:
         _set_aside(path)
     file = path.open("ab")
     if fresh:
-        records = [as_record(edit) for edit in edits]
-        head = {"schema": _SCHEMA, "base": base, "edits": records, "cursor": len(edits)}
+        head = {"schema": _SCHEMA, "base": base, "edits": edit_records(edits)}
+        head |= {"cursor": len(edits)}
         file.write(json.dumps(head, ensure_ascii=False).encode() + b"\n")
         file.flush()
         os.fsync(file.fileno())
@@ -146,7 +148,7 @@ def _read(path: Path, base: str, *, repair: bool = True) -> Session | None:
         head, *changes = [json.loads(line) for line in whole.splitlines()]
         if head["schema"] != _SCHEMA or head["base"] != base:
             return None
-        session = Session(tuple(map(edit_of, head["edits"])), head["cursor"])
+        session = Session(edits_of(path.name, head["edits"]), head["cursor"])
         for change in changes:
             session = _changed(session, change)
     except (ValueError, LookupError, TypeError):  # also `InputError`
@@ -170,12 +172,12 @@ def _changes(before: Session, after: Session) -> Iterator[Mapping[str, Any]]:
     same = next((k for k, (one, other) in enumerate(pairs) if one != other), None)
     if same is None:
         same = min(len(before.history), len(after.history))
-    tail = [as_record(edit) for edit in after.history[same:]]
+    tail = edit_records(after.history[same:])
     yield {"keep": same, "then": tail, "cursor": after.cursor, "revision": after.revision}
 
 
 def _changed(session: Session, change: Mapping[str, Any]) -> Session:
-    history = (*session.history[: change["keep"]], *map(edit_of, change["then"]))
+    history = (*session.history[: change["keep"]], *edits_of("draft", change["then"]))
     cursor = change["cursor"]
     if not 0 <= cursor <= len(history):
         raise ValueError("cursor")

@@ -15,12 +15,14 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Route
 
 from ema.core.display import jsonable
+from ema.core.edits import Edit
 from ema.core.errors import FitError, InputError
+from pipelines.results.edits_file import edits_of
 from pipelines.review import curves
 from pipelines.review.bench import Bench, StaleError
 from pipelines.review.desk import Desk
 from pipelines.review.guard import Guard
-from pipelines.review.session import edit_of
+from pipelines.review.signing import replay_command, sign, signoff
 from pipelines.review.state import refusal
 from pipelines.review.why import evidence
 
@@ -99,6 +101,8 @@ def _read(bench: Bench, what: str, query: Mapping[str, str]) -> Response:
     sight = bench.sight()
     if what == "state":
         return _json(bench.state())
+    if what == "signoff":
+        return _json(signoff(bench))
     if what in ("frf", "fit"):
         row = query.get("row", "0")
         if not row.isdecimal() or int(row) >= sight.measured.n_positions:
@@ -126,7 +130,7 @@ def _writing(desk: Desk) -> Answer:
         content = await _content(request)
         try:
             return _json(
-                await run_in_threadpool(_written, bench, request.path_params["what"], content)
+                await run_in_threadpool(_written, desk, bench, request.path_params["what"], content)
             )
         except StaleError as error:
             told = {"where": "revision", "found": str(error), "rule": "another page changed it"}
@@ -136,20 +140,28 @@ def _writing(desk: Desk) -> Answer:
     return writing
 
 
-def _written(bench: Bench, what: str, content: Mapping[str, Any]) -> dict[str, Any]:
+def _written(desk: Desk, bench: Bench, what: str, content: Mapping[str, Any]) -> dict[str, Any]:
     revision = _whole(content, "revision")
     if what == "edit":
-        return bench.applied(revision, edit_of(content.get("edit")))
+        return bench.applied(revision, _edit(content))
     if what == "try":
-        return bench.tried(revision, edit_of(content.get("edit")))
+        return bench.tried(revision, _edit(content))
     if what == "cursor":
         return bench.moved(revision, _whole(content, "cursor"))
     if what == "reason":
-        reason = content.get("reason")
-        if not isinstance(reason, str):
-            raise InputError("reason", repr(reason)[:80], "it is a text", "Type one")
-        return bench.explained(revision, _whole(content, "index"), reason)
+        return bench.explained(revision, _whole(content, "index"), _text(content, "reason"))
+    if what == "sign":
+        by, note, name = (_text(content, each) for each in ("by", "note", "folder"))
+        folder = sign(bench, revision, by, note, name)
+        told = {"folder": folder.name, "id": desk.name_of(folder)}
+        command = replay_command(bench.result, folder)
+        bench.signed()
+        return {**told, "command": command}
     raise _MissingError
+
+
+def _edit(content: Mapping[str, Any]) -> Edit:
+    return edits_of("request", [content.get("edit")])[0]
 
 
 def _events(desk: Desk) -> Answer:
@@ -198,6 +210,13 @@ def _whole(content: Mapping[str, Any], name: str) -> int:
     value = content.get(name)
     if isinstance(value, bool) or not isinstance(value, int):
         raise InputError(name, repr(value)[:80], "it is a whole number", "Reload the page")
+    return value
+
+
+def _text(content: Mapping[str, Any], name: str) -> str:
+    value = content.get(name)
+    if not isinstance(value, str):
+        raise InputError(name, repr(value)[:80], "it is a text", "Reload the page")
     return value
 
 

@@ -17,8 +17,9 @@ from ema.core.modes import ModalModel, Mode
 from ema.identify import Identification
 from ema.poles.selection import Opinion
 from ema.poles.stability import StabilityDiagram
+from pipelines.process.refit import settings_of
 from pipelines.results.result import Result
-from pipelines.review.session import Session, settings_of
+from pipelines.review.session import Session
 
 _SAME_MODE = 0.05  # farther from each other, relative to their frequency, poles are different modes
 _SAME_POLE = 1e-6  # relative distance of a name to the pole it was taken from

@@ -11,12 +11,12 @@ from ema.core.display import band_text, jsonable
 from ema.core.edits import Edit, EditKind
 from ema.core.errors import FitError, InputError
 from ema.core.finding import Verdict
+from pipelines.results.decided import edit_records
 from pipelines.results.result import Result
-from pipelines.review.session import as_record
 from pipelines.review.sight import ModeRow, Sight, mode_label
 
 #: Settings whose change reads the recordings again.
-REREADS = "window", "block_seconds", "overlap", "averages"
+REREADS = ("window", "block_seconds", "overlap", "averages")
 _VERBS = {
     **{EditKind.KEEP: "Keep", EditKind.SET_ASIDE: "Set aside", EditKind.PICK: "Pick"},
     **{EditKind.START: "Start at", EditKind.LOCK: "Lock", EditKind.ONLY_KEPT: "Only what is kept"},
@@ -80,7 +80,7 @@ def edit_row(edit: Edit, sight: Sight) -> dict[str, Any]:
     """An edit, and in words."""
     return {
         **{"text": edit_text(edit, sight), "kind": edit.kind.value, "reason": edit.reason},
-        **{"by": edit.by, "at": edit.at, "edit": as_record(edit)},
+        **{"by": edit.by, "at": edit.at, "edit": edit_records([edit])[0]},
         "mode": _named_mode(edit, sight) or None,
     }
 
