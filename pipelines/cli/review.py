@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 from ema.core.errors import InputError
+from ema.io.campaign.manifest import MANIFEST_NAME
 from pipelines.cli import options as opt
 from pipelines.cli.streams import Interrupted
 from pipelines.cli.terminal import echo
@@ -42,9 +43,10 @@ def review(
         rule = "it is the folder of a result, of a campaign, or of several"
         raise InputError(str(place), "no folder", rule, "Name a folder")
     place = place.resolve()
-    is_result = (place / MARKER).is_file()
+    is_result, is_campaign = ((place / name).is_file() for name in (MARKER, MANIFEST_NAME))
     desk = Desk(place.parent if is_result else place)
-    page = f"/r/{desk.name_of(place)}" if is_result else "/"
+    name = desk.name_of(place)
+    page = f"/r/{name}" if is_result else f"/w/{name}" if is_campaign else "/"
 
     def announce(address: str, file: Path) -> None:
         echo(address)

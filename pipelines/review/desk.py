@@ -5,16 +5,23 @@ from __future__ import annotations
 import asyncio
 import secrets
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from pipelines.results.result import Result
+from pipelines.results.store import load
 from pipelines.review.bench import Bench
+from pipelines.review.folder import landing
+from pipelines.review.jobs import Jobs
+from pipelines.review.watch import Watch
 from pipelines.review.worker import Worker
+from pipelines.storage.result_folder import MARKER
 
-Event = dict[str, Any] | None  # None ends a stream
+Event = Mapping[str, Any] | None  # None ends a stream
 _ID_BYTES = 6
+_KEPT_RESULTS = 12  # that were compared
 
 
 class Desk:
@@ -29,9 +36,12 @@ class Desk:
     def __init__(self, root: Path) -> None:
         self.root = root.resolve()
         self._worker = Worker()
-        self._lock = threading.Lock()
+        self._jobs = Jobs(lambda: self.tell({"kind": "home"}))
+        self._lock = threading.RLock()
         self._places: dict[str, Path] = {}
         self._benches: dict[str, Bench] = {}
+        self._watches: dict[str, Watch] = {}
+        self._results: dict[tuple[Path, int], Result] = {}
         self._listeners: set[tuple[asyncio.AbstractEventLoop, asyncio.Queue[Event]]] = set()
 
     def name_of(self, path: Path) -> str:
@@ -54,13 +64,47 @@ class Desk:
     def bench(self, name: str) -> Bench | None:
         """The result of a name, opened where it is not yet."""
         path = self.place(name)
-        if path is None:
+        if path is None or not (path / MARKER).is_file():
             return None
         with self._lock:
             if name not in self._benches:
-                bench = Bench(name, path, self._worker, self._tell_state)
-                self._benches[name] = bench
+                self._benches[name] = Bench(name, path, self._worker, self._tell_state)
             return self._benches[name]
+
+    def watch(self, name: str) -> Watch | None:
+        """The campaign of a name, looked at from now on."""
+        path = self.place(name)
+        if path is None or (path / MARKER).is_file():
+            return None
+        with self._lock:
+            if name not in self._watches:
+                changed = {"kind": "watch", "id": name}
+                self._watches[name] = Watch(path, lambda: self.tell(changed))
+            return self._watches[name]
+
+    def result(self, name: str) -> Result | None:
+        """The result of a name, to be looked at only."""
+        path = self.place(name)
+        if path is None or not (path / MARKER).is_file():
+            return None
+        key = path, (path / MARKER).stat().st_mtime_ns
+        if key not in self._results:
+            self._results[key] = load(path)
+            while len(self._results) > _KEPT_RESULTS:
+                del self._results[next(iter(self._results))]
+        return self._results[key]
+
+    def landing(self) -> dict[str, Any]:
+        """What the landing page shows."""
+        return landing(self.root, self.name_of, self._jobs.told)
+
+    def process(self, name: str) -> dict[str, Any] | None:
+        """Process the campaign of a name; None where there is none."""
+        path = self.place(name)
+        if path is None or (path / MARKER).is_file():
+            return None
+        self._jobs.start(path)
+        return {"job": dict(self._jobs.told[path])}
 
     def tell(self, event: Event) -> None:
         """Pass an event on to all pages; called from any thread."""
@@ -78,10 +122,13 @@ class Desk:
             self._listeners.discard(listener)
 
     def close(self) -> None:
-        """End fits, and free the drafts."""
+        """End fits, watches and processes, and free the drafts."""
+        self._jobs.close()
         self._worker.end()
+        for watch in self._watches.values():
+            watch.end()
         for bench in self._benches.values():
             bench.close()
 
-    def _tell_state(self, state: dict[str, Any]) -> None:
+    def _tell_state(self, state: Mapping[str, Any]) -> None:
         self.tell({"kind": "state", "id": state["id"], "state": state})

@@ -15,16 +15,12 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Route
 
 from ema.core.display import jsonable
-from ema.core.edits import Edit
 from ema.core.errors import FitError, InputError
-from pipelines.results.edits_file import edits_of
-from pipelines.review import curves
-from pipelines.review.bench import Bench, StaleError
+from pipelines.review.answers import Answer, MissingError, read, write
+from pipelines.review.bench import StaleError
 from pipelines.review.desk import Desk
 from pipelines.review.guard import Guard
-from pipelines.review.signing import replay_command, sign, signoff
 from pipelines.review.state import refusal
-from pipelines.review.why import evidence
 
 _STATIC = Path(__file__).parent / "static"
 _ALIVE_S = 10.0
@@ -35,12 +31,7 @@ _KINDS = {
     ".svg": "image/svg+xml",
 }
 _PAGES = {"/": "home", "/r/{name}": "review", "/compare": "compare", "/w/{name}": "watch"}
-
-Answer = Callable[[Request], Awaitable[Response]]
-
-
-class _MissingError(LookupError):
-    """Something that a request names is not there."""
+_NOT_FOUND = {"where": "page", "found": "not found", "rule": "", "remedy": ""}
 
 
 def application(desk: Desk, port: int, token: str) -> Guard:
@@ -49,13 +40,13 @@ def application(desk: Desk, port: int, token: str) -> Guard:
     routes += [
         Route("/static/{name:path}", _static),
         Route("/api/events", _events(desk)),
-        Route("/api/r/{name}/{what}", _told(_reading(desk)), methods=["GET"]),
-        Route("/api/r/{name}/{what}", _told(_writing(desk)), methods=["POST"]),
+        Route("/api/{place:path}", _reading(desk), methods=["GET"]),
+        Route("/api/{place:path}", _writing(desk), methods=["POST"]),
     ]
     return Guard(Starlette(routes=routes), port, token)
 
 
-def _page(name: str) -> Answer:
+def _page(name: str) -> Callable[[Request], Awaitable[Response]]:
     async def page(_: Request) -> Response:
         return FileResponse(_STATIC / f"{name}.html", media_type="text/html")
 
@@ -67,104 +58,59 @@ async def _static(request: Request) -> Response:
     wanted = request.path_params["name"]
     paths = {path.relative_to(_STATIC).as_posix(): path for path in _STATIC.rglob("*.*")}
     if wanted not in paths:
-        return _refused(404, {"where": "page", "found": "not found", "rule": "", "remedy": ""})
+        return _json({"error": _NOT_FOUND}, 404)
     return FileResponse(paths[wanted], media_type=_KINDS.get(paths[wanted].suffix, "text/plain"))
 
 
-def _told(answer: Callable[[Request], Awaitable[Response]]) -> Answer:
-    """An answer, and what can go wrong with it as JSON."""
-
-    async def told(request: Request) -> Response:
-        try:
-            return await answer(request)
-        except _MissingError:
-            return _refused(404, {"where": "page", "found": "not found", "rule": "", "remedy": ""})
-        except FitError as error:
-            return _refused(422, refusal(error))
-        except InputError as error:
-            return _refused(400, refusal(error))
-
-    return told
-
-
-def _reading(desk: Desk) -> Answer:
+def _reading(desk: Desk) -> Callable[[Request], Awaitable[Response]]:
     async def reading(request: Request) -> Response:
-        bench = _bench(desk, request)
-        return await run_in_threadpool(
-            _read, bench, request.path_params["what"], request.query_params
-        )
+        query = dict(request.query_params)
+        return await _answered(lambda: read(desk, _place(request), query))
 
     return reading
 
 
-def _read(bench: Bench, what: str, query: Mapping[str, str]) -> Response:
-    sight = bench.sight()
-    if what == "state":
-        return _json(bench.state())
-    if what == "signoff":
-        return _json(signoff(bench))
-    if what in ("frf", "fit"):
-        row = query.get("row", "0")
-        if not row.isdecimal() or int(row) >= sight.measured.n_positions:
-            raise _MissingError
-        make = curves.frf_blob if what == "frf" else curves.fit_blob
-        return _blob(make(sight, int(row)))
-    if what in ("diagram", "orders", "shapes"):
-        whole = getattr(curves, f"{what}_blob")(sight)
-        if whole is None:
-            raise _MissingError
-        return _blob(whole)
-    if what == "why" and (row_of := sight.mode_named(query.get("key", ""))) is not None:
-        words = {True: "warning", False: "ok", None: ""}
-        lines = [
-            {"label": each.label, "value": each.value, "verdict": words[each.doubtful]}
-            for each in evidence(row_of, sight)
-        ]
-        return _json({"key": row_of.key, "revision": sight.revision, "lines": lines})
-    raise _MissingError
-
-
-def _writing(desk: Desk) -> Answer:
+def _writing(desk: Desk) -> Callable[[Request], Awaitable[Response]]:
     async def writing(request: Request) -> Response:
-        bench = _bench(desk, request)
-        content = await _content(request)
         try:
-            return _json(
-                await run_in_threadpool(_written, desk, bench, request.path_params["what"], content)
-            )
+            content = json.loads(await request.body())
+        except (ValueError, RecursionError):
+            content = None
+        if not isinstance(content, dict):
+            error = {"where": "request", "found": "no table", "rule": "it is a JSON object"}
+            return _json({"error": {**error, "remedy": "Reload the page"}}, 400)
+        place = _place(request)
+        try:
+            return await _answered(lambda: write(desk, place, content))
         except StaleError as error:
             told = {"where": "revision", "found": str(error), "rule": "another page changed it"}
             told |= {"remedy": "Look at the new state"}
-            return _json({"error": told, "state": bench.state()}, 409)
+            bench = desk.bench(place[1])
+            return _json({"error": told, "state": bench and bench.state()}, 409)
 
     return writing
 
 
-def _written(desk: Desk, bench: Bench, what: str, content: Mapping[str, Any]) -> dict[str, Any]:
-    revision = _whole(content, "revision")
-    if what == "edit":
-        return bench.applied(revision, _edit(content))
-    if what == "try":
-        return bench.tried(revision, _edit(content))
-    if what == "cursor":
-        return bench.moved(revision, _whole(content, "cursor"))
-    if what == "reason":
-        return bench.explained(revision, _whole(content, "index"), _text(content, "reason"))
-    if what == "sign":
-        by, note, name = (_text(content, each) for each in ("by", "note", "folder"))
-        folder = sign(bench, revision, by, note, name)
-        told = {"folder": folder.name, "id": desk.name_of(folder)}
-        command = replay_command(bench.result, folder)
-        bench.signed()
-        return {**told, "command": command}
-    raise _MissingError
+def _place(request: Request) -> list[str]:
+    return str(request.path_params["place"]).split("/")
 
 
-def _edit(content: Mapping[str, Any]) -> Edit:
-    return edits_of("request", [content.get("edit")])[0]
+async def _answered(answer: Callable[[], Answer]) -> Response:
+    """The answer of a thread, and what can go wrong with it as JSON."""
+    try:
+        content = await run_in_threadpool(answer)
+    except MissingError:
+        return _json({"error": _NOT_FOUND}, 404)
+    except FitError as error:
+        return _json({"error": refusal(error)}, 422)
+    except InputError as error:
+        return _json({"error": refusal(error)}, 400)
+    if isinstance(content, bytes):
+        return Response(content, media_type="application/octet-stream")
+    return _json(content)
 
 
-def _events(desk: Desk) -> Answer:
+def _events(desk: Desk) -> Callable[[Request], Awaitable[Response]]:
     async def events(_: Request) -> Response:
         return StreamingResponse(_stream(desk), media_type="application/x-ndjson")
 
@@ -189,44 +135,5 @@ def _line(event: Mapping[str, Any]) -> bytes:
     return json.dumps(jsonable(dict(event))).encode() + b"\n"
 
 
-def _bench(desk: Desk, request: Request) -> Bench:
-    bench = desk.bench(request.path_params["name"])
-    if bench is None:
-        raise _MissingError
-    return bench
-
-
-async def _content(request: Request) -> Mapping[str, Any]:
-    try:
-        content = json.loads(await request.body())
-    except (ValueError, RecursionError):
-        content = None
-    if not isinstance(content, dict):
-        raise InputError("request", "no table", "it is a JSON object", "Reload the page")
-    return content
-
-
-def _whole(content: Mapping[str, Any], name: str) -> int:
-    value = content.get(name)
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise InputError(name, repr(value)[:80], "it is a whole number", "Reload the page")
-    return value
-
-
-def _text(content: Mapping[str, Any], name: str) -> str:
-    value = content.get(name)
-    if not isinstance(value, str):
-        raise InputError(name, repr(value)[:80], "it is a text", "Reload the page")
-    return value
-
-
-def _refused(status: int, error: Mapping[str, str]) -> Response:
-    return _json({"error": dict(error)}, status)
-
-
 def _json(content: Any, status: int = 200) -> Response:
     return JSONResponse(jsonable(content), status)
-
-
-def _blob(content: bytes) -> Response:
-    return Response(content, media_type="application/octet-stream")

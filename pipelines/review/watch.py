@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,8 @@ from pipelines.results.labels import in_band
 from pipelines.results.options import TYRE_BAND_HZ
 
 _SETTLED_S = 2.0  # a file that has not changed for so long is written
+_EVERY_S = 0.5  # between looks at sizes and times
+_FIRST_LOOK_S = 60.0
 #: What a run is measured again for; other warnings are shown.
 _REPEAT = frozenset(
     {
@@ -247,3 +250,49 @@ def as_record(runs: Expected, seen: Sequence[RunSeen]) -> dict[str, Any]:
             for run in seen
         ],
     }
+
+
+class Watch:
+    """A thread that looks at a campaign's folder whenever a file was written.
+
+    Parameters
+    ----------
+    folder : Path
+    changed : callable
+        Called after each look.
+    """
+
+    def __init__(self, folder: Path, changed: Callable[[], None]) -> None:
+        self._folder, self._changed = folder, changed
+        self._record: dict[str, Any] = {}
+        self._looked, self._ended = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
+        self._thread.start()
+
+    def record(self) -> dict[str, Any]:
+        """What was seen last; the first time, as soon as it is."""
+        self._looked.wait(_FIRST_LOOK_S)
+        return self._record
+
+    def end(self) -> None:
+        """Stop looking."""
+        self._ended.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        before: object = None
+        while not self._ended.is_set():
+            try:
+                runs = expected(self._folder)
+                now = settled(runs), [path.exists() for path in runs.files.values()]
+                if now != before or not self._record:
+                    before, self._record = now, as_record(runs, looked_at(runs, list(now[0])))
+                    self._changed()
+            except (InputError, FitError, OSError) as error:  # as of a manifest being edited
+                told = {"name": self._folder.name, "folder": str(self._folder), "runs": []}
+                advice_now = {"verdict": "warning", "text": str(error)}
+                if self._record.get("advice") != advice_now:
+                    self._record = {**told, "runs_expected": None, "advice": advice_now}
+                    self._changed()
+            self._looked.set()
+            self._ended.wait(_EVERY_S)
