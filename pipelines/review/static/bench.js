@@ -1,0 +1,202 @@
+// What the review page knows: the server's state, arrays read from it, and what is in view.
+// Panels watch topics and draw themselves anew when one of them is told.
+import { arrays, get, listen, post } from "./server.js";
+import { complain, fixed, say } from "./dom.js";
+
+/** What a panel can watch. */
+export const TOPICS = ["state", "mode", "row", "zoom", "tab", "hover", "pick", "indicator", "diagram", "frf", "fit", "shapes", "orders", "force"];
+
+export class Bench {
+  constructor(id) {
+    this.id = id;
+    this.path = `r/${encodeURIComponent(id)}`;
+    this.state = null;
+    this.data = {}; // blobs by name
+    this.view = { mode: null, row: 0, zoom: null, tab: "frf", hover: null, pick: null, indicator: "rms", show: "all" };
+    this.panels = [];
+    this.told = new Set();
+    this.asked = {}; // what was last asked for, by name
+    this.last = Promise.resolve(); // edits go one after another
+    this.pending = null; // what is said when its numbers are known
+  }
+
+  watch(topics, draw) {
+    for (const topic of topics) if (!TOPICS.includes(topic)) throw new Error(`unknown topic ${topic}`);
+    this.panels.push({ topics, draw });
+  }
+
+  tell(...topics) {
+    if (!this.told.size) queueMicrotask(() => this.redraw());
+    for (const topic of topics) this.told.add(topic);
+  }
+
+  redraw() {
+    const { told } = this;
+    this.told = new Set();
+    if (!this.state) return;
+    for (const { topics, draw } of this.panels) if (topics.some((topic) => told.has(topic))) draw();
+  }
+
+  /** Change the view and tell who watches it. */
+  look(changes) {
+    const changed = Object.keys(changes).filter((name) => this.view[name] !== changes[name]);
+    Object.assign(this.view, changes);
+    if (changed.includes("show")) this.tell("indicator");
+    this.tell(...changed.filter((name) => TOPICS.includes(name)));
+    if (changed.includes("row")) this.readRow();
+    if (changed.includes("indicator") && this.view.indicator === "orders") this.read("orders", "orders", this.fitKey());
+    if (changed.includes("tab") && this.view.tab === "force") this.readForce();
+  }
+
+  get modes() { return this.state?.modes ?? []; }
+  get mode() { return this.modes.find((mode) => mode.key === this.view.mode) ?? null; }
+  get channel() { return this.state?.channels[this.view.row] ?? null; }
+  get isPreview() { return this.state.stage !== "final"; }
+
+  /** The channels in the order of their positions. */
+  get around() {
+    return [...this.state.channels].sort((a, b) => (a.position_deg ?? a.node) - (b.position_deg ?? b.node));
+  }
+
+  /** Frequencies shown: those zoomed to, or the band with a little room. */
+  get range() {
+    const [low, high] = this.state.band_hz, room = 0.03 * (high - low);
+    return this.view.zoom ?? [Math.max(0, low - room), high + room];
+  }
+
+  zoom(low, high) {
+    const [first, last] = this.state.fit_band_hz, [least, most] = this.state.band_hz;
+    const room = 0.1 * (most - least);
+    const from = Math.max(low, Math.min(first, least) - room, 0), to = Math.min(high, Math.max(last, most) + room);
+    if (to - from < 0.05) return;
+    this.look({ zoom: to - from > 1.15 * (most - least) ? null : [from, to] });
+  }
+
+  async open() {
+    this.take(await get(`${this.path}/state`));
+    this.look({ row: (this.around.find((channel) => channel.used) ?? this.around[0])?.row ?? 0 });
+    this.readRow();
+    listen(this.id, (event) => this.hear(event), async () => this.take(await get(`${this.path}/state`)));
+  }
+
+  hear(event) {
+    if (event.kind === "state" && (!event.state.id || event.state.id === this.state.id)) this.take(event.state);
+  }
+
+  /** Take over a state of the server, unless a newer one is here already. */
+  take(state) {
+    if (this.state && state.revision < this.state.revision) return;
+    const before = this.mode;
+    this.state = state;
+    this.view.mode = this.again(before)?.key ?? null;
+    if (state.error) complain(`Not done: ${[state.error.where, state.error.found].join(": ")}. ${state.error.rule} ${state.error.remedy}`);
+    this.tell("state", "mode");
+    this.announce();
+    this.readAll();
+  }
+
+  /** The mode that was chosen before, in a new state. */
+  again(before) {
+    if (!before) return this.modes.find((mode) => mode.listed) ?? this.modes[0];
+    const same = this.modes.find((mode) => mode.key === before.key);
+    const apart = (mode) => Math.abs(mode.frequency_hz - before.frequency_hz) + (mode.name === before.name ? 0 : 0.2);
+    return same ?? [...this.modes].sort((a, b) => apart(a) - apart(b))[0];
+  }
+
+  announce() {
+    const { pending, state } = this, stage = state.stage;
+    if (!pending || !["preview", "final", "failed"].includes(stage) || pending.stage === stage) return;
+    pending.stage = stage;
+    const change = `χ² ${fixed(pending.chi2, 2)} → ${fixed(state.chi2, 2)}`;
+    say(stage === "failed" ? `${pending.text}: the fit failed` : `${pending.text}, ${change}, ${stage}`);
+    if (stage !== "preview") this.pending = null;
+  }
+
+  /** What has to be read anew when it changes. */
+  fitKey() { return `${this.state.revision} ${this.state.stage === "fitting" ? "" : this.state.stage}`; }
+  diagramKey() {
+    const { settings, channels, band_hz: band } = this.state;
+    return JSON.stringify([settings, band, channels.map(({ used, sign, gain }) => (used ? sign * gain : 0))]);
+  }
+
+  readAll() {
+    if (this.state.stage === "fitting") return; // numbers follow
+    const key = this.fitKey();
+    this.read("diagram", "diagram", `${this.diagramKey()} ${this.isPreview}`);
+    this.read("shapes", "shapes", key);
+    if (this.view.indicator === "orders") this.read("orders", "orders", this.diagramKey());
+    this.readRow();
+  }
+
+  readRow() {
+    const row = this.view.row;
+    const { used, sign, gain } = this.channel ?? {};
+    this.read("frf", `frf?row=${row}`, JSON.stringify([row, used, sign, gain, this.state.settings]));
+    this.read("fit", `fit?row=${row}`, `${row} ${this.fitKey()}`);
+  }
+
+  readForce() {
+    const run = this.channel?.run ?? "";
+    this.read("force", `force?run=${encodeURIComponent(run)}`, run);
+  }
+
+  /** Read arrays unless those of this key are here or on their way; the newest wins. */
+  async read(name, path, wanted) {
+    if (this.asked[name] === wanted) return;
+    this.asked[name] = wanted;
+    try {
+      const found = await arrays(`${this.path}/${path}`);
+      if (this.asked[name] !== wanted) return;
+      this.data[name] = found;
+    } catch (problem) {
+      if (this.asked[name] !== wanted) return;
+      this.asked[name] = null;
+      this.data[name] = null;
+      if (problem.status !== 404) complain(problem.message);
+    }
+    this.tell(name);
+  }
+
+  /** Send an edit or a move in the history; those asked for meanwhile wait for its answer. */
+  change(path, content, said) {
+    this.last = this.last.then(async () => {
+      const before = this.state;
+      try {
+        const state = await post(`${this.path}/${path}`, { revision: before.revision, ...content });
+        complain(null);
+        if (said) this.pending = { text: said(state), chi2: before.chi2, stage: null };
+        say(said ? `${said(state)} …` : "");
+        this.take(state);
+      } catch (problem) {
+        if (problem.status !== 409 || !problem.answer?.state) return complain(problem.message);
+        this.take(problem.answer.state);
+        complain("Changed meanwhile in another window, so nothing was done here. This page now shows the newest state");
+      }
+    });
+    return this.last;
+  }
+
+  edit(edit) {
+    return this.change("edit", { edit: { reason: "", ...edit } }, (state) => state.edits[state.cursor - 1]?.text ?? "Done");
+  }
+
+  moveTo(cursor) {
+    const { edits, cursor: now } = this.state;
+    if (cursor < 0 || cursor > edits.length || cursor === now) return this.last;
+    const text = cursor < now ? `Undone: ${edits[cursor].text}` : `Redone: ${edits[cursor - 1].text}`;
+    return this.change("cursor", { cursor }, () => text);
+  }
+
+  undo() { return this.last.then(() => this.moveTo(this.state.cursor - 1)); }
+  redo() { return this.last.then(() => this.moveTo(this.state.cursor + 1)); }
+
+  giveReason(index, reason) { return this.change("reason", { index, reason }); }
+
+  /** Set a listed mode aside, or keep one that is not listed. */
+  toggle(mode) {
+    if (!mode) return;
+    this.edit({ kind: mode.listed ? "set_aside" : "keep", pole: mode.pole });
+  }
+
+  onChannel(kind, { channel, run }) { return this.edit({ kind, channel, run }); }
+}

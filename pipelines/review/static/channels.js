@@ -1,0 +1,54 @@
+// The channels: how well the fit agrees with each (FRAC), and what can be done with it.
+import { button, el, find, fixed, refill } from "./dom.js";
+
+const POOR_FRAC = 0.9; // worth a look
+
+/** What a channel's line says beside its name. */
+function verdict({ used, sign, gain, frac }) {
+  if (!used) return "out";
+  const changed = [sign < 0 ? "−" : "", gain === 1 ? "" : `×${fixed(gain, 2)}`].join("");
+  return `${changed} ${fixed(frac, 3)}`.trim();
+}
+
+/** A file name without its ending. */
+export const stem = (name) => name.replace(/\.[^.]+$/, "") || name;
+
+export const outOrIn = (bench, channel) => bench.onChannel(channel.used ? "channel_out" : "channel_in", channel);
+
+export function mount(host, bench) {
+  const bar = find(".bar", host), list = find(".list", host);
+  let poorestFirst = false;
+
+  function line(channel) {
+    const { row, position_deg: at, node, run, channel: name, used, frac } = channel;
+    const place = at === null ? `node ${node}` : `${fixed(at, at % 1 ? 1 : 0)}°`, who = `${name} ${stem(run)}`;
+    const chosen = row === bench.view.row;
+    const doubt = !used || frac < POOR_FRAC || channel.sign < 0 || channel.gain !== 1;
+    return el("li", { className: [chosen && "chosen", !used && "aside"].filter(Boolean).join(" ") },
+      button([el("span", { className: "at" }, place), ` ${who}`], () => bench.look({ row }), {
+        className: "name", "aria-pressed": String(chosen), "data-focus": `row ${row}`, title: channel.why || who,
+      }),
+      el("span", { className: doubt ? "moved" : "" }, verdict(channel)),
+      button(used ? "×" : "+", () => outOrIn(bench, channel), { className: "small", label: `${used ? "Leave out" : "Use"} ${who}`, "data-focus": `out ${row}` }),
+      button("±", () => bench.onChannel("flip", channel), { className: "small", label: `Flip the sign of ${who}`, "data-focus": `flip ${row}` }));
+  }
+
+  function draw() {
+    const channels = poorestFirst ? [...bench.state.channels].sort((a, b) => (a.frac ?? -1) - (b.frac ?? -1)) : bench.around;
+    const out = channels.filter((channel) => !channel.used).length;
+    const runs = [...new Set(channels.map((channel) => channel.run))];
+    const runOut = el("select", { className: "small", "aria-label": "Leave out a whole run", "data-focus": "run out", onchange: () => {
+      if (runOut.value) bench.edit({ kind: "run_out", run: runOut.value });
+    } }, el("option", { value: "" }, "run out…"), runs.map((run) => el("option", { value: run }, stem(run))));
+    refill(bar, el("h2", {}, `Channels (${channels.length - out}${out ? ` of ${channels.length}` : ""})`), el("span", { className: "grow" }),
+      runs.length > 1 ? runOut : null,
+      button("FRAC", () => {
+        poorestFirst = !poorestFirst;
+        draw();
+      }, { className: "small", "aria-pressed": String(poorestFirst), label: "FRAC: poorest first", "data-focus": "sort" }));
+    refill(list, channels.map(line));
+    list.querySelector(".chosen")?.scrollIntoView({ block: "nearest" });
+  }
+
+  bench.watch(["state", "row"], draw);
+}

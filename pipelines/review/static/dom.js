@@ -1,0 +1,98 @@
+// Small helpers of all pages: elements, numbers, dialogs, colours.
+
+/** An element with properties, `on…` handlers, attributes (`aria-…`, `data-…`, `role`) and children. */
+export function el(tag, properties = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties)) {
+    if (value === undefined || value === null) continue;
+    if (name.includes("-") || name === "role" || name === "for") made.setAttribute(name, value);
+    else made[name] = value;
+  }
+  made.append(...children.flat().filter((child) => child !== null && child !== undefined && child !== false));
+  return made;
+}
+
+export const find = (selector, within = document) => within.querySelector(selector);
+
+/** Fill an element anew; what had the focus has it afterwards, by its `data-focus`. */
+export function refill(parent, ...children) {
+  const held = parent.contains(document.activeElement) ? document.activeElement.dataset.focus : undefined;
+  const top = parent.scrollTop;
+  parent.replaceChildren(...children.flat().filter((child) => child !== null && child !== undefined && child !== false));
+  parent.scrollTop = top;
+  if (held === undefined) return;
+  const again = [...parent.querySelectorAll("[data-focus]")].find((each) => each.dataset.focus === held);
+  again?.focus({ preventScroll: true });
+}
+
+/** A number with fixed decimals, a true minus sign, and a dash where it is unknown. */
+export function fixed(value, decimals) {
+  if (value === null || value === undefined || Number.isNaN(value)) return "–";
+  return value.toFixed(decimals).replace("-", "−");
+}
+
+export const signed = (value, decimals) => (value > 0 ? "+" : "") + fixed(value, decimals);
+
+/** Three significant digits. */
+export function short(value) {
+  if (value === null || value === undefined || Number.isNaN(value)) return "–";
+  const decimals = value === 0 ? 0 : Math.max(0, 2 - Math.floor(Math.log10(Math.abs(value))));
+  return fixed(value, Math.min(decimals, 6));
+}
+
+export const percent = (ratio, decimals) => fixed(ratio === null ? null : 100 * ratio, decimals);
+
+/** A button; `label` is read out where the text is only a sign. */
+export function button(text, onclick, more = {}) {
+  const { label, ...rest } = more;
+  return el("button", { type: "button", onclick, title: label, "aria-label": label, ...rest }, text);
+}
+
+export const key = (text) => el("kbd", {}, text);
+
+const scheme = matchMedia("(prefers-color-scheme: dark)");
+let palette = new Map();
+scheme.addEventListener("change", () => (palette = new Map()));
+
+/** Call when the colour scheme changes: canvases are drawn again. */
+export const onScheme = (draw) => scheme.addEventListener("change", draw);
+
+/** A colour of the style sheet, such as "--ring". */
+export function colour(name) {
+  if (!palette.has(name)) palette.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+  return palette.get(name);
+}
+
+/** The colour of a circumferential order. */
+export function orderColour(order) {
+  if (order === null || order === undefined) return colour("--faint");
+  return order === 0 ? colour("--ink") : colour(`--series-${((order - 1) % 6) + 1}`);
+}
+
+/** Say something to everyone: in the status line, which screen readers read out. */
+export function say(text) {
+  const line = find("#said");
+  if (line) line.textContent = text;
+}
+
+/** Show an error until the next success; null takes it away. */
+export function complain(text) {
+  const box = find("#trouble");
+  box.textContent = text ?? "";
+  box.hidden = !text;
+}
+
+/** An error of the server in one sentence each: place, value, rule, remedy. */
+export function inWords({ where, found, rule, remedy }) {
+  const first = [where, found].filter(Boolean).join(": ");
+  return [first, rule, remedy].filter(Boolean).join(". ").replace(/\.\./g, ".");
+}
+
+/** A modal dialog with a title; the answer is the element, shown. */
+export function dialog(title, ...children) {
+  const box = el("dialog", { "aria-label": title }, el("h2", {}, title), ...children);
+  box.addEventListener("close", () => box.remove());
+  document.body.append(box);
+  box.showModal();
+  return box;
+}
