@@ -6,6 +6,10 @@ import { complain, fixed, say } from "./dom.js";
 /** What a panel can watch. */
 export const TOPICS = ["state", "mode", "row", "zoom", "tab", "hover", "pick", "indicator", "diagram", "frf", "fit", "shapes", "orders", "force"];
 
+const PROGRESS = { preview: 1, final: 2, failed: 2 };
+
+const prefix = ({ edits }, n) => edits.slice(0, n).map(({ text, at }) => `${text} ${at}`).join("\n");
+
 export class Bench {
   constructor(id) {
     this.id = id;
@@ -17,6 +21,7 @@ export class Bench {
     this.told = new Set();
     this.asked = {}; // what was last asked for, by name
     this.last = Promise.resolve(); // edits go one after another
+    this.fitted = new Map(); // reduced χ² by the edits in force
     this.pending = null; // what is said when its numbers are known
   }
 
@@ -76,20 +81,22 @@ export class Bench {
     this.take(await get(`${this.path}/state`));
     this.look({ row: (this.around.find((channel) => channel.used) ?? this.around[0])?.row ?? 0 });
     this.readRow();
-    listen(this.id, (event) => this.hear(event), async () => this.take(await get(`${this.path}/state`)));
+    listen(this.id, (event) => this.hear(event), async () => this.take(await get(`${this.path}/state`), true));
   }
 
   hear(event) {
-    if (event.kind === "state" && (!event.state.id || event.state.id === this.state.id)) this.take(event.state);
+    if (event.kind === "state" && (event.state.id ?? this.id) === this.id) this.take(event.state);
   }
 
-  /** Take over a state of the server, unless a newer one is here already. */
-  take(state) {
-    if (this.state && state.revision < this.state.revision) return;
+  /** Take over a state of the server, unless a newer one is here already: an event may overtake an answer. */
+  take(state, isRestarted = false) {
+    const age = ({ revision, stage }) => 3 * revision + (PROGRESS[stage] ?? 0);
+    if (this.state && !isRestarted && age(state) < age(this.state)) return;
     const before = this.mode;
     this.state = state;
     this.view.mode = this.again(before)?.key ?? null;
     if (state.error) complain(`Not done: ${[state.error.where, state.error.found].join(": ")}. ${state.error.rule} ${state.error.remedy}`);
+    if (state.stage === "final") this.fitted.set(prefix(state, state.cursor), state.chi2);
     this.tell("state", "mode");
     this.announce();
     this.readAll();
@@ -103,12 +110,19 @@ export class Bench {
     return same ?? [...this.modes].sort((a, b) => apart(a) - apart(b))[0];
   }
 
+  /** "χ² 1.02 → 4.61" of an edit, where both fits were seen. */
+  changeBy(index) {
+    const [before, after] = [index, index + 1].map((n) => this.fitted.get(prefix(this.state, n)));
+    return before === undefined || after === undefined ? "" : `χ² ${fixed(before, 2)} → ${fixed(after, 2)}`;
+  }
+
   announce() {
     const { pending, state } = this, stage = state.stage;
-    if (!pending || !["preview", "final", "failed"].includes(stage) || pending.stage === stage) return;
+    if (!pending || state.revision <= pending.revision || pending.stage === stage) return;
     pending.stage = stage;
-    const change = `χ² ${fixed(pending.chi2, 2)} → ${fixed(state.chi2, 2)}`;
-    say(stage === "failed" ? `${pending.text}: the fit failed` : `${pending.text}, ${change}, ${stage}`);
+    const text = pending.said(state), change = `χ² ${fixed(pending.chi2, 2)} → ${fixed(state.chi2, 2)}`;
+    if (!(stage in PROGRESS)) return say(`${text} …`);
+    say(stage === "failed" ? `${text}: the fit failed` : `${text}, ${change}, ${stage}`);
     if (stage !== "preview") this.pending = null;
   }
 
@@ -161,13 +175,13 @@ export class Bench {
   change(path, content, said) {
     this.last = this.last.then(async () => {
       const before = this.state;
+      if (said) this.pending = { said, chi2: before.chi2, revision: before.revision, stage: null };
       try {
         const state = await post(`${this.path}/${path}`, { revision: before.revision, ...content });
         complain(null);
-        if (said) this.pending = { text: said(state), chi2: before.chi2, stage: null };
-        say(said ? `${said(state)} …` : "");
         this.take(state);
       } catch (problem) {
+        this.pending = null;
         if (problem.status !== 409 || !problem.answer?.state) return complain(problem.message);
         this.take(problem.answer.state);
         complain("Changed meanwhile in another window, so nothing was done here. This page now shows the newest state");

@@ -39,8 +39,8 @@ export function mount(host, bench) {
     const runs = [...new Set(channels.map((channel) => channel.run))];
     const runOut = el("select", { className: "small", "aria-label": "Leave out a whole run", "data-focus": "run out", onchange: () => {
       if (runOut.value) bench.edit({ kind: "run_out", run: runOut.value });
-    } }, el("option", { value: "" }, "run out…"), runs.map((run) => el("option", { value: run }, stem(run))));
-    refill(bar, el("h2", {}, `Channels (${channels.length - out}${out ? ` of ${channels.length}` : ""})`), el("span", { className: "grow" }),
+    } }, el("option", { value: "" }, "run…"), runs.map((run) => el("option", { value: run }, stem(run))));
+    refill(bar, el("h2", {}, `Channels ${channels.length - out}${out ? `/${channels.length}` : ""}`), el("span", { className: "grow" }),
       runs.length > 1 ? runOut : null,
       button("FRAC", () => {
         poorestFirst = !poorestFirst;

@@ -38,6 +38,9 @@ export function mount(host, bench) {
   const main = new Chart(upper, { label: "Curve of the chosen position", compose: () => composed[bench.view.tab](), ...shared });
   const rest = new Chart(lower, { label: "Remainder of the fit in standard deviations", compose: remainder, onZoom: zoom });
 
+  const legend = el("div", { className: "legend" });
+  upper.append(legend);
+
   function frequencyAxis(chart) {
     const [min, max] = bench.range;
     chart.x = { label: FREQUENCY, min, max };
@@ -171,11 +174,11 @@ export function mount(host, bench) {
     const frac = channel.used ? `FRAC ${fixed(channel.frac, 3)}` : "left out";
     refill(bar, tabs,
       el("span", { className: "grow" }),
-      tab === "frf" && el("span", { className: "legend" }, el("span", { className: "measured" }, "measured"), " ",
-        el("span", { className: "fitted" }, bench.isPreview ? "fit, preview" : "fit")),
       button("←", () => step(bench, -1), { label: "Position before", "data-focus": "before" }),
       el("output", { className: "position" }, `${place} ${channel.channel} ${stem(channel.run)}, ${frac}`),
       button("→", () => step(bench, 1), { label: "Next position", "data-focus": "next" }));
+    legend.hidden = !["frf", "phase", "nyquist"].includes(tab);
+    refill(legend, el("span", { className: "measured" }, "measured"), " ", el("span", { className: "fitted" }, bench.isPreview ? "fit, preview" : "fit"));
     lower.hidden = tab !== "frf" || !channel.used;
     main.equal = tab === "nyquist";
     main.onZoom = tab === "nyquist" ? null : zoom;

@@ -137,13 +137,13 @@ export function mount(host, bench) {
       pen.globalAlpha = mode === chosen ? 0.9 : 0.35;
       pen.setLineDash(mode.listed ? [] : [4, 3]);
       pen.beginPath();
-      pen.moveTo(x, top + 14);
+      pen.moveTo(x, top + (mode.listed ? 14 : 25));
       pen.lineTo(x, top + chart.inner.height);
       pen.stroke();
       pen.setLineDash([]);
       pen.globalAlpha = 1;
       pen.textAlign = { a: "right", b: "left" }[mode.member] ?? "center";
-      pen.fillText(mode.name, x + ({ a: 2, b: -2 }[mode.member] ?? 0), top + 2);
+      pen.fillText(mode.name, x + ({ a: 2, b: -2 }[mode.member] ?? 0), top + (mode.listed ? 2 : 13));
     }
   }
 
@@ -213,13 +213,13 @@ export function mount(host, bench) {
     choice("show", "show", { all: "all poles", stable: "stable poles", columns: "columns only" }),
     el("span", { className: "grow" }),
     button(["Pick a pole ", key("P")], () => bench.look({ pick: bench.view.pick ? null : { pole: null } }), { id: "pick" }),
-    button(["Zoom to mode ", key("Z")], () => toMode(bench), { id: "to-mode" }),
+    button(["Zoom ", key("Z")], () => toMode(bench), { id: "to-mode" }),
   );
 
   bench.watch(["diagram", "state"], () => (listed = columns(bench)));
   bench.watch(["diagram", "state", "mode", "zoom", "hover", "pick", "indicator", "orders"], () => {
     find("#pick").setAttribute("aria-pressed", String(bench.view.pick !== null));
-    find("#to-mode").firstChild.textContent = bench.view.zoom ? "Full band " : "Zoom to mode ";
+    find("#to-mode").firstChild.textContent = bench.view.zoom ? "Full band " : "Zoom ";
     chart.draw();
   });
 }

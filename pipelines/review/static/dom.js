@@ -31,7 +31,11 @@ export function fixed(value, decimals) {
   return value.toFixed(decimals).replace("-", "−");
 }
 
-export const signed = (value, decimals) => (value > 0 ? "+" : "") + fixed(value, decimals);
+export function signed(value, decimals) {
+  const said = fixed(value, decimals);
+  if (Number(said.replace("−", "-")) === 0) return said.replace("−", "");
+  return (value > 0 ? "+" : "") + said;
+}
 
 /** Three significant digits. */
 export function short(value) {

@@ -1,5 +1,5 @@
 // All edits in their order, with reasons; those undone can be redone.
-import { button, el, find, fixed, refill } from "./dom.js";
+import { button, el, find, refill } from "./dom.js";
 
 export function mount(host, bench) {
   const bar = find(".bar", host), list = find(".list", host);
@@ -33,7 +33,7 @@ export function mount(host, bench) {
 
   function item(edit, index) {
     const { cursor } = bench.state, inForce = index < cursor;
-    const changed = edit.chi2 == null ? "" : ` χ² ${fixed(edit.chi2_before, 2)} → ${fixed(edit.chi2, 2)}`;
+    const changed = bench.changeBy(index);
     return el("li", { className: [!inForce && "undone", index === cursor - 1 && "now"].filter(Boolean).join(" ") },
       button(edit.text, () => bench.moveTo(index + 1), {
         className: "name", "data-focus": `edit ${index}`, title: `${edit.by} ${edit.at}`, label: inForce ? `Go back to: ${edit.text}` : `Redo up to: ${edit.text}`,

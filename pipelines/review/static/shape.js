@@ -46,6 +46,7 @@ export function mountShape(host, bench) {
     const { shapes } = bench.data, { mode, state } = bench;
     const real = shapes && mode && rowOf(shapes, "real", mode.key);
     for (const each of Object.values(made)) each.setAttribute("d", "");
+    find(".none", host).hidden = Boolean(real) || !shapes;
     if (!real) return;
     const imag = rowOf(shapes, "imag", mode.key), ring = rowOf(shapes, "ring", mode.key);
     const cosine = Math.cos(phase) * DEFLECTION, sine = Math.sin(phase) * DEFLECTION;

@@ -13,10 +13,10 @@ function table(caption, heads, rows) {
 const word = (text) => el("td", { className: "word" }, text);
 
 function editRows(edits, bench) {
-  return edits.map(({ text, reason, changed }, index) => {
+  return edits.map(({ text, reason }, index) => {
     const input = el("input", { value: reason, placeholder: "why", maxLength: 500, "aria-label": `Reason of: ${text}` });
     input.addEventListener("change", () => bench.giveReason(index, input.value));
-    return el("tr", {}, word(text), el("td", { className: "word wide" }, input), el("td", {}, changed));
+    return el("tr", {}, word(text), el("td", { className: "word wide" }, input), el("td", {}, bench.changeBy(index) || "–"));
   });
 }
 
