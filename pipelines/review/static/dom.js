@@ -1,5 +1,7 @@
 // Small helpers of all pages: elements, numbers, dialogs, colours.
 
+const shown = (children) => children.flat(Infinity).filter((child) => child !== null && child !== undefined && child !== false && child !== "");
+
 /** An element with properties, `on…` handlers, attributes (`aria-…`, `data-…`, `role`) and children. */
 export function el(tag, properties = {}, ...children) {
   const made = document.createElement(tag);
@@ -8,7 +10,7 @@ export function el(tag, properties = {}, ...children) {
     if (name.includes("-") || name === "role" || name === "for") made.setAttribute(name, value);
     else made[name] = value;
   }
-  made.append(...children.flat().filter((child) => child !== null && child !== undefined && child !== false));
+  made.append(...shown(children));
   return made;
 }
 
@@ -18,7 +20,7 @@ export const find = (selector, within = document) => within.querySelector(select
 export function refill(parent, ...children) {
   const held = parent.contains(document.activeElement) ? document.activeElement.dataset.focus : undefined;
   const top = parent.scrollTop;
-  parent.replaceChildren(...children.flat().filter((child) => child !== null && child !== undefined && child !== false));
+  parent.replaceChildren(...shown(children));
   parent.scrollTop = top;
   if (held === undefined) return;
   const again = [...parent.querySelectorAll("[data-focus]")].find((each) => each.dataset.focus === held);
@@ -28,14 +30,11 @@ export function refill(parent, ...children) {
 /** A number with fixed decimals, a true minus sign, and a dash where it is unknown. */
 export function fixed(value, decimals) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
-  return value.toFixed(decimals).replace("-", "−");
+  const said = value.toFixed(decimals);
+  return Number(said) === 0 ? said.replace("-", "") : said.replace("-", "−");
 }
 
-export function signed(value, decimals) {
-  const said = fixed(value, decimals);
-  if (Number(said.replace("−", "-")) === 0) return said.replace("−", "");
-  return (value > 0 ? "+" : "") + said;
-}
+export const signed = (value, decimals) => (Number(value?.toFixed(decimals)) > 0 ? "+" : "") + fixed(value, decimals);
 
 /** Three significant digits. */
 export function short(value) {
