@@ -134,6 +134,7 @@ def _signed(sight: Sight, row: int) -> FRF:
 
 
 def _shown(frf: FRF, sight: Sight) -> NDArray[np.bool_]:
-    low, high = sight.model.band_hz
+    """Lines of the fit, and somewhat beyond the band."""
+    (low, high), (first, last) = sight.model.band_hz, sight.model.fit_band_hz
     beyond = _BEYOND * (high - low)
-    return in_band(frf.frequency_hz, (max(0.0, low - beyond), high + beyond))
+    return in_band(frf.frequency_hz, (min(first, low - beyond), max(last, high + beyond)))

@@ -73,7 +73,7 @@ def opened(result: Path, edits: tuple[Edit, ...] = ()) -> Draft:
         If another process reviews the result.
     """
     path = _place(result)
-    lock = FileLock(path.with_suffix(".lock"))
+    lock = FileLock(path.with_suffix(".lock"), thread_local=False)
     try:
         lock.acquire(timeout=0)
     except Timeout:

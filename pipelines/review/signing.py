@@ -95,7 +95,7 @@ def replay_command(result: Result, target: Path) -> str:
 def _beside(result: Path, name: str) -> Path:
     """The new folder; the page gives a name, never a path."""
     plain = name == Path(name).name and not name.startswith(".") and name.isprintable()
-    if not plain or "\\" in name or len(name) > _MOST_LETTERS:
+    if not name or not plain or "\\" in name or len(name) > _MOST_LETTERS:
         rule = f"it is a plain name of up to {_MOST_LETTERS} letters"
         raise InputError("folder", repr(name)[:80], rule, "Type another one")
     return result.with_name(name)

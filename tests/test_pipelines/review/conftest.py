@@ -1,0 +1,31 @@
+"""A result to review, identified once and in a narrow band."""
+
+import pytest
+from reviewing import copied, review
+
+from ema.core.campaign import Processing
+from pipelines.process.run import process
+from pipelines.report.save import save
+from pipelines.results.options import Options
+
+BAND_HZ = (60.0, 160.0)
+
+
+@pytest.fixture(scope="session")
+def reviewed_once(short_campaign, tmp_path_factory):
+    """The folder of a result with four modes; not to be changed."""
+    folder = tmp_path_factory.mktemp("reviewed") / "result"
+    save(process(short_campaign, Options(Processing(band_hz=BAND_HZ))), folder, report=False)
+    return folder
+
+
+@pytest.fixture
+def folder(reviewed_once, tmp_path):
+    """A result of one's own."""
+    return copied(reviewed_once, tmp_path)
+
+
+@pytest.fixture
+def page(folder):
+    with review(folder) as page:
+        yield page
