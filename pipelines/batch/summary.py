@@ -35,7 +35,7 @@ from pipelines.storage.tables import write_table
 _FREQUENCY, _ORDER = MODES.index("frequency_hz"), MODES.index("order")
 PARAMETERS = ("parameter", "value", "std", "how")
 _OF_CAMPAIGN = {"campaign": "string", "designation": "string", "inflation_pressure_pa": "Float64"}
-_TEXT = ("member", "status", "pair", "name", "parameter", "how")
+_TEXT = ("member", "status", "pair", "name", "chosen", "parameter", "how")
 _WHOLE = ("mode", "order")
 _CAMPAIGNS = {
     **_OF_CAMPAIGN,

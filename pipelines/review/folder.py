@@ -176,9 +176,9 @@ def _batch(path: Path, found: Found, root: Path) -> dict[str, Any]:
     records.sort(key=lambda each: each[0])
     times = [at for at, _ in records]
     failed = [record for _, record in records if not record.is_done]
-    total = max(len(found.campaigns), len(records))
     recent = bool(times) and time.time() - times[-1] < _RECENT_S
-    running = recent and len(records) < total
+    running = recent and not _is_summed_up(folder, times[-1])
+    total = max(len(found.campaigns), len(records)) if running else len(records)
     known = times[-_RATE_OVER:]
     rate = 60 * (len(known) - 1) / (known[-1] - known[0]) if running and len(known) > 1 else None
     return {
@@ -187,6 +187,11 @@ def _batch(path: Path, found: Found, root: Path) -> dict[str, Any]:
         "failures": [{"name": each.campaign, "why": each.message} for each in failed],
         "per_minute": rate,
     }
+
+
+def _is_summed_up(folder: BatchFolder, newest: float) -> bool:
+    """Whether the tables at the end of a batch are newer than its records."""
+    return folder.is_complete() and folder.summary.stat().st_mtime >= newest
 
 
 def _library(path: Path, root: Path) -> dict[str, Any]:

@@ -56,7 +56,7 @@ export function mount(host, bench) {
     } }, el("option", { value: "" }, "order…"), Array.from({ length: Math.min(MOST_ORDER, 21) }, (_, k) => el("option", { value: String(k) }, `order ${k}`)));
     return el("p", { className: "actions" },
       button([mode.listed ? "Set aside " : "Keep ", key("Enter")], () => bench.toggle(mode), { className: "small", "data-focus": "why toggle" }),
-      button(["Cost? ", key("T")], tryOut, { className: "small", label: "Cost? Fit without keeping the result", "data-focus": "why cost" }),
+      button(["Cost? ", key("T")], tryOut, { className: "small", title: "Fit without keeping the result", "data-focus": "why cost" }),
       mode.listed && button("Lock", () => bench.edit({ kind: "lock", pole: mode.pole }), {
         className: "small", label: "Lock: frequency and damping stay as they are", "data-focus": "why lock" }),
       bench.state.on_circle && mode.listed && order);
