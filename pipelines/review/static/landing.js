@@ -14,7 +14,7 @@ function section(title, heads, rows, empty) {
   return el("section", { "aria-label": title }, el("h2", {}, `${title} (${rows.length})`), rows.length ? table : el("p", { className: "soft" }, empty));
 }
 
-function batchOf({ name, done, total, failed, now, running, per_minute: pace, failures = [] }) {
+function batchOf({ name, done, total, failed, now = [], running, per_minute: pace, failures = [] }) {
   const left = running && pace ? `, about ${Math.ceil((total - done) / pace)} min left` : "";
   const speed = running && pace ? `, ${fixed(pace, 1)} campaigns/min` : "";
   return el("section", { "aria-label": "Batch" },
