@@ -6,6 +6,7 @@ import json
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
+from concurrent.futures import CancelledError
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ema.core.edits import Edit
-from ema.core.errors import FitError, InputError
+from ema.core.errors import FitError, InputError, SupersededError
 from ema.core.modes import ModalModel
 from ema.identify import Identification
 from ema.refit import EditCost, edit_cost, refit_modes
@@ -129,7 +130,11 @@ class Bench:
         if found is None:
             raise StaleError("the last edit is still being fitted")
         asked = self._worker.call(lambda stop: edit_cost(found, (*edits, edit), stop=stop))
-        return _cost_record(asked.result(), edit_text(edit, self.sight()))
+        try:
+            cost = asked.result()
+        except (SupersededError, CancelledError):
+            raise StaleError("another edit came before it was known") from None
+        return _cost_record(cost, edit_text(edit, self.sight()))
 
     def require(self, revision: int) -> None:
         """Refuse what was decided on an older revision."""
@@ -187,8 +192,8 @@ class Bench:
     @property
     def automatic(self) -> ModalModel:
         """The modes without any edit; until they are found, those of the result."""
-        first = next(iter(self._bases.values()), None)
-        return self.result.modal_model if first is None else first.model
+        plain = self._bases.get(_name_of({})) or next(iter(self._bases.values()), None)
+        return self.result.modal_model if plain is None else plain.model
 
     def _changed(self, revision: int, change: Callable[[Session], Session]) -> dict[str, Any]:
         with self._lock:
@@ -224,10 +229,11 @@ class Bench:
 
     def _keep_base(self, edits: tuple[Edit, ...], source: Result, base: Identification) -> None:
         with self._lock:
-            self._bases[_name_of(settings_of(edits))] = base
-            while len(self._bases) > _KEPT_BASES:
-                second = list(self._bases)[1]  # the first one is the automatic result
-                del self._bases[second]
+            name = _name_of(settings_of(edits))
+            self._bases[name] = base
+            others = [each for each in self._bases if each not in (name, _name_of({}))]
+            for other in others[: max(0, len(self._bases) - _KEPT_BASES)]:
+                del self._bases[other]
             if self._shown[1] is None:
                 self._shown = source, base
 

@@ -62,6 +62,8 @@ class Worker:
         with self._changed:
             self._ended = True
             self._stop.set()
+            for _, future in self._calls:
+                future.cancel()
             self._changed.notify()
         self._thread.join()
 
