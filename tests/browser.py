@@ -23,7 +23,7 @@ AXE = Path(__file__).parent / "node_modules" / "axe-core" / "axe.min.js"
 REQUIRED = "RINGMODAL_BROWSER"  # "require": what is missing is a failure, not a reason to skip
 LOCAL = {"file", "data", "blob"}
 WIDE_PX, HEIGHT_PX = 1200, 900
-PATIENCE_S = 12.0  # a busy machine is slow, not wrong
+PATIENCE_S = 60.0  # a busy machine is slow, not wrong
 SWITCHES = (
     "--headless=new",
     "--no-sandbox",

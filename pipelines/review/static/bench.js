@@ -89,9 +89,9 @@ export class Bench {
   }
 
   /** Take over a state of the server, unless a newer one is here already: an event may overtake an answer. */
-  take(state, isRestarted = false) {
+  take(state, isForced = false) {
     const age = ({ revision, stage }) => 3 * revision + (PROGRESS[stage] ?? 0);
-    if (this.state && !isRestarted && age(state) < age(this.state)) return;
+    if (this.state && !isForced && age(state) < age(this.state)) return;
     const before = this.mode;
     this.state = state;
     this.view.mode = this.again(before)?.key ?? null;
@@ -183,7 +183,7 @@ export class Bench {
       } catch (problem) {
         this.pending = null;
         if (problem.status !== 409 || !problem.answer?.state) return complain(problem.message);
-        this.take(problem.answer.state);
+        this.take(problem.answer.state, true);
         complain("Changed meanwhile in another window, so nothing was done here. This page now shows the newest state");
       }
     });

@@ -24,8 +24,9 @@ export function mount(host, bench) {
       find(`[data-focus="reason ${index}"]`, list)?.focus();
     };
     input.addEventListener("keydown", (event) => {
-      if (event.key === "Enter") keep(true);
-      if (event.key === "Escape") keep(false);
+      if (event.key !== "Enter" && event.key !== "Escape") return;
+      event.preventDefault(); // else the button that has the focus next is pressed too
+      keep(event.key === "Enter");
     });
     input.addEventListener("blur", () => keep(true));
     return input;

@@ -54,13 +54,16 @@ export function signOff(bench) {
   async function sign() {
     trouble.hidden = true;
     for (const input of [name, folder]) if (!input.reportValidity()) return;
+    bench.signing = null;
     refill(body, el("p", { role: "status" }, "Writing the new result folder …"));
     try {
       const content = { revision: proposal.revision, by: name.value, note: note.value, folder: folder.value };
       signedOff(await post(`${bench.path}/sign`, content));
+      bench.take(await get(`${bench.path}/state`), true); // without the draft, which is in the new folder now
     } catch (problem) {
       trouble.textContent = problem.message;
       trouble.hidden = false;
+      bench.signing = load;
       draw();
     }
   }
