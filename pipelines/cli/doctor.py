@@ -32,6 +32,7 @@ _PARTS = {  # optional parts and what they are for
     "tdms": "recordings in LabVIEW TDMS",
     "cluster": "batch on several machines",
     "pdf": "the report as PDF",
+    "review": "results in the browser",
 }
 _LEAST_MEMORY_BYTES = 1e9  # about what a large campaign takes
 _LEAST_DISK_BYTES = 0.5e9
