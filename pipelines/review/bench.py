@@ -31,6 +31,7 @@ from pipelines.review.state import edit_text, refusal, state
 from pipelines.review.worker import Stop, Worker
 
 _KEPT_FITS = 24  # undo and redo among these asks for no fit
+_KEPT_FRFS = 3  # edits of channels have FRFs of their own, some 20 MB
 _KEPT_BASES = 3  # automatic identifications with other settings
 
 
@@ -243,8 +244,12 @@ class Bench:
             self._fits.move_to_end(key(edits))
             if key(edits) == key(self.session.edits):
                 self._shown = source, fit
-            while len(self._fits) > _KEPT_FITS:
+            while len(self._fits) > _KEPT_FITS or self._n_frfs() > _KEPT_FRFS:
                 self._fits.popitem(last=False)
+
+    def _n_frfs(self) -> int:
+        """How many sets of FRFs the fits hold: edits of poles share theirs."""
+        return len({id(fit.frf) for fit in self._fits.values()})
 
     def _refuse(self, edits: tuple[Edit, ...], error: dict[str, str]) -> None:
         """Take the last edit back, which cannot be carried out."""
