@@ -175,7 +175,7 @@ export function mount(host, bench) {
     refill(bar, tabs,
       el("span", { className: "grow" }),
       button("←", () => step(bench, -1), { label: "Position before", "data-focus": "before" }),
-      el("output", { className: "position" }, `${place} ${channel.channel} ${stem(channel.run)}, ${frac}`),
+      el("output", { className: "position" }, `${place} ${channel.channel}`, el("span", {}, ` ${stem(channel.run)}, ${frac}`)),
       button("→", () => step(bench, 1), { label: "Next position", "data-focus": "next" }));
     legend.hidden = !["frf", "phase", "nyquist"].includes(tab);
     refill(legend, el("span", { className: "measured" }, "measured"), " ", el("span", { className: "fitted" }, bench.isPreview ? "fit, preview" : "fit"));

@@ -4,7 +4,7 @@ import { button, el, find, refill } from "./dom.js";
 const METHODS = ["lsce", "plscf"], WINDOWS = ["hann", "boxcar", "hamming", "blackman", "flattop"], ESTIMATORS = ["H1", "H2", "Hv"];
 const POLES = [["max_order", "model order", 1], ["method", "method", METHODS]];
 const AVERAGING = [
-  ["block_seconds", "block / s", "any"], ["window", "window", WINDOWS], ["overlap", "overlap", "any"], ["estimator", "estimator", ESTIMATORS],
+  ["block_seconds", "block / s", "any"], ["window", "window", WINDOWS], ["overlap", "overlap", "any"], ["averages", "averages", 1], ["estimator", "estimator", ESTIMATORS],
 ];
 
 export function mount(host, bench) {

@@ -153,6 +153,25 @@ def test_a_click_sets_aside_and_undo_brings_back(bench):
     assert listed(settled(bench, cursor=1)) == listed(after)
 
 
+def test_dragging_and_the_wheel_zoom_and_edit_nothing(bench):
+    """Both zoom about the place of the hand; the curves follow."""
+    canvas, (x, _) = bench.find("#diagram canvas"), bench.js(TO_MODE, 1)
+    hand = bench.pointer().move_to_element_with_offset(canvas, int(x - canvas.size["width"] / 2), 0)
+    hand.click_and_hold().move_by_offset(40, 0).release().perform()
+    frequency_hz = bench.js("return ringmodalBench.modes[1].frequency_hz")
+    low, high = bench.js("return ringmodalBench.view.zoom")
+    assert low == pytest.approx(frequency_hz, rel=0.01)
+    bench.js(
+        "arguments[0].dispatchEvent(new WheelEvent('wheel', {deltaY: 1, cancelable: true,"
+        " clientX: arguments[0].getBoundingClientRect().left + 200}))",
+        canvas,
+    )
+    wider = bench.js("return ringmodalBench.view.zoom")
+    assert wider[1] - wider[0] == pytest.approx(1.25 * (high - low))
+    press(bench, Keys.ESCAPE)
+    assert bench.js("return [ringmodalBench.view.zoom, ringmodalBench.state.cursor]") == [None, 0]
+
+
 def test_a_session_of_keys_alone(bench):
     """Modes, positions, tabs, a pole picked at another order, a channel left out, a reason."""
     press(bench, Keys.ARROW_DOWN, Keys.ARROW_RIGHT, "z", "3")
@@ -272,8 +291,8 @@ def test_nothing_is_lost_when_the_server_is_killed(browser, reviewed_once, tmp_p
     show(browser, WIDTHS_PX[0])
     with served(folder) as (process, _, file):
         browser.driver.get(file.as_uri())
-        opened(browser)
-        press(browser, Keys.ENTER)
+        browser.wait(f"return location.protocol === 'http:' && ({READY[7:]})")
+        press(browser, Keys.ENTER)  # before the first fit is done
         browser.wait("return ringmodalBench.state.cursor === 1")
         process.kill()
         process.wait()
