@@ -21,6 +21,8 @@ from ema.refit import EditCost, edit_cost, refit_modes
 from ema.signals.frf_estimation import restated
 from pipelines.library.version import login_name
 from pipelines.process.refit import asked_of, of_blocks, refittable, settings_of
+from pipelines.results.decided import edit_records
+from pipelines.results.edits_file import edits_of
 from pipelines.results.result import Result
 from pipelines.results.store import load
 from pipelines.review import draft as drafts
@@ -110,9 +112,9 @@ class Bench:
     def applied(self, revision: int, edit: Edit) -> dict[str, Any]:
         """With one more edit, which is on disk when this returns."""
         now = datetime.now(UTC).isoformat(timespec="seconds")
-        return self._changed(
-            revision, lambda old: old.applied(replace(edit, by=edit.by or login_name(), at=now))
-        )
+        edit = replace(edit, by=edit.by or login_name(), at=now)
+        (edit,) = edits_of("edit", edit_records([edit]))  # as it will be read again, or refused
+        return self._changed(revision, lambda old: old.applied(edit))
 
     def moved(self, revision: int, cursor: int) -> dict[str, Any]:
         """Undone or redone."""

@@ -116,6 +116,7 @@ def test_large_bodies_are_refused(untouched, size):
         *(b"", b"[]", b"null", b"{", b"\xff", b"[" * 100_000, b'{"revision": true}'),
         *(b'{"revision": 0}', b'{"revision": "0", "edit": {}}', b'{"revision": 0, "edit": []}'),
         b'{"revision": 0, "edit": {"kind": "set_aside"}}',
+        b'{"revision": 0, "edit": {"kind": "flip", "channel": ""}}',
         b'{"revision": 0, "edit": {"kind": "note", "pole": {"frequency_hz": 1}}}',
         b'{"revision": 0, "edit": {"kind": "set_aside", "pole": {"frequency_hz": NaN}}}',
         b'{"revision": 0, "edit": {"kind": "settings", "settings": {"__class__": 1}}}',
