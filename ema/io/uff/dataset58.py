@@ -18,7 +18,7 @@ from ema.core.units import is_stated, parse_axis
 from ema.io.uff.dataset58_header import Header58
 from ema.io.uff.scan import Dataset, damaged, line_numbers, place
 
-_CHUNK_BYTES = 1 << 20
+_CHUNK_BYTES = 1 << 19
 _LONGEST_LINE = 4096
 # Check of the byte order.
 _PROBED = 1024  # values at the beginning
@@ -78,14 +78,14 @@ def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.flo
     begin, end = dataset.payload
     where = place(path, dataset.index)
     widths, per_value = _widths(header), header.numbers_per_value
-    blocks = [np.empty(0)]
+    blocks = []
     with path.open("rb") as file:
         file.seek(begin)
         while file.tell() < end:
             text = file.read(min(_CHUNK_BYTES, end - file.tell()))
             text += file.readline(min(_LONGEST_LINE, end - file.tell()))
             blocks.append(_convert(text, widths, where))
-    numbers = np.concatenate(blocks)
+    numbers = blocks[0] if len(blocks) == 1 else np.concatenate([np.empty(0), *blocks])
     wanted = header.n_values * per_value
     surplus = len(numbers) - wanted
     if 0 < surplus < len(widths) and not numbers[wanted:].any():
@@ -163,7 +163,10 @@ def convert_lines(text: bytes, length: int, widths: tuple[int, ...]) -> NDArray[
     tail = table[0, line_width:]
     if tail.tobytes().strip(b" \r\n") or not (table[:, line_width:] == tail).all():
         return None
-    if text.count(b".") != len(table) * len(widths):  # Arrow takes no two of them in one field
+    # One point in each field, most often in the same columns: Arrow takes no two in one field.
+    points = np.flatnonzero(table[0, :line_width] == ord("."))
+    alike = len(points) == len(widths) and (table[:, points] == ord(".")).all()
+    if not alike and text.count(b".") != len(table) * len(widths):
         return None
     numbers = _by_arrow(table, widths)
     if numbers is None and (b"+-" not in text):
