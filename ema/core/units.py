@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from math import pi
 
 from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOCITY, VOLTAGE
@@ -82,6 +83,7 @@ def _known_units() -> dict[str, Unit]:
     return table
 
 
+@lru_cache
 def _normalise(text: str) -> str:
     for spelling, plain in _SPELLINGS.items():
         text = text.replace(spelling, plain)

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -176,6 +177,7 @@ def step_and_inverse(printed: str, factor: float = 1.0) -> tuple[float, float]:
     return step, 1.0 / step
 
 
+@lru_cache  # channels of one file have the same step
 def rate_of_step(printed: str, source: str, factor: float = 1.0) -> Rate:
     """Sampling rate of a printed time step, `factor` seconds each.
 
