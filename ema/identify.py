@@ -23,10 +23,12 @@ from ema.checks.screening import screen
 from ema.checks.sensor_consistency import ConsistencyCheck, check_consistency, is_better, withheld
 from ema.checks.sensor_mass import SensorMass, is_drift_lost, with_mass_std, without_mass
 from ema.circumference.orders import on_circle, without_order
+from ema.core.bands import frequencies_of, widened_band
 from ema.core.display import band_text, counted
 from ema.core.edits import Edit, EditKind, shorthand
+from ema.core.errors import require_type
 from ema.core.finding import Finding, findings_html
-from ema.core.frf import FRF, widened_band
+from ema.core.frf import FRF
 from ema.core.modes import ModalModel, model_html
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
@@ -180,7 +182,13 @@ def identify_modes(
     3 121 Hz, 2.4 %
     4 145 Hz, 2.2 %
     """
-    edits = (*edits, *shorthand(pinned_hz, excluded_hz))
+    require_type("settings", settings, IdentificationSettings, "Leave it out")
+    require_type("checks", checks, CheckSettings, "Leave it out")
+    if sensor_mass is not None:
+        require_type("sensor_mass", sensor_mass, SensorMass, "Write SensorMass(…), see its help")
+    pins = None if pinned_hz is None else frequencies_of("pinned_hz", pinned_hz)
+    out = frequencies_of("excluded_hz", excluded_hz) if np.size(excluded_hz) else ()
+    edits = (*edits, *shorthand(pins, out))
     asked = Asked(band_hz, sensor_mass, max_order, method, settings, checks)
     return automatic_basis(frf, asked, edits).with_edits(edits)
 

@@ -68,7 +68,11 @@ class ReadonlyArrays:
 
 def finite_array(name: str, values: ArrayLike) -> Array:
     """Take `values` as floats; refuse NaN and infinity."""
-    array = np.asarray(values, dtype=float)
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        rule = "numbers are needed"
+        raise ParameterError(name, f"{values!r:.60}", rule, "Pass a list of numbers") from error
     if not np.all(np.isfinite(array)):
         bad = array[~np.isfinite(array)].flat[0]
         raise ParameterError(name, f"{bad}", "every value must be finite", "Correct the value")
@@ -100,7 +104,7 @@ def measured_orders(
 
 def _one_each(name: str, orders: NDArray[np.int_], values: ArrayLike) -> Array:
     array = np.atleast_1d(finite_array(name, values))
-    if orders.ndim != 1 or array.shape != orders.shape:
+    if orders.ndim != 1 or array.shape != orders.shape or not array.size:
         found = f"shape {array.shape} for orders of shape {orders.shape}"
         rule = "one value per order is needed"
         raise ParameterError(name, found, rule, "Give two lists of the same length")
@@ -110,10 +114,19 @@ def _one_each(name: str, orders: NDArray[np.int_], values: ArrayLike) -> Array:
 
 def require_number(name: str, value: float | None, *, zero_allowed: bool = False) -> None:
     """Refuse a value that is infinite, negative or, unless allowed, zero; None passes."""
-    if value is None or (math.isfinite(value) and (value > 0 or (zero_allowed and value == 0))):
+    number = isinstance(value, int | float | np.number) and math.isfinite(value)
+    if value is None or (number and (value > 0 or (zero_allowed and value == 0))):
         return
     rule = f"must be a finite number {'≥' if zero_allowed else '>'} 0"
-    raise ParameterError(name, f"{value:g}", rule, "Check its sign and its unit")
+    found = f"{value:g}" if isinstance(value, int | float) else f"{value!r:.60}"
+    raise ParameterError(name, found, rule, "Check its sign and its unit")
+
+
+def require_type(name: str, value: Any, kind: type) -> None:
+    """Refuse an argument of another type."""
+    if not isinstance(value, kind):
+        rule = f"must be of type {kind.__name__}"
+        raise ParameterError(name, f"{type(value).__name__} {value!r:.60}", rule, "Pass one")
 
 
 def require_one_of(name: str, value: str, known: Collection[str]) -> None:

@@ -1,4 +1,4 @@
-"""Small HTML tables for notebooks: texts escaped, no colours set.
+"""Small HTML tables for notebooks: texts escaped, no colours set; plots by the package of plots.
 
 `ema` has the same functions, because the two packages do not import each other.
 """
@@ -8,9 +8,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from html import escape
+from importlib import import_module
 from math import isfinite
+from typing import Any
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+BACKEND = "pipelines.plots.quick"  # loaded when something is drawn: physics knows no plots
+
+
+def plot(shown: Any, ax: Any) -> Any:
+    """Draw on axes of matplotlib; on new ones of pyplot without any."""
+    return import_module(BACKEND).plot(shown, ax)
 
 
 def table(

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arguments import Array, InstabilityError, ParameterError, whole_orders
+from model.arguments import Array, InstabilityError, ParameterError, require_type, whole_orders
 from model.coefficients import Harmonics, PressureLoad, harmonics, inextensional_roots
 from model.parameters import RingParameters
 
@@ -110,6 +110,7 @@ def belt_width_m(ring: RingParameters) -> float:
 
 
 def _at_rest(ring: RingParameters, orders: ArrayLike, pressure_load: PressureLoad) -> Harmonics:
+    require_type("ring", ring, RingParameters)
     whole = whole_orders(orders)
     return _remembered(ring, whole.tobytes(), whole.shape, pressure_load)
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from model.adequacy import RingVerdict, judge_tuning
-from model.arguments import Array, ReadonlyArrays, measured_orders
+from model.arguments import Array, ReadonlyArrays, measured_orders, require_type
 from model.coefficients import PressureLoad
-from model.display import table, value_with_std
+from model.display import plot, table, value_with_std
 from model.identifiability import (
     AT_BOUND,
     GIVEN,
@@ -122,6 +122,10 @@ class TuningResult(ReadonlyArrays):
         how = [self.how.get(key, GIVEN) for key in keys]
         columns = {"parameter": keys, "value": values, "std": std, "unit": units, "how": how}
         return pd.DataFrame(columns)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw measured frequencies and those of the ring over the order; return the axes."""
+        return plot(self, ax)
 
     def __repr__(self) -> str:
         identified = [RING_NAMES[name][1] for name, how in self.how.items() if how == IDENTIFIED]
@@ -245,6 +249,9 @@ def tune_ring(
         "frequencies_hz", orders, frequencies_hz, "frequency_std_hz", frequency_std_hz
     )
     known = priors or TuningPriors()
+    require_type("priors", known, TuningPriors)
+    for name, mapping in (("given", given), ("start", start), ("bounds", bounds)):
+        require_type(name, mapping or {}, Mapping)
     if radial_growth_m is not None and radial_growth_std_m:
         prior = {RADIAL_GROWTH: (radial_growth_m, radial_growth_std_m)}
         known, radial_growth_m = replace(known, parameters={**known.parameters, **prior}), None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,7 +13,14 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, cholesky, solve_triangular
 from scipy.optimize import least_squares, nnls
 
-from model.arguments import Array, ParameterError, ReadonlyArrays, require_number, require_one_of
+from model.arguments import (
+    Array,
+    ParameterError,
+    ReadonlyArrays,
+    finite_array,
+    require_number,
+    require_one_of,
+)
 from model.coefficients import PressureLoad, harmonics, require_pressure_load
 from model.parameters import LARGEST_THICKNESS_RATIO, ManyRings, RingParameters
 from model.ring import modal_mass_kg, natural_frequencies_hz
@@ -82,8 +90,16 @@ class TuningProblem(ReadonlyArrays):
         ):
             for parameter in names:
                 require_one_of(name, parameter, known)
-        for name in ("mean_radius_m", "inflation_pressure_pa", "radial_growth_m"):
-            require_number(name, getattr(self, name))
+        for name, ends in self.bounds.items():
+            if np.shape(finite_array(f"bounds of {name}", ends)) != (2,):
+                rule = "bounds are two numbers"
+                raise ParameterError(f"bounds of {name}", f"{ends!r}", rule, "Write (2.0, 20.0)")
+        for name in ("mean_radius_m", "inflation_pressure_pa"):
+            require_number(name, math.nan if getattr(self, name) is None else getattr(self, name))
+        for name, value in (("radial_growth_m", self.radial_growth_m), *self.given.items()):
+            require_number(name, value, zero_allowed=name in self.given)
+        for name, value in self.start.items():
+            require_number(f"start of {name}", value)
         require_pressure_load(self.pressure_load)
         require_one_of("objective", self.objective, OBJECTIVES)
         if self.objective == "paper" and 0 in self.orders:

@@ -29,13 +29,13 @@ from model import TuningResult as TuningResult
 from model import identify_damping as identify_damping
 from model import inertance as inertance
 from model import natural_frequencies_hz as natural_frequencies_hz
-from model import tune_ring as tune_ring
 from pipelines.compare.compare import Comparison as Comparison
 from pipelines.compare.compare import compare as compare
 from pipelines.compare.compare import compare_folders as compare_folders
 from pipelines.process import process as process
 from pipelines.process import refit as refit
 from pipelines.process import retune as retune
+from pipelines.process import tune_ring as tune_ring
 from pipelines.report.save import save as save
 from pipelines.report.write import write_report as write_report
 from pipelines.results.options import Options as Options

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d
 
 from ema.core.arrays import ReadonlyArrays
 from ema.core.finding import Check, Finding, Verdict
@@ -17,8 +16,6 @@ from ema.core.settings import CHECKS, CheckSettings
 if TYPE_CHECKING:
     from ema.core.drift import Drift
     from ema.core.frf import FRF
-
-_COHERENCE_LINES = 31  # dips at antiresonances do not end a band
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,20 +95,6 @@ def period_finding(frf: FRF) -> list[Finding]:
         "length and window"
     )
     return [Finding("", "force", None, Check.PERIOD, Verdict.WARNING, detail)]
-
-
-def coherent_band(frf: FRF, settings: CheckSettings = CHECKS) -> tuple[float, float]:
-    """Widest band in which the median coherence stays good; all lines where it is unknown."""
-    median = np.nan_to_num(np.median(frf.coherence, axis=0), nan=1.0)
-    mean = np.full(_COHERENCE_LINES, 1 / _COHERENCE_LINES)
-    smooth = correlate1d(median, mean, mode="nearest")
-    good = np.append((smooth >= settings.good_coherence) & (frf.frequency_hz > 0), False)
-    starts = np.flatnonzero(good & ~np.append(False, good[:-1]))
-    if starts.size == 0:
-        return float(frf.frequency_hz[0]), float(frf.frequency_hz[-1])
-    stops = np.array([start + np.argmin(good[start:]) for start in starts])
-    widest = np.argmax(stops - starts)
-    return float(frf.frequency_hz[starts[widest]]), float(frf.frequency_hz[stops[widest] - 1])
 
 
 # Changes between runs, in percent of frequencies and damping ratios, of which nothing depends: each

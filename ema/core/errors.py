@@ -46,6 +46,15 @@ class InputError(ValueError):
         return type(self), (self.where, self.found, self.rule, self.remedy)
 
 
+def require_type(name: str, value: Any, kind: type | tuple[type, ...], remedy: str) -> Any:
+    """The value of an argument, if it is of a type; a truth value is no number."""
+    if not isinstance(value, kind) or isinstance(value, bool):
+        kinds = kind if isinstance(kind, tuple) else (kind,)
+        rule = f"it must be of type {' or '.join(each.__name__ for each in kinds[:2])}"
+        raise InputError(name, f"{type(value).__name__} {value!r:.60}", rule, remedy)
+    return value
+
+
 class RecordingFormatError(InputError):
     """A recording is missing, damaged, truncated or of an unknown format."""
 

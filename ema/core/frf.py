@@ -4,20 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import correlate1d
 
 from ema.core.arrays import ReadonlyArrays, frame_of, readonly
 from ema.core.block_plan import BlockPlan, ExponentialWindow
-from ema.core.display import counted, facts
-from ema.core.errors import FitError, InputError
+from ema.core.display import band_text, counted, facts, level_path, picture
+from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
+from ema.core.frf_arrays import (
+    band_of,
+    beside,
+    inertances_of,
+    lines_of,
+    one_angle,
+    places_of,
+    require_shapes,
+)
+from ema.core.plotting import plot
 from ema.core.recording import Channel
+from ema.core.settings import CHECKS
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
+
+_COHERENCE_LINES = 31  # dips at antiresonances do not end a band
+_TYRE_HZ = (20.0, 300.0)  # where a tyre has the modes of its ring
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +146,12 @@ class FRF(ReadonlyArrays):
     estimator: str = "H1"
 
     def __post_init__(self) -> None:
-        super().__post_init__()
+        try:
+            super().__post_init__()
+        except (TypeError, ValueError) as error:
+            rule, remedy = "an FRF is made of arrays of numbers", "Use FRF.from_arrays"
+            raise InputError("FRF", str(error), rule, remedy) from error
+        require_shapes(self)
         if not self.channel:
             object.__setattr__(self, "channel", ("",) * self.n_positions)
         for name in ("clipped", "force_clipped", "missing", "disagreement"):
@@ -139,6 +161,68 @@ class FRF(ReadonlyArrays):
             object.__setattr__(
                 self, "axis", readonly(np.zeros(self.n_positions), np.dtype(np.int_))
             )
+
+    @classmethod
+    def from_arrays(
+        cls,
+        frequency_hz: ArrayLike,
+        values: ArrayLike,
+        *,
+        angles_deg: ArrayLike | None = None,
+        nodes: ArrayLike | None = None,
+        coherence: ArrayLike | None = None,
+        std: ArrayLike | None = None,
+        unit: str = "(m/s^2)/N",
+        excitation_deg: float = float("nan"),
+    ) -> FRF:
+        """FRFs from arrays of your own, checked and converted to inertance.
+
+        Parameters
+        ----------
+        frequency_hz : array_like, shape (n_frequencies,)
+            Rising, in even steps.
+        values : array_like of complex, shape (n_positions, n_frequencies)
+            FRFs of e^{+jωt}, one row for each position.
+        angles_deg : array_like, shape (n_positions,), optional
+            Angles around the tyre, counter-clockwise; without them there are no orders.
+        nodes : array_like of int, shape (n_positions,), optional
+            Node numbers; default: 1, 2, 3, … where there are no angles.
+        coherence, std : array_like, shape (n_positions, n_frequencies), optional
+            Coherence from 0 to 1; standard deviation of the real and of the imaginary part, in
+            `unit`.
+        unit : str
+            Motion over force: ``"(m/s^2)/N"``, ``"g/N"``, ``"(mm/s)/N"``, ``"mm/kN"`` …
+        excitation_deg : float
+            Angle of the force, if known: for the check of its place.
+
+        Raises
+        ------
+        InputError
+            If shapes do not fit, numbers are not finite, frequencies are uneven, values are real,
+            angles are in radians or repeated, or the unit is not motion over force.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import ringmodal as rm
+        >>> frequency_hz = np.arange(0.0, 101.0)
+        >>> receptance = 1 / (1e5 - (2 * np.pi * frequency_hz) ** 2 + 40j * frequency_hz)
+        >>> rm.FRF.from_arrays(frequency_hz, [receptance], unit="m/N")
+        <FRF: 1 position, 0 to 100 Hz in steps of 1 Hz, 1 run>
+        """
+        lines = lines_of(frequency_hz)
+        inertance, factor = inertances_of(values, lines, unit)
+        angles, numbers = places_of(angles_deg, nodes, len(inertance))
+        return cls(
+            frequency_hz=lines,
+            values=inertance,
+            coherence=beside("coherence", coherence, inertance.shape, highest=1.0),
+            std=beside("std", std, inertance.shape) * np.abs(factor),
+            node=numbers,
+            position_deg=angles,
+            run=("arrays",) * len(inertance),
+            excitation_deg=one_angle(excitation_deg),
+        )
 
     @property
     def n_positions(self) -> int:
@@ -175,6 +259,85 @@ class FRF(ReadonlyArrays):
             tuple(np.asarray(names, dtype=object)[chosen]) for names in (self.run, self.channel)
         )
         return replace(self, run=run, channel=channel, **arrays)
+
+    def coherent_band_hz(self, good: float = CHECKS.good_coherence) -> tuple[float, float]:
+        """Widest band in which the median coherence stays good; all lines where it is unknown."""
+        median = np.nan_to_num(np.median(self.coherence, axis=0), nan=1.0)
+        mean = np.full(_COHERENCE_LINES, 1 / _COHERENCE_LINES)
+        smooth = correlate1d(median, mean, mode="nearest")
+        enough = np.append((smooth >= good) & (self.frequency_hz > 0), False)
+        starts = np.flatnonzero(enough & ~np.append(False, enough[:-1]))
+        if starts.size == 0:
+            return float(self.frequency_hz[0]), float(self.frequency_hz[-1])
+        stops = np.array([start + np.argmin(enough[start:]) for start in starts])
+        widest = np.argmax(stops - starts)
+        first, last = self.frequency_hz[[starts[widest], stops[widest] - 1]].tolist()
+        return first, last
+
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        angles_deg: ArrayLike | None = None,
+        band_hz: tuple[float, float] | None = None,
+    ) -> Any:
+        """Draw magnitudes over frequency on axes of matplotlib, and return these.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Default: those of a new figure of pyplot.
+        angles_deg : array_like, optional
+            Only the positions nearest to these angles, with a legend; otherwise all positions
+            (thin) and their RMS (thick).
+        band_hz : tuple of float, optional
+            Default: where coherence is good; on a circle at most 20 to 300 Hz.
+        """
+        band = self.shown_band_hz() if band_hz is None else band_of(band_hz)
+        return plot(self, ax, angles_deg=angles_deg, band_hz=band)
+
+    def shown_band_hz(self) -> tuple[float, float]:
+        """The band of views: where coherence is good, on a circle at most 20 to 300 Hz."""
+        low, high = self.coherent_band_hz()
+        if not np.all(np.isfinite(self.position_deg)):
+            return low, high
+        near, far = max(low, _TYRE_HZ[0]), min(high, _TYRE_HZ[1])
+        return (near, far) if near < far else (low, high)
+
+    def to_xarray(self) -> xr.Dataset:
+        """FRFs as an xarray dataset; needs the package xarray.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``inertance``, ``std`` and ``coherence`` over (``position``, ``frequency_hz``), with
+            ``position_deg``, ``node``, ``run`` and ``channel`` along the positions.
+
+        Raises
+        ------
+        InputError
+            If xarray is not installed.
+        """
+        try:
+            xarray = import_module("xarray")
+        except ImportError as error:
+            rule, remedy = "the package xarray is required", "Run: pip install xarray"
+            raise InputError("xarray", "not installed", rule, remedy) from error
+        grid = ("position", "frequency_hz")
+        inertance = {"units": "(m/s^2)/N", "long_name": "inertance"}
+        values = {
+            "inertance": (grid, np.array(self.values), inertance),
+            "std": (grid, np.array(self.std), {"units": "(m/s^2)/N"}),
+            "coherence": (grid, np.array(self.coherence), {"units": "1"}),
+        }
+        along = {
+            "frequency_hz": ("frequency_hz", np.array(self.frequency_hz), {"units": "Hz"}),
+            "position_deg": ("position", np.array(self.position_deg), {"units": "degree"}),
+            "node": ("position", np.array(self.node)),
+            "run": ("position", list(self.run)),
+            "channel": ("position", list(self.channel)),
+        }
+        return cast("xr.Dataset", xarray.Dataset(values, coords=along))
 
     def to_frame(self, form: Literal["long", "wide"] = "long") -> pd.DataFrame:
         """Table of the FRFs.
@@ -241,18 +404,28 @@ class FRF(ReadonlyArrays):
         on_circle = self.n_positions and np.isfinite(angles).all()
         places = f"{angles.min():g}° to {angles.max():g}°" if on_circle else "by node"
         averages = f"{self.n_effective:.1f}" if np.isfinite(self.n_effective) else "unknown"
-        known = self.coherence[np.isfinite(self.coherence)]
-        return facts(
+        band = self.shown_band_hz()
+        lines = (self.frequency_hz >= band[0]) & (self.frequency_hz <= band[1])
+        within = self.coherence[:, lines]
+        known = within[np.isfinite(within)]
+        level = np.sqrt(np.mean(np.abs(self.values[:, lines]) ** 2, axis=0))
+        curve = level_path(self.frequency_hz[lines], level, 480, 130)
+        told = facts(
             "FRFs: inertance in (m/s²)/N",
             [
                 ("positions", f"{self.n_positions}, {places}"),
                 ("frequencies", self._lines()),
                 ("runs", ", ".join(self.run_names)),
                 ("independent averages", averages),
-                ("coherence γ², median", f"{np.median(known):.4f}" if known.size else "unknown"),
+                (
+                    f"coherence γ², median {band_text(band)}",
+                    f"{np.median(known):.4f}" if known.size else "unknown",
+                ),
                 ("reference sensor", "no" if self.reference is None else "yes, kept apart"),
             ],
         )
+        label = f"RMS inertance of all positions, {band_text(band)}, logarithmic"
+        return told + picture(label, 480, 130, [(curve, 1.5)])
 
     def _lines(self) -> str:
         lines = self.frequency_hz
@@ -266,35 +439,3 @@ def position_finding(frf: FRF, row: int, check: Check, verdict: Verdict, detail:
     angle_deg = float(frf.position_deg[row])
     place = angle_deg if np.isfinite(angle_deg) else None
     return Finding(frf.run[row], frf.channel[row], place, check, verdict, detail)
-
-
-# Beyond the band, lines are used up to this share of its width, for modes just outside it …
-_MARGIN = 0.25
-# … as long as they are not noisier than the noisiest part of the band by more than this factor.
-_MARGIN_NOISE = 2.0
-_FEWEST_LINES = 32
-
-
-def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:
-    """Lines of the band and, where their noise allows, of a margin on both sides.
-
-    `FitError` where the band holds too few lines to identify anything.
-    """
-    frequency_hz = frf.frequency_hz
-    low = int(np.searchsorted(frequency_hz, band_hz[0], side="left"))
-    high = int(np.searchsorted(frequency_hz, band_hz[1], side="right"))
-    if high - low < _FEWEST_LINES:
-        raise FitError(
-            f"only {max(high - low, 0)} frequency lines between {band_hz[0]:g} and "
-            f"{band_hz[1]:g} Hz; at least {_FEWEST_LINES} are needed, and the FRFs end at "
-            f"{frequency_hz[-1]:g} Hz. Widen the band, use longer blocks or correct the sampling "
-            "rate."
-        )
-    margin = int(_MARGIN * (high - low))
-    first, last = max(low - margin, 0), min(high + margin, frequency_hz.size)
-    noise = np.median(frf.std[:, first:last], axis=0)
-    # FRFs without σ get no verdict on their noise: the margin stays whole.
-    allowed = _MARGIN_NOISE * np.max(noise[low - first : high - first])
-    barred = first + np.flatnonzero((noise > allowed) | (frequency_hz[first:last] <= 0))
-    below, above = barred[barred < low], barred[barred >= high]
-    return slice(int(below.max(initial=first - 1)) + 1, int(above.min(initial=last)))

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from ema.core.errors import InputError
 
 
 def mac(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
@@ -31,12 +35,11 @@ def mac(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
     >>> rm.mac([cosine], [cosine, sine]).round(3)
     array([[1., 0.]])
     """
-    a, b = np.atleast_2d(np.asarray(first)), np.atleast_2d(np.asarray(second))
+    a, b = _rows("MAC", first), _rows("MAC", second)
     if a.shape[1] != b.shape[1]:
-        raise ValueError(
-            f"shapes of {a.shape[1]} and {b.shape[1]} positions cannot be compared; "
-            "both sets must hold the same positions in the same order"
-        )
+        found = f"shapes of {a.shape[1]} and {b.shape[1]} positions"
+        rule = "both sets must have the same positions in the same order"
+        raise InputError("MAC", found, rule, "One row is one shape: transpose or cut them")
     product = np.abs(a.conj() @ b.T) ** 2
     power = np.outer(_power(a), _power(b))
     return np.asarray(np.divide(product, power, out=np.zeros(product.shape), where=power > 0))
@@ -75,7 +78,10 @@ def frac(measured: ArrayLike, fitted: ArrayLike) -> NDArray[np.float64]:
     >>> rm.frac(measured, [[2.0, 4.0 + 2.0j, 6.0], [0.0, 1.0, 0.0]]).round(3)
     array([1., 0.])
     """
-    a, b = np.atleast_2d(np.asarray(measured)), np.atleast_2d(np.asarray(fitted))
+    a, b = _rows("FRAC", measured), _rows("FRAC", fitted)
+    if a.shape != b.shape:
+        rule = "both sets must have the same positions and lines"
+        raise InputError("FRAC", f"FRFs of {a.shape} and {b.shape}", rule, "Cut them alike")
     product = np.abs(np.sum(a.conj() * b, axis=1)) ** 2
     power = _power(a) * _power(b)
     return np.asarray(np.divide(product, power, out=np.zeros(product.shape), where=power > 0))
@@ -93,7 +99,7 @@ def mpc(shape: ArrayLike) -> float:
     >>> round(rm.mpc([1.0, -2.0, 1.0]), 3), round(rm.mpc([1.0, 1.0j, -1.0, -1.0j]), 3)
     (1.0, 0.0)
     """
-    phi = np.asarray(shape)
+    phi = _one("MPC", shape)
     xx, yy, xy = phi.real @ phi.real, phi.imag @ phi.imag, phi.real @ phi.imag
     if xx + yy == 0:
         return 0.0
@@ -115,7 +121,7 @@ def mpd_deg(shape: ArrayLike) -> float:
     >>> round(rm.mpd_deg(np.exp(1j * np.radians([10.0, -10.0]))), 3)
     10.0
     """
-    phi = np.asarray(shape)
+    phi = _one("MPD", shape)
     weight = np.abs(phi)
     if not np.any(weight):
         return 90.0
@@ -123,6 +129,30 @@ def mpd_deg(shape: ArrayLike) -> float:
     across = np.abs(phi.real * axes[0, 1] - phi.imag * axes[0, 0])
     ratio = np.divide(across, weight, out=np.zeros_like(weight), where=weight > 0)
     return float(np.rad2deg(np.sum(weight * np.arcsin(np.clip(ratio, 0, 1))) / np.sum(weight)))
+
+
+def _rows(where: str, values: ArrayLike) -> NDArray[Any]:
+    """Values row by row; NaN, texts and more than two axes are refused."""
+    try:
+        rows = np.atleast_2d(np.asarray(values))
+        finite = rows.size > 0 and rows.dtype != object and bool(np.all(np.isfinite(rows)))
+    except (TypeError, ValueError):
+        rows, finite = np.zeros((1, 1)), False
+    if rows.ndim != 2 or not finite:
+        found = (
+            f"{type(values).__name__} of shape {np.shape(rows)}" if finite else "no numbers, or NaN"
+        )
+        rule = "finite numbers are needed, one row for each shape or FRF"
+        raise InputError(where, found, rule, "Pass arrays such as mode.shape")
+    return rows
+
+
+def _one(where: str, shape: ArrayLike) -> NDArray[Any]:
+    rows = _rows(where, shape)
+    if len(rows) != 1:
+        rule = "it is of one shape"
+        raise InputError(where, f"{len(rows)} shapes", rule, "Call it for each of them")
+    return np.asarray(rows[0])
 
 
 def _power(rows: NDArray[np.generic]) -> NDArray[np.float64]:

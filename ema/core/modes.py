@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from ema.core.arrays import ReadonlyArrays, frame_of
 from ema.core.block_plan import ExponentialWindow
 from ema.core.campaign import Direction
-from ema.core.display import band_text, counted, number, table, value_with_std
+from ema.core.display import band_text, counted, number, shapes_picture, table, value_with_std
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.mac import mpc, mpd_deg
+from ema.core.plotting import plot
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -335,6 +336,18 @@ class ModalModel(ReadonlyArrays):
         }
         return frame_of({"mode": np.arange(1, len(self.modes) + 1), **columns}, whole=("order",))
 
+    def plot(self, ax: Any = None, *, mode: int | None = None) -> Any:
+        """Draw the shapes of all modes, or of one, on axes of matplotlib, and return these.
+
+        Parameters
+        ----------
+        ax : Axes or array of Axes, optional
+            Default: those of a new figure of pyplot. All modes need one each.
+        mode : int, optional
+            Number of the mode in the table, from 1.
+        """
+        return plot(self, ax, mode=mode)
+
     def __repr__(self) -> str:
         return f"<ModalModel: {counted(len(self.modes), 'mode')}, {band_text(self.band_hz)}>"
 
@@ -363,8 +376,12 @@ def synthesise(
 
 
 def model_html(model: ModalModel) -> str:
-    """The table of modes."""
-    return modes_html(model.modes, f"Modes, {band_text(model.band_hz)}")
+    """The table of modes, and their shapes where these are on a circle."""
+    shown = modes_html(model.modes, f"Modes, {band_text(model.band_hz)}")
+    if not model.modes or not np.all(np.isfinite(model.position_deg)):
+        return shown
+    shapes = [mode.shape.real for mode in model.modes]
+    return shown + shapes_picture(model.position_deg, shapes)
 
 
 def modes_html(modes: Sequence[Mode], caption: str) -> str:

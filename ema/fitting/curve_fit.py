@@ -6,15 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from ema.core.drift import Drift
 from ema.core.errors import FitError
-from ema.core.frf import FRF
-from ema.core.modes import ModalModel, Mode
-from ema.core.numerics import one_blas_thread
-from ema.core.settings import IDENTIFICATION, IdentificationSettings
+from ema.core.modes import Mode
 from ema.fitting.covariance import (
     frequency_damping_covariance,
     parameter_covariance,
@@ -32,60 +28,11 @@ from ema.fitting.fit_steps import (
     std_of_unseen_pairs,
     with_states,
 )
-from ema.fitting.listing import Row, Settled, listed
+from ema.fitting.listing import Row, Settled
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import PoleFit, evaluate
-from ema.fitting.search import CurveFit, curve_fit
+from ema.fitting.search import CurveFit
 from ema.fitting.variable_projection import Real
-from ema.poles.selection import PoleSelection
-
-
-@one_blas_thread
-def fit_modes(
-    frf: FRF,
-    poles: PoleSelection | ArrayLike,
-    band_hz: tuple[float, float] | None = None,
-    settings: IdentificationSettings = IDENTIFICATION,
-) -> ModalModel:
-    """Fit poles, residues and residual terms to all FRFs at once.
-
-    Weighted least squares with 1/σ, the noise level of the FRFs over frequency and position;
-    poles move within bounds around their start values. Where the FRFs come from blocks of a
-    random excitation, the bias of the window is compensated. Where the natural frequencies differ
-    from run to run by more than chance, each run gets its own state: shapes stay common, all
-    frequencies of a run move together, and the result is that of the first run.
-
-    Parameters
-    ----------
-    frf : FRF
-    poles : PoleSelection or array_like of complex
-        From `select_poles`, or poles in rad/s.
-    band_hz : tuple of float, optional
-        Band of the result; the selection's own by default.
-    settings : IdentificationSettings
-
-    Returns
-    -------
-    ModalModel
-
-    Raises
-    ------
-    FitError
-        If no pole lies in the band or the fit diverges.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import ringmodal as rm
-    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
-    >>> frf = frf.rows(np.arange(0, 72, 6))  # every 30°, to be quick
-    >>> model = rm.fit_modes(frf, rm.select_poles(rm.build_stability(frf)))
-    >>> second = model.modes[1]
-    >>> f"{second.frequency_hz:.1f} Hz", second.frequency_std_hz < 0.01
-    ('100.3 Hz', True)
-    """
-    selection = poles if isinstance(poles, PoleSelection) else PoleSelection.around(poles)
-    return listed(settled(curve_fit(frf, selection, band_hz or selection.band_hz, settings)))
 
 
 def settled(curve: CurveFit) -> Settled:

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.bands import widened_band
 from ema.core.errors import FitError
-from ema.core.frf import FRF, widened_band
+from ema.core.frf import FRF
 from ema.core.settings import IdentificationSettings
 from ema.fitting.variable_projection import Complex, Projection, Real, descend, project, stacked
 from ema.signals.bias_and_noise import noise_level

@@ -13,8 +13,9 @@ from scipy.special import chdtrc
 
 from ema.circumference.orders import label_modes, of_order, on_circle
 from ema.circumference.ring_modes import family
+from ema.core.bands import widened_band
 from ema.core.drift import NO_DRIFT, Drift, of_runs
-from ema.core.frf import FRF, widened_band
+from ema.core.frf import FRF
 from ema.core.modes import Mode
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import IdentificationSettings

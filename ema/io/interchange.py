@@ -1,19 +1,17 @@
-"""Time series as SEP-005 objects, FRFs as tables of pandas or xarray, poles for sdypy-EMA."""
+"""Time series as SEP-005 objects, poles for sdypy-EMA."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.arrays import ReadonlyArrays
 from ema.core.errors import InputError
-from ema.core.frf import FRF
 from ema.core.modes import ModalModel
 from ema.core.recording import (
     ACCELERATION,
@@ -26,9 +24,6 @@ from ema.core.recording import (
 )
 from ema.core.units import SI_UNIT, parse_unit
 from ema.io.rates import even_step, uneven
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _QUANTITY = {"f": FORCE, "a": ACCELERATION, "v": VELOCITY, "d": DISPLACEMENT}
 _LETTER = {quantity: letter for letter, quantity in _QUANTITY.items()}
@@ -85,42 +80,6 @@ def from_sep005(series: Sequence[Mapping[str, Any]]) -> Recording:
         rule = "all channels of a recording must have the same rate and length"
         raise InputError("SEP-005", found, rule, "Resample or cut them, or pass them separately")
     return Recording(Path(str(series[0].get("group") or "sep005")), rates[0], channels)
-
-
-def frf_to_xarray(frf: FRF) -> xr.Dataset:
-    """FRFs as an xarray dataset; needs the package xarray.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``inertance``, ``std`` and ``coherence`` over (``position``, ``frequency_hz``), with
-        ``position_deg``, ``node``, ``run`` and ``channel`` along the positions.
-
-    Raises
-    ------
-    InputError
-        If xarray is not installed.
-    """
-    try:
-        xarray = importlib.import_module("xarray")
-    except ImportError as error:
-        rule, remedy = "the package xarray is required", "Run pip install 'ringmodal[xarray]'"
-        raise InputError("xarray", "not installed", rule, remedy) from error
-    grid = ("position", "frequency_hz")
-    inertance = {"units": "(m/s^2)/N", "long_name": "inertance"}
-    values = {
-        "inertance": (grid, np.array(frf.values), inertance),
-        "std": (grid, np.array(frf.std), {"units": "(m/s^2)/N"}),
-        "coherence": (grid, np.array(frf.coherence), {"units": "1"}),
-    }
-    along = {
-        "frequency_hz": ("frequency_hz", np.array(frf.frequency_hz), {"units": "Hz"}),
-        "position_deg": ("position", np.array(frf.position_deg), {"units": "degree"}),
-        "node": ("position", np.array(frf.node)),
-        "run": ("position", list(frf.run)),
-        "channel": ("position", list(frf.channel)),
-    }
-    return cast("xr.Dataset", xarray.Dataset(values, coords=along))
 
 
 @dataclass(frozen=True, eq=False)

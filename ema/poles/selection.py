@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ema.core.arrays import ReadonlyArrays, readonly
-from ema.core.errors import FitError
+from ema.core.errors import FitError, InputError, require_type
 from ema.core.frf import FRF
 from ema.core.modes import Mode
 from ema.core.numerics import kept_with
@@ -33,7 +33,14 @@ class PoleSelection(ReadonlyArrays):
     @classmethod
     def around(cls, poles: ArrayLike) -> PoleSelection:
         """Select given poles and a band that reaches 20 % beyond them."""
-        given = np.atleast_1d(np.asarray(poles, dtype=complex))
+        try:
+            given = np.atleast_1d(np.asarray(poles, dtype=complex)).ravel()
+        except (TypeError, ValueError):
+            given = np.zeros(0, dtype=complex)
+        if not given.size or not np.all(np.isfinite(given) & (given.imag > 0) & (given.real <= 0)):
+            rule = "poles are complex, in rad/s: −ζω + jω√(1−ζ²), with ω > 0"
+            remedy = "For frequencies write hz=[78.7, 100.3]"
+            raise InputError("poles", f"{poles!r:.60}", rule, remedy)
         frequency_hz = np.abs(given) / (2 * np.pi)
         return cls(given, (0.8 * float(frequency_hz.min()), 1.2 * float(frequency_hz.max())))
 
@@ -65,6 +72,7 @@ def select_poles(diagram: StabilityDiagram) -> PoleSelection:
     >>> [f"{hz:.0f} Hz" for hz in np.abs(chosen.poles[:2]) / (2 * np.pi)]
     ['79 Hz', '100 Hz']
     """
+    require_type("diagram", diagram, StabilityDiagram, "Use build_stability")
     poles = np.array([cluster.pole for cluster in diagram.clusters if cluster.kept])
     if not poles.size:
         raise FitError(

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.circumference.orders import on_circle
 from ema.core.arrays import ReadonlyArrays, frame_of, readonly
-from ema.core.display import band_text, counted, table
-from ema.core.errors import InputError
-from ema.core.frf import FRF, widened_band
+from ema.core.bands import widened_band
+from ema.core.display import band_text, counted, level_path, path_of, picture, scaled, table
+from ema.core.errors import InputError, require_type
+from ema.core.frf import FRF
 from ema.core.numerics import kept_with, one_blas_thread
+from ema.core.plotting import plot
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.core.stopping import end_if_stopped
 from ema.poles.estimators import (
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
 
 #: Pole estimators.
 METHODS = ("lsce", "plscf")
+_MOST_ORDERS = 1000  # far above any use; time and memory grow with its square
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +102,10 @@ class StabilityDiagram(ReadonlyArrays):
         columns = {name: getattr(self, name) for name in names}
         return frame_of({"order": self.model_order, **columns})
 
+    def plot(self, ax: Any = None) -> Any:
+        """Draw poles over frequency and model order on axes of matplotlib, and return these."""
+        return plot(self, ax)
+
     def __repr__(self) -> str:
         kept = sum(_verdict(cluster, self.band_hz) == "yes" for cluster in self.clusters)
         highest = int(self.model_order.max(initial=0))
@@ -119,7 +126,20 @@ class StabilityDiagram(ReadonlyArrays):
             for cluster in sorted(self.clusters, key=lambda cluster: cluster.frequency_hz)
         ]
         head = ("a mode", "frequency / Hz", "damping / %", "model orders", "why")
-        return table(f"Clusters of poles, {band_text(self.band_hz)}", head, rows, words=(0, 4))
+        title = f"Clusters of poles, {band_text(self.band_hz)}"
+        return table(title, head, rows, words=(0, 4)) + self._picture()
+
+    def _picture(self) -> str:
+        """Poles in clusters over frequency and model order."""
+        highest = int(self.model_order.max(initial=1))
+        low, high = self.band_hz
+        shown = (self.cluster >= 0) & (self.frequency_hz >= low) & (self.frequency_hz <= high)
+        x = scaled(self.frequency_hz[shown], self.band_hz, 3, 477)
+        y = scaled(self.model_order[shown], (0, highest), 137, 3)
+        inside = (self.indicator_hz >= low) & (self.indicator_hz <= high)
+        curve = level_path(self.indicator_hz[inside], self.indicator[inside], 480, 140)
+        label = f"Poles in clusters up to model order {highest}, over the RMS inertance"
+        return picture(label, 480, 140, [(curve, 0.6), (path_of(x, y, dots=True), 3.0)])
 
 
 @one_blas_thread
@@ -162,9 +182,13 @@ def build_stability(
     >>> rm.build_stability(frf, band_hz=(20.0, 260.0))
     <StabilityDiagram: 20 to 260 Hz, ... poles up to model order 60, 8 modes seen>
     """
-    if method not in METHODS:
+    require_type("settings", settings, IdentificationSettings, "Leave it out")
+    if str(method) not in METHODS:
         rule = f"it must be one of {', '.join(METHODS)}"
         raise InputError("poles", f"method {method!r}", rule, "Choose one")
+    if not 2 <= require_type("max_order", max_order, (int, np.integer), "Write 60") <= _MOST_ORDERS:
+        rule = f"it must be from 2 to {_MOST_ORDERS}"
+        raise InputError("poles", f"max_order {max_order}", rule, "The usual one is 60")
     end_if_stopped()
     lines = widened_band(frf, band_hz)
     frequency_hz, values = frf.frequency_hz[lines], _prepared(frf, lines.start, lines.stop)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Campaign, Processing, Run
-from ema.core.errors import InputError
+from ema.core.errors import InputError, require_type
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, ForceRecord
 from ema.core.numerics import available_threads
@@ -38,6 +39,10 @@ def estimate_frf(
     *,
     estimator: str = "H1",
     progress: Callable[[int, int], None] | None = None,
+    averages: int | None = None,
+    block_seconds: float | None = None,
+    window: str | None = None,
+    overlap: float | None = None,
 ) -> FRF:
     """FRFs of all positions of a campaign, in the order of their angle (or node).
 
@@ -55,6 +60,8 @@ def estimate_frf(
         (Bendat & Piersol 2010, ch. 6; Rocklin, Crowley & Vold 1985).
     progress : callable, optional
         Called with (runs done, runs in all) as each run ends.
+    averages, block_seconds, window, overlap : optional
+        Single choices of `processing`, such as ``averages=10``.
 
     Returns
     -------
@@ -75,10 +82,16 @@ def estimate_frf(
     >>> frf.values.shape == (frf.n_positions, frf.frequency_hz.size)
     True
     """
-    if estimator not in ESTIMATORS:
+    require_type("campaign", campaign, Campaign, "Use read_campaign, or FRF.from_arrays for FRFs")
+    if str(estimator) not in ESTIMATORS:
         rule = f"it must be one of {', '.join(ESTIMATORS)}"
         raise InputError("FRF", f"estimator {estimator!r}", rule, "Choose one")
     processing = processing or campaign.processing
+    require_type("processing", processing, Processing, "Write e.g. averages=10")
+    choices: dict[str, Any] = {"averages": averages, "block_seconds": block_seconds}
+    choices |= {"window": window, "overlap": overlap}
+    processing = replace(processing, **{k: v for k, v in choices.items() if v is not None})
+    _require_usable(processing)
     if campaign.frf is None:
         frf = _estimated(campaign, processing, estimator, progress)
     else:
@@ -90,6 +103,22 @@ def estimate_frf(
         excitation_deg=_number(campaign.excitation_deg),
         exponential_window=processing.exponential_window,
     )
+
+
+def _require_usable(processing: Processing) -> None:
+    """Refuse choices that are no numbers or cannot be met, also where no manifest was read."""
+    overlap, window = processing.overlap, processing.window
+    faults: dict[str, tuple[Any, str, Callable[[Any], bool]]] = {
+        "averages": (processing.averages, "a whole number ≥ 1", lambda v: v >= 1 and v == int(v)),
+        "block_seconds": (processing.block_seconds, "seconds > 0", lambda v: 0 < v < np.inf),
+        "overlap": (overlap, "a share of a block from 0 to 0.95", lambda v: 0 <= v <= 0.95),
+    }
+    for name, (value, rule, holds) in faults.items():
+        number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+        if value is not None and not (number and np.isfinite(value) and holds(value)):
+            raise InputError(f"processing, {name}", repr(value), f"it must be {rule}", "Correct it")
+    if window is not None:
+        require_type("processing, window", window, str, "Write e.g. 'hann'")
 
 
 def _estimated(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.circumference.orders import circle_basis, highest_order, on_circle
+from ema.core.errors import require_type
 from ema.core.mac import mac
 from ema.core.modes import ModalModel
 from pipelines.compare.conditions import (
@@ -116,6 +117,8 @@ def compare(first: Result, second: Result) -> Comparison:
     >>> rm.compare(first, second).mac.diagonal().round(3)
     array([1., 1., 1., 1., 1., 1., 1., 1., 1.])
     """
+    for result in (first, second):
+        require_type("result", result, Result, "Use load, or compare_folders for folders")
     mac_of_all, shapes_note = common_shapes(first.modal_model, second.modal_model)
     one = seen_by(first.modal_model, second.modal_model)
     two = seen_by(second.modal_model, first.modal_model)

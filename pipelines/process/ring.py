@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import model
 from ema.core.campaign import Tyre
+from ema.core.errors import InputError, unknown
 from ema.core.finding import Check, Finding
 from ema.core.modes import ModalModel
+from ema.identify import Identification
+from ema.io.campaign.manifest import LENGTHS_M, PRESSURES_PA
 from model.identifiability import AT_BOUND, IDENTIFIED
 from model.tuning import TuningResult
 from model.tuning_problem import CIRCUMFERENTIAL
@@ -34,6 +39,9 @@ from pipelines.results.store import load
 
 _OF_TUNING = ("tune", "objective", "given", "tuning")
 _OF_RING = (Check.AMPLITUDE, Check.PLAUSIBILITY, Check.RING)  # found again by each tuning
+_LIMITS = {"mean_radius_m": LENGTHS_M, "inflation_pressure_pa": PRESSURES_PA}
+_LIMITS |= {"belt_width_m": LENGTHS_M}
+_FEWEST_ORDERS = 3  # that determine a ring
 
 
 def tune(result: Result, options: Options) -> Result:
@@ -129,6 +137,89 @@ def options_of(result: Result) -> Options:
     return Options(**{name: earlier[name] for name in _OF_TUNING})
 
 
+def tune_ring(
+    orders: ModalModel | Identification | ArrayLike,
+    frequencies_hz: ArrayLike | None = None,
+    **known: Any,
+) -> TuningResult:
+    """Tune a ring to identified modes, or to orders and frequencies.
+
+    Parameters
+    ----------
+    orders : ModalModel, Identification or array_like of int, shape (n_orders,)
+        Modes: their ring modes enter with their deviations, modal masses and the frequencies of the
+        rim, as in `process`. Or circumferential orders, each once.
+    frequencies_hz : array_like, shape (n_orders,)
+        Undamped natural frequencies, for orders only.
+    **known
+        ``mean_radius_m`` and ``inflation_pressure_pa`` are required; all others are optional, as
+        for `model.tune_ring`.
+
+    Returns
+    -------
+    TuningResult
+
+    Raises
+    ------
+    ParameterError
+        If orders and frequencies, or what is known, cannot be used.
+    InputError
+        If the modes have fewer than three orders of the ring.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> modes = rm.load("result").modal_model
+    >>> tuned = rm.tune_ring(modes, mean_radius_m=0.33, inflation_pressure_pa=2.2e5)
+    >>> tuned.orders
+    array([1, 2, 3, 4, 5, 6, 7, 8, 9])
+    """
+    _require_known(known)
+    modes = orders.model if isinstance(orders, Identification) else orders
+    if not isinstance(modes, ModalModel):
+        if frequencies_hz is None:
+            rule = "orders need frequencies"
+            remedy = "Pass frequencies_hz too, or modes such as found.model"
+            raise InputError("tune_ring", f"{type(orders).__name__} alone", rule, remedy)
+        return model.tune_ring(modes, frequencies_hz, **known)
+    ring = ring_orders(modes)
+    if frequencies_hz is not None or len(ring) < _FEWEST_ORDERS:
+        found = f"{len(ring)} orders of the ring" if frequencies_hz is None else "frequencies too"
+        rule = f"modes need {_FEWEST_ORDERS} orders or more, and bring their frequencies"
+        raise InputError("tune_ring", found, rule, "Widen the band, or pass modes alone")
+    return _for_load(lambda load: model.tune_ring(**_measured(modes, ring) | known | load), known)
+
+
+def _require_known(known: dict[str, Any]) -> None:
+    """Refuse arguments that are missing, of another unit or unknown."""
+    missing = [name for name in ("mean_radius_m", "inflation_pressure_pa") if name not in known]
+    if missing:
+        rule = "a ring needs radius and pressure, which set the scale"
+        raise InputError("tune_ring", f"no {' and no '.join(missing)}", rule, "Add them, in SI")
+    for name, (low, high) in _LIMITS.items():
+        value = known.get(name)
+        if isinstance(value, int | float) and value > 0 and not low <= value <= high:
+            rule = f"tyres have {low:g} to {high:g}; SI units are needed"
+            raise InputError(name, f"{value:g}", rule, "2.2 bar are 220000 Pa, 330 mm are 0.33 m")
+    allowed = signature(model.tune_ring).parameters
+    for name in known:
+        if name not in allowed:
+            raise unknown("tune_ring", name, "there is no such argument", allowed)
+
+
+def _measured(modal_model: ModalModel, orders: Sequence[RingOrder]) -> dict[str, Any]:
+    """What modes say of a ring, as arguments of `model.tune_ring`."""
+    masses = [modal_mass_kg(modal_model, order) for order in orders]
+    return {
+        "orders": [order.order for order in orders],
+        "frequencies_hz": [order.frequency_hz for order in orders],
+        "frequency_std_hz": [order.frequency_std_hz for order in orders],
+        "modal_mass_kg": [mass_kg for mass_kg, _ in masses],
+        "modal_mass_std_kg": [std_kg for _, std_kg in masses],
+        "rim_hz": rim_frequencies_hz(modal_model),
+    }
+
+
 def _tuned(
     tyre: Tyre,
     modal_model: ModalModel,
@@ -136,36 +227,38 @@ def _tuned(
     torsions: Sequence[OtherMode],
     options: Options,
 ) -> TuningResult:
+    """Tune for the tyre, to the ring modes and to the torsion modes of other sensors."""
+    torsion, further = next(iter(torsions), None), torsions[1:]
+    known = {
+        **_measured(modal_model, orders),
+        "belt_width_m": tyre.belt_width_m,
+        "torsion_hz": torsion.frequency_hz if torsion else None,
+        "torsion_std_hz": torsion.frequency_std_hz if torsion else 0.0,
+        "rim_torsion_hz": [each.frequency_hz for each in further],
+        "objective": options.objective,
+        "mean_radius_m": tyre.mean_radius_m or math.nan,
+        "inflation_pressure_pa": tyre.inflation_pressure_pa or math.nan,
+    }
+
+    def tuned(load: dict[str, Any]) -> TuningResult:
+        chosen = tuning_arguments({**options.tuning, **load}, options.given, vars(tyre))
+        return model.tune_ring(**known, **chosen)
+
+    return _for_load(tuned, options.tuning)
+
+
+def _for_load(
+    tuned: Callable[[dict[str, Any]], TuningResult], chosen: Container[str]
+) -> TuningResult:
     """Tune for the pressure model chosen, or for the dead load of the paper where it has a ring.
 
     A tyre whose frequencies a dead load reaches only with k_θ < 0 has a follower load.
     """
-    masses = [modal_mass_kg(modal_model, order) for order in orders]
-    torsion, further = next(iter(torsions), None), torsions[1:]
-
-    def tuned(tuning: dict[str, Any]) -> TuningResult:
-        return model.tune_ring(
-            [order.order for order in orders],
-            [order.frequency_hz for order in orders],
-            belt_width_m=tyre.belt_width_m,
-            frequency_std_hz=[order.frequency_std_hz for order in orders],
-            modal_mass_kg=[mass_kg for mass_kg, _ in masses],
-            modal_mass_std_kg=[std_kg for _, std_kg in masses],
-            rim_hz=rim_frequencies_hz(modal_model),
-            torsion_hz=torsion.frequency_hz if torsion else None,
-            torsion_std_hz=torsion.frequency_std_hz if torsion else 0.0,
-            rim_torsion_hz=[each.frequency_hz for each in further],
-            objective=options.objective,
-            mean_radius_m=tyre.mean_radius_m or math.nan,
-            inflation_pressure_pa=tyre.inflation_pressure_pa or math.nan,
-            **tuning_arguments(tuning, options.given, vars(tyre)),
-        )
-
-    found = tuned(options.tuning)
-    chosen = "pressure_load" in options.tuning or CIRCUMFERENTIAL in options.tuning
-    if chosen or found.how[CIRCUMFERENTIAL] != AT_BOUND or found.pressure_load == "follower":
+    found = tuned({})
+    is_chosen = "pressure_load" in chosen or CIRCUMFERENTIAL in chosen
+    if is_chosen or found.how[CIRCUMFERENTIAL] != AT_BOUND or found.pressure_load == "follower":
         return found
-    other = tuned({**options.tuning, "pressure_load": "follower"})
+    other = tuned({"pressure_load": "follower"})
     if other.how[CIRCUMFERENTIAL] == AT_BOUND:
         return found
     note = (
@@ -197,7 +290,7 @@ def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -
     if not np.all(np.isfinite(modal_model.position_deg)):
         return "No [grid] in the manifest: without angles there are no orders and no ring."
     n_orders = len(ring_orders(modal_model))
-    if n_orders < 3:
+    if n_orders < _FEWEST_ORDERS:
         orders = "order was" if n_orders == 1 else "orders were"
         return f"Only {n_orders} circumferential {orders} identified; a ring needs three."
     return ""

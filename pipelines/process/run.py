@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import ema
-from ema.checks.quality import coherent_band
 from ema.checks.sensor_mass import SensorMass
 from ema.circumference.mass_loading import (
     live_mass_note,
@@ -17,7 +16,7 @@ from ema.circumference.mass_loading import (
 )
 from ema.core.campaign import Campaign
 from ema.core.edits import Edit, shorthand
-from ema.core.errors import InputError
+from ema.core.errors import InputError, require_type
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.identify import Identification
@@ -93,8 +92,10 @@ def process(
     >>> bool(abs(result.validation.error_percent).max() < 1.0)
     True
     """
+    options = options or Options()
+    require_type("options", options, Options, "Write Options(max_order=40)")
     record = as_record(edits)
-    options = with_settings(options or Options(), {**record.processing, **of_blocks(record.edits)})
+    options = with_settings(options, {**record.processing, **of_blocks(record.edits)})
     decided = (*record.edits, *shorthand(options.pinned_hz or None, options.excluded_hz))
     watch = Stopwatch(progress or (lambda name: None))
     with watch.stage("read", "Reading"):
@@ -278,7 +279,7 @@ def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:
 
     Below its first mode a tyre hardly responds: there, poor coherence does not end the band.
     """
-    low, high = coherent_band(frf, campaign.checks)
+    low, high = frf.coherent_band_hz(campaign.checks.good_coherence)
     if not campaign.has_circle and campaign.tyre is None:
         return low, high
     least, most = TYRE_BAND_HZ

@@ -6,6 +6,7 @@ from dataclasses import asdict, replace
 from math import isfinite
 from pathlib import Path
 
+from ema.core.errors import require_type
 from ema.core.modes import ModalModel
 from pipelines.process.run import process
 from pipelines.process.validate import ring_orders
@@ -63,7 +64,8 @@ def save(
     >>> rm.load("copy")
     <Result tyre_225_55R17: 9 modes, no ring, 0 warnings>
     """
-    folder = Path(folder)
+    require_type("result", result, Result, "Use process, load or retune")
+    folder = Path(require_type("folder", folder, (str, Path), "Name a folder"))
     with written_whole(folder, force=force, accepted=_replaceable(result)) as partial:
         for name, table in tables.csv_tables(result).items():
             write_csv(partial / name, table)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -202,6 +203,11 @@ class Result:
         return frame_of(
             {name: [getattr(finding, name) for finding in self.findings] for name in names}
         )
+
+    def save(self, folder: Path | str, **options: Any) -> None:
+        """Write a result folder, as `ringmodal.save` with the same options."""
+        # Files and report are above results: loaded by name, as plots are.
+        import_module("pipelines.report.save").save(self, folder, **options)
 
     def __repr__(self) -> str:
         n_modes = len(self.modal_model.modes)

@@ -19,7 +19,7 @@ from ema.checks.quality import check_reference
 from ema.checks.sensor_mass import SensorMass, without_mass
 from ema.circumference.orders import highest_order
 from ema.core.drift import NO_DRIFT, Drift
-from ema.core.errors import InputError
+from ema.core.errors import InputError, require_type
 from ema.core.files import require_regular
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, ForceRecord
@@ -73,7 +73,9 @@ def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
     >>> rm.load("result").modal_model
     <ModalModel: 9 modes, 20 to 300 Hz>
     """
-    folder = Path(folder)
+    folder = Path(require_type("result", folder, (str, Path), "Name a result folder"))
+    if "\0" in str(folder):
+        raise InputError("result", repr(str(folder)), "it must be a path", "Correct it")
     for attempts_left in reversed(range(_ATTEMPTS)):
         recover(folder)
         before = _marker_bytes(folder)

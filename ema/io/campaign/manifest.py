@@ -53,8 +53,10 @@ def _between(lowest: float, highest: float, rule: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-_pressure = _between(1e3, 1e7, "tyres have 1000 to 10 000 000 Pa (1 bar is 100000 Pa)")
-_length = _between(1e-3, 10.0, "tyres have 0.001 to 10 m (330 mm are 0.33 m)")
+#: Limits of pressure and lengths, which show other units.
+PRESSURES_PA, LENGTHS_M = (1e3, 1e7), (1e-3, 10.0)
+_pressure = _between(*PRESSURES_PA, "tyres have 1000 to 10 000 000 Pa (1 bar is 100000 Pa)")
+_length = _between(*LENGTHS_M, "tyres have 0.001 to 10 m (330 mm are 0.33 m)")
 _mass = _between(0.0, 1.0, "sensors have up to 1 kg (4 g are 0.004 kg)")
 _Pascals = Annotated[Positive, _pressure]
 _Metres = Annotated[Positive, _length]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -12,7 +12,7 @@ import numpy as np
 
 from ema.core.campaign import Campaign, Direction, Response, Run
 from ema.core.display import counted
-from ema.core.errors import ManifestError, RecordingFormatError, nearest
+from ema.core.errors import ManifestError, RecordingFormatError, nearest, require_type
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Recording
 from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
@@ -77,7 +77,9 @@ def read_campaign(
     >>> campaign.findings  # nothing is wrong with these recordings
     ()
     """
-    paths = [Path(source)] if isinstance(source, str | Path) else [Path(each) for each in source]
+    several = source if isinstance(source, Iterable) and not isinstance(source, str) else [source]
+    remedy = "Name a folder, a manifest or recordings"
+    paths = [Path(require_type("campaign", each, (str, Path), remedy)) for each in several]
     if len(paths) == 1 and is_folder(paths[0]):
         if exists(paths[0] / MANIFEST_NAME):
             return _with_manifest(paths[0] / MANIFEST_NAME, only)

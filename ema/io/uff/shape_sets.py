@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.arrays import ReadonlyArrays
-from ema.core.errors import InputError, RecordingFormatError
+from ema.core.errors import InputError, RecordingFormatError, require_type
 from ema.core.finding import Check, Finding
 from ema.io.content import remark
 from ema.io.uff import geometry
@@ -103,7 +103,7 @@ def read_shapes(path: Path | str) -> ShapeSet:
     >>> shapes.n_modes, shapes.values.shape[1] >= 72
     (9, True)
     """
-    path = Path(path)
+    path = Path(require_type("shapes", path, (str, Path), "Name a universal file"))
     datasets = scan(path)
     kinds = (_DATA_AT_NODES, _ANALYSIS_DATA)
     read_in = [(each, _read_mode(path, each)) for each in datasets if each.number in kinds]

@@ -10,7 +10,6 @@ from ema.checks.quality import (
     averages_finding,
     check_reference,
     coherence_findings,
-    coherent_band,
     reference_finding,
 )
 from ema.core.finding import Verdict
@@ -139,7 +138,7 @@ def test_the_coherent_band_is_the_widest_one():
     coherence[:, 400:900] = 0.9
     coherence[:, 650:652] = 0.0  # a dip at an antiresonance
     frf = systems.noise_free_frf(frequency_hz, np.ones((3, 1000)), coherence=coherence)
-    low, high = coherent_band(frf)
+    low, high = frf.coherent_band_hz()
     assert low == pytest.approx(401, abs=16)
     assert high == pytest.approx(900, abs=16)
 
@@ -150,7 +149,7 @@ def test_without_a_coherent_band_all_lines_count(level):
     frf = systems.noise_free_frf(
         frequency_hz, np.ones((2, 100)), coherence=np.full((2, 100), level)
     )
-    assert coherent_band(frf) == (1.0, 100.0)
+    assert frf.coherent_band_hz() == (1.0, 100.0)
 
 
 def test_a_single_average_passes_no_check_of_its_coherence():

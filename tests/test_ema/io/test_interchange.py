@@ -10,7 +10,7 @@ from results import ring_modes, structure_result, tyre_result
 from ema.core.errors import InputError
 from ema.core.recording import Channel, Recording
 from ema.core.units import STANDARD_GRAVITY_M_S2
-from ema.io.interchange import frf_to_xarray, from_sep005, poles_and_shapes_for_sdypy, to_sep005
+from ema.io.interchange import from_sep005, poles_and_shapes_for_sdypy, to_sep005
 from ema.io.uff.reader import read as read_uff
 
 FRF = tyre_result().frf
@@ -112,7 +112,7 @@ def test_no_other_frame():
 
 def test_xarray_keeps_values_places_and_units():
     pytest.importorskip("xarray")
-    found = frf_to_xarray(FRF)
+    found = FRF.to_xarray()
     assert found["inertance"].dims == ("position", "frequency_hz")
     assert found["inertance"].attrs["units"] == "(m/s^2)/N"
     np.testing.assert_array_equal(found["inertance"], FRF.values)
@@ -123,8 +123,8 @@ def test_xarray_keeps_values_places_and_units():
 
 def test_without_xarray_the_message_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(InputError, match=r"ringmodal\[xarray\]"):
-        frf_to_xarray(FRF)
+    with pytest.raises(InputError, match="pip install xarray"):
+        FRF.to_xarray()
 
 
 def test_sdypy_draws_the_same_frfs_from_our_poles():

@@ -25,6 +25,20 @@ from pipelines.report.write import render_report
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 ROOT = Path(__file__).parents[3]
 SAMPLE = ROOT / "sample_data" / "tyre_225_55R17"
+TAGS = {
+    "table",
+    "caption",
+    "thead",
+    "tbody",
+    "tr",
+    "th",
+    "td",
+    "figure",
+    "figcaption",
+    "svg",
+    "path",
+}
+DRAWING = re.compile("<figure.*?</figure>", re.DOTALL)
 HOSTILE = "<script>alert('x')</script>"
 
 
@@ -38,7 +52,7 @@ class Cells(HTMLParser):
         assert not self.open
 
     def handle_starttag(self, tag, attrs):
-        assert tag in {"table", "caption", "thead", "tbody", "tr", "th", "td"}
+        assert tag in TAGS
         self.open.append(tag)
 
     def handle_endtag(self, tag):
@@ -139,7 +153,7 @@ def texts_of(notebook):
             data = output.data
             shown.append(data["text/plain"] if "image/png" not in data else "picture")
             if "text/html" in data:
-                shown.append(data["text/html"])
+                shown.append(DRAWING.sub("picture", data["text/html"]))
     return shown
 
 
