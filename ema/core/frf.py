@@ -13,7 +13,8 @@ from scipy.ndimage import correlate1d
 
 from ema.core.arrays import ReadonlyArrays, frame_of, readonly
 from ema.core.block_plan import BlockPlan, ExponentialWindow
-from ema.core.display import band_text, counted, facts, level_path, picture
+from ema.core.display import band_text, counted, facts
+from ema.core.drawings import level_path, picture
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf_arrays import (

@@ -153,13 +153,13 @@ def unreadable(path: Path, error: OSError, rule: str = "the file must be readabl
     return RecordingFormatError(str(path), reason, rule, "Check the name and the access rights")
 
 
-def require(module: str, extra: str, path: Path) -> ModuleType:
-    """Import the optional library that reads `path`, or name the extra that installs it."""
+def require(module: str, path: Path) -> ModuleType:
+    """Import the optional library that reads `path`, or say how to install it."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
         rule = f"reading this format requires {module}, which is not installed"
-        remedy = f"Run pip install 'ringmodal[{extra}]' or export the file as UFF or CSV"
+        remedy = f"Run pip install {module}, or export the file as UFF or CSV"
         raise RecordingFormatError(str(path), f"ending {path.suffix!r}", rule, remedy) from error
 
 

@@ -222,7 +222,7 @@ class Hdf5File:
 @contextmanager
 def opened(path: Path, kind: str) -> Iterator[Hdf5File]:
     """Open a file for reading; whatever h5py then raises is a fault of the file."""
-    library = require("h5py", "hdf5", path)
+    library = require("h5py", path)
     with reading(path, kind):
         _check_heaps(path)
         with library.File(path, "r", locking="best-effort") as root:

@@ -36,7 +36,7 @@ def read(path: Path) -> FileContent:
     `RecordingFormatError` if npTDMS is not installed, the file is missing, damaged or truncated, or
     its groups differ in rate or length.
     """
-    library = require("nptdms", "tdms", path)
+    library = require("nptdms", path)
     with reading(path, "a TDMS file"), _BoundedFile(path) as file:
         _check_segments(path, file)
         tdms = library.TdmsFile.open(file)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ema.circumference.orders import on_circle
 from ema.core.arrays import ReadonlyArrays, frame_of, readonly
 from ema.core.bands import widened_band
-from ema.core.display import band_text, counted, level_path, path_of, picture, scaled, table
+from ema.core.display import band_text, counted, table
+from ema.core.drawings import level_path, path_of, picture, scaled
 from ema.core.errors import InputError, require_type
 from ema.core.frf import FRF
 from ema.core.numerics import kept_with, one_blas_thread

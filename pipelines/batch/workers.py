@@ -30,7 +30,6 @@ from pipelines.batch.state import Record
 from pipelines.results.provenance import software_version
 
 ONE_THREAD = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
-EXTRA = "cluster"
 ALLOW = "--allow-unencrypted"
 _CONNECT_S = 20.0
 _ENCRYPTED = ("tls://", "wss://")
@@ -245,7 +244,7 @@ def _imported() -> Any:
     """The optional dask.distributed package."""
     if find_spec("distributed") is None:
         rule = "the workers of a cluster need dask.distributed"
-        remedy = f'Install it with `pip install "ringmodal[{EXTRA}]"`, or use --jobs'
+        remedy = "Install it with `pip install distributed`, or use --jobs"
         raise InputError("--scheduler", "dask.distributed is not installed", rule, remedy)
     return import_module("distributed")
 

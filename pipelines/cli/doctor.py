@@ -30,6 +30,7 @@ OK, ADVICE, PROBLEM = "ok", "advice", "problem"
 _PARTS = {  # optional parts and what they are for
     "hdf5": "recordings in HDF5 and MATLAB v7.3",
     "tdms": "recordings in LabVIEW TDMS",
+    "xlsx": "recordings and results in Excel workbooks",
     "cluster": "batch on several machines",
     "pdf": "the report as PDF",
     "review": "results in the browser",
@@ -128,7 +129,8 @@ def check_part(part: str) -> Check:
     what = ", ".join(f"{check.name} {check.found}" for check in found)
     if all(check.verdict == OK for check in found):
         return Check(f"part {part}", OK, what)
-    remedy = f'For {_PARTS[part]}: pip install "ringmodal[{part}]"'
+    needed = " ".join(f'"{each.name}{each.specifier}"' for each in requirements(part))
+    remedy = f"For {_PARTS[part]}: pip install {needed}"
     return Check(f"part {part}", ADVICE, what, remedy)
 
 

@@ -106,6 +106,7 @@ Template = Annotated[
         envvar="RINGMODAL_TEMPLATE",
     ),
 ]
+Xlsx = Annotated[bool, flag("--xlsx", "Also write result.xlsx, the tables for Excel.", FILES)]
 AcceptChanges = Annotated[
     bool, flag("--accept-changes", "Use a result whose files were changed later; recorded.", FILES)
 ]

@@ -16,9 +16,10 @@ from pipelines.cli.screen import print_table, say, shown, warn
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.export.modal import export as write
+from pipelines.export.workbook import require_excel
 from pipelines.process.ring import retune
 from pipelines.process.run import process as run
-from pipelines.report.save import PDF, has_pdf, save
+from pipelines.report.save import PDF, WORKBOOK, has, save
 from pipelines.report.template import read_template
 from pipelines.report.write import printing_library, write_figures
 from pipelines.results.decided import edit_records
@@ -31,7 +32,7 @@ from pipelines.storage.result_folder import require_free
 from pipelines.storage.tables import plain_rows
 
 REPORT = "report.html"
-EXPORT_FORMATS = ("uff", "csv", "json", "mat")
+EXPORT_FORMATS = ("uff", "xlsx", "csv", "json", "mat")
 FRFS = ("both", "measured", "synthesised", "none")
 CONTENT = "Content"
 _LOG = logging.getLogger(__name__)
@@ -51,6 +52,7 @@ def process(
     no_report: opt.NoReport = False,
     figures: opt.Figures = None,
     pdf: opt.Pdf = False,
+    xlsx: opt.Xlsx = False,
     force: opt.Force = False,
     template: opt.Template = None,
     units: opt.UnitSystem = None,
@@ -67,18 +69,19 @@ def process(
       ringmodal process tyre_7 --out result --pin 78.7,100.3,121.4 --force
       ringmodal process tyre_7 --out result --edits edits.toml
       ringmodal process tyre_7 --out result --given mass_per_area_kg_m2=19.7
-      ringmodal process tyre_7 --out result --pdf --figures pictures
+      ringmodal process tyre_7 --out result --pdf --xlsx --figures pictures
     """  # noqa: D406, D407 - a heading of the help
     source = campaign[0] if len(campaign) == 1 else campaign
     looks = read_template(template, units)
     with reporting_outcome(out):
         require_free(out, force=force)
-        _require_possible(figures, out, pdf=pdf, force=force)
+        _require_possible(figures, out, pdf=pdf, xlsx=xlsx, force=force)
         record = () if edits is None else read_edits(edits)
         with shown(quiet=quiet) as progress:
             result = run(source, options, progress.stage, progress.step, record)
             progress.stage("Writing the result …")
-            save(result, out, report=not no_report, pdf=pdf, force=force, template=looks)
+            kinds = {"report": not no_report, "pdf": pdf, "xlsx": xlsx}
+            save(result, out, **kinds, force=force, template=looks)
             if figures is not None:
                 progress.stage("Drawing the figures …")
                 write_figures(result, figures, force=force)
@@ -124,9 +127,9 @@ def tune(
             strict=strict,
             accept_changes=accept_changes,
         )
-        pdf = has_pdf(result_folder) and not no_report
-        written: dict[str, Any] = {"report": not no_report, "template": looks}
-        save(result, result_folder, pdf=pdf, force=True, **written)
+        pdf = has(result_folder, PDF) and not no_report
+        written: dict[str, Any] = {"report": not no_report, "template": looks, "pdf": pdf}
+        save(result, result_folder, xlsx=has(result_folder, WORKBOOK), force=True, **written)
         told: dict[str, Any] = {"as_json": as_json, "quiet": quiet, "units": looks.units}
         show(result, result_folder, report=not no_report, **told)
 
@@ -135,6 +138,7 @@ def report(
     result_folder: opt.ResultFolder,
     figures: opt.Figures = None,
     pdf: opt.Pdf = False,
+    xlsx: opt.Xlsx = False,
     force: Annotated[bool, opt.replacing("earlier figures")] = False,
     accept_changes: opt.AcceptChanges = False,
     template: opt.Template = None,
@@ -150,11 +154,11 @@ def report(
       ringmodal report result --template laboratory.toml --units lab
     """  # noqa: D406, D407 - a heading of the help
     looks = read_template(template, units)
-    pdf = pdf or has_pdf(result_folder)
+    pdf, xlsx = pdf or has(result_folder, PDF), xlsx or has(result_folder, WORKBOOK)
     with reporting_outcome(result_folder):
-        _require_possible(figures, result_folder, pdf=pdf, force=force)
+        _require_possible(figures, result_folder, pdf=pdf, xlsx=xlsx, force=force)
         result = retune(result_folder, accept_changes=accept_changes)
-        save(result, result_folder, pdf=pdf, force=True, template=looks)
+        save(result, result_folder, pdf=pdf, xlsx=xlsx, force=True, template=looks)
         if figures is not None:
             write_figures(result, figures, force=force)
     if as_json:
@@ -163,8 +167,10 @@ def report(
         _say_files(result_folder, report=True)
 
 
-def _require_possible(figures: Path | None, result_folder: Path, *, pdf: bool, force: bool) -> None:
-    """Check before the processing that figures and PDF can be written after it."""
+def _require_possible(
+    figures: Path | None, result_folder: Path, *, pdf: bool, xlsx: bool, force: bool
+) -> None:
+    """Check before the processing that figures, PDF and workbook can be written after it."""
     if figures is not None:
         where = f"--figures {figures}"
         if figures.resolve().is_relative_to(result_folder.resolve()):
@@ -175,6 +181,8 @@ def _require_possible(figures: Path | None, result_folder: Path, *, pdf: bool, f
             raise InputError(where, "earlier pictures", "they already exist", remedy)
     if pdf:
         printing_library("--pdf")
+    if xlsx:
+        require_excel()
 
 
 def show(
@@ -217,8 +225,9 @@ def show(
 def _say_files(folder: Path, *, report: bool) -> None:
     if report:
         echo(f"Report: {folder / REPORT}")
-    if (folder / PDF).is_file():
-        echo(f"PDF: {folder / PDF}")
+    for title, name in (("PDF", PDF), ("Excel", WORKBOOK)):
+        if has(folder, name):
+            echo(f"{title}: {folder / name}")
 
 
 def _show_modes(result: Result) -> None:
@@ -257,7 +266,8 @@ def _summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
     return {
         "result": str(folder),
         "report": str(folder / REPORT) if report else None,
-        "pdf": str(folder / PDF) if (folder / PDF).is_file() else None,
+        "pdf": str(folder / PDF) if has(folder, PDF) else None,
+        "xlsx": str(folder / WORKBOOK) if has(folder, WORKBOOK) else None,
         "modes": [dict(zip(table.columns, row, strict=True)) for row in plain_rows(table)],
         "ring": {} if result.tuning is None else _ring(result.tuning),
         "overall": {
@@ -279,7 +289,7 @@ def export(
         str,
         opt.one_of(
             EXPORT_FORMATS,
-            "uff (universal file), csv (a folder of tables), json or mat (MATLAB). "
+            "uff (universal file), xlsx (Excel), csv (a folder of tables), json or mat (MATLAB). "
             "Default: the ending of --out, or uff.",
             opt.FILES,
             "--format",
@@ -301,6 +311,10 @@ def export(
     text: Annotated[
         bool, opt.flag("--text", "FRFs as text (58), for programs without 58b.", CONTENT)
     ] = False,
+    decimal_comma: Annotated[
+        bool,
+        opt.flag("--decimal-comma", "CSV with semicolons and decimal commas, for Excel.", CONTENT),
+    ] = False,
     as_json: opt.Json = False,
 ) -> None:
     """Write modes, shapes, geometry and FRFs of a result for other modal programs.
@@ -308,10 +322,12 @@ def export(
     Examples:
       ringmodal export results/tyre_7
       ringmodal export results/tyre_7 --format uff --out tyre_7.unv --real
+      ringmodal export results/tyre_7 --format csv --decimal-comma
       ringmodal export results/tyre_7 --format mat --out tyre_7.mat --frfs none
     """  # noqa: D406, D407 - a heading of the help
     with reporting_outcome(out or result):
         content = {"real": real, "text": text, "force": force, "accept_changes": accept_changes}
+        content["decimal_comma"] = decimal_comma
         written = write(result, out, file_format, frfs=frfs, **content)
     found, notes = written.export, written.export.geometry.notes
     counts = {

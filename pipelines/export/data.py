@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ema.core.frf import FRF
 from ema.core.modes import Mode
 from model.arguments import ReadonlyArrays
+from pipelines.results.parameter_set import ParameterSet
 from pipelines.results.result import Result
 
 MEASURED, BOTH, NONE = "measured", "both", "none"
@@ -124,6 +125,9 @@ class ModalExport(ReadonlyArrays):
     # inertances (accelerances) in (m/s²)/N under the exported node numbers
     measured: FRF | None
     synthesised: FRF | None
+    ring: ParameterSet | None = None  # as in ``tyre.toml``
+    # whether CSV has semicolons and decimal commas, as Excel expects it in many countries
+    decimal_comma: bool = False
     # whether a universal file has the FRFs as text (58) instead of binary (58b)
     frfs_as_text: bool = False
 

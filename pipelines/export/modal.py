@@ -1,4 +1,4 @@
-"""Export of a result's modes to other programs: universal file, tables, JSON, MATLAB."""
+"""Export of a result's modes to other programs: universal file, Excel, tables, JSON, MATLAB."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,14 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 from ema.core.display import jsonable
-from ema.core.errors import escaped, unknown
+from ema.core.errors import InputError, escaped, unknown
 from ema.core.modes import Mode
 from ema.io.uff import write as uff
 from ema.io.uff.frf import SYNTHESISED
 from pipelines.export.data import BOTH, MEASURED, NONE, Geometry, ModalExport, geometry_of
+from pipelines.export.workbook import write_workbook
 from pipelines.results.labels import in_band
+from pipelines.results.parameter_set import read_parameter_set
 from pipelines.results.provenance import accepted_notes, software_version
 from pipelines.results.result import Result
 from pipelines.results.store import load
@@ -57,6 +60,7 @@ def export(
     real: bool = False,
     frfs: str = BOTH,
     text: bool = False,
+    decimal_comma: bool = False,
     force: bool = False,
     accept_changes: bool = False,
 ) -> Written:
@@ -68,10 +72,12 @@ def export(
         A result folder.
     out : path, optional
         File, or folder for ``"csv"``; default: named after the result, in the current folder.
-    file_format : {"uff", "csv", "json", "mat"}, optional
+    file_format : {"uff", "xlsx", "csv", "json", "mat"}, optional
         Default: the ending of `out`, or ``"uff"``.
     real, frfs, text
         As for `gather`.
+    decimal_comma : bool
+        CSV with semicolons and decimal commas, for Excel in countries that use these.
     force : bool
         Replace an earlier export.
     accept_changes : bool
@@ -88,7 +94,15 @@ def export(
     chosen = _format_of(out, file_format)
     folder = Path(folder)
     loaded = load(folder, accept_changes=accept_changes)
-    found = gather(loaded, real=real, frfs=frfs, text=text)
+    if decimal_comma and chosen != "csv":
+        rule = "only CSV has decimal commas; in a workbook numbers are shown as your Excel does"
+        raise InputError("--decimal-comma", f"format {chosen}", rule, "Use --format csv")
+    tyre = folder / "tyre.toml"
+    found = replace(
+        gather(loaded, real=real, frfs=frfs, text=text),
+        decimal_comma=decimal_comma,
+        ring=read_parameter_set(tyre) if tyre.is_file() else None,
+    )
     name = folder.resolve().name
     target = Path(out) if out else Path(f"{name}_csv" if chosen == "csv" else f"{name}.{chosen}")
     if chosen in FOLDERS:
@@ -96,8 +110,8 @@ def export(
     else:
         require_free_file(target, force=force)
         writing = file_written_whole(target)
-    with writing as partial:
-        FORMATS[chosen](found, partial)
+    with writing as place:
+        FORMATS[chosen](found, place)
     return Written(target, chosen, found)
 
 
@@ -254,21 +268,29 @@ def write_tables(found: ModalExport, folder: Path) -> None:
     FRFs have one line per frequency and two columns per node, real and imaginary part.
     """
     geometry = found.geometry
+    write = partial(write_csv, decimal_comma=found.decimal_comma)
     points = dict(zip(("x_m", "y_m", "z_m"), geometry.xyz_m.T, strict=True))
     nodes = {"node": geometry.node, "position_deg": geometry.position_deg, **points}
-    write_csv(folder / "nodes.csv", pd.DataFrame(nodes))
-    write_csv(folder / "modes.csv", _modes(found))
-    write_csv(folder / "shapes.csv", _shapes(found))
+    write(folder / "nodes.csv", pd.DataFrame(nodes))
+    write(folder / "modes.csv", _modes(found))
+    write(folder / "shapes.csv", _shapes(found))
     for name, frf in (("measured", found.measured), ("synthesised", found.synthesised)):
         if frf is not None:
             parts = np.ascontiguousarray(frf.values.T).view(np.float64)
             columns = [f"{part}_node_{n}" for n in frf.node.tolist() for part in ("real", "imag")]
             cells = np.column_stack([frf.frequency_hz, parts])
             table = pd.DataFrame(cells, columns=["frequency_hz", *columns])
-            write_csv(folder / f"frf_{name}.csv", table)
+            write(folder / f"frf_{name}.csv", table)
     about: dict[str, Any] = {"source": found.result.name, "notes": list(geometry.notes)}
     about |= {"force_node": geometry.reference_node, "units": UNITS}
     write_marker(folder / FOLDER_MARKER, about)
+
+
+def write_xlsx(found: ModalExport, path: Path) -> None:
+    """Write an Excel workbook: the tables of a result, and the FRFs."""
+    frfs = {"measured": found.measured, "synthesised": found.synthesised}
+    known = {name: frf for name, frf in frfs.items() if frf is not None}
+    write_workbook(path, found.result, found.ring, known)
 
 
 def _modes(found: ModalExport) -> pd.DataFrame:
@@ -358,6 +380,7 @@ def _known(std: float, unit: str) -> str:
 #: Writers by the name of their format; each takes the content and the place.
 FORMATS: dict[str, Callable[[ModalExport, Path], None]] = {
     "uff": write_uff,
+    "xlsx": write_xlsx,
     "csv": write_tables,
     "json": write_json,
     "mat": write_mat,

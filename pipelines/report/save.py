@@ -8,13 +8,14 @@ from pathlib import Path
 
 from ema.core.errors import require_type
 from ema.core.modes import ModalModel
+from pipelines.export.workbook import write_workbook
 from pipelines.process.run import process
 from pipelines.process.validate import ring_orders
 from pipelines.report.template import PLAIN, Template
 from pipelines.report.write import write_pdf, write_report
 from pipelines.results import tables
 from pipelines.results.edits_file import EDITS_NAME, record_of, write_edits
-from pipelines.results.parameter_set import from_tuning, write_parameter_set
+from pipelines.results.parameter_set import ParameterSet, from_tuning, write_parameter_set
 from pipelines.results.provenance import OPTIONAL_READ_BACK, READ_BACK, relative_to, with_inputs_at
 from pipelines.results.result import Result
 from pipelines.results.set_basis import MeasuredOrder
@@ -24,7 +25,7 @@ from pipelines.storage.checksums import ACCEPTED, write_marker
 from pipelines.storage.result_folder import MARKER, written_whole
 from pipelines.storage.tables import write_csv, write_parquet
 
-PDF = "report.pdf"
+PDF, WORKBOOK = "report.pdf", "result.xlsx"
 
 
 def save(
@@ -33,6 +34,7 @@ def save(
     *,
     report: bool = True,
     pdf: bool = False,
+    xlsx: bool = False,
     force: bool = False,
     template: Template = PLAIN,
 ) -> None:
@@ -47,6 +49,8 @@ def save(
         Whether to write ``report.html``.
     pdf : bool
         Whether to write ``report.pdf`` too.
+    xlsx : bool
+        Whether to write ``result.xlsx`` too, the tables for Excel; needs openpyxl.
     force : bool
         Replace an existing result.
     template : Template
@@ -72,7 +76,11 @@ def save(
         write_parquet(partial / "poles.parquet", tables.poles(result.diagram))
         write_measured(result, partial)
         write_identification(result, partial)
-        _write_tyre(result, partial / "tyre.toml")
+        ring = _parameter_set(result)
+        if ring is not None:
+            write_parameter_set(partial / "tyre.toml", ring)
+        if xlsx:
+            write_workbook(partial / WORKBOOK, result, ring)
         if report:
             write_report(result, partial / "report.html", template)
         if pdf:
@@ -84,14 +92,14 @@ def save(
         write_marker(partial / MARKER, {**record, "warnings": warnings})
 
 
-def has_pdf(folder: Path | str) -> bool:
-    """Whether a result has the report as PDF: then it is written again with the others."""
-    return (Path(folder) / PDF).is_file()
+def has(folder: Path | str, name: str) -> bool:
+    """Whether a result has a `PDF` or a `WORKBOOK`: then it is written again with the others."""
+    return (Path(folder) / name).is_file()
 
 
-def _write_tyre(result: Result, path: Path) -> None:
+def _parameter_set(result: Result) -> ParameterSet | None:
     if result.tuning is None or result.tyre is None:
-        return
+        return None
     record = result.provenance
     origin = {
         "software": f"ringmodal {record['software']['ringmodal']}",
@@ -111,7 +119,7 @@ def _write_tyre(result: Result, path: Path) -> None:
         tuple(f"{each.check}: {each.detail}" for each in result.findings if not each.is_ok),
     )
     measured = replace(parameters.basis, measured=_measured_orders(result.modal_model))
-    write_parameter_set(path, replace(parameters, basis=measured))
+    return replace(parameters, basis=measured)
 
 
 def _measured_orders(model: ModalModel) -> tuple[MeasuredOrder, ...]:

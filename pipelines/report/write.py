@@ -36,7 +36,7 @@ STYLE = Path(__file__).parent / "paper.css"
 MOST_FOLDED_ROWS = 30  # of a table that is folded on the screen: longer ones are not printed
 FORMATS = ("png", "svg")
 INSTALL = (
-    'Install it with pip install "ringmodal[pdf]"; it needs the library Pango as well: on Windows '
+    'Install it with pip install "weasyprint>=68"; it needs the library Pango as well: on Windows '
     "from MSYS2 (pacman -S mingw-w64-ucrt-x86_64-pango), on macOS brew install pango, on Debian "
     "and Ubuntu apt install libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0. Without it, "
     "open the HTML report and print it to a PDF"

@@ -38,8 +38,11 @@ def write_table(path: Path, table: pd.DataFrame, metadata: Mapping[str, str] | N
             write_parquet(partial, table, metadata)
 
 
-def write_csv(path: Path, table: pd.DataFrame) -> None:
+def write_csv(path: Path, table: pd.DataFrame, *, decimal_comma: bool = False) -> None:
     """Write a table as CSV; unknown values become empty cells, floats keep every digit.
+
+    With a decimal comma, cells are separated by semicolons, and a mark at the beginning tells Excel
+    that the text is UTF-8.
 
     Texts are inert: a spreadsheet takes none for a formula, and a terminal for a command.
     """
@@ -48,7 +51,9 @@ def write_csv(path: Path, table: pd.DataFrame) -> None:
         for _, column in table.items()
     ]
     shown = pd.concat(cells, axis=1).set_axis([inert(name) for name in table], axis=1)
-    shown.to_csv(path, index=False, lineterminator="\n", encoding="utf-8")
+    separator, point, encoding = (";", ",", "utf-8-sig") if decimal_comma else (",", ".", "utf-8")
+    look: Any = {"sep": separator, "decimal": point, "encoding": encoding}
+    shown.to_csv(path, index=False, lineterminator="\n", **look)
 
 
 def write_parquet(

@@ -24,7 +24,7 @@ def read(path: Path) -> FileContent:
     `RecordingFormatError` if openpyxl is not installed, the file is damaged or protected, or no
     sheet has a table.
     """
-    library = require("openpyxl", "xlsx", path)
+    library = require("openpyxl", path)
     with reading(path, "an Excel workbook"), path.open("rb") as file:
         _check_size(path)
         book = library.load_workbook(file, read_only=True, data_only=True)

@@ -152,7 +152,7 @@ def test_a_pdf_that_cannot_be_made_is_refused_before_the_processing(
 ):
     monkeypatch.setitem(sys.modules, "weasyprint", None)  # as if it were not installed
     outcome = ringmodal("process", short_campaign, "--out", out, "--pdf", "--quiet")
-    assert_refused(outcome, out, "--pdf", "weasyprint", 'pip install "ringmodal[pdf]"')
+    assert_refused(outcome, out, "--pdf", "weasyprint", 'pip install "weasyprint>=68"')
 
 
 def test_a_pdf_is_part_of_the_result_and_stays_so(ringmodal, processed, monkeypatch):

@@ -67,7 +67,7 @@ def test_parts_that_are_missing_are_advice_with_the_command_that_adds_them(insta
     hdf5, tdms = map(doctor.check_part, ("hdf5", "tdms"))
     assert hdf5 == Check("part hdf5", OK, "h5py 3.12")
     assert (tdms.verdict, tdms.found) == (ADVICE, "npTDMS not installed")
-    assert tdms.remedy.endswith('pip install "ringmodal[tdms]"')
+    assert tdms.remedy.endswith('pip install "npTDMS>=1.7"')
 
 
 def test_an_uninstalled_package_is_a_problem(monkeypatch):

@@ -122,7 +122,7 @@ def test_a_missing_library_is_said_before_anything_is_computed(
         raise missing
 
     monkeypatch.setattr(write, "import_module", fail)
-    with pytest.raises(InputError, match=r"ringmodal\[pdf\].*Windows.*MSYS2") as caught:
+    with pytest.raises(InputError, match=r"weasyprint.*Windows.*MSYS2") as caught:
         write.write_pdf(structure, tmp_path / "report.pdf")
     assert str(missing) in str(caught.value)
     assert not list(tmp_path.iterdir())
