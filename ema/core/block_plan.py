@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.errors import InputError
+from ema.core.errors import InputError, require_type
 
 
 @dataclass(frozen=True)
@@ -113,6 +113,7 @@ _WINDOW_NAMES |= dict.fromkeys(("rectangular", "rectangle", "rect", "uniform", "
 
 def window_name(name: str) -> str:
     """The scipy name of a window, whatever other programs call it."""
+    require_type("window", name, str, "Write e.g. 'hann' or 'rectangular'")
     return _WINDOW_NAMES.get(" ".join(name.split()).casefold(), name)
 
 

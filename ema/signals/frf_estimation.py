@@ -107,18 +107,19 @@ def estimate_frf(
 
 def _require_usable(processing: Processing) -> None:
     """Refuse choices that are no numbers or cannot be met, also where no manifest was read."""
-    overlap, window = processing.overlap, processing.window
     faults: dict[str, tuple[Any, str, Callable[[Any], bool]]] = {
         "averages": (processing.averages, "a whole number ≥ 1", lambda v: v >= 1 and v == int(v)),
         "block_seconds": (processing.block_seconds, "seconds > 0", lambda v: 0 < v < np.inf),
-        "overlap": (overlap, "a share of a block from 0 to 0.95", lambda v: 0 <= v <= 0.95),
+        "overlap": (
+            processing.overlap,
+            "a share of a block from 0 to 0.95",
+            lambda v: 0 <= v <= 0.95,
+        ),
     }
     for name, (value, rule, holds) in faults.items():
         number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
         if value is not None and not (number and np.isfinite(value) and holds(value)):
             raise InputError(f"processing, {name}", repr(value), f"it must be {rule}", "Correct it")
-    if window is not None:
-        require_type("processing, window", window, str, "Write e.g. 'hann'")
 
 
 def _estimated(

@@ -5,7 +5,7 @@ import pytest
 import systems
 from scipy.signal import find_peaks
 
-from ema.core.errors import FitError, InputError
+from ema.core.errors import FitError
 from ema.poles.selection import select_poles
 from ema.poles.stability import build_stability
 
@@ -132,7 +132,7 @@ def test_pins_on_one_and_the_same_pole_are_refused(diagram, pins):
 
 @pytest.mark.parametrize("pin", [np.nan, -100.0, 0.0])
 def test_a_pin_that_is_no_frequency_is_refused(diagram, pin):
-    with pytest.raises(InputError, match="pinned"):
+    with pytest.raises(FitError, match="pinned"):
         select_poles(diagram, [pin])
 
 
