@@ -41,6 +41,7 @@ from pipelines.report.write import write_report as write_report
 from pipelines.results.options import Options as Options
 from pipelines.results.result import Result as Result
 from pipelines.results.store import load as load
+from pipelines.simulate.campaign import sample_campaign as sample_campaign
 from pipelines.simulate.campaign import simulate_campaign as simulate_campaign
 
 __version__: str

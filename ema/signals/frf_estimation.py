@@ -110,11 +110,7 @@ def _require_usable(processing: Processing) -> None:
     faults: dict[str, tuple[Any, str, Callable[[Any], bool]]] = {
         "averages": (processing.averages, "a whole number ≥ 1", lambda v: v >= 1 and v == int(v)),
         "block_seconds": (processing.block_seconds, "seconds > 0", lambda v: 0 < v < np.inf),
-        "overlap": (
-            processing.overlap,
-            "a share of a block from 0 to 0.95",
-            lambda v: 0 <= v <= 0.95,
-        ),
+        "overlap": (processing.overlap, "a share from 0 to 0.95", lambda v: 0 <= v <= 0.95),
     }
     for name, (value, rule, holds) in faults.items():
         number = isinstance(value, int | float | np.number) and not isinstance(value, bool)

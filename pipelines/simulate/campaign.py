@@ -307,8 +307,16 @@ has node {REFERENCE_NODE}. SHA-256:
 """
 
 
-def sample_campaign(folder: Path) -> Path:
-    """The sample campaign of the project's folder; simulated into `folder` if that is missing."""
+def sample_campaign(folder: Path | str = "sample_campaign") -> Path:
+    """The sample campaign of the project's folder; simulated into `folder` if that is missing.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> (rm.sample_campaign() / "campaign.toml").is_file()
+    True
+    """
+    folder = Path(folder)
     for root in (Path.cwd(), Path(__file__).resolve().parents[2]):
         if (root / SAMPLE / "campaign.toml").is_file():
             return root / SAMPLE
