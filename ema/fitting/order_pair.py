@@ -107,6 +107,8 @@ def _doubt(pair: PairFit, settings: IdentificationSettings, change_hz: float) ->
     """Why the members are not determined; empty where they are."""
     if min(pair.share) < settings.pair_weakest_share:
         return f"the weaker member has {100 * min(pair.share):.1f} % of the response"
+    if pair.split_std < min(settings.pair_separation_std, 1.0):
+        return "the two frequencies are equal within their ±"
     if pair.split_std < settings.pair_separation_std:
         return f"the two frequencies differ by only {pair.split_std:.1f} standard deviations"
     split_hz = (abs(pair.poles[1]) - abs(pair.poles[0])) / (2 * np.pi)

@@ -19,6 +19,8 @@ LOWEST_MAC = 0.9
 LEAST_MAC = 0.6
 #: Largest |ln(f2/f1)| of such modes, a change by 22 %.
 LARGEST_LOG_RATIO = 0.2
+#: Largest |ln(f2/f1)| of modes whose shapes or orders differ that are still the same resonance.
+SAME_FREQUENCY = 5e-4
 #: Difference of MAC from which shapes decide which member of a pair is which.
 CLEAR_MAC_STEP = 0.3
 
@@ -146,6 +148,9 @@ def _remark(first: Mode, second: Mode, mac: float, averaged: tuple[bool, bool]) 
         same = first.flags == second.flags
         both = f"first: {first.status}", f"second: {second.status}"
         remarks += [first.status] if same else both
+    if first.order != second.order:
+        orders = ("unknown" if each.order is None else each.order for each in (first, second))
+        remarks.append("matched by frequency: order {}, then {}".format(*orders))
     if mac < LOWEST_MAC:
         remarks.append("the shapes differ")
     return "; ".join(remarks)
@@ -170,7 +175,7 @@ def match_modes(first: Sequence[Mode], second: Sequence[Mode], mac: NDArray[np.f
 
     Ring modes are paired by order and members of a resolved pair by shape, however far a pressure
     or a load has moved them. All others (cavity, wheel, rig, structures without a circle) are
-    paired by shape and frequency, the most similar first.
+    paired by shape and frequency, the most similar first, and what is then left by equal frequency.
 
     Where the MAC, shape (n_first, n_second), is NaN, frequencies decide. Indices are ascending in
     the first; each occurs at most once.
@@ -200,6 +205,12 @@ def match_modes(first: Sequence[Mode], second: Sequence[Mode], mac: NDArray[np.f
             found.append((i, j))
             left.remove(i)
             right.remove(j)
+    # What is left and has the same frequency is the same resonance, however its shape was seen.
+    for i in sorted(left):
+        near = min(right, key=lambda j: apart[i, j], default=None)
+        if near is not None and apart[i, near] < SAME_FREQUENCY:
+            found.append((i, near))
+            right.remove(near)
     return sorted(found)
 
 

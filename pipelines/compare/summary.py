@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ema.core.display import DASH, chance_text, number, plain, signed, value_with_std
-from model.identifiability import GIVEN
+from model.identifiability import AT_BOUND, GIVEN, NOT_IDENTIFIED
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.compare.compare import Comparison
 from pipelines.compare.conditions import Contrast
@@ -278,10 +278,17 @@ def _parameter_row(change: ParameterChange) -> Row:
         unit,
         text(difference.first, change.first_std, change.first_how),
         text(difference.second, change.second_std, change.second_how),
-        percent_text(difference) if difference.value else "0",
+        _change_text(change),
         chance_text(difference.adjusted_p_value) if change.is_tested else DASH,
         change.status if change.is_tested else f"{change.status}: {change.hows}",
     )
+
+
+def _change_text(change: ParameterChange) -> str:
+    """Relative change; none of a parameter that one of the results does not determine."""
+    if {change.first_how, change.second_how} & {NOT_IDENTIFIED, AT_BOUND}:
+        return DASH
+    return percent_text(change.difference) if change.difference.value else "0"
 
 
 def _with_sign(value: float, std: float) -> str:

@@ -1,5 +1,5 @@
 // Shapes that move: the deflection Re(φ·e^{jωt}) in slow motion, on the circle or over the nodes.
-const { unpacked } = window.ringmodal;
+const { unpacked, torus } = window.ringmodal;
 const PERIOD_MS = 2000; // of the slow motion
 const ARC_DEG = 3; // the circle between two positions is drawn in such steps
 const SVG = "http://www.w3.org/2000/svg";
@@ -41,6 +41,20 @@ function circle({ angle_deg, force_deg }) {
     return `${line(points)}Z`;
   }
 
+  /** The deflection at even angles from 0° on. */
+  function around(deflection, count) {
+    const values = new Float64Array(count);
+    order.forEach((row, k) => {
+      const first = Math.ceil((angles[row] * count) / 360), width = Math.max(gap(k), 1e-9);
+      for (let place = first; (place * 360) / count < angles[row] + width; place++) {
+        const share = ((place * 360) / count - angles[row]) / width;
+        values[((place % count) + count) % count] =
+          (1 - share) * deflection[row] + share * deflection[next(k)];
+      }
+    });
+    return values;
+  }
+
   function nodes(deflection) {
     return order.flatMap((row, k) => {
       const here = deflection[row], there = deflection[next(k)];
@@ -52,15 +66,17 @@ function circle({ angle_deg, force_deg }) {
     box: "-1.5 -1.5 3 3",
     outline,
     nodes,
+    around,
     dots: (deflection) => order.map((row) => onCircle(1 + deflection[row], angles[row])),
     rest: `${line(Array.from({ length: 120 }, (_, k) => onCircle(1, 3 * k)))}Z`,
     force: force_deg === null ? "" : arrow(force_deg),
   };
 }
 
+/** An arrow from outside onto the tread, as in the sketch of the set-up. */
 function arrow(angleDeg) {
-  const tip = onCircle(0.93, angleDeg), tail = onCircle(0.45, angleDeg);
-  return line([tail, tip]) + line([onCircle(0.8, angleDeg - 6), tip, onCircle(0.8, angleDeg + 6)]);
+  const tip = onCircle(1.04, angleDeg), tail = onCircle(1.46, angleDeg);
+  return line([tail, tip]) + line([onCircle(1.16, angleDeg - 4), tip, onCircle(1.16, angleDeg + 4)]);
 }
 
 /** Where a shape is drawn over its nodes. */
@@ -77,6 +93,13 @@ function row({ names }) {
   };
 }
 
+/** Re(φ·e^{jωt}) at a phase, scaled. */
+function deflected({ real, imag }, phaseDeg, amplitude) {
+  const cosine = Math.cos((phaseDeg * Math.PI) / 180) * amplitude;
+  const sine = Math.sin((phaseDeg * Math.PI) / 180) * amplitude;
+  return Array.from(real, (part, k) => part * cosine - imag[k] * sine);
+}
+
 /** A drawing of one shape; `move` sets its phase and amplitude. */
 function drawing(svg, scene) {
   svg.setAttribute("viewBox", scene.box);
@@ -87,9 +110,7 @@ function drawing(svg, scene) {
   const dots = element("path", { class: "dots" }, svg);
   return {
     move(mode, phaseDeg, amplitude) {
-      const cosine = Math.cos((phaseDeg * Math.PI) / 180) * amplitude;
-      const sine = Math.sin((phaseDeg * Math.PI) / 180) * amplitude;
-      const deflection = Array.from(mode.real, (real, k) => real * cosine - mode.imag[k] * sine);
+      const deflection = deflected(mode, phaseDeg, amplitude);
       deformed.setAttribute("d", scene.outline(deflection));
       dots.setAttribute("d", spots(scene.dots(deflection)));
     },
@@ -101,20 +122,29 @@ function drawing(svg, scene) {
   };
 }
 
+const still = (real) => ({ real, imag: new Float32Array(real.length) });
+
 function mount(block) {
   const content = JSON.parse(document.getElementById(`${block.id}-data`).textContent);
   const modes = content.modes.map((mode) => ({
     said: mode.said, real: unpacked(mode.real), imag: unpacked(mode.imag),
+    ring: mode.ring && still(unpacked(mode.ring)),
   }));
   const scene = content.angle_deg ? circle(content) : row(content);
   const find = (selector) => block.querySelector(selector);
   const select = find("select"), button = find("button"), said = find(".mode-said");
   const phase = find("[name=phase]"), amplitude = find("[name=amplitude]");
   const stage = find(".stage svg"), shape = drawing(stage, scene);
+  const canvas = find("canvas"), tyre = canvas && torus(canvas);
+  const ringStage = find(".of-ring"), ring = ringStage && drawing(find(".of-ring svg"), scene);
   let playing = false, last = 0;
 
   function show() {
-    shape.move(modes[select.selectedIndex], Number(phase.value), Number(amplitude.value) / 100);
+    const mode = modes[select.selectedIndex];
+    const at = [Number(phase.value), Number(amplitude.value) / 100];
+    shape.move(mode, ...at);
+    if (tyre) tyre.move(scene.around(deflected(mode, ...at), tyre.count), at[1]);
+    if (mode.ring) ring?.move(mode.ring, ...at);
     find(".phase-said").textContent = `${Math.round(phase.value)}°`;
     find(".amplitude-said").textContent = `${amplitude.value} %`;
   }
@@ -124,6 +154,8 @@ function mount(block) {
     shape.markNodes(modes[index]);
     said.textContent = modes[index].said;
     stage.setAttribute("aria-label", `Shape of the mode ${modes[index].said}`);
+    canvas?.setAttribute("aria-label", `The tyre with the mode ${modes[index].said}`);
+    if (ringStage) ringStage.style.visibility = modes[index].ring ? "visible" : "hidden";
     show();
   }
 
@@ -153,6 +185,7 @@ function mount(block) {
     small.parentElement.addEventListener("click", () => choose(index));
   });
   choose(0);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", show);
 }
 
 document.querySelectorAll(".animation").forEach(mount);

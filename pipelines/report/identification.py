@@ -11,18 +11,20 @@ from ema.core.mac import auto_mac
 from ema.core.modes import ModalModel, Mode
 from pipelines.plots.chart import Chart, packed
 from pipelines.plots.modes import matrix_chart, shapes_plot, stability_chart
+from pipelines.process.validate import aligned_shape
 from pipelines.report.closing import listed
-from pipelines.report.page import Animation, Beside, Block, Paragraph, Section, Table
+from pipelines.report.page import Animation, Block, Paragraph, Section, Table
 from pipelines.results.labels import each_once, mode_name, row_names
 from pipelines.results.result import Result
-from pipelines.results.verdict import orders_in_doubt
+from pipelines.results.verdict import orders_in_doubt, ring_is_usable
 
 NO_MODE = "No mode was found in the band."
 ON_CIRCLE = (
     "Deflection around the tyre: undeformed (grey), deformed (blue) with a dot at each measured "
     "position, nodes of the standing part (open circles), force (arrow); 0° is on the right. An "
     "order n shows n waves; a kink at one position is a faulty sensor, not a shape. A standing "
-    "wave keeps its nodes, a travelling one moves them around."
+    "wave keeps its nodes, a travelling one moves them around. The ring's shape is that of its "
+    "order, turned to the measured one; on the tyre, outward is blue and inward orange."
 )
 ORDERS_WITHHELD = (
     "The angles of the sensors are in doubt: orders and pairs are withheld, and the shapes below "
@@ -81,7 +83,7 @@ def shapes(result: Result) -> Section:
         return Section("shapes", "Shapes", (Paragraph(NO_MODE),))
     if result.frf.n_positions == 1:
         return Section("shapes", "Shapes", (Paragraph("A single position has no shape."),))
-    return Section("shapes", "Shapes", (Beside((_animation(result), _auto_mac(result))),))
+    return Section("shapes", "Shapes", (_animation(result), _auto_mac(result)))
 
 
 def _mode_columns(model: ModalModel, *, with_orders: bool) -> dict[str, list[str]]:
@@ -163,7 +165,8 @@ def _animation(result: Result) -> Animation:
         "angle_deg": packed(model.position_deg) if on_circle else None,
         "names": row_names(result.frf, np.arange(result.frf.n_positions)),
         "force_deg": result.excitation_deg if on_circle else None,
-        "modes": [_mode_content(mode) for mode in model.modes],
+        "has_ring": on_circle and ring_is_usable(result),
+        "modes": [_mode_content(mode, result) for mode in model.modes],
     }
     words = f"Shapes of the modes {'; '.join(names)}.", f"{caption} Dotted: half a period later."
 
@@ -173,10 +176,14 @@ def _animation(result: Result) -> Animation:
     return Animation("shapes", names, content, caption, printed)
 
 
-def _mode_content(mode: Mode) -> dict[str, Any]:
+def _mode_content(mode: Mode, result: Result) -> dict[str, Any]:
+    at_deg = result.modal_model.position_deg
+    known = ring_is_usable(result) and mode.is_ring_mode and _on_circle(result.modal_model)
     damping = f"damping ratio {number(100 * mode.damping_ratio, 3)} %"
     said = f"{mode_name(mode)}: {damping}, MPC {mode.mpc:.3f}, MPD {mode.mpd_deg:.1f}°"
-    return {"said": said, "real": packed(mode.shape.real), "imag": packed(mode.shape.imag)}
+    return {"said": said, "real": packed(mode.shape.real), "imag": packed(mode.shape.imag)} | (
+        {"ring": packed(aligned_shape(mode, at_deg))} if known else {}
+    )
 
 
 def _auto_mac(result: Result) -> Chart:

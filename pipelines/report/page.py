@@ -22,7 +22,7 @@ from pipelines.report.template import Template
 
 LONG_WORD, PIECE = 32, 16  # characters: a checksum breaks, a file name does not
 LIBRARY = "vendor/plotly-cartesian.min.js"
-SCRIPTS = ("charts.js", "responses.js", "animation.js")  # in the order they run
+SCRIPTS = ("charts.js", "responses.js", "torus.js", "animation.js")  # in the order they run
 # In JSON these are in strings only; escaped, no text of a file can end the script.
 ESCAPED = str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&"})
 # An escaped backslash, or an escape of JSON for an invisible character.

@@ -121,9 +121,9 @@ function mount(chooser) {
 
   function show() {
     const row = select.selectedIndex, option = select.options[row].text;
-    const found = Object.fromEntries(
-      Object.entries(sources).map(([curve, source]) => [curve, withGaps(source(content, row))]),
-    );
+    const whole = Object.entries(sources).map(([curve, source]) => [curve, source(content, row)]);
+    const found = Object.fromEntries(whole.map(([curve, values]) => [curve, withGaps(values)]));
+    drawNyquist(Object.fromEntries(whole), option);
     const data = charts.data(name).map((trace) => {
       const { level, phase } = found[trace.name];
       return { ...trace, ...(trace.yaxis === "y2" ? phase : level) };
@@ -131,6 +131,20 @@ function mount(chooser) {
     const what = content.ring ? "measured, fitted and of the ring" : "measured and fitted";
     charts.change(name, { data }, `Magnitude and phase of the inertance at ${option}, ${what}.`);
     markInFrac(content.rows[row]);
+  }
+
+  /** Real and imaginary parts of the same curves, in the band of the modes. */
+  function drawNyquist(found, option) {
+    const traces = charts.data("nyquist");
+    if (!traces) return;
+    const [low, high] = content.nyquist_hz;
+    const data = traces.map((trace) => {
+      const { x, level, phase } = found[trace.name];
+      const inside = x.flatMap((hz, k) => (hz >= low && hz <= high && level[k] !== null ? [k] : []));
+      const part = (turn) => inside.map((k) => level[k] * turn((phase[k] * Math.PI) / 180));
+      return { ...trace, x: part(Math.cos), y: part(Math.sin) };
+    });
+    charts.change("nyquist", { data }, `Nyquist plot of the inertance at ${option}.`);
   }
 
   function markInFrac(row) {

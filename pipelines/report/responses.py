@@ -17,8 +17,9 @@ from ema.core.modes import ModalModel
 from model.forced import ForcedRing, inertance
 from pipelines.plots.chart import Chart, packed
 from pipelines.plots.modes import fitted_curves, frac_chart, frf_plot, position_names, shown_band_hz
+from pipelines.plots.responses import nyquist_chart, overlay_chart, sum_chart
 from pipelines.report.identification import NO_MODE
-from pipelines.report.page import Block, Chooser, Paragraph, Section
+from pipelines.report.page import Beside, Block, Chooser, Paragraph, Section
 from pipelines.results.labels import in_band, place_name, short
 from pipelines.results.result import Result
 
@@ -37,8 +38,10 @@ def responses(result: Result) -> Section:
     blocks: list[Block] = [_chooser(result)]
     if (why := _why_no_ring(result)) is not None:
         blocks.append(Paragraph(why))
-    if result.frf.n_positions > 1:
-        blocks.append(frac_chart(result.modal_model))
+    frf, model = result.frf, result.modal_model
+    blocks.append(Beside((sum_chart(frf, model), nyquist_chart(frf, model, _first_shown(result)))))
+    if frf.n_positions > 1:
+        blocks += [frac_chart(model), overlay_chart(frf, model)]
     return Section("frf", title, tuple(blocks))
 
 
@@ -54,6 +57,11 @@ def shown_rows(result: Result) -> tuple[int, ...]:
         wanted = start + np.array([[0.0], [SHOWN_ANGLE_DEG]])
         rows = np.argmin(np.abs((angles - wanted + 180) % 360 - 180), axis=1).tolist()
     return tuple(dict.fromkeys([*rows, int(np.argmin(result.modal_model.frac))]))
+
+
+def _first_shown(result: Result) -> int:
+    """Row whose FRF the page shows first."""
+    return shown_rows(result)[:2][-1]
 
 
 def _chooser(result: Result) -> Chooser:
@@ -76,6 +84,7 @@ def _chooser(result: Result) -> Chooser:
         "measured": measured_data(frf.values[np.ix_(rows, lines)]),
         "fitted": fitted_data(frf, model, rows),
         "ring": ring,
+        "nyquist_hz": list(model.band_hz),
     }
     empty = np.empty(0), np.empty(0, dtype=complex)
     curves = dict.fromkeys(("fitted", "measured", *(["ring"] if ring else [])), empty)
@@ -88,7 +97,7 @@ def _chooser(result: Result) -> Chooser:
         wide=True,
         height_px=470,
     )
-    first = int(np.searchsorted(rows, shown[:2][-1]))
+    first = int(np.searchsorted(rows, _first_shown(result)))
 
     def printed() -> tuple[Chart, ...]:
         return tuple(_printed(result, row) for row in shown)

@@ -19,7 +19,7 @@ from model.reference import TABLE_4_RING
 from pipelines.compare.compare import common_positions, common_shapes, compare, compare_folders
 from pipelines.compare.modes import match_modes, std_of_difference
 from pipelines.compare.significance import Difference, agreement, holm, jointly_tested
-from pipelines.compare.summary import findings
+from pipelines.compare.summary import findings, parameter_rows
 from pipelines.process.ring import tune
 from pipelines.process.run import process
 from pipelines.report.save import save
@@ -120,6 +120,15 @@ def test_parameters_of_the_same_tyre_agree_and_given_ones_are_not_tested(repeat)
     assert status["mean_radius_m"] == status["axial_stiffness_n_m"] == "not tested"
     assert status["radial_stiffness_n_m3"] == "not significant"
     assert "significant" not in status.values()
+
+
+def test_a_parameter_that_is_not_identified_has_no_change_in_percent(base):
+    value = base.tuning.ring.bending_stiffness_n_m
+    ring = replace(base.tuning.ring, bending_stiffness_n_m=9.6 * value)
+    how = base.tuning.how | {"bending_stiffness_n_m": "not identified"}
+    other = replace(base, tuning=replace(base.tuning, ring=ring, how=how))
+    rows = {row[0]: row for row in parameter_rows(compare(base, other))}
+    assert rows["bending stiffness"][4] == "–"
 
 
 def test_rings_with_different_given_parameters_are_not_tested(base):
@@ -279,6 +288,15 @@ def test_a_foreign_mode_needs_shape_and_frequency():
     far = replace(cavity, pole=cavity.pole * 1.5)
     other = replace(near, residues=pair_mode(215.0, 0.0, "", order=6).residues)
     for second, expected in ((near, [(0, 0)]), (far, []), (other, [])):
+        assert match_modes((cavity,), (second,), mac_of((cavity,), (second,))) == expected
+
+
+def test_what_is_left_at_one_frequency_is_the_same_resonance():
+    cavity = replace(pair_mode(215.0, 0.0, "", order=1), order_purity=0.4)
+    other = replace(pair_mode(215.0, 0.0, "", order=6), order_purity=0.4)
+    near = replace(other, pole=other.pole * 1.0001)
+    apart = replace(other, pole=other.pole * 1.001)
+    for second, expected in ((near, [(0, 0)]), (apart, [])):
         assert match_modes((cavity,), (second,), mac_of((cavity,), (second,))) == expected
 
 
