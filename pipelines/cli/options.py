@@ -96,6 +96,7 @@ NoReport = Annotated[bool, flag("--no-report", "Stop before the report.", FILES)
 Figures = Annotated[
     Path | None, option("Write each figure of the report as PNG and SVG.", FILES, "DIR")
 ]
+Gif = Annotated[bool, flag("--gif", "With --figures: each shape on a moving tyre as GIF.", FILES)]
 Pdf = Annotated[bool, flag("--pdf", "Also write report.pdf; needs the optional part pdf.", FILES)]
 Template = Annotated[
     Path | None,

@@ -21,7 +21,7 @@ from pipelines.process.ring import retune
 from pipelines.process.run import process as run
 from pipelines.report.save import PDF, WORKBOOK, has, save
 from pipelines.report.template import read_template
-from pipelines.report.write import printing_library, write_figures
+from pipelines.report.write import MOVING, STILL, printing_library, write_figures
 from pipelines.results.decided import edit_records
 from pipelines.results.edits_file import read_edits
 from pipelines.results.options import Options
@@ -51,6 +51,7 @@ def process(
     ] = None,
     no_report: opt.NoReport = False,
     figures: opt.Figures = None,
+    gif: opt.Gif = False,
     pdf: opt.Pdf = False,
     xlsx: opt.Xlsx = False,
     force: opt.Force = False,
@@ -75,6 +76,7 @@ def process(
     looks = read_template(template, units)
     with reporting_outcome(out):
         require_free(out, force=force)
+        _formats(figures, gif=gif)
         _require_possible(figures, out, pdf=pdf, xlsx=xlsx, force=force)
         record = () if edits is None else read_edits(edits)
         with shown(quiet=quiet) as progress:
@@ -84,7 +86,7 @@ def process(
             save(result, out, **kinds, force=force, template=looks)
             if figures is not None:
                 progress.stage("Drawing the figures …")
-                write_figures(result, figures, force=force)
+                write_figures(result, figures, _formats(figures, gif=gif), force=force)
         for stage, seconds in result.provenance.get("stage_seconds", {}).items():
             _LOG.info("%s took %.2f s", stage, seconds)
         told: dict[str, Any] = {"as_json": as_json, "quiet": quiet, "units": looks.units}
@@ -137,6 +139,7 @@ def tune(
 def report(
     result_folder: opt.ResultFolder,
     figures: opt.Figures = None,
+    gif: opt.Gif = False,
     pdf: opt.Pdf = False,
     xlsx: opt.Xlsx = False,
     force: Annotated[bool, opt.replacing("earlier figures")] = False,
@@ -156,15 +159,23 @@ def report(
     looks = read_template(template, units)
     pdf, xlsx = pdf or has(result_folder, PDF), xlsx or has(result_folder, WORKBOOK)
     with reporting_outcome(result_folder):
+        _formats(figures, gif=gif)
         _require_possible(figures, result_folder, pdf=pdf, xlsx=xlsx, force=force)
         result = retune(result_folder, accept_changes=accept_changes)
         save(result, result_folder, pdf=pdf, xlsx=xlsx, force=True, template=looks)
         if figures is not None:
-            write_figures(result, figures, force=force)
+            write_figures(result, figures, _formats(figures, gif=gif), force=force)
     if as_json:
         print_json(_summary(result, result_folder, report=True))
     elif not quiet:
         _say_files(result_folder, report=True)
+
+
+def _formats(figures: Path | None, *, gif: bool) -> tuple[str, ...]:
+    """Formats of the figures; `gif` goes into their folder."""
+    if gif and figures is None:
+        raise InputError("--gif", "no --figures", "GIFs go into its folder", "Add --figures DIR")
+    return (*STILL, MOVING) if gif else STILL
 
 
 def _require_possible(

@@ -13,6 +13,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ema.core.errors import InputError, visible
 from pipelines.plots.chart import Chart, Drawn
 from pipelines.report import by_hand, closing, identification, measurement, responses, ring, summary
@@ -34,7 +36,7 @@ from pipelines.storage.atomic import file_written_whole, not_written, require_fr
 
 STYLE = Path(__file__).parent / "paper.css"
 MOST_FOLDED_ROWS = 30  # of a table that is folded on the screen: longer ones are not printed
-FORMATS = ("png", "svg")
+STILL, MOVING = ("png", "svg"), "gif"
 INSTALL = (
     'Install it with pip install "weasyprint>=68"; it needs the library Pango as well: on Windows '
     "from MSYS2 (pacman -S mingw-w64-ucrt-x86_64-pango), on macOS brew install pango, on Debian "
@@ -140,7 +142,7 @@ def printing_library(where: str) -> Any:
 
 
 def write_figures(
-    result: Result, folder: str | Path, formats: Sequence[str] = FORMATS, *, force: bool = False
+    result: Result, folder: str | Path, formats: Sequence[str] = STILL, *, force: bool = False
 ) -> list[Path]:
     """Write each figure of the report as files, such as ``stability.png``.
 
@@ -149,8 +151,9 @@ def write_figures(
     result : Result
     folder : path
         Made where it is missing; other files in it stay.
-    formats : sequence of {"png", "svg"}
-        PNG with 300 dots per inch; texts in SVG stay texts.
+    formats : sequence of {"png", "svg", "gif"}
+        PNG with 300 dots per inch; texts in SVG stay texts. GIF has each shape on a tyre that
+        moves (``shape-1.gif``), where the positions are a circle.
     force : bool
         Replace existing files of the same names.
 
@@ -167,11 +170,16 @@ def write_figures(
     """
     target = Path(folder)
     for name in formats:
-        if name not in FORMATS:
-            known = f"known are {', '.join(FORMATS)}"
+        if name not in (*STILL, MOVING):
+            known = f"known are {', '.join((*STILL, MOVING))}"
             raise InputError("figures", f"format {name!r}", known, "Choose one of them")
-    figures = drawings(report_sections(result))
-    paths = [target / f"{figure.name}.{ending}" for figure in figures for ending in formats]
+    still = [ending for ending in formats if ending != MOVING]
+    figures = drawings(report_sections(result)) if still else ()
+    model = result.modal_model
+    on_circle = MOVING in formats and bool(np.isfinite(model.position_deg).all())
+    shapes = {target / f"shape-{k}.gif": m for k, m in enumerate(model.modes, 1) if on_circle}
+    paths = [target / f"{figure.name}.{ending}" for figure in figures for ending in still]
+    paths += shapes
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -181,11 +189,15 @@ def write_figures(
         require_free_file(path, force=force)
     # Loads matplotlib, which the page does without; the checks come first.
     from pipelines.plots.style import write_figure
+    from pipelines.plots.torus import write_shape_gif
 
     for figure in figures:
         drawn = figure.draw()
-        for ending in formats:
+        for ending in still:
             write_figure(target / f"{figure.name}.{ending}", drawn)
+    for path, mode in shapes.items():
+        with file_written_whole(path) as partial:
+            write_shape_gif(mode, model.position_deg, partial)
     return paths
 
 

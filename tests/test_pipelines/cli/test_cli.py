@@ -128,16 +128,21 @@ def test_figures_stand_beside_the_result(ringmodal, processed, tmp_path, monkeyp
     """Drawing them takes its time and is tested by itself."""
     pictures = tmp_path / "pictures"
 
-    def draw(result, folder, *, force):
-        folder.mkdir()
-        (folder / "stability.png").write_text(f"{result.name}, force {force}")
+    def draw(result, folder, formats, *, force):
+        folder.mkdir(exist_ok=True)
+        (folder / "stability.png").write_text(f"{result.name}, {' '.join(formats)}, force {force}")
 
     monkeypatch.setattr("pipelines.cli.result.write_figures", draw)
     assert ringmodal("report", processed, "--figures", pictures)[0] == 0
-    assert (pictures / "stability.png").read_text() == "campaign, force False"
+    assert (pictures / "stability.png").read_text() == "campaign, png svg, force False"
     code, _, errors = ringmodal("report", processed, "--figures", pictures)
     assert code == 2
     assert "--force" in errors
+    assert ringmodal("report", processed, "--figures", pictures, "--gif", "--force")[0] == 0
+    assert (pictures / "stability.png").read_text() == "campaign, png svg gif, force True"
+    code, _, errors = ringmodal("report", processed, "--gif")
+    assert code == 2
+    assert "Add --figures" in errors
 
 
 @pytest.mark.parametrize("place", ["", "pictures"])

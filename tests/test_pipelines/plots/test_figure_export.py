@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from PIL import Image, ImageSequence
 from results import structure_result, tyre_result
 
 from ema.core.errors import InputError
@@ -158,3 +159,21 @@ def test_a_wide_picture_stands_by_itself():
     blocks = write._for_paper(Section("some", "Some", (Beside((wide, one)), Beside((two,))))).blocks
     assert blocks == (wide, Beside((one,)), Beside((two,)))
     assert write._for_paper(Section("some", "Some", (Beside((wide,)),))).blocks == (wide,)
+
+
+def test_a_shape_moves_in_a_gif_and_the_rim_does_not(tmp_path):
+    result = tyre_result()
+    model = result.modal_model
+    one = replace(result, modal_model=replace(model, modes=model.modes[1:2]))
+    (path,) = write_figures(one, tmp_path, ["gif"])
+    assert path.name == "shape-1.gif"
+    with Image.open(path) as gif:
+        assert gif.n_frames == 24
+        assert gif.info["loop"] == 0
+        frames = [
+            np.asarray(frame.convert("L"), dtype=float) for frame in ImageSequence.Iterator(gif)
+        ]
+    assert np.abs(frames[12] - frames[0]).mean() > 5
+    # At rest a quarter of a period later, whatever the direction.
+    assert np.abs(frames[6] - frames[18]).mean() < 1
+    assert write_figures(structure_result(), tmp_path, ["gif"]) == []

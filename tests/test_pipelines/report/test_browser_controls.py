@@ -104,6 +104,22 @@ def test_curves_are_those_of_the_result(frf_page, sample_result, row):
     np.testing.assert_allclose(level, expected, rtol=1e-3)
 
 
+def test_the_nyquist_plot_follows_the_position(frf_page, sample_result):
+    frf_page.js("document.getElementById('chart-nyquist').scrollIntoView()")
+    frf_page.wait("return window.ringmodalCharts.includes('nyquist')")
+    choose(frf_page, 30)
+    data = "document.getElementById('chart-nyquist').data"
+    name, x, y = frf_page.js(f"const [, t] = {data}; return [t.name, [...t.x], [...t.y]]")
+    frf, (low, high) = sample_result.frf, sample_result.modal_model.band_hz
+    inside = (frf.frequency_hz >= low) & (frf.frequency_hz <= high)
+    values = frf.values[30, inside]
+    assert name == "measured"
+    np.testing.assert_allclose(
+        np.array(x) + 1j * np.array(y), values, atol=2e-3 * abs(values).max()
+    )
+    assert "150°" in frf_page.attribute("#chart-nyquist", "aria-label")
+
+
 def test_previous_and_next_stop_at_the_ends(frf_page):
     choose(frf_page, 1)
     for button, index in ((PREVIOUS, 0), (PREVIOUS, 0), (NEXT, 1), (NEXT, 2)):
@@ -255,3 +271,27 @@ def test_controls_are_not_printed(page):
         ".filter(each => each.checkVisibility()).map(each => each.outerHTML.slice(0, 80))"
     )
     assert shown == []
+
+
+def test_the_tyre_moves_with_the_shape_and_the_ring_is_beside_it(shapes_page):
+    picture = "return document.querySelector('#shapes canvas').toDataURL()"
+    before = shapes_page.js(picture)
+    shapes_page.js(
+        "const phase = document.querySelector(arguments[0]); phase.value = 180;"
+        "phase.dispatchEvent(new Event('input'))",
+        PHASE,
+    )
+    assert shapes_page.js(picture) != before
+    measured, ring = (
+        shapes_page.attribute(f"{STAGE}{which} .deformed", "d") for which in ("", ".of-ring")
+    )
+    assert ring.count("L") == measured.count("L")
+    numbers = [np.array(re.findall(r"-?[\d.]+", path), dtype=float) for path in (measured, ring)]
+    np.testing.assert_allclose(*numbers, atol=0.02)  # at this mode the ring's shape is the measured
+
+
+def test_the_force_points_inward(shapes_page):
+    tail, tip = np.reshape(
+        re.findall(r"-?[\d.]+", shapes_page.attribute(f"{STAGE} .force", "d")), (-1, 2)
+    ).astype(float)[:2]
+    assert np.hypot(*tail) > np.hypot(*tip) > 1
