@@ -10,10 +10,11 @@ from pipelines.cli.screen import print_table
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.compare import shape_comparison as shapes
-from pipelines.compare.compare import compare_folders
+from pipelines.compare.compare import Comparison, compare_folders
 from pipelines.compare.shape_source import Alignment
 from pipelines.compare.summary import COMPARISON_HEAD, comparison_record, comparison_rows, findings
 from pipelines.report.comparison import write_comparison, write_shape_comparison
+from pipelines.report.several import write_comparisons
 from pipelines.storage.atomic import file_written_whole, require_free_file
 
 WAYS, DIRECTIONS = ("angle", "node"), ("radial", "x", "y", "z")
@@ -23,25 +24,44 @@ PLACES = "Positions and directions"
 def compare(
     first: Annotated[Path, opt.argument("FIRST", "Folder of a result, the one to compare with.")],
     second: Annotated[Path, opt.argument("SECOND", "Folder of another result.")],
+    others: Annotated[
+        list[Path] | None, opt.argument("[MORE…]", "Further results, compared with the first.")
+    ] = None,
     out: Annotated[Path, opt.target("Page", (".html",))] = Path("comparison.html"),
     force: Annotated[bool, opt.replacing("an earlier page")] = False,
     accept_changes: opt.AcceptChanges = False,
     as_json: opt.Json = False,
 ) -> None:
-    """Compare two results: frequencies, damping, shapes and ring parameters, with significance.
+    """Compare results: frequencies, damping, shapes and ring parameters, with significance.
 
-    Every difference is second minus first.
+    Every difference is second minus first; further results are compared with the first one too.
 
     Examples:
       ringmodal compare results/220_kPa results/250_kPa
       ringmodal compare results/monday results/tuesday --out repeatability.html --force
+      ringmodal compare results/200_kPa results/220_kPa results/250_kPa
     """  # noqa: D406, D407 - a heading of the help
     with reporting_outcome(out):
-        found = compare_folders(first, second, accept_changes=accept_changes)
-        page = write_comparison(found, out, force=force)
+        comparisons = [
+            compare_folders(first, other, accept_changes=accept_changes)
+            for other in (second, *(others or ()))
+        ]
+        if len(comparisons) == 1:
+            page = write_comparison(comparisons[0], out, force=force)
+        else:
+            page = write_comparisons(comparisons, out, force=force)
     if as_json:
-        print_json({"report": str(page), **comparison_record(found)})
+        records = [comparison_record(found) for found in comparisons]
+        content = records[0] if len(records) == 1 else {"comparisons": records}
+        print_json({"report": str(page), **content})
         return
+    for found in comparisons:
+        _show(found)
+    echo(f"Report: {page}")
+
+
+def _show(found: Comparison) -> None:
+    """Print the changes of the modes, what is doubtful, and what was found."""
     print_table(
         " → ".join(found.names),
         COMPARISON_HEAD,
@@ -54,7 +74,6 @@ def compare(
         echo_error(f"Warning: {doubt}")
     for sentence in findings(found):
         echo(sentence)
-    echo(f"Report: {page}")
 
 
 def compare_shapes(

@@ -130,7 +130,7 @@ Verbose = Annotated[
 UnitSystem = Annotated[
     Units | None,
     option(
-        "Units of tables and report: si (kPa, m) or lab (bar, mm). Default: si.", SCREEN, "NAME"
+        "Units of tables and report: lab (bar, mm) or si (kPa, m). Default: lab.", SCREEN, "NAME"
     ),
 ]
 Objective = Annotated[

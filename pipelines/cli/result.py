@@ -203,7 +203,7 @@ def show(
     as_json: bool,
     report: bool,
     quiet: bool = False,
-    units: Units = Units.SI,
+    units: Units = Units.LAB,
 ) -> None:
     """Print tables, verdict and files of a result; its warnings go to standard error."""
     if as_json:

@@ -11,6 +11,7 @@ from typing import Any
 import typer
 
 from ema.core.display import DASH, chance_text, number, signed, value_with_std
+from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.cli.screen import print_table
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.library.history import SetDifference, TyreHistory, stated, verdict_text
@@ -19,8 +20,17 @@ from pipelines.library.version import Version, values_of
 from pipelines.report.ring import headings, trend_row
 from pipelines.results.parameter_set import ParameterSet
 from pipelines.results.set_basis import basis_records
+from pipelines.results.units import Units, with_unit
 
 FEW_WARNINGS = 5  # printed
+
+
+_WORDS = {
+    **RING_NAMES,
+    **DAMPING_NAMES,
+    "wheel_mass_kg": ("mass of the wheel", "m", "kg"),
+    "wheel_inertia_kg_m2": ("inertia of the wheel", "I", "kg m²"),
+}
 
 
 def show_version(version: Version, standing: str, *, as_json: bool) -> None:
@@ -67,11 +77,15 @@ def show_parameters(parameters: ParameterSet) -> None:
     """Print conditions and parameters, each with its ± and how it was obtained."""
     for name, value in parameters.conditions.items():
         echo(f"Condition: {name} = {stated(value)}")
-    rows = [
-        (name, value_with_std(each.value, each.std), each.how)
-        for name, each in values_of(parameters).items()
-    ]
-    print_table("", ("parameter", "value", "obtained"), rows, texts=("parameter", "obtained"))
+    rows = []
+    for name, each in values_of(parameters).items():
+        title, symbol, si_unit = _WORDS.get(name, (name, "", ""))
+        value, std, unit = with_unit(each.value, each.std, si_unit, Units.LAB)
+        words = f"{title} {symbol}".strip()
+        rows.append((words, value_with_std(value, std), unit, each.how, name))
+    head = ("parameter", "value", "unit", "obtained", "name in the set")
+    texts = [title for title in head if title != "value"]
+    print_table("", head, rows, texts=texts, first_to_go=("name in the set",))
 
 
 def show_rows(rows: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:

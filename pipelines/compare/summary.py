@@ -278,13 +278,13 @@ def _parameter_row(change: ParameterChange) -> Row:
         unit,
         text(difference.first, change.first_std, change.first_how),
         text(difference.second, change.second_std, change.second_how),
-        _change_text(change),
+        change_text(change),
         chance_text(difference.adjusted_p_value) if change.is_tested else DASH,
         change.status if change.is_tested else f"{change.status}: {change.hows}",
     )
 
 
-def _change_text(change: ParameterChange) -> str:
+def change_text(change: ParameterChange) -> str:
     """Relative change; none of a parameter that one of the results does not determine."""
     if {change.first_how, change.second_how} & {NOT_IDENTIFIED, AT_BOUND}:
         return DASH

@@ -12,7 +12,7 @@ from pipelines.compare.modes import MatchedMode, mode_name
 from pipelines.compare.significance import Difference
 from pipelines.plots import plot as go
 from pipelines.plots.chart import Chart
-from pipelines.plots.measurement import drive_point_row
+from pipelines.plots.measurement import SYMBOLS, drive_point_row
 from pipelines.plots.modes import matrix_chart
 from pipelines.results.labels import each_once, in_band, short
 
@@ -45,6 +45,37 @@ def change_chart(
         f"Change of the {quantity}, second against first; {count} of {len(modes)} are significant. "
         f"A change that is the same for all modes has one cause; one that grows or falls over the "
         f"order tells belt from sidewall. Filled: significant. {BARS}.",
+        height_px=380,
+    )
+
+
+def several_changes_chart(
+    name: str,
+    quantity: str,
+    modes: Sequence[str],
+    results: Sequence[str],
+    changes: Sequence[Sequence[Difference | None]],
+) -> Chart:
+    """Relative changes of a `quantity` over the modes, a curve for each result."""
+    series = []
+    for k, (result, differences) in enumerate(zip(results, changes, strict=True)):
+        values = [
+            (np.nan, np.nan) if d is None else (d.percent, d.percent_std) for d in differences
+        ]
+        percent, std = np.reshape(values, (-1, 2)).T
+        colour, marker = go.SERIES[k % len(go.SERIES)], SYMBOLS[k % len(SYMBOLS)]
+        look: dict[str, Any] = {"size": 8, "hover": "%{x}<br>%{y:+.3f} %", "y_bars": 2 * std}
+        places = np.arange(len(modes))
+        series.append(go.Curve(places, percent, colour, short(result), 1.2, marker=marker, **look))
+    across = go.Axis("mode", names=each_once(modes))
+    panel = go.Panel((*series, go.Rule(0)), across, go.Axis(f"change of {quantity} / %"))
+    return Chart(
+        name,
+        go.Plot((panel,), (13, 7.5), margins=go.Margins(bottom=1.3)),
+        f"Change of the {quantity} of {len(modes)} modes in {len(results)} results, in percent.",
+        f"Change of the {quantity} against the first result. Curves of one form and different "
+        f"size show one cause of different strength, such as pressure or temperature. {BARS}.",
+        wide=True,
         height_px=380,
     )
 

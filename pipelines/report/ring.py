@@ -69,7 +69,7 @@ def validation(result: Result) -> Section:
     return Section("validation", title, blocks)
 
 
-def parameters(result: Result, units: Units = Units.SI) -> Section:
+def parameters(result: Result, units: Units = Units.LAB) -> Section:
     """The parameters of the ring and how each was obtained."""
     title = "Ring parameters"
     tuning = result.tuning

@@ -42,7 +42,7 @@ _TITLES = {  # of the sections that a remark leads to
 }
 
 
-def summary(result: Result, units: Units = Units.SI) -> Section:
+def summary(result: Result, units: Units = Units.LAB) -> Section:
     """Verdict, the most important remarks, and the tables of modes and parameters in short."""
     overall = judge(result)
     blocks: list[Block] = [

@@ -33,7 +33,7 @@ class Template:
     introduction: str = ""  # after the summary
     closing: str = ""  # above the signatures
     signatures: tuple[str, ...] = ("Checked by",)  # a line for each, with date and signature
-    units: Units = Units.SI
+    units: Units = Units.LAB
     fields: Mapping[str, str] = field(default_factory=dict)  # more lines of the head
 
     @property

@@ -12,8 +12,8 @@ from ema.core.display import DASH, plain, value_with_std
 class Units(StrEnum):
     """Units that results are shown in."""
 
+    LAB = "lab"  # bar and mm, the default
     SI = "si"
-    LAB = "lab"  # bar and mm
 
 
 # What an SI unit is shown as, and its factor; others are shown as they are.

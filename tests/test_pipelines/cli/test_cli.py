@@ -189,6 +189,8 @@ def test_two_results_are_compared(ringmodal, processed, tmp_path):
     arguments = ("compare", processed, processed, "--out", page, "--force", "--json")
     content = json.loads(ringmodal(*arguments)[1])
     assert content["modes"][0]["frequency_hz"]["difference"] == 0
+    several = ("compare", processed, processed, processed, "--out", page, "--force", "--json")
+    assert len(json.loads(ringmodal(*several)[1])["comparisons"]) == 2
 
 
 def test_what_the_data_do_not_tell_is_a_warning(ringmodal, short_campaign, out):

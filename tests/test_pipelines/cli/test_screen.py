@@ -142,10 +142,10 @@ def test_a_clean_run_prints_tables_verdict_and_files_and_no_notes(sample_result,
         *("Verdict", "Result", "Report")
     ]
     assert "inflation pressure p₀" in output
-    assert "kPa" in output
+    assert re.search(r"p₀ +2\.200 ± 0\.022 +bar", output)
     assert "Note" not in errors
-    show(sample_result, Path("r"), as_json=False, report=True, units=Units.LAB)
-    assert re.search(r"p₀ +2\.200 ± 0\.022 +bar", capsys.readouterr().out)
+    show(sample_result, Path("r"), as_json=False, report=True, units=Units.SI)
+    assert re.search(r"p₀ +220\.0 ± 2\.2 +kPa", capsys.readouterr().out)
 
 
 def test_inspect_names_files_with_their_folder(ringmodal, short_campaign):

@@ -29,6 +29,7 @@ from pipelines.compare.summary import (
 )
 from pipelines.plots.chart import Chart
 from pipelines.report.comparison import comparison_sections, render_comparison, write_comparison
+from pipelines.report.several import result_names, several_sections, write_comparisons
 
 HOSTILE = '<script>alert("x")</script>' + "long" * 2500
 
@@ -210,6 +211,24 @@ def test_results_without_a_common_mode_have_a_page():
     )
     page = render_comparison(compare(first, replace(first, modal_model=none)))
     assert "No mode of one result was found in the other." in page
+
+
+def test_several_results_are_compared_with_the_first_on_one_page(rising, tmp_path):
+    gone = rising.second.modal_model
+    gone = replace(gone, modes=gone.modes[:-1], covariance=gone.covariance[:-2, :-2])
+    fewer = compare(rising.first, replace(rising.second, name="2.6 bar", modal_model=gone))
+    assert result_names([rising, fewer]) == ["2.2 bar", "2.4 bar", "2.6 bar"]
+    sections = {each.anchor: each for each in several_sections([rising, fewer])}
+    chart, table, _ = sections["frequency"].blocks
+    assert [trace["name"] for trace in chart.data] == ["2.4 bar", "2.6 bar"]
+    assert len(table.rows) == 7
+    assert table.rows[-1][2].endswith("*")
+    assert table.rows[-1][3] == "–"
+    page = write_comparisons([rising, fewer], tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "2.6 bar against 2.2 bar:" in page
+    assert "Comparison of 3 results" in page
+    with pytest.raises(InputError, match="exists"):
+        write_comparisons([rising, fewer], tmp_path / "page.html")
 
 
 def test_a_page_is_replaced_only_with_force(rising, tmp_path):

@@ -107,7 +107,7 @@ def test_tables_have_a_cell_for_every_title(sections):
 def test_the_numbers_are_there(page, tyre):
     for mode in tyre.modal_model.modes:
         assert value_with_std(mode.frequency_hz, mode.frequency_std_hz) in page.text
-    assert "220 kPa" in page.text
+    assert "2.2 bar" in page.text
     assert "0123456789abcdef" * 4 in page.text
     assert "50 Hz line 12 dB above its sides" in page.text
     for note in (*tyre.notes, *tyre.tuning.notes, *tyre.damping.notes):
