@@ -14,18 +14,18 @@ from pipelines.report.write import render_report
 DOCS = Path(__file__).parent
 SAMPLE = DOCS.parent / "sample_data" / "tyre_225_55R17"
 PICTURES = DOCS / "images" / "tutorial"
-WIDTH = 1000
+WIDTH = 1200
 # Section of the report → height of its picture in pixels; below it the section may go on.
 HEIGHTS = {
-    "summary": 275,
-    "setup": 545,
-    "quality": 1010,
+    "summary": 580,
+    "setup": 610,
+    "quality": 1080,
     "stability": 632,
     "modes": 445,
-    "frf": 620,
-    "shapes": 1095,
+    "frf": 680,
+    "shapes": 720,
     "validation": 520,
-    "parameters": 430,
+    "parameters": 470,
 }
 LOADED_MS = 5000
 

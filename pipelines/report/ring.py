@@ -148,7 +148,9 @@ def _verdict(tuning: TuningResult) -> Paragraph:
     """Whether a ring describes the tyre, and the pressure model of the parameters."""
     found = tuning.verdict
     orders = ", ".join(map(str, found.orders_used))
-    text = f"Ring {found.text()}. Orders used: {orders}. Pressure: {tuning.pressure_load} load."
+    fits = "the ring has the measured frequencies" if found.is_good else found.text()
+    says = f"{fits[0].upper()}{fits[1:]}"
+    text = f"{says}. Orders used: {orders}. Pressure: {tuning.pressure_load} load."
     return Paragraph(text, TONES[found.state])
 
 
