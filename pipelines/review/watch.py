@@ -12,13 +12,7 @@ from typing import Any
 import numpy as np
 
 import ema
-from ema.checks.quality import (
-    check_reference,
-    coherence_findings,
-    coherent_band,
-    gain_findings,
-    reference_finding,
-)
+from ema.checks.quality import check_reference, coherence_findings, gain_findings, reference_finding
 from ema.core.campaign import Campaign
 from ema.core.errors import FitError, InputError
 from ema.core.finding import Check, Finding, Verdict
@@ -168,7 +162,7 @@ def _numbers(
     lines = in_band(frf.frequency_hz, band_hz)
     recording = next(each for each in campaign.runs if each.name == run)
     coherence = frf.coherence[rows][:, lines]
-    good_hz = coherent_band(frf.rows(rows)) if rows.any() else (np.nan, np.nan)
+    good_hz = frf.rows(rows).coherent_band_hz() if rows.any() else (np.nan, np.nan)
     return {
         "seconds": recording.recording.duration_s,
         "coherence": float(np.nanmedian(coherence)) if np.isfinite(coherence).any() else None,
