@@ -287,7 +287,7 @@ def test_tables_do_not_replace_a_result(folder, tmp_path):
     ("words", "expected"),
     [
         (["--format", "uf"], "uff"),
-        (["--out", "modes.xlsx"], "uff, csv, json, mat"),
+        (["--out", "modes.docx"], "uff, xlsx, csv, json, mat"),
         (["--frfs", "measurd"], "measured"),
         (["--out", "nowhere/modes.uff"], "does not exist"),
     ],
