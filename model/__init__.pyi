@@ -1,4 +1,3 @@
-from .arguments import InstabilityError, ParameterError
 from .circle_fields import LoadedModes
 from .cleat import Cleat, CleatTest
 from .coefficients import (
@@ -10,6 +9,7 @@ from .coefficients import (
     harmonics,
 )
 from .damping import DampingResult, damping_ratios, identify_damping, torsion_damping_ratio
+from .errors import InstabilityError, ParameterError
 from .forced import ForcedRing, inertance, inextensional_inertance
 from .foundation import Foundation, foundation_from_belt_modes
 from .hub import HubResponse, free_hub_roots, hub_response

@@ -13,16 +13,9 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arguments import (
-    Array,
-    InstabilityError,
-    ParameterError,
-    ReadonlyArrays,
-    finite_array,
-    require_number,
-    require_one_of,
-)
+from model.arguments import Array, ReadonlyArrays, finite_array, require_number, require_one_of
 from model.coefficients import characteristic_roots
+from model.errors import InstabilityError, ParameterError
 from model.forced import ORDERS_AT_ONCE, Complex, Direction, ForcedRing, angular_frequency
 from model.ring import belt_width_m
 from model.waves import Frame, require_frame

@@ -8,14 +8,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arguments import (
-    Array,
-    ParameterError,
-    ReadonlyArrays,
-    finite_array,
-    require_one_of,
-    whole_orders,
-)
+from model.arguments import Array, ReadonlyArrays, finite_array, require_one_of, whole_orders
+from model.errors import ParameterError
 from model.parameters import LARGEST_HOOP_STRAIN, RingDamping, RingParameters
 
 #: ``"dead"``: pressure keeps its direction (as in the paper); ``"follower"``: normal to the belt.

@@ -11,15 +11,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arguments import (
-    Array,
-    ParameterError,
-    finite_array,
-    readonly,
-    require_one_of,
-    require_order_limit,
-)
+from model.arguments import Array, finite_array, readonly, require_one_of, require_order_limit
 from model.coefficients import Harmonics, PressureLoad, harmonics
+from model.errors import ParameterError
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m
 from model.waves import Frame, require_frame

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from model.arguments import ParameterError, require_number
+from model.arguments import require_number
 from model.coefficients import PressureLoad, equilibrium, harmonics, require_pressure_load
+from model.errors import ParameterError
 from model.parameters import RingParameters
 from model.tuning_problem import TuningProblem
 

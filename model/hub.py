@@ -18,8 +18,9 @@ from typing import get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arguments import Array, ParameterError, ReadonlyArrays, require_one_of
+from model.arguments import Array, ReadonlyArrays, require_one_of
 from model.coefficients import REAL_ROOT, PressureLoad
+from model.errors import ParameterError
 from model.forced import Complex, Direction, ForcedRing, angular_frequency
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.ring import belt_width_m

@@ -15,15 +15,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arguments import (
-    Array,
-    InstabilityError,
-    ParameterError,
-    ReadonlyArrays,
-    finite_array,
-    require_number,
-    require_order_limit,
-)
+from model.arguments import Array, ReadonlyArrays, finite_array, require_number, require_order_limit
 from model.circle_fields import (
     CircleFields,
     LoadedModes,
@@ -34,6 +26,7 @@ from model.circle_fields import (
     pressure_force,
 )
 from model.coefficients import PressureLoad, equilibrium, require_pressure_load
+from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
 from model.ring import belt_width_m
 

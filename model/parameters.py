@@ -7,8 +7,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from model.arguments import ParameterError, require_number
+from model.arguments import require_number
 from model.display import number, table
+from model.errors import ParameterError
 
 #: Thickness over radius up to which a ring is thin.
 LARGEST_THICKNESS_RATIO = 0.2

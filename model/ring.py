@@ -7,8 +7,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arguments import Array, InstabilityError, ParameterError, require_type, whole_orders
+from model.arguments import Array, require_type, whole_orders
 from model.coefficients import Harmonics, PressureLoad, harmonics, inextensional_roots
+from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
 
 

@@ -14,16 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from model.arguments import (
-    Array,
-    ParameterError,
-    ReadonlyArrays,
-    finite_array,
-    require_number,
-    require_order_limit,
-)
+from model.arguments import Array, ReadonlyArrays, finite_array, require_number, require_order_limit
 from model.circle_fields import LoadedModes, circle_fields, fourier_basis
 from model.coefficients import PressureLoad, equilibrium, harmonics, require_pressure_load
+from model.errors import ParameterError
 from model.loaded import LoadedRing, in_load_steps, number_of_points, refuse_buckling
 from model.parameters import RingParameters, Wheel
 from model.ring import belt_width_m

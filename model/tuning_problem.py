@@ -13,15 +13,9 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, cholesky, solve_triangular
 from scipy.optimize import least_squares, nnls
 
-from model.arguments import (
-    Array,
-    ParameterError,
-    ReadonlyArrays,
-    finite_array,
-    require_number,
-    require_one_of,
-)
+from model.arguments import Array, ReadonlyArrays, finite_array, require_number, require_one_of
 from model.coefficients import PressureLoad, harmonics, require_pressure_load
+from model.errors import ParameterError
 from model.parameters import LARGEST_THICKNESS_RATIO, ManyRings, RingParameters
 from model.ring import modal_mass_kg, natural_frequencies_hz
 from model.tuning_prior import GROWTH, GROWTH_STD, ModalMasses, TuningPriors

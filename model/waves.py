@@ -8,16 +8,9 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arguments import (
-    Array,
-    InstabilityError,
-    ParameterError,
-    ReadonlyArrays,
-    finite_array,
-    require_one_of,
-    whole_orders,
-)
+from model.arguments import Array, ReadonlyArrays, finite_array, require_one_of, whole_orders
 from model.coefficients import PressureLoad, characteristic_roots, eigenvector_ratios
+from model.errors import InstabilityError, ParameterError
 from model.parameters import RingParameters
 
 #: Frame of an observer: turning with the wheel, or fixed in space.

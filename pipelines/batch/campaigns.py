@@ -13,7 +13,7 @@ from time import perf_counter
 from ema.core.errors import FitError, InputError, file_trouble, out_of_memory
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.formats import is_recording
-from model.arguments import ParameterError
+from model.errors import ParameterError
 from pipelines.batch.state import (
     CAMPAIGNS,
     DONE,

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 import typer
 
 from ema.core.errors import FitError, InputError, file_trouble, is_drive_trouble, out_of_memory
-from model.arguments import ParameterError
+from model.errors import ParameterError
 from pipelines.cli import terminal
 from pipelines.cli.help import SETTINGS, LazyGroup
 from pipelines.cli.streams import Interrupted

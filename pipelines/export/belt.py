@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ema.core.errors import InputError, visible_line
-from model.arguments import InstabilityError
 from model.coefficients import PressureLoad
 from model.damping import damping_ratios, torsion_damping_ratio
+from model.errors import InstabilityError
 from model.identifiability import AT_BOUND, GIVEN, NOT_IDENTIFIED
 from model.parameters import DAMPING_NAMES, RING_NAMES, RingDamping, RingParameters
 from model.ring import belt_width_m, natural_frequencies_hz, torsion_frequency_hz

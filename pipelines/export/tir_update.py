@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from ema.core.errors import InputError, visible_line
-from model.arguments import ParameterError
+from model.errors import ParameterError
 from model.foundation import foundation_from_belt_modes
 from model.identifiability import NOT_IDENTIFIED
 from model.tuning_problem import BENDING, TYPICAL

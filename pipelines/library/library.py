@@ -9,7 +9,7 @@ from math import isfinite, nan
 from pathlib import Path
 
 from ema.core.errors import InputError, unknown
-from model.arguments import ParameterError
+from model.errors import ParameterError
 from pipelines.library.numbering import folder_name, numbered_files, split_reference
 from pipelines.library.version import Entry, LibraryTyre, Version, login_name, signed_now
 from pipelines.results.parameter_set import (

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ema.core.errors import InputError
 from model import Bifurcation, HubResponse, bifurcation, free_hub_roots
-from model.arguments import ParameterError
 from model.coefficients import PressureLoad
+from model.errors import ParameterError
 from model.foundation import with_pressure_load
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.reference import DESIGNATION, TABLE_4_RING, TABLE_5_DAMPING

@@ -17,7 +17,7 @@ from model import (
     torsion_frequency_hz,
     tune_ring,
 )
-from model.arguments import InstabilityError
+from model.errors import InstabilityError
 from model.foundation import with_pressure_load
 from model.reference import TABLE_4_RING, TABLE_5_DAMPING
 from model.tuning_prior import GROWTH

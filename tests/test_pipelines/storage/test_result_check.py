@@ -15,7 +15,7 @@ from results import tyre_result
 from tampering import tamper, ways
 
 from ema.core.errors import FitError, InputError
-from model.arguments import ParameterError
+from model.errors import ParameterError
 from pipelines.batch.run import run_batch
 from pipelines.library.library import TyreLibrary
 from pipelines.process.ring import retune
