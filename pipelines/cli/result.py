@@ -47,7 +47,7 @@ def process(
     options: Options,
     edits: Annotated[
         Path | None,
-        opt.option("Decisions to replay: edits.toml of a result, or your own.", opt.POLES, "FILE"),
+        opt.option("Decisions to replay: edits.toml of a result, or your own.", opt.FILES, "FILE"),
     ] = None,
     no_report: opt.NoReport = False,
     figures: opt.Figures = None,

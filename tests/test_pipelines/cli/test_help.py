@@ -16,7 +16,7 @@ from pipelines.cli.options import choice, ring_parameters
 
 COMMANDS = (
     *("demo", "doctor", "inspect", "init", "process", "tune", "report", "compare"),
-    *("export", "simulate", "paper", "batch", "tyre"),
+    *("export", "simulate", "paper", "batch", "tyre", "refit", "review"),
 )
 
 
