@@ -109,7 +109,6 @@ export function mount(host, bench) {
       choice("modes", `Modes (${n})`), choice("poles", `Poles (${bench.data.diagram?.clusters.length ?? "…"})`),
       el("span", { className: "grow" }),
       out ? el("span", { className: "chip warning" }, `${out} out`) : null,
-      bench.isPreview ? el("span", { className: "chip preview" }, bench.state.stage === "opening" ? "as stored" : "preview") : null,
       el("span", { className: "soft" }, key("↑"), key("↓"), " ", key("Enter")));
     refill(list, which === "modes" ? modes() : poles());
     list.querySelector("tr.chosen")?.scrollIntoView({ block: "nearest" });
