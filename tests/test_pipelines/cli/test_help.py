@@ -15,8 +15,8 @@ from pipelines.cli import options as cli_options
 from pipelines.cli.options import choice, ring_parameters
 
 COMMANDS = (
-    *("demo", "doctor", "inspect", "init", "process", "tune", "report", "compare"),
-    *("export", "simulate", "paper", "batch", "tyre", "refit", "review"),
+    *("demo", "doctor", "inspect", "init", "process", "refit", "tune", "report", "review"),
+    *("compare", "export", "simulate", "paper", "batch", "tyre"),
 )
 
 
