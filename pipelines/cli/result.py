@@ -326,6 +326,10 @@ def export(
         bool,
         opt.flag("--decimal-comma", "CSV with semicolons and decimal commas, for Excel.", CONTENT),
     ] = False,
+    cylindrical: Annotated[
+        bool,
+        opt.flag("--cylindrical", "Universal file: shapes along radius, circle, axle.", CONTENT),
+    ] = False,
     as_json: opt.Json = False,
 ) -> None:
     """Write modes, shapes, geometry and FRFs of a result for other modal programs.
@@ -338,7 +342,7 @@ def export(
     """  # noqa: D406, D407 - a heading of the help
     with reporting_outcome(out or result):
         content = {"real": real, "text": text, "force": force, "accept_changes": accept_changes}
-        content["decimal_comma"] = decimal_comma
+        content |= {"cylindrical": cylindrical, "decimal_comma": decimal_comma}
         written = write(result, out, file_format, frfs=frfs, **content)
     found, notes = written.export, written.export.geometry.notes
     counts = {

@@ -130,6 +130,9 @@ class ModalExport(ReadonlyArrays):
     decimal_comma: bool = False
     # whether a universal file has the FRFs as text (58) instead of binary (58b)
     frfs_as_text: bool = False
+    # whether a universal file has shapes and FRFs along the axes of a cylindrical system; else
+    # shapes are in x, y, z
+    is_cylindrical: bool = False
 
     @property
     def modes(self) -> tuple[Mode, ...]:

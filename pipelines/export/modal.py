@@ -61,6 +61,7 @@ def export(
     frfs: str = BOTH,
     text: bool = False,
     decimal_comma: bool = False,
+    cylindrical: bool = False,
     force: bool = False,
     accept_changes: bool = False,
 ) -> Written:
@@ -78,6 +79,9 @@ def export(
         As for `gather`.
     decimal_comma : bool
         CSV with semicolons and decimal commas, for Excel in countries that use these.
+    cylindrical : bool
+        Universal file whose shapes and FRFs are along radius, circle and axle, which a cylindrical
+        displacement system states; by default shapes are in x, y, z.
     force : bool
         Replace an earlier export.
     accept_changes : bool
@@ -101,6 +105,7 @@ def export(
     found = replace(
         gather(loaded, real=real, frfs=frfs, text=text),
         decimal_comma=decimal_comma,
+        is_cylindrical=cylindrical,
         ring=read_parameter_set(tyre) if tyre.is_file() else None,
     )
     name = folder.resolve().name
@@ -322,15 +327,18 @@ def _shapes(found: ModalExport) -> pd.DataFrame:
 def write_uff(found: ModalExport, path: Path) -> None:
     """Write datasets 151, 164, 2420, 2411, 82, 55 and 58b or 58.
 
-    On a circle, shapes and FRFs are along the axes of a cylindrical system: radial is the first.
+    Shapes are in Cartesian components: the motion along the measured direction as x, y, z. With
+    `is_cylindrical`, shapes and FRFs on a circle are along a cylindrical system's axes: radial is
+    the first.
     """
     geometry = found.geometry
+    wheel = geometry.is_closed and found.is_cylindrical
     program = f"ringmodal {software_version()}"
     notes = "; ".join(geometry.notes)
     with path.open("wb") as file:
         file.write(uff.header_151(found.result.name, notes, program, datetime.now().astimezone()))
-        file.write(uff.units_164() + uff.coordinate_systems_2420(is_wheel=geometry.is_closed))
-        moving = uff.CYLINDRICAL if geometry.is_closed else uff.CARTESIAN
+        file.write(uff.units_164() + uff.coordinate_systems_2420(is_wheel=wheel))
+        moving = uff.CYLINDRICAL if wheel else uff.CARTESIAN
         file.write(uff.nodes_2411(geometry.node, geometry.xyz_m, moving))
         file.write(uff.trace_lines_82("ring" if geometry.is_closed else "line", geometry.path))
         for number in range(1, len(found.modes) + 1):
@@ -351,7 +359,8 @@ def write_uff(found: ModalExport, path: Path) -> None:
 def _shape(found: ModalExport, number: int) -> uff.ShapeDataset:
     mode, geometry = found.modes[number - 1], found.geometry
     along = found.shapes[number - 1]
-    axes = np.eye(3)[:1] if geometry.is_closed else geometry.direction
+    wheel = geometry.is_closed and found.is_cylindrical
+    axes = np.eye(3)[:1] if wheel else geometry.direction[: geometry.n_measured]
     modal_a, mass_kg = complex(found.modal_a[number - 1]), float(found.modal_mass_kg[number - 1])
     order = "" if mode.order is None else f", order {mode.order}{mode.member}"
     motion = "radial motion" if geometry.is_closed else "measured motion"
@@ -362,7 +371,7 @@ def _shape(found: ModalExport, number: int) -> uff.ShapeDataset:
             f"Mode {number}{order}, {mode.frequency_hz:.4f} Hz, {100 * mode.damping_ratio:.4f} %",
             found.result.name,
             f"std {stds} damping",
-            f"{motion}; largest part 1",
+            f"{motion}{'' if wheel else ' as x, y, z'}; largest part 1",
             f"status {mode.status}",
         ),
         pole=mode.pole,

@@ -67,12 +67,23 @@ def test_pyuff_reads_complex_shapes(universal):
         assert (held["analysis_type"], held["data_type"], held["mode_n"]) == (3, 5, number)
         assert held["id1"].startswith(f"Mode {number}, order {mode.order},")
         np.testing.assert_allclose(held["eig"], mode.pole, rtol=1e-5)
-        np.testing.assert_allclose(held["r1"], mode.shape, atol=2e-6)  # the radius
+        turn = np.deg2rad(found.geometry.position_deg)
+        radial = held["r1"] * np.cos(turn) + held["r3"] * np.sin(turn)
+        np.testing.assert_allclose(radial, mode.shape, atol=2e-6)
         assert not held["r2"].any()
-        assert not held["r3"].any()
         at_force = mode.shape[0] ** 2 / held["modal_a"]
         np.testing.assert_allclose(at_force, mode.residues[0], rtol=1e-4)
         np.testing.assert_allclose(held["modal_b"], -held["eig"] * held["modal_a"], rtol=1e-4)
+
+
+def test_shapes_along_a_cylindrical_system_are_radial_first(folder, tmp_path):
+    written = export(folder, tmp_path / "wheel.uff", cylindrical=True)
+    for mode, held in zip(written.export.modes, sets_of(written.path, 55), strict=True):
+        np.testing.assert_allclose(held["r1"], mode.shape, atol=2e-6)
+        assert not held["r2"].any()
+        assert not held["r3"].any()
+    (nodes,) = sets_of(written.path, 2411)
+    assert set(nodes["disp_cs"]) == {2}
 
 
 def test_pyuff_reads_normal_modes(folder, tmp_path):
@@ -115,7 +126,7 @@ def test_measured_frfs_alone_keep_all_lines(folder, tmp_path):
 
 @pytest.mark.parametrize("real", [False, True])
 def test_a_second_program_reads_the_same(folder, tmp_path, real):
-    written = export(folder, tmp_path / "second.uff", real=real, text=real)
+    written = export(folder, tmp_path / "second.uff", real=real, text=real, cylindrical=True)
     held, found = read_by_sdynpy(written.path), written.export
     modes, geometry = found.modes, found.geometry
     frequencies_hz = [mode.frequency_hz for mode in modes]
@@ -149,7 +160,9 @@ def complex_of(parts):
     return real + 1j * imag
 
 
-def test_we_read_our_shapes(universal):
+@pytest.mark.parametrize("cylindrical", [False, True])
+def test_we_read_our_shapes(folder, tmp_path, cylindrical):
+    universal = export(folder, tmp_path / "ours.uff", cylindrical=cylindrical)
     found = ema.read_shapes(universal.path)
     assert found.findings == ()
     np.testing.assert_allclose(found.angle_deg[::3], np.arange(72) * 5.0, atol=1e-9)
