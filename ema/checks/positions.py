@@ -46,8 +46,9 @@ _AS_GOOD = 1.5
 # turn whatever is wrong; this many do not.
 _STRONG, _FEWEST_MODES = 0.03, 3
 # Axes of the sensors: tyres with 2 to 5 % of damping leave 0.84 of the power in one pattern where
-# the axes are right, 0.57 where they are not; with fewer orders everything looks alike.
-_CLEARLY, _FEWEST_ORDERS = 0.05, 4
+# the axes are right, 0.57 where they are not. Twelve positions, which tell five orders, take
+# higher ones for these.
+_CLEARLY, _FEWEST_ORDERS = 0.05, 8
 
 _Move = tuple[int, float]
 
@@ -274,7 +275,7 @@ def axes_finding(frf: FRF, band_hz: tuple[float, float]) -> list[Finding]:
     -------
     list of Finding
         A warning about an axis of space; what was taken as radial where the files state axes;
-        nothing without a circle, or with fewer orders than `_FEWEST_ORDERS`.
+        nothing without a circle.
     """
     lines = (frf.frequency_hz >= band_hz[0]) & (frf.frequency_hz <= band_hz[1])
     if not on_circle(frf.position_deg):
@@ -283,7 +284,7 @@ def axes_finding(frf: FRF, band_hz: tuple[float, float]) -> list[Finding]:
     values = frf.values[:, lines]
     known = np.isfinite(values).all(axis=1) & (np.abs(values) > 0).any(axis=1)
     if highest < _FEWEST_ORDERS or known.sum() < 2 * highest:
-        return []
+        return _taken_as_radial(frf, "too few positions for the FRFs to tell")
     values, angle = values[known], frf.position_deg[known]
     radial = _largest_share(values, [order_basis(angle, n) for n in range(highest + 1)])
     towards = {
@@ -303,12 +304,15 @@ def axes_finding(frf: FRF, band_hz: tuple[float, float]) -> list[Finding]:
             f'({shares}). State axes = ["X", "Z"] in [grid], those at 0° and 90°, and measure both'
         )
         return [Finding("", "", None, Check.DIRECTION, Verdict.WARNING, detail)]
-    if not frf.axis.any():
-        return []
     told = "the FRFs agree" if radial > share + _CLEARLY else "the FRFs do not tell"
+    return _taken_as_radial(frf, f"{told} ({shares})")
+
+
+def _taken_as_radial(frf: FRF, why: str) -> list[Finding]:
+    """What was taken as radial; nothing where files state no axes."""
     letters = ", ".join("XYZ"[axis - 1] for axis in np.unique(frf.axis[frf.axis > 0]))
-    detail = f"{letters} of each node taken as radial: {told} ({shares})"
-    return [Finding("", "", None, Check.DIRECTION, Verdict.OK, detail)]
+    detail = f"{letters} of each node taken as radial: {why}"
+    return [Finding("", "", None, Check.DIRECTION, Verdict.OK, detail)] if letters else []
 
 
 def _largest_share(

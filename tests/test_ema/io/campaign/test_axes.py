@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from builders import binary58, floats, frf58, nodes2411
+from systems import tyre_frf
 from uff_datasets import CYLINDRICAL, system2420
 
 import ema
@@ -77,7 +78,11 @@ def says(found):
     return finding.verdict, finding.detail
 
 
-NODES = "positions_deg = {" + ", ".join(f"{k + 1}Z = {15 * k}" for k in range(POSITIONS)) + "}"
+@pytest.mark.parametrize("snr_db", [0, 20])
+@pytest.mark.parametrize("positions", [12, 24, 72])
+@pytest.mark.parametrize("band_hz", [(20.0, 260.0), (20.0, 120.0), (150.0, 260.0)])
+def test_radial_sensors_of_a_damped_tyre_are_not_doubted(snr_db, positions, band_hz):
+    assert axes_finding(tyre_frf(snr_db=snr_db, positions=positions), band_hz) == []
 
 
 def test_one_letter_at_all_nodes_is_radial_and_the_frfs_agree(tmp_path):
