@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ema.automatic import Basis, automatic_basis
 from ema.checks.by_hand import channel_edits, corrections_by_hand
 from ema.checks.corrections import corrected
 from ema.checks.sensor_mass import without_mass
@@ -19,7 +20,7 @@ from ema.fitting.curve_fit import settled
 from ema.fitting.edited_fit import EditedFit
 from ema.fitting.listing import Key
 from ema.fitting.pole_fit import fit_bounded
-from ema.identify import Basis, Identification, automatic_basis
+from ema.identify import Identification, identified
 
 # Steps of a search that is only to say how much worse a fit is.
 _FEW_TRIES = 8
@@ -86,7 +87,7 @@ def refit_modes(
         if not basis.is_of(edits) or (basis.is_preview and not live):
             anew = _live_basis if live and basis.stated_deg is None else _whole_basis
             basis = anew(basis, edits)
-        return basis.with_edits(edits, live=live, before=found)
+        return identified(basis, edits, live=live, before=found)
 
 
 def _whole_basis(basis: Basis, edits: Sequence[Edit]) -> Basis:

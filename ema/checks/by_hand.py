@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ema.checks.corrections import Correction, DecidedBy, kept_rows
 from ema.core.edits import OF_CHANNELS, Edit, EditKind, of_kind
-from ema.core.errors import unknown
+from ema.core.errors import InputError, unknown
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, position_finding
 
@@ -47,7 +47,7 @@ def corrections_by_hand(
     Raises
     ------
     InputError
-        For a channel or run that the FRFs do not have.
+        For a channel or run that the FRFs do not have, and where no row is left.
     """
     made: dict[int, Correction] = {}
     said: dict[int, list[str]] = {}
@@ -58,6 +58,8 @@ def corrections_by_hand(
             why = f" ({edit.reason})" if edit.reason else ""
             said.setdefault(row, []).append(f"{_SAID[edit.kind]}{why}")
     rows = sorted(made)
+    if sum(each.excluded for each in made.values()) == frf.n_positions:
+        raise InputError("edits", "all rows are left out", "one has to be used", "Bring one back")
     findings = [_finding(frf, made[row], "; ".join(said[row])) for row in rows]
     return tuple(made[row] for row in rows), tuple(findings)
 

@@ -165,7 +165,7 @@ def test_a_pole_picked_where_there_is_no_mode_is_fitted_and_listed():
     kept = [replace(c, kept=c.kept and abs(c.frequency_hz - 134) > 2) for c in diagram.clusters]
     with pytest.MonkeyPatch.context() as patch:
         shown = replace(diagram, clusters=tuple(kept))
-        patch.setattr("ema.identify.build_stability", lambda *_, **__: shown)
+        patch.setattr("ema.automatic.build_stability", lambda *_, **__: shown)
         without = identify_modes(frf, BAND_HZ)
         edits = [Edit(EditKind.PICK, PoleName(134.0, 0.01))]
         again = identify_modes(frf, BAND_HZ, edits=edits)
@@ -376,6 +376,12 @@ def test_what_was_not_measured_is_refused(faulty, change):
         identify_modes(faulty, edits=[change])
 
 
+def test_all_rows_left_out_is_refused(faulty):
+    runs = [Edit(EditKind.RUN_OUT, run=run) for run in faulty.run_names]
+    with pytest.raises(InputError, match="all rows are left out"):
+        identify_modes(faulty, edits=runs)
+
+
 @pytest.mark.parametrize("kind", [EditKind.KEEP, EditKind.FLIP, EditKind.RUN_OUT])
 def test_an_edit_says_what_it_acts_on(kind):
     with pytest.raises(InputError):
@@ -387,7 +393,7 @@ def test_pins_start_the_fit_where_the_diagram_shows_no_mode():
     diagram = identify_modes(frf, band_hz=(60.0, 160.0)).diagram
     nothing = replace(diagram, clusters=tuple(replace(c, kept=False) for c in diagram.clusters))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ema.identify.build_stability", lambda *_, **__: nothing)
+        patch.setattr("ema.automatic.build_stability", lambda *_, **__: nothing)
         with pytest.raises(FitError):
             identify_modes(frf, band_hz=(60.0, 160.0))
         found = identify_modes(frf, band_hz=(60.0, 160.0), pinned_hz=[100.3, 121.4])
