@@ -13,7 +13,7 @@ from pathlib import Path
 
 from starlette.testclient import TestClient
 
-from pipelines.review.desk import Desk
+from pipelines.review.bench import Desk
 from pipelines.review.server import application
 
 PORT, TOKEN = 8123, "f" * 64

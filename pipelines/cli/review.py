@@ -36,8 +36,8 @@ def review(
         rule, remedy = "the review needs it", "Install it: pip install 'ringmodal[review]'"
         raise InputError("ringmodal review", f"{missing[0]} is not installed", rule, remedy)
     # Not above: an optional part, and slow to load.
-    from pipelines.review.desk import Desk
-    from pipelines.review.serve import open_browser, serve
+    from pipelines.review.bench import Desk
+    from pipelines.review.server import open_browser, serve
 
     if not place.is_dir():
         rule = "it is the folder of a result, of a campaign, or of several"

@@ -1,13 +1,21 @@
-"""The routes of `ringmodal review`, behind the guard."""
+"""The server of `ringmodal review`: start and end, the guard in front, and the routes."""
 
 from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+import os
+import secrets
+import socket
+import tempfile
+import webbrowser
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping, MutableMapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import uvicorn
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
@@ -17,10 +25,151 @@ from starlette.routing import Route
 from ema.core.display import jsonable
 from ema.core.errors import FitError, InputError
 from pipelines.review.answers import Answer, MissingError, read, write
-from pipelines.review.bench import StaleError
-from pipelines.review.desk import Desk
-from pipelines.review.guard import Guard
-from pipelines.review.state import refusal
+from pipelines.review.bench import Desk, StaleError
+from pipelines.review.sight import refusal
+
+TOKEN_HEADER = "X-Ringmodal-Token"
+MOST_BYTES = 2**18  # of a request
+_READING, _WRITING = ("GET", "HEAD"), "POST"
+_OWN_SITE = (None, b"same-origin", b"none")
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; "
+    "base-uri 'none'; form-action 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Message, Receive, Send], Awaitable[None]]
+
+
+@dataclass(frozen=True)
+class _RefusedError(Exception):
+    status: int
+    found: str
+    rule: str
+
+
+@dataclass(frozen=True)
+class Guard:
+    """An ASGI application before the routes of another.
+
+    Parameters
+    ----------
+    app : callable
+    port : int
+        Of this server: part of its host and origin.
+    token : str
+        What a page sends with every request for data.
+    """
+
+    app: App
+    port: int
+    token: str
+
+    async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
+        """Pass a request on, or refuse it."""
+        if scope["type"] == "lifespan":
+            await self.app(scope, receive, send)
+            return
+        try:
+            self._require_own(scope)
+            body = await _whole(receive) if scope["method"] == _WRITING else None
+        except _RefusedError as refused:
+            await _refuse(refused, send)
+            return
+
+        async def replayed() -> Message:
+            nonlocal body
+            if body is None:
+                return await receive()
+            content, body = body, None
+            return {"type": "http.request", "body": content, "more_body": False}
+
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message.get("headers", ()), *_header_pairs()]
+            await send(message)
+
+        await self.app(scope, replayed, with_headers)
+
+    def _require_own(self, scope: Message) -> None:
+        if scope["type"] != "http":
+            raise _RefusedError(400, str(scope["type"]), "only HTTP is spoken here")
+        hosts = {f"{name}:{self.port}".encode() for name in ("127.0.0.1", "localhost")}
+        host = _only(scope, b"host")
+        if host not in hosts:
+            raise _RefusedError(400, "a foreign host", "the address is 127.0.0.1 and the port")
+        method, data = scope["method"], str(scope["path"]).startswith("/api/")
+        if method not in (*_READING, _WRITING) or (method == _WRITING and not data):
+            raise _RefusedError(405, str(method), "it is GET, or POST below /api/")
+        origin, site = _only(scope, b"origin"), _only(scope, b"sec-fetch-site")
+        if origin is not None and origin != b"http://" + host:
+            raise _RefusedError(
+                403, "a foreign origin", "requests come from the server's own pages"
+            )
+        if method == _WRITING and origin is None:
+            raise _RefusedError(
+                403, "no origin", "what changes anything states where it comes from"
+            )
+        if data:
+            if site not in _OWN_SITE:
+                raise _RefusedError(
+                    403, "another site", "requests come from the server's own pages"
+                )
+            given = _only(scope, TOKEN_HEADER.lower().encode()) or b""
+            if not secrets.compare_digest(given, self.token.encode()):
+                raise _RefusedError(
+                    401, "no valid token", "open the page through the file named at the start"
+                )
+        if method == _WRITING:
+            kind = (_only(scope, b"content-type") or b"").split(b";")[0].strip().lower()
+            if kind != b"application/json":
+                raise _RefusedError(415, "other content", "it is application/json")
+            length = _only(scope, b"content-length") or b"0"
+            if not length.isdigit() or int(length) > MOST_BYTES:
+                raise _RefusedError(413, "a large request", f"it has at most {MOST_BYTES} bytes")
+
+
+def _only(scope: Message, name: bytes) -> bytes | None:
+    """A header that is given once, None where it is missing."""
+    found = [value for header, value in scope["headers"] if header.lower() == name]
+    if len(found) > 1:
+        raise _RefusedError(400, f"{name.decode()} given twice", "a header is given once")
+    return found[0] if found else None
+
+
+async def _whole(receive: Receive) -> bytes:
+    """The body of a request, read no further than it may be long."""
+    parts, size, more = [], 0, True
+    while more:
+        message = await receive()
+        if message["type"] == "http.disconnect":
+            raise _RefusedError(400, "an incomplete request", "the browser sends it whole")
+        parts.append(message.get("body", b""))
+        size, more = size + len(parts[-1]), message.get("more_body", False)
+        if size > MOST_BYTES:
+            raise _RefusedError(413, "a large request", f"it has at most {MOST_BYTES} bytes")
+    return b"".join(parts)
+
+
+async def _refuse(refused: _RefusedError, send: Send) -> None:
+    error = {"where": "request", "found": refused.found, "rule": refused.rule, "remedy": ""}
+    body = json.dumps({"error": error}).encode()
+    own = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode())]
+    headers = [*own, (b"connection", b"close"), *_header_pairs()]
+    await send({"type": "http.response.start", "status": refused.status, "headers": headers})
+    await send({"type": "http.response.body", "body": body})
+
+
+def _header_pairs() -> list[tuple[bytes, bytes]]:
+    return [(name.lower().encode(), value.encode()) for name, value in _HEADERS.items()]
+
 
 _STATIC = Path(__file__).parent / "static"
 _ALIVE_S = 10.0
@@ -137,3 +286,89 @@ def _line(event: Mapping[str, Any]) -> bytes:
 
 def _json(content: Any, status: int = 200) -> Response:
     return JSONResponse(jsonable(content), status)
+
+
+HOST = "127.0.0.1"
+_TOKEN_BYTES = 32
+_PAGE = """<!doctype html>
+<meta charset="utf-8"><meta http-equiv="refresh" content="0; url={address}#token={token}">
+<title>ringmodal review</title><p>Opening ringmodal review …
+"""
+
+
+def serve(desk: Desk, page: str, port: int, announce: Callable[[str, Path], None]) -> None:
+    """Serve until interrupted.
+
+    Parameters
+    ----------
+    desk : Desk
+    page : str
+        Path of the page that is opened first.
+    port : int
+        0 for a free one.
+    announce : callable
+        Called with the address and the redirect file when requests are answered.
+    """
+    token = secrets.token_hex(_TOKEN_BYTES)
+    with _listening(port) as listener:
+        number = listener.getsockname()[1]
+        address = f"http://{HOST}:{number}{page}"
+        config = uvicorn.Config(
+            application(desk, number, token),
+            log_config=None,
+            access_log=False,
+            lifespan="off",
+            ws="none",
+            server_header=False,
+            date_header=False,
+            timeout_graceful_shutdown=1,
+        )
+        with _redirect(address, token) as file:
+            try:
+                _Server(config, lambda: announce(address, file), desk).run(sockets=[listener])
+            finally:
+                desk.close()
+
+
+def open_browser(file: Path) -> None:
+    """Open the redirect file; the token is in the file alone, in no argument."""
+    webbrowser.open(file.as_uri())
+
+
+class _Server(uvicorn.Server):
+    """A server that says when it is ready, and ends its streams before it waits for their end."""
+
+    def __init__(self, config: uvicorn.Config, ready: Callable[[], None], desk: Desk) -> None:
+        super().__init__(config)
+        self._ready, self._desk = ready, desk
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self._ready()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._desk.tell(None)
+        await super().shutdown(sockets)
+
+
+@contextmanager
+def _listening(port: int) -> Iterator[socket.socket]:
+    with socket.socket() as listener:
+        try:
+            listener.bind((HOST, port))
+        except OSError as error:
+            rule, remedy = "the port must be free", "Leave out --port"
+            raise InputError("--port", f"{port}: {error.strerror}", rule, remedy) from error
+        listener.listen()
+        yield listener
+
+
+@contextmanager
+def _redirect(address: str, token: str) -> Iterator[Path]:
+    """A file that only this user can read, whose page leads to the server with the token."""
+    with tempfile.TemporaryDirectory(prefix="ringmodal-") as folder:
+        path = Path(folder) / "open.html"
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(_PAGE.format(address=address, token=token))
+        yield path

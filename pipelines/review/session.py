@@ -1,14 +1,25 @@
-"""A review as a value: edits in their order, and how many of them are in force."""
+"""A review: edits in their order, how many are in force, and their draft on disk."""
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import count
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from filelock import FileLock, Timeout
 
 from ema.core.edits import Edit
 from ema.core.errors import InputError
 from pipelines.results.decided import edit_records
+from pipelines.results.edits_file import edits_of
+from pipelines.storage.checksums import sha256
+from pipelines.storage.result_folder import MARKER
 
 _REMEDY = "Reload the page"
 
@@ -65,3 +76,165 @@ class Session:
 def key(edits: Iterable[Edit]) -> str:
     """A text that differs where the numbers may: who, when and why do not count."""
     return json.dumps(edit_records(replace(edit, by="", at="", reason="") for edit in edits))
+
+
+FOLDER = ".ringmodal-review"
+_STATE = "XDG_STATE_HOME", "LOCALAPPDATA"
+_SCHEMA = 1
+
+
+@dataclass
+class Draft:
+    """An open draft; no other process opens it until it is closed.
+
+    Parameters
+    ----------
+    path : Path
+        JSON, one change a line: a kill in the middle of one leaves those before it.
+    session : Session
+        As the draft has it.
+    """
+
+    path: Path
+    session: Session
+    _file: BinaryIO
+    _lock: FileLock
+
+    def record(self, session: Session) -> None:
+        """Append what leads from the present session to another, and wait until it is on disk."""
+        for change in _changes(self.session, session):
+            self._file.write(json.dumps(change, ensure_ascii=False).encode() + b"\n")
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self.session = session
+
+    def discard(self) -> None:
+        """Remove the draft, as its edits are signed."""
+        self.close()
+        with suppress(OSError):  # it is ignored from now on, as its session is empty
+            self.path.unlink()
+
+    def close(self) -> None:
+        """Let other processes open it."""
+        self._file.close()
+        self._lock.release()
+
+
+def opened(result: Path, edits: tuple[Edit, ...] = ()) -> Draft:
+    """The draft of a result folder, begun with `edits` where there is none.
+
+    Raises
+    ------
+    InputError
+        If another process reviews the result.
+    """
+    path = _place(result)
+    lock = FileLock(path.with_suffix(".lock"), thread_local=False)
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        rule, remedy = "one process reviews a result", "Close the other one"
+        raise InputError(str(result), "under review already", rule, remedy) from None
+    base = sha256(result / MARKER)
+    session = _read(path, base)
+    fresh = session is None
+    if session is None:
+        session = Session(edits, len(edits))
+        _set_aside(path)
+    file = path.open("ab")
+    if fresh:
+        head = {"schema": _SCHEMA, "base": base, "edits": edit_records(edits)}
+        head |= {"cursor": len(edits)}
+        file.write(json.dumps(head, ensure_ascii=False).encode() + b"\n")
+        file.flush()
+        os.fsync(file.fileno())
+    return Draft(path, session, file, lock)
+
+
+def n_drafted(result: Path) -> int:
+    """How many edits the draft of a result has, 0 where there is none."""
+    for folder in _folders(result):
+        path = folder / _name(result, folder)
+        if path.is_file():
+            session = _read(path, sha256(result / MARKER), repair=False)
+            return 0 if session is None else session.cursor
+    return 0
+
+
+def _folders(result: Path) -> Iterator[Path]:
+    """Where the draft may be: beside the result, or among the user's own files."""
+    yield result.parent / FOLDER
+    home = next((os.environ[name] for name in _STATE if os.environ.get(name)), None)
+    state = Path(home) if home else Path.home() / ".local" / "state"
+    yield state / "ringmodal" / "review"
+
+
+def _name(result: Path, folder: Path) -> str:
+    if folder.parent == result.parent:
+        return f"{result.name}.jsonl"
+    return f"{hashlib.sha256(os.fsencode(result)).hexdigest()[:32]}.jsonl"
+
+
+def _place(result: Path) -> Path:
+    """Path of the draft in the first folder that can be written."""
+    for folder in _folders(result):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            probe = folder / f".{os.getpid()}.probe"
+            probe.touch()
+            probe.unlink()
+        except OSError as error:
+            reason = error.strerror or str(error)
+        else:
+            return folder / _name(result, folder)
+    remedy = "Check permissions, or name a folder in XDG_STATE_HOME"
+    raise InputError(
+        str(result), reason, "a draft is kept beside it or in the user's folder", remedy
+    )
+
+
+def _read(path: Path, base: str, *, repair: bool = True) -> Session | None:
+    """The session of a draft of this very result; a line that was cut by a kill is removed."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    whole = content[: content.rfind(b"\n") + 1]
+    try:
+        head, *changes = [json.loads(line) for line in whole.splitlines()]
+        if head["schema"] != _SCHEMA or head["base"] != base:
+            return None
+        session = Session(edits_of(path.name, head["edits"]), head["cursor"])
+        for change in changes:
+            session = _changed(session, change)
+    except (ValueError, LookupError, TypeError):  # also `InputError`
+        return None
+    if repair and whole != content:
+        with path.open("r+b") as file:
+            file.truncate(len(whole))
+    return session
+
+
+def _set_aside(path: Path) -> None:
+    """Keep a draft that is not of this result under another name."""
+    if path.exists():
+        names = (path.with_suffix(f".kept-{number}.jsonl") for number in count(1))
+        path.rename(next(name for name in names if not name.exists()))
+
+
+def _changes(before: Session, after: Session) -> Iterator[Mapping[str, Any]]:
+    """What leads from one session to the next: the tail of the history that differs."""
+    pairs = zip(before.history, after.history, strict=False)
+    same = next((k for k, (one, other) in enumerate(pairs) if one != other), None)
+    if same is None:
+        same = min(len(before.history), len(after.history))
+    tail = edit_records(after.history[same:])
+    yield {"keep": same, "then": tail, "cursor": after.cursor, "revision": after.revision}
+
+
+def _changed(session: Session, change: Mapping[str, Any]) -> Session:
+    history = (*session.history[: change["keep"]], *edits_of("draft", change["then"]))
+    cursor = change["cursor"]
+    if not 0 <= cursor <= len(history):
+        raise ValueError("cursor")
+    return Session(history, cursor, change["revision"])

@@ -1,14 +1,24 @@
-"""One thread for all fits: what is wanted now comes first, what nobody waits for is stopped."""
+"""Work beside the page: one thread for all fits, campaigns processed, recordings read again."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
+from pathlib import Path
 from typing import Any, Protocol
 
-from ema.core.errors import SupersededError
+from ema.core.edits import Edit, EditKind, of_kind
+from ema.core.errors import InputError, SupersededError
+from pipelines.process.refit import of_blocks
+from pipelines.process.ring import options_of
+from pipelines.process.run import process
+from pipelines.results.edits_file import Record
+from pipelines.results.result import Result
 
 Stop = Callable[[], bool]
 
@@ -106,3 +116,115 @@ def _answer(function: Callable[[Stop], Any], future: Future[Any], stop: Stop) ->
         future.set_result(function(stop))
     except Exception as error:  # noqa: BLE001 - it belongs to whoever waits for the answer
         future.set_exception(error)
+
+
+_RESULT = "result"  # name of the result folder in a campaign's
+
+
+class Jobs:
+    """Processes that were started here.
+
+    Parameters
+    ----------
+    changed : callable
+        Called from any thread when one of them says something or ends.
+    """
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        self._changed = changed
+        self._lock = threading.Lock()
+        self._running: dict[Path, subprocess.Popen[str]] = {}
+        self._told: dict[Path, dict[str, Any]] = {}
+
+    @property
+    def told(self) -> Mapping[Path, Mapping[str, Any]]:
+        """What is known of each campaign's job."""
+        with self._lock:
+            return {path: dict(job) for path, job in self._told.items()}
+
+    def start(self, campaign: Path) -> None:
+        """Process a campaign into a folder inside it; `InputError` where that is impossible."""
+        target = campaign / _RESULT
+        with self._lock:
+            if campaign in self._running:
+                rule, remedy = "a campaign is processed once at a time", "Wait for its end"
+                raise InputError(campaign.name, "being processed", rule, remedy)
+            if target.exists():
+                rule, remedy = "nothing is replaced", f"Move {target.name} away"
+                raise InputError(str(target), "it exists already", rule, remedy)
+            command = [sys.executable, "-m", "ringmodal", "process", str(campaign)]
+            process = subprocess.Popen(
+                [*command, "--out", str(target)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                encoding="utf-8",
+                errors="replace",
+            )
+            self._running[campaign] = process
+            self._told[campaign] = {"state": "running", "text": "Starting …"}
+        threading.Thread(target=self._follow, args=(campaign, process), daemon=True).start()
+        self._changed()
+
+    def close(self) -> None:
+        """End all; a process that is ended leaves no half-written result."""
+        with self._lock:
+            running = list(self._running.values())
+        for each in running:
+            each.terminate()
+            each.wait()
+
+    def _follow(self, campaign: Path, process: subprocess.Popen[str]) -> None:
+        assert process.stderr is not None
+        last = ""
+        with process.stderr as lines:
+            for line in lines:
+                last = line.strip() or last
+                self._tell(campaign, "running", last)
+        code = process.wait()
+        with self._lock:
+            del self._running[campaign]
+        self._tell(campaign, "failed" if code else "done", last)
+
+    def _tell(self, campaign: Path, state: str, text: str) -> None:
+        with self._lock:
+            self._told[campaign] = {"state": state, "text": text}
+        self._changed()
+
+
+def recordings_of(result: Result) -> list[Path]:
+    """The manifest, or else all recordings; nothing where one is missing."""
+    paths = [Path(each.get("path", "")) for each in result.provenance.get("inputs", ())]
+    if not paths or not all(path.is_file() for path in paths):
+        return []
+    manifests = [path for path in paths if path.suffix == ".toml"]
+    return manifests or paths
+
+
+def reread(result: Result, edits: Sequence[Edit]) -> Result:
+    """The result without edits but those of settings, from its recordings in other blocks."""
+    settings = tuple(
+        replace(edit, settings=of_blocks([edit]))
+        for edit in of_kind(edits, EditKind.SETTINGS)
+        if of_blocks([edit])
+    )
+    options = replace(options_of(result), tune=False)
+    return process(_required(result), options, edits=record(result, settings))
+
+
+def replayed(result: Result, edits: Sequence[Edit]) -> Result:
+    """The result with edits, from its recordings."""
+    return process(_required(result), options_of(result), edits=record(result, edits))
+
+
+def record(result: Result, edits: Sequence[Edit]) -> Record:
+    """Edits with what else was chosen on the way to a result."""
+    return Record(tuple(edits), processing=result.provenance.get("given_processing", {}))
+
+
+def _required(result: Result) -> list[Path]:
+    paths = recordings_of(result)
+    if not paths:
+        rule, remedy = "other blocks and windows need them", "Put them back where they were"
+        raise InputError(result.name, "its recordings are gone", rule, remedy)
+    return paths

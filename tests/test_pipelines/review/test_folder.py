@@ -13,9 +13,8 @@ from pipelines.library.library import TyreLibrary
 from pipelines.report.save import save
 from pipelines.results.options import Options
 from pipelines.results.store import load
-from pipelines.review.compare import compared
-from pipelines.review.desk import Desk
-from pipelines.review.folder import landing, search
+from pipelines.review.bench import Desk
+from pipelines.review.folder import compared, landing, search
 
 
 @pytest.fixture

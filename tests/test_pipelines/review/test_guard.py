@@ -8,8 +8,8 @@ from reviewing import ORIGIN, PORT, Page, copied, review
 
 from pipelines.report.save import save
 from pipelines.results.store import load
-from pipelines.review.desk import Desk
-from pipelines.review.guard import MOST_BYTES
+from pipelines.review.bench import Desk
+from pipelines.review.server import MOST_BYTES
 
 ASIDE = {"kind": "set_aside", "pole": {"frequency_hz": 100.3}}
 EDIT = {"revision": 0, "edit": ASIDE}

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from ema.core.edits import ChannelName, Edit, EditKind, PoleName
 from ema.core.errors import InputError
-from pipelines.review import draft as drafts
-from pipelines.review.session import Session, key
+from pipelines.review.session import Session, key, n_drafted, opened
 
 TEXTS = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), max_size=20)
 FREQUENCIES = st.floats(1.0, 1000.0)
@@ -86,12 +85,12 @@ def test_a_draft_gives_the_session_again(steps, reviewed_once):
         result = Path(place) / "result"
         result.mkdir()
         shutil.copy(reviewed_once / "provenance.json", result)
-        draft = drafts.opened(result)
+        draft = opened(result)
         for step, edit in steps:
             draft.record(stepped(draft.session, step, edit))
         draft.close()
-        again = drafts.opened(result)
+        again = opened(result)
         assert again.session == draft.session
-        assert drafts.n_drafted(result) == draft.session.cursor
+        assert n_drafted(result) == draft.session.cursor
         again.discard()
-        assert drafts.n_drafted(result) == 0
+        assert n_drafted(result) == 0

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from reviewing import Page, until
 
-from pipelines.review.desk import Desk
+from pipelines.review.bench import Desk
 from pipelines.review.watch import advice, expected, looked_at, settled
 from pipelines.simulate.campaign import simulate_campaign
 
