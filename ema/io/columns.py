@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,9 @@ _TIME_NAMES = {
 _TIME_WORD = re.compile(r"(?:^|[^a-z])(?:time|zeit|timestamp|temps|tiempo|tempo)(?:[^a-z]|$)")
 _LABEL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
 # Component, node and direction, as field programs and analysers write them.
-_POINT = re.compile(r"(?:.*:)?(?P<node>[0-9]{1,9}):?(?P<sign>[+-]?)[XYZRxyz](?:\s*/.*)?")
+_POINT = re.compile(
+    r"(?:.*:)?(?P<node>[0-9]{1,9}):?(?P<sign>[+-]?)(?:[Rr]|(?P<axis>[XYZxyz]))(?:\s*/.*)?"
+)
 _FEWEST_OF_AXIS = 16  # rows below which numbers may rise evenly by chance
 _FIRST_ROWS = 64  # that tell a signal from an axis without a look at all of it
 _SHARE_OF_SAMPLE = 0.02  # by which starts may miss a whole sample: 1.4 degrees of phase at fs/10
@@ -63,10 +65,21 @@ def name_and_unit(label: str) -> tuple[str, str]:
     return (match["name"], (match["unit"] or "").strip()) if match else (label.strip(), "")
 
 
-def node_and_sense(name: str) -> tuple[int, int] | None:
-    """Node and sense (1 or −1) of a point id such as ``"Tire:13:+Z"``; None for other names."""
+class Point(NamedTuple):
+    """A degree of freedom: node, sense (1 or −1) and axis as in `Channel`."""
+
+    node: int
+    sense: int
+    axis: int
+
+
+def point_of(name: str) -> Point | None:
+    """Point of an id such as ``"Tire:13:+Z"``; None for other names."""
     match = _POINT.fullmatch(name.strip())
-    return (int(match["node"]), -1 if match["sign"] == "-" else 1) if match else None
+    if match is None:
+        return None
+    axis = " XYZ".index((match["axis"] or " ").upper())
+    return Point(int(match["node"]), -1 if match["sign"] == "-" else 1, axis)
 
 
 def is_time(name: str, unit: str) -> bool:
@@ -298,9 +311,11 @@ def _channel(path: Path, column: Column, is_repeated: bool, findings: list[Findi
         findings.append(remark(path, name, Check.UNIT, f"unit {column.unit!r} is not known"))
     column.samples.setflags(write=False)
     quantity, factor = (UNKNOWN, 1.0) if unit is None else (unit.quantity, unit.factor)
-    node, sense = node_and_sense(name) or (None, 1)
+    node, sense, axis = point_of(name) or (None, 1, 0)
     scale = sense * factor
-    return Channel(name, quantity, column.unit, column.samples, scale_to_si=scale, node=node)
+    return Channel(
+        name, quantity, column.unit, column.samples, scale_to_si=scale, node=node, axis=axis
+    )
 
 
 def matrix_columns(

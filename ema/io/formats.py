@@ -33,6 +33,8 @@ _BEGINNINGS = {
     rb"(?:RIFF|RF64).{4}WAVE": wav,
     rb"PAR1|ARROW1": arrow,
 }
+# Lines of damaged universal files and LabVIEW files, which are no tables.
+_MARKS = re.compile(r"^[ \t]*-1[ \t\r]*$|^\*\*\*End|LabVIEW", re.MULTILINE)
 _OLD_WORKBOOK = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 
 
@@ -94,7 +96,9 @@ def read_file(path: Path, *, headers_only: bool = False) -> FileContent:
         rule = "a recording must contain samples"
         raise RecordingFormatError(str(path), "the file is empty", rule, COPY_AGAIN)
     module = known[max(fitting, key=len)] if fitting else None  # .csv.gz before .gz
-    if inside in (None, module) or (module is matlab and inside is hdf5):
+    if inside is None and module not in (None, csv) and _is_misnamed_table(path, head):
+        inside = csv
+    if inside is module or (module is matlab and inside is hdf5):
         inside = None
     content = _read(path, inside or module, headers_only=headers_only)
     if inside is None:
@@ -119,6 +123,16 @@ def _by_content(path: Path, head: bytes) -> Any:
         raise RecordingFormatError(path.name, "an OLE file", rule, remedy)
     matches = (form for start, form in _BEGINNINGS.items() if re.match(start, head, re.DOTALL))
     return next(matches, None)
+
+
+def _is_misnamed_table(path: Path, head: bytes) -> bool:
+    """Whether a file has names above numbers, and no mark of the text formats."""
+    if b"\x00" in head:
+        return False
+    try:
+        return csv.has_table(path, without=_MARKS)
+    except RecordingFormatError:
+        return False
 
 
 def _read(path: Path, module: Any, *, headers_only: bool) -> FileContent:

@@ -17,7 +17,7 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.recording import DERIVATIVES
 from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
-from ema.io.columns import Column, node_and_sense
+from ema.io.columns import Column, Point, point_of
 from ema.io.content import EXPORT_AGAIN, FileContent
 from ema.io.rates import even_step, uneven
 
@@ -98,18 +98,18 @@ def frf_content(path: Path, columns: Sequence[Column], findings: Sequence[Findin
         if _Part.COHERENCE in each.columns:
             coherence[row] = _coherence(path, each.columns[_Part.COHERENCE])
     names = [each.name for each in grouped]
-    places = [node_and_sense(name) for name in names]
-    known = all(places)
-    senses = np.array([each[1] if each else 1 for each in places])
-    values *= senses[:, None]
+    points = [point_of(name) or Point(0, 1, 0) for name in names]
+    known = all(map(point_of, names))
+    values *= np.array([point.sense for point in points])[:, None]
     frf = FRF(
         frequency_hz=lines,
         values=values,
         coherence=coherence,
         std=constant(np.nan, values.shape),
-        node=np.array([each[0] if each and known else 0 for each in places]),
+        node=np.array([point.node * known for point in points]),
         position_deg=np.full(len(names), np.nan),
         run=(path.name,) * len(names),
+        axis=np.array([point.axis * known for point in points]),
     )
     without = tuple(row for row, each in enumerate(grouped) if not is_stated(each.unit))
     return FileContent(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mmap
+import re
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,6 +24,8 @@ SUFFIXES = (".h5", ".hdf5")
 _NAMES = ("names", "channels", "labels")
 _UNITS = ("unit", "units")
 _SCALES = ("scale_factor", "add_offset")  # of stored numbers, after the CF conventions
+_PICKLED_TEXT = re.compile(rb"V([^\n]*)\np[0-9]+\na")
+_PICKLED_TEXTS = re.compile(rb"\(lp[0-9]+\n(?:V[^\n]*\np[0-9]+\na)+\.")
 _DEEPEST = 32  # groups in groups
 
 
@@ -59,13 +62,10 @@ class _Array:
     """A dataset of numbers with its attributes; samples are a memory map where possible."""
 
     path: str
+    name: str
     samples: NDArray[Any]
     attributes: dict[str, Any]
     stated: dict[str, Any]  # attributes of its groups and its own, by their place
-
-    @property
-    def name(self) -> str:
-        return self.path.rpartition("/")[2]
 
 
 def _arrays(
@@ -75,16 +75,15 @@ def _arrays(
     above = above | {f"{prefix}/{name}": value for name, value in _attributes(group).items()}
     is_frame = "pandas_type" in group.attrs
     for place, item in file.members(group, prefix):
-        if is_frame and place.endswith(("_items", "/axis0")):
-            continue  # names of columns, read with their values
+        if is_frame and place.endswith(("_items", "/axis0", "/_i_table")):
+            continue  # names of columns, read with their values; an index of PyTables
         if file.is_group(item):
             yield from _arrays(file, item, place, above, skipped)
-        elif fields := file.fields(item):
+        elif table := file.table(item):
             own = _attributes(item)
             stated = above | {f"{place}/{name}": value for name, value in own.items()}
-            table = file.table(item)
-            for name in fields:
-                yield _Array(f"{place}/{name}", table[name], {}, stated)
+            for name, samples in table.items():
+                yield _Array(f"{place}/{name}", name, samples, {}, stated)
         elif why := file.unreadable(item):
             skipped[place] = why
         else:
@@ -92,7 +91,7 @@ def _arrays(
             stated = above | {f"{place}/{name}": value for name, value in own.items()}
             if is_frame and (items := group.get(f"{place[len(prefix) + 1 : -6]}items")):
                 own["names"] = items[()]
-            yield _Array(place, file.samples(item), own, stated)
+            yield _Array(place, place.rpartition("/")[2], file.samples(item), own, stated)
 
 
 def _attributes(item: Any) -> dict[str, Any]:
@@ -142,6 +141,17 @@ def _texts(array: _Array, names: tuple[str, ...]) -> list[str]:
     ]
 
 
+def _names_of_block(stored: object) -> list[str]:
+    """Names of the columns in one field of a table of pandas.
+
+    PyTables pickles the list; it is matched as text, and no pickle is loaded.
+    """
+    pickled = bytes(stored) if isinstance(stored, bytes) else b""
+    if not _PICKLED_TEXTS.fullmatch(pickled):
+        return []
+    return [each.decode("raw_unicode_escape") for each in _PICKLED_TEXT.findall(pickled)]
+
+
 class Hdf5File:
     """An open file, whose arrays stay within the memory that its size justifies."""
 
@@ -170,23 +180,29 @@ class Hdf5File:
         """Whether a member is a group."""
         return isinstance(item, self.h5py.Group)
 
-    def fields(self, item: Any) -> list[str]:
-        """Fields with numbers of a table, a dataset of one dimension and a compound type."""
+    def table(self, item: Any) -> dict[str, NDArray[Any]]:
+        """Fields with numbers of a dataset of a compound type; empty for any other."""
         if not isinstance(item, self.h5py.Dataset) or item.dtype.names is None or item.ndim != 1:
-            return []
+            return {}
         if item.is_virtual or item.external:
-            return []
-        fields = item.dtype.fields.items()
-        if any(kind.shape for _, (kind, *_) in fields):  # nothing names the columns of these
-            return []
-        return [name for name, (kind, *_) in fields if kind.kind in "iuf"]
-
-    def table(self, dataset: Any) -> NDArray[Any]:
-        """Rows of a table."""
-        n_bytes = int(np.prod(dataset.shape, dtype=object)) * dataset.dtype.itemsize
+            return {}
+        kinds = {name: kind for name, (kind, *_) in item.dtype.fields.items()}
+        kinds = {name: kind for name, kind in kinds.items() if kind.base.kind in "iuf"}
+        names = {
+            name: _names_of_block(item.attrs.get(f"{name}_kind")) if kind.shape else [name]
+            for name, kind in kinds.items()
+        }
+        if any(kind.shape not in ((), (len(names[name]),)) for name, kind in kinds.items()):
+            return {}
+        n_bytes = int(np.prod(item.shape, dtype=object)) * item.dtype.itemsize
         self._n_bytes += n_bytes
-        check_expansion(f"{self.path.name}, {dataset.name}", self.path, self._n_bytes)
-        return np.asarray(dataset[()])
+        check_expansion(f"{self.path.name}, {item.name}", self.path, self._n_bytes)
+        rows = np.asarray(item[()])
+        return {
+            column: samples
+            for name in kinds
+            for column, samples in zip(names[name], np.atleast_2d(rows[name].T), strict=True)
+        }
 
     def unreadable(self, item: Any) -> str:
         """Why a member is not an array of numbers that may be read; empty where it is."""

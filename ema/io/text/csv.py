@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -36,9 +37,11 @@ def read(path: Path) -> FileContent:
         return read_table(path, source)
 
 
-def has_table(path: Path) -> bool:
-    """Whether there are names above rows of numbers."""
+def has_table(path: Path, without: re.Pattern[str] | None = None) -> bool:
+    """Whether there are names above rows of numbers; False where a pattern is in the text."""
     with open_text(path) as source:
+        if without is not None and without.search(source.head):
+            return False
         find_layout(source)
     return True
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -33,6 +34,8 @@ _STAMP_RULE = (
     "a time stamp must be hh:mm:ss.s, or a date and that (ISO 8601, 31.12.2026, 12/31/2026)"
 )
 _TAIL_ROWS = 8  # with which the last one is compared
+# What lines of text below the numbers begin with.
+_TEXT_BELOW = re.compile(r"[^\W\d_]|[#*%/!=<\[]|[-+_]{3}")
 _DECIMAL = {".": "point", ",": "comma"}
 
 
@@ -220,7 +223,8 @@ class _Reader:
                     raise self._ragged(number, line, cells, is_cut=not raw.endswith(b"\n"))
                 plain += separator.join(self._checked_cells(number, cells)).encode() + b"\n"
             except RecordingFormatError as fault:
-                if self.below is None and not (cells[0][:1].isalpha() and (plain or self.n_rows)):
+                is_below = _TEXT_BELOW.match(cells[0]) and (plain or self.n_rows)
+                if self.below is None and not is_below:
                     raise
                 self.below = self.below or fault
             else:

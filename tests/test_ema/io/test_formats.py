@@ -31,6 +31,23 @@ def test_content_decides(tmp_path, kind, ending):
     assert named == (kind != ending and (kind, ending) != (".h5", ".mat"))
 
 
+@pytest.mark.parametrize("ending", [".uff", ".58", ".lvm", ".mat", ".h5", ".wav", ".tdms"])
+def test_tables_under_another_ending(tmp_path, ending):
+    (tmp_path / f"a{ending}").write_text("time [s],F [N],A [g]\n0,1,2\n1,2,3\n")
+    found = read_file(tmp_path / f"a{ending}")
+    assert found.recording.names == ("F", "A")
+    assert "by its content" in found.findings[-1].detail
+
+
+@pytest.mark.parametrize("kind", [".uff", ".lvm"])
+def test_a_damaged_beginning_makes_no_table(tmp_path, kind):
+    """A universal file or LabVIEW file with another first line keeps its own message."""
+    lines = force58().splitlines(keepends=True) if kind == ".uff" else lvm_file().splitlines(True)
+    (tmp_path / f"a{kind}").write_bytes(b"name,unit\n" + b"".join(lines[1:]))
+    with pytest.raises(RecordingFormatError, match=r"universal file|LabVIEW Measurement"):
+        read_file(tmp_path / f"a{kind}")
+
+
 @pytest.mark.parametrize("n_bytes", [0, 0xFFFFFFFF])
 @pytest.mark.parametrize("more", [b"", b"\0"])
 def test_unfinished_wav_header(tmp_path, n_bytes, more):

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ema.core.errors import RecordingFormatError
+from ema.core.recording import ACCELERATION, FORCE
 from ema.io.formats import read_file
 
 RATE_HZ = 2000.0
@@ -356,3 +357,36 @@ def test_a_frame_of_pandas_has_its_names(tmp_path):
     assert found.recording.sampling_rate_hz == RATE_HZ
     np.testing.assert_array_equal(found.recording.channels[1].samples, NOISE[:, 1])
     assert [each.verdict for each in found.findings] == ["ok"]
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_a_table_of_pandas_has_its_names(tmp_path, single):
+    """As `to_hdf(format="table")` writes it; the names are a pickled list, which is not loaded."""
+    blocks = {0: ["time", "force [N]"], 1: ["A01 [m/s^2]"]}
+    kinds = [("index", "i8"), ("values_block_0", "f8", 2)]
+    table = np.zeros(N, dtype=[*kinds, ("values_block_1", "f4" if single else "f8", (1,))])
+    table["index"], table["values_block_0"][:, 0] = np.arange(N), np.arange(N) / RATE_HZ
+    table["values_block_0"][:, 1], table["values_block_1"][:, 0] = NOISE.T
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        group = file.create_group("df")
+        group.attrs["pandas_type"] = "frame_table"
+        group["table"] = table
+        for number, names in blocks.items():
+            pickled = "".join(f"V{name}\np{k}\na" for k, name in enumerate(names, 1))
+            group["table"].attrs[f"values_block_{number}_kind"] = np.bytes_(f"(lp0\n{pickled}.")
+        group["_i_table/index/ranges"] = np.zeros((0, 2))
+    found = read_file(tmp_path / "a.h5").recording
+    assert [(each.name, each.quantity) for each in found.channels] == [
+        ("force", FORCE),
+        ("A01", ACCELERATION),
+    ]
+    assert found.sampling_rate_hz == RATE_HZ
+
+
+def test_other_pickles_are_not_names(tmp_path):
+    table = np.zeros(N, dtype=[("values_block_0", "f8", (1,))])
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["df/table"] = table
+        file["df/table"].attrs["values_block_0_kind"] = np.bytes_(b"cos\nsystem\n(Vtrue\ntR.")
+    with pytest.raises(RecordingFormatError, match="not real numbers"):
+        read_file(tmp_path / "a.h5")

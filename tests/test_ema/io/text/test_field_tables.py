@@ -69,6 +69,9 @@ def test_hard_blanks_in_cp1252(tmp_path):
         "Max;7;8\nMin;1;2\nMean;3;4\n",
         "\nChecked by: Mia\nfooter;;\n",
         "Max;1234,5",
+        "# end",
+        "*** end ***",
+        "-----",
     ],
 )
 def test_text_below_the_numbers(tmp_path, below):
@@ -90,10 +93,11 @@ def test_umlauts_are_composed(tmp_path, form):
     assert read(tmp_path, text).recording.names == ("Prüfkraft", "A")
 
 
-def test_point_ids_give_nodes_and_senses(tmp_path):
-    text = "time [s];Hub:1:+Z [N];Tire:13:+Z [g];Tire:14:-Z [g];A15 [g]\n0;1;2;3;4\n1;2;3;4;5\n"
+def test_point_ids_give_nodes_axes_and_senses(tmp_path):
+    text = "time [s];Hub:1:+Z [N];Tire:13:+Z [g];Tire:14:-X [g];A15 [g]\n0;1;2;3;4\n1;2;3;4;5\n"
     channels = read(tmp_path, text).recording.channels
     assert [each.node for each in channels] == [1, 13, 14, None]
+    assert [each.axis for each in channels] == [3, 3, 1, 0]
     np.testing.assert_allclose([c.block(0, 1)[0] / 9.80665 for c in channels[1:]], [2, -3, 4])
 
 

@@ -79,6 +79,7 @@ def test_several_with_coherence_and_nodes(tmp_path):
     content = read(tmp_path, f"Frequency [Hz],{header}", *columns)
     assert content.frf_names == tuple(names)
     assert content.frf.node.tolist() == [13, 14]
+    assert content.frf.axis.tolist() == [3, 3]
     np.testing.assert_allclose(content.frf.values, [9.80665 * FIRST, -9.80665 * SECOND], rtol=1e-9)
     np.testing.assert_allclose(content.frf.coherence[:, 0], [0.75, 0.375])
 
