@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -107,3 +108,10 @@ class Recording:
     def block(self, start: int, stop: int) -> NDArray[np.float64]:
         """Samples `start` to `stop` of all channels in SI, (n_channels, n)."""
         return np.stack([channel.block(start, stop) for channel in self.channels])
+
+
+def motions(channels: Sequence[Channel]) -> list[Channel]:
+    """Accelerations, or else velocities, or else displacements."""
+    measured = {each.quantity for each in channels}
+    motion = next((each for each in DERIVATIVES if each in measured), None)
+    return [each for each in channels if each.quantity == motion]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ema.core.errors import InputError
-from ema.core.recording import ACCELERATION, FORCE, UNKNOWN, VOLTAGE, Channel
+from ema.core.recording import ACCELERATION, FORCE, UNKNOWN, VOLTAGE, Channel, motions
 from ema.core.units import is_stated
 from ema.io.content import FileContent
 
@@ -43,6 +43,7 @@ class Source:
     sampling_rate_hz: float  # NaN for FRFs, and if the file does not state it
     has_frfs: bool
     force_node: int | None = None  # node of the force of the FRFs
+    lacks_unit: bool = False  # whether FRFs have none
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,10 @@ def sources_of(content: FileContent) -> list[Source]:
             Channel(name, ACCELERATION, "m/s^2", nothing, node=int(node), angle_deg=angle)
             for name, node, angle in zip(content.frf_names, frf.node, angles, strict=True)
         )
-        found.append(Source(content.path, channels, unknown, True, content.frf_force_node))
+        lacks_unit = bool(content.frf_without_unit)
+        found.append(
+            Source(content.path, channels, unknown, True, content.frf_force_node, lacks_unit)
+        )
     return found
 
 
@@ -107,9 +111,9 @@ def reference_of(sources: Sequence[Source]) -> str | None:
 
 
 def sensors_in(source: Source, reference: str | None = None) -> list[Channel]:
-    """Channels that may be responses: accelerations, or else those without calibration."""
+    """Channels that may be responses: motions, or else those without calibration."""
     others = {reference, *forces_in(source)}
-    candidates = [c for c in source.channels if c.quantity == ACCELERATION]
+    candidates = motions(source.channels)
     candidates = candidates or [c for c in source.channels if needs_calibration(c)]
     return [channel for channel in candidates if channel.name not in others]
 

@@ -13,8 +13,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ema.core.errors import InputError
 from ema.core.recording import VOLTAGE
+from ema.io.campaign.beside import joined
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.campaign.read import recordings_in
+from ema.io.content import FileContent
 from ema.io.formats import read_file
 from pipelines.prepare.guesses import (
     GEOMETRY,
@@ -53,6 +55,7 @@ class _Sketch:
 
     runs: tuple[Source, ...]
     frfs: tuple[Source, ...]  # beside time series, which are preferred
+    beside: tuple[Path, ...]  # places or coherences of the others
     unread: tuple[Path, ...]
     force: str | None
     reference: str | None
@@ -83,7 +86,7 @@ def draft_manifest(
         If the folder has no readable recordings, no run has the reference, or two sensors of a run
         coincide.
     """
-    sources, errors = _read_all(recordings_in(folder))
+    sources, beside, errors = _read_all(recordings_in(folder))
     if not sources:
         found = "; ".join(text.rstrip(".") for text in errors.values())
         rule = "a manifest template needs recordings"
@@ -101,6 +104,7 @@ def draft_manifest(
     sketch = _Sketch(
         runs=runs,
         frfs=tuple(source for source in sources if source.has_frfs and series),
+        beside=beside,
         unread=tuple(errors),
         force=forces.pop() if len(forces) == 1 else None,
         reference=reference,
@@ -109,25 +113,29 @@ def draft_manifest(
     return Draft(_text_of(sketch), tuple(_missing(sketch)), tuple(errors.values()))
 
 
-def _read_all(paths: Sequence[Path]) -> tuple[list[Source], dict[Path, str]]:
-    """Content of all usable files, and what is wrong with the others."""
-    sources: list[Source] = []
+def _read_all(paths: Sequence[Path]) -> tuple[list[Source], tuple[Path, ...], dict[Path, str]]:
+    """Content of all usable files, those joined to it, and what is wrong with the others."""
+    contents: list[FileContent] = []
     errors: dict[Path, str] = {}
     for path in paths:
         try:
             path.name.encode()
-            content = read_file(path)
+            contents.append(read_file(path))
         except UnicodeEncodeError:
             errors[path] = f"{path.name!a}: the name is not UTF-8; rename the file"
         except InputError as error:
             errors[path] = str(error)
-        else:
-            sources += sources_of(content)
-            if content.recording is None and content.frf is None:
-                notes = "; ".join(finding.detail for finding in content.findings)
-                text = f"{path.name}: neither time series nor FRFs"
-                errors[path] = f"{text} ({notes})" if notes else text
-    return sources, errors
+    sources: list[Source] = []
+    beside: list[Path] = []
+    for content in joined(contents):
+        sources += sources_of(content)
+        if content.nodes is not None or content.coherences is not None:
+            beside.append(content.path)
+        elif not content.has_data:
+            notes = "; ".join(finding.detail for finding in content.findings)
+            text = f"{content.path.name}: neither time series nor FRFs"
+            errors[content.path] = f"{text} ({notes})" if notes else text
+    return sources, tuple(beside), errors
 
 
 def write_draft(folder: Path, draft: Draft, *, force: bool = False) -> Path:
@@ -159,6 +167,8 @@ def _missing(sketch: _Sketch) -> Iterator[str]:
         yield f"one sampling rate: the files have {', '.join(f'{rate:g} Hz' for rate in rates)}"
     if not rates and not sketch.runs[0].has_frfs:
         yield "[acquisition] sampling_rate_hz, which the files do not state"
+    if any(run.lacks_unit for run in sketch.runs):
+        yield "[acquisition] frf_unit, which the files do not state"
     volts, unitless = _uncalibrated(sketch)
     if volts:
         yield f"[calibration] sensitivity of {named(volts, _MOST_NAMED)}, in volts"
@@ -217,6 +227,7 @@ def _text_of(sketch: _Sketch) -> str:
         is_structure=sketch.is_structure,
         rates=_rates(sketch),
         has_series=not sketch.runs[0].has_frfs,
+        lack_frf_unit=any(run.lacks_unit for run in sketch.runs),
         volts=volts,
         unitless=unitless,
         force_is_open=_force_is_open(sketch),

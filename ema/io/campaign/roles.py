@@ -23,6 +23,7 @@ from ema.core.recording import (
     VOLTAGE,
     Channel,
     Recording,
+    motions,
 )
 from ema.core.units import SI_UNIT, is_stated
 from ema.io.campaign.manifest import MANIFEST_NAME
@@ -49,16 +50,11 @@ class Wanted:
     axes: tuple[str, str] | Literal["local"] | None = None  # global ones at 0 and 90 degrees
 
     def possible_responses(self, channels: Sequence[Channel]) -> list[Channel]:
-        """Channels that may be responses: those with a position, or else all of one quantity.
-
-        That is acceleration where a channel measures it, or else velocity, or displacement.
-        """
+        """Channels that may be responses: those with a position, or else all of one quantity."""
         free = [each for each in channels if each.name not in (self.force, self.reference)]
         if self.positions_deg is not None:
             return [each for each in free if each.name in self.positions_deg]
-        measured = {each.quantity for each in free}
-        motion = next((each for each in DERIVATIVES if each in measured), ACCELERATION)
-        return [each for each in free if each.quantity == motion]
+        return motions(free)
 
 
 def assign(

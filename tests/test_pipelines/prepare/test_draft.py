@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import systems
+from builders import force58, nodes15, response58
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -383,3 +384,28 @@ def test_any_names_make_a_valid_manifest(tmp_path_factory, names):
         folder, "b.parquet", ["force [N]", *(label.replace("[V]", "30deg [g]") for label in labels)]
     )
     drafted(folder)
+
+
+def test_geometry_beside_recordings_has_a_run(tmp_path):
+    angles = 2 * np.pi * np.arange(4) / 4
+    xyz = {k + 1: (np.cos(a), np.sin(a), 0.0) for k, a in enumerate(angles.tolist())}
+    samples = b"".join(response58(n=64, name=f"A{node}", node=node) for node in xyz)
+    (tmp_path / "run.uff").write_bytes(force58(n=64) + samples)
+    (tmp_path / "places.uff").write_bytes(nodes15(xyz))
+    write_draft(tmp_path, draft_manifest(tmp_path))
+    campaign = ema.read_campaign(tmp_path)
+    assert sorted(each.position_deg for each in campaign.runs[0].responses) == [0, 90, 180, 270]
+
+
+def test_vibrometers_are_sensors(tmp_path):
+    text = "time [s],F [N],V1 [mm/s],V2 [mm/s],T [V]\n0,1,2,3,4\n0.5,1,3,2,5\n"
+    (tmp_path / "a.csv").write_text(text)
+    assert "V1 = <deg>, V2 = <deg> }" in draft_manifest(tmp_path).text
+
+
+def test_the_unit_of_frfs_is_asked_for(tmp_path):
+    (tmp_path / "a.csv").write_text("f [Hz],H real,H imag\n" + "1,2,3\n2,3,4\n3,4,5\n")
+    draft = draft_manifest(tmp_path)
+    assert any("frf_unit" in each for each in draft.missing)
+    text = draft.text.replace("# frf_unit", "frf_unit")
+    assert "frf_unit" in tomllib.loads(text)["acquisition"]
