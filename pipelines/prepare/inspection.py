@@ -17,10 +17,12 @@ from ema.core.recording import VOLTAGE, Channel, Recording
 from ema.core.units import is_stated
 from ema.io.campaign.calibration import calibrated
 from ema.io.campaign.manifest import MANIFEST_NAME, Manifest, read_manifest, resolve
-from ema.io.campaign.read import recordings_in, with_rate
+from ema.io.campaign.read import recordings_in, with_frf_unit, with_rate
+from ema.io.content import remark
 from ema.io.formats import exists, is_folder, read_file, read_headers
 from ema.signals.signal_checks import SignalSummary, level_findings, signal_findings, summarise
 from ema.signals.spikes import with_limits
+from pipelines.storage.result_folder import named
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +118,13 @@ def _look(source: Path, levels: bool) -> Iterator[FileReport | InputError]:
 @one_blas_thread
 def _report(path: Path, manifest: Manifest | None, levels: bool) -> FileReport:
     content = read_file(path) if levels else read_headers(path)
+    if manifest is not None and manifest.acquisition.frf_unit is not None:
+        content = with_frf_unit(content, manifest.acquisition.frf_unit)
     recording, findings = content.recording, list(content.findings)
+    if content.frf_without_unit:
+        unstated = [content.frf_names[row] for row in content.frf_without_unit]
+        detail = f"no unit of {named(unstated)}: set frf_unit in [acquisition] of the manifest"
+        findings.append(remark(path, "", Check.UNIT, detail))
     channels: tuple[ChannelReport, ...] = ()
     rate_hz = float("nan")
     if recording is not None:

@@ -113,9 +113,8 @@ def recordings_in(folder: Path) -> list[Path]:
     files = [path for path in listed if not path.is_dir()]
     if any(path.name == _OF_A_RESULT for path in files):
         rule = "it is a folder of results, and recordings are needed"
-        raise RecordingFormatError(
-            str(folder), f"{_OF_A_RESULT} in it", rule, "Name the folder of the recordings"
-        )
+        remedy = "Name the folder of the recordings; `ringmodal report` and `tune` take a result"
+        raise RecordingFormatError(str(folder), f"{_OF_A_RESULT} in it", rule, remedy)
     found = list(filter(is_recording, files)) or list(filter(is_text_table, files))
     if not found:
         rule = f"a campaign needs recordings, and a {MANIFEST_NAME} where they are incomplete"

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ema.core.finding import Check
 from pipelines.cli.start import show_inspection
 from pipelines.prepare.inspection import inspect_files
 
@@ -281,3 +282,15 @@ def test_every_file_of_the_corpus_is_read_or_named(ringmodal, tmp_path):
     assert code == 0
     assert "neither time series nor FRFs" in output
     assert "Note: content: " in output
+
+
+def test_frfs_without_unit_need_the_manifest(tmp_path):
+    rows = "".join(f"{k},{k},1\n" for k in range(1, 9))
+    (tmp_path / "a.csv").write_text(f"f [Hz],H real,H imag\n{rows}")
+    (report,) = inspect_files([tmp_path]).files
+    assert [each.check for each in report.wrong] == [Check.UNIT]
+    manifest = 'schema = 1\n[acquisition]\nfrf_unit = "g/N"\n[[runs]]\nfile = "a.csv"\n'
+    (tmp_path / "campaign.toml").write_text(manifest)
+    (report,) = inspect_files([tmp_path]).files
+    assert not report.wrong
+    np.testing.assert_allclose(report.frf.values[0, 0], 9.80665 * (1 + 1j))
