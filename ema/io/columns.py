@@ -19,7 +19,7 @@ from ema.core.files import part
 from ema.core.finding import Check, Finding
 from ema.core.recording import UNKNOWN, Channel, Recording
 from ema.core.units import TIME, is_stated, parse_axis, parse_unit
-from ema.io.content import EXPORT_AGAIN, FileContent, not_together, note, remark
+from ema.io.content import EXPORT_AGAIN, FileContent, left_out, not_together, note, remark
 from ema.io.rates import (
     SAME_RATE,
     UNSTATED,
@@ -316,6 +316,20 @@ def _channel(path: Path, column: Column, is_repeated: bool, findings: list[Findi
     return Channel(
         name, quantity, column.unit, column.samples, scale_to_si=scale, node=node, axis=axis
     )
+
+
+def without_complex(
+    path: Path, columns: Sequence[Column]
+) -> tuple[list[Column], tuple[Finding, ...]]:
+    """Columns of real numbers, and findings about others: complex ones need frequencies."""
+    complex_ones = [each.name for each in columns if each.samples.dtype.kind == "c"]
+    reason = "complex numbers without a vector of frequencies"
+    real = [each for each in columns if each.samples.dtype.kind != "c"]
+    if not real and complex_ones:
+        rule = "FRFs need their frequencies, in a vector such as frequency"
+        found = f"{', '.join(complex_ones)} (complex numbers)"
+        raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
+    return real, left_out(path, dict.fromkeys(complex_ones, reason))
 
 
 def matrix_columns(

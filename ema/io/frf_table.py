@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 
@@ -58,8 +58,32 @@ def has_frequency(columns: Sequence[Column]) -> bool:
     axis = parse_axis(columns[0].unit)
     if axis is not None:
         return axis.kind == FREQUENCY
-    name = columns[0].name.strip(_SEPARATORS).lower()
+    name = columns[0].name.strip(_SEPARATORS).lower().removesuffix("_hz")
     return name in _FREQUENCY_NAMES and not is_stated(columns[0].unit)
+
+
+def with_frequency_first(path: Path, columns: Sequence[Column]) -> list[Column] | None:
+    """Columns of FRFs in any order, complex ones as two; None without frequencies."""
+    first = next((each for each in columns if has_frequency([each]) and _is_even(each)), None)
+    if first is None:
+        return None
+    other = next((each for each in columns if len(each.samples) != len(first.samples)), None)
+    if other is not None:
+        found = f"{len(first.samples)} frequencies, {len(other.samples)} values of {other.name!r}"
+        rule = "FRFs must have a value for each frequency"
+        raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
+    ordered = [first]
+    for each in columns:
+        if each.samples.dtype.kind == "c":
+            parts = {"real": each.samples.real, "imag": each.samples.imag}
+            ordered += [replace(each, name=f"{each.name} {k}", samples=v) for k, v in parts.items()]
+        elif each is not first:
+            ordered.append(each)
+    return ordered
+
+
+def _is_even(column: Column) -> bool:
+    return column.samples.dtype.kind in "iuf" and even_step(column.samples) is not None
 
 
 @dataclass

@@ -16,8 +16,15 @@ from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.io import content
-from ema.io.columns import Column, content_of_columns, matrix_columns, name_and_unit
+from ema.io.columns import (
+    Column,
+    content_of_columns,
+    matrix_columns,
+    name_and_unit,
+    without_complex,
+)
 from ema.io.content import COPY_AGAIN, FileContent, check_expansion, check_stored, reading, require
+from ema.io.frf_table import frf_content, with_frequency_first
 from ema.io.rates import stated_rate, states_rate
 
 SUFFIXES = (".h5", ".hdf5")
@@ -39,7 +46,8 @@ def read(path: Path) -> FileContent:
     skipped: dict[str, str] = {}
     with opened(path, "an HDF5 file") as file:
         arrays = list(_arrays(file, file.root, "", {}, skipped))
-    stated = {array.path: array.samples for array in arrays if array.samples.size == 1}
+    real = [array for array in arrays if array.samples.dtype.kind != "c"]
+    stated = {array.path: array.samples for array in real if array.samples.size == 1}
     series = []
     for array in arrays:
         if array.samples.size > 1 and np.squeeze(array.samples).ndim <= 2:
@@ -52,8 +60,12 @@ def read(path: Path) -> FileContent:
         rule = "a channel is a dataset of one dimension, or a row or column of a matrix"
         raise RecordingFormatError(path.name, held, rule, "Export the samples in this layout")
     columns = [column for array in series for column in _columns(path, _scaled(path, array))]
-    rate = stated_rate(path, stated)
     findings = content.left_out(path, skipped)
+    if (of_frfs := with_frequency_first(path, columns)) is not None:
+        return frf_content(path, of_frfs, findings)
+    columns, more = without_complex(path, columns)
+    findings += more
+    rate = stated_rate(path, stated)
     return content_of_columns(path, columns, rate=rate, findings=findings, statements=stated)
 
 
@@ -141,6 +153,12 @@ def _texts(array: _Array, names: tuple[str, ...]) -> list[str]:
     ]
 
 
+def _is_complex(dtype: np.dtype[Any]) -> bool:
+    """Whether numbers are complex as h5py or MATLAB stores them."""
+    parts = {dtype[name].kind for name in dtype.names or ()}
+    return dtype.kind == "c" or (dtype.names == ("real", "imag") and parts == {"f"})
+
+
 def _names_of_block(stored: object) -> list[str]:
     """Names of the columns in one field of a table of pandas.
 
@@ -184,7 +202,7 @@ class Hdf5File:
         """Fields with numbers of a dataset of a compound type; empty for any other."""
         if not isinstance(item, self.h5py.Dataset) or item.dtype.names is None or item.ndim != 1:
             return {}
-        if item.is_virtual or item.external:
+        if item.is_virtual or item.external or _is_complex(item.dtype):
             return {}
         kinds = {name: kind for name, (kind, *_) in item.dtype.fields.items()}
         kinds = {name: kind for name, kind in kinds.items() if kind.base.kind in "iuf"}
@@ -214,15 +232,15 @@ class Hdf5File:
             return "a virtual dataset, with its data elsewhere"
         if item.external:
             return "data stored in another file"
-        if item.dtype.kind not in "iuf":
-            return "not real numbers"
+        if item.dtype.kind not in "iuf" and not _is_complex(item.dtype):
+            return "not numbers"
         return "empty" if item.shape is None else ""
 
     def samples(self, dataset: Any) -> NDArray[Any]:
         """Numbers of a dataset: mapped where they are stored in one piece, else read."""
         where = f"{self.path.name}, {dataset.name}"
         n_bytes = int(np.prod(dataset.shape, dtype=object)) * dataset.dtype.itemsize
-        if dataset.chunks is None:
+        if dataset.chunks is None and not _is_complex(dataset.dtype):
             check_stored(where, n_bytes, dataset.id.get_storage_size())
             offset = dataset.id.get_offset()
             same_type = self.h5py.h5t.py_create(dataset.dtype).equal(dataset.id.get_type())
@@ -232,7 +250,8 @@ class Hdf5File:
         chunk = int(np.prod(dataset.chunks or (0,), dtype=object)) * dataset.dtype.itemsize
         self._n_bytes += n_bytes
         check_expansion(where, self.path, max(self._n_bytes, chunk))
-        return np.asarray(dataset[()])
+        read = np.asarray(dataset[()])
+        return read if read.dtype.names is None else np.asarray(read["real"] + 1j * read["imag"])
 
 
 @contextmanager

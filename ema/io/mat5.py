@@ -153,11 +153,15 @@ class Mat5Reader:
             return self._rows_of_text(shape, self._first(rest)[0])
         if kind not in _NUMERIC:
             raise self._damaged(f"an array of class {kind}")
-        if marks & _COMPLEX:
-            return LeftOut("complex numbers")
         if marks & _LOGICAL:
             return LeftOut("logical values")
-        values = self._numbers(self._first(rest)[0])
+        element, rest = self._first(rest)
+        values = self._numbers(element)
+        if marks & _COMPLEX:
+            imaginary = self._numbers(self._first(rest)[0])
+            if imaginary.size != values.size:
+                raise self._damaged(f"{values.size} real and {imaginary.size} imaginary parts")
+            values = values + 1j * imaginary
         if values.size != math.prod(shape):
             raise self._damaged(f"{values.size} numbers in an array of {shape}")
         return values.reshape(shape, order="F")

@@ -12,8 +12,16 @@ from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.core.units import TIME, AxisUnit, parse_axis
-from ema.io.columns import Column, content_of_columns, is_time, matrix_columns, unit_of_each
+from ema.io.columns import (
+    Column,
+    content_of_columns,
+    is_time,
+    matrix_columns,
+    unit_of_each,
+    without_complex,
+)
 from ema.io.content import FileContent, left_out, reading
+from ema.io.frf_table import frf_content, has_frequency, with_frequency_first
 from ema.io.hdf5 import Hdf5File, opened
 from ema.io.mat5 import COPY_AGAIN, HEADER_BYTES, LeftOut, Mat5Reader
 from ema.io.rates import plain_name, stated_rate, states_rate
@@ -60,8 +68,12 @@ def read(path: Path) -> FileContent:
         return _of_functions(path, functions, [each for each in variables if each not in functions])
     found = _sorted(path, _unwrapped(variables))
     columns = _columns(path, found)
-    rate = stated_rate(path, found.rates)
     findings = left_out(path, found.left_out)
+    if (of_frfs := with_frequency_first(path, columns)) is not None:
+        return frf_content(path, of_frfs, findings)
+    columns, more = without_complex(path, columns)
+    findings += more
+    rate = stated_rate(path, found.rates)
     return content_of_columns(
         path, columns, rate=rate, findings=findings, statements=found.treatment
     )
@@ -144,8 +156,9 @@ def _of_functions(path: Path, functions: Mapping[str, Any], others: Sequence[str
         label = _label(axis)
         unit = parse_axis(label) if label else AxisUnit(TIME, 1.0)
         values = ordinate.get("values")
-        if unit is None or unit.kind != TIME or not isinstance(values, np.ndarray):
-            found = f"x_values in {label!r}" if isinstance(values, np.ndarray) else "no real values"
+        is_real = isinstance(values, np.ndarray) and not _is_complex(values)
+        if unit is None or unit.kind != TIME or not is_real:
+            found = f"x_values in {label!r}" if is_real else "no real values"
             rule = "functions of Testlab in MATLAB files must be real, over time"
             raise RecordingFormatError(where, found, rule, "Export FRFs as universal file")
         factor = _number(where, ordinate.get("quantity", {}), "unit_transformation/factor", 1.0)
@@ -190,7 +203,7 @@ def _number(where: str, values: Any, place: str, usual: float) -> float:
         values = values.get(name) if isinstance(values, dict) else None
     if values is None:
         return usual
-    if not isinstance(values, np.ndarray) or values.size != 1:
+    if not isinstance(values, np.ndarray) or values.size != 1 or _is_complex(values):
         rule = "it must be one number"
         raise RecordingFormatError(where, f"{place}: another value", rule, _SAVE_AGAIN)
     return float(values.ravel()[0])
@@ -214,6 +227,10 @@ def _sorted(path: Path, variables: Mapping[str, Any]) -> _Variables:
             found.names = _texts(value)
         elif plain_name(name) in _UNITS and not isinstance(value, np.ndarray):
             found.units = value if isinstance(value, dict) else _texts(value)
+        elif _is_complex(value) and value.size > 1:
+            _sort_array(name, value, found)
+        elif _is_complex(value):
+            found.left_out[name] = "a complex number"
         elif states_rate(name) and not isinstance(value, LeftOut):
             found.rates[name] = value
         elif states_treatment(name, value):
@@ -227,6 +244,10 @@ def _sorted(path: Path, variables: Mapping[str, Any]) -> _Variables:
         held = f"structs {', '.join(structs)}"
         raise RecordingFormatError(path.name, held, _LAYOUTS, _SAVE_AGAIN)
     return found
+
+
+def _is_complex(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.dtype.kind == "c"
 
 
 def _sort_array(name: str, value: NDArray[Any], found: _Variables) -> None:
@@ -248,7 +269,11 @@ def _texts(value: Any) -> list[str]:
 
 
 def _columns(path: Path, found: _Variables) -> list[Column]:
-    times = [name for name in found.vectors if is_time(name, "")]
+    times = [
+        name
+        for name in found.vectors
+        if is_time(name, "") or (found.matrices and has_frequency([_bare(name, found)]))
+    ]
     others = [name for name in found.vectors if name not in times]
     if len(found.matrices) > 1 or (found.matrices and others):
         what = f"matrices {', '.join(found.matrices)}"
@@ -258,7 +283,9 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
         held = ", ".join(f"{name} ({why})" for name, why in found.left_out.items())
         what = f"no vectors or matrices of numbers beside {held or 'time'}"
         raise RecordingFormatError(path.name, what, _LAYOUTS, _SAVE_AGAIN)
-    columns = [Column(name, "s", found.vectors[name]) for name in times]
+    columns = [
+        Column(name, "s" if is_time(name, "") else "Hz", found.vectors[name]) for name in times
+    ]
     if found.matrices:
         name, matrix = next(iter(found.matrices.items()))
         units = _units(found, found.names)
@@ -273,6 +300,10 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
     units = unit_of_each(path.name, len(others), _units(found, others))
     unit_of = dict(zip(others, units, strict=True))
     return columns + [Column(name, unit_of[name], found.vectors[name]) for name in _paired(others)]
+
+
+def _bare(name: str, found: _Variables) -> Column:
+    return Column(name, "", found.vectors[name])
 
 
 def _paired(names: Sequence[str]) -> list[str]:

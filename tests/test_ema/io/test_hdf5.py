@@ -199,7 +199,7 @@ def test_what_is_elsewhere_or_no_signal_is_left_out(tmp_path, odd):
     found = read_file(written(tmp_path, of_file, odd))
     assert found.recording.names == ("A01", "force")
     assert [each.channel.rpartition("/")[2] for each in found.findings] == ["odd"]
-    with pytest.raises(RecordingFormatError, match="a channel is a dataset"):
+    with pytest.raises(RecordingFormatError, match=r"a channel is a dataset|FRFs need"):
         read_file(
             written(tmp_path, odd) if odd not in (soft_link, second_name) else _only(tmp_path)
         )
@@ -388,5 +388,5 @@ def test_other_pickles_are_not_names(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["df/table"] = table
         file["df/table"].attrs["values_block_0_kind"] = np.bytes_(b"cos\nsystem\n(Vtrue\ntR.")
-    with pytest.raises(RecordingFormatError, match="not real numbers"):
+    with pytest.raises(RecordingFormatError, match="not numbers"):
         read_file(tmp_path / "a.h5")

@@ -177,7 +177,7 @@ AMBIGUOUS = {
     "no rate": ({**SINGLY, "fs": 0.0}, "one positive number"),
     "a rate in words": ({**SINGLY, "fs": "high"}, "one positive number"),
     "nothing": ({"fs": 2.0, "note": "x"}, "note (text)"),
-    "complex": ({"H": NOISE + 1j}, "H (complex numbers)"),
+    "complex": ({"H": NOISE + 1j}, "(complex numbers); FRFs need their frequencies"),
     "logical": ({"on": NOISE > 0}, "on (logical values)"),
     "struct array": ({"run": [{"a": 1.0}, {"a": 2.0}]}, "no vectors"),
 }

@@ -1,7 +1,9 @@
 """FRFs in text tables: parts, units, coherence, names, and what is refused."""
 
+import h5py
 import numpy as np
 import pytest
+import scipy.io
 
 import ema
 from ema.core.errors import RecordingFormatError
@@ -152,3 +154,65 @@ def test_the_manifest_states_the_unit_of_frfs_without(tmp_path, header, columns)
     manifest.write_text(state.format("volts"), encoding="utf-8")
     with pytest.raises(RecordingFormatError, match=r"acquisition\.frf_unit"):
         ema.read_campaign(tmp_path)
+
+
+def mat(path, values):
+    scipy.io.savemat(path, values)
+
+
+def mat_73(path, values):
+    with h5py.File(path, "w") as file:
+        for name, array in values.items():
+            stored = np.atleast_2d(array).T
+            if np.iscomplexobj(stored):
+                parts = np.empty(stored.shape, [("real", "f8"), ("imag", "f8")])
+                parts["real"], parts["imag"] = stored.real, stored.imag
+                stored = parts
+            file[name] = stored
+            file[name].attrs["MATLAB_class"] = np.bytes_("double")
+
+
+def hdf5(path, values):
+    with h5py.File(path, "w") as file:
+        for name, array in values.items():
+            file[name] = array
+
+
+@pytest.mark.parametrize(("write", "ending"), [(mat, "mat"), (mat_73, "mat"), (hdf5, "h5")])
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"frequency": LINES, "H1": FIRST, "H2": SECOND},
+        {"f": LINES, "H": np.column_stack([FIRST, SECOND])},
+        {
+            "f_Hz": LINES,
+            "H1_real": FIRST.real,
+            "H1_imag": FIRST.imag,
+            "H2_mag": np.abs(SECOND),
+            "H2_phase": np.rad2deg(np.angle(SECOND)),
+        },
+    ],
+)
+def test_frfs_in_matlab_and_hdf5_with_the_unit_of_the_manifest(tmp_path, write, ending, values):
+    write(tmp_path / f"a.{ending}", values)
+    with pytest.raises(RecordingFormatError, match="frf_unit"):
+        ema.read_campaign(tmp_path)
+    text = 'schema = 1\n[acquisition]\nfrf_unit = "(m/s^2)/N"\n[[runs]]\nfile = "a.{}"\n'
+    (tmp_path / "campaign.toml").write_text(text.format(ending))
+    frf = ema.read_campaign(tmp_path).frf
+    np.testing.assert_allclose(frf.frequency_hz, LINES)
+    np.testing.assert_allclose(frf.values, [FIRST, SECOND], rtol=1e-9)
+
+
+def test_frequencies_and_values_must_be_as_many(tmp_path):
+    mat(tmp_path / "a.mat", {"f": LINES, "H": FIRST[1:]})
+    with pytest.raises(RecordingFormatError, match="40 frequencies, 39 values of 'H'"):
+        read_file(tmp_path / "a.mat")
+
+
+def test_a_force_called_f_is_no_frequency(tmp_path):
+    noise = np.random.default_rng(1).standard_normal((2, 64))
+    mat(tmp_path / "a.mat", {"f": noise[0], "A": noise[1], "H": noise[0] + 1j, "fs": 512.0})
+    content = read_file(tmp_path / "a.mat")
+    assert content.recording.names == ("f", "A")
+    assert any("complex" in each.detail for each in content.findings)
