@@ -180,7 +180,8 @@ def main() -> None:
     pa.set_io_thread_count(1)
     warnings.simplefilter("error")  # what is shown beside the result counts as a failure here
     harness = Harness(asked.kind, asked.out, asked.folder)
-    for seed in seeds:  # libraries load, and threads start, before memory is looked at
+    # Libraries load, and threads start, before memory is looked at; any input may be a table.
+    for seed in (*seeds, b"time,a\n0,1\n1,2\n"):
         harness.path.write_bytes(seed)
         for act in harness.acts():
             with contextlib.suppress(InputError):  # not every file makes a campaign by itself
