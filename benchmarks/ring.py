@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from model import ForcedRing, bifurcation, harmonics, inertance
-from model.reference import TABLE_4_RING, TABLE_5_DAMPING
+from model.parameters import TABLE_4_RING, TABLE_5_DAMPING
 
 ORDERS = np.arange(1, 8)
 SPEEDS = np.linspace(0.0, 200.0, 500)

@@ -9,8 +9,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.checks.by_hand import channel_edits, corrections_by_hand, rows_by_hand
-from ema.checks.corrections import Correction, corrected, followed_by
+from ema.checks.corrections import (
+    Correction,
+    channel_edits,
+    corrected,
+    corrections_by_hand,
+    followed_by,
+    rows_by_hand,
+)
 from ema.checks.positions import (
     PositionCheck,
     check_positions,

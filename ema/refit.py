@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ema.automatic import Basis, automatic_basis
-from ema.checks.by_hand import channel_edits, corrections_by_hand
-from ema.checks.corrections import corrected
+from ema.checks.corrections import channel_edits, corrected, corrections_by_hand
 from ema.checks.sensor_mass import without_mass
 from ema.core.edits import Edit
 from ema.core.errors import InputError
 from ema.core.modes import Mode
-from ema.core.numerics import kept_with, one_blas_thread
-from ema.core.stopping import stoppable
+from ema.core.numerics import kept_with, one_blas_thread, stoppable
 from ema.fitting.curve_fit import settled
 from ema.fitting.edited_fit import EditedFit
 from ema.fitting.listing import Key

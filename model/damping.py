@@ -146,7 +146,7 @@ def identify_damping(
     Examples
     --------
     >>> import ringmodal as rm
-    >>> from model.reference import TABLE_4_RING
+    >>> from model.parameters import TABLE_4_RING
     >>> found = rm.identify_damping(TABLE_4_RING, [1, 2, 3, 4], [0.039, 0.033, 0.024, 0.022])
     >>> found.damping.radial_n_s_m3 > 0
     True

@@ -238,7 +238,7 @@ def inertance(
     >>> import numpy as np
     >>> import ringmodal as rm
     >>> from model import ForcedRing
-    >>> from model.reference import TABLE_4_RING
+    >>> from model.parameters import TABLE_4_RING
     >>> forced = ForcedRing(TABLE_4_RING, rm.RingDamping(1900.0, 1500.0, 0.025))
     >>> rm.inertance(forced, [80.0, 100.0, 120.0], np.radians([0.0, 100.0])).shape
     (2, 3)

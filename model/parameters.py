@@ -1,4 +1,4 @@
-"""Parameters of the model: a thin ring, its damping and the wheel, with names and units."""
+"""Parameters of the ring, and those of the tyre of the paper (Tables 3 to 5)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from model.arguments import require_number
+from model.arguments import readonly, require_number
 from model.display import number, table
 from model.errors import ParameterError
 
@@ -216,3 +216,31 @@ def as_typed(value: float) -> str:
     """A short value as given, a long one with four significant digits."""
     text = f"{value:.10g}"
     return text if len(text) <= len("220000") else number(value)
+
+
+DESIGNATION = "225/55R17"
+
+#: Table 3: circumferential orders, natural frequencies in Hz and damping ratios, unloaded tyre.
+TABLE_3_ORDERS = readonly([1, 2, 3, 4, 5, 6, 7], int)
+TABLE_3_FREQUENCIES_HZ = readonly([78.73, 100.31, 121.40, 145.45, 170.78, 196.52, 224.40])
+TABLE_3_DAMPING_RATIOS = readonly([0.039, 0.033, 0.024, 0.022, 0.021, 0.020, 0.018])
+
+#: Table 4 with the measured mean radius, and the pressure and width that are not in the paper.
+TABLE_4_RING = RingParameters(
+    mean_radius_m=0.33,
+    mass_per_area_kg_m2=19.69,
+    radial_stiffness_n_m3=8.27e6,
+    circumferential_stiffness_n_m3=6.56e5,
+    axial_stiffness_n_m=2.52e7,
+    bending_stiffness_n_m=7.45,
+    inflation_pressure_pa=2.2e5,
+    belt_width_m=0.19,
+)
+
+#: Table 5. It gives damping ratios 2.3 to 2.7 times those of Table 3.
+TABLE_5_DAMPING = RingDamping(radial_n_s_m3=1.9e3, circumferential_n_s_m3=1.5e3, loss_factor=2.5e-2)
+
+#: Damping that fits the ratios of Table 3, rounded from `identify_damping`.
+REFITTED_DAMPING = RingDamping(
+    radial_n_s_m3=686.0, circumferential_n_s_m3=800.0, loss_factor=0.0140
+)

@@ -42,7 +42,7 @@ def natural_frequencies_hz(
     Examples
     --------
     >>> import ringmodal as rm
-    >>> from model.reference import TABLE_4_RING
+    >>> from model.parameters import TABLE_4_RING
     >>> rm.natural_frequencies_hz(TABLE_4_RING, [2, 3, 4]).round(1)
     array([100.7, 122.4, 145.4])
     """

@@ -1,9 +1,10 @@
-"""Small drawings for notebooks: curves, poles and shapes in the colour of the text."""
+"""Small drawings for notebooks in the colour of the text, and plots by the package of plots."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -62,3 +63,11 @@ def shapes_picture(position_deg: ArrayLike, shapes: Sequence[Any]) -> str:
             paths.append((ring, line))
     label = "Shapes in the order of the table"
     return picture(label, cell * across, cell * -(-len(shapes) // across), paths)
+
+
+BACKEND = "pipelines.plots.quick"
+
+
+def plot(shown: Any, ax: Any, **options: Any) -> Any:
+    """Draw an FRF, a stability diagram or modes on axes; on new ones of pyplot without any."""
+    return import_module(BACKEND).plot(shown, ax, **options)

@@ -14,7 +14,7 @@ from scipy.ndimage import correlate1d
 from ema.core.arrays import ReadonlyArrays, frame_of, readonly
 from ema.core.block_plan import BlockPlan, ExponentialWindow
 from ema.core.display import band_text, counted, facts
-from ema.core.drawings import level_path, picture
+from ema.core.drawings import level_path, picture, plot
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf_arrays import (
@@ -26,7 +26,6 @@ from ema.core.frf_arrays import (
     places_of,
     require_shapes,
 )
-from ema.core.plotting import plot
 from ema.core.recording import Channel
 from ema.core.settings import CHECKS
 

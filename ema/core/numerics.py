@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import wraps
 from threading import Lock
 from typing import Concatenate, ParamSpec, TypeVar
@@ -11,6 +13,8 @@ from weakref import WeakKeyDictionary
 
 import threadpoolctl
 from threadpoolctl import threadpool_limits
+
+from ema.core.errors import SupersededError
 
 Arguments = ParamSpec("Arguments")
 Answer = TypeVar("Answer")
@@ -99,3 +103,24 @@ def _take_control() -> None:
 
 
 _ONE_BLAS_THREAD = _SharedLimit()
+
+
+# A variable of the context: fits in other threads are not stopped.
+_STOP: ContextVar[Callable[[], bool] | None] = ContextVar("stop", default=None)
+
+
+@contextmanager
+def stoppable(stop: Callable[[], bool] | None) -> Iterator[None]:
+    """Let `stop` end the searches inside, once it gives true."""
+    before = _STOP.set(stop)
+    try:
+        yield
+    finally:
+        _STOP.reset(before)
+
+
+def end_if_stopped() -> None:
+    """Raise `SupersededError` where the fit is not wanted any more; searches ask at every step."""
+    stop = _STOP.get()
+    if stop is not None and stop():
+        raise SupersededError("the fit was stopped, as another one takes its place")

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import zgeqrf, ztrtrs, zungqr
 from scipy.optimize import OptimizeResult, least_squares, leastsq
 
+from ema.core.numerics import end_if_stopped
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.core.stopping import end_if_stopped
 from ema.fitting.variable_projection import Complex, Real
 
 # Parameters: mean frequency and damping (log); half the split of the frequencies, relative, along

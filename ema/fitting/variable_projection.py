@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgeqrf, dorgqr
 from scipy.optimize import least_squares
 
-from ema.core.stopping import end_if_stopped
+from ema.core.numerics import end_if_stopped
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]

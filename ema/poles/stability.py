@@ -12,21 +12,19 @@ from ema.circumference.orders import on_circle
 from ema.core.arrays import ReadonlyArrays, frame_of, readonly
 from ema.core.bands import widened_band
 from ema.core.display import band_text, counted, table
-from ema.core.drawings import level_path, path_of, picture, scaled
+from ema.core.drawings import level_path, path_of, picture, plot, scaled
 from ema.core.errors import InputError, require_type
 from ema.core.frf import FRF
-from ema.core.numerics import kept_with, one_blas_thread
-from ema.core.plotting import plot
+from ema.core.numerics import end_if_stopped, kept_with, one_blas_thread
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.core.stopping import end_if_stopped
 from ema.poles.estimators import (
+    align_runs,
     impulse_responses,
     line_weight,
     normal_matrix,
     reduced_normal_matrix,
     useful_length,
 )
-from ema.poles.run_alignment import align_runs
 from ema.poles.tracking import Cluster, interpret, pole_history
 from ema.signals.bias_and_noise import without_spikes
 

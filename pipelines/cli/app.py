@@ -27,7 +27,7 @@ _COMMANDS = {
         ("refit", "refit", "Identify the modes of a result again, with decisions of yours."),
         ("result", "tune", "Determine the ring parameters again, from the modes of a result."),
         ("result", "report", "Write the report of a result again, as HTML and optionally PDF."),
-        ("review", "review", "Review a result in the browser: see, decide, sign off."),
+        ("refit", "review", "Review a result in the browser: see, decide, sign off."),
         ("compare", "compare", "Compare results, with the significance of each difference."),
         ("result", "export", "Write modes, shapes and FRFs of a result for other modal programs."),
         ("compare", "compare-shapes", "Compare shapes with those of a model or program, by MAC."),
@@ -37,7 +37,7 @@ _COMMANDS = {
     ),
     "Ring model": (
         ("simulate", "simulate", "Ring model: frequencies, responses, virtual measurements."),
-        ("paper", "paper", "Compute the tables and figures of the paper on the ring model."),
+        ("simulate", "paper", "Compute the tables and figures of the paper on the ring model."),
     ),
     "Parameter sets": (("tyre", "tyre", "Parameter sets of tyres: versions, comparison, export."),),
 }

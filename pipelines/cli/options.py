@@ -20,8 +20,7 @@ from model.coefficients import PressureLoad
 from model.tuning_problem import PARAMETERS, RADIAL_GROWTH
 from pipelines.cli.terminal import show_logs
 from pipelines.library.library import VARIABLE, numbers_of
-from pipelines.results.options import Options
-from pipelines.results.units import Units
+from pipelines.results.options import Options, Units
 from pipelines.storage.atomic import require_free_file
 
 # Headings of the help

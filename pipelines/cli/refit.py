@@ -1,11 +1,14 @@
-"""``ringmodal refit``: the modes of a result again, with decisions."""
+"""``ringmodal refit`` and ``review``: decisions on a result, and the page to take them."""
 
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
+from importlib.util import find_spec
 from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,11 +16,12 @@ from typing import Annotated, Any
 from ema.core.display import number, signed
 from ema.core.edits import OF_POLES, ChannelName, Edit, EditKind, PoleName
 from ema.core.errors import InputError
+from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.refit import EditCost
 from pipelines.cli import options as opt
 from pipelines.cli.result import show
 from pipelines.cli.screen import print_table, shown
-from pipelines.cli.streams import reporting_outcome
+from pipelines.cli.streams import Interrupted, reporting_outcome
 from pipelines.cli.terminal import echo, print_json
 from pipelines.library.version import login_name
 from pipelines.process.refit import cost, refittable
@@ -25,7 +29,7 @@ from pipelines.process.refit import refit as refitted
 from pipelines.report.save import save
 from pipelines.report.template import read_template
 from pipelines.results.edits_file import Record, read_edits
-from pipelines.storage.result_folder import require_free
+from pipelines.storage.result_folder import MARKER, require_free
 
 DECISIONS = "Decisions"
 _EDITED = r"-edited(-\d+)?$"
@@ -176,3 +180,47 @@ def _show_cost(tried: EditCost, *, as_json: bool) -> None:
     before, after = number(tried.misfit_before, 4), number(tried.misfit_after, 4)
     echo(f"χ²: {signed(tried.change, 0)}; over its degrees of freedom {before} → {after}")
     echo("Nothing was written.")
+
+
+_NEEDED = "starlette", "uvicorn", "filelock"
+
+
+def review(
+    place: Annotated[Path, opt.argument("RESULT|CAMPAIGN|FOLDER", "What to look at.")],
+    port: Annotated[int, opt.option("Port; 0 for a free one.", min=0, max=65535)] = 0,
+    no_open: Annotated[bool, opt.flag("--no-open", "Do not open the browser.")] = False,
+) -> None:
+    """Review results in the browser: see the poles, decide, sign off.
+
+    Needs the optional part review. The server answers this machine alone; Ctrl-C ends it. Every
+    edit is on disk before it is shown, so that nothing is lost.
+
+    Examples:
+      ringmodal review results/tyre_7
+      ringmodal review measurements/2026-11 --no-open
+    """  # noqa: D406, D407 - a heading of the help
+    if missing := [name for name in _NEEDED if find_spec(name) is None]:
+        rule, remedy = "the review needs it", "Install it: pip install 'ringmodal[review]'"
+        raise InputError("ringmodal review", f"{missing[0]} is not installed", rule, remedy)
+    # Not above: an optional part, and slow to load.
+    from pipelines.review.bench import Desk
+    from pipelines.review.server import open_browser, serve
+
+    if not place.is_dir():
+        rule = "it is the folder of a result, of a campaign, or of several"
+        raise InputError(str(place), "no folder", rule, "Name a folder")
+    place = place.resolve()
+    is_result, is_campaign = ((place / name).is_file() for name in (MARKER, MANIFEST_NAME))
+    desk = Desk(place.parent if is_result else place)
+    name = desk.name_of(place)
+    page = f"/r/{name}" if is_result else f"/w/{name}" if is_campaign else "/"
+
+    def announce(address: str, file: Path) -> None:
+        echo(address)
+        echo(f"open: {file}")
+        sys.stdout.flush()  # for a program that waits for the address
+        if not no_open:
+            open_browser(file)
+
+    with suppress(Interrupted):  # the usual end; every edit is in a draft already
+        serve(desk, page, port, announce)

@@ -24,9 +24,8 @@ from pipelines.report.template import read_template
 from pipelines.report.write import MOVING, STILL, printing_library, write_figures
 from pipelines.results.decided import edit_records
 from pipelines.results.edits_file import read_edits
-from pipelines.results.options import Options
+from pipelines.results.options import Options, Units, parameter_rows
 from pipelines.results.result import Result
-from pipelines.results.units import Units, parameter_rows
 from pipelines.results.verdict import judge, orders_in_doubt, ring_is_usable
 from pipelines.storage.result_folder import require_free
 from pipelines.storage.tables import plain_rows

@@ -14,13 +14,12 @@ from ema.core.display import DASH, chance_text, number, signed, value_with_std
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.cli.screen import print_table
 from pipelines.cli.terminal import echo, echo_error, print_json
-from pipelines.library.history import SetDifference, TyreHistory, stated, verdict_text
-from pipelines.library.series import Series
+from pipelines.library.history import Series, SetDifference, TyreHistory, stated, verdict_text
 from pipelines.library.version import Version, values_of
 from pipelines.report.ring import headings, trend_row
+from pipelines.results.options import Units, with_unit
 from pipelines.results.parameter_set import ParameterSet
 from pipelines.results.set_basis import basis_records
-from pipelines.results.units import Units, with_unit
 
 FEW_WARNINGS = 5  # printed
 

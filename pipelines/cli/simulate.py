@@ -1,4 +1,4 @@
-"""``ringmodal simulate``: the ring model and virtual measurements."""
+"""``ringmodal simulate`` and ``paper``: the ring model, virtual measurements, the paper."""
 
 from __future__ import annotations
 
@@ -16,9 +16,12 @@ from model.waves import Frame, WaveFrame
 from pipelines.cli import options as opt
 from pipelines.cli import simulate_show
 from pipelines.cli.help import Command, group
+from pipelines.cli.options import Force, Json, Out, Quiet
+from pipelines.cli.screen import shown
 from pipelines.cli.simulate_show import Request
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
+from pipelines.paper.reproduce import PAGE, reproduce_paper
 from pipelines.simulate import responses
 from pipelines.simulate.campaign import simulate_campaign
 from pipelines.simulate.laboratory import simulate_laboratory
@@ -319,3 +322,23 @@ def hub(
     lines, angle = opt.values_of("--frequency-hz", frequency_hz), math.radians(force_deg)
     found = hub_response(forced, lines, angle, force_direction=direction)
     simulate_show.hub(found, forced, request)
+
+
+def paper(out: Out, force: Force = False, as_json: Json = False, quiet: Quiet = False) -> None:
+    """Compute the tables and figures of the paper on the ring model, next to the printed values.
+
+    Example:
+      ringmodal paper --out paper
+    """
+    with reporting_outcome(out), shown(quiet=quiet) as progress:
+        chapters = reproduce_paper(out, force=force, progress=progress.stage)
+    statements = [one for chapter in chapters for one in chapter.statements]
+    if as_json:
+        rows = [
+            {"place": one.place, "verdict": one.verdict, "found": one.found} for one in statements
+        ]
+        print_json({"report": str(out / PAGE), "statements": rows})
+        return
+    for one in statements:
+        echo(f"{one.place}: {one.verdict}. {one.found}")
+    echo(f"Report: {out / PAGE}")

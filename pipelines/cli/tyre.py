@@ -16,10 +16,9 @@ from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.cli.tyre_tir import from_tir, modal_targets, update_tir
 from pipelines.library.export import export as write
 from pipelines.library.export import version_rows, write_table
-from pipelines.library.history import difference, history_of
+from pipelines.library.history import difference, history_of, pressure_series
 from pipelines.library.library import VARIABLE, TyreLibrary, numbers_of, resolve
 from pipelines.library.numbering import require_version, split_reference
-from pipelines.library.series import pressure_series
 from pipelines.library.version import Version, login_name
 from pipelines.report.ring import ENDINGS, write_series
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from ema.core.mac import frac
 from model import Bifurcation, ForcedRing, bifurcation
-from model.parameters import RingDamping
-from model.reference import TABLE_3_ORDERS, TABLE_4_RING, TABLE_5_DAMPING
+from model.parameters import TABLE_3_ORDERS, TABLE_4_RING, TABLE_5_DAMPING, RingDamping
 from pipelines.paper.parts import (
     FORCE_DEG,
     HIGHEST_HZ,

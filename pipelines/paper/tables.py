@@ -20,8 +20,9 @@ from model import (
     natural_frequencies_hz,
     tune_ring,
 )
-from model.parameters import DAMPING_NAMES, RING_NAMES
-from model.reference import (
+from model.parameters import (
+    DAMPING_NAMES,
+    RING_NAMES,
     TABLE_3_DAMPING_RATIOS,
     TABLE_3_FREQUENCIES_HZ,
     TABLE_3_ORDERS,

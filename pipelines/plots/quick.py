@@ -1,6 +1,6 @@
 """What ``.plot()`` of a result draws: FRFs, stability diagrams, modes and tuned rings.
 
-`ema.core.plotting` and `model.display` load this module by its name.
+`ema.core.display` and `model.display` load this module by its name.
 """
 
 from __future__ import annotations

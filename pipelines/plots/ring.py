@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ema.core.display import signed
 from model.identifiability import Correlation, Sensitivity
 from model.parameters import DAMPING_NAMES, RING_NAMES
-from pipelines.library.series import UNITS_PA, Series, Trend
+from pipelines.library.history import UNITS_PA, Series, Trend
 from pipelines.plots import plot as go
 from pipelines.plots.chart import Chart
 from pipelines.plots.modes import matrix_chart

@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ema.core.errors import InputError
 from ema.core.recording import VOLTAGE
-from ema.io.campaign.beside import joined
+from ema.io.campaign.agreement import joined
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.campaign.read import recordings_in
 from ema.io.content import FileContent

@@ -21,7 +21,6 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.identify import Identification
 from ema.signals.steadiness import steadiness_of
-from pipelines.process.directions import with_other_modes
 from pipelines.process.refit import (
     Asked,
     as_record,
@@ -31,7 +30,7 @@ from pipelines.process.refit import (
     with_modes,
     with_record,
 )
-from pipelines.process.ring import tune
+from pipelines.process.ring import tune, with_other_modes
 from pipelines.process.validate import refuse_warnings
 from pipelines.results.decided import Setup
 from pipelines.results.edits_file import Record

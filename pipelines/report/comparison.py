@@ -17,8 +17,8 @@ from pipelines.compare.summary import CAUTION, METHOD, findings
 from pipelines.plots.chart import Chart
 from pipelines.plots.comparison import change_chart, cross_mac_chart, frf_charts
 from pipelines.plots.modes import matrix_chart
-from pipelines.report.closing import DEFINITIONS, input_files
 from pipelines.report.page import Block, Facts, Listing, Paragraph, Section, Table, render_page
+from pipelines.report.summary import DEFINITIONS, input_files
 from pipelines.report.template import PLAIN
 from pipelines.results.labels import short
 from pipelines.storage.atomic import file_written_whole, require_free_file

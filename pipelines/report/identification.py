@@ -12,8 +12,8 @@ from ema.core.modes import ModalModel, Mode
 from pipelines.plots.chart import Chart, packed
 from pipelines.plots.modes import matrix_chart, shapes_plot, stability_chart
 from pipelines.process.validate import aligned_shape
-from pipelines.report.closing import listed
 from pipelines.report.page import Animation, Block, Paragraph, Section, Table
+from pipelines.report.summary import listed
 from pipelines.results.labels import each_once, mode_name, row_names
 from pipelines.results.result import Result
 from pipelines.results.verdict import orders_in_doubt, ring_is_usable

@@ -19,8 +19,8 @@ from pipelines.plots.chart import Chart
 from pipelines.report.page import Beside, Block, Facts, Paragraph, Section, Table
 from pipelines.report.template import Template
 from pipelines.results.labels import KNOWN, in_band, named
+from pipelines.results.options import Units, quantity
 from pipelines.results.result import Result
-from pipelines.results.units import Units, quantity
 
 FINDING_HEAD = ("run", "channel", "position", "check", "detail")
 MOST_NAMED_RUNS = 12

@@ -15,15 +15,15 @@ from model.identifiability import AT_BOUND, NOT_IDENTIFIED
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from model.ring import natural_frequencies_hz
 from model.tuning import TuningResult
-from pipelines.library.series import UNITS_PA, Series, Trend
+from pipelines.library.history import UNITS_PA, Series, Trend
 from pipelines.plots import ring as plots
 from pipelines.plots.chart import Chart
 from pipelines.plots.modes import matrix_chart
 from pipelines.process.validate import ring_orders
-from pipelines.report.closing import listed, remaining_notes
 from pipelines.report.page import Beside, Block, Paragraph, Picture, Section, Table, render_page
+from pipelines.report.summary import listed, remaining_notes
+from pipelines.results.options import Units, parameter_rows
 from pipelines.results.result import Result, Validation
-from pipelines.results.units import Units, parameter_rows
 from pipelines.results.verdict import orders_in_doubt, ring_is_usable
 from pipelines.storage.atomic import file_written_whole
 

@@ -1,6 +1,10 @@
-"""The first screen of the report: the verdict, what to know first, modes and ring parameters."""
+"""The first screen of the report and its last: verdict, modes, parameters; where all came from."""
 
 from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -9,10 +13,12 @@ from ema.core.modes import ModalModel
 from model.identifiability import AT_BOUND, GIVEN, NOT_IDENTIFIED
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.plots.measurement import reference_verdict
+from pipelines.report.measurement import flatten, not_stated
 from pipelines.report.page import (
     Alone,
     Beside,
     Block,
+    Facts,
     Lamp,
     Listing,
     Paragraph,
@@ -20,8 +26,8 @@ from pipelines.report.page import (
     Section,
     Table,
 )
+from pipelines.results.options import Units, parameter_rows
 from pipelines.results.result import Result
-from pipelines.results.units import Units, parameter_rows
 from pipelines.results.verdict import (
     SIGNS,
     Remark,
@@ -127,3 +133,62 @@ def _basis(result: Result) -> str:
     if result.tuning is not None and ring_is_usable(result):
         parts.append(f"pressure as {result.tuning.pressure_load} load")
     return f"{'; '.join(parts)}. ± is one standard deviation."
+
+
+_TEXTS = tomllib.loads(Path(__file__).with_name("definitions.toml").read_text(encoding="utf-8"))
+DEFINITIONS: dict[str, str] = _TEXTS["definitions"]
+
+
+def warnings(result: Result) -> Section:
+    """Notes that no other section has."""
+    listing = listed(remaining_notes(result))
+    none = Paragraph("Nothing beyond the notes on modes, ring and data quality.")
+    return Section("notes", "Warnings and notes", listing or (none,))
+
+
+def origin(result: Result) -> Section:
+    """Software, input files, options, and what the manifest does not state."""
+    provenance = result.provenance
+    options = tuple(flatten(provenance.get("options", {})).items())
+    created = (("Processed", str(provenance["created"])),) if "created" in provenance else ()
+    software = tuple(flatten(provenance.get("software", {})).items())
+    times = tuple(
+        (stage, f"{seconds:.2f}") for stage, seconds in provenance.get("stage_seconds", {}).items()
+    )
+    blocks = (
+        Facts((*created, *software, *not_stated(result.tyre))),
+        input_files(result),
+        Table("Options in force", ("option", "value"), options, (0, 1), folded=True),
+        Table("Time of each stage", ("stage", "time / s"), times, (0,), folded=True),
+    )
+    return Section(
+        "origin", "Software, inputs and options", tuple(each for each in blocks if each.rows)
+    )
+
+
+def input_files(result: Result) -> Table:
+    """The files that were read; no rows where they are not known."""
+    rows = tuple(
+        (str(entry["file"]), str(entry["bytes"]), str(entry["sha256"]))
+        for entry in result.provenance.get("inputs", ())
+    )
+    return Table("Input files", ("file", "bytes", "SHA-256"), rows, (0, 2))
+
+
+def definitions(_result: Result) -> Section:
+    """Terms and references."""
+    blocks = Facts(tuple(DEFINITIONS.items())), Listing(tuple(_TEXTS["references"]))
+    return Section("definitions", "Definitions and references", blocks)
+
+
+def listed(notes: Sequence[str]) -> tuple[Listing, ...]:
+    """The notes as a list; nothing where there are none."""
+    return (Listing(tuple(notes)),) if notes else ()
+
+
+def remaining_notes(result: Result) -> tuple[str, ...]:
+    """Notes that no other section shows: those of neither modes nor ring nor damping."""
+    shown = set(result.modal_model.notes)
+    for part in (result.tuning, result.damping):
+        shown |= set(part.notes) if part is not None else set()
+    return tuple(note for note in dict.fromkeys(result.notes) if note not in shown)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ema.core.errors import InputError, unknown
-from pipelines.results.units import Units
+from pipelines.results.options import Units
 
 _IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".svg": "svg+xml"}
 _MOST_LOGO_BYTES = 500_000  # the page holds it: a logo is smaller than that

@@ -17,7 +17,7 @@ import numpy as np
 
 from ema.core.errors import InputError, visible
 from pipelines.plots.chart import Chart, Drawn
-from pipelines.report import by_hand, closing, identification, measurement, responses, ring, summary
+from pipelines.report import by_hand, identification, measurement, responses, ring, summary
 from pipelines.report.page import (
     Alone,
     Beside,
@@ -60,9 +60,9 @@ def report_sections(result: Result, template: Template = PLAIN) -> tuple[Section
         identification.shapes(result),
         ring.validation(result),
         ring.parameters(result, units),
-        closing.warnings(result),
-        closing.origin(result),
-        closing.definitions(result),
+        summary.warnings(result),
+        summary.origin(result),
+        summary.definitions(result),
     )
 
 
@@ -188,8 +188,8 @@ def write_figures(
     for path in paths:
         require_free_file(path, force=force)
     # Loads matplotlib, which the page does without; the checks come first.
+    from pipelines.plots.figures import write_shape_gif
     from pipelines.plots.style import write_figure
-    from pipelines.plots.torus import write_shape_gif
 
     for figure in figures:
         drawn = figure.draw()

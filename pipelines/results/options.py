@@ -1,13 +1,15 @@
-"""Options of a run, with the same names in Python and on the command line."""
+"""Options of a run, the same in Python and on the command line; units of what is shown."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from math import inf
 from typing import Any
 
 from ema.core.campaign import Campaign, Processing
+from ema.core.display import DASH, plain, value_with_std
 from ema.core.errors import InputError
 from ema.core.settings import CheckSettings, IdentificationSettings
 from model.coefficients import PressureLoad
@@ -208,3 +210,44 @@ def tuning_arguments(
         "pressure_load": tuning.get("pressure_load", DEFAULT_LOAD),
         "priors": TuningPriors(parameters=priors, **spreads),
     }
+
+
+class Units(StrEnum):
+    """Units that results are shown in."""
+
+    LAB = "lab"  # bar and mm, the default
+    SI = "si"
+
+
+# What an SI unit is shown as, and its factor; others are shown as they are.
+_SHOWN = {Units.SI: {"Pa": ("kPa", 1e-3)}, Units.LAB: {"Pa": ("bar", 1e-5), "m": ("mm", 1e3)}}
+
+
+def with_unit(
+    value: float, std: float | None, unit: str, units: Units
+) -> tuple[float, float | None, str]:
+    """A value in SI and its standard deviation as they are shown, and the unit."""
+    shown, factor = _SHOWN[units].get(unit, (unit, 1.0))
+    return value * factor, None if std is None else std * factor, shown
+
+
+def quantity(value: float, unit: str, units: Units) -> str:
+    """A given value in SI as it is shown, such as "2.2 bar"."""
+    value, _, unit = with_unit(value, None, unit, units)
+    return f"{plain(value)} {unit}"
+
+
+def parameter_rows(
+    values: Any, found: Any, names: Mapping[str, tuple[str, str, str]], units: Units
+) -> list[tuple[str, str, str, str, str]]:
+    """Name, symbol, value with ±, unit and how obtained of each parameter that `values` has.
+
+    `found` has the standard deviations `std` in SI and `how` each was obtained.
+    """
+    rows = []
+    for name, (title, symbol, si_unit) in names.items():
+        if (si_value := getattr(values, name)) is not None:
+            value, std, unit = with_unit(si_value, found.std.get(name), si_unit, units)
+            text = value_with_std(value, std)
+            rows.append((title, symbol, text, unit, found.how.get(name, DASH)))
+    return rows

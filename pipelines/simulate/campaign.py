@@ -16,8 +16,7 @@ from ema.core.errors import InputError
 from ema.core.recording import ACCELERATION, FORCE, Channel
 from ema.io.text.csv import write_csv
 from ema.io.uff.write import write_time_series
-from model.parameters import RingParameters
-from model.reference import DESIGNATION, TABLE_4_RING
+from model.parameters import DESIGNATION, TABLE_4_RING, RingParameters
 from pipelines.simulate.truth import (
     HIGHEST_ORDER,
     Complexes,

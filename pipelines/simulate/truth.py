@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import damping_ratios, modal_mass_kg, natural_frequencies_hz
-from model.reference import (
+from model.parameters import (
     REFITTED_DAMPING,
     TABLE_3_DAMPING_RATIOS,
     TABLE_3_FREQUENCIES_HZ,

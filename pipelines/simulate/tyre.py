@@ -14,8 +14,14 @@ from model import Bifurcation, HubResponse, bifurcation, free_hub_roots
 from model.coefficients import PressureLoad
 from model.errors import ParameterError
 from model.foundation import with_pressure_load
-from model.parameters import RingDamping, RingParameters, Wheel
-from model.reference import DESIGNATION, TABLE_4_RING, TABLE_5_DAMPING
+from model.parameters import (
+    DESIGNATION,
+    TABLE_4_RING,
+    TABLE_5_DAMPING,
+    RingDamping,
+    RingParameters,
+    Wheel,
+)
 from model.waves import WaveFrame
 from pipelines.library.library import read_source
 

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp, trapezoid
 
 from model import Cleat, CleatTest, ForcedRing, ParameterError, RingDamping, Wheel, inertance
 from model.cleat import exponential_convolution
-from model.reference import REFITTED_DAMPING, TABLE_4_RING
+from model.parameters import REFITTED_DAMPING, TABLE_4_RING
 
 VISCOUS = RingDamping(686.0, 800.0, 0.0)
 ROLLING = ForcedRing(TABLE_4_RING, VISCOUS, 67.3, highest_order=3)

@@ -5,7 +5,7 @@ import pytest
 
 from model import ParameterError, RingDamping, damping_ratios, identify_damping
 from model import natural_frequencies_hz as frequencies_hz
-from model.reference import (
+from model.parameters import (
     REFITTED_DAMPING,
     TABLE_3_DAMPING_RATIOS,
     TABLE_3_ORDERS,

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 from model import Wheel, bifurcation, equilibrium, free_hub_roots, torsion_frequency_hz
-from model.reference import TABLE_4_RING as RING
+from model.parameters import TABLE_4_RING as RING
 
 WHEEL = Wheel(mass_kg=12.0, inertia_kg_m2=0.6)
 WIDTH = RING.belt_width_m

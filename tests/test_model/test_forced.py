@@ -20,7 +20,7 @@ from model import (
     modal_mass_kg,
     natural_frequencies_hz,
 )
-from model.reference import REFITTED_DAMPING, TABLE_4_RING, TABLE_5_DAMPING
+from model.parameters import REFITTED_DAMPING, TABLE_4_RING, TABLE_5_DAMPING
 
 SPEED = 67.3
 AT_100_DEG = np.deg2rad(100.0)

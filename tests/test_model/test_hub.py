@@ -18,7 +18,7 @@ from model import (
     natural_frequencies_hz,
     torsion_frequency_hz,
 )
-from model.reference import REFITTED_DAMPING, TABLE_4_RING
+from model.parameters import REFITTED_DAMPING, TABLE_4_RING
 
 WHEEL = Wheel(mass_kg=12.0, inertia_kg_m2=0.6)
 UNDAMPED = RingDamping(0.0, 0.0, 0.0)

@@ -19,7 +19,7 @@ from model import (
 )
 from model.circle_fields import area_curvature, circle_fields, elastic_curvature, elastic_slope
 from model.loaded import LoadedRing
-from model.reference import TABLE_4_RING
+from model.parameters import TABLE_4_RING
 
 LOAD_N = 4000.0
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from model import ParameterError, RingDamping, Wheel
-from model.reference import TABLE_4_RING
+from model.parameters import TABLE_4_RING
 
 
 def test_thickness_follows_from_the_two_belt_stiffnesses():

@@ -18,7 +18,7 @@ from model import (
     natural_frequencies_hz,
     torsion_frequency_hz,
 )
-from model.reference import TABLE_3_FREQUENCIES_HZ, TABLE_4_RING
+from model.parameters import TABLE_3_FREQUENCIES_HZ, TABLE_4_RING
 
 AT_REST_HZ = [75.509, 100.742, 122.375, 145.435, 170.276, 196.645, 224.305]
 

@@ -17,7 +17,7 @@ from model import (
     press_on_road,
     torsion_frequency_hz,
 )
-from model.reference import TABLE_4_RING as RING
+from model.parameters import TABLE_4_RING as RING
 
 LOAD_N = 4000.0
 WHEEL = Wheel(mass_kg=12.0, inertia_kg_m2=0.6)

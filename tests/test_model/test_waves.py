@@ -20,7 +20,7 @@ from model import (
     wave_pair,
 )
 from model.coefficients import REAL_ROOT
-from model.reference import REFITTED_DAMPING, TABLE_4_RING
+from model.parameters import REFITTED_DAMPING, TABLE_4_RING
 
 ORDERS = np.arange(1, 8)
 SPEED = 67.3  # 80 km/h

@@ -17,8 +17,8 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Recording
 from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
 from ema.io.campaign import agreement
+from ema.io.campaign.agreement import joined, read_folder
 from ema.io.campaign.axes import Around, channels_along_circle, frfs_along_circle
-from ema.io.campaign.beside import joined, read_folder
 from ema.io.campaign.calibration import calibrated, check_keys
 from ema.io.campaign.manifest import MANIFEST_NAME, USE_SLASHES, Manifest, read_manifest, resolve
 from ema.io.campaign.roles import (

@@ -12,7 +12,7 @@ from ema.checks.quality import check_reference, drift_findings
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.finding import Verdict
 from ema.identify import identify_modes
-from ema.poles.run_alignment import align_runs, stretched
+from ema.poles.estimators import align_runs, stretched
 from pipelines.simulate.truth import truth_modes
 
 BAND_HZ = (20.0, 260.0)

@@ -15,7 +15,7 @@ from ema.core.finding import Check, Finding, Verdict
 from pipelines.cli import streams, terminal
 from pipelines.cli.result import show
 from pipelines.cli.screen import print_table, screen
-from pipelines.results.units import Units
+from pipelines.results.options import Units
 
 HEAD = ("mode", "frequency in Hz", "status", "purity", "remark")
 ROWS = (

@@ -15,7 +15,7 @@ from ema.core.mac import mac
 from ema.core.modes import Mode
 from ema.io.uff.write import write_time_series
 from model import natural_frequencies_hz
-from model.reference import TABLE_4_RING
+from model.parameters import TABLE_4_RING
 from pipelines.compare.compare import common_positions, common_shapes, compare, compare_folders
 from pipelines.compare.modes import match_modes, std_of_difference
 from pipelines.compare.significance import Difference, agreement, holm, jointly_tested

@@ -5,8 +5,8 @@ import pytest
 from library import DESIGNATION, SET, varied, written
 
 from ema.core.errors import InputError
+from pipelines.library.history import fit_line, pressure_series
 from pipelines.library.library import TyreLibrary
-from pipelines.library.series import fit_line, pressure_series
 from pipelines.plots.draw import draw_plot
 from pipelines.plots.ring import pressure_plot
 from pipelines.report.ring import write_series

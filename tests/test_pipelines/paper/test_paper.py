@@ -9,7 +9,7 @@ import pytest
 
 from ema.core.errors import InputError
 from model import bifurcation, natural_frequencies_hz, wave_pair
-from model.reference import TABLE_3_FREQUENCIES_HZ, TABLE_3_ORDERS, TABLE_4_RING
+from model.parameters import TABLE_3_FREQUENCIES_HZ, TABLE_3_ORDERS, TABLE_4_RING
 from pipelines.paper import reproduce as paper
 from pipelines.paper import tables
 from pipelines.paper.forced import pairs_apart

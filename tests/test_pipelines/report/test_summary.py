@@ -13,7 +13,7 @@ from pipelines.report.page import Beside, Lamp, Listing, Table
 from pipelines.report.summary import summary
 from pipelines.report.template import Template, read_template
 from pipelines.report.write import render_report
-from pipelines.results.units import Units
+from pipelines.results.options import Units
 
 ANGLES = Finding("", "", None, Check.POSITIONS, Verdict.WARNING, "mirrored")
 

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from ema.core.errors import InputError
 from model.adequacy import Evidence, Reason, RingVerdict, State
 from model.damping import identify_damping
-from model.parameters import Wheel
-from model.reference import (
+from model.parameters import (
     TABLE_3_DAMPING_RATIOS,
     TABLE_3_FREQUENCIES_HZ,
     TABLE_3_ORDERS,
     TABLE_4_RING,
     TABLE_5_DAMPING,
+    Wheel,
 )
 from model.tuning import tune_ring
 from pipelines.results.parameter_set import (

@@ -11,7 +11,7 @@ from scipy.signal import csd, welch
 
 import ema
 from ema.core.errors import InputError
-from model.reference import (
+from model.parameters import (
     TABLE_3_DAMPING_RATIOS,
     TABLE_3_FREQUENCIES_HZ,
     TABLE_4_RING,

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import trapezoid
 
 from model import Bifurcation, ForcedRing, inertance, loaded_frequencies_hz, natural_frequencies_hz
-from model.reference import TABLE_4_RING, TABLE_5_DAMPING
+from model.parameters import TABLE_4_RING, TABLE_5_DAMPING
 from pipelines.cli import simulate_show
 from pipelines.simulate.tyre import tyre_to_simulate
 

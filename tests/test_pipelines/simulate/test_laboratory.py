@@ -10,8 +10,7 @@ from scipy.linalg import expm
 import ema
 from ema.core.errors import InputError
 from model import damping_ratios, natural_frequencies_hz, torsion_frequency_hz
-from model.parameters import RingDamping
-from model.reference import REFITTED_DAMPING, TABLE_4_RING
+from model.parameters import REFITTED_DAMPING, TABLE_4_RING, RingDamping
 from pipelines.simulate.laboratory import Laboratory, simulate_laboratory
 from pipelines.simulate.laboratory_chain import (
     SETTLING_S,
