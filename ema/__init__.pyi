@@ -4,7 +4,7 @@ from .core.edits import ChannelName, Edit, EditKind, PoleName
 from .core.errors import FitError, InputError, SupersededError
 from .core.frf import FRF
 from .core.modes import ModalModel, Mode
-from .fitting.fit_modes import fit_modes
+from .fitting.edited_fit import fit_modes
 from .identify import Identification, identify_modes
 from .io.campaign.read import read_campaign
 from .io.uff.shape_sets import ShapeSet, read_shapes

@@ -17,7 +17,7 @@ from ema.core.mac import auto_mac
 from ema.core.modes import Flag, Mode
 from ema.core.settings import IdentificationSettings
 from ema.fitting.covariance import parameter_covariance
-from ema.fitting.local_poles import std_over_positions
+from ema.fitting.evidence import std_over_positions
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
 from ema.fitting.ring_pair import PairFit

@@ -21,13 +21,13 @@ from ema.core.numerics import one_blas_thread
 from ema.core.settings import IdentificationSettings
 from ema.fitting.covariance import band_shift, line_correlation
 from ema.fitting.evidence import (
+    at_mean_of_positions,
     is_hidden,
     residue_size,
     scatter_over_positions,
     share_resonance,
     visible_share,
 )
-from ema.fitting.exponential_window import with_own_factor
 from ema.fitting.fit_steps import (
     cleared_lines,
     drift_in_one_step,
@@ -36,7 +36,7 @@ from ema.fitting.fit_steps import (
     surplus_poles,
     without_leakage,
 )
-from ema.fitting.local_poles import at_mean_of_positions
+from ema.fitting.listing import with_own_factor
 from ema.fitting.mode_pairs import PairSearch, RingOrder
 from ema.fitting.pole_fit import (
     N_DRIFT,

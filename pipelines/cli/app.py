@@ -33,7 +33,7 @@ _COMMANDS = {
         ("compare", "compare-shapes", "Compare shapes with those of a model or program, by MAC."),
     ),
     "Many campaigns": (
-        ("batch", "batch", "Process every campaign under a folder and collect the results."),
+        ("compare", "batch", "Process every campaign under a folder and collect the results."),
     ),
     "Ring model": (
         ("simulate", "simulate", "Ring model: frequencies, responses, virtual measurements."),

@@ -19,7 +19,7 @@ from ema.core.drift import NO_DRIFT
 from ema.core.errors import InputError
 from ema.core.finding import Verdict
 from ema.core.modes import Pair
-from ema.fitting.fit_modes import fit_modes
+from ema.fitting.edited_fit import fit_modes
 from ema.identify import identify_modes
 from pipelines.simulate.laboratory import Laboratory
 from pipelines.simulate.laboratory_effects import Effects

@@ -8,7 +8,7 @@ import systems
 
 from ema.core.settings import IDENTIFICATION
 from ema.fitting.covariance import band_shift
-from ema.fitting.fit_modes import fit_modes
+from ema.fitting.edited_fit import fit_modes
 from ema.fitting.pole_fit import N_DRIFT, Lines, evaluate, fit_bounded, lines_to_fit, with_stand_ins
 from ema.poles.selection import PoleSelection
 

@@ -7,7 +7,7 @@ import pytest
 import systems
 
 from ema.core.errors import FitError
-from ema.fitting.fit_modes import fit_modes
+from ema.fitting.edited_fit import fit_modes
 from ema.poles.selection import PoleSelection, select_poles
 from ema.poles.stability import build_stability
 

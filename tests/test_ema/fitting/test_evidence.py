@@ -8,6 +8,7 @@ import systems
 
 from ema.core.modes import Mode
 from ema.core.settings import IDENTIFICATION
+from ema.fitting.edited_fit import fit_modes
 from ema.fitting.evidence import (
     is_below_misfit,
     is_beneath,
@@ -16,7 +17,6 @@ from ema.fitting.evidence import (
     stands_out,
     visible_share,
 )
-from ema.fitting.fit_modes import fit_modes
 from ema.fitting.fit_steps import is_undetermined, shift_beside
 from ema.fitting.pole_fit import N_DRIFT, Lines, evaluate
 from ema.identify import identify_modes

@@ -9,7 +9,7 @@ import systems
 from ema.core.block_plan import ExponentialWindow
 from ema.core.errors import FitError
 from ema.core.mac import frac
-from ema.fitting.fit_modes import fit_modes
+from ema.fitting.edited_fit import fit_modes
 from ema.poles.selection import PoleSelection
 from ema.signals.frf_estimation import estimate_frf
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import systems
 
-from ema.fitting.local_poles import at_mean_of_positions, std_over_positions
+from ema.fitting.evidence import at_mean_of_positions, std_over_positions
 from ema.fitting.pole_fit import N_DRIFT, Lines, evaluate
 
 LINES_HZ = np.arange(80, 600) / 4

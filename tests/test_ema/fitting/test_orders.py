@@ -7,7 +7,7 @@ import pytest
 import systems
 
 from ema.circumference.orders import highest_order
-from ema.fitting.fit_modes import fit_modes
+from ema.fitting.edited_fit import fit_modes
 from ema.fitting.mode_pairs import OrderDecomposition
 from ema.poles.selection import PoleSelection
 
