@@ -135,7 +135,7 @@ def _rows(where: str, values: ArrayLike) -> NDArray[Any]:
     """Values row by row; NaN, texts and more than two axes are refused."""
     try:
         rows = np.atleast_2d(np.asarray(values))
-        finite = rows.size > 0 and rows.dtype != object and bool(np.all(np.isfinite(rows)))
+        finite = rows.dtype != object and bool(np.all(np.isfinite(rows)))
     except (TypeError, ValueError):
         rows, finite = np.zeros((1, 1)), False
     if rows.ndim != 2 or not finite:

@@ -100,42 +100,6 @@ def test_selected_poles_are_ascending_and_carry_the_band(diagram):
     assert np.all(np.diff(np.abs(selection.poles)) > 0)
 
 
-def test_pinned_frequencies_replace_the_automatic_choice(diagram):
-    poles = found_within(select_poles(diagram, [100.0, 171.0]))
-    np.testing.assert_allclose(systems.frequency_hz_of(poles), [100.31, 170.78], rtol=3e-3)
-
-
-def test_pins_keep_the_guards_outside_the_band(diagram):
-    automatic, pinned = select_poles(diagram), select_poles(diagram, [100.0])
-    beyond = [found_within(selection, (260, 400)) for selection in (automatic, pinned)]
-    assert beyond[0].size > 0
-    np.testing.assert_array_equal(*beyond)
-
-
-def test_a_pin_on_a_guard_takes_it_once(diagram):
-    poles = select_poles(diagram, [100.0, 282.9]).poles
-    assert np.unique(poles).size == poles.size
-
-
-def test_a_pin_without_a_pole_nearby_is_refused(diagram):
-    with pytest.raises(FitError, match="the pinned 101 Hz is excluded too"):
-        select_poles(diagram, [101.0, 78.7], [100.0])
-    with pytest.raises(FitError, match="no pole within 5 % of the pinned 30 Hz"):
-        select_poles(diagram, [30.0])
-
-
-@pytest.mark.parametrize("pins", [[100.0, 100.0], [100.0, 100.3]])
-def test_pins_on_one_and_the_same_pole_are_refused(diagram, pins):
-    with pytest.raises(FitError, match="same pole"):
-        select_poles(diagram, pins)
-
-
-@pytest.mark.parametrize("pin", [np.nan, -100.0, 0.0])
-def test_a_pin_that_is_no_frequency_is_refused(diagram, pin):
-    with pytest.raises(FitError, match="pinned"):
-        select_poles(diagram, [pin])
-
-
 @pytest.mark.parametrize(("band_hz", "lines"), [((500, 600), 0), ((100, 103), 13)])
 def test_a_band_without_enough_lines_is_refused(band_hz, lines):
     with pytest.raises(FitError, match=f"only {lines} frequency lines"):

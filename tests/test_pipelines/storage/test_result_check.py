@@ -31,7 +31,7 @@ TAMPERED = 200
 SEED = 1
 FILES = (
     *("identification.json", "frf.parquet", "residues.parquet", "poles.parquet"),
-    *("reference.parquet", "modes.csv", "shapes.csv", "orders.csv", "quality.csv"),
+    *("reference.parquet", "force.parquet", "modes.csv", "shapes.csv", "orders.csv", "quality.csv"),
     "corrections.csv",
     "other_modes.csv",
     *("validation.csv", "frf.uff", "tyre.toml", "report.html", MARKER),
@@ -116,7 +116,7 @@ def test_tampered_results_are_named_by_every_consumer(ringmodal, copy, other, tm
 
 def test_tampered_results_that_are_accepted_are_used_or_named(copy, other, tmp_path):
     whole = contents(copy)
-    read_back = [n for n in range(TAMPERED) if CASES[n % len(CASES)][0] in {*FILES[:5], MARKER}]
+    read_back = [n for n in range(TAMPERED) if CASES[n % len(CASES)][0] in {*FILES[:6], MARKER}]
     used = 0
     for number in read_back:
         name = tampered(copy, other, number)
