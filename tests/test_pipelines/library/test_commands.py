@@ -49,7 +49,7 @@ def test_a_result_is_added_and_shown(ringmodal, sample_folder, tmp_path):
     assert "Standing: the newest; no version is approved" in output
     assert "Condition: temperature_c = 21.5" in output
     assert "tyre_225_55R17" in output
-    assert "radial_stiffness_n_m3" in output
+    assert "radial stiffness k_r" in output
 
 
 def test_list_and_history(tyre):
