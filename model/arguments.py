@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -92,6 +92,26 @@ def require_type(name: str, value: Any, kind: type) -> None:
     if not isinstance(value, kind):
         rule = f"must be of type {kind.__name__}"
         raise ParameterError(name, f"{type(value).__name__} {value!r:.60}", rule, "Pass one")
+
+
+def require_inputs(
+    given: Mapping[str, float], start: Mapping[str, float], bounds: Mapping[str, ArrayLike]
+) -> None:
+    """Refuse given values and starts that are no positive numbers, and bounds that are not two."""
+    for name, value in given.items():
+        require_number(name, value, zero_allowed=True)
+    for name, value in start.items():
+        require_number(f"start of {name}", value)
+    for name, ends in bounds.items():
+        if np.shape(finite_array(f"bounds of {name}", ends)) != (2,):
+            found, rule = f"{ends!r}", "bounds are two numbers"
+            raise ParameterError(f"bounds of {name}", found, rule, "Write (2.0, 20.0)")
+
+
+def require_names(where: str, names: Iterable[str], known: Collection[str]) -> None:
+    """Refuse names that are not among the known ones."""
+    for name in names:
+        require_one_of(where, name, known)
 
 
 def require_one_of(name: str, value: str, known: Collection[str]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,19 +12,23 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, cholesky, solve_triangular
 from scipy.optimize import least_squares, nnls
 
-from model.arguments import Array, ReadonlyArrays, finite_array, require_number, require_one_of
+from model.arguments import (
+    Array,
+    ReadonlyArrays,
+    require_inputs,
+    require_names,
+    require_number,
+    require_one_of,
+)
 from model.coefficients import PressureLoad, harmonics, require_pressure_load
 from model.errors import ParameterError
 from model.parameters import LARGEST_THICKNESS_RATIO, ManyRings, RingParameters
 from model.ring import modal_mass_kg, natural_frequencies_hz
 from model.tuning_prior import GROWTH, GROWTH_STD, ModalMasses, TuningPriors
 
-MASS = "mass_per_area_kg_m2"
-RADIAL = "radial_stiffness_n_m3"
-CIRCUMFERENTIAL = "circumferential_stiffness_n_m3"
-AXIAL = "axial_stiffness_n_m"
-BENDING = "bending_stiffness_n_m"
-WIDTH = "belt_width_m"
+MASS, WIDTH = "mass_per_area_kg_m2", "belt_width_m"
+RADIAL, CIRCUMFERENTIAL = "radial_stiffness_n_m3", "circumferential_stiffness_n_m3"
+AXIAL, BENDING = "axial_stiffness_n_m", "bending_stiffness_n_m"
 RADIAL_GROWTH = "radial_growth_m"
 PARAMETERS = (MASS, RADIAL, CIRCUMFERENTIAL, AXIAL, BENDING)
 OBJECTIVES = ("frequency", "paper")
@@ -48,10 +51,9 @@ _LEAST_CARRIED = 0.1  # share of the pressure that the belt carries at least, th
 
 @dataclass(frozen=True, eq=False)
 class TuningProblem(ReadonlyArrays):
-    """Measured frequencies of a tyre and what else is known about it.
+    """Measured frequencies of a tyre and what else is known: the arguments of `tune_ring`.
 
-    Fields are the arguments of `tune_ring`. Unknown names, values that are not positive and
-    contradictions raise `ParameterError`.
+    Unknown names, values that are not positive and contradictions raise `ParameterError`.
     """
 
     orders: NDArray[np.int_]
@@ -76,24 +78,14 @@ class TuningProblem(ReadonlyArrays):
         for name in ("given", "start", "bounds"):
             object.__setattr__(self, name, dict(getattr(self, name)))
         free = (MASS, RADIAL, CIRCUMFERENTIAL, BENDING, RADIAL_GROWTH)
-        for name, names, known in (
-            ("given", self.given, PARAMETERS),
-            ("start", self.start, free),
-            ("bounds", self.bounds, free),
-            ("priors", self.priors.parameters, (*free, AXIAL)),
-        ):
-            for parameter in names:
-                require_one_of(name, parameter, known)
-        for name, ends in self.bounds.items():
-            if np.shape(finite_array(f"bounds of {name}", ends)) != (2,):
-                rule = "bounds are two numbers"
-                raise ParameterError(f"bounds of {name}", f"{ends!r}", rule, "Write (2.0, 20.0)")
+        require_names("given", self.given, PARAMETERS)
+        require_names("start", self.start, free)
+        require_names("bounds", self.bounds, free)
+        require_names("priors", self.priors.parameters, (*free, AXIAL))
+        require_inputs(self.given, self.start, self.bounds)
         for name in ("mean_radius_m", "inflation_pressure_pa"):
-            require_number(name, math.nan if getattr(self, name) is None else getattr(self, name))
-        for name, value in (("radial_growth_m", self.radial_growth_m), *self.given.items()):
-            require_number(name, value, zero_allowed=name in self.given)
-        for name, value in self.start.items():
-            require_number(f"start of {name}", value)
+            require_number(name, np.nan if getattr(self, name) is None else getattr(self, name))
+        require_number("radial_growth_m", self.radial_growth_m)
         require_pressure_load(self.pressure_load)
         require_one_of("objective", self.objective, OBJECTIVES)
         if self.objective == "paper" and 0 in self.orders:
