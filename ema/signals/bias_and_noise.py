@@ -104,6 +104,13 @@ def line_coherence(frf: FRF) -> NDArray[np.float64]:
     return found
 
 
+def force_density(record: ForceRecord) -> NDArray[np.float64]:
+    """One-sided power spectral density of a run's force on the lines of its blocks, N²/Hz."""
+    plan = record.plan
+    share = plan.n_blocks * plan.block_samples * plan.sampling_rate_hz
+    return 2 * _force_power(record) / share
+
+
 def _force_power(record: ForceRecord) -> NDArray[np.float64]:
     """Power of the force on the lines, summed over the blocks."""
     plan = record.plan

@@ -205,6 +205,8 @@ def _of_bench(bench: Bench, what: str, query: Mapping[str, str]) -> Answer:
         if not (row.isascii() and row.isdecimal()) or int(row) >= sight.measured.n_positions:
             raise MissingError
         return _OF_ROW[what](sight, int(row))
+    if what == "force":
+        return curves.force_blob(sight, query.get("run", "")) or _missing()
     if what in _BLOBS:
         return _BLOBS[what](sight) or _missing()
     if what == "why" and (mode := sight.mode_named(query.get("key", ""))) is not None:

@@ -18,6 +18,7 @@ from ema.core.frf import FRF
 from ema.core.mac import mac
 from ema.core.modes import Mode
 from ema.core.settings import IDENTIFICATION
+from ema.signals.bias_and_noise import force_density
 from pipelines.results.labels import in_band
 from pipelines.review.sight import ModeRow, Sight
 
@@ -61,6 +62,17 @@ def fit_blob(sight: Sight, row: int) -> bytes:
     left = np.abs(frf.values[place, lines] - fitted) / (np.sqrt(2) * frf.std[place, lines])
     arrays = {"frequency_hz": frequency_hz, "real": fitted.real, "imag": fitted.imag}
     return blob({**header, "frac": float(model.frac[place])}, {**arrays, "residual_sigma": left})
+
+
+def force_blob(sight: Sight, run: str) -> bytes | None:
+    """Spectrum of the force of a run; None where it is not stored."""
+    record = sight.measured.forces.get(run)
+    if record is None:
+        return None
+    frequency_hz = record.plan.frequency_hz
+    shown = frequency_hz <= sight.measured.frequency_hz[_shown(sight.measured, sight)][-1]
+    arrays = {"frequency_hz": frequency_hz[shown], "psd": force_density(record)[shown]}
+    return blob({"run": run, "unit": "N²/Hz"}, arrays)
 
 
 def diagram_blob(sight: Sight) -> bytes:

@@ -247,6 +247,7 @@ def state(sight: Sight) -> dict[str, Any]:
         ],
         "drift": _drift(sight),
         "excitation_deg": result.excitation_deg,
+        "has_force": bool(sight.measured.forces),
         "on_circle": bool(np.all(np.isfinite(sight.measured.position_deg))),
     }
 

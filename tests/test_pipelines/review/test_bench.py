@@ -133,6 +133,11 @@ def test_curves_and_evidence_of_every_mode(page):
     assert head["keys"] == [mode["key"] for mode in state["modes"]]
     assert np.allclose(np.diag(shapes["automac"]), 1)
     assert np.allclose(shapes["ring"], shapes["real"], atol=0.1)
+    assert state["has_force"]
+    run = state["channels"][0]["run"]
+    about, force = arrays(page.get("force", run=run))
+    assert (about["run"], len(force["psd"])) == (run, len(force["frequency_hz"]))
+    assert np.sum(force["psd"]) * np.diff(force["frequency_hz"])[0] > 0
     _, orders = arrays(page.get("orders"))
     for mode in state["modes"]:  # each order is largest at its own mode
         line = np.argmin(np.abs(orders["frequency_hz"] - mode["frequency_hz"]))
