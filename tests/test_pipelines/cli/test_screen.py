@@ -135,7 +135,10 @@ def test_a_warning_names_its_check_once(sample_result, capsys):
     assert "Warning: Reference: the tyre changed." in capsys.readouterr().err
 
 
-def test_a_clean_run_prints_tables_verdict_and_files_and_no_notes(sample_result, capsys):
+def test_a_clean_run_prints_tables_verdict_and_files_and_no_notes(
+    sample_result, capsys, monkeypatch
+):
+    monkeypatch.setenv("COLUMNS", "160")
     show(sample_result, Path("r"), as_json=False, report=True)
     output, errors = capsys.readouterr()
     assert [line.split(":")[0] for line in output.splitlines()[-3:]] == [

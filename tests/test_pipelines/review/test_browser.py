@@ -283,6 +283,7 @@ def test_sign_off_writes_a_new_folder(bench, lab):
     assert [edit.kind for edit in record.edits] == ["set_aside"]
     assert (lab / "result" / "identification.json").is_file()
     press(bench, Keys.ESCAPE)
+    settled(bench, cursor=0)  # what is signed is no draft any more
 
 
 def test_nothing_is_lost_when_the_server_is_killed(browser, reviewed_once, tmp_path):
