@@ -224,7 +224,7 @@ def test_undone_edits_leave_nothing_and_a_replay_is_the_session(found, single):
         edit(EditKind.LOCK, single),
     ]
     session, shown, seen = [], found, {(): state(found)}
-    for _ in range(25):
+    for _ in range(12):
         if session and rng.random() < 0.4:
             session.pop()
         elif len(session) < 4:
