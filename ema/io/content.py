@@ -33,7 +33,7 @@ _LONGEST_REASON = 200  # characters of a library's message
 # What well-kept readers raise on bytes that are not what they expect.
 _ON_DAMAGE = (
     *(ArithmeticError, EOFError, LookupError, MemoryError, OSError, RuntimeError),
-    *(TypeError, ValueError, struct.error),
+    *(SyntaxError, TypeError, ValueError, struct.error),  # the first of damaged XML
 )
 
 

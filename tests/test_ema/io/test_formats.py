@@ -1,5 +1,7 @@
 """What a file is by its content, under another ending; headers of WAV that were never completed."""
 
+import zipfile
+
 import numpy as np
 import pytest
 from builders import force58, response58
@@ -62,3 +64,12 @@ def test_wav_without_samples_but_other_chunks(tmp_path):
     (tmp_path / "a.wav").write_bytes(content)
     with pytest.raises(RecordingFormatError):
         read_file(tmp_path / "a.wav")
+
+
+def test_a_workbook_of_damaged_xml_is_refused(tmp_path):
+    path = tmp_path / "run.xlsx"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("[Content_Types].xml", "?")
+        archive.writestr("xl/workbook.xml", "<wb>")
+    with pytest.raises(RecordingFormatError, match="damaged, cut short or something else"):
+        read_file(path)
