@@ -191,7 +191,7 @@ class Bench:
     def failed(self, error: Exception) -> None:
         """Say that a fit ended with an internal error; the last edit is taken back."""
         text = f"{type(error).__name__}: {error}"
-        told = {"where": "internal error", "found": text, "rule": "this is a fault of the program"}
+        told = {"where": "internal error", "found": text, "rule": "this is an error in ringmodal"}
         self._refuse(self.session.edits, {**told, "remedy": "Please report it"})
         self._publish(self.state())
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import subprocess
 import sys
 import threading
@@ -19,6 +20,8 @@ from pipelines.process.ring import options_of
 from pipelines.process.run import process
 from pipelines.results.edits_file import Record
 from pipelines.results.result import Result
+
+_LOG = logging.getLogger(__name__)
 
 Stop = Callable[[], bool]
 
@@ -102,7 +105,8 @@ class Worker:
             more = work.step(self._stop.is_set)
         except SupersededError:
             more = True
-        except Exception as error:  # noqa: BLE001 - the thread goes on, the page is told
+        except Exception as error:  # noqa: BLE001 - told to the page, and logged with its traceback
+            _LOG.exception("a fit of the review failed")
             work.failed(error)
             more = True
         with self._changed:
