@@ -158,7 +158,7 @@ def make_seeds(folder: Path) -> None:
     from ema.io.formats import is_recording
     from pipelines.library.library import TyreLibrary
     from pipelines.process.run import process
-    from pipelines.report.save import save
+    from pipelines.report.write import save
     from pipelines.results.options import Options
     from pipelines.simulate.campaign import simulate_campaign
 

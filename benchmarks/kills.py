@@ -30,8 +30,8 @@ import pyarrow.parquet as pq
 
 from pipelines.results.store import load
 from pipelines.simulate.campaign import simulate_campaign
+from pipelines.storage.atomic import recover
 from pipelines.storage.checksums import sha256
-from pipelines.storage.result_folder import recover
 
 TABLES = ("modes.csv", "shapes.csv", "quality.csv", "validation.csv")
 PARQUET = ("frf.parquet", "poles.parquet")

@@ -26,9 +26,8 @@ from ema.circumference.mass_loading import sensors_of_runs
 from ema.core.campaign import Campaign
 from ema.core.errors import FitError, InputError
 from ema.core.frf import FRF
-from pipelines.simulate.laboratory import Laboratory
+from pipelines.simulate.laboratory import Laboratory, LaboratoryMode
 from pipelines.simulate.laboratory_effects import Effects
-from pipelines.simulate.laboratory_truth import LaboratoryMode
 
 BAND_HZ = (20.0, 260.0)
 LARGE_Z = 5.0

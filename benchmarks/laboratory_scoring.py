@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from pipelines.simulate.laboratory_truth import LaboratoryMode
+from pipelines.simulate.laboratory import LaboratoryMode
 
 # A member of a pair is driven if it has at least this share of its order's strength …
 DRIVEN_SHARE = 0.1

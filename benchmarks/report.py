@@ -75,7 +75,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeat", type=int, default=5)
     repeat = parser.parse_args().repeat
-    from pipelines.report.save import run_demo
+    from pipelines.report.write import run_demo
 
     with tempfile.TemporaryDirectory() as folder:
         _, result = run_demo(Path(folder))

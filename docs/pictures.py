@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pipelines.plots import figures
-from pipelines.plots.style import write_figure
+from pipelines.plots.draw import write_figure
 from pipelines.process.run import process
 
 DOCS = Path(__file__).parent

@@ -17,7 +17,7 @@ from reviewing import served  # noqa: E402
 from selenium.webdriver.common.keys import Keys  # noqa: E402
 
 from pipelines.process.run import process  # noqa: E402
-from pipelines.report.save import save  # noqa: E402
+from pipelines.report.write import save  # noqa: E402
 from pipelines.simulate.campaign import simulate_campaign  # noqa: E402
 
 PICTURES = DOCS / "images" / "review"

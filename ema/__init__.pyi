@@ -8,8 +8,7 @@ from .fitting.edited_fit import fit_modes
 from .identify import Identification, identify_modes
 from .io.campaign.read import read_campaign
 from .io.uff.shape_sets import ShapeSet, read_shapes
-from .poles.selection import select_poles
-from .poles.stability import StabilityDiagram, build_stability
+from .poles.stability import StabilityDiagram, build_stability, select_poles
 from .refit import EditCost, edit_cost, refit_modes
 from .signals.frf_estimation import estimate_frf
 

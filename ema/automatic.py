@@ -16,6 +16,7 @@ from ema.checks.corrections import (
     corrections_by_hand,
     followed_by,
     rows_by_hand,
+    screen,
 )
 from ema.checks.positions import (
     PositionCheck,
@@ -25,7 +26,6 @@ from ema.checks.positions import (
     position_findings,
     unexplained_share,
 )
-from ema.checks.screening import screen
 from ema.checks.sensor_consistency import ConsistencyCheck, check_consistency, is_better, withheld
 from ema.checks.sensor_mass import SensorMass, is_drift_lost, with_mass_std, without_mass
 from ema.circumference.orders import on_circle, without_order
@@ -35,12 +35,10 @@ from ema.core.finding import Finding
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
 from ema.core.settings import CheckSettings, IdentificationSettings
-from ema.fitting.curve_fit import settled
-from ema.fitting.decisions import Wish, pole_named, wishes
+from ema.fitting.curve_fit import Wish, pole_named, settled, wishes
 from ema.fitting.edited_fit import EditedFit
 from ema.fitting.search import curve_fit
-from ema.poles.selection import PoleSelection, select_poles
-from ema.poles.stability import StabilityDiagram, build_stability
+from ema.poles.stability import PoleSelection, StabilityDiagram, build_stability, select_poles
 
 # A force of wrong sign first, then the sensors, then a look at what is left.
 _CONSISTENCY_PASSES = 3

@@ -19,11 +19,10 @@ from ema.core.frf import FRF
 from ema.core.modes import ModalModel, model_html
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
-from ema.fitting.decisions import acts_on_poles
+from ema.fitting.curve_fit import acts_on_poles
 from ema.fitting.edited_fit import edited
 from ema.fitting.search import CurveFit
-from ema.poles.selection import OTHER, Opinion, second_opinion
-from ema.poles.stability import StabilityDiagram
+from ema.poles.stability import OTHER, Opinion, StabilityDiagram, second_opinion
 
 
 @dataclass(frozen=True, eq=False)

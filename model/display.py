@@ -15,7 +15,7 @@ from typing import Any
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-BACKEND = "pipelines.plots.quick"  # loaded when something is drawn: physics knows no plots
+BACKEND = "pipelines.plots.figures"  # loaded when something is drawn: physics knows no plots
 
 
 def plot(shown: Any, ax: Any) -> Any:

@@ -36,7 +36,7 @@ from pipelines.process import process as process
 from pipelines.process import refit as refit
 from pipelines.process import retune as retune
 from pipelines.process import tune_ring as tune_ring
-from pipelines.report.save import save as save
+from pipelines.report.write import save as save
 from pipelines.report.write import write_report as write_report
 from pipelines.results.options import Options as Options
 from pipelines.results.result import Result as Result

@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, settings
 import ema
 from pipelines.cli import main as cli
 from pipelines.process.run import process
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.simulate.campaign import simulate_campaign
 from pipelines.storage.atomic import file_written_whole
 

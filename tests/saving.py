@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from results import structure_result
 
-from pipelines.report.save import save
+from pipelines.report.write import save
 
 RESULT = structure_result()
 

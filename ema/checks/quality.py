@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import ReadonlyArrays
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import position_finding
+from ema.core.numerics import ReadonlyArrays
 from ema.core.settings import CHECKS, CheckSettings
 
 if TYPE_CHECKING:

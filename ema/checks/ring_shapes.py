@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.circumference.orders import highest_order, on_circle, order_basis, order_content
-from ema.core.arrays import readonly
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode
+from ema.core.numerics import readonly
 from ema.core.settings import CHECKS, CheckSettings
 
 # Share by which a healthy sensor may miss a pure wave of RMS 1, per quadrature: half a degree of

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from ema.circumference.orders import circle_basis, highest_order
-from ema.circumference.ring_modes import family
+from ema.circumference.orders import circle_basis, family, highest_order
 from ema.core.campaign import Campaign, Run
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError

@@ -7,11 +7,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from ema.core.block_plan import ExponentialWindow, overlap_share, window_name
 from ema.core.display import as_typed, counted, facts, number, table
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
-from ema.core.recording import Channel, Recording
+from ema.core.recording import Channel, ExponentialWindow, Recording, overlap_share, window_name
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
 
 

@@ -65,7 +65,7 @@ def shapes_picture(position_deg: ArrayLike, shapes: Sequence[Any]) -> str:
     return picture(label, cell * across, cell * -(-len(shapes) // across), paths)
 
 
-BACKEND = "pipelines.plots.quick"
+BACKEND = "pipelines.plots.figures"
 
 
 def plot(shown: Any, ax: Any, **options: Any) -> Any:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import ReadonlyArrays
+from ema.core.numerics import ReadonlyArrays
 
 # Runs that second differences need.
 _FEWEST_RUNS = 4

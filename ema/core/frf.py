@@ -11,8 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import correlate1d
 
-from ema.core.arrays import ReadonlyArrays, frame_of, readonly
-from ema.core.block_plan import BlockPlan, ExponentialWindow
 from ema.core.display import band_text, counted, facts
 from ema.core.drawings import level_path, picture, plot
 from ema.core.errors import InputError
@@ -26,7 +24,8 @@ from ema.core.frf_arrays import (
     places_of,
     require_shapes,
 )
-from ema.core.recording import Channel
+from ema.core.numerics import ReadonlyArrays, frame_of, readonly
+from ema.core.recording import BlockPlan, Channel, ExponentialWindow
 from ema.core.settings import CHECKS
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ema.core.arrays import constant
 from ema.core.errors import InputError
+from ema.core.numerics import constant
 from ema.core.recording import DERIVATIVES
 from ema.core.units import parse_ratio
 

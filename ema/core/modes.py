@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import ReadonlyArrays, frame_of
-from ema.core.block_plan import ExponentialWindow
 from ema.core.campaign import Direction
 from ema.core.display import band_text, counted, number, table, value_with_std
 from ema.core.drawings import plot, shapes_picture
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.mac import mpc, mpd_deg
+from ema.core.numerics import ReadonlyArrays, frame_of
+from ema.core.recording import ExponentialWindow
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.block_plan import BlockPlan
+from ema.core.recording import BlockPlan
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit
 from ema.fitting.variable_projection import Projection, Real, slope_rows
 

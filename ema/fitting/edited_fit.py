@@ -17,14 +17,14 @@ from ema.core.frf import FRF
 from ema.core.modes import Chosen, ModalModel, Pair
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.fitting.curve_fit import settled
-from ema.fitting.decisions import (
+from ema.fitting.curve_fit import (
     Diagrams,
     Wish,
     is_same,
     pole_named,
     row_named,
     row_refused,
+    settled,
     verified,
     wishes,
 )
@@ -32,8 +32,7 @@ from ema.fitting.listing import Choice, Key, Row, Settled, listed
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_STAND_INS, evaluate
 from ema.fitting.search import CurveFit, curve_fit
-from ema.poles.selection import PoleSelection, select_poles
-from ema.poles.stability import StabilityDiagram, build_stability
+from ema.poles.stability import PoleSelection, StabilityDiagram, build_stability, select_poles
 
 
 @dataclass(frozen=True, eq=False)

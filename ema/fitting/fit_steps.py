@@ -9,8 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from ema.circumference.orders import label_modes, on_circle, order_basis, order_content
-from ema.circumference.ring_modes import PURE, family
+from ema.circumference.orders import (
+    PURE,
+    family,
+    label_modes,
+    on_circle,
+    order_basis,
+    order_content,
+)
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.frf import FRF
 from ema.core.mac import auto_mac

@@ -8,15 +8,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference.orders import label_modes, of_order
-from ema.circumference.ring_modes import judged
-from ema.core.block_plan import ExponentialWindow
+from ema.circumference.orders import judged, label_modes, of_order
 from ema.core.display import number
 from ema.core.drift import Drift
 from ema.core.errors import FitError
 from ema.core.frf import FRF
 from ema.core.mac import frac
 from ema.core.modes import Chosen, ModalModel, Mode, OrderReport, Pair, ResidualTerms
+from ema.core.recording import ExponentialWindow
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import PoleFit
 

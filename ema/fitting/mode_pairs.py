@@ -8,8 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference.orders import circle_basis, highest_order, with_aliases
-from ema.circumference.ring_modes import family, further_resonances
+from ema.circumference.orders import (
+    circle_basis,
+    family,
+    further_resonances,
+    highest_order,
+    with_aliases,
+)
 from ema.core.drift import Drift
 from ema.core.frf import FRF
 from ema.core.modes import Mode, OrderReport, Pair, synthesise

@@ -15,7 +15,7 @@ from ema.core.errors import FitError
 from ema.core.frf import FRF
 from ema.core.settings import IdentificationSettings
 from ema.fitting.variable_projection import Complex, Projection, Real, descend, project, stacked
-from ema.signals.bias_and_noise import noise_level
+from ema.signals.leakage import noise_level
 
 _NOTHING_LEFT = 1e-4  # of χ²
 # Bounds of a drift: of frequency, its slope and curvature, of damping beside that.

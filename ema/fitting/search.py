@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from ema.circumference.orders import label_modes, of_order, on_circle
-from ema.circumference.ring_modes import family
+from ema.circumference.orders import family, label_modes, of_order, on_circle
 from ema.core.bands import widened_band
 from ema.core.drift import NO_DRIFT, Drift, of_runs
 from ema.core.frf import FRF
@@ -50,7 +49,7 @@ from ema.fitting.pole_fit import (
     with_stand_ins,
 )
 from ema.fitting.variable_projection import Real
-from ema.poles.selection import PoleSelection
+from ema.poles.stability import PoleSelection
 
 # A pole damped this many times more than the others, on its bound, is no mode.
 _BROAD = 3.0

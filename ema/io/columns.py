@@ -19,7 +19,15 @@ from ema.core.files import part
 from ema.core.finding import Check, Finding
 from ema.core.recording import UNKNOWN, Channel, Recording
 from ema.core.units import TIME, is_stated, parse_axis, parse_unit
-from ema.io.content import EXPORT_AGAIN, FileContent, left_out, not_together, note, remark
+from ema.io.content import (
+    EXPORT_AGAIN,
+    FileContent,
+    left_out,
+    not_together,
+    note,
+    remark,
+    stated_windows,
+)
 from ema.io.rates import (
     SAME_RATE,
     UNSTATED,
@@ -31,7 +39,6 @@ from ema.io.rates import (
     rate_of_stamps,
     uneven,
 )
-from ema.io.stated import stated_windows
 
 _TIME_NAMES = {
     *("t", "time", "zeit", "timestamp", "time stamp", "x_value", "x value"),

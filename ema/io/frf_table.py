@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import constant
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
+from ema.core.numerics import constant
 from ema.core.recording import DERIVATIVES
 from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
 from ema.io.columns import Column, Point, point_of

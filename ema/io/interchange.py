@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import ReadonlyArrays
 from ema.core.errors import InputError
 from ema.core.modes import ModalModel
+from ema.core.numerics import ReadonlyArrays
 from ema.core.recording import (
     ACCELERATION,
     DISPLACEMENT,

@@ -20,12 +20,11 @@ from ema.io.columns import (
     unit_of_each,
     without_complex,
 )
-from ema.io.content import FileContent, left_out, reading
+from ema.io.content import FileContent, left_out, reading, states_treatment
 from ema.io.frf_table import frf_content, has_frequency, with_frequency_first
 from ema.io.hdf5 import Hdf5File, opened
 from ema.io.mat5 import COPY_AGAIN, HEADER_BYTES, LeftOut, Mat5Reader
 from ema.io.rates import plain_name, stated_rate, states_rate
-from ema.io.stated import states_treatment
 
 SUFFIXES = (".mat",)
 _NAMES = {"names", "channels", "channelnames", "labels", "channellabels"}

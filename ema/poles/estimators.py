@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from ema.core.frf import FRF
-from ema.signals.bias_and_noise import SMOOTHING_LINES
+from ema.signals.leakage import SMOOTHING_LINES
 
 # Share of the impulse responses' energy that may be cut off with their tail.
 _TAIL_ENERGY = 0.002

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Run
 from ema.core.display import counted
 from ema.core.files import piece
 from ema.core.finding import Check, Finding, Verdict
-from ema.core.recording import Channel
-from ema.signals.lost_samples import lost_everywhere
+from ema.core.recording import BlockPlan, Channel
 from ema.signals.spectra import Spectra, part_ends, ratio
+from ema.signals.spikes_and_gaps import lost_everywhere
 from ema.signals.stuck_and_repeated import Stretch, repeated_stretches, stuck_stretches
 
 # Runs of one campaign are as long as each other within this share; stopped by hand they differ.

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.block_plan import BlockPlan, ExponentialWindow
 from ema.core.campaign import Run
 from ema.core.finding import Check, Finding, Verdict
-from ema.core.recording import Channel
+from ema.core.recording import BlockPlan, Channel, ExponentialWindow
 
 # The force is looked at in pieces of this length: a hit has 1 to 10 ms.
 _PIECE_S = 0.005

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Processing
 from ema.core.errors import InputError
-from ema.core.recording import Channel
+from ema.core.recording import BlockPlan, Channel
 
 _SEGMENTS = 8
 _SEGMENT_SAMPLES = 1 << 14

@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Campaign, Processing, Run
 from ema.core.errors import InputError, require_type
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, ForceRecord
 from ema.core.numerics import available_threads
-from ema.signals.bias_and_noise import incoherent_power
+from ema.core.recording import BlockPlan
 from ema.signals.damage import without_damage, without_lost_samples
 from ema.signals.events import event_plans, find_events, is_one_early_hit, window_findings
 from ema.signals.excitation import (
@@ -26,6 +25,7 @@ from ema.signals.excitation import (
     plan_blocks,
     repeats_after,
 )
+from ema.signals.leakage import incoherent_power
 from ema.signals.spectra import Spectra, disagreement, measure_spectra, pooled, ratio
 
 # A run whose force is this far below the median of the runs has no excitation: hits by hand and

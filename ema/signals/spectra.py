@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Run
-from ema.core.recording import DERIVATIVES, Channel
+from ema.core.recording import DERIVATIVES, BlockPlan, Channel
 
 _LEAST_POWER = np.finfo(float).tiny
 _LIMIT = 0.1  # of the span of a block: the distance of a limit from the mean, at least

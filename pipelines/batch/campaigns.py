@@ -27,12 +27,11 @@ from pipelines.batch.state import (
     write_record,
 )
 from pipelines.process.run import process
-from pipelines.report.save import save
-from pipelines.report.template import PLAIN, Template
+from pipelines.report.page import PLAIN, Template
+from pipelines.report.write import save
 from pipelines.results.options import Options
 from pipelines.results.parameter_set import tuned_parameters
-from pipelines.storage.atomic import remove_abandoned
-from pipelines.storage.result_folder import MARKER, require_free
+from pipelines.storage.atomic import MARKER, remove_abandoned, require_free
 from pipelines.storage.tables import plain_rows
 
 LIVES = 3  # worker processes that a task may end before it is given up

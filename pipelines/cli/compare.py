@@ -7,20 +7,17 @@ from typing import Annotated
 
 import typer
 
-from pipelines.batch.run import Batch, run_batch
+from pipelines.batch.run import Batch, campaign_rows, run_batch
 from pipelines.batch.state import Record
-from pipelines.batch.summary import campaign_rows
 from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table, shown
-from pipelines.cli.streams import Interrupted, reporting_outcome
-from pipelines.cli.terminal import echo, echo_error, print_json
+from pipelines.cli.streams import Interrupted, echo, echo_error, print_json, reporting_outcome
 from pipelines.compare import shape_comparison as shapes
 from pipelines.compare.compare import Comparison, compare_folders
 from pipelines.compare.shape_source import Alignment
 from pipelines.compare.summary import COMPARISON_HEAD, comparison_record, comparison_rows, findings
-from pipelines.report.comparison import write_comparison, write_shape_comparison
-from pipelines.report.several import write_comparisons
-from pipelines.report.template import read_template
+from pipelines.report.comparison import write_comparison, write_comparisons, write_shape_comparison
+from pipelines.report.page import read_template
 from pipelines.results.options import Options
 from pipelines.storage.atomic import file_written_whole, require_free_file
 

@@ -21,15 +21,14 @@ from ema.refit import EditCost
 from pipelines.cli import options as opt
 from pipelines.cli.result import show
 from pipelines.cli.screen import print_table, shown
-from pipelines.cli.streams import Interrupted, reporting_outcome
-from pipelines.cli.terminal import echo, print_json
+from pipelines.cli.streams import Interrupted, echo, print_json, reporting_outcome
 from pipelines.library.version import login_name
 from pipelines.process.refit import cost, refittable
 from pipelines.process.refit import refit as refitted
-from pipelines.report.save import save
-from pipelines.report.template import read_template
+from pipelines.report.page import read_template
+from pipelines.report.write import save
 from pipelines.results.edits_file import Record, read_edits
-from pipelines.storage.result_folder import MARKER, require_free
+from pipelines.storage.atomic import MARKER, require_free
 
 DECISIONS = "Decisions"
 _EDITED = r"-edited(-\d+)?$"

@@ -13,21 +13,27 @@ from model import TuningResult
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table, say, shown, warn
-from pipelines.cli.streams import reporting_outcome
-from pipelines.cli.terminal import echo, echo_error, print_json
+from pipelines.cli.streams import echo, echo_error, print_json, reporting_outcome
 from pipelines.export.modal import export as write
 from pipelines.export.workbook import require_excel
 from pipelines.process.ring import retune
 from pipelines.process.run import process as run
-from pipelines.report.save import PDF, WORKBOOK, has, save
-from pipelines.report.template import read_template
-from pipelines.report.write import MOVING, STILL, printing_library, write_figures
-from pipelines.results.decided import edit_records
+from pipelines.report.page import read_template
+from pipelines.report.write import (
+    MOVING,
+    PDF,
+    STILL,
+    WORKBOOK,
+    has,
+    printing_library,
+    save,
+    write_figures,
+)
 from pipelines.results.edits_file import read_edits
 from pipelines.results.options import Options, Units, parameter_rows
-from pipelines.results.result import Result
+from pipelines.results.result import Result, edit_records
 from pipelines.results.verdict import judge, orders_in_doubt, ring_is_usable
-from pipelines.storage.result_folder import require_free
+from pipelines.storage.atomic import require_free
 from pipelines.storage.tables import plain_rows
 
 REPORT = "report.html"

@@ -14,13 +14,12 @@ from model.coefficients import PressureLoad
 from model.forced import Direction
 from model.waves import Frame, WaveFrame
 from pipelines.cli import options as opt
-from pipelines.cli import simulate_show
-from pipelines.cli.help import Command, group
+from pipelines.cli import show_tyre
+from pipelines.cli.app import Command, group
 from pipelines.cli.options import Force, Json, Out, Quiet
 from pipelines.cli.screen import shown
-from pipelines.cli.simulate_show import Request
-from pipelines.cli.streams import reporting_outcome
-from pipelines.cli.terminal import echo, echo_error, print_json
+from pipelines.cli.show_tyre import Request
+from pipelines.cli.streams import echo, echo_error, print_json, reporting_outcome
 from pipelines.paper.reproduce import PAGE, reproduce_paper
 from pipelines.simulate import responses
 from pipelines.simulate.campaign import simulate_campaign
@@ -167,7 +166,7 @@ def frequencies(
         extensional=extensional,
         pressure_load=load,
     )
-    simulate_show.frequencies(found, frame, request)
+    show_tyre.frequencies(found, frame, request)
 
 
 @_command
@@ -198,7 +197,7 @@ def inertance(
     found = responses.simulate_inertance(
         forced, lines, at_deg, force_deg, inextensional=inextensional
     )
-    simulate_show.inertance(found, request)
+    show_tyre.inertance(found, request)
 
 
 @_command
@@ -245,7 +244,7 @@ def cleat(
     test, times = CleatTest(forced, impact), opt.values_of("--times-s", times_s)
     lines = opt.values_of("--frequency-hz", frequency_hz)
     found = responses.simulate_cleat(test, observer, times, lines)
-    simulate_show.cleat(found, request, spectrum)
+    show_tyre.cleat(found, request, spectrum)
 
 
 @_command
@@ -289,7 +288,7 @@ def loaded(
         highest_order=harmonics,
         pressure_load=load,
     )
-    simulate_show.loaded(found, request)
+    show_tyre.loaded(found, request)
 
 
 @_command
@@ -321,7 +320,7 @@ def hub(
     forced = ForcedRing(ring, damping, speed_rad_s, wheel, load, frame=frame)
     lines, angle = opt.values_of("--frequency-hz", frequency_hz), math.radians(force_deg)
     found = hub_response(forced, lines, angle, force_direction=direction)
-    simulate_show.hub(found, forced, request)
+    show_tyre.hub(found, forced, request)
 
 
 def paper(out: Out, force: Force = False, as_json: Json = False, quiet: Quiet = False) -> None:

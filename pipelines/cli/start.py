@@ -17,14 +17,18 @@ from ema.signals.signal_checks import SignalSummary
 from pipelines.cli import options as opt
 from pipelines.cli.result import show
 from pipelines.cli.screen import print_table
-from pipelines.cli.streams import reporting_outcome
-from pipelines.cli.terminal import echo, echo_error, print_json
-from pipelines.prepare.guesses import Layout
-from pipelines.prepare.inspection import ChannelReport, FileReport, Inspection, inspect_files
+from pipelines.cli.streams import echo, echo_error, print_json, reporting_outcome
+from pipelines.prepare.inspection import (
+    ChannelReport,
+    FileReport,
+    Inspection,
+    Layout,
+    inspect_files,
+)
 from pipelines.prepare.manifest_template import draft_manifest, write_draft
-from pipelines.report.save import run_demo
-from pipelines.report.template import read_template
-from pipelines.storage.result_folder import named
+from pipelines.report.page import read_template
+from pipelines.report.write import run_demo
+from pipelines.storage.atomic import named
 
 PLACES = "Sensor positions"
 

@@ -29,9 +29,9 @@ from pipelines.compare.modes import (
 )
 from pipelines.compare.significance import Agreement, ParameterChange, agreement, parameter_changes
 from pipelines.process.ring import retune
-from pipelines.results.labels import short
 from pipelines.results.parameter_set import tuned_parameters
 from pipelines.results.result import Result
+from pipelines.results.tables import short
 
 #: Longest name of a result in headings, characters.
 LONGEST_NAME = 40

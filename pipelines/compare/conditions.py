@@ -8,9 +8,9 @@ from typing import Any
 
 from ema.core.display import plain
 from pipelines.compare.modes import LOWEST_MAC, MatchedMode
-from pipelines.results.labels import named, short
 from pipelines.results.provenance import accepted_notes
 from pipelines.results.result import Result
+from pipelines.results.tables import named, short
 
 #: Free keys of ``[tyre]`` about who, when and for whom: they do not affect frequencies.
 RECORD_KEEPING = frozenset(

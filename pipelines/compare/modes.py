@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference.ring_modes import family
+from ema.circumference.orders import family
 from ema.core.modes import ModalModel, Mode
 from pipelines.compare.significance import Difference, jointly_tested
 

@@ -17,7 +17,7 @@ from pipelines.export.data import node_numbers
 from pipelines.results.provenance import accepted_notes
 from pipelines.results.result import Result
 from pipelines.results.store import load
-from pipelines.storage.result_folder import MARKER, named
+from pipelines.storage.atomic import MARKER, named
 
 SHAPES_TABLE = "shapes.csv"
 ANGLE, NODE = "angle", "node"

@@ -22,14 +22,13 @@ from ema.io.uff import write as uff
 from ema.io.uff.frf import SYNTHESISED
 from pipelines.export.data import BOTH, MEASURED, NONE, Geometry, ModalExport, geometry_of
 from pipelines.export.workbook import write_workbook
-from pipelines.results.labels import in_band
 from pipelines.results.parameter_set import read_parameter_set
 from pipelines.results.provenance import accepted_notes, software_version
 from pipelines.results.result import Result
 from pipelines.results.store import load
-from pipelines.storage.atomic import file_written_whole, require_free_file
+from pipelines.results.tables import in_band
+from pipelines.storage.atomic import file_written_whole, require_free_file, written_whole
 from pipelines.storage.checksums import write_marker
-from pipelines.storage.result_folder import written_whole
 from pipelines.storage.tables import write_csv
 
 FRF_CHOICES = (BOTH, MEASURED, SYNTHESISED, NONE)

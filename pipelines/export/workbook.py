@@ -15,9 +15,9 @@ from ema.core.errors import InputError, inert
 from ema.core.frf import FRF
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.results import tables
-from pipelines.results.labels import mode_name, named, row_names
 from pipelines.results.parameter_set import ParameterSet
 from pipelines.results.result import Result
+from pipelines.results.tables import mode_name, named, row_names
 from pipelines.results.verdict import judge
 from pipelines.storage.tables import plain_rows
 

@@ -24,7 +24,7 @@ from pipelines.paper.parts import (
 from pipelines.paper.tables import refitted, response_row
 from pipelines.plots.chart import Chart
 from pipelines.plots.plot import FITTED, MEASURED, RING, Margins, Plot
-from pipelines.plots.simulated import inertances
+from pipelines.plots.ring import inertances
 from pipelines.report.page import Paragraph
 from pipelines.results.result import Result
 from pipelines.simulate.responses import PER_FORCE, SimulatedInertance, simulate_inertance

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from ema.core.display import DASH, number, signed, value_with_std
 from model.parameters import DESIGNATION
 from pipelines.plots.chart import Chart
+from pipelines.plots.draw import data_uri
 from pipelines.plots.plot import Curve, Plot
-from pipelines.plots.style import data_uri
 from pipelines.report.page import Block, Listing, Paragraph, Picture, Section, Table, render_page
 from pipelines.report.summary import origin
 from pipelines.results.result import Result

@@ -37,15 +37,14 @@ from pipelines.paper.parts import (
 from pipelines.paper.tables import damping, identification, tuning
 from pipelines.paper.waves import waves
 from pipelines.plots.chart import Chart
-from pipelines.plots.ring import sensitivity_chart
-from pipelines.plots.simulated import hub_plot
-from pipelines.plots.style import png
+from pipelines.plots.draw import png
+from pipelines.plots.ring import hub_plot, sensitivity_chart
 from pipelines.process.run import process
 from pipelines.report.page import Paragraph
 from pipelines.results.result import Result
 from pipelines.simulate.campaign import sample_campaign
+from pipelines.storage.atomic import require_free, written_whole
 from pipelines.storage.checksums import write_marker
-from pipelines.storage.result_folder import require_free, written_whole
 from pipelines.storage.tables import write_csv
 
 #: Radius 0.25 m, thickness 5 mm, E = 210 GPa, 7850 kg/m³, free, without pressure.

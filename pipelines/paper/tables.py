@@ -48,8 +48,8 @@ from pipelines.plots.plot import Margins, Plot
 from pipelines.plots.ring import scatter_chart
 from pipelines.process.validate import ring_orders
 from pipelines.report.page import Paragraph
-from pipelines.results.labels import place_name
 from pipelines.results.result import Result
+from pipelines.results.tables import place_name
 
 ORIGIN = (
     "The recordings behind the paper are not published. They are replaced by the sample "

@@ -24,7 +24,7 @@ from pipelines.paper.parts import (
 from pipelines.plots.chart import Chart
 from pipelines.plots.measurement import on_circle
 from pipelines.plots.plot import FAINT, FITTED, MEASURED, RING, Curve, Margins, Note, Panel, Plot
-from pipelines.plots.simulated import waves_over_speed, waves_plot
+from pipelines.plots.ring import waves_over_speed, waves_plot
 from pipelines.report.page import Paragraph
 
 #: Figure, speed and reference system of each sequence.

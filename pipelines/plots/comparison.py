@@ -14,7 +14,7 @@ from pipelines.plots import plot as go
 from pipelines.plots.chart import Chart
 from pipelines.plots.measurement import SYMBOLS, drive_point_row
 from pipelines.plots.modes import matrix_chart
-from pipelines.results.labels import each_once, in_band, short
+from pipelines.results.tables import each_once, in_band, short
 
 BARS = "Bars: ± 2 standard deviations of the difference"
 

@@ -12,7 +12,7 @@ from ema.core.finding import Finding
 from ema.core.frf import FRF
 from pipelines.plots import plot as go
 from pipelines.plots.chart import Chart
-from pipelines.results.labels import apart, coherence_map, in_band, place_name, sparse_labels
+from pipelines.results.tables import apart, coherence_map, in_band, place_name, sparse_labels
 
 MOST_CELLS = 120_000  # of a map: more would only make the page heavy
 MOST_NAMED_RUNS = 14

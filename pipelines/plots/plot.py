@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipelines.results.labels import wrapped_phase_deg
+from pipelines.results.tables import wrapped_phase_deg
 
 Floats = NDArray[np.float64]
 MEASURED, FITTED, RING = "--measured", "--fitted", "--ring"

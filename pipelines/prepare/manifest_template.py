@@ -18,7 +18,7 @@ from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.campaign.read import recordings_in
 from ema.io.content import FileContent
 from ema.io.formats import read_file
-from pipelines.prepare.guesses import (
+from pipelines.prepare.inspection import (
     GEOMETRY,
     NODES,
     Layout,
@@ -33,8 +33,7 @@ from pipelines.prepare.guesses import (
     sensors_in,
     sources_of,
 )
-from pipelines.storage.atomic import file_written_whole
-from pipelines.storage.result_folder import named
+from pipelines.storage.atomic import file_written_whole, named
 
 _MOST_NAMED = 6  # channels in a message
 _BARE_KEY = re.compile(r"^[A-Za-z0-9_-]+$")

@@ -31,10 +31,9 @@ from ema.refit import EditCost, edit_cost, refit_modes
 from ema.signals.frf_estimation import restated
 from ema.signals.steadiness import steadiness_findings, with_changes_within_runs
 from pipelines.process.ring import options_of, tune
-from pipelines.results.decided import automatic_modes, edit_records
 from pipelines.results.edits_file import Record, read_edits
 from pipelines.results.provenance import Stopwatch, made_now
-from pipelines.results.result import Result
+from pipelines.results.result import Result, automatic_modes, edit_records
 from pipelines.results.store import load
 
 # Settings that need no recordings; all others cut them into other blocks.

@@ -32,7 +32,6 @@ from pipelines.process.refit import (
 )
 from pipelines.process.ring import tune, with_other_modes
 from pipelines.process.validate import refuse_warnings
-from pipelines.results.decided import Setup
 from pipelines.results.edits_file import Record
 from pipelines.results.options import (
     TYRE_BAND_HZ,
@@ -42,7 +41,7 @@ from pipelines.results.options import (
     with_settings,
 )
 from pipelines.results.provenance import Stopwatch, checksummed, provenance
-from pipelines.results.result import Result
+from pipelines.results.result import Result, Setup
 
 # Share by which a band may exceed the last line, as there is none at half the sampling rate.
 _BAND_TOLERANCE = 0.01

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference.orders import order_content
-from ema.circumference.ring_modes import drive, family, further_resonances
+from ema.circumference.orders import drive, family, further_resonances, order_content
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.mac import auto_mac, mac

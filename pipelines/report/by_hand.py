@@ -15,9 +15,8 @@ from ema.core.edits import OF_CHANNELS, OF_POLES, Edit, EditKind
 from ema.core.modes import Chosen, Mode
 from pipelines.report.page import Block, Listing, Paragraph, Section, Table
 from pipelines.report.summary import listed
-from pipelines.results.decided import AutomaticMode
 from pipelines.results.edits_file import EDITS_NAME, Replayed
-from pipelines.results.result import Result
+from pipelines.results.result import AutomaticMode, Result
 
 _SAID = {
     EditKind.KEEP: "keep",

@@ -14,8 +14,8 @@ from pipelines.plots.modes import matrix_chart, shapes_plot, stability_chart
 from pipelines.process.validate import aligned_shape
 from pipelines.report.page import Animation, Block, Paragraph, Section, Table
 from pipelines.report.summary import listed
-from pipelines.results.labels import each_once, mode_name, row_names
 from pipelines.results.result import Result
+from pipelines.results.tables import each_once, mode_name, row_names
 from pipelines.results.verdict import orders_in_doubt, ring_is_usable
 
 NO_MODE = "No mode was found in the band."

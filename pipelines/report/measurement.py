@@ -16,11 +16,10 @@ from ema.core.frf import FRF
 from ema.core.modes import ModalModel
 from pipelines.plots import measurement as plots
 from pipelines.plots.chart import Chart
-from pipelines.report.page import Beside, Block, Facts, Paragraph, Section, Table
-from pipelines.report.template import Template
-from pipelines.results.labels import KNOWN, in_band, named
+from pipelines.report.page import Beside, Block, Facts, Paragraph, Section, Table, Template
 from pipelines.results.options import Units, quantity
 from pipelines.results.result import Result
+from pipelines.results.tables import KNOWN, in_band, named
 
 FINDING_HEAD = ("run", "channel", "position", "check", "detail")
 MOST_NAMED_RUNS = 12

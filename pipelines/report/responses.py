@@ -16,12 +16,20 @@ from ema.core.frf import FRF
 from ema.core.modes import ModalModel
 from model.forced import ForcedRing, inertance
 from pipelines.plots.chart import Chart, packed
-from pipelines.plots.modes import fitted_curves, frac_chart, frf_plot, position_names, shown_band_hz
-from pipelines.plots.responses import nyquist_chart, overlay_chart, sum_chart
+from pipelines.plots.modes import (
+    fitted_curves,
+    frac_chart,
+    frf_plot,
+    nyquist_chart,
+    overlay_chart,
+    position_names,
+    shown_band_hz,
+    sum_chart,
+)
 from pipelines.report.identification import NO_MODE
 from pipelines.report.page import Beside, Block, Chooser, Paragraph, Section
-from pipelines.results.labels import in_band, place_name, short
 from pipelines.results.result import Result
+from pipelines.results.tables import in_band, place_name, short
 
 SHOWN_ANGLE_DEG = 100.0  # the angle from the force that the literature on this test shows
 MOST_POSITIONS = 600

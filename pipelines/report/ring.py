@@ -179,13 +179,13 @@ def _influence(tuning: TuningResult) -> Beside:
 def write_series(path: Path, series: Series, unit: str) -> None:
     """Write a series as PNG, SVG or HTML, by the ending of `path`; written atomically."""
     # Load matplotlib (0.4 s), which the pages of a result do without.
-    from pipelines.plots import draw, style
+    from pipelines.plots import draw
 
     figure = draw.draw_plot(plots.pressure_plot(series, unit))
     if path.suffix.lower() != ".html":
-        style.write_figure(path, figure)
+        draw.write_figure(path, figure)
         return
-    page = _page(series, unit, style.data_uri(style.png(figure)))
+    page = _page(series, unit, draw.data_uri(draw.png(figure)))
     with file_written_whole(path) as partial:
         partial.write_text(page, encoding="utf-8", newline="\n")
 

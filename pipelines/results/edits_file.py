@@ -16,9 +16,8 @@ import tomlkit
 from ema.core.edits import OF_CHANNELS, OF_POLES, ChannelName, Edit, EditKind, PoleName
 from ema.core.errors import InputError, unknown
 from ema.core.files import require_regular
-from pipelines.results.decided import automatic_modes, edit_records
 from pipelines.results.options import SETTINGS
-from pipelines.results.result import Result
+from pipelines.results.result import Result, automatic_modes, edit_records
 from pipelines.storage.checksums import content_sha256
 
 SCHEMA = 1

@@ -19,8 +19,8 @@ from ema.core.campaign import Campaign, Processing
 from ema.core.errors import InputError
 from ema.core.frf import FRF
 from pipelines.results.options import Options, given_processing
+from pipelines.storage.atomic import MARKER, named, recover
 from pipelines.storage.checksums import ACCEPTED, Fault, Marker, is_plain_file, read_marker, sha256
-from pipelines.storage.result_folder import MARKER, named, recover
 
 DISTRIBUTION = "ringmodal"
 LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pyuff")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -14,22 +14,90 @@ from numpy.typing import NDArray
 from ema.checks.corrections import Correction
 from ema.checks.quality import ReferenceCheck
 from ema.checks.sensor_mass import SensorMass
-from ema.circumference.ring_modes import PURE
-from ema.core.arrays import frame_of
+from ema.circumference.orders import PURE
 from ema.core.campaign import Direction, Tyre
 from ema.core.display import band_text, facts, table
-from ema.core.edits import Edit
+from ema.core.edits import Edit, PoleName
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
-from ema.core.modes import COMMON_NAMES, ModalModel, modes_html
-from ema.poles.selection import Opinion
-from ema.poles.stability import StabilityDiagram
+from ema.core.modes import COMMON_NAMES, ModalModel, Pair, modes_html
+from ema.core.numerics import frame_of
+from ema.poles.stability import Opinion, StabilityDiagram
+from ema.signals.steadiness import Steadiness
 from model.damping import DampingResult
 from model.tuning import TuningResult
-from pipelines.results.decided import AutomaticMode, Setup
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What is said of the recordings, whatever modes are found.
+
+    Parameters
+    ----------
+    sensor_mass : SensorMass or None
+        Stated masses, which are compensated where the angles are known.
+    findings : tuple of Finding
+        About the recordings, before those of the modes.
+    notes : tuple of str
+        About masses and other directions.
+    steadiness : tuple of Steadiness
+        Of each run, against the automatic modes.
+    later : tuple of Finding
+        About other directions.
+    """
+
+    sensor_mass: SensorMass | None = None
+    findings: tuple[Finding, ...] = ()
+    notes: tuple[str, ...] = ()
+    steadiness: tuple[Steadiness, ...] = ()
+    later: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True)
+class AutomaticMode:
+    """A row of ``modes.csv`` as it was before any decision."""
+
+    frequency_hz: float
+    frequency_std_hz: float
+    damping_ratio: float
+    damping_std: float
+    order: int | None
+    member: str
+    pair: Pair
+    status: str
+
+
+def automatic_modes(model: ModalModel) -> tuple[AutomaticMode, ...]:
+    """The list of modes to keep beside one that was edited."""
+    names = AutomaticMode.__dataclass_fields__
+    return tuple(
+        AutomaticMode(**{name: getattr(mode, name) for name in names}) for mode in model.modes
+    )
+
+
+def edit_records(edits: Iterable[Edit]) -> list[dict[str, Any]]:
+    """Edits as in ``edits.toml`` and ``provenance.json``: only what each of them says."""
+    found = []
+    for edit in edits:
+        of_channel = vars(edit.channel) if edit.channel else {"run": edit.run}
+        pole = {} if edit.pole is None else {"pole": _said(_pole_record(edit.pole))}
+        rest = {"value": edit.value, "settings": dict(edit.settings)}
+        who = {"by": edit.by, "at": edit.at, "reason": edit.reason}
+        found.append(_said({"kind": edit.kind.value, **pole, **of_channel, **rest, **who}))
+    return found
+
+
+def _pole_record(pole: PoleName) -> dict[str, Any]:
+    named = {"method": pole.method, "order": pole.model_order}
+    return {**named, "frequency_hz": pole.frequency_hz, "damping_ratio": pole.damping_ratio}
+
+
+def _said(record: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in record.items() if value not in (None, "", {})}
+
 
 TORSION = COMMON_NAMES[Direction.TANGENTIAL, 0]
 
@@ -207,7 +275,7 @@ class Result:
     def save(self, folder: Path | str, **options: Any) -> None:
         """Write a result folder, as `ringmodal.save` with the same options."""
         # Files and report are above results: loaded by name, as plots are.
-        import_module("pipelines.report.save").save(self, folder, **options)
+        import_module("pipelines.report.write").save(self, folder, **options)
 
     def __repr__(self) -> str:
         n_modes = len(self.modal_model.modes)

@@ -11,16 +11,15 @@ from typing import Any, Literal
 from pydantic import StrictBool, StrictFloat, TypeAdapter, ValidationError
 
 from ema.checks.corrections import Correction
-from ema.core.block_plan import BlockPlan, ExponentialWindow
 from ema.core.campaign import Tyre
 from ema.core.errors import InputError
 from ema.core.files import require_regular
 from ema.core.finding import Finding
 from ema.core.modes import Chosen, Flag, OrderReport, Pair
-from ema.poles.selection import Opinion
+from ema.core.recording import BlockPlan, ExponentialWindow
+from ema.poles.stability import Opinion
 from ema.signals.steadiness import Steadiness
-from pipelines.results.decided import AutomaticMode
-from pipelines.results.result import OtherMode
+from pipelines.results.result import AutomaticMode, OtherMode
 from pipelines.storage.tables import LARGEST
 
 REMEDY = "Process the recordings again"

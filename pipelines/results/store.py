@@ -29,14 +29,12 @@ from ema.core.settings import CheckSettings
 from ema.poles.stability import StabilityDiagram
 from ema.poles.tracking import Cluster
 from pipelines.results import schema
-from pipelines.results.decided import Setup
 from pipelines.results.edits_file import edits_of
-from pipelines.results.labels import in_band
 from pipelines.results.provenance import CheckedResult, checked_result, with_inputs_at
-from pipelines.results.result import Result, Stored
-from pipelines.results.tables import read_frf, write_frfs
+from pipelines.results.result import Result, Setup, Stored
+from pipelines.results.tables import in_band, read_frf, write_frfs
+from pipelines.storage.atomic import MARKER, recover
 from pipelines.storage.checksums import ACCEPTED, sha256
-from pipelines.storage.result_folder import MARKER, recover
 from pipelines.storage.tables import Table, write_parquet
 
 JSON_NAME = "identification.json"

@@ -10,7 +10,7 @@ from math import isfinite
 import numpy as np
 
 from ema.circumference.mass_loading import percent_per_gram
-from ema.circumference.ring_modes import PURE
+from ema.circumference.orders import PURE
 from ema.core.display import counted, number
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.modes import Mode

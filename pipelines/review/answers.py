@@ -15,7 +15,7 @@ from ema.core.edits import OF_CHANNELS, OF_POLES, Edit, EditKind
 from ema.core.errors import InputError
 from ema.core.modes import Mode
 from pipelines.process.refit import of_blocks, refit
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.edits_file import EDITS_NAME, edits_of
 from pipelines.results.result import Result
 from pipelines.review import curves

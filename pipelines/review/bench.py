@@ -24,16 +24,15 @@ from ema.refit import EditCost, edit_cost, refit_modes
 from ema.signals.frf_estimation import restated
 from pipelines.library.version import login_name
 from pipelines.process.refit import asked_of, of_blocks, refittable, settings_of
-from pipelines.results.decided import edit_records
 from pipelines.results.edits_file import edits_of
-from pipelines.results.result import Result
+from pipelines.results.result import Result, edit_records
 from pipelines.results.store import load
 from pipelines.review.folder import landing
 from pipelines.review.session import Session, key, opened
 from pipelines.review.sight import Sight, edit_text, refusal, state
 from pipelines.review.watch import Watch
 from pipelines.review.worker import Jobs, Stop, Worker, recordings_of, reread
-from pipelines.storage.result_folder import MARKER
+from pipelines.storage.atomic import MARKER
 
 _KEPT_FITS = 24  # undo and redo among these asks for no fit
 _KEPT_FRFS = 3  # edits of channels have FRFs of their own, some 20 MB

@@ -11,15 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ema.checks.corrections import corrected, kept_rows
-from ema.circumference.orders import circle_basis, highest_order, on_circle, order_basis
-from ema.circumference.ring_modes import PURE
+from ema.circumference.orders import PURE, circle_basis, highest_order, on_circle, order_basis
 from ema.core.display import chance_text, value_with_std
 from ema.core.frf import FRF
 from ema.core.mac import mac
 from ema.core.modes import Mode
 from ema.core.settings import IDENTIFICATION
-from ema.signals.bias_and_noise import force_density
-from pipelines.results.labels import in_band
+from ema.signals.leakage import force_density
+from pipelines.results.tables import in_band
 from pipelines.review.sight import ModeRow, Sight
 
 _SHOWN_ORDERS = 12

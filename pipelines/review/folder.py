@@ -25,12 +25,12 @@ from pipelines.batch.state import BatchFolder, Record, read_record
 from pipelines.library.history import verdict_text
 from pipelines.library.library import TyreLibrary
 from pipelines.library.version import LibraryTyre
-from pipelines.results.labels import in_band
 from pipelines.results.result import Result
+from pipelines.results.tables import in_band
 from pipelines.review.curves import blob
 from pipelines.review.session import n_drafted
 from pipelines.review.sight import mode_label
-from pipelines.storage.result_folder import MARKER
+from pipelines.storage.atomic import MARKER
 
 _MOST_FOLDERS = 5000  # that are looked into
 _RECENT_S = 600.0  # a batch without a new record for so long is not running

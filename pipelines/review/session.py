@@ -16,10 +16,10 @@ from filelock import FileLock, Timeout
 
 from ema.core.edits import Edit
 from ema.core.errors import InputError
-from pipelines.results.decided import edit_records
 from pipelines.results.edits_file import edits_of
+from pipelines.results.result import edit_records
+from pipelines.storage.atomic import MARKER
 from pipelines.storage.checksums import sha256
-from pipelines.storage.result_folder import MARKER
 
 _REMEDY = "Reload the page"
 

@@ -17,11 +17,9 @@ from ema.core.finding import Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode
 from ema.identify import Identification
-from ema.poles.selection import Opinion
-from ema.poles.stability import StabilityDiagram
+from ema.poles.stability import Opinion, StabilityDiagram
 from pipelines.process.refit import settings_of
-from pipelines.results.decided import edit_records
-from pipelines.results.result import Result
+from pipelines.results.result import Result, edit_records
 from pipelines.review.session import Session
 
 _SAME_MODE = 0.05  # farther from each other, relative to their frequency, poles are different modes

@@ -19,8 +19,8 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.io.campaign.manifest import MANIFEST_NAME, RunSection, read_manifest, resolve
 from ema.io.campaign.read import recordings_in
-from pipelines.results.labels import in_band
 from pipelines.results.options import TYRE_BAND_HZ
+from pipelines.results.tables import in_band
 
 _SETTLED_S = 2.0  # a file that has not changed for so long is written
 _EVERY_S = 0.5  # between looks at sizes and times

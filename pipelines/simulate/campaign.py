@@ -25,8 +25,8 @@ from pipelines.simulate.truth import (
     modal_sum,
     truth_modes,
 )
+from pipelines.storage.atomic import written_whole
 from pipelines.storage.checksums import sha256
-from pipelines.storage.result_folder import written_whole
 
 POSITIONS = 72
 N_RUNS = 6

@@ -1,19 +1,30 @@
-"""Atomic writes of files, and temporary names; functions raise `OSError` as the drive does."""
+"""Write files and result folders whole: after a kill the old one is there, or the new one."""
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import secrets
 import shutil
 import socket
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 
 from ema.core.errors import InputError
-from pipelines.storage.checksums import is_sealed
+from pipelines.storage.checksums import (
+    Fault,
+    is_as_written,
+    is_sealed,
+    is_system_file,
+    known_files,
+    read_marker,
+    unknown_entries,
+)
 
 
 @contextmanager
@@ -179,3 +190,194 @@ def _may_run(process: int) -> bool:
     except PermissionError:  # of another user
         pass
     return True
+
+
+MARKER = "provenance.json"  # every result folder has it
+Checksums = Mapping[str, str]
+
+_LOG = logging.getLogger(__name__)
+_PROBE_BYTES = 2**20
+_ATTEMPTS = 50  # other processes may be replacing or reading the same result
+_PAUSE_S = 0.01
+
+
+def require_free(
+    folder: Path, *, force: bool, marker: str | None = MARKER, accepted: Checksums | None = None
+) -> None:
+    """Refuse a folder where a result may not or cannot be written, before anything is computed.
+
+    With `force` an earlier result may be replaced; `marker` lists its files, None if none may be.
+    `accepted` are checksums, by name, of changed files that may be replaced too.
+    """
+    with _as_input_error(folder):
+        place = Path(os.path.realpath(folder))  # a link to a folder stays
+        recover(place, marker)
+        if marker is not None and (place / marker).is_file():
+            for left in ended_backups(place):
+                _remove_backup(left, place, marker, None)
+        _refuse_occupied(folder, place, force, marker, accepted)
+        existing = next((path for path in place.parents if path.exists()), place.parent)
+        with partial_folder(existing / place.name) as probe:
+            (probe / "probe").write_bytes(bytes(_PROBE_BYTES))
+
+
+@contextmanager
+def written_whole(
+    folder: Path,
+    *,
+    force: bool = False,
+    marker: str | None = MARKER,
+    accepted: Checksums | None = None,
+) -> Iterator[Path]:
+    """Yield a folder beside the wanted one; it is renamed to it when all is written.
+
+    Missing folders above it are made; the block writes the marker last, with `write_marker`. If it
+    fails, nothing is left behind. If two processes write to the same folder, the last one wins with
+    `force`, the first without. Arguments as for `require_free`.
+    """
+    require_free(folder, force=force, marker=marker, accepted=accepted)
+    with _as_input_error(folder):
+        place = Path(os.path.realpath(folder))
+        with folder_in_use(place.parent), partial_folder(place) as partial:
+            yield partial
+            _to_disk(partial)
+            occupied = (folder, place, force, marker, accepted)
+            backup = _put(partial, place, lambda: _refuse_occupied(*occupied))
+            if backup is not None and marker is not None:
+                _remove_backup(backup, place, marker, accepted)
+
+
+def recover(folder: Path, marker: str | None = MARKER) -> None:
+    """Put an earlier result back that a killed process had moved aside."""
+    place = Path(os.path.realpath(folder))
+    if marker is None or place.exists():
+        return
+    with suppress(OSError):  # another process did it, or the drive is read-only
+        complete = [path for path in backups(place) if _is_complete(path, marker)]
+        if complete:
+            max(complete, key=lambda path: path.stat().st_mtime_ns).rename(place)
+
+
+def _is_complete(backup: Path, marker: str) -> bool:
+    """Whether nothing has been removed from a backup yet; its list is removed last."""
+    found = read_marker(backup / marker)
+    if not found.files:  # then nothing is ever removed
+        return any(backup.iterdir())
+    return all((backup / name).exists() for name in found.files)
+
+
+def _refuse_occupied(
+    folder: Path, place: Path, force: bool, marker: str | None, accepted: Checksums | None
+) -> None:
+    def refusal(found: str, rule: str, remedy: str = "Choose another folder") -> InputError:
+        return InputError(str(folder), found, rule, remedy)
+
+    if not os.path.lexists(place):
+        return
+    if not place.is_dir():
+        raise refusal("a file", "a result is a folder")
+    if os.path.ismount(place):
+        remedy = f"Choose a folder in it, such as {folder / 'result'}"
+        raise refusal("a drive", "a result is renamed to its place, a drive cannot be", remedy)
+    entries = sorted(path.name for path in place.iterdir() if not is_system_file(path))
+    if not entries:
+        return
+    fault = None if marker is None else read_marker(place / marker).fault
+    if marker is None or fault in (Fault.UNREADABLE, Fault.FOREIGN):
+        found = f"a folder with other files: {named(entries)}"
+        if marker is not None and fault is not None and (place / marker).exists():
+            found = f"{marker}: {fault.value}"
+        raise refusal(found, "a result needs a new or empty folder, or replaces an earlier result")
+    if not force:
+        remedy = "Choose another folder, or replace it with --force"
+        raise refusal("an earlier result", "it already exists", remedy)
+    if not os.access(place, os.W_OK):
+        raise refusal("a read-only folder", "it cannot be replaced")
+    if unknown := unknown_entries(place, marker, accepted):
+        rule = "added to the earlier result or changed, and would be lost"
+        raise refusal(named(unknown), rule, "Move it, or choose another folder for the result")
+
+
+def named(names: Sequence[str], most: int = 3) -> str:
+    """The first `most` names in one text, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(names[:most])}{more}"
+
+
+def _to_disk(folder: Path) -> None:
+    """Wait until all is on the disk; a full or missing drive may only fail now."""
+    for path in folder.rglob("*"):
+        if path.is_file():
+            with path.open("rb+") as file:
+                os.fsync(file.fileno())
+
+
+def _put(partial: Path, place: Path, check: Callable[[], None]) -> Path | None:
+    """Rename `partial` to `place`, checked right before each attempt; returns the backup."""
+    for attempts_left in reversed(range(_ATTEMPTS)):
+        try:
+            check()
+            return _swapped(partial, place)
+        except OSError:
+            if not attempts_left or not partial.exists():
+                raise
+            time.sleep(_PAUSE_S)
+    return None
+
+
+def _swapped(partial: Path, place: Path) -> Path | None:
+    if not os.path.lexists(place):
+        partial.rename(place)
+        return None
+    backup = partial_name(place, "old")
+    try:
+        place.rename(backup)
+        partial.rename(place)
+    finally:
+        if not os.path.lexists(place):
+            with suppress(OSError):  # another process put it back
+                backup.rename(place)
+    return backup
+
+
+def _remove_backup(backup: Path, place: Path, marker: str, accepted: Checksums | None) -> None:
+    """Remove from a backup what the program wrote, its marker last; the rest becomes visible.
+
+    Files added at the last moment move to the new result if their names are free. What cannot be
+    removed or moved stays hidden until the next time.
+    """
+    with suppress(OSError):
+        _empty(backup, place, marker, accepted)
+
+
+def _empty(backup: Path, place: Path, marker: str, accepted: Checksums | None) -> None:
+    own = backup / marker
+    known = known_files(own, accepted)
+    rest = []
+    for path in [path for path in backup.iterdir() if path != own]:
+        if is_system_file(path) or is_as_written(path, known):
+            path.unlink()
+        elif not known or os.path.lexists(place / path.name):
+            rest.append(path)
+        else:
+            path.rename(place / path.name)
+            text = f"{path.name} was added while the result was replaced; it is in the new one."
+            _LOG.warning(text)
+    if not rest and is_as_written(own, known):
+        own.unlink()
+    if any(backup.iterdir()):
+        names = (place.with_name(f"{place.name}.kept-{number}") for number in count(1))
+        kept = next(path for path in names if not os.path.lexists(path))
+        backup.rename(kept)
+        text = f"{kept}: files of the earlier result that were changed while it was replaced."
+        _LOG.warning(text)
+    else:
+        backup.rmdir()
+
+
+@contextmanager
+def _as_input_error(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise not_written(folder, error) from error

@@ -7,8 +7,7 @@ import systems
 from ema.checks.quality import period_finding
 from ema.core.finding import Verdict
 from ema.fitting.edited_fit import fit_modes
-from ema.poles.selection import select_poles
-from ema.poles.stability import build_stability
+from ema.poles.stability import build_stability, select_poles
 from ema.signals.frf_estimation import estimate_frf
 
 LUMPED = [

@@ -10,7 +10,7 @@ import pytest
 from library import SET, written
 
 from pipelines.library.library import TyreLibrary
-from pipelines.report.save import save
+from pipelines.report.write import save
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
 PARTS = ["provenance.json", "identification.json", "frf.parquet", "residues.parquet"]

@@ -13,12 +13,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from ema.core.arrays import stacked
 from ema.core.campaign import Campaign, Run
 from ema.core.display import counted
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
+from ema.core.numerics import stacked
 from ema.core.recording import ACCELERATION, FORCE, Channel, Recording
 from ema.io.campaign.axes import REMEDY
 from ema.io.campaign.manifest import MANIFEST_NAME

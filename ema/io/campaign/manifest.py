@@ -22,10 +22,10 @@ from pydantic import (
     model_validator,
 )
 
-from ema.core.block_plan import overlap_share
 from ema.core.campaign import Direction, Processing, Tyre
 from ema.core.errors import ManifestError, nearest
 from ema.core.files import require_regular
+from ema.core.recording import overlap_share
 from ema.core.units import amount, unit_of_key
 
 MANIFEST_NAME = "campaign.toml"

@@ -36,7 +36,7 @@ from ema.io.formats import exists, is_folder, is_recording, is_text_table, read_
 from ema.io.frf_table import inertances
 from ema.io.rates import SAME_RATE
 from ema.signals.signal_checks import level_findings
-from ema.signals.spikes import spike_findings, with_limits
+from ema.signals.spikes_and_gaps import spike_findings, with_limits
 
 _SAME_ANGLE_DEG = 1e-6
 _OF_A_RESULT = "provenance.json"

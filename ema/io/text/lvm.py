@@ -17,9 +17,8 @@ from ema.core.finding import Check, Finding
 from ema.core.recording import ACCELERATION, FORCE
 from ema.core.units import parse_unit
 from ema.io.columns import Column, content_of_columns
-from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, note, remark
+from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, entries, note, remark
 from ema.io.rates import UNSTATED, Rate, parse_number, rate_of_step
-from ema.io.stated import entries
 from ema.io.text.layout import Dialect, Layout
 from ema.io.text.source import open_text
 from ema.io.text.table import missing_samples, read_cells

@@ -12,8 +12,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from ema.core.arrays import constant
 from ema.core.errors import RecordingFormatError
+from ema.core.numerics import constant
 from ema.core.units import is_stated, parse_axis
 from ema.io.uff.dataset58_header import Header58
 from ema.io.uff.scan import Dataset, damaged, line_numbers, place

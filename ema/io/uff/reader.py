@@ -15,9 +15,15 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Channel, Recording
 from ema.core.units import TIME
 from ema.io.columns import aligned
-from ema.io.content import FileContent, not_together, remark
+from ema.io.content import (
+    FileContent,
+    entries,
+    not_together,
+    remark,
+    stated_windows,
+    statements_of_1858,
+)
 from ema.io.rates import Rate, rate_findings, rate_of_stamps, rate_of_step
-from ema.io.stated import entries, stated_windows, statements_of_1858
 from ema.io.uff.dataset58 import axis_factor, read_values
 from ema.io.uff.dataset58_header import (
     COHERENCE,

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.arrays import ReadonlyArrays
 from ema.core.errors import InputError, RecordingFormatError, require_type
 from ema.core.finding import Check, Finding
+from ema.core.numerics import ReadonlyArrays
 from ema.io.content import remark
 from ema.io.uff import geometry
 from ema.io.uff.scan import Dataset, Lines, damaged, scan

@@ -12,8 +12,7 @@ from ema.core.finding import Check, Verdict
 from ema.core.modes import Flag
 from ema.core.settings import CHECKS
 from ema.identify import identify_modes
-from ema.poles.selection import select_poles
-from ema.poles.stability import build_stability
+from ema.poles.stability import build_stability, select_poles
 from pipelines.simulate.truth import truth_modes
 
 TYRE = truth_modes()

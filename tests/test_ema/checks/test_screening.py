@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import systems
 
-from ema.checks.screening import screen
+from ema.checks.corrections import screen
 from ema.core.errors import InputError
 from ema.core.finding import Verdict
 from pipelines.simulate.truth import truth_modes

@@ -8,7 +8,7 @@ import systems
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ema.circumference.ring_modes import drive, family, judged, why_foreign
+from ema.circumference.orders import drive, family, judged, why_foreign
 from ema.core.modes import Flag, Mode, OrderReport, Pair, PairVerdict
 from ema.identify import identify_modes
 from pipelines.process.validate import ring_orders

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ema.core.arrays import ReadonlyArrays, constant, readonly, stacked
+from ema.core.numerics import ReadonlyArrays, constant, readonly, stacked
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ import systems
 
 from ema.core.errors import FitError
 from ema.fitting.edited_fit import fit_modes
-from ema.poles.selection import PoleSelection, select_poles
-from ema.poles.stability import build_stability
+from ema.poles.stability import PoleSelection, build_stability, select_poles
 
 REALISATIONS = 60
 # Small, so that it fits fast: three modes in the band and one above it, where a mode may stand in

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import systems
 
-from ema.core.block_plan import ExponentialWindow
 from ema.core.errors import FitError
 from ema.core.mac import frac
+from ema.core.recording import ExponentialWindow
 from ema.fitting.edited_fit import fit_modes
-from ema.poles.selection import PoleSelection
+from ema.poles.stability import PoleSelection
 from ema.signals.frf_estimation import estimate_frf
 
 ANGLES_DEG = np.arange(0.0, 360.0, 30.0)

@@ -10,9 +10,8 @@ from builders import binary58, dataset, floats, force58, frf58, response58, row
 from scipy.io import savemat
 
 import ema
-from ema.io.content import WindowKind
+from ema.io.content import WindowKind, entries, stated_windows
 from ema.io.formats import read_file
-from ema.io.stated import entries, stated_windows
 
 N, RATE_HZ = 64, 2000.0
 FORCE, A01 = np.random.default_rng(0).normal(size=(2, N))

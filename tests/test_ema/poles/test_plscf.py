@@ -16,8 +16,7 @@ from ema.poles.estimators import (
     poles_of_order,
     reduced_normal_matrix,
 )
-from ema.poles.selection import select_poles
-from ema.poles.stability import build_stability
+from ema.poles.stability import build_stability, select_poles
 
 BAND_HZ = (20.0, 260.0)
 INSIDE = slice(0, 7)  # orders of Table 3; what follows lies beyond the band of interest

@@ -5,7 +5,7 @@ import pytest
 import systems
 
 from ema.core.modes import Mode
-from ema.poles.selection import OTHER, second_opinion
+from ema.poles.stability import OTHER, second_opinion
 
 BAND_HZ = (40.0, 235.0)
 FRF = systems.tyre_frf(snr_db=30, positions=24, frequency_hz=np.arange(1, 700) / 2)

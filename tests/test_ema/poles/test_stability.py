@@ -6,8 +6,7 @@ import systems
 from scipy.signal import find_peaks
 
 from ema.core.errors import FitError
-from ema.poles.selection import select_poles
-from ema.poles.stability import build_stability
+from ema.poles.stability import build_stability, select_poles
 
 BAND_HZ = (20.0, 260.0)
 INNER_HZ = (40.0, 230.0)

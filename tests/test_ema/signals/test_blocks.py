@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ema.core.block_plan import BlockPlan
 from ema.core.campaign import Processing
 from ema.core.errors import InputError
+from ema.core.recording import BlockPlan
 from ema.fitting.covariance import line_correlation
 from ema.signals.excitation import plan_blocks
 

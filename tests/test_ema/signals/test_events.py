@@ -7,7 +7,7 @@ import systems
 from recordings import N_SENSORS, POLES, RATE_HZ, RESIDUES, N
 from systems import campaign_of, inertance, white
 
-from ema.checks.screening import screen
+from ema.checks.corrections import screen
 from ema.core.finding import Check, Verdict
 from ema.core.recording import FORCE, Channel
 from ema.signals.events import find_events, is_overloaded

@@ -9,8 +9,8 @@ from systems import campaign_of, run_of, white
 
 from ema.core.campaign import Campaign, Processing
 from ema.core.errors import InputError
-from ema.signals.bias_and_noise import noise_level
 from ema.signals.frf_estimation import estimate_frf
+from ema.signals.leakage import noise_level
 
 GAIN = 2.5
 N_SAMPLES = 1 << 16

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import systems
 
-from ema.core.block_plan import BlockPlan
 from ema.core.frf import FRF
+from ema.core.recording import BlockPlan
 from ema.signals import leakage
 from ema.signals.frf_estimation import estimate_frf
 

@@ -7,7 +7,7 @@ import pytest
 import systems
 
 import ema
-from ema.checks.screening import screen
+from ema.checks.corrections import screen
 from ema.core.campaign import Processing
 from ema.core.errors import InputError
 from ema.core.finding import Verdict

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import systems
 
-from ema.signals.bias_and_noise import noise_level, without_spikes
+from ema.signals.leakage import noise_level, without_spikes
 
 ALL = slice(None)
 TONE = 100

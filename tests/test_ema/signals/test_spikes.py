@@ -10,7 +10,7 @@ import ema
 from ema.core.finding import Check, Verdict
 from ema.core.recording import ACCELERATION, FORCE, VOLTAGE, Channel, Recording
 from ema.signals.signal_checks import summarise
-from ema.signals.spikes import spike_findings, with_limits
+from ema.signals.spikes_and_gaps import spike_findings, with_limits
 
 RATE_HZ = 2000.0
 N_SAMPLES = 40 * 2000

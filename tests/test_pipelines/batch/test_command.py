@@ -9,6 +9,7 @@ from fleets import BROKEN, write_fleet
 from pipelines.batch import campaigns as batch_task
 from pipelines.batch import run as batch
 from pipelines.batch.campaigns import CampaignFolder
+from pipelines.batch.run import frequencies_chart, write_summary
 from pipelines.batch.state import (
     DONE,
     FAILED,
@@ -18,7 +19,6 @@ from pipelines.batch.state import (
     read_record,
     write_record,
 )
-from pipelines.batch.summary import frequencies_chart, write_summary
 from pipelines.batch.workers import in_this_process
 
 ONCE = ("--jobs", 1, "--no-tune", "--max-order", 20)

@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 from pipelines.cli import main as cli
-from pipelines.report import save as saving
+from pipelines.report import write as saving
 from pipelines.simulate import campaign as simulated
 
 pytestmark = pytest.mark.usefixtures("modes_once")
@@ -164,7 +164,7 @@ def test_a_pdf_is_part_of_the_result_and_stays_so(ringmodal, processed, monkeypa
     """Printing it takes its time and is tested by itself."""
     monkeypatch.setitem(sys.modules, "weasyprint", ModuleType("weasyprint"))
     monkeypatch.setattr(
-        "pipelines.report.save.write_pdf", lambda result, path, template: path.write_bytes(b"%PDF")
+        "pipelines.report.write.write_pdf", lambda result, path, template: path.write_bytes(b"%PDF")
     )
     code, output, _ = ringmodal("report", processed, "--pdf")
     assert code == 0

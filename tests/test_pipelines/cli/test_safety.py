@@ -18,13 +18,13 @@ from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from pipelines.cli import main as cli
 from pipelines.cli import result as cli_result
-from pipelines.cli import terminal
+from pipelines.cli import streams
 from pipelines.cli.streams import Interrupted, interruptible, reporting_outcome
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.store import MARKER, load
-from pipelines.storage import result_folder
+from pipelines.storage import atomic
+from pipelines.storage.atomic import written_whole
 from pipelines.storage.checksums import read_marker, write_marker
-from pipelines.storage.result_folder import written_whole
 
 pytestmark = pytest.mark.usefixtures("modes_once")
 PROGRAM = [sys.executable, "-m", "pipelines.cli.main"]
@@ -79,9 +79,9 @@ def interrupting(number):
         "ema.estimate_frf",
         "ema.identify_modes",
         "model.tune_ring",
-        "pipelines.report.save.write_identification",
-        "pipelines.report.save.write_report",
-        "pipelines.storage.result_folder._swapped",
+        "pipelines.report.write.write_identification",
+        "pipelines.report.write.write_report",
+        "pipelines.storage.atomic._swapped",
     ],
 )
 def test_an_interrupt_at_any_stage(
@@ -206,7 +206,7 @@ def test_a_full_drive_is_noticed_by_every_writer(tmp_path, out, monkeypatch):
     save(result, tmp_path / "complete", report=False)
     sizes = sorted({path.stat().st_size for path in (tmp_path / "complete").iterdir()})
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    monkeypatch.setattr(result_folder, "_PROBE_BYTES", 0)
+    monkeypatch.setattr(atomic, "_PROBE_BYTES", 0)
     for size in sizes:  # too little for one writer after the other
         resource.setrlimit(resource.RLIMIT_FSIZE, (size * 9 // 10, limits[1]))
         try:
@@ -249,7 +249,7 @@ def test_an_unwritable_place_is_noticed_before_anything_is_computed(
 def test_a_folder_that_vanishes_while_the_report_is_written(
     ringmodal, short_campaign, out, monkeypatch
 ):
-    monkeypatch.setattr("pipelines.report.save.write_report", lambda *_: shutil.rmtree(out.parent))
+    monkeypatch.setattr("pipelines.report.write.write_report", lambda *_: shutil.rmtree(out.parent))
     code, _, errors = ringmodal("process", short_campaign, "--out", out, "--quiet")
     assert code == 2
     assert f"Error: {out}: No such file" in errors
@@ -351,9 +351,9 @@ def test_names_from_files_are_texts_on_a_terminal(capsys, monkeypatch, name):
     finding = Finding(name, name, None, Check.HUM, Verdict.WARNING, name)
     result = tyre_result(name=name, findings=(finding,), notes=(name,))
     cli_result.show(result, Path("result"), as_json=False, report=True)
-    terminal.echo_error(str(InputError(name, name, name, name)))
+    streams.echo_error(str(InputError(name, name, name, name)))
     output, errors = capsys.readouterr()
-    shown = terminal.printable(name)
+    shown = streams.printable(name)
     assert f"Modes of {shown}" in output
     assert f"Warning: Hum: {shown} {shown}: {shown}" in errors
     assert f"{shown}: {shown}; {shown}. {shown}." in errors

@@ -22,7 +22,7 @@ from pipelines.compare.significance import Difference, agreement, holm, jointly_
 from pipelines.compare.summary import findings, parameter_rows
 from pipelines.process.ring import tune
 from pipelines.process.run import process
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.options import Options
 from pipelines.simulate.campaign import Setup, simulate_campaign, simulate_runs
 from pipelines.simulate.truth import truth_modes

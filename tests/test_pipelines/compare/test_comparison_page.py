@@ -28,8 +28,14 @@ from pipelines.compare.summary import (
     scatter_text,
 )
 from pipelines.plots.chart import Chart
-from pipelines.report.comparison import comparison_sections, render_comparison, write_comparison
-from pipelines.report.several import result_names, several_sections, write_comparisons
+from pipelines.report.comparison import (
+    comparison_sections,
+    render_comparison,
+    result_names,
+    several_sections,
+    write_comparison,
+    write_comparisons,
+)
 
 HOSTILE = '<script>alert("x")</script>' + "long" * 2500
 

@@ -20,7 +20,7 @@ from pipelines.compare.shape_comparison import (
 from pipelines.compare.shape_source import Alignment, of_result, read_source
 from pipelines.export.modal import export
 from pipelines.report.comparison import shape_sections as sections
-from pipelines.report.save import save
+from pipelines.report.write import save
 
 RADIUS_M = 0.33
 OWN = of_result(tyre_result(), "tyre_7")

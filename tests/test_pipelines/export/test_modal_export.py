@@ -18,7 +18,7 @@ from ema.core.mac import mac
 from ema.io.uff.write import trace_lines_82
 from pipelines.export.data import geometry_of
 from pipelines.export.modal import FORMATS, export, gather
-from pipelines.report.save import save
+from pipelines.report.write import save
 
 MASS_KG = 4.0  # of each mode of the synthetic result, times √(1 − ζ²)
 

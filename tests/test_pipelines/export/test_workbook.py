@@ -14,7 +14,7 @@ from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from pipelines.export.modal import export
 from pipelines.export.workbook import write_workbook
-from pipelines.report.save import save
+from pipelines.report.write import save
 
 openpyxl = pytest.importorskip("openpyxl", reason="workbooks need pip install openpyxl")
 HOSTILE = '=HYPERLINK("http://x")\x1b'

@@ -15,7 +15,7 @@ from results import structure_result, tyre_result, without_poles
 
 from ema.core.finding import Check, Finding, Verdict
 from model.ring import natural_frequencies_hz
-from pipelines.batch import summary as charts_batch
+from pipelines.batch import run as charts_batch
 from pipelines.batch.state import DONE, FAILED, Fingerprint, Record
 from pipelines.plots import measurement, modes, ring
 from pipelines.plots.chart import Chart

@@ -15,8 +15,7 @@ from results import structure_result, tyre_result
 
 from ema.core.errors import InputError
 from pipelines.report import write
-from pipelines.report.page import Beside, Paragraph, Picture, Section, Table, drawings
-from pipelines.report.template import PLAIN
+from pipelines.report.page import PLAIN, Beside, Paragraph, Picture, Section, Table, drawings
 from pipelines.report.write import report_sections, write_figures
 
 

@@ -13,8 +13,8 @@ from results import structure_result, tyre_result, without_poles
 from systems import common_drift
 
 from pipelines.plots import figures
-from pipelines.plots.style import STYLE
-from pipelines.results.labels import apart, literal, short, sparse_labels, spread
+from pipelines.plots.draw import STYLE
+from pipelines.results.tables import apart, literal, short, sparse_labels, spread
 
 
 @pytest.fixture(scope="module")

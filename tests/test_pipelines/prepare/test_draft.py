@@ -18,7 +18,7 @@ import ema
 from ema.core.errors import InputError
 from ema.io.campaign.manifest import read_manifest
 from ema.io.uff.write import write_frfs
-from pipelines.prepare.guesses import Layout
+from pipelines.prepare.inspection import Layout
 from pipelines.prepare.manifest_template import draft_manifest, write_draft
 from pipelines.process.run import process
 from pipelines.results.options import Options

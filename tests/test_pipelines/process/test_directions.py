@@ -12,7 +12,7 @@ from ema.io.uff.write import write_time_series
 from model.ring import torsion_frequency_hz
 from pipelines.process.ring import tune
 from pipelines.process.run import process
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.options import Options
 from pipelines.results.store import load
 from pipelines.simulate.laboratory import Laboratory, simulate_laboratory

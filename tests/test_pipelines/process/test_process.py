@@ -13,7 +13,7 @@ from ema.core.mac import mac
 from ema.io.campaign.read import read_campaign
 from pipelines.process.ring import tune
 from pipelines.process.run import process
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.options import Options
 from pipelines.results.store import load
 

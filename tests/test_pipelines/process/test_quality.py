@@ -8,7 +8,7 @@ import pytest
 
 from ema.io.uff.write import write_time_series
 from pipelines.process.run import process
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.options import Options
 from pipelines.simulate.campaign import Setup, simulate_campaign, simulate_runs
 from pipelines.simulate.truth import truth_modes

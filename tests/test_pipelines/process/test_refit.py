@@ -20,7 +20,7 @@ from ema.io.uff.write import write_time_series
 from ema.signals.frf_estimation import restated
 from pipelines.process.refit import refit
 from pipelines.process.run import process
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.edits_file import Record, read_edits, record_of, write_edits
 from pipelines.results.options import Options
 from pipelines.results.store import load

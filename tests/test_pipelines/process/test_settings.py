@@ -5,7 +5,7 @@ import pytest
 from ema.core.errors import InputError
 from ema.core.settings import CheckSettings, IdentificationSettings
 from pipelines.process.run import process
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.options import Options, tuning_arguments, tuning_in_force
 from pipelines.results.store import load
 

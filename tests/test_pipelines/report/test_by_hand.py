@@ -13,7 +13,7 @@ from ema.core.finding import Check
 from ema.core.modes import Chosen
 from pipelines.report.by_hand import changed_by_hand
 from pipelines.report.write import render_report
-from pipelines.results.decided import automatic_modes
+from pipelines.results.result import automatic_modes
 
 WHO = {"by": "C. Engineer", "at": "2026-11-27T14:02:11+00:00"}
 EDITS = (

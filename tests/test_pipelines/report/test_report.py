@@ -39,15 +39,15 @@ from pipelines.report.page import (
     Paragraph,
     Section,
     Table,
+    Template,
     as_json,
     breakable,
     drawings,
     render_page,
 )
 from pipelines.report.responses import shown_rows
-from pipelines.report.template import Template
 from pipelines.report.write import render_report, report_sections, write_report
-from pipelines.results.labels import named
+from pipelines.results.tables import named
 
 HOSTILE = "<script>alert('x')</script>\"&{{ 7 * 7 }}"
 

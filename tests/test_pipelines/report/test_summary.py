@@ -9,9 +9,8 @@ from results import tyre_result
 from ema.core.campaign import Tyre
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
-from pipelines.report.page import Beside, Lamp, Listing, Table
+from pipelines.report.page import Beside, Lamp, Listing, Table, Template, read_template
 from pipelines.report.summary import summary
-from pipelines.report.template import Template, read_template
 from pipelines.report.write import render_report
 from pipelines.results.options import Units
 

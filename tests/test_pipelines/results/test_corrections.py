@@ -10,7 +10,7 @@ import pyuff
 from ema.checks.corrections import Correction, corrected
 from ema.checks.sensor_mass import SensorMass, without_mass
 from ema.core.errors import InputError
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.store import load
 
 FLIPPED = Correction(3, "config_4.uff", "A01", 15.0, "flipped", -1.0, 3, False, -0.98, 0.01, 1.2)

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import pyuff
 
-from pipelines.report.save import save
+from pipelines.report.write import save
 
 ULP = 4e-16  # pandas reads decimals to the last bit or so
 

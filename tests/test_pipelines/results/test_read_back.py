@@ -12,7 +12,7 @@ from sdynpy_reader import read_by_sdynpy
 
 import ema
 from pipelines.export.modal import export
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.store import load
 
 X, Y, Z = 1, 2, 3

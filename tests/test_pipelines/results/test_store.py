@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ema.core.block_plan import ExponentialWindow
 from ema.core.errors import InputError
 from ema.core.finding import Check
+from ema.core.recording import ExponentialWindow
 from pipelines.process.ring import tune
 from pipelines.process.run import process
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.options import Options
 from pipelines.results.store import load
-from pipelines.storage.result_folder import MARKER, require_free
+from pipelines.storage.atomic import MARKER, require_free
 
 
 @pytest.fixture(scope="module")
@@ -187,7 +187,7 @@ def test_nothing_is_left_behind_when_writing_fails(short_result, copy, monkeypat
     def fail(*_):
         raise fault
 
-    monkeypatch.setattr("pipelines.report.save.write_report", fail)
+    monkeypatch.setattr("pipelines.report.write.write_report", fail)
     expected = InputError if isinstance(fault, OSError) else _TextFault
     with pytest.raises(expected):
         save(short_result, copy.parent / "new")

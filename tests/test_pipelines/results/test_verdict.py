@@ -9,7 +9,7 @@ from systems import common_drift
 
 from ema.core.finding import Check, Finding, Verdict
 from ema.identify import SensorMass
-from ema.poles.selection import Opinion
+from ema.poles.stability import Opinion
 from model.adequacy import Evidence, Reason, State
 from model.identifiability import IDENTIFIED
 from pipelines.results.verdict import judge, orders_in_doubt, ring_is_usable

@@ -5,7 +5,7 @@ from reviewing import copied, review
 
 from ema.core.campaign import Processing
 from pipelines.process.run import process
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.options import Options
 
 BAND_HZ = (60.0, 160.0)

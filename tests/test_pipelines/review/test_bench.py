@@ -11,7 +11,7 @@ import pytest
 from reviewing import review, served, token_in, until
 
 from pipelines.process.run import process
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.edits_file import read_edits
 from pipelines.results.store import load
 

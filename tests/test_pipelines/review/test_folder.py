@@ -10,7 +10,7 @@ from reviewing import Page, until
 from ema.core.campaign import Tyre
 from pipelines.batch.run import run_batch
 from pipelines.library.library import TyreLibrary
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.options import Options
 from pipelines.results.store import load
 from pipelines.review.bench import Desk

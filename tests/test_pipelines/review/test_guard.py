@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from reviewing import ORIGIN, PORT, Page, copied, review
 
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.store import load
 from pipelines.review.bench import Desk
 from pipelines.review.server import MOST_BYTES

@@ -12,7 +12,7 @@ from scipy.integrate import trapezoid
 
 from model import Bifurcation, ForcedRing, inertance, loaded_frequencies_hz, natural_frequencies_hz
 from model.parameters import TABLE_4_RING, TABLE_5_DAMPING
-from pipelines.cli import simulate_show
+from pipelines.cli import show_tyre
 from pipelines.simulate.tyre import tyre_to_simulate
 
 # Table 4 with 2.2 bar at 80 km/h, rotating frame
@@ -118,8 +118,8 @@ def test_an_instability_is_named_and_has_no_frequency(capsys):
     grows = np.array([[0.0, 0.0, 5.0]])
     hz = np.where(grows > 0, np.nan, 100.0)
     found = Bifurcation(np.array([2]), np.array([0.0, 10.0, 20.0]), hz, hz, grows, "rotating")
-    simulate_show.frequencies(
-        found, "rotating", simulate_show.Request(tyre_to_simulate(None), None, None, True)
+    show_tyre.frequencies(
+        found, "rotating", show_tyre.Request(tyre_to_simulate(None), None, None, True)
     )
     captured = capsys.readouterr()
     assert json.loads(captured.out)["regressive_hz"] == [[100.0, 100.0, None]]

@@ -11,7 +11,7 @@ import ema
 from ema.core.errors import InputError
 from model import damping_ratios, natural_frequencies_hz, torsion_frequency_hz
 from model.parameters import REFITTED_DAMPING, TABLE_4_RING, RingDamping
-from pipelines.simulate.laboratory import Laboratory, simulate_laboratory
+from pipelines.simulate.laboratory import Laboratory, simulate_laboratory, truth_content
 from pipelines.simulate.laboratory_chain import (
     SETTLING_S,
     Driven,
@@ -24,7 +24,6 @@ from pipelines.simulate.laboratory_chain import (
     with_faults,
 )
 from pipelines.simulate.laboratory_effects import Effects, effects_from, parse_effect
-from pipelines.simulate.laboratory_truth import truth_content
 from pipelines.simulate.laboratory_tyre import LaboratoryTyre, State
 
 SHORT = {"duration_s": 4.0, "runs": 2}

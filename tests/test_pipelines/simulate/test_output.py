@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from ema.core.errors import InputError
-from pipelines.cli.simulate_show import print_arrays, write_columns
+from pipelines.cli.show_tyre import print_arrays, write_columns
+from pipelines.plots.draw import write_figure
 from pipelines.plots.figures import styled_figure
-from pipelines.plots.style import write_figure
 
 COLUMNS = {"frequency_hz": np.array([1.0, 2.5]), "order": np.array([1, 2])}
 

@@ -8,7 +8,7 @@ import pytest
 from library import SET, written
 from tyre_property_files import content
 
-from pipelines.report.save import save
+from pipelines.report.write import save
 
 MOUNT = shutil.which("mount")
 pytestmark = pytest.mark.skipif(

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from saving import numbered, numbers
 
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.store import load
 
 KILLS = 30

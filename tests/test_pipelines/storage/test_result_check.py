@@ -19,13 +19,13 @@ from model.errors import ParameterError
 from pipelines.batch.run import run_batch
 from pipelines.library.library import TyreLibrary
 from pipelines.process.ring import retune
-from pipelines.report.save import save
+from pipelines.report.write import save
 from pipelines.results.options import Options
 from pipelines.results.provenance import is_as_written
 from pipelines.results.schema import read_identification_json
 from pipelines.results.store import load, write_identification
+from pipelines.storage.atomic import MARKER
 from pipelines.storage.checksums import OWN, write_marker
-from pipelines.storage.result_folder import MARKER
 
 TAMPERED = 200
 SEED = 1

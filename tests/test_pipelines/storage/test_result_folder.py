@@ -14,9 +14,15 @@ import pytest
 
 from ema.core.errors import InputError
 from pipelines.storage import atomic as partial
-from pipelines.storage.atomic import partial_name, remove_abandoned
+from pipelines.storage.atomic import (
+    MARKER,
+    partial_name,
+    recover,
+    remove_abandoned,
+    require_free,
+    written_whole,
+)
 from pipelines.storage.checksums import read_marker, write_marker
-from pipelines.storage.result_folder import MARKER, recover, require_free, written_whole
 
 POSIX = os.name == "posix"
 FILE_OPERATIONS = (
