@@ -1,7 +1,8 @@
 """Curve fit: from the poles of the stability diagram to modes with residues and error bars.
 
-Decisions about poles are found again in a fit, so that each edit means one row or pole: a mode is named by its frequency and, where given, its damping ratio. The nearest one within reach
-is meant, if it is clearly the nearest; everything else is an error that lists what is there.
+Decisions about poles are found again in a fit, so that each edit means one row or pole: a mode is
+named by its frequency and, where given, its damping ratio. The nearest one within reach is meant,
+if it is clearly the nearest; everything else is an error that lists what is there.
 """
 
 from __future__ import annotations
