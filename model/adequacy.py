@@ -10,10 +10,10 @@ import numpy as np
 from scipy.special import chdtrc, fdtri  # scipy.stats has the same, and takes 0.5 s to load
 
 from model.arguments import Array
+from model.identifiability import degrees_of_freedom
 from model.parameters import RING_NAMES
 from model.tuning_prior import ModalMasses
 from model.tuning_problem import CIRCUMFERENTIAL, MASS, RADIAL, Search, TuningProblem, plan_search
-from model.tuning_spread import degrees_of_freedom
 
 
 class State(StrEnum):

@@ -22,12 +22,14 @@ from model.identifiability import (
     NOT_IDENTIFIED,
     Correlation,
     Sensitivity,
+    Spread,
     frequency_sensitivity,
+    model_form_std,
+    posterior_spread,
 )
 from model.parameters import RING_NAMES, RingParameters, as_typed, listed_parameters
 from model.tuning_prior import TuningPriors, modal_masses
 from model.tuning_problem import AXIAL, PARAMETERS, RADIAL_GROWTH, WIDTH, Search, TuningProblem
-from model.tuning_spread import Spread, model_form_std, posterior_spread
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from model.adequacy import Evidence, Reason, RingVerdict
 from pipelines.results.parameter_set import Parameter, ParameterSet, write_parameter_set
-from pipelines.results.set_basis import Basis
+from pipelines.results.verdict import Basis
 
 DESIGNATION = "225/55R17"
 SET = ParameterSet(

@@ -14,7 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from ema.core.errors import FitError, InputError, file_trouble, is_drive_trouble, out_of_memory
 from model.errors import ParameterError
-from pipelines.cli import streams
+from pipelines.cli import terminal
 from pipelines.cli.streams import Interrupted
 
 SETTINGS = {"max_content_width": 100, "help_option_names": ["--help", "-h"]}
@@ -201,9 +201,9 @@ def _version(wanted: bool) -> None:
     # Loads numpy, which the help does without.
     from pipelines.results.provenance import library_versions, software_version
 
-    streams.echo(f"ringmodal {software_version()}")
+    terminal.echo(f"ringmodal {software_version()}")
     for name, version in library_versions().items():
-        streams.echo(f"  {name} {version}")
+        terminal.echo(f"  {name} {version}")
     raise typer.Exit
 
 
@@ -229,31 +229,31 @@ def common(
     ] = False,
 ) -> None:
     """Apply the options that come before a command."""
-    sys.excepthook = sys.__excepthook__ if debug else streams.report_fault
+    sys.excepthook = sys.__excepthook__ if debug else terminal.report_fault
     if verbose:
-        streams.show_logs(logging.INFO)
+        terminal.show_logs(logging.INFO)
 
 
 def run() -> Any:
     """Run the command line and return its exit code; an internal error is raised."""
-    streams.show_logs()
-    sys.excepthook = streams.report_fault  # until `--debug` is read
+    terminal.show_logs()
+    sys.excepthook = terminal.report_fault  # until `--debug` is read
     try:
         app()
     except SystemExit as ended:
         return ended.code
     except Interrupted as interrupted:
-        streams.echo_error(f"Interrupted: {interrupted.outcome}.")
+        terminal.echo_error(f"Interrupted: {interrupted.outcome}.")
         return interrupted.exit_code
     except (InputError, FitError, ParameterError) as error:
-        streams.echo_error(f"Error: {error}")
+        terminal.echo_error(f"Error: {error}")
         return 2
     except OSError as error:
         if not is_drive_trouble(error):
             raise
-        streams.echo_error(file_trouble(error))
+        terminal.echo_error(file_trouble(error))
         return 2
     except MemoryError as error:
-        streams.echo_error(out_of_memory(error))
+        terminal.echo_error(out_of_memory(error))
         return 1
     return 0

@@ -11,7 +11,8 @@ from pipelines.batch.run import Batch, campaign_rows, run_batch
 from pipelines.batch.state import Record
 from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table, shown
-from pipelines.cli.streams import Interrupted, echo, echo_error, print_json, reporting_outcome
+from pipelines.cli.streams import Interrupted, reporting_outcome
+from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.compare import shape_comparison as shapes
 from pipelines.compare.compare import Comparison, compare_folders
 from pipelines.compare.shape_source import Alignment

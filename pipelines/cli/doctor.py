@@ -22,7 +22,8 @@ import typer
 from packaging.requirements import Requirement
 
 from pipelines.cli.screen import print_table, shown
-from pipelines.cli.streams import echo, lacking, print_json
+from pipelines.cli.streams import lacking
+from pipelines.cli.terminal import echo, print_json
 
 OK, ADVICE, PROBLEM = "ok", "advice", "problem"
 

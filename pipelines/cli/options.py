@@ -18,7 +18,7 @@ from ema.core.errors import InputError, unknown
 from ema.core.recording import overlap_share
 from model.coefficients import PressureLoad
 from model.tuning_problem import PARAMETERS, RADIAL_GROWTH
-from pipelines.cli.streams import show_logs
+from pipelines.cli.terminal import show_logs
 from pipelines.library.library import VARIABLE, numbers_of
 from pipelines.results.options import Options, Units
 from pipelines.storage.atomic import require_free_file

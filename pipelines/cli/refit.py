@@ -21,7 +21,8 @@ from ema.refit import EditCost
 from pipelines.cli import options as opt
 from pipelines.cli.result import show
 from pipelines.cli.screen import print_table, shown
-from pipelines.cli.streams import Interrupted, echo, print_json, reporting_outcome
+from pipelines.cli.streams import Interrupted, reporting_outcome
+from pipelines.cli.terminal import echo, print_json
 from pipelines.library.version import login_name
 from pipelines.process.refit import cost, refittable
 from pipelines.process.refit import refit as refitted

@@ -13,7 +13,8 @@ from model import TuningResult
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table, say, shown, warn
-from pipelines.cli.streams import echo, echo_error, print_json, reporting_outcome
+from pipelines.cli.streams import reporting_outcome
+from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.export.modal import export as write
 from pipelines.export.workbook import require_excel
 from pipelines.process.ring import retune

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from pipelines.cli.streams import printable, show_logs
+from pipelines.cli.terminal import printable, show_logs
 
 _PIPE_WIDTH = 10_000  # characters: lines in a pipe need not break
 _LEAST_WIDTH = 10  # characters that a folding column keeps before other columns are left out

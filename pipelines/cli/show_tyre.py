@@ -18,7 +18,7 @@ from ema.core.display import DASH, chance_text, number, signed, value_with_std
 from model import Bifurcation, ForcedRing, HubResponse
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.cli.screen import print_table
-from pipelines.cli.streams import echo, echo_error, print_json
+from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.library.history import Series, SetDifference, TyreHistory, stated, verdict_text
 from pipelines.library.version import Version, values_of
 from pipelines.plots import ring as ring_plots
@@ -27,7 +27,7 @@ from pipelines.plots.plot import Plot
 from pipelines.report.ring import headings, trend_row
 from pipelines.results.options import Units, with_unit
 from pipelines.results.parameter_set import ParameterSet
-from pipelines.results.set_basis import basis_records
+from pipelines.results.verdict import basis_records
 from pipelines.simulate import responses
 from pipelines.simulate import tyre as tyres
 from pipelines.storage.tables import write_table

@@ -19,7 +19,8 @@ from pipelines.cli.app import Command, group
 from pipelines.cli.options import Force, Json, Out, Quiet
 from pipelines.cli.screen import shown
 from pipelines.cli.show_tyre import Request
-from pipelines.cli.streams import echo, echo_error, print_json, reporting_outcome
+from pipelines.cli.streams import reporting_outcome
+from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.paper.reproduce import PAGE, reproduce_paper
 from pipelines.simulate import responses
 from pipelines.simulate.campaign import simulate_campaign

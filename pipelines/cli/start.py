@@ -17,7 +17,8 @@ from ema.signals.signal_checks import SignalSummary
 from pipelines.cli import options as opt
 from pipelines.cli.result import show
 from pipelines.cli.screen import print_table
-from pipelines.cli.streams import echo, echo_error, print_json, reporting_outcome
+from pipelines.cli.streams import reporting_outcome
+from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.prepare.inspection import (
     ChannelReport,
     FileReport,

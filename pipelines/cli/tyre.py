@@ -12,7 +12,7 @@ from ema.core.errors import InputError
 from pipelines.cli import options as opt
 from pipelines.cli import show_tyre
 from pipelines.cli.app import Command, group
-from pipelines.cli.streams import echo, echo_error, print_json
+from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.cli.tyre_tir import from_tir, modal_targets, update_tir
 from pipelines.library.export import export as write
 from pipelines.library.export import version_rows, write_table

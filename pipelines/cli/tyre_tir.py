@@ -13,13 +13,13 @@ from ema.core.errors import InputError
 from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table
 from pipelines.cli.show_tyre import accepts, show_parameters, show_verdict
-from pipelines.cli.streams import echo, echo_error, print_json
+from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.export.belt import measured_modes, write_modal_targets
 from pipelines.export.tir_file import read_tir, save_tir
 from pipelines.export.tir_update import TirChange, TirUpdate, plan_update, ring_from_tir
 from pipelines.library.export import export
 from pipelines.library.library import resolve
-from pipelines.results.set_basis import accepted_verdict
+from pipelines.results.verdict import accepted_verdict
 from pipelines.storage.atomic import file_written_whole
 
 VALUES = "Values"

@@ -19,7 +19,7 @@ from model.parameters import DAMPING_NAMES, RING_NAMES, RingDamping, RingParamet
 from model.ring import belt_width_m, natural_frequencies_hz, torsion_frequency_hz
 from pipelines.results.parameter_set import Parameter, ParameterSet
 from pipelines.results.provenance import software_version
-from pipelines.results.set_basis import Covariance, MeasuredOrder
+from pipelines.results.verdict import Covariance, MeasuredOrder
 
 WIDEST_M = 2.0  # tyres of the largest dump trucks are 1.5 m wide
 _STEP = 1e-4  # relative change of a parameter for numerical derivatives

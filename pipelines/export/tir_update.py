@@ -19,7 +19,7 @@ from pipelines.export.tir_file import TirFile, TirUnits, clear_si_value, positiv
 from pipelines.results.options import DEFAULT_LOAD
 from pipelines.results.parameter_set import Parameter, ParameterSet
 from pipelines.results.provenance import software_version
-from pipelines.results.set_basis import Basis, accepted_verdict
+from pipelines.results.verdict import Basis, accepted_verdict
 
 SECTIONS = {
     "INFLPRES": "OPERATING_CONDITIONS",

@@ -21,7 +21,7 @@ from pipelines.results.parameter_set import (
     parameter_set_of,
 )
 from pipelines.results.provenance import software_version
-from pipelines.results.set_basis import accepted_verdict
+from pipelines.results.verdict import accepted_verdict
 from pipelines.storage.checksums import KEY, DamagedFile, damaged, sealed, texts_of, unsealed
 
 SECTION = "version"

@@ -38,9 +38,9 @@ from pipelines.results.edits_file import EDITS_NAME, record_of, write_edits
 from pipelines.results.parameter_set import ParameterSet, from_tuning, write_parameter_set
 from pipelines.results.provenance import OPTIONAL_READ_BACK, READ_BACK, relative_to, with_inputs_at
 from pipelines.results.result import Result
-from pipelines.results.set_basis import MeasuredOrder
 from pipelines.results.store import write_identification, write_measured
 from pipelines.results.tables import short
+from pipelines.results.verdict import MeasuredOrder
 from pipelines.simulate.campaign import sample_campaign
 from pipelines.storage.atomic import (
     MARKER,

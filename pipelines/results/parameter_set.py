@@ -20,7 +20,7 @@ from model.damping import DampingResult
 from model.identifiability import AT_BOUND, GIVEN, IDENTIFIED, NOT_IDENTIFIED
 from model.parameters import RingDamping, RingParameters, Wheel
 from model.tuning import TuningResult
-from pipelines.results.set_basis import SECTIONS, Basis, Covariance, basis_of, basis_records
+from pipelines.results.verdict import SECTIONS, Basis, Covariance, basis_of, basis_records
 from pipelines.storage.checksums import ACCEPTED, KEY, OWN, content_sha256, unsealed
 
 if TYPE_CHECKING:

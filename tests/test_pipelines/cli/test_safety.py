@@ -18,7 +18,7 @@ from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from pipelines.cli import main as cli
 from pipelines.cli import result as cli_result
-from pipelines.cli import streams
+from pipelines.cli import terminal
 from pipelines.cli.streams import Interrupted, interruptible, reporting_outcome
 from pipelines.report.write import save
 from pipelines.results.store import MARKER, load
@@ -351,9 +351,9 @@ def test_names_from_files_are_texts_on_a_terminal(capsys, monkeypatch, name):
     finding = Finding(name, name, None, Check.HUM, Verdict.WARNING, name)
     result = tyre_result(name=name, findings=(finding,), notes=(name,))
     cli_result.show(result, Path("result"), as_json=False, report=True)
-    streams.echo_error(str(InputError(name, name, name, name)))
+    terminal.echo_error(str(InputError(name, name, name, name)))
     output, errors = capsys.readouterr()
-    shown = streams.printable(name)
+    shown = terminal.printable(name)
     assert f"Modes of {shown}" in output
     assert f"Warning: Hum: {shown} {shown}: {shown}" in errors
     assert f"{shown}: {shown}; {shown}. {shown}." in errors

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from ema.core.finding import Check, Finding, Verdict
-from pipelines.cli import streams
+from pipelines.cli import streams, terminal
 from pipelines.cli.result import show
 from pipelines.cli.screen import print_table, screen
 from pipelines.results.options import Units
@@ -107,7 +107,7 @@ def test_characters_that_a_console_lacks_are_written_otherwise(monkeypatch, text
         raw = io.BytesIO()
         monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding=encoding))
         streams.tolerant_output()
-        streams.echo(text)
+        terminal.echo(text)
         sys.stdout.flush()
         assert raw.getvalue().rstrip() == expected
 
@@ -120,7 +120,7 @@ def test_which_signs_of_results_a_console_lacks():
 def test_help_appears_on_an_old_console():
     finished = subprocess.run(
         [sys.executable, "-m", "pipelines.cli.main", "process", "--help"],
-        env={"PYTHONIOENCODING": "cp1252", "PYTHONPATH": str(Path(streams.__file__).parents[2])},
+        env={"PYTHONIOENCODING": "cp1252", "PYTHONPATH": str(Path(terminal.__file__).parents[2])},
         capture_output=True,
         check=False,
     )

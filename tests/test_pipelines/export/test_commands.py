@@ -12,7 +12,7 @@ from tyre_property_files import content
 
 from pipelines.export.tir_file import read_tir
 from pipelines.results.parameter_set import Parameter, read_parameter_set
-from pipelines.results.set_basis import Basis
+from pipelines.results.verdict import Basis
 
 
 @pytest.fixture

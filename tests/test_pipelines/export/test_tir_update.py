@@ -21,7 +21,7 @@ from pipelines.export.belt import VALUES
 from pipelines.export.tir_file import tir_of
 from pipelines.export.tir_update import plan_update, ring_from_tir
 from pipelines.results.parameter_set import Parameter
-from pipelines.results.set_basis import Basis, Covariance, MeasuredOrder
+from pipelines.results.verdict import Basis, Covariance, MeasuredOrder
 
 FILES = {name: tir_of(content(in_mm=name == "mm"), "tyre.tir") for name in ("SI", "mm")}
 RING = SET.ring_parameters

@@ -22,7 +22,7 @@ from pipelines.library.library import NamedSet, TyreLibrary, numbers_of, resolve
 from pipelines.library.numbering import folder_name, split_reference
 from pipelines.library.version import Event, record_approval
 from pipelines.results.parameter_set import Parameter, from_tuning, read_parameter_set
-from pipelines.results.set_basis import Basis
+from pipelines.results.verdict import Basis
 
 
 @pytest.fixture

@@ -28,7 +28,7 @@ from pipelines.results.parameter_set import (
     read_parameter_set,
     write_parameter_set,
 )
-from pipelines.results.set_basis import Basis, Covariance
+from pipelines.results.verdict import Basis, Covariance
 
 PAPER = Path(__file__).parents[3] / "sample_data" / "tyre_225_55R17.toml"
 # As the contract prints it.

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from ema.core.errors import InputError
-from pipelines.results.set_basis import basis_of
+from pipelines.results.verdict import basis_of
 
 
 @pytest.mark.parametrize("orders", [["x"], [1], 3, [{"order": 1, "frequency_hz": -1.0}]])
