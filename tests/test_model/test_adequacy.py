@@ -1,6 +1,6 @@
 """Verdicts on tuned rings, and what modal masses, torsion and priors add."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -159,7 +159,7 @@ def test_modal_masses_that_contradict_the_frequencies_are_not_used():
     result = tuned(modal_mass_kg=9.81 * MASSES_KG, belt_width_m=0.19)
     assert reasons(result) == [Reason.MASSES]
     assert "9.9 times" in result.verdict.evidence[0].detail
-    assert result.ring == plain.ring
+    assert asdict(result.ring) == pytest.approx(asdict(plain.ring), rel=1e-9)
 
 
 @pytest.mark.parametrize("load", ["dead", "follower"])
