@@ -14,7 +14,7 @@ from ema.core.campaign import Campaign, Processing, Run
 from ema.core.errors import InputError, require_type
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, ForceRecord
-from ema.core.numerics import available_threads
+from ema.core.numerics import available_threads, one_blas_thread
 from ema.core.recording import BlockPlan
 from ema.signals.damage import without_damage, without_lost_samples
 from ema.signals.events import event_plans, find_events, is_one_early_hit, window_findings
@@ -33,6 +33,7 @@ from ema.signals.spectra import Spectra, disagreement, measure_spectra, pooled, 
 _UNEXCITED_DB = -40.0
 
 
+@one_blas_thread
 def estimate_frf(
     campaign: Campaign,
     processing: Processing | None = None,

@@ -25,6 +25,7 @@ from ema.core.edits import Edit, EditKind, of_kind
 from ema.core.errors import FitError, InputError
 from ema.core.finding import Check
 from ema.core.frf import FRF
+from ema.core.numerics import one_blas_thread
 from ema.core.settings import CheckSettings, IdentificationSettings
 from ema.identify import Identification
 from ema.refit import EditCost, edit_cost, refit_modes
@@ -184,6 +185,7 @@ def of_blocks(edits: Sequence[Edit]) -> dict[str, Any]:
     return {name: each for name, each in settings_of(edits).items() if name not in _OF_STORED}
 
 
+@one_blas_thread
 def refit(
     source: Result | Path | str,
     edits: Sequence[Edit] | Record | Path | str,

@@ -18,6 +18,7 @@ from ema.core.campaign import Campaign, Direction, Run, Tyre
 from ema.core.errors import FitError, InputError, unknown
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.modes import ModalModel
+from ema.core.numerics import one_blas_thread
 from ema.identify import Identification
 from ema.io.campaign.manifest import LENGTHS_M, PRESSURES_PA
 from model.identifiability import AT_BOUND, IDENTIFIED
@@ -45,6 +46,7 @@ _LIMITS |= {"belt_width_m": LENGTHS_M}
 _FEWEST_ORDERS = 3  # that determine a ring
 
 
+@one_blas_thread
 def tune(result: Result, options: Options) -> Result:
     """Add ring parameters and validation to identified modes, or the reason why there are none."""
     tyre, modal_model = result.tyre, result.modal_model

@@ -19,6 +19,7 @@ from ema.core.edits import Edit, shorthand
 from ema.core.errors import InputError, require_type
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
+from ema.core.numerics import one_blas_thread
 from ema.identify import Identification
 from ema.signals.steadiness import steadiness_of
 from pipelines.process.refit import (
@@ -49,6 +50,7 @@ _IN_DOUBT = "the angles of the sensors are in doubt, or part of the circle has n
 _FROM_FILE = "FRFs from a file do not state which sensors were on the tyre together"
 
 
+@one_blas_thread
 def process(
     source: str | Path | Sequence[str | Path],
     options: Options | None = None,

@@ -15,6 +15,7 @@ import numpy as np
 
 from ema.core.errors import InputError, require_type, visible
 from ema.core.modes import ModalModel
+from ema.core.numerics import one_blas_thread
 from pipelines.export.workbook import write_workbook
 from pipelines.plots.chart import Chart, Drawn
 from pipelines.process.run import process
@@ -268,6 +269,7 @@ def _quoted(text: Any) -> str:
 PDF, WORKBOOK = "report.pdf", "result.xlsx"
 
 
+@one_blas_thread
 def save(
     result: Result,
     folder: Path | str,
