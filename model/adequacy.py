@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import chdtrc, fdtri  # scipy.stats has the same, and takes 0.5 s to load
 
 from model.arguments import Array
-from model.identifiability import degrees_of_freedom
+from model.identifiability import OUTLIER, WRONG_VALUE, degrees_of_freedom
 from model.parameters import RING_NAMES
 from model.tuning_prior import ModalMasses
 from model.tuning_problem import CIRCUMFERENTIAL, MASS, RADIAL, Search, TuningProblem, plan_search
@@ -107,11 +107,11 @@ class RingVerdict:
         )
 
 
-_MASSES, _TORSION = "masses", "torsion_hz"  # fields of a tuning problem
 _STARTS = 2  # of a tuning that another is compared with
 _LEAST_P = 1e-3  # probability of χ² from which on a deviation is one of the model
 _MISFIT = 4.0  # standard deviations of the model form, rms, from which no ring fits
-_OUTLIER = 4.0  # the same for one order against the ring of the others
+_CLEAR = 4.0  # χ² by which this order explains the deviations better than any other: odds of 7
+_MOST_LIKELY = 2  # orders named where one of them is wrong
 _TELLING = (MASS, RADIAL, CIRCUMFERENTIAL)  # parameters that a tyre does not have near a limit
 _SHIFT_P = 0.01  # probability of residuals so much smaller by chance with every order moved
 _SHIFT_GAIN = 25.0  # χ² by which moved orders must fit frequencies and modal masses better
@@ -140,15 +140,16 @@ def judge_tuning(
         evidence.append(Evidence(Reason.TURNING, detail))
     search = plan_search(problem)
     values, starts = search.run()
-    for known in (_MASSES, _TORSION):
-        search, values, found = _without_contradiction(search, values, known)
-        evidence += found
+    search, values, starts, found = _without_contradicting_masses(search, values, starts)
+    evidence += found
     all_orders = search, values
     # A wrong unit of the modal masses moves no order: their scale is left open.
-    whole = replace(problem, torsion_hz=search.problem.torsion_hz, belt_width_m=None)
-    search, values, found = _without_wrong_order(search, values)
-    for each in found:
-        whole = _without_order(whole, each.order or 0)
+    search, values, found = _without_wrong_value(search, values)
+    if search.problem.torsion_hz is None:
+        all_orders = _restarted(replace(all_orders[0].problem, torsion_hz=None), *all_orders)
+    whole = replace(search.problem, masses=problem.masses, belt_width_m=None)
+    for order in search.problem.left_out:
+        whole = _without_order(whole, order)
     evidence += [
         *found,
         *_misfit(search, values),
@@ -211,54 +212,91 @@ def _chi2(search: Search, values: Array) -> float:
     return float(np.sum(deviations[problem.used] ** 2))
 
 
-def _without_contradiction(
-    search: Search, values: Array, known: str
-) -> tuple[Search, Array, list[Evidence]]:
-    """Drop modal masses or the torsion where the frequencies contradict them, however K may be."""
-    problem = search.problem
-    if getattr(problem, known) is None or problem.objective == "paper":
-        return search, values, []
-    of_torsion = known == _TORSION
-    changed = replace(problem, torsion_hz=None) if of_torsion else replace(problem, masses=None)
-    alone = plan_search(changed)
+def _without_contradicting_masses(
+    search: Search, values: Array, starts: str
+) -> tuple[Search, Array, str, list[Evidence]]:
+    """Drop modal masses where the frequencies contradict them, however K may be."""
+    masses = search.problem.masses
+    if masses is None or search.problem.objective == "paper":
+        return search, values, starts, []
+    alone = plan_search(replace(search.problem, masses=None))
     found, _ = alone.run(_STARTS)
     rise = _cost(search, values) - _cost(alone, found)
-    n_data = 1 if problem.masses is None or of_torsion else problem.masses.orders.size
-    if chdtrc(n_data, max(rise, 0.0)) > _LEAST_P:
-        return search, values, []
-    ring = alone.ring(found)
-    if of_torsion and problem.torsion_hz is not None:
-        ratio = problem.torsion_hz[0] / max(float(problem.torsion_of(ring)[0]), 1.0)
-        reason, what = Reason.TORSION, f"the torsion is {ratio:.3g} times that"
-    else:
-        compared = ring if problem.belt_width_m else search.ring(values)
-        ratio = np.exp(-np.median(problem.mass_deviations(compared)))
-        reason, what = Reason.MASSES, f"modal masses are {ratio:.3g} times those"
-    detail = f"{what} of the ring (χ² +{rise:.0f}) and not used"
-    return alone, found, [Evidence(reason, detail)]
+    if chdtrc(masses.orders.size, max(rise, 0.0)) > _LEAST_P:
+        return search, values, starts, []
+    found, starts = alone.run()  # as without masses from the beginning
+    compared = alone.ring(found) if search.problem.belt_width_m else search.ring(values)
+    ratio = np.exp(-np.median(search.problem.mass_deviations(compared)))
+    detail = f"modal masses are {ratio:.3g} times those of the ring (χ² +{rise:.0f}) and not used"
+    return alone, found, starts, [Evidence(Reason.MASSES, detail)]
 
 
-def _without_wrong_order(search: Search, values: Array) -> tuple[Search, Array, list[Evidence]]:
-    """Leave out the one order without which the others fit; needs two spare frequencies."""
-    spare, problem = degrees_of_freedom(search), search.problem
-    before = _chi2(search, values)
-    if spare < 2 or problem.objective == "paper" or chdtrc(spare, before) > _LEAST_P:
+def _without_wrong_value(search: Search, values: Array) -> tuple[Search, Array, list[Evidence]]:
+    """Leave out the torsion or the one order without which the others fit.
+
+    An order is tried with the error of a wrong one: order 1 far off is no excuse for order 2, whose
+    error k_θ would absorb then. k_θ rests on order 1 and the torsion alone: where these contradict
+    each other, the torsion is left out and order 1 named beside it, with that error.
+    """
+    problem, before = search.problem, _cost(search, values)
+    if problem.objective == "paper" or before < OUTLIER**2:
         return search, values, []
-    tried = {}
+    doubted: dict[int, tuple[Search, Array]] = {}
     for order in problem.orders[problem.used].tolist():
-        one_less, found = _restarted(_without_order(problem, order), search, values)
-        tried[order] = one_less, found, _chi2(one_less, found)
-    order, second = sorted(tried, key=lambda each: tried[each][2])[:2]
-    one_less, found, after = tried[order]
-    clear = before - after > _OUTLIER**2 and tried[second][2] - after > _OUTLIER**2 / 2.0
-    if not clear or chdtrc(spare - 1, after) < _LEAST_P:
+        doubted[order] = _restarted(_with_doubted_order(problem, order), search, values)
+    costs = {order: _cost(*found) for order, found in doubted.items()}
+    best = min(costs, key=lambda order: costs[order])
+    likely = [order for order, cost in costs.items() if cost - costs[best] < _CLEAR]
+    if problem.torsion_hz is not None:
+        alone, found = _restarted(replace(problem, torsion_hz=None), search, values)
+        gain, lead = before - _cost(alone, found), costs[best] - _cost(alone, found)
+        if gain > OUTLIER**2 and lead > -_CLEAR:
+            rival = best if lead < _CLEAR else None
+            return _without_torsion(problem, alone, found, gain, rival)
+    spare = degrees_of_freedom(search) + (problem.torsion_hz is not None) - len(likely)
+    if spare < 1 or before - costs[best] < OUTLIER**2 or len(likely) > _MOST_LIKELY:
         return search, values, []
-    off = one_less.problem.relative_deviations(one_less.ring(found))[problem.orders == order][0]
-    percent = 100 / (1 + off) - 100
-    detail = (
-        f"order {order} deviates by {percent:+.1f} % from the ring of the others: it is left out"
-    )
-    return one_less, found, [Evidence(Reason.ORDER, detail.replace("-", "−"), order)]
+    changed = _without_order(problem, best)
+    if len(likely) > 1:
+        changed = problem
+        for order in likely:
+            changed = _with_doubted_order(changed, order)
+    other, found = _restarted(changed, *doubted[best])
+    if chdtrc(spare, _chi2(other, found)) < _LEAST_P:
+        return search, values, []
+    if len(likely) > 1:
+        names, error = " or ".join(map(str, likely)), f"{100 * WRONG_VALUE:g} %"
+        detail = f"order {names} deviates from the ring of the others: both enter with ± {error}"
+    else:
+        percent = _error_percent(other, found, best)
+        detail = f"order {best} deviates by {percent} % from the ring of the others: it is left out"
+    return other, found, [Evidence(Reason.ORDER, detail, order) for order in likely]
+
+
+def _without_torsion(
+    problem: TuningProblem, alone: Search, found: Array, gain: float, rival: int | None
+) -> tuple[Search, Array, list[Evidence]]:
+    """The ring without the torsion, and with less trust in an order that may be wrong instead."""
+    assert problem.torsion_hz is not None
+    ratio = problem.torsion_hz[0] / max(float(problem.torsion_of(alone.ring(found))[0]), 1.0)
+    detail = f"the torsion is {ratio:.3g} times that of the ring (χ² +{gain:.0f}) and not used"
+    if rival is not None:
+        detail += f"; order {rival} may be the wrong one"
+        alone, found = _restarted(_with_doubted_order(alone.problem, rival), alone, found)
+    return alone, found, [Evidence(Reason.TORSION, detail, rival)]
+
+
+def _with_doubted_order(problem: TuningProblem, order: int) -> TuningProblem:
+    """The problem with the error of a wrong order for one."""
+    own = np.zeros(problem.orders.size) if problem.relative_std is None else problem.relative_std
+    return replace(problem, relative_std=np.where(problem.orders == order, WRONG_VALUE, own))
+
+
+def _error_percent(search: Search, values: Array, order: int) -> str:
+    """By how much a measured frequency deviates from that of the ring, percent."""
+    problem = search.problem
+    off = problem.relative_deviations(search.ring(values))[problem.orders == order][0]
+    return f"{100 / (1 + off) - 100:+.1f}".replace("-", "−")
 
 
 def _misfit(search: Search, values: Array) -> list[Evidence]:

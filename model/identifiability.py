@@ -22,6 +22,13 @@ AT_BOUND = "at bound"
 #: A standard deviation above this share of the value means that the data do not determine it: two
 #: of them are then half the value.
 LARGEST_RELATIVE_STD = 0.25
+#: Relative error of one frequency that is wrong: the other member of a split pair, a neighbouring
+#: mode, a rim that gives way. A larger one is not expected.
+WRONG_VALUE = 0.05
+#: Standard deviations from which on one value among all others is told to be wrong: 0.4 % of eight
+#: right ones.
+OUTLIER = 3.5
+_LARGEST_HIDDEN = 0.5  # share of a parameter by which such an error, unseen, may change it
 _RANK = 1e-9  # singular value over the largest one that counts as zero
 #: Parameters that the frequencies of a ring depend on, besides its radius.
 SENSITIVE = (
@@ -255,6 +262,25 @@ def posterior_spread(search: Search, values: Array) -> Spread:
     total = np.array([rows[name] for name in names]).reshape(len(names), -1)
     free_std = dict(zip(search.free, np.linalg.norm(moved, axis=1).tolist(), strict=True))
     return Spread(names, total @ total.T, fit, free_std)
+
+
+def rests_on_one_value(search: Search, fit: LinearFit) -> dict[str, bool]:
+    """Whether one wrong frequency or torsion, seen by nothing, would change a parameter by half.
+
+    External reliability (Baarda 1968): an error e of one value leaves √r·e in its residual, with
+    the redundancy r that the other values give it. Without spare frequencies the verdict says so
+    of the whole ring; eq 18 has no test.
+    """
+    problem = search.problem
+    if problem.objective == "paper" or degrees_of_freedom(search) <= 0:
+        return {}
+    torsion = [] if problem.torsion_error is None else [problem.torsion_error]
+    largest = WRONG_VALUE / np.concatenate([problem.frequency_errors[problem.used], torsion])
+    moved = fit.moved(np.eye(fit.residual_slope.shape[0], largest.size))
+    redundancy = 1.0 + np.sum(fit.residual_slope[: largest.size] * moved.T, axis=1)
+    hidden = np.minimum(largest, OUTLIER / np.sqrt(np.maximum(redundancy, _RANK)))
+    change = np.abs(moved * hidden).max(axis=1)
+    return dict(zip(fit.names, (change > _LARGEST_HIDDEN * fit.values).tolist(), strict=True))
 
 
 def _ring_rows(search: Search, values: Array) -> dict[str, Array]:

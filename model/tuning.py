@@ -26,6 +26,7 @@ from model.identifiability import (
     frequency_sensitivity,
     model_form_std,
     posterior_spread,
+    rests_on_one_value,
 )
 from model.parameters import RING_NAMES, RingParameters, as_typed, listed_parameters
 from model.tuning_prior import TuningPriors, modal_masses
@@ -314,7 +315,7 @@ def _how(search: Search, values: Array, spread: Spread) -> dict[str, str]:
     if problem.belt_width_m is not None:
         how[WIDTH] = GIVEN
     bound = dict(zip(search.free, search.at_bound(values).tolist(), strict=True))
-    undetermined = spread.fit.undetermined()
+    undetermined, unproven = spread.fit.undetermined(), rests_on_one_value(search, spread.fit)
     for name in (*PARAMETERS, *({WIDTH} & set(search.free))):
         source = RADIAL_GROWTH if name == AXIAL else name
         if name in problem.given:
@@ -325,10 +326,10 @@ def _how(search: Search, values: Array, spread: Spread) -> dict[str, str]:
             how[name] = AT_BOUND
         else:
             value, std = getattr(ring, name), spread.std.get(name, 0.0)
-            vague = undetermined.get(source, False) or std > LARGEST_RELATIVE_STD * value
-            how[name] = (
-                NOT_IDENTIFIED if vague or _hardly_narrowed(search, spread, source) else IDENTIFIED
-            )
+            vague = undetermined.get(source, False) or unproven.get(source, False)
+            vague = vague or std > LARGEST_RELATIVE_STD * value
+            vague = vague or _hardly_narrowed(search, spread, source)
+            how[name] = NOT_IDENTIFIED if vague else IDENTIFIED
     return how
 
 
@@ -374,7 +375,8 @@ def _remarks(search: Search, values: Array, how: dict[str, str], form: float) ->
         if how.get(name) == NOT_IDENTIFIED:
             remarks.append(
                 f"The {_title(name)} is not identified: its standard deviation exceeds a quarter "
-                "of its value, or other parameters can replace it."
+                "of its value, other parameters can replace it, or one frequency alone determines "
+                "it (order 1 for k_θ, unless tangential sensors measure the torsion too)."
             )
         if how.get(name) == AT_BOUND:
             remarks.append(f"The {_title(name)} is at a bound of its range.")

@@ -116,6 +116,13 @@ class TuningProblem(ReadonlyArrays):
         return np.hypot(own, self.priors.model_form_std) * np.ones(self.orders.size)
 
     @property
+    def torsion_error(self) -> float | None:
+        """The same of the torsion, where it is measured."""
+        if self.torsion_hz is None:
+            return None
+        return float(np.hypot(self.torsion_hz[1] / self.torsion_hz[0], self.priors.model_form_std))
+
+    @property
     def determines_width(self) -> bool:
         """Whether the belt width follows from modal masses."""
         return self.masses is not None and self.belt_width_m is None
@@ -184,9 +191,7 @@ class TuningProblem(ReadonlyArrays):
             return parts[0]
         parts[0] = parts[0] / self.frequency_errors[used]
         if self.torsion_hz is not None:
-            measured, std = self.torsion_hz
-            error = np.hypot(std / measured, self.priors.model_form_std)
-            parts.append((self.torsion_of(ring) / measured - 1.0) / error)
+            parts.append((self.torsion_of(ring) / self.torsion_hz[0] - 1.0) / self.torsion_error)
         if self.masses is not None:
             whitened = solve_triangular(self._mass_root, self.mass_deviations(ring).T, lower=True)
             parts.append(whitened.T)
