@@ -10,6 +10,7 @@ from ema.core.display import band_text, counted, value_with_std
 from ema.core.errors import InputError
 from ema.core.modes import Chosen
 from model import TuningResult
+from model.adequacy import State
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table, say, shown, warn
@@ -227,7 +228,10 @@ def show(
         title = f"Ring parameters, pressure as {tuning.pressure_load} load"
         print_table(title, head, cells, texts=("ring parameter", "unit", "obtained"))
     for remark in overall.remarks:
-        warn(remark.text)
+        if remark.state is State.GOOD:
+            _LOG.info("Note: %s", remark.text)
+        else:
+            warn(remark.text)
     for note in result.notes:
         _LOG.info("Note: %s", note)
     say(f"Verdict: {overall.line}")

@@ -81,7 +81,7 @@ class Chart:
             layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
         if last.bare:
             layout["margin"] = {"l": 4, "r": 4, "t": 26, "b": 4}
-            layout["legend"] = {"y": -0.01, "yanchor": "top"}
+            layout["legend"] = {"yref": "paper", "y": -0.01, "yanchor": "top"}
         return {key: value for key, value in layout.items() if value != []}
 
 
@@ -211,7 +211,7 @@ def _error(half: NDArray[np.float64]) -> Trace:
 
 def _map(shown: go.Map, panel: go.Panel) -> Trace:
     rows, columns = (np.arange(size) for size in shown.z.shape)
-    title = {"title": {"text": shown.label}} if shown.label else {}
+    title = {"title": {"text": shown.label, "side": "right"}} if shown.label else {}
     trace: Trace = {
         "type": "heatmap",
         "x": _named(columns, panel.x) if shown.x is None else packed(shown.x),

@@ -45,7 +45,7 @@ function layoutOf(chart, style, width) {
     hoverlabel: { bgcolor: "--card", bordercolor: "--soft", font: { color: "--ink" } },
     modebar: { bgcolor: "rgba(0,0,0,0)", color: "--soft", activecolor: "--accent" },
     legend: {
-      bgcolor: "rgba(0,0,0,0)", orientation: "h", x: 0, y: 1.01, yanchor: "bottom", ...legend,
+      bgcolor: "rgba(0,0,0,0)", orientation: "h", x: 0, yref: "container", y: 1, yanchor: "top", ...legend,
     },
     dragmode: TOUCHED ? false : "zoom", // a finger scrolls the page
     uirevision: "kept", // a redrawing keeps what was zoomed or switched off

@@ -16,7 +16,8 @@ from ema.circumference.orders import PURE
 from ema.core.display import counted, number
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
-from ema.core.modes import Mode
+from ema.core.modes import Flag, Mode, Pair
+from ema.poles.stability import Opinion
 from model.adequacy import Evidence, Reason, RingVerdict, State
 from model.coefficients import PressureLoad
 from model.identifiability import AT_BOUND, NOT_IDENTIFIED
@@ -28,6 +29,10 @@ WORDS = {State.GOOD: "Good", State.DOUBTFUL: "Usable with care", State.BAD: "Not
 SIGNS = {State.GOOD: "✓", State.DOUBTFUL: "!", State.BAD: "×"}
 # Loss of about 4 % of the pressure, or 5 to 10 °C: the runs are of one tyre in different states.
 _BAD_DRIFT_PERCENT = 1.0
+_USUAL_SENSOR_G = 5.0  # a small accelerometer with wax or magnet
+_HEAVY_PERCENT = 1.0  # a shift of the frequencies by that sensor, as large as that of a bad drift
+# What the ring is there for; the other parameters matter at orders that few tests reach.
+_ESSENTIAL = ("mass_per_area_kg_m2", "radial_stiffness_n_m3", "circumferential_stiffness_n_m3")
 _BAD_EXCLUDED = 0.1  # share of the positions: more than one sensor in ten calls for a new test
 _MOST_PLACES = 2  # that are named
 _POOR_FRAC = 0.9  # median, below which the modes do not explain the FRFs
@@ -41,12 +46,15 @@ _FIRST = (
 
 @dataclass(frozen=True)
 class Remark:
-    """Something that the reader of a result should know."""
+    """Something that the reader of a result should know.
+
+    A remark whose state is good is no fault: a limit of what such a test can tell.
+    """
 
     state: State  # what it makes of the result
     text: str  # sentences
     section: str  # anchor of the section of the report that has the details
-    brief: str = ""  # why the result is bad, in a few words
+    brief: str = ""  # in a few words, for the line
 
 
 @dataclass(frozen=True)
@@ -61,9 +69,12 @@ class Overall:
 def judge(result: Result) -> Overall:
     """The verdict on a result as a whole."""
     found = sorted(_remarks(result), key=lambda each: -list(State).index(each.state))
-    state = found[0].state if found else State.GOOD
-    line = "; ".join(each.brief for each in found if each.state == State.BAD and each.brief)
-    return Overall(state, f"{WORDS[state]}: {line or _content(result)}.", tuple(found))
+    state = found[0].state if found else State.GOOD  # the worst
+    limits, doubts, faults = (
+        [each.brief for each in found if each.state == wanted and each.brief] for wanted in State
+    )
+    line = "; ".join(faults or [*doubts, *_content(result), *limits])
+    return Overall(state, f"{WORDS[state]}: {line}.", tuple(found))
 
 
 def orders_in_doubt(result: Result) -> bool:
@@ -72,9 +83,20 @@ def orders_in_doubt(result: Result) -> bool:
 
 
 def ring_is_usable(result: Result) -> bool:
-    """Whether there are ring parameters that may be shown as a result."""
-    tuning = result.tuning
-    return tuning is not None and tuning.verdict.state != State.BAD and not orders_in_doubt(result)
+    """Whether there are ring parameters that may be shown as a result.
+
+    After a bad drift nobody knows which run had the pressure that they rest on.
+    """
+    doubt = orders_in_doubt(result) or drift_percent(result) > _BAD_DRIFT_PERCENT
+    return result.tuning is not None and result.tuning.verdict.state != State.BAD and not doubt
+
+
+def drift_percent(result: Result) -> float:
+    """Largest change of a natural frequency between the runs."""
+    model = result.modal_model
+    if not (model.drift.run and model.modes):
+        return 0.0
+    return float(np.max(np.abs(model.drift.at(model.frequencies_hz[:, None]))))
 
 
 def order_is_mixed(mode: Mode) -> bool:
@@ -101,7 +123,7 @@ def in_words(findings: list[Finding]) -> str:
     return text if len(findings) == 1 else f"{text} (and {len(findings) - 1} more)"
 
 
-def _content(result: Result) -> str:
+def _content(result: Result) -> list[str]:
     """What was found, where nothing speaks against it."""
     modes, tuning = result.modal_model.modes, result.tuning
     orders = sorted({mode.order for mode in modes if mode.order is not None})
@@ -110,9 +132,7 @@ def _content(result: Result) -> str:
     if tuning is not None and result.validation is not None:
         worst = np.abs(result.validation.error_percent).max()
         parts.append(f"ring model within {worst:.2g} %")
-        if missing := _named(tuning.how, NOT_IDENTIFIED):
-            parts.append(f"{counted(len(missing), 'ring parameter')} not identified")
-    return "; ".join(parts)
+    return parts
 
 
 def _runs(orders: list[int]) -> str:
@@ -154,8 +174,7 @@ def _of_findings(result: Result) -> Iterator[Remark]:
 
 
 def _drift(result: Result) -> Remark:
-    drift, model = result.modal_model.drift, result.modal_model
-    largest = float(np.max(np.abs(drift.at(model.frequencies_hz[:, None]))))
+    largest = drift_percent(result)
     state = State.BAD if largest > _BAD_DRIFT_PERCENT else State.DOUBTFUL
     brief = f"frequencies drift by {largest:.2g} % between the runs"
     text = f"Drift: the natural frequencies change by up to {largest:.2g} % between the runs"
@@ -188,9 +207,9 @@ def _of_ring(result: Result) -> Iterator[Remark]:
     if result.tuning is None or orders_in_doubt(result):
         return
     for each in result.tuning.verdict.evidence:
-        brief = f"no ring parameters ({each.reason.meaning})"
-        text = f"Ring model: {each.reason.meaning} ({each.detail})."
-        yield Remark(each.reason.state, text, "parameters", brief)
+        meaning, state = each.reason.meaning, each.reason.state
+        brief = f"no ring parameters ({meaning})" if state == State.BAD else meaning
+        yield Remark(state, f"Ring model: {meaning} ({each.detail}).", "parameters", brief)
 
 
 def _of_modes(result: Result) -> Iterator[Remark]:
@@ -200,7 +219,9 @@ def _of_modes(result: Result) -> Iterator[Remark]:
         yield Remark(State.DOUBTFUL, text, "modes")
     doubtful = Counter(mode.status for mode in model.modes if mode.doubtful)
     for status, count in doubtful.items():
-        yield Remark(State.DOUBTFUL, f"{counted(count, 'mode')}: {status}.", "modes")
+        # Air and rim have modes in the band of most tyres.
+        state = State.GOOD if status == Flag.NOT_RING_MODE else State.DOUBTFUL
+        yield Remark(state, f"{counted(count, 'mode')}: {status}.", "modes")
     if model.modes and np.median(model.frac) < _POOR_FRAC:
         text = f"The modes explain the FRFs poorly: median FRAC {np.median(model.frac):.2f}."
         yield Remark(State.DOUBTFUL, text, "frf")
@@ -208,15 +229,39 @@ def _of_modes(result: Result) -> Iterator[Remark]:
 
 
 def _of_second_estimator(result: Result) -> Iterator[Remark]:
-    n_modes = len(result.modal_model.modes)
-    apart = [isfinite(each.mode_hz) for each in result.opinions if not each.agrees]
-    if (further := apart.count(False)) >= max(n_modes, 1):
-        brief = f"a second estimator finds {further} poles beside the {counted(n_modes, 'mode')}"
+    modes = result.modal_model.modes
+    apart = [isfinite(each.mode_hz) for each in _disagreements(result)]
+    disputed, further = apart.count(True), apart.count(False)
+    if further >= max(len(modes), 1):
+        brief = f"a second estimator finds {further} poles beside the {counted(len(modes), 'mode')}"
         yield Remark(State.BAD, f"{brief[0].upper()}{brief[1:]}.", "modes", brief)
-    elif apart:
-        text = f"A second estimator disagrees on {apart.count(True)} of {counted(n_modes, 'mode')}"
-        text += f" and finds {counted(further, 'further pole')}" if further else ""
-        yield Remark(State.DOUBTFUL, f"{text}.", "modes")
+    elif disputed:
+        brief = f"a second estimator disagrees on {disputed} of {counted(len(modes), 'mode')}"
+        more = f" and finds {counted(further, 'further pole')}" if further else ""
+        text = f"{brief[0].upper()}{brief[1:]}{more}."
+        yield Remark(State.DOUBTFUL, text, "modes", brief)
+    elif further:
+        text = (
+            f"A second estimator confirms every mode and finds {counted(further, 'further pole')}."
+        )
+        yield Remark(State.GOOD, text, "modes")
+
+
+def _disagreements(result: Result) -> list[Opinion]:
+    """Opinions against the modes; one pole for a resolved pair is none: few estimators tell two."""
+    modes = result.modal_model.modes
+
+    def mode_of(opinion: Opinion) -> Mode:
+        return min(modes, key=lambda mode: abs(mode.frequency_hz - opinion.mode_hz))
+
+    confirmed = {mode_of(each).order for each in result.opinions if each.agrees}
+
+    def is_partner(opinion: Opinion) -> bool:
+        if not isfinite(opinion.mode_hz) or isfinite(opinion.frequency_hz):
+            return False
+        return (mode := mode_of(opinion)).pair is Pair.RESOLVED and mode.order in confirmed
+
+    return [each for each in result.opinions if not (each.agrees or is_partner(each))]
 
 
 def _of_parameters(result: Result) -> Iterator[Remark]:
@@ -225,8 +270,10 @@ def _of_parameters(result: Result) -> Iterator[Remark]:
         return
     how = tuning.how | (damping.how if damping is not None else {})
     if missing := _named(how, NOT_IDENTIFIED):
+        essential = any(how[name] == NOT_IDENTIFIED for name in _ESSENTIAL)
+        brief = f"not identified: {', '.join(missing)}"
         text = f"Not identified: {', '.join(missing)}; values and ± are assumptions."
-        yield Remark(State.DOUBTFUL, text, "parameters")
+        yield Remark(State.DOUBTFUL if essential else State.GOOD, text, "parameters", brief)
     if bound := _named(how, AT_BOUND):
         text = f"At a limit of the search: {', '.join(bound)}; the value is not an optimum."
         yield Remark(State.DOUBTFUL, text, "parameters")
@@ -246,7 +293,9 @@ def _of_sensor_mass(result: Result) -> Iterator[Remark]:
             f"Sensor mass not compensated: each gram per sensor lowers the frequencies by "
             f"{number(shift, 1)} %, their ± is {number(std, 1)} %; state mass_kg in [sensors]."
         )
-        yield Remark(State.DOUBTFUL, text, "modes")
+        heavy = _USUAL_SENSOR_G * shift > _HEAVY_PERCENT
+        brief = "sensor mass not compensated"
+        yield Remark(State.DOUBTFUL if heavy else State.GOOD, text, "modes", brief)
 
 
 def _named(how: dict[str, str], wanted: str) -> list[str]:
