@@ -15,6 +15,7 @@ from ema import identify_modes as identify_modes
 from ema import read_campaign as read_campaign
 from ema import read_shapes as read_shapes
 from ema import select_poles as select_poles
+from ema.core.campaign import Tyre as Tyre
 from ema.core.mac import auto_mac as auto_mac
 from ema.core.mac import frac as frac
 from ema.core.mac import mac as mac

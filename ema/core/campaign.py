@@ -7,6 +7,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ema.core.display import as_typed, counted, facts, number, table
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
@@ -16,7 +18,16 @@ from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, Identificat
 
 @dataclass(frozen=True)
 class Tyre:
-    """Identity and given data of the tyre, from the manifest's ``[tyre]``."""
+    """Identity and given data of the tyre, from the manifest's ``[tyre]``.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> tyre = rm.Tyre("225/55R17", inflation_pressure_pa=2.2e5, mean_radius_m=0.33)
+    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
+    >>> rm.process(rm.Campaign("notebook", frf=frf, tyre=tyre, excitation_deg=0.0))
+    <Result notebook: 9 modes, ring tuned, 0 warnings>
+    """
 
     designation: str
     inflation_pressure_pa: float | None = None
@@ -176,7 +187,8 @@ class Campaign:
     @property
     def has_circle(self) -> bool:
         """Whether the positions lie on a closed circle, so that circumferential orders exist."""
-        return self.positions is not None
+        placed = self.frf is not None and bool(np.isfinite(self.frf.position_deg).all())
+        return self.positions is not None or placed
 
     def mass_of(self, channel: str) -> float | None:
         """Mass of the sensor of a channel in kg; None where it is not given."""

@@ -19,7 +19,7 @@ from pipelines.compare.shape_source import Alignment
 from pipelines.compare.summary import COMPARISON_HEAD, comparison_record, comparison_rows, findings
 from pipelines.report.comparison import write_comparison, write_comparisons, write_shape_comparison
 from pipelines.report.page import read_template
-from pipelines.results.options import Options
+from pipelines.results.options import Options, Units
 from pipelines.storage.atomic import file_written_whole, require_free_file
 
 WAYS, DIRECTIONS = ("angle", "node"), ("radial", "x", "y", "z")
@@ -35,6 +35,7 @@ def compare(
     out: Annotated[Path, opt.target("Page", (".html",))] = Path("comparison.html"),
     force: Annotated[bool, opt.replacing("an earlier page")] = False,
     accept_changes: opt.AcceptChanges = False,
+    units: opt.UnitSystem = None,
     as_json: opt.Json = False,
 ) -> None:
     """Compare results: frequencies, damping, shapes and ring parameters, with significance.
@@ -48,7 +49,7 @@ def compare(
     """  # noqa: D406, D407 - a heading of the help
     with reporting_outcome(out):
         comparisons = [
-            compare_folders(first, other, accept_changes=accept_changes)
+            compare_folders(first, other, accept_changes=accept_changes, units=units or Units.LAB)
             for other in (second, *(others or ()))
         ]
         if len(comparisons) == 1:

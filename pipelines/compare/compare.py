@@ -29,6 +29,7 @@ from pipelines.compare.modes import (
 )
 from pipelines.compare.significance import Agreement, ParameterChange, agreement, parameter_changes
 from pipelines.process.ring import retune
+from pipelines.results.options import Units
 from pipelines.results.parameter_set import tuned_parameters
 from pipelines.results.result import Result
 from pipelines.results.tables import short
@@ -64,6 +65,8 @@ class Comparison:
         Caveats, as sentences.
     agreement : Agreement or None
         All modes together; None where no standard deviation is known.
+    units : Units
+        That parameters and conditions are shown in.
 
     Examples
     --------
@@ -86,6 +89,15 @@ class Comparison:
     processing: tuple[Contrast, ...]
     doubts: tuple[str, ...]
     agreement: Agreement | None
+    units: Units = Units.LAB
+
+    def __repr__(self) -> str:
+        moved = sum(mode.frequency.is_significant for mode in self.modes)
+        alone = len(self.only_first) + len(self.only_second)
+        return (
+            f"<Comparison {' → '.join(self.names)}: {len(self.modes)} modes in both, {moved} with "
+            f"another frequency; {alone} in one only>"
+        )
 
     @property
     def differing(self) -> tuple[Contrast, ...]:
@@ -98,7 +110,7 @@ class Comparison:
         return not self.differing and not same_recordings(self.first, self.second)
 
 
-def compare(first: Result, second: Result) -> Comparison:
+def compare(first: Result, second: Result, units: Units = Units.LAB) -> Comparison:
     """Compare two results: modes, shapes, ring parameters and how each was obtained.
 
     Differences of frequencies and damping ratios are tested together, those of identified ring
@@ -109,6 +121,8 @@ def compare(first: Result, second: Result) -> Comparison:
     ----------
     first, second : Result
         Tuned where ring parameters are to be compared (`pipelines.process.ring.tune`).
+    units : Units
+        That parameters and conditions are shown in.
 
     Examples
     --------
@@ -125,7 +139,7 @@ def compare(first: Result, second: Result) -> Comparison:
     table, _ = common_shapes(one.model, two.model)
     matches = match_modes(one.model.modes, two.model.modes, table)
     modes = matched_modes(one, two, matches, table)
-    conditions = condition_contrasts(first, second)
+    conditions = condition_contrasts(first, second, units)
     processing = processing_contrasts(first, second)
     return Comparison(
         first=first,
@@ -144,11 +158,12 @@ def compare(first: Result, second: Result) -> Comparison:
         processing=processing,
         doubts=doubts(first, second, modes, conditions, processing),
         agreement=agreement([m.frequency for m in modes], [m.damping for m in modes]),
+        units=units,
     )
 
 
 def compare_folders(
-    first: Path | str, second: Path | str, *, accept_changes: bool = False
+    first: Path | str, second: Path | str, *, accept_changes: bool = False, units: Units = Units.LAB
 ) -> Comparison:
     """Compare two result folders; each ring is tuned as it was before.
 
@@ -157,6 +172,8 @@ def compare_folders(
     first, second : path
     accept_changes : bool
         Accept results of which parts were changed; `Comparison.doubts` then names them.
+    units : Units
+        That parameters and conditions are shown in.
 
     Raises
     ------
@@ -171,7 +188,7 @@ def compare_folders(
     True
     """
     one, two = (retune(Path(each), accept_changes=accept_changes) for each in (first, second))
-    return compare(one, two)
+    return compare(one, two, units)
 
 
 def _names(first: str, second: str) -> tuple[str, str]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from ema.core.display import plain
 from pipelines.compare.modes import LOWEST_MAC, MatchedMode
+from pipelines.results.options import Units, quantity
 from pipelines.results.provenance import accepted_notes
 from pipelines.results.result import Result
 from pipelines.results.tables import named, short
@@ -47,6 +48,9 @@ OPTIONS = {
     "software.ringmodal": "version of ringmodal",
 }
 NO_TYRE = "structure, not described as a tyre"
+_QUANTITIES = {"inflation_pressure_bar": ("Pa", 1e5)} | dict.fromkeys(
+    ("mean_radius_m", "belt_width_m"), ("m", 1.0)
+)
 
 
 @dataclass(frozen=True)
@@ -76,15 +80,22 @@ class Contrast:
         return bool(self.first) != bool(self.second)
 
 
-def condition_contrasts(first: Result, second: Result) -> tuple[Contrast, ...]:
+def condition_contrasts(first: Result, second: Result, units: Units) -> tuple[Contrast, ...]:
     """Tyre, conditions and set-up that at least one of two results states."""
     one, two = _stated(first), _stated(second)
     contrasts = []
     for key in dict.fromkeys([*one, *two]):
         texts = one.get(key, ""), two.get(key, "")
-        one_text, two_text = (named(key, text)[1] if text else "" for text in texts)
+        one_text, two_text = (_with_unit(key, text, units) for text in texts)
         contrasts.append(Contrast(key, named(key, "")[0], one_text, two_text, _differ(*texts)))
     return tuple(each for each in contrasts if each.first or each.second)
+
+
+def _with_unit(key: str, text: str, units: Units) -> str:
+    if not text or key not in _QUANTITIES:
+        return named(key, text)[1] if text else ""
+    unit, factor = _QUANTITIES[key]
+    return quantity(float(text) * factor, unit, units)
 
 
 def processing_contrasts(first: Result, second: Result) -> tuple[Contrast, ...]:

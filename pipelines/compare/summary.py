@@ -20,6 +20,7 @@ from pipelines.compare.significance import (
     Scatter,
     Verdict,
 )
+from pipelines.results.options import Units, with_unit
 from pipelines.results.result import Result
 
 CAUTION = (
@@ -230,7 +231,7 @@ def damping_rows(comparison: Comparison) -> tuple[Row, ...]:
 
 def parameter_rows(comparison: Comparison) -> tuple[Row, ...]:
     """Ring and damping parameters under `PARAMETER_HEAD`."""
-    return tuple(_parameter_row(change) for change in comparison.parameters)
+    return tuple(_parameter_row(change, comparison.units) for change in comparison.parameters)
 
 
 def contrast_rows(contrasts: tuple[Contrast, ...]) -> tuple[Row, ...]:
@@ -266,11 +267,13 @@ def _mode_row(mode: MatchedMode, difference: Difference, std: str, scale: float 
     )
 
 
-def _parameter_row(change: ParameterChange) -> Row:
-    title, _, unit = (RING_NAMES | DAMPING_NAMES)[change.name]
+def _parameter_row(change: ParameterChange, units: Units) -> Row:
+    title, _, si_unit = (RING_NAMES | DAMPING_NAMES)[change.name]
     difference = change.difference
+    _, _, unit = with_unit(1.0, None, si_unit, units)
 
-    def text(value: float, std: float, how: str) -> str:
+    def text(si_value: float, si_std: float, how: str) -> str:
+        value, std, _ = with_unit(si_value, si_std, si_unit, units)
         return plain(value) if how == GIVEN else value_with_std(value, std)
 
     return (

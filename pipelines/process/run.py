@@ -52,7 +52,7 @@ _FROM_FILE = "FRFs from a file do not state which sensors were on the tyre toget
 
 @one_blas_thread
 def process(
-    source: str | Path | Sequence[str | Path],
+    source: str | Path | Sequence[str | Path] | Campaign,
     options: Options | None = None,
     progress: Callable[[str], None] | None = None,
     run_progress: Callable[[int, int], None] | None = None,
@@ -62,8 +62,9 @@ def process(
 
     Parameters
     ----------
-    source : path or sequence of paths
-        A campaign's folder, its manifest, or recordings.
+    source : path, sequence of paths, or Campaign
+        A campaign's folder, its manifest, or recordings; or a campaign in memory, such as one with
+        FRFs from arrays.
     options : Options, optional
     progress : callable, optional
         Called with the name of each stage as it starts.
@@ -137,9 +138,9 @@ def process(
     return with_record(replace(result, provenance=about), asked, record)
 
 
-def _read(source: str | Path | Sequence[str | Path], options: Options) -> Campaign:
+def _read(source: str | Path | Sequence[str | Path] | Campaign, options: Options) -> Campaign:
     """The campaign with the settings of the call; refused if it does not suffice for them."""
-    campaign = ema.read_campaign(source)
+    campaign = source if isinstance(source, Campaign) else ema.read_campaign(source)
     _require_ring_data(campaign, options)
     if options.strict:
         refuse_warnings(campaign.findings)
@@ -185,19 +186,23 @@ def _require_ring_data(campaign: Campaign, options: Options) -> None:
         return
     for name in ("inflation_pressure_pa", "mean_radius_m"):
         if getattr(campaign.tyre, name) is None:
-            where = f"{campaign.sources[0].name}, [tyre]"
+            where = f"{_origin(campaign)}, [tyre]"
             rule = "ring parameters cannot be determined without it"
             remedy = f"Add {name} = …, or stop at the modes with --no-tune"
             raise InputError(where, f"no {name}", rule, remedy)
     numbered = not any(finding.check == Check.NODE for finding in campaign.findings)
     if len(campaign.runs) > 1 and not campaign.has_circle and not numbered:
         raise InputError(
-            campaign.sources[0].name,
+            _origin(campaign),
             f"{len(campaign.runs)} runs whose sensors have neither position nor node",
             "sensors of one name are averaged over the runs, but they move if the tyre is turned",
             "Add [grid] positions = … and positions_deg = { sensor = angle, … } to every [[runs]], "
             "or stop at the modes with --no-tune if they stayed in place",
         )
+
+
+def _origin(campaign: Campaign) -> str:
+    return campaign.sources[0].name if campaign.sources else campaign.name
 
 
 def _with_band(campaign: Campaign, frf: FRF) -> tuple[Campaign, tuple[float, float]]:

@@ -36,6 +36,7 @@ from pipelines.report.page import (
     render_page,
 )
 from pipelines.report.summary import DEFINITIONS, input_files
+from pipelines.results.options import with_unit
 from pipelines.results.tables import each_once, short
 from pipelines.storage.atomic import file_written_whole, require_free_file
 
@@ -340,12 +341,14 @@ def _cell(found: MatchedMode | None, difference: Callable[[MatchedMode], Differe
 def _parameters_of_all(names: Sequence[str], comparisons: Sequence[Comparison]) -> Section:
     by_name = [{change.name: change for change in each.parameters} for each in comparisons]
     rows = []
-    for name, (title, symbol, unit) in (RING_NAMES | DAMPING_NAMES).items():
+    units = comparisons[0].units
+    for name, (title, symbol, si_unit) in (RING_NAMES | DAMPING_NAMES).items():
         found = [changes.get(name) for changes in by_name]
         known = [each for each in found if each is not None]
         if not known:
             continue
-        first = value_with_std(known[0].difference.first, known[0].first_std)
+        value, std, unit = with_unit(known[0].difference.first, known[0].first_std, si_unit, units)
+        first = value_with_std(value, std)
         cells = [
             DASH
             if each is None

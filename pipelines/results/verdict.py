@@ -284,7 +284,10 @@ def _of_sensor_mass(result: Result) -> Iterator[Remark]:
     runs = Counter(name for names in result.measured.run for name in names.split("+"))
     if result.sensor_mass is not None or not runs:
         return
-    sensors = max(runs.values()) + (result.reference_deg is not None)
+    # FRFs that were read do not state which sensors were on the tyre together: one at least.
+    sensors = (
+        max(runs.values()) + (result.reference_deg is not None) if result.measured.forces else 1
+    )
     shift = percent_per_gram(result.modal_model, sensors, result.excitation_deg or 0.0)
     stds = [100 * mode.frequency_std_hz / mode.frequency_hz for mode in result.modal_model.modes]
     std = float(np.median(stds)) if stds else float("nan")

@@ -36,6 +36,7 @@ from pipelines.report.comparison import (
     write_comparison,
     write_comparisons,
 )
+from pipelines.results.options import Units
 
 HOSTILE = '<script>alert("x")</script>' + "long" * 2500
 
@@ -132,6 +133,18 @@ def test_rows_fit_their_heads(rising):
         assert {len(row) for row in rows} == {len(head)}
     assert frequency_rows(rising)[0][4] == "+2.000 ± 0.028"
     assert damping_rows(rising)[0][1] == "4.12 ± 0.04"
+
+
+@pytest.mark.parametrize(
+    ("units", "pressure", "radius"),
+    [(Units.LAB, ("2.2 bar", "2.4 bar"), "330"), (Units.SI, ("220 kPa", "240 kPa"), "0.33")],
+)
+def test_units_are_those_asked_for(rising, units, pressure, radius):
+    found = compare(rising.first, rising.second, units)
+    stated = {each.name: (each.first, each.second) for each in found.conditions}
+    assert stated["Inflation pressure"] == pressure
+    rows = {row[0]: row for row in parameter_rows(found)}
+    assert rows["mean radius"][1:3] == ("mm" if units is Units.LAB else "m", radius)
 
 
 def test_the_record_is_json_with_everything_found(rising):

@@ -279,7 +279,7 @@ def test_frfs_of_a_structure_can_be_processed_as_drafted(tmp_path):
     shutil.copy(path, tmp_path)
     draft, content = drafted(tmp_path)
     assert draft.missing == ()
-    assert set(content) == {"schema", "runs"}
+    assert {name for name, part in content.items() if part} == {"schema", "runs"}
     assert list(ema.read_campaign(tmp_path).frf.node) == list(range(1, 11))
 
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from builders import SHARED_DATA
 
-from ema.core.campaign import Processing
+from ema.core.campaign import Campaign, Processing, Tyre
 from ema.core.errors import InputError
+from ema.core.frf import FRF
 from ema.core.mac import mac
 from ema.io.campaign.read import read_campaign
 from pipelines.process.ring import tune
@@ -37,6 +38,21 @@ def assert_table_3(modal_model, truth, *, frequency=1e-3, damping=0.03):
 def test_the_sample_campaign_gives_table_3_back(sample_result, truth):
     assert_table_3(sample_result.modal_model, truth)
     assert not any("bound" in mode.status for mode in sample_result.modal_model.modes)
+
+
+def test_frfs_of_arrays_become_a_whole_result(sample_result, tmp_path):
+    given = sample_result.measured
+    angle_deg = np.arange(0.0, 360.0, 5.0)
+    frf = FRF.from_arrays(given.frequency_hz, given.values, angles_deg=angle_deg)
+    campaign = Campaign("arrays", frf=frf, tyre=sample_result.tyre, excitation_deg=0.0)
+    result = process(campaign)
+    assert [m.order for m in result.modal_model.modes] == list(range(1, 10))
+    ring, expected = result.tuning.ring, sample_result.tuning.ring
+    assert ring.radial_stiffness_n_m3 == pytest.approx(expected.radial_stiffness_n_m3, rel=0.01)
+    save(result, tmp_path / "result")
+    assert load(tmp_path / "result").tyre == sample_result.tyre
+    with pytest.raises(InputError, match="arrays"):
+        process(replace(campaign, tyre=Tyre("of unknown pressure")))
 
 
 def test_its_shapes_are_those_of_the_truth(sample_result):

@@ -29,7 +29,8 @@ def clean():
     verdict = replace(result.tuning.verdict, evidence=())
     damping = replace(result.damping, how=dict.fromkeys(result.damping.how, IDENTIFIED))
     tuning = replace(result.tuning, how=how, verdict=verdict)
-    return replace(result, tuning=tuning, damping=damping)
+    measured = replace(result.measured, forces=dict.fromkeys(result.measured.run))
+    return replace(result, tuning=tuning, damping=damping, measured=measured)
 
 
 def test_a_result_with_nothing_to_remark_is_good(clean):
