@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -153,6 +154,8 @@ def printing_library(where: str) -> Any:
 
     A library that WeasyPrint needs in turn is missed as an OSError.
     """
+    # It warns of every rule for the screen in the page's style.
+    logging.getLogger("weasyprint").setLevel(logging.CRITICAL)
     try:
         return import_module("weasyprint")
     except (ImportError, OSError) as error:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from browser import contrast, hosts, luminance
+from browser import contrast, demand, hosts, luminance
 from results import tyre_result
 
 from ema.core.campaign import Tyre
@@ -26,6 +28,8 @@ SHOWN = HOSTILE.replace(TURNING, "[U+202E]")
 ENDLESS = "W" * 10_000
 LEAST_CONTRAST = 4.5  # WCAG 2, AA
 PRINTED_WIDTH_PX, PRINTED_HEIGHT_PX = 680, 1001  # A4 within its margins: 180 by 265 mm at 96 dpi
+A4_HEIGHT_PT = 842
+LEAST_FILLED = 0.6  # of a printed page, from above
 NAMED_ROLES = {"link", "button", "combobox", "slider", "checkbox", "image", "region"}
 FIGURE_EDGES = """
 return [...document.querySelectorAll('figure, main svg, img, table')].map(each => {
@@ -218,6 +222,18 @@ def test_pages_print_on_a4(page):
     boxes = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", printed)
     assert len(boxes) > 2
     assert {(round(float(width)), round(float(height))) for width, height in boxes} == {(595, 842)}
+
+
+def test_no_printed_page_but_the_last_is_half_empty(new_page, tmp_path):
+    demand(shutil.which("pdftotext"), "pdftotext of poppler")
+    printed = tmp_path / "printed.pdf"
+    printed.write_bytes(new_page.pdf())
+    command = ["pdftotext", "-bbox", printed, "-"]
+    found = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    pages = found.split("<page ")[1:]
+    lowest = [max(map(float, re.findall(r'yMax="([\d.]+)', each))) for each in pages]
+    assert len(lowest) > 2
+    assert min(lowest[:-1]) > LEAST_FILLED * A4_HEIGHT_PT
 
 
 # --- for everybody
