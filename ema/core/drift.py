@@ -57,6 +57,17 @@ class Drift(ReadonlyArrays):
         away = np.sqrt(np.mean(changes**2, axis=1) / 6) / 100
         return float(away[0]), float(away[1])
 
+    @property
+    def std_of_mean(self) -> tuple[float, float]:
+        """Standard deviation of the runs' mean state against the first, both relative.
+
+        Of frequencies and of damping ratios; all runs are compared with the same first one.
+        """
+        if not self.applied or not self.run:
+            return 0.0, 0.0
+        std = self.std_percent, self.damping_std_percent
+        return float(np.mean(std[0])) / 100, float(np.mean(std[1])) / 100
+
     def poles_in(self, run: str, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Poles in the state of a run."""
         if not self.applied or run not in self.run:

@@ -95,7 +95,10 @@ class IdentificationSettings:
         1e-4, "–", "a second pole of an order is accepted below this chance", _LIKELIHOOD
     )
     wave_deviation: float = _setting(
-        0.004, "–", "how far residues of a pair stray from pure waves (1 σ)", "0.5° and 2 % of gain"
+        0.004,
+        "–",
+        "how far residues of a pair stray from pure waves (1 σ) where no other order shows it",
+        "0.5° and 2 % of gain",
     )
     pair_damping_likeness: float = _setting(
         0.012, "–", "half the relative difference of a pair's damping (1 σ)", _ACCURACY
@@ -110,7 +113,7 @@ class IdentificationSettings:
         1.6, "factor", "largest ratio of the two damping ratios of a pair", _ACCURACY
     )
     pair_weakest_share: float = _setting(
-        0.03, "–", "the weaker member has at least this share of the residues", _ACCURACY
+        0.06, "–", "the weaker member has at least this share of the residues", _ACCURACY
     )
 
 

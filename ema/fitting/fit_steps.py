@@ -121,7 +121,7 @@ def as_seen(
         own = covariance + np.diag(floor + between**2)
         return [_with_std(mode, own)], own
     pair = ring.pair
-    floor += (_FLOOR * size) ** 2
+    floor += (_FLOOR * size) ** 2 + (size * drift.std_of_mean) ** 2
     if not ring.is_resolved:
         own = pair.covariance[4:, 4:] + np.diag(floor + between**2 + _of_shares(pair) ** 2)
         if ring.report.pair.chance < settings.pair_p_value:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,8 +19,8 @@ from ema.core.drift import Drift
 from ema.core.frf import FRF
 from ema.core.modes import Mode, OrderReport, Pair, synthesise
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.fitting.order_pair import ONE_MEMBER, fit_pair, order_report, pair_problem
-from ema.fitting.pole_fit import N_STAND_INS, PoleFit
+from ema.fitting.order_pair import fit_pair, order_report, pair_problem
+from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
 from ema.fitting.ring_pair import Known, PairFit
 from ema.fitting.variable_projection import Complex, Real
 from ema.signals.leakage import has_leakage, leakage_bias
@@ -30,10 +30,16 @@ from ema.signals.leakage import has_leakage, leakage_bias
 _FORCE_STD_DEG = 0.5
 # … and not known at all where most orders point elsewhere by more than this, in rad.
 _ELSEWHERE_RAD, _UNKNOWN_RAD = 0.5, 0.3
+# Orders up to this many above an order show how far its shape strays from its waves; an RMS is that
+# many medians. Something strays always.
+_NEAR, _MEDIANS, _LEAST_STRAY = 8, 1.2, 1e-4
+# Further poles beside the one of an order lie this many half-widths away at first.
+_APART = 0.4
 # Poles closer than this many half-widths of the broader one share a resonance.
 _SHARED = 1.5
-# Fits with leakage and states of the runs computed for two poles; each leaves a fifth of the error.
-_ROUNDS = 2
+# Further fits of the orders beside poles, and with leakage, of the pairs found so far: the second
+# changes a damping ratio by a tenth of its ± (benchmarks/accuracy.py).
+_ROUNDS = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +96,10 @@ class OrderDecomposition:
         variance = np.square(rows) @ np.square(self._frf.std[:, lines])
         return OrderFrf(order, self._frf.frequency_hz[lines], rows @ measured, np.sqrt(variance))
 
+    def waves(self, shape: Complex) -> Complex:
+        """Amplitudes of cosine and sine of all orders in a shape, (n_orders, 2)."""
+        return np.asarray(np.insert(self._inverse @ shape, 1, 0.0).reshape(-1, 2))
+
     def rows(self, order: int) -> Real:
         """What multiplies the positions to give cosine and sine of an order."""
         return np.asarray(
@@ -134,9 +144,7 @@ class RingOrder:
 
     def shows_two(self, settings: IdentificationSettings) -> bool:
         """Whether two poles explain the order better than one."""
-        if self.pair is None or min(self.pair.share) < ONE_MEMBER:
-            return False
-        return self.report.pair.chance < settings.pair_p_value
+        return self.pair is not None and self.report.pair.chance < settings.pair_p_value
 
     def waves(self, position_deg: NDArray[np.float64]) -> Complex:
         """Residues of members a and b as pure waves, (n_positions, 2)."""
@@ -182,9 +190,6 @@ class PairSearch:
         self.frf, self.lines, self.fit = frf, lines, fit
         self.correlation, self.drift, self.settings = correlation, drift, settings
         self.state = np.average(fit.drift, axis=0, weights=[len(rows) for rows in fit.groups])
-        self.middle = replace(fit, poles=fit.lines.drifted(fit.poles, self.state))
-        left = _in_one_state(fit, self.middle.poles)
-        self.left = left - _synthesis(self.middle, range(fit.poles.size))
         self.decomposition = OrderDecomposition(frf)
         ring = family(modes)
         self.main = _inside(ring.items(), modes, band_hz)
@@ -203,21 +208,55 @@ class PairSearch:
         self.force_deg = _force_deg(on_curve, frf.excitation_deg)
 
     def orders_found(self) -> tuple[RingOrder, ...]:
-        """All orders, those that show two poles with leakage and states of two."""
+        """All orders, from FRFs that poles of other orders do not take part of."""
+        self.resolve(())
         orders = [self.fitted(order, found) for order, found in self.orders]
         for _ in range(_ROUNDS):
             both = [each for each in orders if each.shows_two(self.settings)]
             if not both:
                 break
-            change = self.of_two_poles(both)
-            orders = [self.again(each, change) if each in both else each for each in orders]
+            self.resolve(both)
+            near = [each.pair.parameters if each in both and each.pair else None for each in orders]
+            orders = [
+                self.fitted(each.order, list(each.members), start)
+                for each, start in zip(orders, near, strict=True)
+            ]
         return tuple(orders)
 
-    def fitted(
-        self, order: int, found: list[int], change: Complex | float = 0.0, near: Real | None = None
-    ) -> RingOrder:
-        """The pair of one order, from FRFs with a `change`, perhaps near known parameters."""
-        seen, start, known, force_rad = self._seen(order, found, change, near)
+    def resolve(self, orders: Sequence[RingOrder]) -> None:
+        """Go on from a fit with further poles of each order beside the one in its place.
+
+        What one pole cannot describe of a pair, poles of other orders would follow, with residues
+        free at all positions. Three poles leave them nothing; leakage is that of the pairs of
+        `orders`.
+        """
+        pairs = {each.key: each.pair for each in orders if each.pair is not None}
+        poles, self.further = self._poles(pairs)
+        lines = replace(self.fit.lines, values=self.fit.lines.values + self._leakage_of_two(orders))
+        fit = evaluate(lines, poles, self.fit.drift)
+        self.middle = replace(fit, poles=lines.drifted(poles, self.state))
+        left = _in_one_state(fit, self.middle.poles)
+        self.left = left - _synthesis(self.middle, range(poles.size))
+
+    def _poles(self, pairs: Mapping[int, PairFit]) -> tuple[Complex, dict[int, list[int]]]:
+        """Three poles for each order, those of its pair where it is known; and the further ones."""
+        fit = self.fit
+        poles, further = list(fit.poles[:-N_STAND_INS]), dict[int, list[int]]()
+        for _, found in self.orders:
+            pair, own = pairs.get(found[0]), fit.poles[found]
+            apart = _APART * own[0].real * 1j
+            beside = [own[0] - apart, own[0] + apart] if pair is None else list(pair.poles)
+            if found[1:]:
+                own, beside = (own if pair is None else pair.poles), [np.mean(own)]
+            for k, pole in zip(found, own, strict=True):
+                poles[k] = pole
+            further[found[0]] = list(range(len(poles), len(poles) + len(beside)))
+            poles += beside
+        return np.array([*poles, *fit.poles[-N_STAND_INS:]]), further
+
+    def fitted(self, order: int, found: list[int], near: Real | None = None) -> RingOrder:
+        """The pair of one order, perhaps near known parameters."""
+        seen, start, known, force_rad = self._seen(order, found, near)
         pair = fit_pair(seen.frequency_hz, seen.values, seen.std, start, known)
         pair = None if pair is None else self._in_first_state(pair, start)
         report = order_report(order, pair, self.settings, _change_hz(self.drift, start))
@@ -226,15 +265,14 @@ class PairSearch:
 
     def orders_near(self, before: Sequence[RingOrder]) -> tuple[RingOrder, ...]:
         """The orders as found before in much the same fit: pairs move, verdicts stay."""
-        both = [each for each in before if each.shows_two(self.settings)]
-        change = self.of_two_poles(both) if both else 0.0
-        return tuple(self._near(each, change if each in both else 0.0) for each in before)
+        self.resolve([each for each in before if each.shows_two(self.settings)])
+        return tuple(self._near(each) for each in before)
 
-    def _near(self, before: RingOrder, change: Complex | float) -> RingOrder:
+    def _near(self, before: RingOrder) -> RingOrder:
         found = sorted(before.members, key=lambda k: k not in self.directions)
         if before.pair is None or found[0] not in self.directions:
             return before
-        seen, start, known, force_rad = self._seen(before.order, found, change)
+        seen, start, known, force_rad = self._seen(before.order, found)
         problem = pair_problem(seen.frequency_hz, seen.values, seen.std, start, known)
         if problem is None:
             return before
@@ -242,37 +280,59 @@ class PairSearch:
         return replace(before, pair=pair, force_rad=force_rad)
 
     def _seen(
-        self, order: int, found: list[int], change: Complex | float, near: Real | None = None
+        self, order: int, found: list[int], near: Real | None = None
     ) -> tuple[OrderFrf, complex, Known, float]:
         """FRFs of one order, its pole as one mode, what is known of it, and the force's angle."""
         middle, radians = self.middle, order * np.pi / 180
         power = np.sum(np.abs(self.fit.residues[:, found]) ** 2, axis=0)
-        start = complex(np.average(middle.poles[found], weights=power))
-        beside = _beside(middle.poles, found)
-        own = self.left + change + _synthesis(middle, [*found, *beside], residual_terms=False)
+        poles = self.fit.lines.drifted(self.fit.poles, self.state)
+        start = complex(np.average(poles[found], weights=power))
+        members = [*found, *self.further.get(found[0], ())]
+        beside = _beside(middle.poles, members)
+        own = self.left + _synthesis(middle, [*members, *beside], residual_terms=False)
         force_rad, spread = self.directions[found[0]], _UNKNOWN_RAD
         if self.force_deg is not None and found[0] not in self.aliases:
             force_rad, spread = self.force_deg * radians, _FORCE_STD_DEG * radians
         seen = self.decomposition.order(order, self.lines, own).seen_from(force_rad)
         poles = tuple(middle.poles[beside].tolist())
-        return seen, start, Known(spread, self.correlation, self.settings, poles, near), force_rad
+        stray, mixed = self._stray(order, members, start)
+        known = Known(
+            float(np.hypot(spread, mixed)), stray, self.correlation, self.settings, poles, near
+        )
+        return seen, start, known, force_rad
+
+    def _stray(self, order: int, own: Sequence[int], pole: complex) -> tuple[float, float]:
+        """Amplitude of an order's shape in one wave of another order, and in all of them.
+
+        Places and gains of the sensors mix all waves alike; an uneven tyre adds a few to each mode,
+        and to what drives it. Less what noise does.
+        """
+        shape = self.middle.residues[:, own].sum(axis=1)
+        power = np.sum(np.abs(self.decomposition.waves(shape)) ** 2, axis=1)
+        others = [k for k in range(1, power.size) if k != order and k <= order + _NEAR]
+        if not others:
+            return self.settings.wave_deviation, 0.0
+        omega = 2 * np.pi * self.frf.frequency_hz[self.lines]
+        alone = omega**2 / np.abs(1j * omega - pole)
+        known = np.sum((alone / self.frf.std[:, self.lines]) ** 2)
+        noise = 4 * self.correlation / known if np.isfinite(known) else 0.0
+        rest = np.sqrt(np.maximum(power[others] / 2 - noise, 0.0) / power[order])
+        stray = max(_MEDIANS * float(np.median(rest)), _LEAST_STRAY)
+        return stray, float(np.linalg.norm(rest))
 
     def _in_first_state(self, pair: PairFit, start: complex) -> PairFit:
         """A pair of the middle state in that of the first run."""
         shift, decay = self.fit.lines.drift_factors(np.array([start]), self.state)
         return pair.moved(float(shift[0]), float(decay[0]))
 
-    def again(self, before: RingOrder, change: Complex) -> RingOrder:
-        """The same order from changed FRFs."""
-        assert before.pair is not None
-        return self.fitted(before.order, list(before.members), change, before.pair.parameters)
+    def _leakage_of_two(self, orders: Sequence[RingOrder]) -> Complex | float:
+        """What leakage does to two poles and not to the one in their place.
 
-    def of_two_poles(self, orders: Sequence[RingOrder]) -> Complex:
-        """What leakage and states of the runs do to two poles and not to the one in their place.
-
-        Leakage alone gives both members 3 % too much damping where they are 1 % apart.
+        It alone gives both members 3 % too much damping where they are 1 % apart.
         """
         fit, lines = self.fit, self.fit.lines
+        if not orders or not has_leakage(self.frf):
+            return 0.0
         poles, residues = list[complex](), list[Complex]()
         for each in orders:
             assert each.pair is not None
@@ -280,29 +340,12 @@ class PairSearch:
             poles += [*fit.poles[own], *each.pair.poles]
             residues += [-fit.residues[:, own], each.waves(self.frf.position_deg)]
         moving, shapes = np.array(poles), np.concatenate(residues, axis=1)
-        here = [lines.drifted(moving, drift) for drift in fit.drift]
-        wanted = lines.drifted(moving, self.state)
-        change = np.zeros(lines.values.shape, dtype=complex)
-        if len(here) > 1:
-            for rows, own_poles in zip(fit.groups, here, strict=True):
-                change[rows] = _alone(fit, wanted, shapes[rows]) - _alone(
-                    fit, own_poles, shapes[rows]
-                )
-        if not has_leakage(self.frf):
-            return change
-        runs = dict(
-            zip(
-                self.frf.run_names,
-                here * (1 if len(here) > 1 else len(self.frf.run_names)),
-                strict=True,
-            )
-        )
-        return change - leakage_bias(self.frf, lines.frequency_hz, runs, shapes)
-
-
-def _alone(fit: PoleFit, poles: Complex, residues: Complex) -> Complex:
-    none = np.zeros(len(residues))
-    return synthesise(fit.lines.frequency_hz, poles, residues, none, none)
+        names = self.frf.run_names
+        states = fit.drift if len(fit.drift) > 1 else np.repeat(fit.drift, len(names), axis=0)
+        runs = {
+            name: lines.drifted(moving, state) for name, state in zip(names, states, strict=True)
+        }
+        return -leakage_bias(self.frf, lines.frequency_hz, runs, shapes)
 
 
 def _inside(

@@ -16,13 +16,13 @@ from ema.fitting.variable_projection import Complex, Real
 _REACH = 6.0
 _FEWEST_LINES = 12
 # Members that are known to no better than this share are not listed by themselves.
-_KNOWN_DAMPING = 0.008
+_KNOWN_DAMPING = 0.05
 # A pair is not told from a drift whose standard deviation is more than this share of its split …
 _DRIFTS = 0.1
 # … nor, with less than this share of the response, where it leaves more than this reduced χ².
-_PLAIN_SHARE, _MOST_LEFT = 0.15, 10.0
-#: An order whose other member has less than this share of the response shows one member.
-ONE_MEMBER = 0.02
+_PLAIN_SHARE, _MOST_LEFT = 0.15, 2.0
+# An order whose other member has less than this share of the response shows one member.
+_ONE_MEMBER = 0.02
 
 
 def pair_problem(
@@ -85,7 +85,7 @@ def order_report(
     weaker = min(pair.share)
     if chance < settings.pair_p_value and not doubt:
         verdict, text = Pair.RESOLVED, f"two poles fit better than one (p = {chance:.2g})"
-    elif weaker < ONE_MEMBER:
+    elif weaker < _ONE_MEMBER:
         verdict = Pair.ONE_SEEN
         text = f"the force drives one member; the other has {100 * weaker:.1f} % of the response"
     elif chance < settings.pair_p_value:

@@ -93,6 +93,8 @@ class Known:
     ----------
     force_std_rad : float
         Standard deviation of η: how well n times the angle of the force is known.
+    wave_std : float
+        Standard deviation of E.
     correlation : float
         Lines that share the information of one.
     settings : IdentificationSettings
@@ -103,6 +105,7 @@ class Known:
     """
 
     force_std_rad: float
+    wave_std: float
     correlation: float
     settings: IdentificationSettings = IDENTIFICATION
     beside: tuple[complex, ...] = ()
@@ -147,6 +150,7 @@ class PairProblem:
         noise_known: bool = True,
     ) -> None:
         self.noise_known = noise_known
+        self.wave_std = known.wave_std
         settings, self.near = known.settings, known.near
         self.omega = 2 * np.pi * frequency_hz
         self.size, self.ratio, self.settings = abs(start), -start.real / abs(start), settings
@@ -231,7 +235,7 @@ class PairProblem:
         design[0] = waves * self._weight[:, None]
         design[1:3, 0] = waves * self._weight[0]
         design[3:5, 1] = waves * self._weight[1]
-        allowed = max(self.settings.wave_deviation * self.amplitude, 1e-300)
+        allowed = max(self.wave_std * self.amplitude, 1e-300)
         np.fill_diagonal(columns[1:, waves.size :], 1 / allowed)
         right = np.zeros(columns.shape[1], dtype=complex)
         right[: waves.size] = (self.inside * self._weight[:, None]).ravel()

@@ -11,7 +11,7 @@ from ema.fitting.ring_pair import Known
 
 LINES_HZ = np.arange(200, 400) / 2
 HZ, ZETA = 145.45, 0.022
-FORCE_STD = np.deg2rad(2.0)
+FORCE_STD, WAVE_STD = np.deg2rad(2.0), 0.004
 
 
 def true_poles(split_percent, ratio=(ZETA, ZETA)):
@@ -35,7 +35,7 @@ def order_frf(split_percent, angle_deg=35.0, *, snr=1e3, seed=0, crosstalk=0.0, 
 
 def fitted(frf, start=None):
     start = complex(systems.pole([HZ * 1.002], [1.1 * ZETA])[0]) if start is None else start
-    return fit_pair(frf.frequency_hz, frf.values, frf.std, start, Known(FORCE_STD, 1.0))
+    return fit_pair(frf.frequency_hz, frf.values, frf.std, start, Known(FORCE_STD, WAVE_STD, 1.0))
 
 
 def relative(pair, poles):
