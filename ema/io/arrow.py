@@ -13,7 +13,14 @@ import pyarrow.types as types
 
 from ema.core.errors import RecordingFormatError
 from ema.io.columns import Column, content_of_columns, name_and_unit
-from ema.io.content import EXPORT_AGAIN, FileContent, check_expansion, left_out, reading
+from ema.io.content import (
+    EXPORT_AGAIN,
+    FileContent,
+    check_expansion,
+    left_out,
+    reading,
+    refuse_result,
+)
 from ema.io.rates import stated_rate
 
 ReadColumn = Callable[[int], pa.ChunkedArray]
@@ -37,6 +44,7 @@ def read(path: Path) -> FileContent:
     parquet = head.startswith(b"PAR1") or (named and head != b"ARROW1")
     with reading(path, "a Parquet file" if parquet else "a Feather or Arrow file"):
         schema, read_column = _parquet(path) if parquet else _ipc(path)
+        refuse_result(path, schema.names)
         kept = _kept(path, schema)
         columns = [_column(schema.field(index), read_column(index)) for index in kept]
         metadata = {key.decode("latin-1"): value for key, value in (schema.metadata or {}).items()}

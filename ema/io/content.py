@@ -32,6 +32,12 @@ LEAVE_OUT = "Copy or export the file again, or leave out the run"
 MOST_EXPANSION = 64
 _ALWAYS_BYTES = 1 << 24  # up to 16 MiB are accepted from any file
 _LONGEST_REASON = 200  # characters of a library's message
+# Columns that tell the tables of a result folder (docs/reference/files.md) from recordings.
+_OF_A_RESULT = (
+    *({"mode", "order", "frequency_hz"}, {"mode", "real", "imag"}, {"channel", "check"}),
+    *({"order", "frequency_hz", "damping_ratio"}, {"order", "measured_hz", "model_hz"}),
+    {"run", "frequency_hz", "real", "imag"},
+)
 # What well-kept readers raise on bytes that are not what they expect.
 _ON_DAMAGE = (
     *(ArithmeticError, EOFError, LookupError, MemoryError, OSError, RuntimeError),
@@ -124,6 +130,14 @@ def left_out(path: Path, why: Mapping[str, str]) -> tuple[Finding, ...]:
     return tuple(
         remark(path, name, Check.CONTENT, f"{reason}, left out") for name, reason in why.items()
     )
+
+
+def refuse_result(path: Path, names: Iterable[str]) -> None:
+    """Refuse a table that `ringmodal process` wrote, known by the names of its columns."""
+    if any(columns <= set(names) for columns in _OF_A_RESULT):
+        rule = "it is a table of a result folder, and a recording is needed"
+        remedy = "Name the recordings; `ringmodal report`, `tune` and `refit` take a result folder"
+        raise RecordingFormatError(path.name, "columns of results", rule, remedy)
 
 
 def not_together(path: Path, found: str) -> RecordingFormatError:

@@ -12,7 +12,7 @@ from typing import Any
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check
 from ema.io import arrow, hdf5, matlab, tdms, wav
-from ema.io.content import COPY_AGAIN, FileContent, note, unreadable
+from ema.io.content import COPY_AGAIN, FileContent, note, refuse_result, unreadable
 from ema.io.text import csv, lvm, xlsx
 from ema.io.uff import reader as uff
 
@@ -95,6 +95,7 @@ def read_file(path: Path, *, headers_only: bool = False) -> FileContent:
     if not head:
         rule = "a recording must contain samples"
         raise RecordingFormatError(str(path), "the file is empty", rule, COPY_AGAIN)
+    refuse_result(path, head.splitlines()[0].decode("latin-1").strip().split(","))
     module = known[max(fitting, key=len)] if fitting else None  # .csv.gz before .gz
     if inside is None and module not in (None, csv) and _is_misnamed_table(path, head):
         inside = csv

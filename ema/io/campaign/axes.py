@@ -265,6 +265,10 @@ def channels_along_circle(
         wanted,
         positions_deg=None if wanted.positions_deg is None else places,
         directions={n: each for n, each in directions.items() if each != Direction.RADIAL},
+        sums={
+            channel.name: tuple(dofs[row].name for row in each.members)
+            for channel, each in zip(made, found, strict=True)
+        },
     )
     recording = replace(recording, channels=(*others, *made))
     return replace(content, recording=recording), wanted

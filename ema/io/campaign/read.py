@@ -332,6 +332,7 @@ def _fill_runs(
         findings += spike_findings(name, run.channels)
         findings += level_findings(replace(recording, channels=run.channels))
     findings += grid.off_grid([place for run in runs for place in (*run.responses, *run.others)])
+    campaign = _with_masses_of_sums(campaign, [each for _, each in recordings])
     _require_masses(campaign, runs)
     stated = [each for _, each in recordings]
     kept = ring_runs(runs, stated, findings)
@@ -354,6 +355,24 @@ def _fill_runs(
         others=others,
         findings=tuple(findings),
     )
+
+
+def _with_masses_of_sums(campaign: Campaign, stated: Sequence[Wanted]) -> Campaign:
+    """Give channels that are sums of others at one place the mass of the sensor there.
+
+    The channels of a triaxial sensor are one body. Without masses of their own the default holds.
+    """
+    own = dict(campaign.own_masses_kg)
+    for name, members in chain.from_iterable(each.sums.items() for each in stated):
+        masses = {campaign.mass_of(member) for member in members}
+        if own and len(masses) > 1:
+            found = f"{', '.join(members)} of different or unknown mass"
+            rule = "channels that together give one motion must be of one sensor"
+            remedy = "Give each of them the mass of all that is at its place"
+            raise ManifestError(f"{MANIFEST_NAME}, sensors.mass_kg", found, rule, remedy)
+        if own and (mass_kg := masses.pop()) is not None:
+            own[name] = mass_kg
+    return replace(campaign, own_masses_kg=own)
 
 
 def _require_masses(campaign: Campaign, runs: Sequence[Run]) -> None:

@@ -48,6 +48,7 @@ class Wanted:
     force_direction: Direction = Direction.RADIAL
     force_deg: float | None = None  # where it is not that of the campaign
     axes: tuple[str, str] | Literal["local"] | None = None  # global ones at 0 and 90 degrees
+    sums: dict[str, tuple[str, ...]] = field(default_factory=dict)  # channels in those added up
 
     def possible_responses(self, channels: Sequence[Channel]) -> list[Channel]:
         """Channels that may be responses: those with a position, or else all of one quantity."""

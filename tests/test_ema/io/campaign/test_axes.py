@@ -9,7 +9,7 @@ from uff_datasets import CYLINDRICAL, system2420
 import ema
 from ema.checks.positions import axes_finding
 from ema.core.campaign import Direction
-from ema.core.errors import RecordingFormatError
+from ema.core.errors import ManifestError, RecordingFormatError
 
 POSITIONS, LINES = 24, np.arange(1.0, 201.0)
 ANGLES = np.arange(POSITIONS) * 2 * np.pi / POSITIONS
@@ -156,7 +156,8 @@ def test_letters_that_change_without_geometry_name_the_line_that_helps(tmp_path)
     np.testing.assert_allclose(by_angle(found.frf), RADIAL[[0, 6, 12, 18]], atol=1e-9)
 
 
-def test_channels_along_two_axes_become_radial_and_tangential(tmp_path):
+def recordings_of_two_axes():
+    """Radial and tangential motion, the force, and a file of X and Z at each node."""
     noise = np.random.default_rng(1)
     n, force = 400, noise.normal(size=400)
     radial, tangential = noise.normal(size=(2, POSITIONS, n))
@@ -187,7 +188,13 @@ def test_channels_along_two_axes_become_radial_and_tangential(tmp_path):
                     direction=code,
                 )
             )
-    found = campaign(tmp_path, b"".join(parts) + circle(), 'axes = ["X", "Z"]')
+    return radial, tangential, force, b"".join(parts) + circle()
+
+
+def test_channels_along_two_axes_become_radial_and_tangential(tmp_path):
+    radial, tangential, force, content = recordings_of_two_axes()
+    n = len(force)
+    found = campaign(tmp_path, content, 'axes = ["X", "Z"]')
     (run,), (sideways,) = found.runs, found.others
     for responses, expected in ((run.responses, radial), (sideways.runs[0].responses, tangential)):
         assert len(responses) == POSITIONS
@@ -196,3 +203,13 @@ def test_channels_along_two_axes_become_radial_and_tangential(tmp_path):
             np.testing.assert_allclose(each.channel.block(0, n), expected[k], atol=1e-12)
     assert sideways.direction == Direction.TANGENTIAL
     np.testing.assert_allclose(run.force.block(0, n), force)
+
+
+def test_channels_of_a_triaxial_sensor_weigh_once(tmp_path):
+    content = recordings_of_two_axes()[-1]
+    own = "[sensors]\nmass_kg = { default = 0.004, 3X = 0.010, 3Z = 0.010 }"
+    (run,) = (found := campaign(tmp_path, content, f'axes = ["X", "Z"]\n{own}')).runs
+    masses = {each.node: found.mass_of(each.name) for each in run.sensors}
+    assert masses == {node: 0.010 if node == 3 else 0.004 for node in range(1, POSITIONS + 1)}
+    with pytest.raises(ManifestError, match="3X, 3Z of different"):
+        campaign(tmp_path, content, f'axes = ["X", "Z"]\n{own.replace("3Z = 0.010", "3Z = 0")}')

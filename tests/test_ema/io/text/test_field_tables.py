@@ -3,6 +3,8 @@
 import unicodedata
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import ema
@@ -85,6 +87,17 @@ def test_text_below_the_numbers(tmp_path, below):
 def test_numbers_below_text_are_refused(tmp_path):
     with pytest.raises(RecordingFormatError, match="line 5"):
         read(tmp_path, table("{:.2f}".format, below="Block 2\n1.5;2;3\n2;3;4\n"))
+
+
+def test_a_table_of_results_alone_is_named(tmp_path):
+    (tmp_path / "modes.csv").write_text("mode,order,member,frequency_hz,status\n1,2,,90.0,ok\n")
+    pq.write_table(
+        pa.table({key: [1.0] for key in ("run", "frequency_hz", "real", "imag")}),
+        tmp_path / "frf.parquet",
+    )
+    for name in ("modes.csv", "frf.parquet"):
+        with pytest.raises(RecordingFormatError, match="result folder"):
+            ema.read_campaign(tmp_path / name)
 
 
 @pytest.mark.parametrize("form", ["NFC", "NFD"])
