@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import InputError, require_type
-from ema.core.files import fill, piece
+from ema.core.files import fill
 
 ACCELERATION = "acceleration"
 FORCE = "force"
@@ -57,9 +57,10 @@ class Channel:
 
     def raw_block(self, start: int, stop: int) -> NDArray[np.float64]:
         """Samples `start` to `stop` in SI units, impossible ones included."""
-        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
-            found = piece(self.samples, start, stop)
-            return np.asarray(np.asarray(found, dtype=np.float64) * self.scale_to_si)
+        start, stop, _ = slice(start, stop).indices(self.n_samples)
+        found = np.empty(max(stop - start, 0))
+        self.read_raw(start, found)
+        return found
 
     def read_block(self, start: int, into: NDArray[np.float64]) -> None:
         """Fill `into` with the samples from `start` on, as `block` gives them."""
@@ -68,7 +69,7 @@ class Channel:
 
     def read_raw(self, start: int, into: NDArray[np.float64]) -> None:
         """Fill `into` with the samples from `start` on, as `raw_block` gives them."""
-        with np.errstate(invalid="ignore", over="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
             fill(self.samples, start, into)
             if self.scale_to_si != 1.0:
                 into *= self.scale_to_si

@@ -209,6 +209,8 @@ def _rises_evenly(samples: NDArray[Any]) -> bool:
     """Whether a column counts or tells the time, whatever its name: no signal rises evenly."""
     if samples.dtype.kind not in "iuf" or len(samples) < _FEWEST_OF_AXIS:
         return False
+    if (samples[1:_FIRST_ROWS] < samples[: _FIRST_ROWS - 1][: len(samples) - 1]).any():
+        return False
     first = _filled(np.asarray(samples[:_FIRST_ROWS], dtype=np.float64))
     if not (np.all(np.diff(first) >= 0) and first[-1] > first[0] and even_step(first)):
         return False
