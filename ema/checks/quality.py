@@ -141,7 +141,7 @@ def reference_finding(check: ReferenceCheck, settings: CheckSettings = CHECKS) -
         verdict, says = Verdict.WARNING, "its noise is unknown with a single average"
         deviation = "deviation over the runs cannot be judged "
     elif check.consistent:
-        verdict, says = Verdict.OK, "the runs show one and the same tyre"
+        verdict, says = Verdict.OK, "the runs show the same tyre"
     else:
         verdict, says = Verdict.WARNING, "the tyre or its mounting changed between the runs"
     return Finding(

@@ -80,7 +80,7 @@ def target(content: str, endings: tuple[str, ...]) -> Any:
             require_free_file(path, force=True)
         return path
 
-    return option(f"{content}: {', '.join(endings)}.", FILES, "FILE", callback=checked)
+    return option(f"{content} to write: {' or '.join(endings)}.", FILES, "FILE", callback=checked)
 
 
 def argument(metavar: str, text: str) -> Any:
@@ -96,7 +96,7 @@ Figures = Annotated[
     Path | None, option("Write each figure of the report as PNG and SVG.", FILES, "DIR")
 ]
 Gif = Annotated[bool, flag("--gif", "With --figures: each shape on a moving tyre as GIF.", FILES)]
-Pdf = Annotated[bool, flag("--pdf", "Also write report.pdf; needs the optional part pdf.", FILES)]
+Pdf = Annotated[bool, flag("--pdf", "Also write report.pdf; needs WeasyPrint.", FILES)]
 Template = Annotated[
     Path | None,
     option(
@@ -187,7 +187,7 @@ def processing_options(
     band_hz: Annotated[
         tuple[float, float] | None,
         option(
-            "Band in Hz. Default: where coherence is good; for a tyre 20 300 at most.",
+            "Band in Hz. Default: where coherence is good; for a tyre 20 to 300 at most.",
             PROCESSING,
             "FROM TO",
         ),

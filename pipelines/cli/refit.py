@@ -187,20 +187,20 @@ _NEEDED = "starlette", "uvicorn", "filelock"
 
 def review(
     place: Annotated[Path, opt.argument("RESULT|CAMPAIGN|FOLDER", "What to look at.")],
-    port: Annotated[int, opt.option("Port; 0 for a free one.", min=0, max=65535)] = 0,
+    port: Annotated[int, opt.option("Port; 0 for a free one.", "", "N", min=0, max=65535)] = 0,
     no_open: Annotated[bool, opt.flag("--no-open", "Do not open the browser.")] = False,
 ) -> None:
     """Review results in the browser: see the poles, decide, sign off.
 
-    Needs the optional part review. The server answers this machine alone; Ctrl-C ends it. Every
-    edit is on disk before it is shown, so that nothing is lost.
+    The server answers this machine alone; Ctrl-C ends it. Every edit is on disk before it is
+    shown, so that nothing is lost.
 
     Examples:
       ringmodal review results/tyre_7
       ringmodal review measurements/2026-11 --no-open
     """  # noqa: D406, D407 - a heading of the help
     if missing := [name for name in _NEEDED if find_spec(name) is None]:
-        rule, remedy = "the review needs it", "Install it: pip install 'ringmodal[review]'"
+        rule, remedy = "the review needs it", f"Install it: pip install {' '.join(_NEEDED)}"
         raise InputError("ringmodal review", f"{missing[0]} is not installed", rule, remedy)
     # Not above: an optional part, and slow to load.
     from pipelines.review.bench import Desk

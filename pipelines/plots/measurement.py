@@ -123,7 +123,7 @@ def reference_verdict(check: ReferenceCheck) -> str:
     """Verdict of the check in a few words."""
     if not np.isfinite(check.ratio):
         return "not assessed, its noise is unknown"
-    verdict = "one and the same tyre in all runs" if check.consistent else "the runs differ"
+    verdict = "the same tyre in all runs" if check.consistent else "the runs differ"
     return f"{verdict} ({number(check.ratio, 3)} times the noise)"
 
 
@@ -167,9 +167,9 @@ def drive_point_chart(
         f"Magnitude and phase of the inertance at the force ({name}); at {outside} of the lines "
         "the phase leaves 0° to 180° by more than noise.",
         f"Inertance at the force ({name}). Its phase has to stay between 0° and 180° (dotted), "
-        "and an antiresonance has to lie between each two resonances; a phase outside means a "
-        f"wrong sign or another place. By more than noise it is outside at {outside} of the "
-        f"lines.{verdict}",
+        "and an antiresonance has to lie between any two resonances; a phase outside means a "
+        f"wrong sign or another place. At {outside} of the lines it is outside by more than "
+        f"noise.{verdict}",
         height_px=400,
     )
 

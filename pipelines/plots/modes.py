@@ -302,7 +302,7 @@ def sum_chart(frf: FRF, model: ModalModel) -> Chart:
     unit = "Σ |inertance| / ((m/s²)/N)"
     panel = go.Panel(series, go.Axis(go.FREQUENCY), go.log_axis(unit, measured, fitted))
     off = float(np.median(np.abs(fitted / np.where(measured > 0, measured, np.nan) - 1)))
-    finding = f"they differ by {100 * off:.2g} % at half of the lines"
+    finding = f"their median difference is {100 * off:.2g} %"
     return Chart(
         "frf-sum",
         go.Plot((panel,), (10.5, 7.5)),
@@ -336,7 +336,7 @@ def nyquist_chart(frf: FRF, model: ModalModel, row: int) -> Chart:
         go.Plot((panel,), (9.5, 9)),
         f"Nyquist plot of the inertance at {position_names(frf)[row]}, measured and fitted.",
         "Nyquist plot of the position chosen, in the band. Every mode is a circle; measured points "
-        "that leave the fitted circle on one side mean damping or phase that the fit has not.",
+        "that leave the fitted circle on one side mean damping or phase that the fit lacks.",
         height_px=420,
     )
 

@@ -106,8 +106,8 @@ def _block_rows(frf: FRF) -> list[tuple[str, str]]:
     if blocks is None:
         return [("FRFs", "as found in the files")]
     averages = (
-        f"{blocks.n_blocks} a run, of {blocks.block_s:g} s; {blocks.window} window, overlap "
-        f"{100 * blocks.overlap:g} %; worth {number(frf.n_effective, 3)} independent ones"
+        f"{blocks.n_blocks} per run, of {blocks.block_s:g} s each; {blocks.window} window, overlap "
+        f"{100 * blocks.overlap:g} %; equivalent to {number(frf.n_effective, 3)} independent ones"
     )
     return [("Sampling rate", f"{blocks.sampling_rate_hz:g} Hz"), ("Averages", averages)]
 
@@ -148,7 +148,7 @@ def _reference_verdict(check: ReferenceCheck | None, *, judged_by_modes: bool) -
         "explains (1 is noise alone)"
     )
     if check.consistent:
-        return Paragraph(f"{found}: they show one and the same tyre.", "good")
+        return Paragraph(f"{found}: they show the same tyre.", "good")
     return Paragraph(f"{found}: the tyre or the set-up changed between runs.", "warning")
 
 

@@ -169,7 +169,7 @@ def test_a_result_without_modes_says_so(tyre):
 @pytest.mark.parametrize(
     ("ratio", "consistent", "words"),
     [
-        (1.0, True, "they show one and the same tyre"),
+        (1.0, True, "they show the same tyre"),
         (9.0, False, "the tyre or the set-up changed between runs"),
         (nan, True, "drift between runs was not assessed"),
     ],
