@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc, fdtri  # scipy.stats has the same, and takes 0.5 s to load
@@ -99,6 +100,40 @@ class RingVerdict:
     def is_good(self) -> bool:
         """Whether nothing speaks against the ring."""
         return not self.evidence
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The verdict as ``tyre.toml`` has it."""
+        return {
+            "state": self.state.value,
+            "reasons": [
+                {"reason": each.reason.value, "detail": each.detail}
+                | ({} if each.order is None else {"order": each.order})
+                for each in self.evidence
+            ],
+            **({} if self.chi2 is None else {"chi2": float(self.chi2)}),
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "orders_used": list(self.orders_used),
+            "orders_left_out": list(self.orders_left_out),
+        }
+
+    @classmethod
+    def of_record(cls, record: dict[str, Any]) -> RingVerdict:
+        """The verdict of a `record`; `KeyError`, `TypeError` or `ValueError` where it is none."""
+        reasons = {reason.value: reason for reason in Reason}
+        found = cls(
+            tuple(
+                Evidence(reasons[each["reason"]], str(each["detail"]), each.get("order"))
+                for each in record["reasons"]
+            ),
+            float(record["chi2"]) if "chi2" in record else None,
+            int(record["degrees_of_freedom"]),
+            tuple(map(int, record["orders_used"])),
+            tuple(map(int, record["orders_left_out"])),
+        )
+        if record["state"] != found.state:
+            raise ValueError(f"state {record['state']!r} for the reasons of {found.state.value!r}")
+        return found
 
     def text(self) -> str:
         """The verdict in a sentence."""

@@ -18,7 +18,7 @@ from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.modes import Flag, Mode, Pair
 from ema.poles.stability import Opinion
-from model.adequacy import Evidence, Reason, RingVerdict, State
+from model.adequacy import Reason, RingVerdict, State
 from model.coefficients import PressureLoad
 from model.identifiability import AT_BOUND, NOT_IDENTIFIED
 from model.parameters import DAMPING_NAMES, RING_NAMES
@@ -241,9 +241,8 @@ def _of_second_estimator(result: Result) -> Iterator[Remark]:
         text = f"{brief[0].upper()}{brief[1:]}{more}."
         yield Remark(State.DOUBTFUL, text, "modes", brief)
     elif further:
-        text = (
-            f"A second estimator confirms every mode and finds {counted(further, 'further pole')}."
-        )
+        beside = counted(further, "further pole")
+        text = f"A second estimator confirms every mode and finds {beside}."
         yield Remark(State.GOOD, text, "modes")
 
 
@@ -308,7 +307,6 @@ def _named(how: dict[str, str], wanted: str) -> list[str]:
 
 
 SECTIONS = ("model", "verdict", "covariance", "measured")
-_REASONS = {str(reason): reason for reason in Reason}
 
 
 @dataclass(frozen=True)
@@ -398,19 +396,7 @@ def basis_records(basis: Basis) -> dict[str, dict[str, Any]]:
     if basis.pressure_load is not None:
         records["model"] = {"pressure_load": basis.pressure_load}
     if (verdict := basis.verdict) is not None:
-        records["verdict"] = {
-            "state": verdict.state.value,
-            "reasons": [
-                {"reason": each.reason.value, "detail": each.detail}
-                | ({} if each.order is None else {"order": each.order})
-                for each in verdict.evidence
-            ],
-            **({} if verdict.chi2 is None else {"chi2": float(verdict.chi2)}),
-            "degrees_of_freedom": verdict.degrees_of_freedom,
-            "orders_used": list(verdict.orders_used),
-            "orders_left_out": list(verdict.orders_left_out),
-            "warnings": list(basis.warnings),
-        }
+        records["verdict"] = {**verdict.record, "warnings": list(basis.warnings)}
     if (covariance := basis.covariance) is not None:
         rows = [list(row) for row in covariance.values]
         records["covariance"] = {"parameters": list(covariance.parameters), "values": rows}
@@ -430,7 +416,7 @@ def basis_of(path: Path, sections: dict[str, dict[str, Any]], known: tuple[str, 
     try:
         return Basis(
             load,
-            _verdict(record) if record else None,
+            RingVerdict.of_record(record) if record else None,
             tuple(map(str, record.get("warnings", ()))),
             _covariance(covariance, known) if covariance else None,
             tuple(map(_measured, sections["measured"].get("orders", ()))),
@@ -438,22 +424,6 @@ def basis_of(path: Path, sections: dict[str, dict[str, Any]], known: tuple[str, 
     except (KeyError, TypeError, ValueError) as error:
         where, rule = f"{path.name}, [verdict], [covariance], [measured]", "they must be as written"
         raise InputError(where, str(error), rule, "Remove the sections or tune again") from error
-
-
-def _verdict(record: dict[str, Any]) -> RingVerdict:
-    verdict = RingVerdict(
-        tuple(
-            Evidence(_REASONS[each["reason"]], str(each["detail"]), each.get("order"))
-            for each in record["reasons"]
-        ),
-        float(record["chi2"]) if "chi2" in record else None,
-        int(record["degrees_of_freedom"]),
-        tuple(map(int, record["orders_used"])),
-        tuple(map(int, record["orders_left_out"])),
-    )
-    if record["state"] != verdict.state:
-        raise ValueError(f"state {record['state']!r} for the reasons of {verdict.state.value!r}")
-    return verdict
 
 
 def _measured(record: dict[str, Any]) -> MeasuredOrder:
