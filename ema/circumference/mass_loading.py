@@ -26,6 +26,8 @@ _LIVE_PASSES = 2
 _AT_FORCE_DEG = 2.5
 # √(K/ρh)/(2πa), frequency of extension of a belt; that of the paper's tyre (Table 4).
 _STRETCH_HZ = 545.0
+# √(k_θ/ρh)/2π, torsion of a belt on its rim: that of rings of car tyres, 30 to 60 Hz.
+_TORSION_HZ = 45.0
 # Share of an FRF that orders above the highest one resolved may hold.
 _UNRESOLVED = 1e-3
 
@@ -250,13 +252,15 @@ def _pull(
 
     A sensor moves along the belt too. A belt that does not stretch moves v = −w'/n² (Kim, Nam &
     Lee 2020; v' = −w): for order n the tangential pull adds about 1/n² of the radial one. Its own
-    inertia stretches it: v is larger by ρhω²a²/(n²K), 2 % for order 1.
+    inertia, less the pull of the bed, stretches it: v is larger by (ρhω² − k_θ)a²/(n²K), 1 to 2 %
+    for order 1.
     """
     order = np.arange(1, (seats.shape[1] + 1) // 2)
     along = np.zeros_like(seats)
     along[:, 1::2], along[:, 2::2] = -seats[:, 2::2] / order, seats[:, 1::2] / order
     stretch = np.ones((seats.shape[1], frequency_hz.size))
-    stretch[1:] += (frequency_hz / (_STRETCH_HZ * np.repeat(order, 2)[:, None])) ** 2
+    inertia = frequency_hz**2 - _TORSION_HZ**2
+    stretch[1:] += inertia / (_STRETCH_HZ * np.repeat(order, 2)[:, None]) ** 2
     tangential = along @ (stretch * waves)
     return np.asarray((mass_kg * seats.T) @ radial + stretch * ((mass_kg * along.T) @ tangential))
 
