@@ -1,6 +1,11 @@
-"""Coverage of the ± of ring parameters over random tyres: python benchmarks/ring_coverage.py."""
+"""Coverage of the ± of ring parameters over random tyres, and whether faults are told.
+
+python benchmarks/ring_coverage.py "noise 0.1 %" --tyres 200
+python benchmarks/ring_coverage.py "wrong order" "shifted orders" "band cut" --tyres 20
+"""
 
 import argparse
+import itertools
 from collections import defaultdict
 
 import numpy as np
@@ -17,6 +22,7 @@ RING = (
 )
 ORDERS = np.arange(1, 9)
 WIDTH_M = 0.2
+CALIBRATION = 0.005  # of modal masses, rms: the floor of the belt mass where no width is given
 #: Radius m, pressure Pa, mass per area kg/m², order 1 Hz, bending D/(ρh) — low and high.
 KINDS = {
     "bicycle": ((0.30, 0.34), (3e5, 7e5), (1.5, 4.0), (60.0, 140.0), (0.02, 0.3)),
@@ -60,7 +66,7 @@ def tuned(ring: RingParameters, damping: RingDamping, rng: np.random.Generator, 
     }
     if masses:
         mass = model.modal_mass_kg(ring, orders, pressure_load=how["load"])
-        scale = 1 + 0.005 * rng.standard_normal()
+        scale = 1 + CALIBRATION * rng.standard_normal()
         tyre["modal_mass_kg"] = mass * scale * (1 + 0.001 * rng.standard_normal(mass.size))
         tyre["modal_mass_std_kg"] = 0.001 * mass
         if masses == "width":
@@ -128,10 +134,86 @@ def coverage(name: str, n_tyres: int) -> None:
         print(f"  belt mass off by {np.std(belt):.2f} % rms, at most {np.abs(belt).max():.2f} %")
 
 
+def measured(seed: int, orders=ORDERS, *, torsion=False, masses=False, noise=0.001, off=1.0):
+    """A random tyre and arguments of `tune_ring` as a test of these orders gives them."""
+    rng = np.random.default_rng(seed)
+    ring, _ = random_tyre(rng)
+    hz = off * model.natural_frequencies_hz(ring, orders)
+    hz *= 1 + noise * rng.standard_normal(orders.size)
+    known = {
+        "frequencies_hz": hz,
+        "frequency_std_hz": noise * hz,
+        "mean_radius_m": ring.mean_radius_m,
+        "inflation_pressure_pa": ring.inflation_pressure_pa,
+    }
+    if torsion:
+        found = model.torsion_frequency_hz(ring) * (1 + noise * rng.standard_normal())
+        known |= {"torsion_hz": found, "torsion_std_hz": noise * found}
+    if masses:
+        mass = model.modal_mass_kg(ring, orders) * (1 + CALIBRATION * rng.standard_normal())
+        mass *= 1 + 0.001 * rng.standard_normal(orders.size)
+        known |= {"modal_mass_kg": mass, "modal_mass_std_kg": 0.001 * mass}
+    return ring, known
+
+
+def wrong_order(n_tyres: int) -> None:
+    """One order 5 % off: how often it is named, and what is called identified beside the truth."""
+    for torsion, masses in itertools.product((False, True), repeat=2):
+        for order, share in itertools.product(ORDERS, (0.95, 1.05)):
+            named, good, false = 0, 0, []
+            for seed in range(n_tyres):
+                off = np.where(order == ORDERS, share, 1.0)
+                ring, known = measured(seed, torsion=torsion, masses=masses, off=off)
+                found = model.tune_ring(ORDERS, **known)
+                named += any(each.order == order for each in found.verdict.evidence)
+                good += found.verdict.is_good
+                for key in RING:
+                    value = getattr(found.ring, key)
+                    wrong = abs(value - getattr(ring, key)) > 0.5 * value
+                    if wrong and found.how[key] == "identified":
+                        false.append(f"{key} of tyre {seed}")
+            print(
+                f"torsion {torsion}, masses {masses}, order {order} x {share}: named {named}, "
+                f"good {good} of {n_tyres}, false claims: {', '.join(false) or 'none'}"
+            )
+
+
+def shifted_orders(n_tyres: int) -> None:
+    """Every order one too low or too high: how often the verdict is bad."""
+    for noise, masses, step in itertools.product((1e-4, 1e-3, 5e-3), (False, True), (-1, 1)):
+        states, true = defaultdict(int), ORDERS + (step < 0)
+        for seed in range(n_tyres):
+            _, known = measured(seed, true, masses=masses, noise=noise)
+            states[model.tune_ring(true + step, **known).verdict.state.value] += 1
+        print(f"noise {noise}, masses {masses}, shift {step:+d}: {dict(states)}")
+
+
+def band_cut(n_tyres: int) -> None:
+    """Four orders instead of eight: whether their 95 % intervals hold the values of eight."""
+    inside = defaultdict(list)
+    for seed in range(n_tyres):
+        _, known = measured(seed)
+        many = model.tune_ring(ORDERS, **known)
+        few = {key: value[:4] if np.ndim(value) else value for key, value in known.items()}
+        few = model.tune_ring(ORDERS[:4], **few)
+        for key in set(RING) & set(few.std):
+            off = abs(getattr(few.ring, key) - getattr(many.ring, key))
+            inside[key].append(off <= 1.96 * few.std[key])
+    for key, hits in inside.items():
+        print(f"4 orders, {key}: {np.sum(hits)} of {len(hits)} hold the value of 8")
+
+
+FAULTS = {"wrong order": wrong_order, "shifted orders": shifted_orders, "band cut": band_cut}
+
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("scenarios", nargs="*", default=list(SCENARIOS))
     parser.add_argument("--tyres", type=int, default=200)
     chosen = parser.parse_args()
     for each in chosen.scenarios:
-        coverage(each, chosen.tyres)
+        if each in FAULTS:
+            FAULTS[each](chosen.tyres)
+        else:
+            coverage(each, chosen.tyres)

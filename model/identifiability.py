@@ -274,8 +274,7 @@ def rests_on_one_value(search: Search, fit: LinearFit) -> dict[str, bool]:
     problem = search.problem
     if problem.objective == "paper" or degrees_of_freedom(search) <= 0:
         return {}
-    torsion = [] if problem.torsion_error is None else [problem.torsion_error]
-    largest = WRONG_VALUE / np.concatenate([problem.frequency_errors[problem.used], torsion])
+    largest = WRONG_VALUE / problem.single_errors
     moved = fit.moved(np.eye(fit.residual_slope.shape[0], largest.size))
     redundancy = 1.0 + np.sum(fit.residual_slope[: largest.size] * moved.T, axis=1)
     hidden = np.minimum(largest, OUTLIER / np.sqrt(np.maximum(redundancy, _RANK)))

@@ -115,17 +115,14 @@ class TuningProblem(ReadonlyArrays):
         own = 0.0 if self.relative_std is None else self.relative_std
         return np.hypot(own, self.priors.model_form_std) * np.ones(self.orders.size)
 
-    @property
-    def torsion_error(self) -> float | None:
-        """The same of the torsion, where it is measured."""
+    @cached_property
+    def single_errors(self) -> Array:
+        """Relative standard deviations of the frequencies used, then that of the torsion."""
+        errors = self.frequency_errors[self.used]
         if self.torsion_hz is None:
-            return None
-        return float(np.hypot(self.torsion_hz[1] / self.torsion_hz[0], self.priors.model_form_std))
-
-    @property
-    def determines_width(self) -> bool:
-        """Whether the belt width follows from modal masses."""
-        return self.masses is not None and self.belt_width_m is None
+            return errors
+        measured, std = self.torsion_hz
+        return np.append(errors, np.hypot(std / measured, self.priors.model_form_std))
 
     def prior_of(self, name: str) -> tuple[float, float] | None:
         """Value and standard deviation of a prior; the growth has one unless the data give K."""
@@ -186,12 +183,12 @@ class TuningProblem(ReadonlyArrays):
 
     def deviations(self, ring: RingParameters) -> Array:
         """What the search minimises: eq 18, or deviations over their standard deviations."""
-        used, parts = self.used, [self.residual(ring)[..., self.used]]
+        single = [self.residual(ring)[..., self.used]]
         if self.objective == "paper":
-            return parts[0]
-        parts[0] = parts[0] / self.frequency_errors[used]
+            return single[0]
         if self.torsion_hz is not None:
-            parts.append((self.torsion_of(ring) / self.torsion_hz[0] - 1.0) / self.torsion_error)
+            single.append(self.torsion_of(ring) / self.torsion_hz[0] - 1.0)
+        parts = [np.concatenate(single, axis=-1) / self.single_errors]
         if self.masses is not None:
             whitened = solve_triangular(self._mass_root, self.mass_deviations(ring).T, lower=True)
             parts.append(whitened.T)
@@ -228,11 +225,10 @@ class TuningProblem(ReadonlyArrays):
 
         The last column is that of the belt width.
         """
-        used = self.used
         if self.objective == "paper":
-            errors = np.diag((self.data_slope(ring) * self.frequency_errors)[used])
+            errors = np.diag((self.data_slope(ring) * self.frequency_errors)[self.used])
             return np.column_stack([errors, np.zeros(errors.shape[0])])
-        n_single = int(used.sum()) + (self.torsion_hz is not None)
+        n_single = self.single_errors.size
         if self.masses is None:
             return np.eye(n_single, n_single + 1)
         masses = solve_triangular(self._mass_root, self._mass_errors, lower=True)
@@ -377,8 +373,8 @@ def plan_search(problem: TuningProblem) -> Search:
         rule = f"fewer than the unknowns {', '.join(n for n in free if n not in few)}"
         remedy = "Measure more orders or give more parameters"
         raise ParameterError("frequencies_hz", f"{n_orders} values", rule, remedy)
-    if problem.determines_width and problem.objective == "frequency":
-        free.append(WIDTH)
+    if problem.masses and problem.belt_width_m is None and problem.objective == "frequency":
+        free.append(WIDTH)  # follows from the modal masses
     growth = problem.growth_m, GROWTH_STD * problem.mean_radius_m
     if AXIAL not in problem.given and problem.radial_growth_m is None:
         if problem.objective == "paper":
