@@ -91,8 +91,8 @@ class TuningProblem(ReadonlyArrays):
         if self.objective == "paper" and 0 in self.orders:
             raise ParameterError("orders", "0", "eq 18 is for n ≥ 1", "Use objective='frequency'")
         if self.radial_growth_m is not None and (AXIAL in self.given or 0 in self.orders):
-            found = f"{self.radial_growth_m:g}"
             rule = "K would be determined twice: by eq 16 and by a given K or the breathing mode"
+            found = f"{self.radial_growth_m:g}"
             raise ParameterError("radial_growth_m", found, rule, "Give one of the two")
 
     @property
@@ -112,8 +112,8 @@ class TuningProblem(ReadonlyArrays):
     @cached_property
     def frequency_errors(self) -> Array:
         """Relative standard deviation of each frequency, with that of the model form."""
-        own = 0.0 if self.relative_std is None else self.relative_std
-        return np.hypot(own, self.priors.model_form_std) * np.ones(self.orders.size)
+        own = np.zeros(self.orders.size) if self.relative_std is None else self.relative_std
+        return np.hypot(own, self.priors.model_form_std)
 
     @cached_property
     def single_errors(self) -> Array:
@@ -325,9 +325,8 @@ class Search(ReadonlyArrays):
             max_nfev=_MOST_EVALUATIONS,
         )
         values = np.clip(found.x * self.scale, self.lower, self.upper)
-        for bound in (self.lower, self.upper):
-            values = np.where(self._near(values, bound), bound, values)
-        return np.asarray(values)
+        values = np.where(self._near(values, self.lower), self.lower, values)
+        return np.where(self._near(values, self.upper), self.upper, values)
 
     def _size(self) -> float:
         """Residual that a relative frequency error of one would leave; scales eq 18 to one."""
