@@ -239,6 +239,7 @@ def _signed(desk: Desk, bench: Bench, revision: int, content: Content) -> Conten
     by, note, name = (_text(content, each) for each in ("by", "note", "folder"))
     folder = sign(bench, revision, by, note, name)
     command = replay_command(bench.result, folder)
+    desk.tell({"kind": "signed", "id": bench.name, "folder": folder.name})
     bench.signed()
     desk.tell({"kind": "home"})
     return {"folder": folder.name, "id": desk.name_of(folder), "command": command}

@@ -9,10 +9,11 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from enum import StrEnum
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -28,14 +29,15 @@ from pipelines.results.edits_file import edits_of
 from pipelines.results.result import Result, edit_records
 from pipelines.results.store import load
 from pipelines.review.folder import landing
-from pipelines.review.session import Session, key, opened
+from pipelines.review.session import Session, key, keys, opened
 from pipelines.review.sight import Sight, edit_text, refusal, state
 from pipelines.review.watch import Watch
 from pipelines.review.worker import Jobs, Stop, Worker, recordings_of, reread
 from pipelines.storage.atomic import MARKER
 
 _KEPT_FITS = 24  # undo and redo among these asks for no fit
-_KEPT_FRFS = 3  # edits of channels have FRFs of their own, some 20 MB
+_KEPT_FRFS = 2  # edits of channels have FRFs of their own, some 20 MB
+_KEPT_POLES = 2  # edits of poles have a fit of their own, some 10 MB
 _KEPT_BASES = 3  # automatic identifications with other settings
 
 
@@ -109,6 +111,7 @@ class Bench:
         with self._lock:
             told = state(self.sight())
             told |= {"id": self.name, "stage": self._stage().value, "error": self._error}
+            told["misfits"] = [self._draft.misfits.get(each) for each in keys(self.session.history)]
             return told | {"by": login_name(), "can_reread": bool(recordings_of(self.result))}
 
     def applied(self, revision: int, edit: Edit) -> dict[str, Any]:
@@ -151,10 +154,13 @@ class Bench:
         self._draft.close()
 
     def signed(self) -> None:
-        """Forget the draft, whose edits are in a result now."""
+        """Forget the draft, whose edits are in a result now; pages that show it learn of that."""
         with self._lock:
-            self._draft.discard()
+            old = self._draft
+            old.discard()
             self._draft = opened(self.folder, self.result.edits)
+            self._draft.record(replace(self.session, revision=old.session.revision + 1))
+            self._draft.fitted(old.misfits)
         self._publish(self.state())
         self._worker.wake(self)
 
@@ -175,7 +181,8 @@ class Bench:
             return False
         try:
             if source is None:
-                self._sources[_name_of(of_blocks(edits))] = reread(self.result, edits)
+                name = _name_of(of_blocks(edits))
+                self._sources = {_name_of({}): self.result, name: reread(self.result, edits)}
             elif base is None:
                 self._keep_base(edits, source, _identified(source, edits))
             else:
@@ -225,10 +232,11 @@ class Bench:
         """The fit of the longest beginning of the edits: what changed since is least."""
         settings = settings_of(edits)
         with self._lock:
+            names = keys(edits)
             for stop in range(len(edits) - 1, 0, -1):
                 if settings_of(edits[:stop]) != settings:
                     break
-                if (known := self._fits.get(key(edits[:stop]))) is not None:
+                if (known := self._fits.get(names[stop])) is not None:
                     return known
         return base
 
@@ -244,16 +252,23 @@ class Bench:
 
     def _keep(self, edits: tuple[Edit, ...], source: Result, fit: Identification) -> None:
         with self._lock:
-            self._fits[key(edits)] = fit
-            self._fits.move_to_end(key(edits))
-            if key(edits) == key(self.session.edits):
+            name = key(edits)
+            self._fits[name] = fit
+            self._fits.move_to_end(name)
+            if not fit.is_preview and isfinite(fit.model.misfit):
+                with suppress(OSError):  # it is for the history alone
+                    self._draft.fitted({name: fit.model.misfit})
+            if name == key(self.session.edits):
                 self._shown = source, fit
-            while len(self._fits) > _KEPT_FITS or self._n_frfs() > _KEPT_FRFS:
+            while self._holds_too_much():
                 self._fits.popitem(last=False)
 
-    def _n_frfs(self) -> int:
-        """How many sets of FRFs the fits hold: edits of poles share theirs."""
-        return len({id(fit.frf) for fit in self._fits.values()})
+    def _holds_too_much(self) -> bool:
+        """Whether fits take much memory; those that differ in what is listed share nearly all."""
+        fits = self._fits.values()
+        n_frfs = len({id(fit.frf) for fit in fits})
+        n_poles = len({id(each.shown or each.fit) for each in (fit.basis for fit in fits) if each})
+        return len(fits) > _KEPT_FITS or n_frfs > _KEPT_FRFS or n_poles > _KEPT_POLES
 
     def _refuse(self, edits: tuple[Edit, ...], error: dict[str, str]) -> None:
         """Take the last edit back, which cannot be carried out."""

@@ -8,7 +8,9 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import reduce
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -17,11 +19,13 @@ import numpy as np
 
 from ema.core.display import counted
 from ema.core.errors import InputError
-from ema.core.modes import Mode, Pair
+from ema.core.modes import ModalModel, Mode, Pair
 from ema.io.campaign.manifest import MANIFEST_NAME, read_manifest, resolve
 from ema.io.campaign.read import recordings_in
 from ema.io.formats import is_recording
 from pipelines.batch.state import BatchFolder, Record, read_record
+from pipelines.compare.compare import common_shapes
+from pipelines.compare.modes import match_modes, seen_by
 from pipelines.library.history import verdict_text
 from pipelines.library.library import TyreLibrary
 from pipelines.library.version import LibraryTyre
@@ -219,42 +223,45 @@ def _tyre(tyre: LibraryTyre) -> dict[str, Any]:
 
 
 MOST_RESULTS = 12
-_SAME_MODE = 0.05  # of modes without order: relative distance of their frequencies
 # Conditions over which modes are tracked: key of [tyre], name, unit, factor.
 _AXES = (
     ("inflation_pressure_pa", "pressure", "bar", 1e-5),
     ("load_n", "load", "N", 1.0),
     ("temperature_c", "temperature", "°C", 1.0),
 )
+_HOUR_S, _DAY_S = 3600.0, 86400.0
+_LONG_S = 3 * _DAY_S  # times farther apart are shown in days
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Track:
     """A mode through the results, None where one does not have it."""
 
-    name: str
-    order: int | None
-    modes: list[Mode | None] = field(default_factory=list)
+    modes: list[Mode | None]
 
     @property
-    def frequency_hz(self) -> float:
-        """Where it was seen last."""
-        return next(mode.frequency_hz for mode in reversed(self.modes) if mode is not None)
+    def seen(self) -> list[tuple[int, Mode]]:
+        """The mode in the results that have it."""
+        return [(number, mode) for number, mode in enumerate(self.modes) if mode is not None]
 
 
 def compared(results: Sequence[Result], names: Sequence[str]) -> dict[str, Any]:
     """Modes of several results as tracks, and the conditions that all of them state."""
-    axes = [axis for axis in (_axis(results, *each) for each in _AXES) if axis is not None]
+    axes = [*(_axis(results, *each) for each in _AXES), _time_axis(results)]
+    tracks = sorted(_tracks(results), key=lambda each: each.seen[-1][1].frequency_hz)
     return {
         "results": [
             {"id": name, "name": result.name, "condition": _condition(result)}
             for name, result in zip(names, results, strict=True)
         ],
         "tracks": [
-            {"name": each.name, "order": each.order, "points": [_point(m) for m in each.modes]}
-            for each in sorted(_tracks(results), key=lambda each: each.frequency_hz)
+            {
+                **{"name": mode_label(each.seen[-1][1]), "order": each.seen[-1][1].order},
+                "points": list(map(_point, results, each.modes)),
+            }
+            for each in tracks
         ],
-        "axes": axes,
+        "axes": [axis for axis in axes if axis is not None],
     }
 
 
@@ -275,51 +282,44 @@ def frf_blob(results: Sequence[Result], names: Sequence[str], position_deg: floa
 
 
 def _tracks(results: Sequence[Result]) -> list[_Track]:
-    """Modes of one order and member belong together; those without order, by frequency."""
+    """The same modes by the rules of `compare`, each with the last result that has it.
+
+    Where one of the results has one mode of an order, the others show the mean of their pair.
+    """
+    models = [result.modal_model for result in results]
+    sides = [reduce(lambda own, other: seen_by(own, other).model, models, own) for own in models]
     tracks: list[_Track] = []
-    for number, result in enumerate(results):
-        free = list(tracks)
-        for mode in result.modal_model.modes:
-            track = _track_of(mode, free)
-            if track is None:
-                track = _Track(mode_label(mode), mode.order, [None] * number)
-                tracks.append(track)
-            else:
-                free.remove(track)
-            track.modes.append(mode)
-            if mode.member and track.order is not None:  # seen as a pair in any of the results
-                track.name = mode_label(mode)
+    for number, side in enumerate(sides):
+        left = list(side.modes)
+        for earlier in range(number - 1, -1, -1):
+            known = [track for track in tracks if track.seen[-1][0] == earlier]
+            for track, mode in _matched(sides[earlier], side, known, left):
+                track.modes.append(mode)
+                left = [each for each in left if each is not mode]
         for track in tracks:
-            track.modes += [None] * (number + 1 - len(track.modes))
+            track.modes.extend([None] * (number + 1 - len(track.modes)))
+        tracks += [_Track([None] * number + [mode]) for mode in left]
     return tracks
 
 
-def _track_of(mode: Mode, free: Sequence[_Track]) -> _Track | None:
-    alike = [
-        each
-        for each in free
-        if each.order == mode.order and (mode.order is not None or _is_near(each, mode))
-    ]
-    own = [each for each in alike if each.name == mode_label(mode)]
-    if mode.order is not None and mode.member:
-        # A single mode of another result is either member.
-        own = own or [each for each in alike if each.name == str(mode.order)]
-        return own[0] if own else None
-    return min(
-        own or alike, key=lambda each: abs(each.frequency_hz - mode.frequency_hz), default=None
-    )
+def _matched(
+    before: ModalModel, now: ModalModel, tracks: Sequence[_Track], left: Sequence[Mode]
+) -> list[tuple[_Track, Mode]]:
+    """Which modes of a result go on with which tracks."""
+    if not tracks or not left:
+        return []
+    old = [track.seen[-1][1] for track in tracks]
+    shapes, _ = common_shapes(replace(before, modes=tuple(old)), replace(now, modes=tuple(left)))
+    return [(tracks[i], left[j]) for i, j in match_modes(old, left, shapes)]
 
 
-def _is_near(track: _Track, mode: Mode) -> bool:
-    return abs(track.frequency_hz / mode.frequency_hz - 1) < _SAME_MODE
-
-
-def _point(mode: Mode | None) -> dict[str, Any] | None:
+def _point(result: Result, mode: Mode | None) -> dict[str, Any] | None:
     if mode is None:
         return None
     names = "frequency_hz", "frequency_std_hz", "damping_ratio", "damping_std"
     return {name: getattr(mode, name) for name in names} | {
-        **{"purity": mode.order_purity, "mpc": mode.mpc, "status": mode.status}
+        **{"purity": mode.order_purity, "mpc": mode.mpc, "status": mode.status},
+        "is_mean": all(mode is not each for each in result.modal_model.modes),
     }
 
 
@@ -347,12 +347,36 @@ def _axis(
     }
 
 
+def _time_axis(results: Sequence[Result]) -> dict[str, Any] | None:
+    """Time after the earliest test, where all state ``date`` in [tyre], perhaps with ``time``."""
+    times = [_tested(result) for result in results]
+    known = [each.timestamp() for each in times if each is not None]
+    if len(known) < len(results):
+        return None
+    long = max(known) - min(known) > _LONG_S
+    unit, of_unit = ("d", _DAY_S) if long else ("h", _HOUR_S)
+    return {"name": "time", "unit": unit, "values": [(at - min(known)) / of_unit for at in known]}
+
+
+def _tested(result: Result) -> datetime | None:
+    """When a tyre was tested, ISO 8601; UTC where no zone is stated."""
+    details = {} if result.tyre is None else result.tyre.details
+    text = " ".join(details[name] for name in ("date", "time") if details.get(name))
+    try:
+        at = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return at if at.tzinfo else at.replace(tzinfo=UTC)
+
+
 def _condition(result: Result) -> str:
     parts = []
     for key, _, unit, factor in _AXES:
         value = _stated(result, key)
         if value is not None:
             parts.append(f"{factor * value:.4g} {unit}")
+    if (at := _tested(result)) is not None:
+        parts.append(f"{at:%Y-%m-%d %H:%M}".removesuffix(" 00:00"))
     return ", ".join(parts)
 
 

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 
 from filelock import FileLock, Timeout
 
-from ema.core.edits import Edit
+from ema.core.edits import Edit, EditKind
 from ema.core.errors import InputError
 from pipelines.results.edits_file import edits_of
 from pipelines.results.result import edit_records
@@ -73,9 +73,24 @@ class Session:
         return Session(kept, self.cursor - 1, self.revision + 1)
 
 
+def keys(edits: Iterable[Edit]) -> list[str]:
+    """A text for each beginning of the edits, which differs where the numbers may.
+
+    Who, when and why do not count, nor do notes.
+    """
+    digest = hashlib.sha256()
+    found = [digest.hexdigest()]
+    for edit in edits:
+        if edit.kind is not EditKind.NOTE:
+            records = edit_records([replace(edit, by="", at="", reason="")])
+            digest.update(json.dumps(records).encode())
+        found.append(digest.hexdigest())
+    return found
+
+
 def key(edits: Iterable[Edit]) -> str:
-    """A text that differs where the numbers may: who, when and why do not count."""
-    return json.dumps(edit_records(replace(edit, by="", at="", reason="") for edit in edits))
+    """A text that differs where the numbers of a fit with these edits may."""
+    return keys(edits)[-1]
 
 
 FOLDER = ".ringmodal-review"
@@ -93,20 +108,25 @@ class Draft:
         JSON, one change a line: a kill in the middle of one leaves those before it.
     session : Session
         As the draft has it.
+    misfits : dict of str to float
+        Reduced χ² of the final fits, by `key` of their edits.
     """
 
     path: Path
     session: Session
+    misfits: dict[str, float]
     _file: BinaryIO
     _lock: FileLock
 
     def record(self, session: Session) -> None:
         """Append what leads from the present session to another, and wait until it is on disk."""
-        for change in _changes(self.session, session):
-            self._file.write(json.dumps(change, ensure_ascii=False).encode() + b"\n")
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        _write(self._file, _change(self.session, session))
         self.session = session
+
+    def fitted(self, misfits: Mapping[str, float]) -> None:
+        """Append what fits came to, so that the history has it after a restart."""
+        _write(self._file, {"misfits": dict(misfits)})
+        self.misfits.update(misfits)
 
     def discard(self) -> None:
         """Remove the draft, as its edits are signed."""
@@ -136,19 +156,15 @@ def opened(result: Path, edits: tuple[Edit, ...] = ()) -> Draft:
         rule, remedy = "one process reviews a result", "Close the other one"
         raise InputError(str(result), "under review already", rule, remedy) from None
     base = sha256(result / MARKER)
-    session = _read(path, base)
-    fresh = session is None
-    if session is None:
-        session = Session(edits, len(edits))
+    known = _read(path, base)
+    if known is None:
         _set_aside(path)
     file = path.open("ab")
-    if fresh:
+    if known is None:
         head = {"schema": _SCHEMA, "base": base, "edits": edit_records(edits)}
-        head |= {"cursor": len(edits)}
-        file.write(json.dumps(head, ensure_ascii=False).encode() + b"\n")
-        file.flush()
-        os.fsync(file.fileno())
-    return Draft(path, session, file, lock)
+        _write(file, head | {"cursor": len(edits)})
+    session, misfits = known or (Session(edits, len(edits)), {})
+    return Draft(path, session, misfits, file, lock)
 
 
 def n_drafted(result: Path) -> int:
@@ -156,8 +172,8 @@ def n_drafted(result: Path) -> int:
     for folder in _folders(result):
         path = folder / _name(result, folder)
         if path.is_file():
-            session = _read(path, sha256(result / MARKER), repair=False)
-            return 0 if session is None else session.cursor
+            known = _read(path, sha256(result / MARKER), repair=False)
+            return 0 if known is None else known[0].cursor
     return 0
 
 
@@ -193,8 +209,8 @@ def _place(result: Path) -> Path:
     )
 
 
-def _read(path: Path, base: str, *, repair: bool = True) -> Session | None:
-    """The session of a draft of this very result; a line that was cut by a kill is removed."""
+def _read(path: Path, base: str, *, repair: bool = True) -> tuple[Session, dict[str, float]] | None:
+    """Session and misfits of a draft of this very result; a line cut by a kill is removed."""
     try:
         content = path.read_bytes()
     except OSError:
@@ -205,14 +221,18 @@ def _read(path: Path, base: str, *, repair: bool = True) -> Session | None:
         if head["schema"] != _SCHEMA or head["base"] != base:
             return None
         session = Session(edits_of(path.name, head["edits"]), head["cursor"])
+        misfits: dict[str, float] = {}
         for change in changes:
-            session = _changed(session, change)
-    except (ValueError, LookupError, TypeError):  # also `InputError`
+            if "misfits" in change:
+                misfits |= {str(name): float(each) for name, each in change["misfits"].items()}
+            else:
+                session = _changed(session, change)
+    except (ValueError, LookupError, TypeError, AttributeError):  # also `InputError`
         return None
     if repair and whole != content:
         with path.open("r+b") as file:
             file.truncate(len(whole))
-    return session
+    return session, misfits
 
 
 def _set_aside(path: Path) -> None:
@@ -222,14 +242,20 @@ def _set_aside(path: Path) -> None:
         path.rename(next(name for name in names if not name.exists()))
 
 
-def _changes(before: Session, after: Session) -> Iterator[Mapping[str, Any]]:
+def _write(file: BinaryIO, line: Mapping[str, Any]) -> None:
+    file.write(json.dumps(line, ensure_ascii=False).encode() + b"\n")
+    file.flush()
+    os.fsync(file.fileno())
+
+
+def _change(before: Session, after: Session) -> Mapping[str, Any]:
     """What leads from one session to the next: the tail of the history that differs."""
     pairs = zip(before.history, after.history, strict=False)
     same = next((k for k, (one, other) in enumerate(pairs) if one != other), None)
     if same is None:
         same = min(len(before.history), len(after.history))
     tail = edit_records(after.history[same:])
-    yield {"keep": same, "then": tail, "cursor": after.cursor, "revision": after.revision}
+    return {"keep": same, "then": tail, "cursor": after.cursor, "revision": after.revision}
 
 
 def _changed(session: Session, change: Mapping[str, Any]) -> Session:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
+import os
 import subprocess
 import sys
 import threading
@@ -26,6 +28,19 @@ _LOG = logging.getLogger(__name__)
 Stop = Callable[[], bool]
 
 
+_MMAP_THRESHOLD, _LARGE_BYTES = -3, 2**20  # M_MMAP_THRESHOLD of malloc.h
+
+
+def return_large_arrays() -> None:
+    """Have arrays of fits given back to the system when they are freed.
+
+    glibc raises its limit for that with every large array, and a server that fits for hours then
+    holds what it once needed: some 40 MB of fragments.
+    """
+    if os.name == "posix" and hasattr(library := ctypes.CDLL(None), "mallopt"):
+        library.mallopt(_MMAP_THRESHOLD, _LARGE_BYTES)
+
+
 class Work(Protocol):
     """What the thread works on: it is asked what there is to do as long as there is anything."""
 
@@ -43,6 +58,7 @@ class Worker:
     """A thread that fits, one step at a time."""
 
     def __init__(self) -> None:
+        return_large_arrays()
         self._changed = threading.Condition()
         self._waiting: list[Work] = []  # the last one was asked for last
         self._calls: deque[tuple[Callable[[Stop], Any], Future[Any]]] = deque()

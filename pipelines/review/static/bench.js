@@ -8,8 +8,6 @@ export const TOPICS = ["state", "mode", "row", "zoom", "tab", "hover", "pick", "
 
 const PROGRESS = { preview: 1, final: 2, failed: 2 };
 
-const prefix = ({ edits }, n) => edits.slice(0, n).map(({ text, at }) => `${text} ${at}`).join("\n");
-
 export class Bench {
   constructor(id) {
     this.id = id;
@@ -21,7 +19,7 @@ export class Bench {
     this.told = new Set();
     this.asked = {}; // what was last asked for, by name
     this.last = Promise.resolve(); // edits go one after another
-    this.fitted = new Map(); // reduced χ² by the edits in force
+    this.signedAs = null; // the folder that is signed from this page
     this.pending = null; // what is said when its numbers are known
   }
 
@@ -85,7 +83,11 @@ export class Bench {
   }
 
   hear(event) {
-    if (event.kind === "state" && (event.state.id ?? this.id) === this.id) this.take(event.state);
+    if (event.id !== this.id) return;
+    if (event.kind === "state") this.take(event.state);
+    if (event.kind === "signed" && event.folder !== this.signedAs) {
+      complain(`Signed in another window, as ${event.folder}. This page now shows the result without these edits`);
+    }
   }
 
   /** Take over a state of the server, unless a newer one is here already: an event may overtake an answer. */
@@ -96,7 +98,6 @@ export class Bench {
     this.state = state;
     this.view.mode = this.again(before)?.key ?? null;
     if (state.error) complain(`Not done: ${[state.error.where, state.error.found].join(": ")}. ${state.error.rule} ${state.error.remedy}`);
-    if (state.stage === "final") this.fitted.set(prefix(state, state.cursor), state.chi2);
     this.tell("state", "mode");
     this.announce();
     this.readAll();
@@ -110,10 +111,10 @@ export class Bench {
     return same ?? [...this.modes].sort((a, b) => apart(a) - apart(b))[0];
   }
 
-  /** "χ² 1.02 → 4.61" of an edit, where both fits were seen. */
+  /** "χ² 1.02 → 4.61" of an edit, where both fits are known. */
   changeBy(index) {
-    const [before, after] = [index, index + 1].map((n) => this.fitted.get(prefix(this.state, n)));
-    return before === undefined || after === undefined ? "" : `χ² ${fixed(before, 2)} → ${fixed(after, 2)}`;
+    const { misfits, edits } = this.state, before = misfits[index], after = misfits[index + 1];
+    return before === null || after === null || edits[index].kind === "note" ? "" : `χ² ${fixed(before, 2)} → ${fixed(after, 2)}`;
   }
 
   announce() {
@@ -212,5 +213,5 @@ export class Bench {
     this.edit({ kind: mode.listed ? "set_aside" : "keep", pole: mode.pole });
   }
 
-  onChannel(kind, { channel, run }) { return this.edit({ kind, channel, run }); }
+  onChannel(kind, { channel, run }, more = {}) { return this.edit({ kind, channel, run, ...more }); }
 }

@@ -1,5 +1,5 @@
 // The channels: how well the fit agrees with each (FRAC), and what can be done with it.
-import { button, el, find, fixed, refill } from "./dom.js";
+import { ask, button, el, find, fixed, numberField, refill } from "./dom.js";
 
 const POOR_FRAC = 0.9; // worth a look
 
@@ -12,6 +12,13 @@ function verdict({ used, sign, gain, frac }) {
 
 /** A file name without its ending. */
 export const stem = (name) => name.replace(/\.[^.]+$/, "") || name;
+
+/** Multiply a channel: calibration or gain that was set wrongly. */
+export function scale(bench, channel) {
+  const now = channel.gain === 1 ? "" : ` It is multiplied with ${fixed(channel.gain, 4)} now.`;
+  ask(`Gain of ${channel.channel} ${stem(channel.run)}`, `The FRF of this channel is multiplied with the factor.${now}`, { factor: numberField(1, { min: "1e-9" }) },
+    ({ factor: { value } }) => bench.onChannel("gain", channel, { value: Number(value) }));
+}
 
 export const outOrIn = (bench, channel) => bench.onChannel(channel.used ? "channel_out" : "channel_in", channel);
 
@@ -30,6 +37,7 @@ export function mount(host, bench) {
       }),
       el("span", { className: doubt ? "moved" : "" }, verdict(channel)),
       button(used ? "×" : "+", () => outOrIn(bench, channel), { className: "small", label: `${used ? "Leave out" : "Use"} ${who}`, "data-focus": `out ${row}` }),
+      chosen && button("×…", () => scale(bench, channel), { className: "small", label: `Gain of ${who}`, "data-focus": `gain ${row}` }),
       button("±", () => bench.onChannel("flip", channel), { className: "small", label: `Flip the sign of ${who}`, "data-focus": `flip ${row}` }));
   }
 

@@ -18,7 +18,8 @@ function modesTable({ results, tracks }) {
     const first = points[0];
     if (!point) return [el("td", {}, "–"), el("td", {}, "")];
     const moved = k && first ? `${signed(100 * (point.frequency_hz / first.frequency_hz - 1), 2)} %` : "";
-    return [el("td", { title: `± ${fixed(point.frequency_std_hz, 3)} Hz` }, fixed(point.frequency_hz, 2), k ? el("span", { className: "soft" }, ` ${moved}`) : ""), el("td", {}, percent(point.damping_ratio, 2))];
+    const title = `± ${fixed(point.frequency_std_hz, 3)} Hz${point.is_mean ? "; mean of the pair: another result has one mode" : ""}`;
+    return [el("td", { title }, point.is_mean && el("span", { className: "soft" }, "mean "), fixed(point.frequency_hz, 2), k ? el("span", { className: "soft" }, ` ${moved}`) : ""), el("td", {}, percent(point.damping_ratio, 2))];
   });
   return el("section", { "aria-label": "Modes" }, el("h2", {}, "Modes"), el("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": "Table of modes" }, el("table", {},
     el("thead", {},

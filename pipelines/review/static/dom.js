@@ -91,6 +91,27 @@ export function inWords({ where, found, rule, remedy }) {
   return [first, rule, remedy].filter(Boolean).join(". ").replace(/\.\./g, ".");
 }
 
+/** A dialog that asks for values: fields by their labels; `done` gets them when all are valid. */
+export function ask(title, text, fields, done) {
+  const ok = () => {
+    if (!Object.values(fields).every((field) => field.reportValidity())) return;
+    box.close();
+    done(fields);
+  };
+  const rows = Object.entries(fields).map(([name, field]) => el("label", { className: "field" }, el("span", {}, name), field));
+  const box = dialog(title, el("p", { className: "soft" }, text), rows,
+    el("p", { className: "buttons" }, button(["Cancel ", key("Esc")], () => box.close()), button("OK", ok, { className: "main", id: "ok" })));
+  box.addEventListener("keydown", (event) => {
+    if (event.key !== "Enter" || event.target.tagName !== "INPUT") return;
+    event.preventDefault();
+    ok();
+  });
+  Object.values(fields)[0].focus();
+}
+
+/** A field for a number. */
+export const numberField = (value, limits = {}) => el("input", { type: "number", step: "any", required: true, value: String(value), ...limits });
+
 /** A modal dialog with a title; the answer is the element, shown. */
 export function dialog(title, ...children) {
   const box = el("dialog", { "aria-label": title }, el("h2", {}, title), ...children);

@@ -1,5 +1,5 @@
 // All edits in their order, with reasons; those undone can be redone.
-import { button, el, find, refill } from "./dom.js";
+import { ask, button, el, find, refill } from "./dom.js";
 
 export function mount(host, bench) {
   const bar = find(".bar", host), list = find(".list", host);
@@ -43,11 +43,14 @@ export function mount(host, bench) {
       inForce && reason(edit, index));
   }
 
+  const note = () => ask("Note", "It goes into the record of edits and into the report.", { note: el("textarea", { rows: 3, maxLength: 500, required: true }) },
+    ({ note: { value } }) => bench.edit({ kind: "note", reason: value }));
+
   function draw() {
     const { edits, cursor, modes } = bench.state;
     if (writing !== null && document.activeElement?.dataset.focus === `writing ${writing}`) return;
     const found = modes.filter((mode) => mode.automatic_hz !== null).length;
-    refill(bar, el("h2", {}, "History"));
+    refill(bar, el("h2", {}, "History"), el("span", { className: "grow" }), button("Note…", note, { className: "small", title: "Add a remark to the record", "data-focus": "note" }));
     refill(list,
       el("li", { className: cursor === 0 ? "now" : "" }, button(`Automatic: ${found} modes`, () => bench.moveTo(0), { className: "name", "data-focus": "edit none" })),
       edits.map(item));

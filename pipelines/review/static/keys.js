@@ -1,6 +1,6 @@
 // The keys of the review page, and their list.
 import { dialog, el, key, button } from "./dom.js";
-import { outOrIn } from "./channels.js";
+import { outOrIn, scale } from "./channels.js";
 import { step as stepPosition, tabsOf } from "./curves.js";
 import { pick, toMode } from "./diagram.js";
 import { step as stepMode, stepOrder } from "./table.js";
@@ -23,6 +23,7 @@ export function mount(bench, { animate, tryOut, compare, sign }) {
     [["[", "]"], "[ ]", "model order of the pole to pick", (name) => stepOrder(bench, name === "[" ? -1 : 1)],
     [["x"], "X", "leave the channel out, or use it", () => channel((each) => outOrIn(bench, each))],
     [["f"], "F", "flip the sign of the channel", () => channel((each) => bench.onChannel("flip", each))],
+    [["g"], "G", "gain of the channel", () => channel((each) => scale(bench, each))],
     [["z"], "Z", "zoom to the mode, and back", () => toMode(bench)],
     [["1", "2", "3", "4", "5", "6"], "1 – 5", "curves: FRF, indicator, Nyquist, coherence, phase", (name) => {
       const tab = tabsOf(bench)[Number(name) - 1];

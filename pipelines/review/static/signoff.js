@@ -55,6 +55,7 @@ export function signOff(bench) {
     trouble.hidden = true;
     for (const input of [name, folder]) if (!input.reportValidity()) return;
     bench.signing = null;
+    bench.signedAs = folder.value;
     refill(body, el("p", { role: "status" }, "Writing the new result folder …"));
     try {
       const content = { revision: proposal.revision, by: name.value, note: note.value, folder: folder.value };

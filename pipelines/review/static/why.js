@@ -1,5 +1,5 @@
 // Why a mode is listed, what setting it aside would cost, and what else can be decided about it.
-import { button, el, find, fixed, key, refill, signed } from "./dom.js";
+import { ask, button, el, find, fixed, key, numberField, refill, signed } from "./dom.js";
 import { get, post } from "./server.js";
 
 const MOST_ORDER = 40;
@@ -50,6 +50,14 @@ export function mount(host, bench) {
     return el("p", { className: "cost", role: "status" }, parts);
   }
 
+  /** Start the fit of a mode elsewhere, where it ran to a wrong place. */
+  const startAt = ({ name, frequency_hz: hz, damping_ratio: ratio }) => ask(`Start of ${name}`, "The fit of this mode starts there, and may end elsewhere.",
+    { "frequency / Hz": numberField(+hz.toFixed(3), { min: "0.001" }), "damping / %": numberField(+(100 * ratio).toFixed(3), { min: "0.001", max: "99" }) },
+    (fields) => {
+      const [frequency_hz, percentage] = Object.values(fields).map(({ value }) => Number(value));
+      bench.edit({ kind: "start", pole: { frequency_hz, damping_ratio: percentage / 100 } });
+    });
+
   function actions(mode) {
     const order = el("select", { className: "small", "aria-label": `Order of ${mode.name}`, "data-focus": "order is", onchange: () => {
       if (order.value !== "") bench.edit({ kind: "order_is", pole: mode.pole, value: Number(order.value) });
@@ -59,6 +67,7 @@ export function mount(host, bench) {
       button(["Cost? ", key("T")], tryOut, { className: "small", title: "Fit without keeping the result", "data-focus": "why cost" }),
       mode.listed && button("Lock", () => bench.edit({ kind: "lock", pole: mode.pole }), {
         className: "small", label: "Lock: frequency and damping stay as they are", "data-focus": "why lock" }),
+      mode.listed && button("Start…", () => startAt(mode), { className: "small", label: "Start the fit of this mode elsewhere", "data-focus": "why start" }),
       bench.state.on_circle && mode.listed && order);
   }
 

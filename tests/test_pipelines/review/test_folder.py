@@ -4,6 +4,7 @@ import json
 import shutil
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from reviewing import Page, until
 
@@ -117,6 +118,7 @@ def with_pressure(result, bar, factor):
     """The result at another pressure, all frequencies higher by a factor."""
     modes = tuple(replace(mode, pole=mode.pole * factor) for mode in result.modal_model.modes)
     tyre = Tyre("225/55R17", inflation_pressure_pa=bar * 1e5, details={"load_n": "4000"})
+    tyre.details["date"] = f"2026-11-2{bar:.0f}T09:00"
     return replace(result, tyre=tyre, modal_model=replace(result.modal_model, modes=modes))
 
 
@@ -127,13 +129,32 @@ def test_modes_are_followed_over_pressure(reviewed_once):
     told = compared(
         [with_pressure(first, 2.2, 1.0), second, replace(third, modal_model=fewer)], "abc"
     )
-    assert [axis["name"] for axis in told["axes"]] == ["pressure", "load"]
+    assert [axis["name"] for axis in told["axes"]] == ["pressure", "load", "time"]
+    assert (told["axes"][2]["unit"], told["axes"][2]["values"]) == ("h", [0.0, 0.0, 24.0])
     assert told["axes"][0]["values"] == pytest.approx([2.2, 2.4, 2.6])
     for track, mode in zip(told["tracks"], first.modal_model.modes, strict=True):
         assert track["order"] == mode.order
         shown = [None if each is None else each["frequency_hz"] for each in track["points"]]
         assert shown[:2] == pytest.approx([mode.frequency_hz, 1.08 * mode.frequency_hz])
     assert told["tracks"][0]["points"][2] is None
+
+
+def test_modes_are_matched_as_by_compare(reviewed_once):
+    """A pair beside a single mode is its mean; modes without order are matched by their shapes."""
+    first = load(reviewed_once)
+    model = first.modal_model
+    pair = replace(model.modes[0], member="a"), replace(model.modes[0], member="b")
+    split = replace(model, modes=(*pair, *model.modes[1:]), covariance=np.zeros((10, 10)))
+    told = compared([first, replace(first, modal_model=split)], "ab")
+    assert [track["points"][1]["is_mean"] for track in told["tracks"]] == [True] + 3 * [False]
+    # Two modes change places: by frequency alone they would be mistaken for each other.
+    one, two = (replace(mode, order=None) for mode in model.modes[1:3])
+    swapped = replace(one, pole=two.pole), replace(two, pole=one.pole)
+    told = compared(
+        [replace(first, modal_model=replace(model, modes=m)) for m in ((one, two), swapped)], "ab"
+    )
+    for track in told["tracks"]:
+        assert track["points"][0]["purity"] == track["points"][1]["purity"]
 
 
 def test_comparisons_are_of_two_or_more_results(home, lab):
