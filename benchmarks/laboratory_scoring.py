@@ -172,7 +172,8 @@ def score(
     foreign = [m for m in modes if m.kind != "ring" or m.order == 0]
     others = [_target(None, "", m.pole, m.kind) for m in foreign]
     for place, one in enumerate(orders):
-        inside = [row for row in left if _nearest(row, centres) == place and _is_near(row, one)]
+        inside = [row for row in left if _place(row, orders, centres) == place]
+        inside = [row for row in inside if _is_near(row, one)]
         inside = [row for row in inside if not _is_other(row, one, foreign)]
         if not one.is_one and len(inside) == 1 and one.split >= RESOLVABLE_SPLIT:
             wanted = one.each
@@ -198,7 +199,11 @@ def _numbers(orders: list[Order]) -> set[int]:
     return {one.members[0].order for one in orders}
 
 
-def _nearest(row: Row, centres: np.ndarray) -> int:
+def _place(row: Row, orders: list[Order], centres: np.ndarray) -> int:
+    """The order that a row says, where it is near; otherwise the nearest one."""
+    for place, one in enumerate(orders):
+        if one.members[0].order == row.order and _is_near(row, one):
+            return place
     return int(np.argmin(np.abs(centres - row.frequency_hz)))
 
 

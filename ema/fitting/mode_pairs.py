@@ -247,7 +247,7 @@ class PairSearch:
             apart = _APART * own[0].real * 1j
             beside = [own[0] - apart, own[0] + apart] if pair is None else list(pair.poles)
             if found[1:]:
-                own, beside = (own if pair is None else pair.poles), [np.mean(own)]
+                own, beside = own if pair is None else np.array(pair.poles), [np.mean(own)]
             for k, pole in zip(found, own, strict=True):
                 poles[k] = pole
             further[found[0]] = list(range(len(poles), len(poles) + len(beside)))
@@ -288,16 +288,17 @@ class PairSearch:
         poles = self.fit.lines.drifted(self.fit.poles, self.state)
         start = complex(np.average(poles[found], weights=power))
         members = [*found, *self.further.get(found[0], ())]
-        beside = _beside(middle.poles, members)
-        own = self.left + _synthesis(middle, [*members, *beside], residual_terms=False)
+        beside = _beside(poles, found)
+        given = [k for key in [*found, *beside] for k in (key, *self.further.get(key, ()))]
+        own = self.left + _synthesis(middle, given, residual_terms=False)
         force_rad, spread = self.directions[found[0]], _UNKNOWN_RAD
         if self.force_deg is not None and found[0] not in self.aliases:
             force_rad, spread = self.force_deg * radians, _FORCE_STD_DEG * radians
         seen = self.decomposition.order(order, self.lines, own).seen_from(force_rad)
-        poles = tuple(middle.poles[beside].tolist())
+        alone = tuple(poles[beside].tolist())
         stray, mixed = self._stray(order, members, start)
         known = Known(
-            float(np.hypot(spread, mixed)), stray, self.correlation, self.settings, poles, near
+            float(np.hypot(spread, mixed)), stray, self.correlation, self.settings, alone, near
         )
         return seen, start, known, force_rad
 
