@@ -239,10 +239,14 @@ class PairSearch:
         self.left = left - _synthesis(self.middle, range(poles.size))
 
     def _poles(self, pairs: Mapping[int, PairFit]) -> tuple[Complex, dict[int, list[int]]]:
-        """Three poles for each order, those of its pair where it is known; and the further ones."""
+        """Three poles for each order of the ring, with those of its pair where it is known.
+
+        Also: which of them are further ones, by the pole of the order. Further resonances keep one:
+        they may lie beneath several orders, and three broad poles are any of their shapes.
+        """
         fit = self.fit
         poles, further = list(fit.poles[:-N_STAND_INS]), dict[int, list[int]]()
-        for _, found in self.orders:
+        for _, found in self.main:
             pair, own = pairs.get(found[0]), fit.poles[found]
             apart = _APART * own[0].real * 1j
             beside = [own[0] - apart, own[0] + apart] if pair is None else list(pair.poles)
