@@ -46,9 +46,12 @@ _TIME_NAMES = {
 }
 _TIME_WORD = re.compile(r"(?:^|[^a-z])(?:time|zeit|timestamp|temps|tiempo|tempo)(?:[^a-z]|$)")
 _LABEL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
-# Component, node and direction, as field programs and analysers write them.
+# Component, node and direction, as field programs and analysers write them, perhaps with those of
+# the force behind a slash or a colon: Tire:13:+Z/Tire:1:+Z, 13Z:1Z.
 _POINT = re.compile(
-    r"(?:.*:)?(?P<node>[0-9]{1,9}):?(?P<sign>[+-]?)(?:[Rr]|(?P<axis>[XYZxyz]))(?:\s*/.*)?"
+    r"(?:[^:/]*:)*?(?P<node>[0-9]{1,9}):?(?P<sign>[+-]?)"
+    r"(?:R|(?P<axis>[XYZ]))(?:\s*[/:]\s*(?P<reference>.*))?",
+    re.IGNORECASE,
 )
 _FEWEST_OF_AXIS = 16  # rows below which numbers may rise evenly by chance
 _FIRST_ROWS = 64  # that tell a signal from an axis without a look at all of it
@@ -64,6 +67,7 @@ class Column:
     samples: NDArray[Any]  # integers or floats, at best a memory map; NaN where missing
     place: str = ""  # in the file, which becomes the name of a channel whose name repeats
     start_s: float = 0.0  # of the first sample, as the file states it
+    matrix: str = ""  # that it is a column of
 
 
 def name_and_unit(label: str) -> tuple[str, str]:
@@ -78,6 +82,11 @@ class Point(NamedTuple):
     node: int
     sense: int
     axis: int
+    reference: str = ""  # the force of an FRF, as its name has it
+
+
+#: What a name without a point states.
+NOWHERE = Point(0, 1, 0)
 
 
 def point_of(name: str) -> Point | None:
@@ -86,7 +95,8 @@ def point_of(name: str) -> Point | None:
     if match is None:
         return None
     axis = " XYZ".index((match["axis"] or " ").upper())
-    return Point(int(match["node"]), -1 if match["sign"] == "-" else 1, axis)
+    sense = -1 if match["sign"] == "-" else 1
+    return Point(int(match["node"]), sense, axis, match["reference"] or "")
 
 
 def is_time(name: str, unit: str) -> bool:
@@ -320,7 +330,7 @@ def _channel(path: Path, column: Column, is_repeated: bool, findings: list[Findi
         findings.append(remark(path, name, Check.UNIT, f"unit {column.unit!r} is not known"))
     column.samples.setflags(write=False)
     quantity, factor = (UNKNOWN, 1.0) if unit is None else (unit.quantity, unit.factor)
-    node, sense, axis = point_of(name) or (None, 1, 0)
+    node, sense, axis, _ = point_of(name) or (None, 1, 0, "")
     scale = sense * factor
     return Channel(
         name, quantity, column.unit, column.samples, scale_to_si=scale, node=node, axis=axis
@@ -362,7 +372,8 @@ def matrix_columns(
         labels, unit_of_each(where, n_channels, units), signals, strict=True
     ):
         name, own = name_and_unit(label)
-        columns.append(Column(name, unit or own, samples))
+        matrix_name = where.rpartition(", ")[2].rpartition("/")[2]
+        columns.append(Column(name, unit or own, samples, matrix=matrix_name))
     return columns
 
 

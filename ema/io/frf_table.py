@@ -17,8 +17,8 @@ from ema.core.frf import FRF
 from ema.core.numerics import constant
 from ema.core.recording import DERIVATIVES
 from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
-from ema.io.columns import Column, Point, point_of
-from ema.io.content import EXPORT_AGAIN, FileContent
+from ema.io.columns import NOWHERE, Column, Point, point_of
+from ema.io.content import EXPORT_AGAIN, FileContent, remark
 from ema.io.rates import even_step, uneven
 
 _FREQUENCY_NAMES = {"f", "freq", "frequency", "frequenz", "frequence", "fréquence", "frequencia"}
@@ -32,6 +32,7 @@ CONVERTED = (
     "{} over force, converted to inertance (factor jω)",
     "{} over force, converted to inertance (factor −ω²)",
 )
+ROVING_FORCE = "one response, roving force: by reciprocity, the force nodes are used as positions"
 _SEPARATORS = " \t_-:|,.()"
 
 
@@ -42,7 +43,7 @@ class _Part(Enum):
     IMAGINARY = r"im|imag|imaginary|imaginär|imaginärteil|imaginaer"
     MAGNITUDE = r"mag|magn|magnitude|abs|amp|ampl|amplitude|betrag"
     PHASE = r"phase|phas|ph|phi|arg|angle|winkel"
-    COHERENCE = r"coh|coherence|kohärenz|kohaerenz|msc"
+    COHERENCE = r"coh|coherence|kohärenz|kohaerenz|msc|cxy|gamma2"
 
 
 _PARTS = {
@@ -78,8 +79,13 @@ def with_frequency_first(path: Path, columns: Sequence[Column]) -> list[Column] 
             parts = {"real": each.samples.real, "imag": each.samples.imag}
             ordered += [replace(each, name=f"{each.name} {k}", samples=v) for k, v in parts.items()]
         elif each is not first:
-            ordered.append(each)
+            named = f"{each.name} {each.matrix}" if not _has_part(each.name) else each.name
+            ordered.append(replace(each, name=named) if _has_part(each.matrix) else each)
     return ordered
+
+
+def _has_part(name: str) -> bool:
+    return any(form.search(name) for form in _PARTS.values())
 
 
 def _is_even(column: Column) -> bool:
@@ -122,8 +128,8 @@ def frf_content(path: Path, columns: Sequence[Column], findings: Sequence[Findin
         if _Part.COHERENCE in each.columns:
             coherence[row] = _coherence(path, each.columns[_Part.COHERENCE])
     names = [each.name for each in grouped]
-    points = [point_of(name) or Point(0, 1, 0) for name in names]
-    known = all(map(point_of, names))
+    points, force = _points(path, names, noticed)
+    known = all(point.node for point in points)
     values *= np.array([point.sense for point in points])[:, None]
     frf = FRF(
         frequency_hz=lines,
@@ -136,9 +142,26 @@ def frf_content(path: Path, columns: Sequence[Column], findings: Sequence[Findin
         axis=np.array([point.axis * known for point in points]),
     )
     without = tuple(row for row, each in enumerate(grouped) if not is_stated(each.unit))
-    return FileContent(
-        path, frf=frf, frf_names=tuple(names), findings=tuple(noticed), frf_without_unit=without
-    )
+    shared = (force.node or None, force.axis) if known else (None, 0)
+    found = FileContent(path, None, frf, tuple(names), *shared, tuple(noticed))
+    return replace(found, frf_without_unit=without)
+
+
+def _points(path: Path, names: Sequence[str], findings: list[Finding]) -> tuple[list[Point], Point]:
+    """Place and sense of each FRF by its name, and the end that all share, as with dataset 58."""
+    responses = [point_of(name) or NOWHERE for name in names]
+    forces = [point_of(each.reference) or NOWHERE for each in responses]
+    places = [{(end.node, end.axis) for end in ends} for ends in (responses, forces)]
+    said = {each.reference for each in responses}
+    if len(said) > 1 and len(places[1]) > 1 and len(places[0]) == 1 and NOWHERE not in forces:
+        findings.append(remark(path, "", Check.RECIPROCITY, ROVING_FORCE))
+        responses, forces = forces, responses
+    elif len(said) > 1 and (len(places[1]) > 1 or NOWHERE in forces):
+        rule = "all FRFs must have one force (or one response, where the force roves)"
+        found = f"forces {', '.join(sorted(said)[:3])}"
+        raise RecordingFormatError(path.name, found, rule, "Export one reference per file")
+    both = zip(responses, forces, strict=True)
+    return [end._replace(sense=end.sense * other.sense) for end, other in both], forces[0]
 
 
 def _fault(path: Path, column: str, found: str, rule: str, remedy: str) -> RecordingFormatError:
@@ -161,31 +184,47 @@ def _lines(path: Path, column: Column) -> NDArray[np.float64]:
 
 def _grouped(path: Path, columns: Sequence[Column]) -> list[_Parts]:
     """Columns of each FRF, by what their names have in common; a coherence follows its FRF."""
+    named = [(column, *_part_and_name(path, column)) for column in columns]
+    names = {name for _, part, name in named if part is not _Part.COHERENCE}
     groups: dict[str, _Parts] = {}
-    last = None
-    for column in columns:
-        found = [(part, form.search(column.name)) for part, form in _PARTS.items()]
-        matches = [(part, match) for part, match in found if match]
-        if len(matches) != 1 or not matches[0][1]:
-            rule = "beside frequencies, each column must be a part of an FRF"
-            remedy = "Call it by its FRF and real, imag, magnitude, phase or coherence: 'H1 real'"
-            raise _fault(path, column.name, "no such part", rule, remedy)
-        part, match = matches[0]
-        name = column.name[: match.start()].rstrip(_SEPARATORS) or ""
-        name = f"{name} {column.name[match.end() :].strip(_SEPARATORS)}".strip()
-        if part is _Part.COHERENCE and name not in groups:
-            name = last.name if last is not None else name
-        last = groups.setdefault(name, _Parts(name))
-        if part in last.columns:
-            rule = f"{last.columns[part].name!r} is the same part of the same FRF"
+    for column, part, name in named:
+        own = name if name in names else _of_coherence(path, column, name, groups)
+        found = groups.setdefault(own, _Parts(own))
+        if part in found.columns:
+            rule = f"{found.columns[part].name!r} is the same part of the same FRF"
             raise _fault(path, column.name, "a part twice", rule, "Give each FRF a name of its own")
-        last.columns[part] = column
+        found.columns[part] = column
     if not groups:
         rule = "FRFs must follow the frequencies"
         raise RecordingFormatError(path.name, "no columns beside them", rule, EXPORT_AGAIN)
     for each in groups.values():
         each.name = each.name or "FRF"
     return list(groups.values())
+
+
+def _part_and_name(path: Path, column: Column) -> tuple[_Part, str]:
+    """Part that a column is, and the rest of its name."""
+    found = [(part, form.search(column.name)) for part, form in _PARTS.items()]
+    matches = [(part, match) for part, match in found if match]
+    if len(matches) != 1 or not matches[0][1]:
+        rule = "beside frequencies, each column must be a part of an FRF"
+        remedy = "Call it by its FRF and real, imag, magnitude, phase or coherence: 'H1 real'"
+        raise _fault(path, column.name, "no such part", rule, remedy)
+    part, match = matches[0]
+    before = column.name[: match.start()].rstrip(_SEPARATORS)
+    return part, f"{before} {column.name[match.end() :].strip(_SEPARATORS)}".strip()
+
+
+def _of_coherence(path: Path, column: Column, name: str, groups: dict[str, _Parts]) -> str:
+    """FRF of a coherence of another name: the one it ends like, else the one it stands behind."""
+    alike = [each for each in groups if name and re.search(rf"(?<!\w){re.escape(name)}$", each)]
+    if len(alike) == 1:
+        return alike[0]
+    *before, last = list(groups.values()) or [_Parts("")]
+    if last.columns and all(_Part.COHERENCE in each.columns for each in before):
+        return last.name
+    rule = "a coherence must be called as its FRF or stand behind it"
+    raise _fault(path, column.name, "no FRF of this name", rule, "Rename it, or leave it out")
 
 
 def _inertance(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.units import TIME, AxisUnit, parse_axis
+from ema.core.units import FREQUENCY, TIME, AxisUnit, parse_axis
 from ema.io.columns import (
     Column,
     content_of_columns,
@@ -35,6 +36,8 @@ _LAYOUTS = (
     "fs, dt or t; or a struct of those"
 )
 _SAVE_AGAIN = "Save it in one of these layouts"
+# What Testlab puts before the ends of a function.
+_KIND = re.compile(r"^\s*(?:(?:ordinary|multiple)?\s*coherence|FRF|frequency response)\s+", re.I)
 _KINDS = {np.ndarray: "a single number", str: "text", list: "a cell array", dict: "a struct"}
 # Larger texts and cell arrays in files of level 7.3 are left out.
 _LONGEST_TEXT = 4096
@@ -146,37 +149,82 @@ def _is_function(value: Any) -> bool:
     return bool(parts) and all(isinstance(part, dict) for part in parts)
 
 
-def _of_functions(path: Path, functions: Mapping[str, Any], others: Sequence[str]) -> FileContent:
-    """Channels of Testlab: a struct of x_values, y_values and function_record for each."""
-    columns, steps = [], {}
-    for variable, each in functions.items():
-        where = f"{path.name}, {variable}"
-        axis, ordinate = each["x_values"], each["y_values"]
-        label = _label(axis)
-        unit = parse_axis(label) if label else AxisUnit(TIME, 1.0)
-        values = ordinate.get("values")
-        is_real = isinstance(values, np.ndarray) and not _is_complex(values)
-        if unit is None or unit.kind != TIME or not is_real:
-            found = f"x_values in {label!r}" if is_real else "no real values"
-            rule = "functions of Testlab in MATLAB files must be real, over time"
-            raise RecordingFormatError(where, found, rule, "Export FRFs as universal file")
-        factor = _number(where, ordinate.get("quantity", {}), "unit_transformation/factor", 1.0)
-        if factor != 1.0:
-            found, rule = f"factor {factor:g}", "the values must be in the unit that is stated"
-            raise RecordingFormatError(where, found, rule, "Export in SI units")
-        steps[f"{variable}/dt"] = _number(where, axis, "increment", np.nan) * unit.factor
-        start_s = _number(where, axis, "start_value", 0.0) * unit.factor
-        names = _texts(each.get("function_record", {}).get("name")) or [variable]
-        signals = np.atleast_2d(np.squeeze(values).T)
-        if len(names) != len(signals):
-            names = [f"{variable} {row}" for row in range(1, len(signals) + 1)]
-        columns += [
-            Column(name, _label(ordinate), samples, f"{variable}/{name}", start_s)
-            for name, samples in zip(names, signals, strict=True)
-        ]
+@dataclass(frozen=True, eq=False)
+class _Function:
+    """A function of Testlab, or several with one axis."""
+
+    name: str  # of the variable
+    kind: str  # of its axis: TIME or FREQUENCY
+    start: float  # s or Hz
+    step: float
+    columns: list[Column]
+
+    @property
+    def values(self) -> NDArray[Any]:
+        """Those of the first; all are of one length and type."""
+        return self.columns[0].samples
+
+
+def _of_functions(path: Path, structs: Mapping[str, Any], others: Sequence[str]) -> FileContent:
+    """Channels or FRFs of Testlab: a struct of x_values, y_values and function_record for each."""
+    functions = [_function(path, name, each) for name, each in structs.items()]
     findings = left_out(path, dict.fromkeys(others, "beside functions of Testlab"))
-    rate, treatment = stated_rate(path, steps), _flat(functions)
-    return content_of_columns(path, columns, rate=rate, findings=findings, statements=treatment)
+    spectra = [each for each in functions if each.kind == FREQUENCY]
+    frfs = [each for each in spectra if _is_complex(each.values)]
+    if not spectra:
+        rate = stated_rate(path, {f"{each.name}/dt": each.step for each in functions})
+        columns, treatment = [row for each in functions for row in each.columns], _flat(structs)
+        return content_of_columns(path, columns, rate=rate, findings=findings, statements=treatment)
+    if not frfs:
+        rule = "over frequency, FRFs are read, with real and imaginary part"
+        raise RecordingFormatError(path.name, "no complex values", rule, "Export complex FRFs")
+    used = [each for each in spectra if each in frfs or _is_coherence(structs[each.name])]
+    unused = [each.name for each in functions if each not in used]
+    findings += left_out(path, dict.fromkeys(unused, "neither FRF nor coherence"))
+    axes = {(each.start, each.step, len(each.values)) for each in used}
+    if len(axes) > 1:
+        found = f"{len(axes)} resolutions, starts or numbers of lines"
+        rule, remedy = "all FRFs must have the same frequency lines", "Export them separately"
+        raise RecordingFormatError(path.name, found, rule, remedy)
+    ((start, step, n_lines),) = axes
+    columns = [Column("frequency", "Hz", start + step * np.arange(n_lines))]
+    for each in sorted(used, key=lambda each: each not in frfs):
+        part = "" if each in frfs else " coherence"
+        columns += [replace(row, name=_KIND.sub("", row.name) + part) for row in each.columns]
+    ordered = with_frequency_first(path, columns)
+    assert ordered is not None
+    return frf_content(path, ordered, findings)
+
+
+def _is_coherence(struct: Mapping[str, Any]) -> bool:
+    return "coherence" in str(struct.get("function_record", "")).lower()
+
+
+def _function(path: Path, variable: str, struct: Mapping[str, Any]) -> _Function:
+    where = f"{path.name}, {variable}"
+    axis, ordinate = struct["x_values"], struct["y_values"]
+    label, values = _label(axis), ordinate.get("values")
+    unit = parse_axis(label) if label else AxisUnit(TIME, 1.0)
+    is_signal = isinstance(values, np.ndarray) and values.size > 1
+    if unit is None or not is_signal or (unit.kind == TIME and _is_complex(values)):
+        rule = "functions of Testlab must be real over time, or over frequency"
+        raise RecordingFormatError(where, f"x_values in {label!r}", rule, _SAVE_AGAIN)
+    factor = _number(where, ordinate.get("quantity", {}), "unit_transformation/factor", 1.0)
+    if factor != 1.0:
+        found, rule = f"factor {factor:g}", "the values must be in the unit that is stated"
+        raise RecordingFormatError(where, found, rule, "Export in SI units")
+    step = _number(where, axis, "increment", np.nan) * unit.factor
+    start = _number(where, axis, "start_value", 0.0) * unit.factor
+    names = _texts(struct.get("function_record", {}).get("name")) or [variable]
+    signals = np.atleast_2d(np.squeeze(values).T)
+    if len(names) != len(signals):
+        names = [f"{variable} {row}" for row in range(1, len(signals) + 1)]
+    start_s = start if unit.kind == TIME else 0.0
+    columns = [
+        Column(name, _label(ordinate), samples, f"{variable}/{name}", start_s)
+        for name, samples in zip(names, signals, strict=True)
+    ]
+    return _Function(variable, unit.kind, start, step, columns)
 
 
 def _flat(values: Mapping[str, Any], place: str = "", separator: str = "/") -> dict[str, Any]:
@@ -274,7 +322,8 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
         if is_time(name, "") or (found.matrices and has_frequency([_bare(name, found)]))
     ]
     others = [name for name in found.vectors if name not in times]
-    if len(found.matrices) > 1 or (found.matrices and others):
+    are_frfs = any(has_frequency([_bare(name, found)]) for name in times)
+    if (len(found.matrices) > 1 and not are_frfs) or (found.matrices and others):
         what = f"matrices {', '.join(found.matrices)}"
         what += f" and vectors {', '.join(others)}" if others else ""
         raise RecordingFormatError(path.name, what, _LAYOUTS, _SAVE_AGAIN)
@@ -286,9 +335,10 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
         Column(name, "s" if is_time(name, "") else "Hz", found.vectors[name]) for name in times
     ]
     if found.matrices:
-        name, matrix = next(iter(found.matrices.items()))
         units = _units(found, found.names)
-        return columns + matrix_columns(f"{path.name}, {name}", matrix, found.names, units)
+        for name, matrix in found.matrices.items():
+            columns += matrix_columns(f"{path.name}, {name}", matrix, found.names, units)
+        return columns
     if found.names:
         found.left_out["names"] = "names but no matrix"
     if isinstance(found.units, list) and len(found.units) > 1:

@@ -18,7 +18,7 @@ from ema.core.numerics import constant
 from ema.core.recording import DERIVATIVES, FORCE, UNKNOWN
 from ema.core.units import FREQUENCY, is_stated, parse_ratio
 from ema.io.content import Coherences, remark
-from ema.io.frf_table import CONVERTED
+from ema.io.frf_table import CONVERTED, ROVING_FORCE
 from ema.io.rates import even_step, step_and_inverse
 from ema.io.uff.dataset58 import axis_factor, read_values
 from ema.io.uff.dataset58_header import OrdinateUnit, UnitSystem, ordinate_unit
@@ -271,8 +271,7 @@ def _nodes(
     if len(set(forces)) == 1:
         return responses, forces[0] or None, True
     if len(set(responses)) == 1:
-        detail = "one response, roving force: by reciprocity, the force nodes are used as positions"
-        findings.append(remark(path, "", Check.RECIPROCITY, detail))
+        findings.append(remark(path, "", Check.RECIPROCITY, ROVING_FORCE))
         return forces, responses[0] or None, False
     found = f"{len(set(forces))} force nodes and {len(set(responses))} response nodes"
     rule = "all FRFs must have one force (or one response, where the force roves)"

@@ -317,7 +317,8 @@ def test_functions_of_testlab(tmp_path):
     ("axis", "message"),
     [
         ({"increment": 1 / 1024}, "512"),
-        ({"quantity": {"label": "Hz"}}, "over time"),
+        ({"quantity": {"label": "Hz"}}, "complex FRFs"),
+        ({"quantity": {"label": "m"}}, "over time"),
         ({"start_value": 0.5 / 512}, "whole samples apart"),
         ({"increment": "fast"}, "one number"),
     ],
@@ -325,6 +326,28 @@ def test_functions_of_testlab(tmp_path):
 def test_functions_of_testlab_that_are_refused(tmp_path, axis, message):
     with pytest.raises(RecordingFormatError, match=message):
         read_file(_functions(tmp_path / "a.mat", **axis))
+
+
+def test_frfs_of_testlab(tmp_path):
+    axis = {"quantity": {"label": "Hz"}, "start_value": 0.5, "increment": 0.5}
+    values, share = _MOTION + 1j * _FORCE, np.linspace(0, 1, 64)
+    variables = {
+        "COH_0": function_of_testlab("Coherence Tire:13:-Z/Tire:1:+Z", "/", share, **axis),
+        "FRF_0": function_of_testlab("FRF Tire:14:+Z/Tire:1:+Z", "g/N", 2 * values, **axis),
+        "FRF_1": function_of_testlab("FRF Tire:13:-Z/Tire:1:+Z", "g/N", values, **axis),
+        "PSD_0": function_of_testlab("PSD Tire:1:+Z", "N^2/Hz", share, **axis),
+    }
+    scipy.io.savemat(tmp_path / "a.mat", variables)
+    found = read_file(tmp_path / "a.mat")
+    np.testing.assert_allclose(found.frf.frequency_hz, 0.5 * np.arange(1, 65))
+    assert (found.frf.node.tolist(), found.frf_force_node) == ([14, 13], 1)
+    np.testing.assert_allclose(found.frf.values, 9.80665 * np.array([2 * values, -values]))
+    np.testing.assert_array_equal(found.frf.coherence, [np.full(64, np.nan), share])
+    assert [each.channel for each in found.findings] == ["PSD_0"]
+    variables["FRF_1"]["x_values"]["increment"] = 1.0
+    scipy.io.savemat(tmp_path / "a.mat", variables)
+    with pytest.raises(RecordingFormatError, match="same frequency lines"):
+        read_file(tmp_path / "a.mat")
 
 
 @pytest.mark.parametrize("apart", [True, False])

@@ -92,6 +92,31 @@ def test_a_coherence_without_a_name_follows_its_frf(tmp_path):
     assert np.all(content.frf.coherence == 0.5)
 
 
+@pytest.mark.parametrize("form", ["Tire:{}:+Z/Tire:{}:-Z", "{}Z:{}-Z", "{}:+Z / {}:-Z"])
+def test_names_with_both_ends(tmp_path, form):
+    def content(*ends):
+        names = [form.format(*each) for each in ends]
+        header = ",".join(f"{name} real [m/s^2/N],{name} imag [m/s^2/N]" for name in names)
+        return read(tmp_path, f"f [Hz],{header}", *parts(FIRST), *parts(SECOND))
+
+    for found in (content((13, 1), (14, 1)), content((1, 13), (1, 14))):  # the force roves
+        assert found.frf.node.tolist() == [13, 14]
+        assert (found.frf_force_node, found.frf_force_axis) == (1, 3)
+        np.testing.assert_allclose(found.frf.values, [-FIRST, -SECOND], rtol=1e-9)
+    with pytest.raises(RecordingFormatError, match="one force"):
+        content((13, 1), (14, 2))
+
+
+def test_coherences_behind_all_frfs_find_theirs(tmp_path):
+    frfs = "FRF 1 real [g/N],FRF 1 imag [g/N],FRF 2 real [g/N],FRF 2 imag [g/N]"
+    both = *parts(FIRST), *parts(SECOND)
+    low, high = np.full((2, len(LINES)), [[0.5], [0.9]])
+    found = read(tmp_path, f"f [Hz],{frfs},Coherence 2,Coherence 1", *both, high, low)
+    np.testing.assert_array_equal(found.frf.coherence[:, 0], [0.5, 0.9])
+    with pytest.raises(RecordingFormatError, match="'Coherence A'"):
+        read(tmp_path, f"f [Hz],{frfs},Coherence A,Coherence B", *both, high, low)
+
+
 def test_a_campaign_of_them(tmp_path):
     header = "f [Hz],A real [m/s^2/N],A imag [m/s^2/N],B real [m/s^2/N],B imag [m/s^2/N]"
     read(tmp_path, header, *parts(FIRST), *parts(SECOND))
@@ -202,6 +227,18 @@ def test_frfs_in_matlab_and_hdf5_with_the_unit_of_the_manifest(tmp_path, write, 
     frf = ema.read_campaign(tmp_path).frf
     np.testing.assert_allclose(frf.frequency_hz, LINES)
     np.testing.assert_allclose(frf.values, [FIRST, SECOND], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("write", "ending"), [(mat, "mat"), (mat_73, "mat"), (hdf5, "h5")])
+def test_a_matrix_of_coherences_beside_that_of_frfs(tmp_path, write, ending):
+    values, share = np.column_stack([FIRST, SECOND]), np.linspace(0, 1, 80).reshape(40, 2)
+    write(tmp_path / f"a.{ending}", {"coherence": share, "f": LINES, "H": values})
+    frf = read_file(tmp_path / f"a.{ending}").frf
+    np.testing.assert_allclose(frf.values, values.T, rtol=1e-12)
+    np.testing.assert_array_equal(frf.coherence, share.T)
+    matrices = {"H_imag": values.imag, "f": LINES, "H_real": values.real}
+    write(tmp_path / f"a.{ending}", matrices)
+    np.testing.assert_allclose(read_file(tmp_path / f"a.{ending}").frf.values, values.T, rtol=1e-12)
 
 
 def test_frequencies_and_values_must_be_as_many(tmp_path):
