@@ -273,6 +273,14 @@ SEVERAL = (
         bad_file("a.csv", "whole samples apart"),
     ),
     _csv(
+        "different columns of time, all in front of the channels",
+        rows(
+            *(_FULL, [f"{(k + 4) / 2000:.4f}" for k in range(N)], _FORCE[:N], _MOTION[:N]),
+            header="time [s],time 2 [s],force [N],A01 [m/s^2]",
+        ),
+        bad_file("a.csv", "'time'", "in front of its channels"),
+    ),
+    _csv(
         "a second column of time at another rate",
         _pairs(_HALF, _FULL),
         bad_file("a.csv", "1000 Hz", "2000 Hz"),
@@ -363,6 +371,11 @@ CLOCKS = (
             ("over midnight", ";", "%d.%m.%Y", "%H:%M:%S,%f", _MIDNIGHT),
             ("American", ",", "%m/%d/%Y", "%I:%M:%S.%f %p", {}),
         )
+    ),
+    _csv(
+        "stamps without a name, an index of pandas",
+        _stamped(",", _clock("%Y-%m-%d %H:%M:%S.%f"), heading=[""]),
+        _CLOCKS,
     ),
     _csv(
         "stamps, days left out",

@@ -136,6 +136,8 @@ def content_of_columns(
     times = {at: axis for at, axis in axes.items() if axis is not None}
     for at, axis in times.items():
         rate = agreed(path, rate, axis.rate) if at == min(times) else _same(path, rate, axis)
+    if len(times) > 1:
+        _check_all_are_used(path, times, {_place_of_axis(times, at) for at, _ in signals})
     noticed += rate_findings(path, rate)
     repeated = Counter(column.name for _, column in signals)
     channels = [_channel(path, each, repeated[each.name] > 1, noticed) for _, each in signals]
@@ -157,13 +159,28 @@ class _Axis:
     n_samples: int = 0
 
 
+def _place_of_axis(times: Mapping[int, _Axis], at: int) -> int:
+    """The last axis in front of a column, else the first of all."""
+    return max((place for place in times if place < at), default=min(times))
+
+
 def _axis_of(times: Mapping[int, _Axis], at: int) -> _Axis:
-    """The last axis in front of a column, else the first of all; starts count from the first."""
+    """Axis of a column; starts count from the first axis."""
     if len(times) < 2:
         return _Axis("")
-    before = [place for place in times if place < at]
-    axis, first = times[max(before, default=min(times))], times[min(times)]
+    axis, first = times[_place_of_axis(times, at)], times[min(times)]
     return replace(axis, start_s=axis.start_s - first.start_s)
+
+
+def _check_all_are_used(path: Path, times: Mapping[int, _Axis], used: set[int]) -> None:
+    """Refuse a time with no channel behind it, if it starts within that of the channels."""
+    for at, axis in times.items():
+        apart_s = {abs(axis.start_s - times[other].start_s) for other in used - {at}}
+        span_s = axis.n_samples / axis.rate.hz
+        if at not in used and any(0.0 < each < span_s for each in apart_s):
+            found = f"{axis.name!r}: a time of its own, without a channel behind it"
+            rule = "of several different times, each must stand in front of its channels"
+            raise RecordingFormatError(path.name, found, rule, "Reorder the columns")
 
 
 def _same(path: Path, rate: Rate, axis: _Axis) -> Rate:

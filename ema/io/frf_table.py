@@ -22,7 +22,8 @@ from ema.io.content import EXPORT_AGAIN, FileContent, remark
 from ema.io.rates import even_step, uneven
 
 _FREQUENCY_NAMES = {"f", "freq", "frequency", "frequenz", "frequence", "fréquence", "frequencia"}
-_MOST_RADIANS = 7.0  # a phase beyond a whole turn is in degrees
+# An FRF with a resonance passes 90°; a phase in rad that is not wrapped stays below 14 turns.
+_FEWEST_DEGREES = 90.0
 _DEGREES = {"deg", "°", "degree", "degrees", "grad"}
 _RADIANS = {"rad", "radian", "radians"}
 _DECIBEL = re.compile(r"dB(?:\s+re\.?)?\s*[:(]?\s*1?\s*(?P<unit>\S.*?)?\)?", re.IGNORECASE)
@@ -278,7 +279,7 @@ def _radians(path: Path, column: Column) -> NDArray[np.float64]:
     unit = column.unit.strip().lower()
     if unit in _RADIANS:
         return phase
-    if unit in _DEGREES or (not unit and np.nanmax(np.abs(phase)) > _MOST_RADIANS):
+    if unit in _DEGREES or (not unit and np.nanmax(np.abs(phase)) > _FEWEST_DEGREES):
         return np.deg2rad(phase)
     rule = "a phase must be in deg or rad"
     remedy = f"Write it behind the name: '{column.name} [deg]'"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mmap
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
+from ema.core.finding import Check, Finding
 from ema.io import content
 from ema.io.columns import (
     Column,
@@ -31,6 +32,7 @@ SUFFIXES = (".h5", ".hdf5")
 _NAMES = ("names", "channels", "labels")
 _UNITS = ("unit", "units")
 _SCALES = ("scale_factor", "add_offset")  # of stored numbers, after the CF conventions
+_NOT_APPLIED = ("gain", "scale", "scaling", "factor", "sensitivity", "offset", "calibration")
 _PICKLED_TEXT = re.compile(rb"V([^\n]*)\np[0-9]+\na")
 _PICKLED_TEXTS = re.compile(rb"\(lp[0-9]+\n(?:V[^\n]*\np[0-9]+\na)+\.")
 _DEEPEST = 32  # groups in groups
@@ -60,7 +62,7 @@ def read(path: Path) -> FileContent:
         rule = "a channel is a dataset of one dimension, or a row or column of a matrix"
         raise RecordingFormatError(path.name, held, rule, "Export the samples in this layout")
     columns = [column for array in series for column in _columns(path, _scaled(path, array))]
-    findings = content.left_out(path, skipped)
+    findings = (*content.left_out(path, skipped), *_not_applied(path, series))
     if (of_frfs := with_frequency_first(path, columns)) is not None:
         return frf_content(path, of_frfs, findings)
     columns, more = without_complex(path, columns)
@@ -131,6 +133,15 @@ def _scaled(path: Path, array: _Array) -> _Array:
         for each, usual in zip(stated, (1.0, 0.0), strict=True)
     )
     return replace(array, samples=array.samples * factor + offset)
+
+
+def _not_applied(path: Path, series: Sequence[_Array]) -> Iterator[Finding]:
+    """Warnings about integers whose attributes may scale them, in no convention that is known."""
+    for array in series:
+        stated = [name for name in array.attributes if name.lower() in _NOT_APPLIED]
+        if stated and array.samples.dtype.kind in "iu":
+            what = f"integers with {', '.join(stated)}, not applied: give their sensitivity or unit"
+            yield content.remark(path, array.name, Check.UNIT, f"{what}, or export floats")
 
 
 def _columns(path: Path, array: _Array) -> list[Column]:

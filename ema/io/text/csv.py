@@ -53,6 +53,8 @@ def read_table(path: Path, source: TextSource) -> FileContent:
     cells = read_cells(source, layout, wanted, source.sections(layout.start), findings)
     read_in = [_column(layout, index, cells.pop(index), path, findings) for index in wanted]
     columns = [column for column in read_in if column is not None]
+    if not has_frequency(columns) and not any(is_time(each.name, each.unit) for each in columns):
+        columns = columns[-1:] + columns[:-1] if has_frequency(columns[-1:]) else columns
     if has_frequency(columns):
         return frf_content(path, columns, findings)
     return content_of_columns(path, columns, rate=layout.rate, findings=findings)
@@ -67,7 +69,7 @@ def _wanted(path: Path, layout: Layout) -> tuple[list[int], list[Finding]]:
     for index, name in enumerate(layout.names):
         if not name and index >= layout.filled:
             continue
-        if not name:
+        if not name and index not in layout.clocks:
             detail = f"column {index + 1} has no name and is left out"
         elif index in layout.clocks and has_time:
             detail = "time stamps beside the time are left out"

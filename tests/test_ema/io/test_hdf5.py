@@ -327,6 +327,15 @@ def test_integers_are_scaled_as_their_attributes_say(tmp_path, layout, scales):
     np.testing.assert_allclose(force.block(0, 60), counts * factor + scales.get("add_offset", 0))
 
 
+def test_integers_with_a_gain_are_doubted(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs["fs"] = RATE_HZ
+        add(file, "A01", np.arange(-9, 9) % 7, "g", gain=0.01)
+        add(file, "force", NOISE[:18, 0], "N", gain=0.01)
+    (finding,) = [f for f in read_file(tmp_path / "a.h5").findings if "gain" in f.detail]
+    assert (finding.channel, finding.verdict.value) == ("A01", "warning")
+
+
 def test_scales_that_are_no_numbers_are_refused(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.create_dataset("force", data=np.arange(9)).attrs["scale_factor"] = "0.01"

@@ -136,6 +136,11 @@ def test_a_campaign_of_them(tmp_path):
             (np.abs(FIRST), np.angle(FIRST)),
             ("'H1 phase'", "deg or rad"),
         ),
+        (
+            "f [Hz],H1 mag [g/N],H1 phase",
+            (np.abs(FIRST), np.linspace(0, -30, 40)),  # rad, not wrapped
+            ("'H1 phase'", "deg or rad"),
+        ),
         ("f [Hz],H1 [m/s^2/N],H2 [m/s^2/N]", parts(FIRST), ("'H1'", "part of an FRF")),
         (
             "f [Hz],H real [g/N],H imag [g/N],coherence",
