@@ -52,7 +52,7 @@ def test_a_parameter_that_is_not_identified_is_stated(clean, name, how, state):
     assert (found.state, len(found.remarks)) == (state, 1)
     title = " ".join(RING_NAMES[name][:2])
     assert title in found.remarks[0].text
-    assert (title in found.line) == (how == "not identified")
+    assert found.line.endswith(f" {RING_NAMES[name][1]}.") == (state == State.GOOD)
 
 
 def test_a_sensor_mass_is_stated_where_it_matters_and_in_doubt_where_it_changes_the_object(clean):
