@@ -28,6 +28,7 @@ WRONG_VALUE = 0.05
 #: Standard deviations from which on one value among all others is told to be wrong: 0.4 % of eight
 #: right ones.
 OUTLIER = 3.5
+_UNCHECKED = 0.05  # redundancy below which it leaves two standard deviations of the model form
 _LARGEST_HIDDEN = 0.5  # share of a parameter by which such an error, unseen, may change it
 _RANK = 1e-9  # singular value over the largest one that counts as zero
 #: Parameters that the frequencies of a ring depend on, besides its radius.
@@ -265,7 +266,7 @@ def posterior_spread(search: Search, values: Array) -> Spread:
 
 
 def rests_on_one_value(search: Search, fit: LinearFit) -> dict[str, bool]:
-    """Whether one wrong frequency or torsion, seen by nothing, would change a parameter by half.
+    """Whether one wrong frequency or torsion that nothing checks would change a parameter by half.
 
     External reliability (Baarda 1968): an error e of one value leaves √r·e in its residual, with
     the redundancy r that the other values give it. Without spare frequencies the verdict says so
@@ -278,7 +279,7 @@ def rests_on_one_value(search: Search, fit: LinearFit) -> dict[str, bool]:
     moved = fit.moved(np.eye(fit.residual_slope.shape[0], largest.size))
     redundancy = 1.0 + np.sum(fit.residual_slope[: largest.size] * moved.T, axis=1)
     hidden = np.minimum(largest, OUTLIER / np.sqrt(np.maximum(redundancy, _RANK)))
-    change = np.abs(moved * hidden).max(axis=1)
+    change = np.abs(moved * hidden)[:, redundancy < _UNCHECKED].max(axis=1, initial=0.0)
     return dict(zip(fit.names, (change > _LARGEST_HIDDEN * fit.values).tolist(), strict=True))
 
 
