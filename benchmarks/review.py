@@ -153,6 +153,7 @@ class Client:
         self.token = token_in(file)
 
     def ask(self, what: str, **content: Any) -> Any:
+        """Answer to a request, a POST where there is content: JSON, or bytes of arrays."""
         headers = {"X-Ringmodal-Token": self.token, "Content-Type": "application/json"}
         headers["Origin"] = self.origin
         data = json.dumps(content).encode() if content else None
@@ -162,6 +163,7 @@ class Client:
         return json.loads(body) if body[:1] == b"{" else body
 
     def settled(self, *stages: str) -> Any:
+        """The state once it is of one of the stages."""
         return until(lambda: self.ask("state"), lambda state: state["stage"] in stages)
 
 

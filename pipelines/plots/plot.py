@@ -1,6 +1,6 @@
 """The description of a plot: panels, axes and series; `draw` and `chart` render it.
 
-Colours are names of the page's style (``report.css``), so that they follow light and dark; texts
+Colours are names of the page's style (``colours.css``), so that they follow light and dark; texts
 are plain texts, never markup. Widths and sizes are pixels of the page. Imported as `go`.
 """
 

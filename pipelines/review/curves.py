@@ -194,7 +194,7 @@ def _poles(mode: Mode, sight: Sight) -> Iterator[Line]:
         return
     yield Line("Seen at", f"{near.size} of {highest} model orders", not near.kept)
     if not near.kept:
-        yield Line("Not chosen because", near.reason, True)
+        yield Line("Its column", near.reason, True)
 
 
 def _second_opinion(mode: Mode, sight: Sight) -> Iterator[Line]:

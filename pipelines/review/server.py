@@ -19,11 +19,18 @@ import uvicorn
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.responses import (
+    FileResponse,
+    HTMLResponse,
+    JSONResponse,
+    Response,
+    StreamingResponse,
+)
 from starlette.routing import Route
 
 from ema.core.display import jsonable
 from ema.core.errors import FitError, InputError
+from pipelines import report
 from pipelines.review.answers import Answer, MissingError, read, write
 from pipelines.review.bench import Desk, StaleError
 from pipelines.review.sight import refusal
@@ -173,13 +180,10 @@ def _header_pairs() -> list[tuple[bytes, bytes]]:
 
 _STATIC = Path(__file__).parent / "static"
 _ALIVE_S = 10.0
-_KINDS = {
-    ".html": "text/html",
-    ".js": "text/javascript",
-    ".css": "text/css",
-    ".svg": "image/svg+xml",
-}
-_PAGES = {"/": "home", "/r/{name}": "review", "/compare": "compare", "/w/{name}": "watch"}
+_KINDS = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+_COLOURS = Path(report.__file__).with_name("colours.css")  # those of the report
+# Script of each page; the review has a frame of its own, the others share one.
+_PAGES = {"/": "landing", "/r/{name}": "app", "/compare": "compare", "/w/{name}": "watch"}
 _NOT_FOUND = {"where": "page", "found": "not found", "rule": "", "remedy": ""}
 
 
@@ -195,9 +199,12 @@ def application(desk: Desk, port: int, token: str) -> Guard:
     return Guard(Starlette(routes=routes), port, token)
 
 
-def _page(name: str) -> Callable[[Request], Awaitable[Response]]:
+def _page(script: str) -> Callable[[Request], Awaitable[Response]]:
+    frame = _STATIC / ("review.html" if script == "app" else "page.html")
+    content = frame.read_text(encoding="utf-8").replace("SCRIPT", script)
+
     async def page(_: Request) -> Response:
-        return FileResponse(_STATIC / f"{name}.html", media_type="text/html")
+        return HTMLResponse(content)
 
     return page
 
@@ -205,7 +212,8 @@ def _page(name: str) -> Callable[[Request], Awaitable[Response]]:
 async def _static(request: Request) -> Response:
     """One of the files of the pages; a name that is none of them leads nowhere."""
     wanted = request.path_params["name"]
-    paths = {path.relative_to(_STATIC).as_posix(): path for path in _STATIC.rglob("*.*")}
+    files = *_STATIC.glob("*.*"), _COLOURS
+    paths = {path.name: path for path in files if path.suffix != ".html"}
     if wanted not in paths:
         return _json({"error": _NOT_FOUND}, 404)
     return FileResponse(paths[wanted], media_type=_KINDS.get(paths[wanted].suffix, "text/plain"))

@@ -183,7 +183,10 @@ class Sight:
         aside = of_kind(self.session.edits, EditKind.SET_ASIDE)
         named = any(each.pole is not None and _is_name_of(each.pole, mode) for each in aside)
         only = of_kind(self.session.edits, EditKind.ONLY_KEPT)
-        return "set aside" if named or only else "gone"
+        if named or only:
+            return "set aside"
+        low, high = self.model.band_hz
+        return "gone" if low <= mode.frequency_hz <= high else "outside"
 
 
 def mode_label(mode: Mode) -> str:

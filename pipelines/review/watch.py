@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import ema
+from ema.checks.corrections import screen
 from ema.checks.quality import check_reference, coherence_findings, gain_findings, reference_finding
 from ema.core.campaign import Campaign
 from ema.core.errors import FitError, InputError
@@ -31,7 +32,8 @@ _REPEAT = frozenset(
     {
         *(Check.CLIPPED, Check.SILENT, Check.DROPOUT, Check.STUCK, Check.MISSING_SAMPLES),
         *(Check.LOST_SAMPLES, Check.DOUBLE_HITS, Check.COHERENCE, Check.EXCITATION),
-        *(Check.REFERENCE, Check.GAIN, Check.LENGTH, Check.LEVEL),
+        *(Check.REFERENCE, Check.GAIN, Check.LENGTH, Check.LEVEL, Check.DEAD, Check.INCOHERENT),
+        Check.AVERAGED_RUNS,
     }
 )
 # Of runs that are not measured yet, or checks that ask for all of them.
@@ -132,12 +134,14 @@ def _checked(campaign: Campaign) -> dict[str, RunSeen]:
     low, high = TYRE_BAND_HZ if campaign.processing.band_hz is None else campaign.processing.band_hz
     band_hz = low, min(high, float(frf.frequency_hz[-1]))
     findings = [*campaign.findings, *frf.findings, *coherence_findings(frf, band_hz)]
-    findings += _of_reference(frf, band_hz)
+    findings += [*_of_reference(frf, band_hz), *_of_channels(campaign, frf, band_hz)]
     files = {Path(path).name: path for path in campaign.sources}
     seen = {}
     for run in campaign.runs:
         own = tuple(
-            each for each in findings if each.run == run.name and each.check not in _TOO_EARLY
+            each
+            for each in dict.fromkeys(findings)
+            if run.name in each.run.split("+") and each.check not in _TOO_EARLY
         )
         name = next((file for file in files if run.name == file or run.name in file), run.name)
         seen[name] = RunSeen(name, "measured", _numbers(campaign, frf, run.name, band_hz), own)
@@ -153,6 +157,15 @@ def _of_reference(frf: FRF, band_hz: tuple[float, float]) -> list[Finding]:
         finding = reference_finding(check)
         found.append(replace(finding, run=check.run[-1]))
     return found
+
+
+def _of_channels(campaign: Campaign, frf: FRF, band_hz: tuple[float, float]) -> list[Finding]:
+    """Channels that processing will leave out or doubt; what it refuses concerns the last run."""
+    try:
+        return screen(frf, band_hz)[1]
+    except InputError as error:
+        last, said = campaign.runs[-1].name, f"{error.where}: {error.found}; {error.rule}"
+        return [Finding(last, "", None, Check.AVERAGED_RUNS, Verdict.WARNING, said)]
 
 
 def _numbers(

@@ -1,5 +1,5 @@
 // The channels: how well the fit agrees with each (FRAC), and what can be done with it.
-import { ask, button, el, find, fixed, numberField, refill } from "./dom.js";
+import { ask, button, el, find, fixed, key, numberField, refill } from "./dom.js";
 
 const POOR_FRAC = 0.9; // worth a look
 
@@ -37,8 +37,8 @@ export function mount(host, bench) {
       }),
       el("span", { className: doubt ? "moved" : "" }, verdict(channel)),
       button(used ? "×" : "+", () => outOrIn(bench, channel), { className: "small", label: `${used ? "Leave out" : "Use"} ${who}`, "data-focus": `out ${row}` }),
-      chosen && button("×…", () => scale(bench, channel), { className: "small", label: `Gain of ${who}`, "data-focus": `gain ${row}` }),
-      button("±", () => bench.onChannel("flip", channel), { className: "small", label: `Flip the sign of ${who}`, "data-focus": `flip ${row}` }));
+      button("±", () => bench.onChannel("flip", channel), { className: "small", label: `Flip the sign of ${who}`, "data-focus": `flip ${row}` }),
+      chosen && el("span", { className: "more" }, button(["Gain… ", key("G")], () => scale(bench, channel), { className: "small", label: `Gain of ${who}`, "data-focus": `gain ${row}` })));
   }
 
   function draw() {

@@ -122,6 +122,7 @@ function frfs({ results }) {
 async function start() {
   try {
     const found = await get(`compare?ids=${encodeURIComponent(ids)}`);
+    document.title = "Compare · ringmodal review";
     refill(find("#what"), `Compare ${found.results.map(({ name }) => name).join(", ")}`);
     find("main").append(el("div", { className: "two" }, frfs(found), tracking(found)), modesTable(found));
     document.documentElement.dataset.ready = "";

@@ -129,6 +129,7 @@ export function mount(host, bench) {
     pen.font = "600 11px system-ui, sans-serif";
     pen.textBaseline = "top";
     const chosen = bench.mode;
+    const ends = { true: -Infinity, false: -Infinity }; // of the names so far: listed, and not
     for (const { mode } of listed) {
       if (!mode) continue;
       const x = chart.toX(mode.frequency_hz), top = chart.inner.top;
@@ -142,8 +143,11 @@ export function mount(host, bench) {
       pen.stroke();
       pen.setLineDash([]);
       pen.globalAlpha = 1;
-      pen.textAlign = { a: "right", b: "left" }[mode.member] ?? "center";
-      pen.fillText(mode.name, x + ({ a: 2, b: -2 }[mode.member] ?? 0), top + (mode.listed ? 2 : 13));
+      pen.textAlign = "left";
+      const wide = pen.measureText(mode.name).width, share = { a: 0.8, b: 0.2 }[mode.member] ?? 0.5;
+      const left = Math.max(x - share * wide, ends[mode.listed] + 3);
+      ends[mode.listed] = left + wide;
+      pen.fillText(mode.name, left, top + (mode.listed ? 2 : 13));
     }
   }
 

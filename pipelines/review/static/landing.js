@@ -70,6 +70,7 @@ const libraryRows = ({ name, sets }) => sets.map(({ tyre, versions, approved, ve
 async function show() {
   try {
     const home = await get("home"), open = find("details")?.open;
+    document.title = "Results and campaigns · ringmodal review";
     refill(find("#what"), home.folder);
     refill(find("main"),
       home.batch && batchOf(home.batch),

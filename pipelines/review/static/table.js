@@ -59,10 +59,10 @@ export function mount(host, bench) {
       })),
       cell(fixed(mode.frequency_hz, 2), "f"), cell(fixed(mode.frequency_std_hz, 3), "std"),
       el("td", { className: moved ? "moved" : "", title: mode.delta_sigma === null ? "" : `${signed(mode.delta_sigma, 1)} σ` },
-        mode.listed ? (mode.automatic_hz === null ? "new" : signed(mode.delta_hz, 2)) : mode.chosen === "gone" ? "gone" : "aside"),
+        mode.listed ? (mode.automatic_hz === null ? "new" : signed(mode.delta_hz, 2)) : mode.chosen === "set aside" ? "aside" : mode.chosen),
       cell(percent(mode.damping_ratio, 2), "f"), cell(percent(mode.damping_std, 3), "std"),
       cell(fixed(mode.purity, 2), "purity"),
-      el("td", {}, button(mode.listed ? "×" : "+", () => bench.toggle(mode), {
+      el("td", {}, mode.chosen !== "outside" && button(mode.listed ? "×" : "+", () => bench.toggle(mode), {
         className: "small", label: `${verb} ${mode.name}, ${fixed(mode.frequency_hz, 2)} Hz`, "data-focus": `toggle ${mode.name}`,
       })));
     row.addEventListener("click", (event) => event.target.closest("button") ?? bench.look({ mode: mode.key }));

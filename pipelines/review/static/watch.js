@@ -9,7 +9,7 @@ const STATES = { measured: "good", "being written": "preview", missing: "", unre
 let last = "";
 
 function runRow({ run, file, state, seconds, coherence, clipped, coherent_from_hz: from, coherent_to_hz: to, reference_drift_percent: drift, lines = [], error }) {
-  const notes = [...lines.map(({ text, verdict }) => el("p", { className: verdict === "warning" ? "warning" : "" }, text)), error && el("p", { className: "warning" }, error)];
+  const notes = [...lines.map(({ text }) => el("p", { className: "warning" }, text)), error && el("p", { className: "warning" }, error)];
   return el("tr", {}, el("th", { scope: "row" }, run), word(file), word(el("span", { className: `chip ${STATES[state] ?? ""}` }, state)),
     el("td", {}, fixed(seconds, 1)), el("td", {}, fixed(coherence, 3)), el("td", {}, clipped == null ? "–" : `${fixed(100 * clipped, 2)}`),
     el("td", {}, from == null ? "–" : `${fixed(from, 0)} – ${fixed(to, 0)}`), el("td", {}, fixed(drift, 2)), word(notes));

@@ -274,7 +274,7 @@ def test_on_paper_every_chart_is_a_picture(tyre):
 
 
 def test_every_colour_of_a_line_or_text_stands_out_from_the_paper():
-    style = (Path(report.__file__).parent / "report.css").read_text(encoding="utf-8")
+    style = (Path(report.__file__).parent / "colours.css").read_text(encoding="utf-8")
     light, dark = (
         dict(re.findall(r"--([a-z0-9-]+): (#[0-9a-f]{6})", part))
         for part in style.split("* { box-sizing")[0].split("@media screen")

@@ -162,11 +162,16 @@ def test_nothing_is_lost_when_the_server_is_killed(folder):
             edit = aside(client.get(f"{place}/state").json()["modes"][0], "kept over a kill")
             answer = client.post(f"{place}/edit", json={"revision": 0, "edit": edit})
             assert answer.status_code == 200
+            fitted = until(
+                lambda: client.get(f"{place}/state").json(), lambda told: told["stage"] == "final"
+            )["misfits"]
+            assert fitted[1] is not None
         process.kill()
         process.wait()
         said = process.stdout.read() + process.stderr.read()
         assert token not in said + address
     with review(folder) as page:
+        assert page.state()["misfits"] == fitted
         state = page.settled()
         assert [each["reason"] for each in state["edits"]] == ["kept over a kill"]
         assert state["modes"][0]["chosen"] == "set aside"
@@ -246,6 +251,7 @@ def test_what_is_signed_is_what_the_record_gives(page, folder, short_campaign, t
     assert answer.status_code == 200
     target = folder.with_name("result_reviewed")
     assert page.state()["edits"] == []  # the draft is done with
+    assert page.state()["revision"] > state["revision"]  # or pages would take it for an old one
     record = read_edits(target / "edits.toml")
     assert (record.signed["by"], record.signed["note"]) == ("A. Keller", "see photo 12")
     assert (target / "report.html").is_file()

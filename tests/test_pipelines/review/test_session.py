@@ -57,6 +57,11 @@ def test_a_reason_changes_no_number(edit, reason):
     assert key(explained.edits) == key(session.edits)
 
 
+@given(SESSIONS)
+def test_a_note_changes_no_number(session):
+    assert key(session.applied(Edit(EditKind.NOTE, reason="warm")).edits) == key(session.edits)
+
+
 def test_the_sign_of_an_edit_matters():
     flipped = (Edit(EditKind.FLIP, channel=ChannelName("A03")),)
     assert key(flipped) != key(())

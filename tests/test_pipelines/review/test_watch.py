@@ -2,11 +2,16 @@
 
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from reviewing import Page, until
 
+from ema.core.finding import Check
+from ema.io.formats import read_file
+from ema.io.uff.write import write_time_series
 from pipelines.review.bench import Desk
 from pipelines.review.watch import advice, expected, looked_at, settled
 from pipelines.simulate.campaign import simulate_campaign
@@ -84,6 +89,23 @@ def test_a_noisy_run_is_repeated(rig, tmp_path):
     assert verdict == "warning"
     assert text.startswith("Repeat run 2 (config_2.uff), because: ")
     assert runs["config_1.uff"].faults == []
+
+
+def test_a_clipped_run_is_repeated(rig):
+    """One sensor at its limit for a fifth of the time: processing would leave it out."""
+    path = rig(1, 2) / "config_2.uff"
+    channels = [  # copies: the file is written again
+        replace(each, samples=np.array(each.samples)) for each in read_file(path).recording.channels
+    ]
+    limit = 1.2 * np.std(channels[4].samples)
+    channels[4] = replace(channels[4], samples=np.clip(channels[4].samples, -limit, limit))
+    write_time_series(path, channels, 2000.0, precision="single")
+    os.utime(path, (0, 0))
+    runs, (verdict, text) = seen(path.parent)
+    assert verdict == "warning"
+    assert text.startswith("Repeat run 2 (config_2.uff), because: ")
+    (fault,) = {(each.check, each.channel) for each in runs["config_2.uff"].faults}
+    assert fault == (Check.CLIPPED, channels[4].name)
 
 
 def test_a_drift_of_the_tyre_is_seen_by_the_reference(rig, tmp_path):
