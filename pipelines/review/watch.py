@@ -141,7 +141,7 @@ def _checked(campaign: Campaign) -> dict[str, RunSeen]:
         own = tuple(
             each
             for each in dict.fromkeys(findings)
-            if run.name in each.run.split("+") and each.check not in _TOO_EARLY
+            if run.name == each.run.split("+")[-1] and each.check not in _TOO_EARLY
         )
         name = next((file for file in files if run.name == file or run.name in file), run.name)
         seen[name] = RunSeen(name, "measured", _numbers(campaign, frf, run.name, band_hz), own)
@@ -217,7 +217,7 @@ def advice(runs: Expected, seen: Sequence[RunSeen]) -> tuple[str, str]:
             fault = run.faults[0]
             where = f" {fault.channel}" if fault.channel else ""
             why = f"{fault.check}{where}, {fault.detail}"
-            return "warning", f"Repeat run {number} ({run.name}), because: {why}."
+            return "warning", f"Repeat run {number} ({run.name}), because: {why}"
     for number, run in enumerate(seen, 1):
         if run.state == "being written":
             return "wait", f"Run {number} ({run.name}) is being written."
@@ -256,7 +256,7 @@ def as_record(runs: Expected, seen: Sequence[RunSeen]) -> dict[str, Any]:
         "advice": {"verdict": verdict, "text": text},
         "runs": [
             {
-                **{"run": run.name, "file": run.name, "state": run.state, "error": run.error},
+                **{"run": run.name, "state": run.state, "error": run.error},
                 **{"lines": lines[run.name], **run.content},
             }
             for run in seen

@@ -38,7 +38,7 @@ export function mount(host, bench) {
       el("span", { className: doubt ? "moved" : "" }, verdict(channel)),
       button(used ? "×" : "+", () => outOrIn(bench, channel), { className: "small", label: `${used ? "Leave out" : "Use"} ${who}`, "data-focus": `out ${row}` }),
       button("±", () => bench.onChannel("flip", channel), { className: "small", label: `Flip the sign of ${who}`, "data-focus": `flip ${row}` }),
-      chosen && el("span", { className: "more" }, button(["Gain… ", key("G")], () => scale(bench, channel), { className: "small", label: `Gain of ${who}`, "data-focus": `gain ${row}` })));
+      chosen && el("span", { className: "more" }, button(["Gain… ", key("G")], () => scale(bench, channel), { className: "small", title: `Gain of ${who}`, "data-focus": `gain ${row}` })));
   }
 
   function draw() {

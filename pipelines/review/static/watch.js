@@ -8,9 +8,9 @@ const KINDS = { ok: "good", warning: "warning", wait: "preview" };
 const STATES = { measured: "good", "being written": "preview", missing: "", unreadable: "warning" };
 let last = "";
 
-function runRow({ run, file, state, seconds, coherence, clipped, coherent_from_hz: from, coherent_to_hz: to, reference_drift_percent: drift, lines = [], error }) {
+function runRow({ run, state, seconds, coherence, clipped, coherent_from_hz: from, coherent_to_hz: to, reference_drift_percent: drift, lines = [], error }) {
   const notes = [...lines.map(({ text }) => el("p", { className: "warning" }, text)), error && el("p", { className: "warning" }, error)];
-  return el("tr", {}, el("th", { scope: "row" }, run), word(file), word(el("span", { className: `chip ${STATES[state] ?? ""}` }, state)),
+  return el("tr", {}, el("th", { scope: "row" }, run), word(el("span", { className: `chip ${STATES[state] ?? ""}` }, state)),
     el("td", {}, fixed(seconds, 1)), el("td", {}, fixed(coherence, 3)), el("td", {}, clipped == null ? "–" : `${fixed(100 * clipped, 2)}`),
     el("td", {}, from == null ? "–" : `${fixed(from, 0)} – ${fixed(to, 0)}`), el("td", {}, fixed(drift, 2)), word(notes));
 }
@@ -35,8 +35,8 @@ async function show() {
       el("section", { "aria-label": "Runs" }, el("div", { className: "bar" }, el("h2", {}, `Runs: ${measured} measured${expected ? ` of ${expected}` : ""}`), el("span", { className: "grow" }),
         button("Process what is there", process, { disabled: measured === 0, "data-focus": "process" })),
       el("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": "Table of runs" }, el("table", {}, el("thead", {}, el("tr", {},
-        ["run", "file", "state", "time / s", "coherence", "clipped / %", "coherent / Hz", "drift / %", "remarks"].map((text, k) =>
-          el("th", { scope: "col", className: [0, 1, 2, 8].includes(k) ? "word" : "" }, text)))),
+        ["run", "state", "time / s", "coherence", "clipped / %", "coherent / Hz", "drift / %", "remarks"].map((text, k) =>
+          el("th", { scope: "col", className: [0, 1, 7].includes(k) ? "word" : "" }, text)))),
       el("tbody", {}, runs.map(runRow))))));
     if (advice.text !== last) say(advice.text);
     last = advice.text;
@@ -47,5 +47,6 @@ async function show() {
   }
 }
 
+find("footer").className = "hidden"; // the advice is on the page; the line is for screen readers
 await show();
 if (last) listen(id, (event) => event.kind === "watch" && event.id === id && show(), show);

@@ -216,6 +216,24 @@ def test_every_edit_is_in_the_lists_too(bench):
     assert settled(bench, cursor=3)["edits"][2]["kind"] in ("pick", "keep")
 
 
+def test_gain_start_and_note_are_asked_for(bench):
+    """Each has a dialog whose fields are the edit."""
+    press(bench, "g")
+    bench.find("dialog input").clear()
+    press(bench, "2", Keys.ENTER)
+    row = bench.js("return ringmodalBench.view.row")
+    assert settled(bench, cursor=1)["channels"][row]["gain"] == pytest.approx(2)
+    bench.find("[data-focus='why start']").click()
+    press(bench, Keys.ENTER)
+    start = settled(bench, cursor=2)["edits"][1]
+    assert (start["kind"], start["mode"]) == ("start", bench.js(STATE)["modes"][0]["name"])
+    bench.find("[data-focus='note']").click()
+    press(bench, "warm tyre")
+    bench.find("#ok").click()
+    note = settled(bench, cursor=3)["edits"][2]
+    assert (note["kind"], note["reason"]) == ("note", "warm tyre")
+
+
 def test_another_band(bench):
     """The band is typed in; the diagram and the modes follow."""
     upper = bench.find("[data-focus='Band to, Hz']")
