@@ -26,6 +26,7 @@ from ema.fitting.covariance import (
 )
 from ema.fitting.evidence import is_no_mode, with_model_error
 from ema.fitting.fit_steps import (
+    as_stated,
     beside_ring,
     in_other_orders,
     is_undetermined,
@@ -197,6 +198,8 @@ def settled(curve: CurveFit) -> Settled:
     if curve.circle and not curve.selection.pinned:
         between = np.hypot(between, shift_beside(modes, beside))
     seen = rows_of(modes, owner, both, between, mixed, drift, frf.position_deg, curve.settings)
+    for r in fit.locked:
+        seen[r] = as_stated(modes[r], curve.locked[place[r]])
     judged_by = [rows[0] for rows, _ in seen] if curve.circle else modes
     in_band, doubts = _doubts(curve, judged_by, fit, beside)
     ascending = [int(r) for r in np.argsort(np.abs(fit.poles))]
@@ -232,7 +235,9 @@ def _one_pole_per_order(curve: CurveFit) -> tuple[PoleFit, dict[int, RingOrder],
     poles = np.array([means[k][1] if k in means else fit.poles[k] for k in kept])
     bound = fit.at_bound.reshape(-1, 2)[kept]
     bound[[kept.index(k) for k in means]] = False
-    again = replace(evaluate(fit.lines, poles, fit.drift), at_bound=bound.ravel())
+    locked = tuple(kept.index(k) for k in fit.locked)
+    again = evaluate(fit.lines, poles, fit.drift, locked=locked)
+    again = replace(again, at_bound=bound.ravel())
     return again, {kept.index(k): order for k, (order, _) in means.items()}, kept
 
 

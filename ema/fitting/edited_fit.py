@@ -32,6 +32,7 @@ from ema.fitting.listing import Choice, Key, Row, Settled, listed
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_STAND_INS, evaluate
 from ema.fitting.search import CurveFit, curve_fit
+from ema.fitting.variable_projection import Real
 from ema.poles.stability import PoleSelection, StabilityDiagram, build_stability, select_poles
 
 
@@ -65,7 +66,7 @@ class _Found:
 
     added: list[complex] = field(default_factory=list)  # further poles, rad/s
     starts: dict[int, complex] = field(default_factory=dict)
-    locked: list[int] = field(default_factory=list)
+    locked: dict[int, Real] = field(default_factory=dict)  # with the covariance of before
     two: set[int] = field(default_factory=set)  # keys of orders that have two members
     orders: dict[Key, int] = field(default_factory=dict)
     kept: dict[Key, Wish] = field(default_factory=dict)
@@ -125,7 +126,7 @@ def edited(
     if anew and not live:
         curve = copy(curve)
         curve.order_of = {key[0]: order for key, order in found.orders.items()}
-        curve = curve.judged_anew()
+        curve = curve.judged_anew(before.curve.ring)
         if of_kind(edits, EditKind.NO_PARTNERS):
             curve.ring = tuple(_one(order) for order in curve.ring)
     after = before
@@ -195,13 +196,21 @@ def _hold(before: EditedFit, row: Row, wish: Wish, found: _Found) -> None:
         remedy = "Add no_partners, which leaves one mode for the order"
         raise wish.refused("a member of a pair cannot be moved by itself", (), remedy)
     if wish.edit.kind is EditKind.LOCK:
-        found.starts.setdefault(pole, row.mode.pole)
-        found.locked.append(pole)
+        start = found.starts.setdefault(pole, row.mode.pole)
+        found.locked[pole] = _as_known(before.settled, row, start)
         return
     size = 2 * np.pi * wish.pole.frequency_hz
     ratio = wish.pole.damping_ratio
     ratio = row.mode.damping_ratio if ratio is None else ratio
     found.starts[pole] = size * complex(-ratio, np.sqrt(1 - ratio**2))
+
+
+def _as_known(settled: Settled, row: Row, pole: complex) -> Real:
+    """Covariance of frequency and damping ratio of a row, and how far a pole is from there."""
+    at = 2 * settled.rows.index(row)
+    own = settled.covariance[at : at + 2, at : at + 2]
+    numbers = [(abs(each) / (2 * np.pi), -each.real / abs(each)) for each in (pole, row.mode.pole)]
+    return np.asarray(own + np.diag(np.square(np.subtract(*numbers))))
 
 
 def _pick(before: EditedFit, pole: complex, wish: Wish, found: _Found) -> None:
@@ -257,7 +266,7 @@ def _with_orders(curve: CurveFit, found: _Found, n_before: int) -> EditedFit:
     """
     ring = []
     for order in curve.ring:
-        if order.key in found.locked:
+        if any(k in found.locked for k in order.members):
             order = replace(order, pair=None)
         joined = order.pair is not None and any(k >= n_before for k in order.members)
         if order.is_main and order.pair is not None and (order.key in found.two or joined):

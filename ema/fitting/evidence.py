@@ -238,7 +238,8 @@ def at_mean_of_positions(fit: PoleFit) -> PoleFit:
     for _ in range(_ROUNDS if len(fit.residues) > 1 else 0):
         step = _own_poles(fit, 1.0).mean
         step[np.abs(step) > _FIRST_ORDER * np.minimum(-fit.poles.real, fit.poles.imag)] = 0
-        again = evaluate(fit.lines, fit.poles + step, fit.drift, fit.pairs)
+        step[list(fit.locked)] = 0
+        again = evaluate(fit.lines, fit.poles + step, fit.drift, fit.pairs, fit.locked)
         fit = replace(again, at_bound=fit.at_bound)
     return fit
 

@@ -28,11 +28,13 @@ from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
 from ema.fitting.ring_pair import PairFit
 from ema.fitting.variable_projection import Complex, Real
-from ema.signals.leakage import has_leakage, leakage_of
+from ema.signals.leakage import has_leakage, leakage_bias, leakage_of
 
 # A correction for random excitation that fits worse than this shows that it was not random.
 _WORSE = 1.05
 _LEAKAGE_ROUNDS = 2
+# A pole that moved by less than this share of its half-width has the bias that it had.
+_STAYED = 1e-3
 # No ± of a ring mode is below these shares of frequency and damping: benchmarks/accuracy.py.
 _FLOOR = np.array([1e-5, 2e-4])
 # What an uneven tyre mixes into a mode from other orders, an amplitude, moves the members of its
@@ -145,6 +147,13 @@ def as_seen(
         for k in (0, 1)
     ]
     return members, own
+
+
+def as_stated(
+    mode: Mode, covariance: NDArray[np.float64]
+) -> tuple[list[Mode], NDArray[np.float64]]:
+    """`as_seen` of a pole that a person left where it was, as well known as it was there."""
+    return [_with_std(mode, covariance)], covariance
 
 
 def in_other_orders(
@@ -334,6 +343,30 @@ def _leakage_of(
     runs = enumerate(frf.run_names)
     poles = {name: fit.in_run(number)[:-N_STAND_INS] for number, name in runs}
     return leakage_of(frf, fit.lines.frequency_hz, poles)
+
+
+def cleared_of_moved(frf: FRF, before: PoleFit, after: PoleFit) -> Lines | None:
+    """Lines of a fit that went on, with the bias of the poles that moved; None where none did.
+
+    Poles of `after` are those of `before`, with further ones ahead of the stand-ins.
+    """
+    n_before, n_after = before.poles.size - N_STAND_INS, after.poles.size - N_STAND_INS
+    away = np.abs(after.poles[:n_before] - before.poles[:n_before])
+    moved = np.flatnonzero(away > _STAYED * -before.poles[:n_before].real)
+    there = np.append(moved, np.arange(n_before, n_after))
+    if not there.size:
+        return None
+    change = _bias_of(frf, after, there)
+    if moved.size:
+        change = change - _bias_of(frf, before, moved)
+    return replace(after.lines, values=after.lines.values - change)
+
+
+def _bias_of(frf: FRF, fit: PoleFit, chosen: NDArray[np.intp]) -> Complex:
+    """Bias of some poles of a fit with their residues."""
+    runs = enumerate(frf.run_names)
+    poles = {name: fit.in_run(number)[chosen] for number, name in runs}
+    return leakage_bias(frf, fit.lines.frequency_hz, poles, fit.residues[:, chosen])
 
 
 def cleared_lines(frf: FRF, lines: Lines, poles: Complex, drift: Real) -> Lines:

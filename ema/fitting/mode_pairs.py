@@ -19,7 +19,7 @@ from ema.core.drift import Drift
 from ema.core.frf import FRF
 from ema.core.modes import Mode, OrderReport, Pair, synthesise
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.fitting.order_pair import fit_pair, order_report, pair_problem
+from ema.fitting.order_pair import OrderFrf, Seen, fit_pair, order_report, pair_problem
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
 from ema.fitting.ring_pair import Known, PairFit
 from ema.fitting.variable_projection import Complex, Real
@@ -40,34 +40,6 @@ _SHARED = 1.5
 # Further fits of the orders beside poles, and with leakage, of the pairs found so far: the second
 # changes a damping ratio by a tenth of its ± (benchmarks/accuracy.py).
 _ROUNDS = 1
-
-
-@dataclass(frozen=True, eq=False)
-class OrderFrf:
-    """The part of the FRFs that goes with cos n(θ − θ₀) and sin n(θ − θ₀).
-
-    Parameters
-    ----------
-    order : int
-    frequency_hz : ndarray, shape (n_frequencies,)
-    values : ndarray of complex, shape (2, n_frequencies)
-        Amplitudes of cosine and sine; one row for n = 0.
-    std : ndarray, shape (2, n_frequencies)
-        Standard deviation per quadrature.
-    """
-
-    order: int
-    frequency_hz: Real
-    values: Complex
-    std: Real
-
-    def seen_from(self, angle_rad: float) -> OrderFrf:
-        """The same with θ₀ turned by an angle, in radians of the wave."""
-        if self.order == 0:
-            return self
-        turn = _turn(angle_rad)
-        std = np.sqrt(np.square(turn) @ np.square(self.std))
-        return OrderFrf(self.order, self.frequency_hz, turn @ self.values, std)
 
 
 class OrderDecomposition:
@@ -119,8 +91,8 @@ class RingOrder:
     pair : PairFit or None
         None where too few lines lie around the resonance.
     report : OrderReport
-    force_rad : float
-        Direction that `pair` calls the force's, as angle of the wave.
+    seen : Seen
+        What `pair` was found from, before pairs of any order were known.
     is_main : bool
         False for further resonances of an order, as of a rim or a sidewall.
     """
@@ -129,7 +101,7 @@ class RingOrder:
     members: tuple[int, ...]
     pair: PairFit | None
     report: OrderReport
-    force_rad: float
+    seen: Seen
     is_main: bool
 
     @property
@@ -149,7 +121,7 @@ class RingOrder:
     def waves(self, position_deg: NDArray[np.float64]) -> Complex:
         """Residues of members a and b as pure waves, (n_positions, 2)."""
         assert self.pair is not None
-        angle = self.order * np.deg2rad(position_deg) - self.force_rad
+        angle = self.order * np.deg2rad(position_deg) - self.seen.force_rad
         return np.asarray(np.stack([np.cos(angle), np.sin(angle)], axis=1) @ self.pair.residues.T)
 
 
@@ -207,18 +179,26 @@ class PairSearch:
         on_curve = {order: self.directions[found[0]] for order, found in self.main}
         self.force_deg = _force_deg(on_curve, frf.excitation_deg)
 
-    def orders_found(self) -> tuple[RingOrder, ...]:
-        """All orders, from FRFs that poles of other orders do not take part of."""
+    def orders_found(self, before: Sequence[RingOrder] = ()) -> tuple[RingOrder, ...]:
+        """All orders, from FRFs that poles of other orders do not take part of.
+
+        Those that are as in a fit `before` stay what they were.
+        """
         self.resolve(())
-        orders = [self.fitted(order, found) for order, found in self.orders]
+        known = {(each.order, each.members): each for each in before}
+        orders = []
+        for order, found in self.orders:
+            there, seen = known.get((order, tuple(found))), self._seen(order, found)
+            kept = there is not None and seen.is_as(there.seen)
+            orders.append(there if there and kept else self.fitted(order, found, seen))
         for _ in range(_ROUNDS):
             both = [each for each in orders if each.shows_two(self.settings)]
-            if not both:
+            if not both or all(each in before for each in orders):
                 break
             self.resolve(both)
             near = [each.pair.parameters if each in both and each.pair else None for each in orders]
             orders = [
-                self.fitted(each.order, list(each.members), start)
+                each if each in before else self._again(each, start)
                 for each, start in zip(orders, near, strict=True)
             ]
         return tuple(orders)
@@ -258,35 +238,52 @@ class PairSearch:
             poles += beside
         return np.array([*poles, *fit.poles[-N_STAND_INS:]]), further
 
-    def fitted(self, order: int, found: list[int], near: Real | None = None) -> RingOrder:
-        """The pair of one order, perhaps near known parameters."""
-        seen, start, known, force_rad = self._seen(order, found, near)
-        pair = fit_pair(seen.frequency_hz, seen.values, seen.std, start, known)
-        pair = None if pair is None else self._in_first_state(pair, start)
-        report = order_report(order, pair, self.settings, _change_hz(self.drift, start))
-        is_main = (order, found) in self.main
-        return RingOrder(order, tuple(found), pair, report, force_rad, is_main)
+    def fitted(self, order: int, found: list[int], seen: Seen) -> RingOrder:
+        """The pair of one order."""
+        pair = fit_pair(seen.frequency_hz, seen.values, seen.std, seen.start, seen.known)
+        pair = None if pair is None else self._in_first_state(pair, seen.start)
+        report = order_report(order, pair, self.settings, _change_hz(self.drift, seen.start))
+        return RingOrder(order, tuple(found), pair, report, seen, (order, found) in self.main)
+
+    def _again(self, before: RingOrder, near: Real | None) -> RingOrder:
+        """The same order beside pairs that are known, perhaps near known parameters."""
+        seen = self._seen(before.order, list(before.members), near)
+        return replace(self.fitted(before.order, list(before.members), seen), seen=before.seen)
 
     def orders_near(self, before: Sequence[RingOrder]) -> tuple[RingOrder, ...]:
         """The orders as found before in much the same fit: pairs move, verdicts stay."""
-        self.resolve([each for each in before if each.shows_two(self.settings)])
-        return tuple(self._near(each) for each in before)
+        self.resolve(())
+        seen = [self._still_seen(each) for each in before]
+        moved = [
+            now is not None and not now.is_as(each.seen)
+            for each, now in zip(before, seen, strict=True)
+        ]
+        both = [each for each in before if each.shows_two(self.settings)]
+        if any(moved):
+            self.resolve(both)
+        return tuple(
+            self._near(each, now) if now and away else each
+            for each, now, away in zip(before, seen, moved, strict=True)
+        )
 
-    def _near(self, before: RingOrder) -> RingOrder:
+    def _still_seen(self, before: RingOrder) -> Seen | None:
         found = sorted(before.members, key=lambda k: k not in self.directions)
-        if before.pair is None or found[0] not in self.directions:
+        known = before.pair is not None and found[0] in self.directions
+        return self._seen(before.order, found) if known else None
+
+    def _near(self, before: RingOrder, base: Seen) -> RingOrder:
+        seen = self._still_seen(before)
+        if seen is None or before.pair is None:
             return before
-        seen, start, known, force_rad = self._seen(before.order, found)
-        problem = pair_problem(seen.frequency_hz, seen.values, seen.std, start, known)
+        given = seen.frequency_hz, seen.values, seen.std, seen.start, seen.known
+        problem = pair_problem(*given)
         if problem is None:
             return before
-        pair = self._in_first_state(problem.solve_near(before.pair), start)
-        return replace(before, pair=pair, force_rad=force_rad)
+        pair = self._in_first_state(problem.solve_near(before.pair), seen.start)
+        return replace(before, pair=pair, seen=base)
 
-    def _seen(
-        self, order: int, found: list[int], near: Real | None = None
-    ) -> tuple[OrderFrf, complex, Known, float]:
-        """FRFs of one order, its pole as one mode, what is known of it, and the force's angle."""
+    def _seen(self, order: int, found: list[int], near: Real | None = None) -> Seen:
+        """What is seen of one order, and known of it."""
         middle, radians = self.middle, order * np.pi / 180
         power = np.sum(np.abs(self.fit.residues[:, found]) ** 2, axis=0)
         poles = self.fit.lines.drifted(self.fit.poles, self.state)
@@ -304,7 +301,7 @@ class PairSearch:
         known = Known(
             float(np.hypot(spread, mixed)), stray, self.correlation, self.settings, alone, near
         )
-        return seen, start, known, force_rad
+        return Seen(seen.frequency_hz, seen.values, seen.std, start, known, force_rad)
 
     def _stray(self, order: int, own: Sequence[int], pole: complex) -> tuple[float, float]:
         """Amplitude of an order's shape in one wave of another order, and in all of them.
@@ -399,11 +396,6 @@ def _force_deg(directions: dict[int, float], excitation_deg: float) -> float | N
     found_deg = excitation_deg + (off_deg if abs(off_deg) > 3 * _FORCE_STD_DEG else 0.0)
     known = np.median(np.abs(away_rad(found_deg))) < _ELSEWHERE_RAD
     return found_deg if known else None
-
-
-def _turn(angle_rad: float) -> Real:
-    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
-    return np.array([[cosine, sine], [-sine, cosine]])
 
 
 def _in_one_state(fit: PoleFit, poles: Complex) -> Complex:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from ema.core.modes import OrderReport, Pair, PairVerdict
@@ -21,8 +22,88 @@ _KNOWN_DAMPING = 0.05
 _DRIFTS = 0.1
 # … nor, with less than this share of the response, where it leaves more than this reduced χ².
 _PLAIN_SHARE, _MOST_LEFT = 0.15, 2.0
+# FRFs of an order that change by less than this, in standard deviations of all lines together, move
+# none of its parameters by more: the pair is what it was.
+_UNTOUCHED = 0.05
 # An order whose other member has less than this share of the response shows one member.
 _ONE_MEMBER = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class OrderFrf:
+    """The part of the FRFs that goes with cos n(θ − θ₀) and sin n(θ − θ₀).
+
+    Parameters
+    ----------
+    order : int
+    frequency_hz : ndarray, shape (n_frequencies,)
+    values : ndarray of complex, shape (2, n_frequencies)
+        Amplitudes of cosine and sine; one row for n = 0.
+    std : ndarray, shape (2, n_frequencies)
+        Standard deviation per quadrature.
+    """
+
+    order: int
+    frequency_hz: Real
+    values: Complex
+    std: Real
+
+    def seen_from(self, angle_rad: float) -> OrderFrf:
+        """The same with θ₀ turned by an angle, in radians of the wave."""
+        if self.order == 0:
+            return self
+        turn = _turn(angle_rad)
+        std = np.sqrt(np.square(turn) @ np.square(self.std))
+        return OrderFrf(self.order, self.frequency_hz, turn @ self.values, std)
+
+
+def _turn(angle_rad: float) -> Real:
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[cosine, sine], [-sine, cosine]])
+
+
+def resonance(frequency_hz: Real, pole: complex, reach: float = 1.0) -> NDArray[np.bool_]:
+    """Lines around the resonance of a pole that its pair is fitted to."""
+    width_hz = -pole.real / (2 * np.pi)
+    return np.asarray(np.abs(frequency_hz - abs(pole) / (2 * np.pi)) < reach * _REACH * width_hz)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What the pair of one order is found from.
+
+    Parameters
+    ----------
+    frequency_hz, values, std : ndarray
+        Of an `OrderFrf`, turned to the force.
+    start : complex
+        Pole of the order as one mode, rad/s.
+    known : Known
+    force_rad : float
+        Direction that is called the force's, as angle of the wave.
+    """
+
+    frequency_hz: Real
+    values: Complex
+    std: Real
+    start: complex
+    known: Known
+    force_rad: float
+
+    def is_as(self, before: Seen) -> bool:
+        """Whether the pair is what it was, whatever changed in the rest of the fit."""
+        now, then = self.known, before.known
+        allowed = [(each.force_std_rad, each.wave_std) for each in (now, then)]
+        if (
+            self.values.shape != before.values.shape
+            or len(now.beside) != len(then.beside)
+            or not np.allclose(*allowed, rtol=_UNTOUCHED, atol=0.0)
+        ):
+            return False
+        near = resonance(self.frequency_hz, before.start)
+        power = np.sum(np.abs(self.values - before.values)[:, near] ** 2, axis=1)
+        variance = np.mean(before.std[:, near] ** 2, axis=1)
+        return bool(np.all(variance > 0) and np.sum(power / variance) < _UNTOUCHED**2)
 
 
 def pair_problem(
@@ -32,8 +113,7 @@ def pair_problem(
 
     Arguments as for `PairProblem`, with the noise of every line: `std`, shape (2, n_lines).
     """
-    width_hz = -start.real / (2 * np.pi)
-    near = np.abs(frequency_hz - abs(start) / (2 * np.pi)) < reach * _REACH * width_hz
+    near = resonance(frequency_hz, start, reach)
     if np.count_nonzero(near) < _FEWEST_LINES:
         return None
     own = values[:, near]

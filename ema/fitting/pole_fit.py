@@ -129,7 +129,7 @@ class PoleFit:
     pairs : tuple of (int, int)
         Poles that are members of one pair, and therefore damped alike.
     locked : tuple of int
-        Poles that were kept where they started.
+        Poles that stay where they are: nothing depends on them, and they have no uncertainty.
     """
 
     lines: Lines
@@ -203,6 +203,7 @@ class PoleFit:
         matrix[first, first] = decay + steep * real**2
         matrix[first, second] = matrix[second, first] = steep * real * imag
         matrix[second, second] = shift + steep * imag**2
+        matrix[:, _parameters_of(self.locked)] = 0.0
         if group:
             own = n + N_DRIFT * (group - 1)
             whole = _interleaved(self.poles)
@@ -240,6 +241,7 @@ class PoleFit:
         for row, (first, second) in enumerate(self.pairs):
             slope[row, 2 * first] = 1 / (_ALIKE * self.poles[first].real)
             slope[row, 2 * second] = -1 / (_ALIKE * self.poles[second].real)
+        slope[:, _parameters_of(self.locked)] = 0.0
         return slope
 
     def _gathered(self, of: Callable[[Projection], NDArray[Any]]) -> NDArray[Any]:
@@ -251,7 +253,11 @@ class PoleFit:
 
 
 def evaluate(
-    lines: Lines, poles: Complex, drift: Real, pairs: tuple[tuple[int, int], ...] = ()
+    lines: Lines,
+    poles: Complex,
+    drift: Real,
+    pairs: tuple[tuple[int, int], ...] = (),
+    locked: tuple[int, ...] = (),
 ) -> PoleFit:
     """Solve the linear problem of each group for given poles and drift.
 
@@ -268,7 +274,7 @@ def evaluate(
         for rows, shift in zip(groups, drift, strict=True)
     )
     nowhere = np.zeros(2 * poles.size, dtype=bool)
-    return PoleFit(lines, poles, drift, groups, parts, nowhere, pairs)
+    return PoleFit(lines, poles, drift, groups, parts, nowhere, pairs, locked)
 
 
 def fit_poles(
@@ -279,6 +285,7 @@ def fit_poles(
     drift: Real | None = None,
     *,
     pairs: tuple[tuple[int, int], ...] = (),
+    locked: tuple[int, ...] = (),
     tries: int = 60,
 ) -> PoleFit:
     """Poles within bounds that leave the smallest weighted misfit over all positions.
@@ -296,6 +303,8 @@ def fit_poles(
         Poles that are members of one pair. Turning a tyre turns its modes, so that the members
         differ in frequency but hardly in damping: that they are alike within 10 % (one standard
         deviation) counts as much as any measured value, and helps where one is hardly driven.
+    locked : tuple of int
+        Poles that stay where they start.
     tries : int
         Most steps of the search.
 
@@ -313,7 +322,9 @@ def fit_poles(
     reach = np.tile(_LARGEST_DRIFT, n_moving)
 
     def at(x: Real) -> PoleFit:
-        return evaluate(lines, x[0:n:2] + 1j * x[1:n:2], _states(x[n:]), pairs)
+        poles = x[0:n:2] + 1j * x[1:n:2]
+        poles[list(locked)] = start[list(locked)]
+        return evaluate(lines, poles, _states(x[n:]), pairs, locked)
 
     x, found = descend(
         at,
@@ -328,12 +339,19 @@ def fit_poles(
     if not np.all(np.isfinite(x)):
         raise FitError("the curve fit diverged. Pin the frequencies or narrow the band.")
     near = 1e-3 * (high - low)
-    return replace(found, at_bound=(x[:n] - low < near) | (high - x[:n] < near))
+    bound = (x[:n] - low < near) | (high - x[:n] < near)
+    bound[_parameters_of(locked)] = False
+    return replace(found, at_bound=bound)
 
 
 def _states(shifts: Real) -> Real:
     """Drift of all groups, that of the first being 0."""
     return np.vstack([np.zeros(N_DRIFT), shifts.reshape(-1, N_DRIFT)])
+
+
+def _parameters_of(poles: tuple[int, ...]) -> NDArray[np.int_]:
+    """Decay rates and frequencies of some poles among the parameters."""
+    return np.ravel([(2 * k, 2 * k + 1) for k in poles]).astype(int)
 
 
 def _interleaved(poles: Complex) -> Real:
@@ -348,8 +366,6 @@ _STAND_INS, _STAND_IN_REACH = (1.04, 1.2), ((1.002, 1.1), (1.1, 1.6))
 _STAND_IN_DAMPING = 0.02
 # What lies beyond the lines disturbs those next to it: their weight falls to this at the ends.
 _END_WEIGHT = 0.05
-# A locked pole stays within this share, as the search needs a box that is not empty.
-_LOCKED = 1e-9
 # Frequencies stay above this share of their start, however broad the pole: none becomes negative.
 _LEAST_FREQUENCY = 0.1
 
@@ -418,13 +434,8 @@ def fit_bounded(
     """
     centre = start if around is None else around
     lower, upper = _bounds(centre, lines.frequency_hz[-1], settings)
-    held = np.ravel([(2 * k, 2 * k + 1) for k in locked]).astype(int)
-    there = np.ravel(np.column_stack([-start.real, start.imag]))[held]
-    lower[held], upper[held] = there * (1 - _LOCKED), there * (1 + _LOCKED)
-    fit = fit_poles(lines, start, lower, upper, drift, pairs=pairs, tries=tries)
-    bound = fit.at_bound.copy()
-    bound[held] = False
-    return replace(fit, at_bound=bound, locked=locked)
+    given = lines, start, lower, upper, drift
+    return fit_poles(*given, pairs=pairs, locked=locked, tries=tries)
 
 
 def _bounds(

@@ -29,6 +29,7 @@ from ema.fitting.evidence import (
 )
 from ema.fitting.fit_steps import (
     cleared_lines,
+    cleared_of_moved,
     drift_in_one_step,
     merged,
     modes_of,
@@ -50,6 +51,7 @@ from ema.fitting.pole_fit import (
 )
 from ema.fitting.variable_projection import Real
 from ema.poles.stability import PoleSelection
+from ema.signals.leakage import bias_as_before
 
 # A pole damped this many times more than the others, on its bound, is no mode.
 _BROAD = 3.0
@@ -115,8 +117,9 @@ class CurveFit:
     leakage_notes, notes : list of str
     ring : tuple of RingOrder
         Pairs of the ring, order by order.
-    locked : tuple of int
-        Poles that stay where they start.
+    locked : mapping of int to ndarray
+        Poles that stay where they are, with the covariance of frequency and damping ratio that was
+        stated with them.
     order_of : mapping of int to int
         Orders of poles that a person gave them.
     """
@@ -136,7 +139,7 @@ class CurveFit:
         self.leakage_notes, self.notes = list[str](), list[str]()
         self.ring: tuple[RingOrder, ...] = ()
         self.circle = on_circle(frf.position_deg)
-        self.locked: tuple[int, ...] = ()
+        self.locked: Mapping[int, Real] = {}
         self.order_of: Mapping[int, int] = {}
 
     def start(self) -> None:
@@ -247,9 +250,9 @@ class CurveFit:
             self._add_hidden()
         self.find_pairs()
 
-    def find_pairs(self) -> None:
+    def find_pairs(self, before: Sequence[RingOrder] = ()) -> None:
         """Fit the pair of each order of the ring, from the FRFs of that order."""
-        self.ring = self._pair_search().orders_found()
+        self.ring = self._pair_search().orders_found(before)
 
     def _pair_search(self) -> PairSearch:
         known = self.band_hz, self.correlation, self.drift, self.settings
@@ -286,7 +289,7 @@ class CurveFit:
         self.centre = poles if around is None else around
         shifts = NO_SHIFT if self._shifts is None else self._shifts
         pairs = self._pairs(evaluate(self.lines, poles, shifts))
-        given = self.settings, self._shifts, self.centre, pairs, self.locked
+        given = self.settings, self._shifts, self.centre, pairs, tuple(self.locked)
         fit = fit_bounded(self.lines, poles, *given)
         self.fit, self.leakage_notes = without_leakage(self.frf, fit, self.centre, self.settings)
 
@@ -316,7 +319,7 @@ class CurveFit:
         self,
         added: Sequence[complex] = (),
         starts: Mapping[int, complex] | None = None,
-        locked: Sequence[int] = (),
+        locked: Mapping[int, Real] | None = None,
     ) -> CurveFit:
         """Fit again from these poles; pairs move along, verdicts and sensitivity stay.
 
@@ -326,27 +329,24 @@ class CurveFit:
             Further poles, rad/s, behind those there are.
         starts : mapping of int to complex
             Other starts of some poles.
-        locked : sequence of int
+        locked : mapping of int to ndarray
             Poles that stay where they start.
         """
         other = copy(self)
         shifts, scatter = (_with_rows(each, len(added)) for each in self.sensitivity)
         other.__dict__["sensitivity"] = shifts, scatter
-        other.locked = tuple(locked)
-        poles = self.fit.poles.copy()
+        other.locked = locked or {}
+        poles, other.centre = self.fit.poles.copy(), self.centre.copy()
         for pole, start in (starts or {}).items():
-            poles[pole] = start
-        poles = np.insert(poles, poles.size - N_STAND_INS, np.array(added, dtype=complex))
+            poles[pole] = other.centre[pole] = start
+        at, further = poles.size - N_STAND_INS, np.array(added, dtype=complex)
+        poles, other.centre = (np.insert(each, at, further) for each in (poles, other.centre))
         fit = other._fit_near(self.fit.lines, poles, self.fit.drift)
         if self.fit.lines is not self.lines:  # its bias is compensated
-            lines = cleared_lines(self.frf, self.lines, fit.poles, fit.drift)
-            fit = other._fit_near(lines, fit.poles, fit.drift)
+            lines = cleared_of_moved(self.frf, self.fit, fit)
+            fit = fit if lines is None else other._fit_near(lines, fit.poles, fit.drift)
         other.fit = other.at_mean(fit)
-        # Of two poles so close, each by itself moves by any amount.
-        ring = [o if o.members[1:] else _moved(o, self.fit, other.fit) for o in self.ring]
-        near = [order for order in ring if order.members[1:]]
-        found = dict(zip(near, other._pair_search().orders_near(near), strict=True)) if near else {}
-        other.ring = tuple(found.get(order, order) for order in ring)
+        other.ring = other._pair_search().orders_near(self.ring) if self.ring else ()
         return other
 
     def on(self, frf: FRF) -> CurveFit:
@@ -358,11 +358,18 @@ class CurveFit:
         poles, drift = self.fit.poles, self.fit.drift
         if len(drift) > 1:
             rows = [self.frf.run_names.index(name) for name in frf.run_names]
-            poles, drift = self.lines.drifted(poles, drift[rows[0]]), drift[rows] - drift[rows[0]]
+            first = drift[rows[0]]
+            poles, drift = self.lines.drifted(poles, first), drift[rows] - first
+            other.centre = self.lines.drifted(self.centre, first)
             other.drift = of_runs(self.drift, frf.run_names)
         lines = other.lines
         if self.fit.lines is not self.lines:
-            lines = cleared_lines(other.frf, lines, poles, drift)
+            there, bias = self.lines.values, self.lines.values - self.fit.lines.values
+            known = bias_as_before(other.frf, lines.values, self.frf, there, bias)
+            if known is None:
+                lines = cleared_lines(other.frf, lines, poles, drift)
+            else:
+                lines = replace(lines, values=lines.values - known)
         other.fit = other.at_mean(other._fit_near(lines, poles, drift))
         ring = self.ring if other.circle else ()
         other.ring = other._pair_search().orders_near(ring) if ring else ()
@@ -372,20 +379,24 @@ class CurveFit:
         """Fit lines from poles and states that are nearly right."""
         pairs = self._pairs(evaluate(lines, poles, drift))
         states = drift if len(drift) > 1 else None
-        return fit_bounded(lines, poles, self.settings, states, poles, pairs, self.locked)
+        given = self.settings, states, self.centre, pairs, tuple(self.locked)
+        return fit_bounded(lines, poles, *given)
 
-    def judged_anew(self) -> CurveFit:
-        """The same poles with pairs and sensitivity of their own."""
+    def judged_anew(self, before: Sequence[RingOrder]) -> CurveFit:
+        """The same poles with sensitivity of their own, and pairs where they are not as before."""
         other = copy(self)
         other.__dict__.pop("sensitivity", None)
         if other.circle and not other.selection.pinned:
-            other.find_pairs()
+            other.find_pairs(before)
         return other
 
     def _again(self, lines: Lines, poles: NDArray[np.complex128]) -> PoleFit:
         """Fit other lines from these poles."""
         drift = self.fit.drift if len(self.fit.drift) > 1 else None
-        return self.at_mean(fit_bounded(lines, with_stand_ins(poles, lines), self.settings, drift))
+        stay = self.fit.poles[list(self.locked)]
+        locked = tuple(np.flatnonzero(np.isin(poles, stay)).tolist())
+        given = lines, with_stand_ins(poles, lines), self.settings, drift, None, (), locked
+        return self.at_mean(fit_bounded(*given))
 
     def at_mean(self, fit: PoleFit) -> PoleFit:
         """The fit at the mean poles of its positions, where no circle tells pairs."""
@@ -395,12 +406,3 @@ class CurveFit:
 def _with_rows(known: Real, number: int) -> Real:
     """Further rows, of which nothing is known, before those of the stand-ins."""
     return np.insert(known, len(known) - N_STAND_INS, np.full((number, 2), np.nan), axis=0)
-
-
-def _moved(order: RingOrder, before: PoleFit, after: PoleFit) -> RingOrder:
-    """The order with its pair moved as far as its pole."""
-    if order.pair is None:
-        return order
-    factor = before.poles[order.key], after.poles[order.key]
-    shift, decay = factor[0].imag / factor[1].imag, factor[0].real / factor[1].real
-    return replace(order, pair=order.pair.moved(float(shift), float(decay)))

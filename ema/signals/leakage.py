@@ -21,6 +21,8 @@ _SPIKE = 3.0
 _LEAST_COHERENCE, _COHERENCE_STEP = 1e-3, 1e-5
 # Averages and lines that one value rests on: noise alone has a coherence of about 1/20.
 _VALUES = 20
+# Rows that agree within this are multiples of each other.
+_SAME_ROW = 1e-9
 
 
 def noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
@@ -188,6 +190,33 @@ def leakage_of(
         return bias
 
     return bias_of
+
+
+def bias_as_before(
+    frf: FRF,
+    values: NDArray[np.complex128],
+    before: FRF,
+    values_before: NDArray[np.complex128],
+    bias: NDArray[np.complex128],
+) -> NDArray[np.complex128] | None:
+    """Bias of other rows of the same measurement, from that of the rows `before`.
+
+    `values` and `values_before` are those of the rows on the same lines, without compensation. A
+    row that was flipped or scaled has its bias flipped or scaled. None where a row was not there,
+    or is no multiple of what it was.
+    """
+    names, known = (
+        list(zip(each.run, each.channel, each.node.tolist(), strict=True)) for each in (frf, before)
+    )
+    place = {name: row for row, name in enumerate(known)}
+    if len(place) < len(known) or not place.keys() >= set(names):
+        return None
+    rows = [place[name] for name in names]
+    own = values_before[rows]
+    power = np.maximum(np.sum(np.abs(own) ** 2, axis=1), np.finfo(float).tiny)
+    gain = (np.sum(own.conj() * values, axis=1) / power)[:, None]
+    same = np.allclose(values, gain * own, rtol=_SAME_ROW, atol=0.0)
+    return np.asarray(gain * bias[rows]) if same else None
 
 
 def _rows_with_force(frf: FRF) -> dict[str, NDArray[np.int_]]:

@@ -5,8 +5,7 @@ import pytest
 import systems
 
 from ema.core.modes import Pair
-from ema.fitting.mode_pairs import OrderFrf
-from ema.fitting.order_pair import fit_pair, order_report
+from ema.fitting.order_pair import OrderFrf, fit_pair, order_report
 from ema.fitting.ring_pair import Known
 
 LINES_HZ = np.arange(200, 400) / 2
