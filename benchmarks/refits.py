@@ -3,10 +3,10 @@
     python benchmarks/refits.py --seconds 20 --before ../ringmodal_0.1.0
     python benchmarks/refits.py --processes
 
-The first prints one row of a Markdown table for each campaign and edit: CPU time of both stages over
-that of `fit_modes`, of this version or of another one whose sources lie in `--before`, and the largest
-difference of the preview in standard deviations; then what is true of all. The second times whole
-processes on six runs of 14 channels.
+The first prints one row of a Markdown table for each campaign and edit: CPU time of both stages
+over that of `fit_modes`, of this version or of another one whose sources lie in `--before`, and the
+largest difference of the preview in standard deviations; then what is true of all. The second times
+whole processes on six runs of 14 channels.
 """
 
 from __future__ import annotations
@@ -128,12 +128,16 @@ def away(preview: Identification, final: Identification) -> float:
 
 def in_process(seconds: float, before: Path | None) -> None:
     """Print the table of edits, and what holds for all of them."""
-    print("| campaign | edit | live | rest | both | in one | live, before | both, before | σ | try |")
+    print(
+        "| campaign | edit | live | rest | both | in one | live, before | both, before | σ | try |"
+    )
     print("|---|---|---|---|---|---|---|---|---|---|")
     rows = list[dict[str, float]]()
     with tempfile.TemporaryDirectory() as folder:
         for name, options in CAMPAIGNS.items():
-            path = simulate_campaign(Path(folder) / name.replace("%", ""), duration_s=seconds, **options)
+            path = simulate_campaign(
+                Path(folder) / name.replace("%", ""), duration_s=seconds, **options
+            )
             earlier = float("nan") if before is None else fit_alone(path, before)
             for label, row in _rows(ema.estimate_frf(ema.read_campaign(path)), earlier):
                 told = row if isinstance(row, str) else " | ".join(f"{v:.2f}" for v in row.values())

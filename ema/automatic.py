@@ -51,8 +51,8 @@ def automatic_basis(frf: FRF, asked: Asked, edits: Sequence[Edit]) -> Basis:
     """The automatic identification of the FRFs with the edits of channels, to its end."""
     widened_band(frf, asked.band_hz)  # refuses a band without lines, of which nothing can be judged
     asked = replace(asked, wanted=_wanted(edits))
-    edits = channel_edits(edits)
     by_hand, told = corrections_by_hand(frf, edits)
+    edits = channel_edits(edits)
     offered = corrected(frf, by_hand)
     usable, findings, exclusions = screen(
         offered, asked.band_hz, asked.checks, decided=rows_by_hand(frf, by_hand)

@@ -9,6 +9,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.display import counted
 from ema.core.edits import OF_CHANNELS, Edit, EditKind, of_kind
 from ema.core.errors import InputError, unknown
 from ema.core.finding import Check, Finding, Verdict
@@ -143,16 +144,18 @@ def corrections_by_hand(
     frf : FRF
         As measured, with all rows.
     edits : sequence of Edit
+        All of them: an error tells which one it is.
 
     Raises
     ------
     InputError
-        For a channel or run that the FRFs do not have, and where no row is left.
+        For a channel or run that the FRFs do not have, a run that was averaged with others, and
+        where no row is left.
     """
     made: dict[int, Correction] = {}
     said: dict[int, list[str]] = {}
-    for edit in channel_edits(edits):
-        for row in _rows(frf, edit):
+    for number, edit in enumerate(edits, start=1):
+        for row in _rows(frf, edit, number) if channel_edits([edit]) else ():
             before = made.get(row) or _untouched(frf, row)
             made[row] = _after(before, edit)
             why = f" ({edit.reason})" if edit.reason else ""
@@ -164,12 +167,17 @@ def corrections_by_hand(
     return tuple(made[row] for row in rows), tuple(findings)
 
 
-def _rows(frf: FRF, edit: Edit) -> list[int]:
-    every = range(frf.n_positions)
+def _rows(frf: FRF, edit: Edit, number: int) -> list[int]:
+    every, where = range(frf.n_positions), f"edit {number}, {edit.kind}"
     if edit.kind is EditKind.RUN_OUT:
         rows = [row for row in every if frf.run[row] == edit.run]
+        mixed = [row for row in every if f"+{edit.run}+" in f"+{frf.run[row]}+" and row not in rows]
+        if mixed:
+            found = f"{edit.run} is averaged with other runs in {counted(len(mixed), 'FRF')}"
+            rule = f"the first is {frf.channel[mixed[0]]}; an average cannot be taken apart"
+            raise InputError(where, found, rule, "Process the recordings again without this run")
         if not rows:
-            raise unknown("edits", str(edit.run), "no such run has been measured", frf.run)
+            raise unknown(where, str(edit.run), "no such run has been measured", frf.run)
         return rows
     name = edit.channel
     assert name is not None  # `Edit` sees to that
@@ -181,7 +189,7 @@ def _rows(frf: FRF, edit: Edit) -> list[int]:
     if not rows:
         channels = [frf.channel[row] for row in every if name.run in (None, frf.run[row])]
         known, found = (channels, name.channel) if channels else (frf.run, str(name.run))
-        raise unknown(f"edits, {edit.kind}", found, "no such FRF has been measured", known)
+        raise unknown(where, found, "no such FRF has been measured", known)
     return rows
 
 

@@ -209,8 +209,9 @@ def _as_known(settled: Settled, row: Row, pole: complex) -> Real:
     """Covariance of frequency and damping ratio of a row, and how far a pole is from there."""
     at = 2 * settled.rows.index(row)
     own = settled.covariance[at : at + 2, at : at + 2]
-    numbers = [(abs(each) / (2 * np.pi), -each.real / abs(each)) for each in (pole, row.mode.pole)]
-    return np.asarray(own + np.diag(np.square(np.subtract(*numbers))))
+    poles = np.array([pole, row.mode.pole])
+    hz, ratio = np.diff(np.abs(poles) / (2 * np.pi)), np.diff(-poles.real / np.abs(poles))
+    return np.asarray(own + np.diag(np.concatenate([hz, ratio]) ** 2))
 
 
 def _pick(before: EditedFit, pole: complex, wish: Wish, found: _Found) -> None:
@@ -268,8 +269,9 @@ def _with_orders(curve: CurveFit, found: _Found, n_before: int) -> EditedFit:
     for order in curve.ring:
         if any(k in found.locked for k in order.members):
             order = replace(order, pair=None)
-        joined = order.pair is not None and any(k >= n_before for k in order.members)
-        if order.is_main and order.pair is not None and (order.key in found.two or joined):
+        pair_known = order.is_main and order.pair is not None
+        joined = pair_known and any(k >= n_before for k in order.members)
+        if pair_known and (order.key in found.two or joined):
             order = _two(order)
         for k in order.members if joined else ():
             wish = found.kept.pop((k, 0), None)

@@ -350,7 +350,6 @@ def _states(shifts: Real) -> Real:
 
 
 def _parameters_of(poles: tuple[int, ...]) -> NDArray[np.int_]:
-    """Decay rates and frequencies of some poles among the parameters."""
     return np.ravel([(2 * k, 2 * k + 1) for k in poles]).astype(int)
 
 
@@ -434,8 +433,7 @@ def fit_bounded(
     """
     centre = start if around is None else around
     lower, upper = _bounds(centre, lines.frequency_hz[-1], settings)
-    given = lines, start, lower, upper, drift
-    return fit_poles(*given, pairs=pairs, locked=locked, tries=tries)
+    return fit_poles(lines, start, lower, upper, drift, pairs=pairs, locked=locked, tries=tries)
 
 
 def _bounds(

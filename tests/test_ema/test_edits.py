@@ -205,6 +205,38 @@ def test_a_locked_pole_stays_and_one_that_starts_elsewhere_comes_back(found, sin
         refit_modes(found, [edit(EditKind.LOCK, member)])
 
 
+def test_a_locked_pole_is_as_well_known_as_it_was_and_the_others_do_not_depend_on_it(found, single):
+    locked = edit(EditKind.LOCK, single)
+    moved = Edit(EditKind.START, PoleName(single.frequency_hz * 1.002, single.damping_ratio))
+    for edits, away_hz in ([locked], 0.0), ([moved, locked], 0.002 * single.frequency_hz):
+        model = refit_modes(found, edits).model
+        at = next(k for k, m in enumerate(model.modes) if m.order == single.order and not m.member)
+        own, mode = [2 * at, 2 * at + 1], model.modes[at]
+        rest = np.delete(np.arange(2 * len(model.modes)), own)
+        expected = np.hypot(single.frequency_std_hz, away_hz)
+        np.testing.assert_allclose(mode.frequency_std_hz, expected, rtol=1e-6)
+        np.testing.assert_allclose(mode.damping_std, single.damping_std, rtol=1e-6)
+        assert not np.any(model.covariance[np.ix_(rest, own)])
+
+
+def test_orders_that_an_edit_does_not_touch_keep_their_pairs(found, single):
+    moved = Edit(EditKind.START, PoleName(single.frequency_hz * 1.002, single.damping_ratio))
+    for live in (True, False):
+        after = refit_modes(found, [moved], live=live).basis.shown.curve.ring
+        kept = [a is b for a, b in zip(after, found.basis.fit.curve.ring, strict=True)]
+        assert sum(kept) > len(kept) / 2
+
+
+def test_a_run_that_is_averaged_with_another_cannot_be_left_out_by_itself(found):
+    frf = found.measured
+    names = [f"{run}+run_2" if run == "run_1" and k % 4 else run for k, run in enumerate(frf.run)]
+    mixed = replace(frf, run=tuple(names), forces={})
+    for run in ("run_1", "run_2"):
+        edits = [Edit(EditKind.NOTE, reason="first"), Edit(EditKind.RUN_OUT, run=run)]
+        with pytest.raises(InputError, match=r"edit 2, run_out: .* averaged"):
+            identify_modes(mixed, edits=edits)
+
+
 def test_an_order_that_a_person_gives_is_the_mode_s(found, single):
     told = refit_modes(found, [edit(EditKind.ORDER_IS, single, value=11)], live=True).model
     mode = min(told.modes, key=lambda each: abs(each.pole - single.pole))
