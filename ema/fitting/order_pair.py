@@ -93,11 +93,11 @@ class Seen:
     def is_as(self, before: Seen) -> bool:
         """Whether the pair is what it was, whatever changed in the rest of the fit."""
         now, then = self.known, before.known
-        allowed = [(each.force_std_rad, each.wave_std) for each in (now, then)]
+        allowed, before_that = ((each.force_std_rad, each.wave_std) for each in (now, then))
         if (
             self.values.shape != before.values.shape
             or len(now.beside) != len(then.beside)
-            or not np.allclose(*allowed, rtol=_UNTOUCHED, atol=0.0)
+            or not np.allclose(allowed, before_that, rtol=_UNTOUCHED, atol=0.0)
         ):
             return False
         near = resonance(self.frequency_hz, before.start)
