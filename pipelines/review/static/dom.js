@@ -107,6 +107,7 @@ export function ask(title, text, fields, done) {
     ok();
   });
   Object.values(fields)[0].focus();
+  Object.values(fields)[0].select(); // what is typed replaces it
 }
 
 /** A field for a number. */

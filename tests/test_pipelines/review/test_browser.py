@@ -219,7 +219,6 @@ def test_every_edit_is_in_the_lists_too(bench):
 def test_gain_start_and_note_are_asked_for(bench):
     """Each has a dialog whose fields are the edit."""
     press(bench, "g")
-    bench.find("dialog input").clear()
     press(bench, "2", Keys.ENTER)
     row = bench.js("return ringmodalBench.view.row")
     assert settled(bench, cursor=1)["channels"][row]["gain"] == pytest.approx(2)
