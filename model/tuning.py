@@ -30,7 +30,16 @@ from model.identifiability import (
 )
 from model.parameters import RING_NAMES, RingParameters, as_typed, listed_parameters
 from model.tuning_prior import TuningPriors, modal_masses
-from model.tuning_problem import AXIAL, PARAMETERS, RADIAL_GROWTH, WIDTH, Search, TuningProblem
+from model.tuning_problem import (
+    AXIAL,
+    MASS,
+    PARAMETERS,
+    RADIAL,
+    RADIAL_GROWTH,
+    WIDTH,
+    Search,
+    TuningProblem,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -316,6 +325,7 @@ def _how(search: Search, values: Array, spread: Spread) -> dict[str, str]:
         how[WIDTH] = GIVEN
     bound = dict(zip(search.free, search.at_bound(values).tolist(), strict=True))
     undetermined, unproven = spread.fit.undetermined(), rests_on_one_value(search, spread.fit)
+    no_tyre = bound.get(MASS, False) or bound.get(RADIAL, False)
     for name in (*PARAMETERS, *({WIDTH} & set(search.free))):
         source = RADIAL_GROWTH if name == AXIAL else name
         if name in problem.given:
@@ -326,9 +336,13 @@ def _how(search: Search, values: Array, spread: Spread) -> dict[str, str]:
             how[name] = AT_BOUND
         else:
             value, std = getattr(ring, name), spread.std.get(name, 0.0)
-            vague = undetermined.get(source, False) or unproven.get(source, False)
-            vague = vague or std > LARGEST_RELATIVE_STD * value
-            vague = vague or _hardly_narrowed(search, spread, source)
+            vague = (
+                no_tyre
+                or std > LARGEST_RELATIVE_STD * value
+                or undetermined.get(source, False)
+                or unproven.get(source, False)
+                or _hardly_narrowed(search, spread, source)
+            )
             how[name] = NOT_IDENTIFIED if vague else IDENTIFIED
     return how
 

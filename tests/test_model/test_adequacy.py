@@ -122,6 +122,13 @@ def test_identified_means_that_twice_the_error_is_within_half_the_value():
         assert (result.how[name] == "identified") == known, name
 
 
+def test_a_ring_without_radial_stiffness_identifies_nothing():
+    stiff = {"radial_stiffness_n_m3": (9e6, 2e7)}  # the tyre's is below
+    result = tuned(bounds=stiff)
+    assert result.how["radial_stiffness_n_m3"] == "at bound"
+    assert "identified" not in result.how.values()
+
+
 def test_frequencies_of_no_ring_are_bad():
     scatter = np.array([1.05, 0.95, 1.04, 0.93, 1.06, 0.95, 1.05, 0.94])
     result = tuned(TRUTH_HZ * scatter)
