@@ -47,12 +47,13 @@ _TIME_NAMES = {
 _TIME_WORD = re.compile(r"(?:^|[^a-z])(?:time|zeit|timestamp|temps|tiempo|tempo)(?:[^a-z]|$)")
 _LABEL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
 # Component, node and direction, as field programs and analysers write them, perhaps with those of
-# the force behind a slash or a colon: Tire:13:+Z/Tire:1:+Z, 13Z:1Z.
+# the force behind a slash or a colon: Tire:13:+Z/Tire:1:+Z, M#1 13Z:1Z.
 _POINT = re.compile(
-    r"(?:[^:/]*:)*?(?P<node>[0-9]{1,9}):?(?P<sign>[+-]?)"
+    r"(?P<words>(?:[^:/\s]+\s+)*?)(?:(?![^:/]*\b[0-9]+[+-]?[RXYZ]:)[^:/]*:)*?(?P<node>[0-9]{1,9}):?(?P<sign>[+-]?)"
     r"(?:R|(?P<axis>[XYZ]))(?:\s*[/:]\s*(?P<reference>.*))?",
     re.IGNORECASE,
 )
+_LONGEST_POINT = 120  # characters
 _FEWEST_OF_AXIS = 16  # rows below which numbers may rise evenly by chance
 _FIRST_ROWS = 64  # that tell a signal from an axis without a look at all of it
 _SHARE_OF_SAMPLE = 0.02  # by which starts may miss a whole sample: 1.4 degrees of phase at fs/10
@@ -91,8 +92,8 @@ NOWHERE = Point(0, 1, 0)
 
 def point_of(name: str) -> Point | None:
     """Point of an id such as ``"Tire:13:+Z"``; None for other names."""
-    match = _POINT.fullmatch(name.strip())
-    if match is None:
+    match = _POINT.fullmatch(name.strip()) if len(name) <= _LONGEST_POINT else None
+    if match is None or (match["words"] and not match["reference"]):
         return None
     axis = " XYZ".index((match["axis"] or " ").upper())
     sense = -1 if match["sign"] == "-" else 1

@@ -219,19 +219,8 @@ _TIMES = {
     WindowKind.EXPONENTIAL: {"exp", "exponential", "time", "constant", "tau"},
     WindowKind.FORCE: {"force", "impact", "transient", "length", "width", "duration"},
 }
-_OFF = {
-    "",
-    "0",
-    "0.0",
-    "none",
-    "no",
-    "off",
-    "false",
-    "rectangular",
-    "uniform",
-    "boxcar",
-    "free run",
-}
+_OFF = {"", "0", "0.0", "none", "no", "off", "false", "free run"}
+_OFF |= {"rectangular", "uniform", "boxcar"}
 _ENTRY = re.compile(r"\s*([^=:]{3,60}?)\s*[=:]\s*(\S.*?)\s*")
 _LONGEST, _SHOWN = 40, 6  # characters of a value, entries in a message
 

@@ -92,7 +92,9 @@ def test_a_coherence_without_a_name_follows_its_frf(tmp_path):
     assert np.all(content.frf.coherence == 0.5)
 
 
-@pytest.mark.parametrize("form", ["Tire:{}:+Z/Tire:{}:-Z", "{}Z:{}-Z", "{}:+Z / {}:-Z"])
+@pytest.mark.parametrize(
+    "form", ["Tire:{}:+Z/Tire:{}:-Z", "{}Z:{}-Z", "{}:+Z / {}:-Z", "M#1 {}Z:{}-Z"]
+)
 def test_names_with_both_ends(tmp_path, form):
     def content(*ends):
         names = [form.format(*each) for each in ends]
