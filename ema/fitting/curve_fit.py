@@ -201,7 +201,7 @@ def settled(curve: CurveFit) -> Settled:
     for r in fit.locked:
         seen[r] = as_stated(modes[r], curve.locked[place[r]])
     judged_by = [rows[0] for rows, _ in seen] if curve.circle else modes
-    in_band, doubts = _doubts(curve, judged_by, fit, beside)
+    in_band, doubts = _doubts(curve, judged_by, fit, beside, owner)
     ascending = [int(r) for r in np.argsort(np.abs(fit.poles))]
     return Settled(
         frf=frf,
@@ -242,7 +242,11 @@ def _one_pole_per_order(curve: CurveFit) -> tuple[PoleFit, dict[int, RingOrder],
 
 
 def _doubts(
-    curve: CurveFit, modes: Sequence[Mode], fit: PoleFit, beside: set[int]
+    curve: CurveFit,
+    modes: Sequence[Mode],
+    fit: PoleFit,
+    beside: set[int],
+    owner: dict[int, RingOrder],
 ) -> tuple[set[int], dict[int, str]]:
     """Poles in the band, and why some of them are no part of the result; never all of them."""
     low, high = curve.band_hz
@@ -256,6 +260,11 @@ def _doubts(
         for r in inside
         if is_undetermined(modes[r], r in beside, curve.settings)
     } | {r: "it hardly shows at its own resonance" for r in inside if lost[r]}
+    why |= {
+        r: "the pair of its order explains it"
+        for r in inside & owner.keys()
+        if any(owner[r].is_within(main, curve.settings) for main in curve.ring)
+    }
     return inside, {} if len(why) == len(inside) or curve.selection.pinned else why
 
 

@@ -118,6 +118,14 @@ class RingOrder:
         """Whether two poles explain the order better than one."""
         return self.pair is not None and self.report.pair.chance < settings.pair_p_value
 
+    def is_within(self, main: RingOrder, settings: IdentificationSettings) -> bool:
+        """Whether it is a further resonance in that of its order, which two poles explain."""
+        if self.is_main or self.pair is None or main.pair is None or main.order != self.order:
+            return False
+        poles = np.array([self.pair.mean, main.pair.mean])
+        near = abs(poles[1] - poles[0]) < _SHARED * np.max(-poles.real)
+        return bool(near) and main.is_main and main.shows_two(settings)
+
     def waves(self, position_deg: NDArray[np.float64]) -> Complex:
         """Residues of members a and b as pure waves, (n_positions, 2)."""
         assert self.pair is not None
