@@ -20,6 +20,7 @@ from model.identifiability import (
     IDENTIFIED,
     LARGEST_RELATIVE_STD,
     NOT_IDENTIFIED,
+    WRONG_VALUE,
     Correlation,
     Sensitivity,
     Spread,
@@ -310,7 +311,7 @@ def _tuned(problem: TuningProblem, *of_rim: Sequence[float]) -> TuningResult:
             ring, problem.orders, pressure_load=problem.pressure_load
         ),
         objective=problem.objective,
-        notes=(*_remarks(search, values, how, form), starts),
+        notes=(*_remarks(search, spread, how, form), starts),
         verdict=verdict,
         pressure_load=problem.pressure_load,
         covariance=spread.covariance,
@@ -324,7 +325,7 @@ def _how(search: Search, values: Array, spread: Spread) -> dict[str, str]:
     if problem.belt_width_m is not None:
         how[WIDTH] = GIVEN
     bound = dict(zip(search.free, search.at_bound(values).tolist(), strict=True))
-    undetermined, unproven = spread.fit.undetermined(), rests_on_one_value(search, spread.fit)
+    undetermined = spread.fit.undetermined()
     no_tyre = bound.get(MASS, False) or bound.get(RADIAL, False)
     for name in (*PARAMETERS, *({WIDTH} & set(search.free))):
         source = RADIAL_GROWTH if name == AXIAL else name
@@ -340,7 +341,6 @@ def _how(search: Search, values: Array, spread: Spread) -> dict[str, str]:
                 no_tyre
                 or std > LARGEST_RELATIVE_STD * value
                 or undetermined.get(source, False)
-                or unproven.get(source, False)
                 or _hardly_narrowed(search, spread, source)
             )
             how[name] = NOT_IDENTIFIED if vague else IDENTIFIED
@@ -361,7 +361,7 @@ def _correlation(spread: Spread, how: dict[str, str]) -> Correlation:
     return Correlation(names, spread.covariance[np.ix_(kept, kept)] / np.outer(size, size))
 
 
-def _remarks(search: Search, values: Array, how: dict[str, str], form: float) -> list[str]:
+def _remarks(search: Search, spread: Spread, how: dict[str, str], form: float) -> list[str]:
     """Sentences on what the frequencies do not determine."""
     problem, priors = search.problem, search.priors
     remarks = [
@@ -389,11 +389,17 @@ def _remarks(search: Search, values: Array, how: dict[str, str], form: float) ->
         if how.get(name) == NOT_IDENTIFIED:
             remarks.append(
                 f"The {_title(name)} is not identified: its standard deviation exceeds a quarter "
-                "of its value, other parameters can replace it, or one frequency alone determines "
-                "it (order 1 for k_θ, unless tangential sensors measure the torsion too)."
+                "of its value, or other parameters can replace it."
             )
         if how.get(name) == AT_BOUND:
             remarks.append(f"The {_title(name)} is at a bound of its range.")
+    for name, alone in rests_on_one_value(search, spread.fit).items():
+        if alone and how.get(name) == IDENTIFIED:
+            remarks.append(
+                f"The {_title(name)} rests on one frequency that no other checks: if that were {100 * WRONG_VALUE:g} % off, it "
+                "would change by more than half and nothing would show it. Tangential sensors, "
+                "which measure the torsion, check the circumferential stiffness."
+            )
     return remarks
 
 
