@@ -396,9 +396,9 @@ def _remarks(search: Search, spread: Spread, how: dict[str, str], form: float) -
     for name, alone in rests_on_one_value(search, spread.fit).items():
         if alone and how.get(name) == IDENTIFIED:
             remarks.append(
-                f"The {_title(name)} rests on one frequency that no other checks: if that were {100 * WRONG_VALUE:g} % off, it "
-                "would change by more than half and nothing would show it. Tangential sensors, "
-                "which measure the torsion, check the circumferential stiffness."
+                f"The {_title(name)} rests on one frequency that no other checks: if that were "
+                f"{100 * WRONG_VALUE:g} % off, it would change by more than half and nothing would "
+                "show it. Tangential sensors, which measure the torsion, check k_θ."
             )
     return remarks
 
