@@ -169,9 +169,9 @@ FRFS = (
         bad_file("a.uff", "function type 6", "no usable datasets"),
     ),
     uff(
-        "FRFs of two forces",
+        "FRFs of two forces and nothing in common",
         frf58(_LINES) + frf58(_LINES, node=2, reference_node=2),
-        bad_file("a.uff", "2 force nodes and 2 response nodes", "one force"),
+        bad_file("a.uff", "2 forces", "at the same points"),
     ),
 )
 

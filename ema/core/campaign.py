@@ -13,6 +13,7 @@ from ema.core.display import as_typed, counted, facts, number, table
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
 from ema.core.recording import Channel, ExponentialWindow, Recording, overlap_share, window_name
+from ema.core.references import References, frfs_of
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
 
 
@@ -79,14 +80,24 @@ class Direction(StrEnum):
     AXIAL = "axial"
 
 
+Place = tuple[float, int]
+
+
 @dataclass(frozen=True, eq=False)
 class Response:
-    """A response channel of a run and where it sits."""
+    """A response channel of a run and where it sits, or a force and where it acts."""
 
     channel: Channel
     node: int | None
     position_deg: float | None
     direction: Direction = Direction.RADIAL
+
+    @property
+    def place(self) -> Place | None:
+        """What tells it from others: its angle, or node and axis; None where neither is known."""
+        if self.position_deg is not None:
+            return round(self.position_deg, 6) % 360.0, 0
+        return (float(self.node), self.channel.axis) if self.node else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +110,12 @@ class Run:
     responses: tuple[Response, ...]  # on the grid (or on nodes), without the reference
     reference: Channel | None = None  # the sensor that stays in place over all runs
     others: tuple[Response, ...] = ()  # on the tyre, but not of the direction evaluated
+    forces: tuple[Response, ...] = ()  # `force` and those that act beside it, with their places
+
+    @property
+    def references(self) -> tuple[Place | None, ...]:
+        """Places of the forces, several where they act at the same time."""
+        return tuple(each.place for each in self.forces) or (None,)
 
     @property
     def sensors(self) -> tuple[Channel, ...]:
@@ -123,14 +140,14 @@ class Campaign:
         Folder or file name.
     runs : tuple of Run
         Empty where the files hold FRFs.
-    frf : FRF or None
-        FRFs found in the files; they enter after the FRF estimation.
+    frf : FRF, References or None
+        FRFs found in the files, against one force or several; they enter after the FRF estimation.
     tyre : Tyre or None
         None where the object is any structure.
     positions : int or None
         Number of grid positions on the circle; None where there is no grid.
     excitation_deg : float or None
-        Angle of the force on the grid.
+        Angle of the force on the grid; of the first one where runs have forces at several places.
     reference_deg : float or None
         Angle of the reference sensor, where given.
     sensor_mass_kg : float or None
@@ -166,7 +183,7 @@ class Campaign:
 
     name: str
     runs: tuple[Run, ...] = ()
-    frf: FRF | None = None
+    frf: FRF | References | None = None
     tyre: Tyre | None = None
     positions: int | None = None
     excitation_deg: float | None = None
@@ -187,8 +204,9 @@ class Campaign:
     @property
     def has_circle(self) -> bool:
         """Whether the positions lie on a closed circle, so that circumferential orders exist."""
-        placed = self.frf is not None and bool(np.isfinite(self.frf.position_deg).all())
-        return self.positions is not None or placed
+        frfs = () if self.frf is None else frfs_of(self.frf)
+        placed = all(np.isfinite(each.position_deg).all() for each in frfs)
+        return self.positions is not None or (bool(frfs) and placed)
 
     def mass_of(self, channel: str) -> float | None:
         """Mass of the sensor of a channel in kg; None where it is not given."""
@@ -224,6 +242,8 @@ class Campaign:
         return shown + findings_html(self.findings)
 
     def _content(self) -> str:
+        if isinstance(self.frf, References):
+            return f"FRFs of {counted(len(self.frf), 'force')}"
         if self.frf is not None:
             return f"FRFs of {counted(self.frf.n_positions, 'position')}"
         sensors = sum(len(run.responses) for run in self.runs)

@@ -1,16 +1,19 @@
-"""Samples that stay on disk, piece by piece."""
+"""Samples that stay on disk, piece by piece, and the files that a manifest names."""
 
 from __future__ import annotations
 
 import mmap
 import stat
-from pathlib import Path
+import unicodedata
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.errors import InputError, RecordingFormatError
+from ema.core.errors import InputError, ManifestError, RecordingFormatError
+
+USE_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
 
 
 def piece(samples: NDArray[Any], start: int, stop: int) -> NDArray[Any]:
@@ -85,3 +88,31 @@ def require_regular(path: Path) -> Path:
         return path
     rule = "only regular files are read: nobody knows when a pipe or device ends"
     raise InputError(str(path), "not a regular file", rule, "Write it to a file first")
+
+
+def resolve(manifest: Path, file: str) -> Path:
+    """Path of a file that a manifest names; it may not leave the folder, not even by a link."""
+    folder = manifest.parent.resolve()
+    try:
+        target = _as_stored(folder / file).resolve()
+        # From Python 3.13 on a loop of links is handed back as it is.
+        is_loop = any(part.is_symlink() for part in (target, *target.parents))
+        # Absolute, or with a drive or a share, on any system.
+        elsewhere = PureWindowsPath(file).anchor or PurePosixPath(file).is_absolute()
+        inside = not (elsewhere or is_loop) and target.is_relative_to(folder)
+    except (OSError, ValueError, RuntimeError):  # a NUL in the name, a loop of links
+        inside = False
+    if not inside:
+        rule = "paths are relative to the manifest and must stay within its folder"
+        remedy = "Put the recordings beside the manifest"
+        raise ManifestError(f"{manifest.name}, runs", f"file {file!r}", rule, remedy)
+    return target
+
+
+def _as_stored(path: Path) -> Path:
+    """The file whose name looks the same: an umlaut is stored as one character or as two."""
+    wanted = unicodedata.normalize("NFC", path.name)
+    if wanted.isascii() or path.exists() or not path.parent.is_dir():
+        return path
+    alike = (p for p in path.parent.iterdir() if unicodedata.normalize("NFC", p.name) == wanted)
+    return next(alike, path)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +55,31 @@ class References(ReadonlyArrays):
     def __iter__(self) -> Iterator[FRF]:
         return iter(self.frfs)
 
+    def as_stored(self) -> References:
+        """The same with coherence and σ rounded as `FRF.as_stored` does."""
+        return replace(self, frfs=tuple(frf.as_stored() for frf in self.frfs))
+
     @property
     def frequency_hz(self) -> NDArray[np.float64]:
         """Frequency lines."""
         return self.frfs[0].frequency_hz
+
+
+def mapped(found: FRF | References, change: Callable[[FRF], FRF]) -> FRF | References:
+    """FRFs of one force or of several, each changed."""
+    if isinstance(found, FRF):
+        return change(found)
+    return replace(found, frfs=tuple(change(frf) for frf in found))
+
+
+def frfs_of(found: FRF | References) -> tuple[FRF, ...]:
+    """FRFs of each force, one after the other."""
+    return (found,) if isinstance(found, FRF) else found.frfs
+
+
+def alone(found: FRF | References) -> FRF:
+    """FRFs of one force; `InputError` where there are several."""
+    if isinstance(found, FRF):
+        return found
+    rule, remedy = "this needs FRFs of one force", "Pass the FRFs of one force, such as frfs[0]"
+    raise InputError("FRFs", f"{len(found)} forces", rule, remedy)

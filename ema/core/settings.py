@@ -150,6 +150,19 @@ class CheckSettings:
     contradiction_share: float = _setting(
         0.3, "–", "more than half of the places above this: averaged runs are refused", _ACCURACY
     )
+    force_condition_doubt: float = _setting(
+        10.0,
+        "–",
+        "condition number of forces that act at the same time from which they are doubted: the "
+        "variance of their FRFs is tripled",
+        "Belsley, Kuh & Welsch (1980)",
+    )
+    force_condition_most: float = _setting(
+        1000.0,
+        "–",
+        "… and from which they are refused: noise 30 dB below a force counts as much as the force",
+        "Belsley, Kuh & Welsch (1980)",
+    )
     hum_db: float = _setting(
         20.0, "dB", "mains hum this far above the noise nearby is reported", "convention"
     )

@@ -100,14 +100,25 @@ class FileContent:
     recording: Recording | None = None
     frf: FRF | None = None  # as inertance
     frf_names: tuple[str, ...] = ()  # as those of channels
-    frf_force_node: int | None = None  # where the file numbers it
-    frf_force_axis: int = 0  # as `Channel.axis`
+    frf_forces: tuple[tuple[int, int], ...] = ()  # node and axis of each, 0 where none is stated
     findings: tuple[Finding, ...] = ()  # what was assumed, converted or left out
     circle: CircleNodes = field(default_factory=CircleNodes)
     windows: tuple[StatedWindow, ...] = ()  # that the analyser applied
     frf_without_unit: tuple[int, ...] = ()  # rows whose values are as the file has them
     nodes: Nodes | None = None  # of a file with neither
     coherences: Coherences | None = None  # the same
+
+    @property
+    def frf_force_node(self) -> int | None:
+        """Node of the force, where all FRFs have one."""
+        nodes = {node for node, _ in self.frf_forces}
+        return nodes.pop() or None if len(nodes) == 1 else None
+
+    @property
+    def frf_force_axis(self) -> int:
+        """Axis of the force as `Channel.axis`, 0 where FRFs differ."""
+        axes = {axis for _, axis in self.frf_forces}
+        return axes.pop() if len(axes) == 1 else 0
 
     @property
     def has_data(self) -> bool:

@@ -18,7 +18,7 @@ from ema.core.numerics import constant
 from ema.core.recording import DERIVATIVES
 from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
 from ema.io.columns import NOWHERE, Column, Point, point_of
-from ema.io.content import EXPORT_AGAIN, FileContent, remark
+from ema.io.content import EXPORT_AGAIN, FileContent
 from ema.io.rates import even_step, uneven
 
 _FREQUENCY_NAMES = {"f", "freq", "frequency", "frequenz", "frequence", "fréquence", "frequencia"}
@@ -33,7 +33,6 @@ CONVERTED = (
     "{} over force, converted to inertance (factor jω)",
     "{} over force, converted to inertance (factor −ω²)",
 )
-ROVING_FORCE = "one response, roving force: by reciprocity, the force nodes are used as positions"
 _SEPARATORS = " \t_-:|,.()"
 
 
@@ -129,9 +128,10 @@ def frf_content(path: Path, columns: Sequence[Column], findings: Sequence[Findin
         if _Part.COHERENCE in each.columns:
             coherence[row] = _coherence(path, each.columns[_Part.COHERENCE])
     names = [each.name for each in grouped]
-    points, force = _points(path, names, noticed)
+    points, forces = _points(path, names)
     known = all(point.node for point in points)
-    values *= np.array([point.sense for point in points])[:, None]
+    senses = [point.sense * force.sense for point, force in zip(points, forces, strict=True)]
+    values *= np.array(senses)[:, None]
     frf = FRF(
         frequency_hz=lines,
         values=values,
@@ -143,26 +143,21 @@ def frf_content(path: Path, columns: Sequence[Column], findings: Sequence[Findin
         axis=np.array([point.axis * known for point in points]),
     )
     without = tuple(row for row, each in enumerate(grouped) if not is_stated(each.unit))
-    shared = (force.node or None, force.axis) if known else (None, 0)
-    found = FileContent(path, None, frf, tuple(names), *shared, tuple(noticed))
+    of_forces = tuple((force.node, force.axis) for force in forces) if known else ()
+    found = FileContent(path, None, frf, tuple(names), of_forces, tuple(noticed))
     return replace(found, frf_without_unit=without)
 
 
-def _points(path: Path, names: Sequence[str], findings: list[Finding]) -> tuple[list[Point], Point]:
-    """Place and sense of each FRF by its name, and the end that all share, as with dataset 58."""
+def _points(path: Path, names: Sequence[str]) -> tuple[list[Point], list[Point]]:
+    """Place of the response and of the force of each FRF by its name, as with dataset 58."""
     responses = [point_of(name) or NOWHERE for name in names]
     forces = [point_of(each.reference) or NOWHERE for each in responses]
-    places = [{(end.node, end.axis) for end in ends} for ends in (responses, forces)]
     said = {each.reference for each in responses}
-    if len(said) > 1 and len(places[1]) > 1 and len(places[0]) == 1 and NOWHERE not in forces:
-        findings.append(remark(path, "", Check.RECIPROCITY, ROVING_FORCE))
-        responses, forces = forces, responses
-    elif len(said) > 1 and (len(places[1]) > 1 or NOWHERE in forces):
-        rule = "all FRFs must have one force (or one response, where the force roves)"
+    if len(said) > 1 and NOWHERE in forces:
+        rule = "where FRFs are of several forces, each name must have the point of its force"
         found = f"forces {', '.join(sorted(said)[:3])}"
-        raise RecordingFormatError(path.name, found, rule, "Export one reference per file")
-    both = zip(responses, forces, strict=True)
-    return [end._replace(sense=end.sense * other.sense) for end, other in both], forces[0]
+        raise RecordingFormatError(path.name, found, rule, "Write e.g. 13Z/1Z, or a file for each")
+    return responses, forces
 
 
 def _fault(path: Path, column: str, found: str, rule: str, remedy: str) -> RecordingFormatError:

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.core.campaign import Campaign, Processing, Run
 from ema.core.errors import InputError, require_type
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, ForceRecord
+from ema.core.frf_arrays import one_angle
 from ema.core.numerics import available_threads, one_blas_thread
 from ema.core.recording import BlockPlan
+from ema.core.references import References, mapped
 from ema.signals.damage import without_damage, without_lost_samples
 from ema.signals.events import event_plans, find_events, is_one_early_hit, window_findings
 from ema.signals.excitation import (
@@ -25,8 +26,15 @@ from ema.signals.excitation import (
     plan_blocks,
     repeats_after,
 )
-from ema.signals.leakage import incoherent_power
-from ema.signals.spectra import Spectra, disagreement, measure_spectra, pooled, ratio
+from ema.signals.frf_of_spectra import (
+    ESTIMATORS,
+    at_force,
+    positions_frf,
+    reference_frf,
+    with_given_averages,
+)
+from ema.signals.several_forces import JointSpectra, joint_references, measure_jointly
+from ema.signals.spectra import Spectra, measure_spectra
 
 # A run whose force is this far below the median of the runs has no excitation: hits by hand and
 # steps of the level differ by 20 dB at most.
@@ -44,11 +52,12 @@ def estimate_frf(
     block_seconds: float | None = None,
     window: str | None = None,
     overlap: float | None = None,
-) -> FRF:
+) -> FRF | References:
     """FRFs of all positions of a campaign, in the order of their angle (or node).
 
     A position measured in several runs enters with the spectra of all of them. The fixed
-    reference sensor is kept apart, one row per run, in `FRF.reference`.
+    reference sensor is kept apart, one row per run, in `FRF.reference`. Where forces act at several
+    places, each has FRFs of its own; of those that act at the same time, the coherence is partial.
 
     Parameters
     ----------
@@ -58,7 +67,8 @@ def estimate_frf(
         Instead of the campaign's own.
     estimator : {"H1", "H2", "Hv"}
         H1 suits noise on the accelerations (the usual case), H2 noise on the force, Hv both
-        (Bendat & Piersol 2010, ch. 6; Rocklin, Crowley & Vold 1985).
+        (Bendat & Piersol 2010, ch. 6; Rocklin, Crowley & Vold 1985). Forces that act at the same
+        time need H1.
     progress : callable, optional
         Called with (runs done, runs in all) as each run ends.
     averages, block_seconds, window, overlap : optional
@@ -66,12 +76,14 @@ def estimate_frf(
 
     Returns
     -------
-    FRF
+    FRF or References
+        The latter where the campaign has forces at several places.
 
     Raises
     ------
     InputError
-        If the blocks asked for do not fit, the runs differ in rate or the force is silent.
+        If the blocks asked for do not fit, the runs differ in rate, a force is silent, or forces
+        that act at the same time are not independent.
 
     Examples
     --------
@@ -94,16 +106,18 @@ def estimate_frf(
     processing = replace(processing, **{k: v for k, v in choices.items() if v is not None})
     _require_usable(processing)
     if campaign.frf is None:
-        frf = _estimated(campaign, processing, estimator, progress)
+        found = _estimated(campaign, processing, estimator, progress)
     else:
-        frf = campaign.frf
-        ordered = frf.rows(np.lexsort((frf.node, np.nan_to_num(frf.position_deg))))
-        frf = with_given_averages(ordered, processing.averages)
-    return replace(
-        frf,
-        excitation_deg=_number(campaign.excitation_deg),
-        exponential_window=processing.exponential_window,
-    )
+        found = mapped(campaign.frf, lambda frf: _in_order(frf, processing.averages))
+    if isinstance(found, FRF):
+        found = replace(found, excitation_deg=one_angle(campaign.excitation_deg))
+    return mapped(found, lambda frf: replace(frf, exponential_window=processing.exponential_window))
+
+
+def _in_order(frf: FRF, averages: int | None) -> FRF:
+    """FRFs of a file by their angle (or node), with the σ that averages give."""
+    ordered = frf.rows(np.lexsort((frf.node, np.nan_to_num(frf.position_deg))))
+    return with_given_averages(ordered, averages)
 
 
 def _require_usable(processing: Processing) -> None:
@@ -119,33 +133,89 @@ def _require_usable(processing: Processing) -> None:
             raise InputError(f"processing, {name}", repr(value), f"it must be {rule}", "Correct it")
 
 
+class _Measured(NamedTuple):
+    """A run and its spectra, those of several forces that acted at the same time as well."""
+
+    run: Run
+    spectra: Spectra  # against the first force
+    joint: JointSpectra | None
+    plan: BlockPlan
+
+
 def _estimated(
     campaign: Campaign,
     processing: Processing,
     estimator: str,
     progress: Callable[[int, int], None] | None,
-) -> FRF:
+) -> FRF | References:
     with ThreadPoolExecutor(available_threads()) as pool:
-        runs, findings = without_damage(campaign.runs, pool.map)
+        runs, findings = without_damage(list(map(_forces_as_sensors, campaign.runs)), pool.map)
         steady, plans, remarks = _plans(runs, processing)
         findings += remarks
-        spectra = []
+        measured: list[_Measured] = []
         for part, slips in pool.map(lambda run: _run_spectra(run, plans[run.name]), runs):
-            spectra.append(part)
+            measured.append(part)
             findings += slips
             if progress is not None:
-                progress(len(spectra), len(runs))
-    runs, spectra, silent = _excited(runs, spectra)
+                progress(len(measured), len(runs))
+    measured, silent = _excited(measured)
     findings += silent
-    plan = min((plans[run.name] for run in runs), key=lambda each: each.n_blocks)
-    frf = _positions_frf(runs, spectra, plan, estimator)
-    reference = _reference_frf(runs, campaign.reference_deg, spectra, plan, estimator)
+    groups = [
+        [each for each in measured if each.run.references == places]
+        for places in dict.fromkeys(each.run.references for each in measured)
+    ]
+    frfs = [_of_one_place(each, campaign.reference_deg, estimator, steady) for each in groups]
+    if len(groups) == 1 and measured[0].joint is None:
+        return replace(frfs[0], findings=findings)
+    if any(each.joint is not None for each in measured):
+        return _of_joint_forces(campaign, groups, replace(frfs[0], findings=findings))
+    found = [at_force(frf, group[0].run.forces[0]) for frf, group in zip(frfs, groups, strict=True)]
+    return References((replace(found[0], findings=findings), *found[1:]))
+
+
+def _forces_as_sensors(run: Run) -> Run:
+    """The run, the forces beside the first one behind its responses: all checks see them."""
+    return replace(run, responses=(*run.responses, *run.forces[1:]))
+
+
+def _forces_apart(run: Run) -> Run:
+    """The run of `_forces_as_sensors` as it was, with the gaps that were found."""
+    if len(run.forces) < 2:
+        return run
+    n = len(run.responses) - len(run.forces) + 1
+    forces = replace(run.forces[0], channel=run.force), *run.responses[n:]
+    return replace(run, responses=run.responses[:n], forces=forces)
+
+
+def _of_one_place(
+    measured: Sequence[_Measured], reference_deg: float | None, estimator: str, steady: bool
+) -> FRF:
+    """FRFs of runs whose first force acts at one place."""
+    runs, spectra = [each.run for each in measured], [each.spectra for each in measured]
+    plan = min((each.plan for each in measured), key=lambda each: each.n_blocks)
+    frf = positions_frf(runs, spectra, plan, estimator)
+    reference = reference_frf(runs, reference_deg, spectra, plan, estimator)
     forces = {
-        run.name: ForceRecord(run.force, plans[run.name], steady)
-        for run in runs
+        run.name: ForceRecord(run.force, each.plan, steady)
+        for run, each in zip(runs, measured, strict=True)
         if not run.force.gaps
     }
-    return replace(frf, reference=reference, findings=findings, forces=forces)
+    return replace(frf, reference=reference, forces=forces)
+
+
+def _of_joint_forces(
+    campaign: Campaign, groups: Sequence[Sequence[_Measured]], against_first: FRF
+) -> References:
+    """FRFs against each of several forces that act at the same time in all runs."""
+    runs = [each.run for each in groups[0]]
+    parts = [each.joint for each in groups[0] if each.joint is not None]
+    if len(groups) > 1 or len(parts) < len(runs):
+        found, rule = "forces at other places in some runs", "forces at once must act so in all"
+        raise InputError(campaign.name, found, rule, "Process these runs by themselves")
+    if against_first.estimator != "H1":
+        found, rule = f"estimator {against_first.estimator!r}", "forces at once need H1"
+        raise InputError("FRF", found, rule, "Leave it out")
+    return joint_references(runs, parts, against_first, campaign.checks)
 
 
 def _plans(
@@ -193,14 +263,16 @@ def _common_plan(runs: Sequence[Run], processing: Processing, *, steady: bool) -
     )
 
 
-def _run_spectra(run: Run, plan: BlockPlan) -> tuple[Spectra, tuple[Finding, ...]]:
+def _run_spectra(run: Run, plan: BlockPlan) -> tuple[_Measured, tuple[Finding, ...]]:
     """Spectra of a run, measured again where channels turn out to have lost samples."""
     spectra = measure_spectra(run, plan)
     usable, findings = without_lost_samples(run, spectra, plan)
     if findings:
         spectra = measure_spectra(usable, plan)
     _require_signal(usable, spectra, plan, findings)
-    return spectra, findings
+    several = len(run.forces) > 1
+    joint = measure_jointly(_forces_apart(usable), plan) if several else None
+    return _Measured(_forces_apart(run), spectra, joint, plan), findings
 
 
 def _require_signal(
@@ -218,15 +290,13 @@ def _require_signal(
         raise InputError(where, "a constant signal", "the force must excite the tyre", remedy)
 
 
-def _excited(
-    runs: Sequence[Run], spectra: list[Spectra]
-) -> tuple[list[Run], list[Spectra], tuple[Finding, ...]]:
-    """Runs with their spectra, without those of hardly any force, and findings about these."""
-    fullest = [int(np.argmax(each.n_effective)) for each in spectra]
+def _excited(measured: list[_Measured]) -> tuple[list[_Measured], tuple[Finding, ...]]:
+    """Runs without those of hardly any force, and findings about these."""
+    fullest = [int(np.argmax(each.spectra.n_effective)) for each in measured]
     power = np.array(
         [
             np.sum(each.force[row]) / max(each.n_effective[row], 1.0)
-            for each, row in zip(spectra, fullest, strict=True)
+            for (_, each, *_), row in zip(measured, fullest, strict=True)
         ]
     )
     level_db = 10 * np.log10(np.maximum(power / np.median(power), 1e-30))
@@ -240,151 +310,8 @@ def _excited(
             f"the force is {-level:.0f} dB below that of the other runs: no hit in the recording, "
             "or the excitation was off; the run is left out",
         )
-        for run, level in zip(runs, level_db, strict=True)
+        for (run, *_), level in zip(measured, level_db, strict=True)
         if level < _UNEXCITED_DB
     )
-    kept = [k for k in range(len(runs)) if level_db[k] >= _UNEXCITED_DB]
-    return [runs[k] for k in kept], [spectra[k] for k in kept], findings
-
-
-def _positions_frf(
-    runs: Sequence[Run], spectra: list[Spectra], plan: BlockPlan, estimator: str
-) -> FRF:
-    responses = [(run, response) for run in runs for response in run.responses]
-    angle = np.array([_number(response.position_deg) for _, response in responses])
-    node = np.array([-1 if response.node is None else response.node for _, response in responses])
-    key = np.where(np.isfinite(angle), np.round(angle, 6), node)
-    _, first, place = np.unique(key, return_index=True, return_inverse=True)
-    run = _joined([run.name for run, _ in responses], place)
-    channel = _joined([response.channel.name for _, response in responses], place)
-    parts = [part.rows(slice(len(run.responses))) for part, run in zip(spectra, runs, strict=True)]
-    spectra_here = pooled(parts, place, first.size)
-    frf = _as_frf(spectra_here, plan, estimator, node[first], angle[first], run, channel)
-    return replace(frf, disagreement=disagreement(parts, place, first.size))
-
-
-def _joined(words: list[str], place: NDArray[np.int_]) -> list[str]:
-    """Words that share a place, joined; each only once."""
-    there: dict[int, dict[str, None]] = {int(p): {} for p in np.unique(place)}
-    for word, p in zip(words, place, strict=True):
-        there[int(p)][word] = None
-    return ["+".join(there[p]) for p in sorted(there)]
-
-
-def _reference_frf(
-    runs: Sequence[Run],
-    reference_deg: float | None,
-    spectra: list[Spectra],
-    plan: BlockPlan,
-    estimator: str,
-) -> FRF | None:
-    pairs = [(r, s) for r, s in zip(runs, spectra, strict=True) if r.reference is not None]
-    if len(pairs) < 2:
-        return None
-    last_rows = [part.rows(slice(-1, None)) for _, part in pairs]
-    last = pooled(last_rows, np.arange(len(pairs)), len(pairs))
-    nodes = np.full(len(pairs), -1)
-    angle = np.full(len(pairs), _number(reference_deg))
-    run_names = [run.name for run, _ in pairs]
-    names = [run.reference.name for run, _ in pairs if run.reference is not None]
-    return _as_frf(last, plan, estimator, nodes, angle, run_names, names)
-
-
-def _as_frf(
-    spectra: Spectra,
-    plan: BlockPlan,
-    estimator: str,
-    node: NDArray[np.int_],
-    position_deg: NDArray[np.float64],
-    run: list[str],
-    channel: list[str],
-) -> FRF:
-    power = spectra.force * spectra.response
-    coherence = np.divide(
-        np.abs(spectra.cross) ** 2, power, out=np.zeros(power.shape), where=power > 0
-    )
-    values = ESTIMATORS[estimator](spectra)
-    missing = 1 - spectra.n_effective / spectra.n_planned
-    return FRF(
-        frequency_hz=plan.frequency_hz,
-        values=values,
-        coherence=np.clip(coherence, 0, 1),
-        std=_random_error(spectra, coherence),
-        node=node,
-        position_deg=position_deg,
-        run=tuple(run),
-        channel=tuple(channel),
-        blocks=plan,
-        n_effective=float(np.min(spectra.n_effective, where=missing < 0.5, initial=np.inf)),
-        clipped=spectra.clipped,
-        force_clipped=spectra.force_clipped,
-        missing=missing,
-        estimator=estimator,
-    )
-
-
-def _random_error(spectra: Spectra, coherence: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard deviation of each quadrature of H1 (Bendat & Piersol 2010, eq. 9.89, unbiased).
-
-    One average says nothing about its error: NaN.
-    """
-    freedom = spectra.n_effective[:, None] - 1
-    with np.errstate(divide="ignore", invalid="ignore"):
-        variance = spectra.response / spectra.force * (1 - coherence) / (2 * freedom)
-    return np.sqrt(np.where((freedom > 0.5) & (variance >= 0), variance, np.nan))
-
-
-def _h1(spectra: Spectra) -> NDArray[np.complex128]:
-    return ratio(spectra.cross, spectra.force)
-
-
-def _h2(spectra: Spectra) -> NDArray[np.complex128]:
-    return ratio(spectra.response, spectra.cross.conj())
-
-
-def _hv(spectra: Spectra) -> NDArray[np.complex128]:
-    """Geometric mean of H1 and H2, with the phase they share."""
-    direction = ratio(spectra.cross, np.abs(spectra.cross))
-    return np.asarray(direction * np.sqrt(ratio(spectra.response, spectra.force)))
-
-
-ESTIMATORS: dict[str, Callable[[Spectra], NDArray[np.complex128]]] = {
-    "H1": _h1,
-    "H2": _h2,
-    "Hv": _hv,
-}
-
-
-def restated(frf: FRF, estimator: str) -> FRF:
-    """The same FRFs from recordings by another estimator: H1 = γ² H2, |Hv|² = |H1 H2|."""
-    if estimator == frf.estimator:
-        return frf
-    power = {"H1": 0.0, "Hv": 0.5, "H2": 1.0}
-    change, known = power[frf.estimator] - power[estimator], frf.coherence > 0
-    factor = np.power(frf.coherence, change, out=np.zeros(known.shape), where=known)
-    values = frf.values * factor
-    fixed = None if frf.reference is None else restated(frf.reference, estimator)
-    return replace(frf, values=values, estimator=estimator, reference=fixed)
-
-
-def with_given_averages(frf: FRF, averages: int | None) -> FRF:
-    """FRFs of a file with the standard deviation that coherence and averages give.
-
-    σ² = |H|² (1 − γ²)/(2 (n − 1) γ²) for each quadrature (Bendat & Piersol 2010, eq. 9.89).
-    Without the number of averages, coherence only weighs the lines.
-    """
-    known = int(np.count_nonzero(np.isfinite(frf.coherence).all(axis=1)))
-    if not known:
-        return frf
-    said = "weights only, as the number of averages is unknown; state processing.averages"
-    if averages is not None and averages > 1:
-        said = f"σ of the FRFs from it and {averages} averages (stated)"
-        std = np.sqrt(incoherent_power(frf.values, frf.coherence) / (2 * (averages - 1)))
-        frf = replace(frf, std=std, n_effective=float(averages))
-    said = f"coherence of {known} of {frf.n_positions} FRFs from the file: {said}"
-    finding = Finding("", "", None, Check.COHERENCE, Verdict.OK, said)
-    return replace(frf, findings=(*frf.findings, finding))
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value
+    kept = zip(measured, level_db, strict=True)
+    return [each for each, level in kept if level >= _UNEXCITED_DB], findings

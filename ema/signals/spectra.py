@@ -85,7 +85,7 @@ def _measured(channels: Sequence[Channel], plan: BlockPlan) -> Spectra:
     """Spectra of all channels against the first one, the force."""
     sums = _Sums(len(channels) - 1, plan)
     looked_at = 0  # samples up to here were looked at for clipping: none needs that twice
-    for start, block in _blocks(channels, plan):
+    for start, block in blocks_of(channels, plan):
         fresh = start >= looked_at
         looked_at = start + plan.block_samples if fresh else looked_at
         sums.add(block, look_for_clipping=fresh)
@@ -96,7 +96,7 @@ def _stacked(parts: Sequence[Spectra], name: str) -> NDArray[Any]:
     return np.concatenate([getattr(part, name) for part in parts])
 
 
-def _blocks(
+def blocks_of(
     channels: Sequence[Channel], plan: BlockPlan
 ) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """Start and samples of each block, all channels; several blocks are read at a time."""

@@ -14,8 +14,8 @@ from pydantic import TypeAdapter
 
 from ema.core.display import jsonable
 from ema.core.errors import InputError, ManifestError
-from ema.core.files import require_regular
-from ema.io.campaign.manifest import MANIFEST_NAME, read_manifest, resolve
+from ema.core.files import require_regular, resolve
+from ema.io.campaign.manifest import MANIFEST_NAME, read_manifest
 from pipelines.results.options import Options
 from pipelines.results.provenance import software_version
 from pipelines.storage.atomic import file_written_whole, partial_folder

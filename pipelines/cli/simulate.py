@@ -104,6 +104,13 @@ def campaign(
     drift_percent: Annotated[
         float, opt.option("Rise of all frequencies from run to run in percent.")
     ] = 0.0,
+    force_deg: Annotated[
+        list[float] | None,
+        opt.option("Angle of the force in degrees, 0 by default; repeat it for several."),
+    ] = None,
+    at_once: Annotated[
+        bool, opt.option("Whether several forces act at the same time, not one after the other.")
+    ] = False,
     effect: Annotated[
         list[str] | None,
         opt.option("Effect of a real laboratory, e.g. splice=0.004; repeatable.", "", "NAME=VALUE"),
@@ -120,6 +127,7 @@ def campaign(
 
     Examples:
       ringmodal simulate campaign virtual --duration-s 60 --snr-db 20
+      ringmodal simulate campaign pairs --split-percent 1 --force-deg 0 --force-deg 22.5
       ringmodal simulate campaign hammer --effect excitation=hammer --effect splice=0.004
     """  # noqa: D406, D407 - a heading of the help
     common: dict[str, Any] = {"seed": seed, "snr_db": snr_db, "sensor_mass_kg": sensor_mass_kg}
@@ -129,10 +137,11 @@ def campaign(
         if laboratory is None:
             common |= {"file_format": file_format, "split_percent": split_percent}
             common |= {"shaker_between": shaker_between, "drift_percent": drift_percent}
+            common |= {"force_deg": force_deg or (0.0,), "at_once": at_once}
             written = simulate_campaign(folder, **common)
         else:
-            if (file_format, split_percent, drift_percent) != ("uff", 0.0, 0.0):
-                found = "given with --format csv, --split-percent or --drift-percent"
+            if (file_format, split_percent, drift_percent, force_deg) != ("uff", 0.0, 0.0, None):
+                found = "given with --format csv, --split-percent, --drift-percent or --force-deg"
                 rule = "effects are written as universal files and have their own pairs and drift"
                 remedy = "Use the effects stiffness_variation, temperature_drift or pressure_drift"
                 raise InputError("--effect", found, rule, remedy)

@@ -12,14 +12,16 @@ from pathlib import Path
 import numpy as np
 
 from ema.core.errors import InputError
+from ema.core.files import resolve
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.numerics import one_blas_thread
 from ema.core.recording import ACCELERATION, FORCE, UNKNOWN, VOLTAGE, Channel, Recording, motions
 from ema.core.units import is_stated
 from ema.io.campaign.calibration import calibrated
-from ema.io.campaign.manifest import MANIFEST_NAME, Manifest, read_manifest, resolve
+from ema.io.campaign.manifest import MANIFEST_NAME, Manifest, read_manifest
 from ema.io.campaign.read import recordings_in, with_frf_unit, with_rate
+from ema.io.campaign.references import exchanged_frfs
 from ema.io.content import FileContent, remark
 from ema.io.formats import exists, is_folder, read_file, read_headers
 from ema.signals.signal_checks import SignalSummary, level_findings, signal_findings, summarise
@@ -77,6 +79,8 @@ class Places:
 def sources_of(content: FileContent) -> list[Source]:
     """Time series and FRFs of a file."""
     found, unknown = [], float("nan")
+    if content.frf is not None and (moved := exchanged_frfs([content])) is not None:
+        content = moved[0]
     if (recording := content.recording) is not None:
         found.append(Source(content.path, recording.channels, recording.sampling_rate_hz, False))
     if (frf := content.frf) is not None:
@@ -128,11 +132,17 @@ def sensors_in(source: Source, reference: str | None = None) -> list[Channel]:
     return [channel for channel in candidates if channel.name not in others]
 
 
+def force_nodes(sources: Sequence[Source]) -> set[int | None]:
+    """Nodes of the forces as the files state them."""
+    forces = (c for source in sources for c in source.channels if c.name in forces_in(source))
+    return {c.node for c in forces} | {s.force_node for s in sources if s.has_frfs}
+
+
 def excitation_deg(sources: Sequence[Source], places: Places) -> float | None:
     """Angle of the force by geometry or node number."""
     forces = [c for source in sources for c in source.channels if c.name in forces_in(source)]
     angles = {channel.angle_deg for channel in forces}
-    nodes = {c.node for c in forces} | {s.force_node for s in sources if s.has_frfs}
+    nodes = force_nodes(sources)
     if len(angles) == 1 and None not in angles:
         return angles.pop()
     if places.positions is None or places.known_from != NODES or len(nodes) != 1:

@@ -29,7 +29,7 @@ from ema.core.numerics import one_blas_thread
 from ema.core.settings import CheckSettings, IdentificationSettings
 from ema.identify import Identification
 from ema.refit import EditCost, edit_cost, refit_modes
-from ema.signals.frf_estimation import restated
+from ema.signals.frf_of_spectra import restated
 from ema.signals.steadiness import steadiness_findings, with_changes_within_runs
 from pipelines.process.ring import options_of, tune
 from pipelines.results.edits_file import Record, read_edits

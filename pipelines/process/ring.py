@@ -19,6 +19,7 @@ from ema.core.errors import FitError, InputError, unknown
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.modes import ModalModel
 from ema.core.numerics import one_blas_thread
+from ema.core.references import frfs_of
 from ema.identify import Identification
 from ema.io.campaign.manifest import LENGTHS_M, PRESSURES_PA
 from model.identifiability import AT_BOUND, IDENTIFIED
@@ -310,7 +311,7 @@ def with_other_modes(
     for other in campaign.others:
         part = replace(other, processing=campaign.processing)
         try:
-            frf = ema.estimate_frf(part, estimator=estimator)
+            frf = frfs_of(ema.estimate_frf(part, estimator=estimator))[0]
             model = ema.identify_modes(
                 frf, band_hz, settings=campaign.identification, checks=campaign.checks
             ).model

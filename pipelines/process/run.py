@@ -20,6 +20,7 @@ from ema.core.errors import InputError, require_type
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.numerics import one_blas_thread
+from ema.core.references import alone
 from ema.identify import Identification
 from ema.signals.steadiness import steadiness_of
 from pipelines.process.refit import (
@@ -104,9 +105,10 @@ def process(
         options = replace(options, tuning=tuning_in_force(campaign.tuning, options.tuning))
     processing = processing_in_force(campaign, options.processing)
     with watch.stage("frf", "Estimating FRFs"):
-        estimated = ema.estimate_frf(
+        every = ema.estimate_frf(
             campaign, processing, estimator=options.estimator, progress=run_progress
-        ).as_stored()
+        )
+        estimated = alone(every).as_stored()
         campaign, band_hz = _with_band(replace(campaign, processing=processing), estimated)
     asked = Asked(
         band_hz=band_hz,

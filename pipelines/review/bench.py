@@ -22,7 +22,7 @@ from ema.core.errors import FitError, InputError, SupersededError
 from ema.core.modes import ModalModel
 from ema.identify import Identification
 from ema.refit import EditCost, edit_cost, refit_modes
-from ema.signals.frf_estimation import restated
+from ema.signals.frf_of_spectra import restated
 from pipelines.library.version import login_name
 from pipelines.process.refit import asked_of, of_blocks, refittable, settings_of
 from pipelines.results.edits_file import edits_of

@@ -19,8 +19,9 @@ import numpy as np
 
 from ema.core.display import counted
 from ema.core.errors import InputError
+from ema.core.files import resolve
 from ema.core.modes import ModalModel, Mode, Pair
-from ema.io.campaign.manifest import MANIFEST_NAME, read_manifest, resolve
+from ema.io.campaign.manifest import MANIFEST_NAME, read_manifest
 from ema.io.campaign.read import recordings_in
 from ema.io.formats import is_recording
 from pipelines.batch.state import BatchFolder, Record, read_record

@@ -16,9 +16,11 @@ from ema.checks.corrections import screen
 from ema.checks.quality import check_reference, coherence_findings, gain_findings, reference_finding
 from ema.core.campaign import Campaign
 from ema.core.errors import FitError, InputError
+from ema.core.files import resolve
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
-from ema.io.campaign.manifest import MANIFEST_NAME, RunSection, read_manifest, resolve
+from ema.core.references import frfs_of
+from ema.io.campaign.manifest import MANIFEST_NAME, RunSection, read_manifest
 from ema.io.campaign.read import recordings_in
 from pipelines.results.options import TYRE_BAND_HZ
 from pipelines.results.tables import in_band
@@ -130,11 +132,13 @@ def _read(runs: Expected, names: Sequence[str]) -> Campaign:
 
 
 def _checked(campaign: Campaign) -> dict[str, RunSeen]:
-    frf = ema.estimate_frf(campaign)
+    found = frfs_of(ema.estimate_frf(campaign))
     low, high = TYRE_BAND_HZ if campaign.processing.band_hz is None else campaign.processing.band_hz
-    band_hz = low, min(high, float(frf.frequency_hz[-1]))
-    findings = [*campaign.findings, *frf.findings, *coherence_findings(frf, band_hz)]
-    findings += [*_of_reference(frf, band_hz), *_of_channels(campaign, frf, band_hz)]
+    band_hz = low, min(high, float(found[0].frequency_hz[-1]))
+    findings = list(campaign.findings)
+    for frf in found:
+        findings += [*frf.findings, *coherence_findings(frf, band_hz), *_of_reference(frf, band_hz)]
+        findings += _of_channels(campaign, frf, band_hz)
     files = {Path(path).name: path for path in campaign.sources}
     seen = {}
     for run in campaign.runs:
@@ -144,7 +148,9 @@ def _checked(campaign: Campaign) -> dict[str, RunSeen]:
             if run.name == each.run.split("+")[-1] and each.check not in _TOO_EARLY
         )
         name = next((file for file in files if run.name == file or run.name in file), run.name)
-        seen[name] = RunSeen(name, "measured", _numbers(campaign, frf, run.name, band_hz), own)
+        of_run = (each for each in found if run.name in "+".join(each.run).split("+"))
+        numbers = _numbers(campaign, next(of_run, found[0]), run.name, band_hz)
+        seen[name] = RunSeen(name, "measured", numbers, own)
     return seen
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import tomlkit
@@ -21,6 +21,7 @@ from pipelines.simulate.truth import (
     HIGHEST_ORDER,
     Complexes,
     Floats,
+    ModalSum,
     TruthMode,
     modal_sum,
     truth_modes,
@@ -71,6 +72,10 @@ class Setup:
         Mass of each accelerometer, kg.
     drift_percent : float
         Rise of all natural frequencies from one run to the next, percent.
+    force_deg : tuple of float
+        Where forces act: one after the other in six runs each, or `at_once` in all of them.
+    at_once : bool
+        Whether they act at the same time, each with a noise of its own.
     """
 
     seed: int = 1
@@ -81,6 +86,8 @@ class Setup:
     shaker_between: float = 0.5
     sensor_mass_kg: float = 0.0
     drift_percent: float = 0.0
+    force_deg: tuple[float, ...] = (0.0,)
+    at_once: bool = False
 
     def __post_init__(self) -> None:
         for name, (least, most) in _LIMITS.items():
@@ -88,6 +95,10 @@ class Setup:
             if not least <= value <= most:
                 rule = f"must be {least:g} to {most:g}"
                 raise InputError(name, f"{value:g}", rule, "Correct the value")
+        turned = [angle % 360.0 for angle in self.force_deg]  # NaN and infinity stay different
+        if not turned or len(set(turned)) < len(turned) or not np.all(np.isfinite(turned)):
+            rule = "forces need different angles in degrees"
+            raise InputError("force_deg", f"{self.force_deg}", rule, "Write e.g. 0 and 22.5")
         samples = self.duration_s * self.sampling_rate_hz
         if not 1 <= samples <= MOST_SAMPLES:
             found = f"{self.duration_s:g} s at {self.sampling_rate_hz:g} Hz, {samples:.3g} samples"
@@ -98,6 +109,22 @@ class Setup:
     def n_samples(self) -> int:
         """Samples per channel."""
         return round(self.duration_s * self.sampling_rate_hz)
+
+    @property
+    def forces_of_runs(self) -> list[dict[str, float]]:
+        """Angle of each force by its channel, run by run."""
+        if not self.at_once:
+            return [{FORCE: angle} for angle in self.force_deg for _ in range(N_RUNS)]
+        numbered = enumerate(self.force_deg, start=1)
+        return [{f"{FORCE}_{number}": angle for number, angle in numbered}] * N_RUNS
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What was chosen; forces only where they are not one at 0 degrees."""
+        told = asdict(self)
+        if self.force_deg == (0.0,) and not self.at_once:
+            del told["force_deg"], told["at_once"]
+        return told
 
 
 def simulate_campaign(
@@ -112,13 +139,16 @@ def simulate_campaign(
     shaker_between: float = 0.5,
     sensor_mass_kg: float = 0.0,
     drift_percent: float = 0.0,
+    force_deg: Sequence[float] = (0.0,),
+    at_once: bool = False,
 ) -> Path:
-    """Write a campaign of six runs on a tyre with known modes and return its folder.
+    """Write a campaign of six runs for each force on a tyre with known modes and return its folder.
 
     Twelve sensors at 30° spacing are turned by 5° from run to run, so that the runs cover 72
-    positions; a thirteenth stays at 2.5°. A random force with a preload acts at 0°. Responses are
-    the force times the exact inertance in the frequency domain, over a period longer than the
-    recording, so there is neither time stepping nor a transient. Noise, hum and offsets are added.
+    positions; a thirteenth stays at 2.5°. A random force with a preload acts at 0°, or several at
+    `force_deg`, one after the other or `at_once`. Responses are the force times the exact inertance
+    in the frequency domain, over a period longer than the recording, so there is neither time
+    stepping nor a transient. Noise, hum and offsets are added.
 
     Parameters
     ----------
@@ -130,6 +160,8 @@ def simulate_campaign(
     file_format : {"uff", "csv"}
         Universal file 58b in single precision, or a table of text.
     duration_s, sampling_rate_hz, snr_db, split_percent, shaker_between, drift_percent : float
+        As in `Setup`.
+    force_deg, at_once : sequence of float, bool
         As in `Setup`.
     sensor_mass_kg : float
         Mass of each sensor, which loads the tyre; written to the manifest.
@@ -148,20 +180,30 @@ def simulate_campaign(
     """
     folder = Path(folder)
     pair = split_percent, shaker_between
-    setup = Setup(seed, duration_s, sampling_rate_hz, snr_db, *pair, sensor_mass_kg, drift_percent)
+    forces = tuple(map(float, force_deg)), at_once
+    noise = seed, duration_s, sampling_rate_hz, snr_db
+    setup = Setup(*noise, *pair, sensor_mass_kg, drift_percent, *forces)
     if file_format not in ("uff", "csv"):
         rule = "must be uff or csv"
         raise InputError("file_format", repr(file_format), rule, "Choose one of them")
-    modes = truth_modes(split_percent=split_percent, shaker_between=shaker_between)
+    both = setup.force_deg != (0.0,)
+    modes = truth_modes(split_percent=split_percent, shaker_between=shaker_between, both=both)
     write = write_time_series if file_format == "uff" else write_csv
     with written_whole(folder, marker=None) as partial:
-        names = [f"config_{run + 1}.{file_format}" for run in range(N_RUNS)]
+        forces_of_runs = setup.forces_of_runs
+        names = [f"config_{run + 1}.{file_format}" for run in range(len(forces_of_runs))]
         for name, channels in zip(names, simulate_runs(modes, setup), strict=True):
             write(partial / name, channels, sampling_rate_hz)
         places = {name: _positions_deg(run) for run, name in enumerate(names)}
-        options = {"sensor_mass_kg": sensor_mass_kg}
-        manifest = manifest_text(DESIGNATION, TABLE_4_RING, sampling_rate_hz, places, **options)
-        truth = {"schema": 1, "setup": asdict(setup), "modes": [asdict(mode) for mode in modes]}
+        manifest = manifest_text(
+            DESIGNATION,
+            TABLE_4_RING,
+            sampling_rate_hz,
+            places,
+            forces_deg=dict(zip(names, forces_of_runs, strict=True)),
+            sensor_mass_kg=sensor_mass_kg,
+        )
+        truth = {"schema": 1, "setup": setup.options, "modes": [asdict(mode) for mode in modes]}
         write_text(partial / "campaign.toml", manifest)
         write_text(partial / "truth.toml", tomlkit.dumps(truth))
         write_text(partial / "README.md", _readme(partial, names, setup))
@@ -169,16 +211,17 @@ def simulate_campaign(
 
 
 def simulate_runs(modes: tuple[TruthMode, ...], setup: Setup) -> Iterator[list[Channel]]:
-    """Channels run by run: the force, the turned sensors, the reference."""
-    for run in range(N_RUNS):
+    """Channels run by run: the forces, the turned sensors, the reference."""
+    for run, forces_deg in enumerate(setup.forces_of_runs):
         random = np.random.default_rng([setup.seed, run])
         factor = 1.0 + setup.drift_percent / 100.0 * run
         drifted = tuple(replace(mode, frequency_hz=factor * mode.frequency_hz) for mode in modes)
-        yield _simulate_run(drifted, _positions_deg(run), setup, random)
+        yield _simulate_run(drifted, _positions_deg(run), forces_deg, setup, random)
 
 
 def _positions_deg(run: int) -> dict[str, float]:
-    """Angle of each sensor in a run."""
+    """Angle of each sensor in a run; they are turned again for each force."""
+    run %= N_RUNS
     step = 360.0 / POSITIONS
     spacing = 360.0 / N_SENSORS
     turned = {f"A{k + 1:02d}": spacing * k + step * run for k in range(N_SENSORS)}
@@ -186,29 +229,43 @@ def _positions_deg(run: int) -> dict[str, float]:
 
 
 def _simulate_run(
-    modes: tuple[TruthMode, ...], positions_deg: dict[str, float], setup: Setup, random: _Random
+    modes: tuple[TruthMode, ...],
+    positions_deg: dict[str, float],
+    forces_deg: dict[str, float],
+    setup: Setup,
+    random: _Random,
 ) -> list[Channel]:
     rate, kept = setup.sampling_rate_hz, setup.n_samples
     period = next_fast_len(kept + round(_SETTLING_S * rate), real=True)
     omega = 2.0 * np.pi * np.arange(period // 2 + 1) * rate / period
-    spectrum = scaled(noise_spectrum(omega, FORCE_BAND_HZ, random), FORCE_RMS_N, period)
-    force = irfft(spectrum, period)[-kept:] + PRELOAD_N
-    force += FORCE_RMS_N * 10.0 ** (-FORCE_NOISE_DB / 20.0) * random.standard_normal(kept)
     angles = np.array(list(positions_deg.values()))
-    system = modal_sum(modes, angles, 0.0, sensor_mass_kg=setup.sensor_mass_kg)
-    responses = (spectrum * system.inertance(row, omega) for row in range(angles.size))
+    forces: dict[str, Floats] = {}
+    driven: list[tuple[Complexes, ModalSum]] = []
+    for name, force_deg in forces_deg.items():
+        spectrum = scaled(noise_spectrum(omega, FORCE_BAND_HZ, random), FORCE_RMS_N, period)
+        force = irfft(spectrum, period)[-kept:] + PRELOAD_N
+        force += FORCE_RMS_N * 10.0 ** (-FORCE_NOISE_DB / 20.0) * random.standard_normal(kept)
+        forces[name] = force
+        system = modal_sum(modes, angles, force_deg, sensor_mass_kg=setup.sensor_mass_kg)
+        driven.append((spectrum, system))
+    responses = (
+        sum(spectrum * system.inertance(row, omega) for spectrum, system in driven)
+        for row in range(angles.size)
+    )
     clean = [irfft(each, period)[-kept:].astype(np.float32) for each in responses]
     noise = float(np.mean([np.std(signal, dtype=float) for signal in clean]))
     noise *= 10.0 ** (-setup.snr_db / 20.0)
     signals = [signal + _disturbance(noise, kept, rate, random) for signal in clean]
-    return channels_of(force, signals, positions_deg)
+    return channels_of(forces, signals, positions_deg)
 
 
 def channels_of(
-    force: Floats, signals: Iterable[Floats], positions_deg: Mapping[str, float]
+    forces: Mapping[str, Floats], signals: Iterable[Floats], positions_deg: Mapping[str, float]
 ) -> list[Channel]:
-    """The force and the accelerations at declared angles in single precision."""
-    channels = [Channel("force", FORCE, "N", force.astype(np.float32))]
+    """Forces and accelerations at declared angles in single precision."""
+    channels = [
+        Channel(name, FORCE, "N", force.astype(np.float32)) for name, force in forces.items()
+    ]
     for (name, angle), signal in zip(positions_deg.items(), signals, strict=True):
         node = REFERENCE_NODE if name == REFERENCE else round(angle * POSITIONS / 360.0)
         samples = signal.astype(np.float32)
@@ -251,34 +308,53 @@ def manifest_text(
     sampling_rate_hz: float,
     positions_deg: Mapping[str, Mapping[str, float]],
     *,
-    force_deg: float = 0.0,
+    forces_deg: Mapping[str, Mapping[str, float]],
     sensor_mass_kg: float = 0.0,
 ) -> str:
-    """Manifest of simulated recordings with the angles of the sensors, by file and channel."""
+    """Manifest of simulated recordings with the angles of sensors and forces, by file and channel.
+
+    Channels of forces are the same in all runs.
+    """
     names = ("inflation_pressure_pa", "mean_radius_m", "belt_width_m")
     tyre = {"designation": designation, **{name: getattr(ring, name) for name in names}}
     sensors = {"sensors": {"mass_kg": sensor_mass_kg}} if sensor_mass_kg else {}
+    usual = next(iter(forces_deg.values()))
+    excitation: list[dict[str, Any]] = [
+        {"channel": channel, "position_deg": angle, "direction": "radial"}
+        for channel, angle in usual.items()
+    ]
     runs = []
     for name, places in positions_deg.items():
-        angles = tomlkit.inline_table()
-        angles.update(places)
-        runs.append({"file": name, "reference": REFERENCE, "positions_deg": angles})
+        run = {"file": name, "reference": REFERENCE, "positions_deg": _inline(places)}
+        if forces_deg[name] != usual:
+            run["excitation"] = _inline({"position_deg": forces_deg[name][FORCE]})
+        runs.append(run)
     content = {
         "schema": 1,
         "tyre": {**tyre, "origin": "simulated, see README.md"},
         "acquisition": {"sampling_rate_hz": sampling_rate_hz},
         **sensors,
         "grid": {"positions": POSITIONS},
-        "excitation": {"channel": "force", "position_deg": force_deg, "direction": "radial"},
+        "excitation": excitation if len(excitation) > 1 else excitation[0],
         "runs": runs,
     }
     return tomlkit.dumps(content)
 
 
+def _inline(values: Mapping[str, float]) -> Any:
+    table = tomlkit.inline_table()
+    table.update(values)
+    return table
+
+
 def _readme(folder: Path, names: list[str], setup: Setup) -> str:
     listed = [*names, "campaign.toml", "truth.toml"]
     sums = "\n".join(f"{sha256(folder / name)}  {name}" for name in listed)
-    options = "\n".join(f"- `{name}`: {value:g}" for name, value in asdict(setup).items())
+    options = "\n".join(f"- `{name}`: {_told(value)}" for name, value in setup.options.items())
+    places = " and ".join(f"{angle:g}°" for angle in setup.force_deg)
+    n_runs = len(setup.forces_of_runs)
+    way = ", at the same time" if setup.at_once else ", one after the other"
+    at = places + (way if len(setup.force_deg) > 1 else "")
     return f"""# Simulated campaign on a tyre {DESIGNATION}
 
 These recordings were not measured: `ringmodal simulate campaign` computed them from known modes.
@@ -288,8 +364,8 @@ that ringmodal implements; orders 8 to {HIGHEST_ORDER} and the breathing mode ar
 its ring (Table 4, 2.2 bar, belt width 0.19 m) with damping refitted to Table 3. Modal masses are
 those of the ring. `truth.toml` lists every mode; the processing never reads it.
 
-**Set-up.** {N_RUNS} runs of {setup.duration_s:g} s at {setup.sampling_rate_hz:g} Hz. `force`: a
-random force of {FORCE_RMS_N:g} N rms in {FORCE_BAND_HZ[0]:g}–{FORCE_BAND_HZ[1]:g} Hz at 0°, on a
+**Set-up.** {n_runs} runs of {setup.duration_s:g} s at {setup.sampling_rate_hz:g} Hz. `force`: a
+random force of {FORCE_RMS_N:g} N rms in {FORCE_BAND_HZ[0]:g}–{FORCE_BAND_HZ[1]:g} Hz at {at}, on a
 preload of {PRELOAD_N:g} N, in N. `A01` … `A{N_SENSORS}`: radial acceleration in m/s², 30° apart,
 turned by 5° from run to run. `REF`: the sensor that stays at {REFERENCE_DEG}°, in m/s². Responses
 carry noise, {HUM_HZ:g} Hz hum ({HUM_OVER_NOISE:g} of the noise, rms) and an offset; the load cell
@@ -304,6 +380,10 @@ has node {REFERENCE_NODE}. SHA-256:
 {sums}
 ```
 """
+
+
+def _told(value: Any) -> str:
+    return ", ".join(f"{each:g}" for each in value) if isinstance(value, tuple) else f"{value:g}"
 
 
 def sample_campaign(folder: Path | str = "sample_campaign") -> Path:

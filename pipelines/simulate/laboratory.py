@@ -12,7 +12,7 @@ import numpy as np
 from scipy.fft import irfft
 
 from ema.core.campaign import Campaign, Response, Run, Tyre
-from ema.core.recording import Channel, Recording
+from ema.core.recording import FORCE, Channel, Recording
 from ema.io.uff.write import write_time_series
 from model.parameters import RingDamping, RingParameters
 from pipelines.simulate import laboratory_chain as chain
@@ -313,7 +313,8 @@ class Laboratory:
 
     def channels(self, run: int) -> list[Channel]:
         """Channels of a run in single precision: the force, the turned sensors, the reference."""
-        return channels_of(*self.recordings(run), self.places(run))
+        force, responses = self.recordings(run)
+        return channels_of({FORCE: force}, responses, self.places(run))
 
     def places(self, run: int) -> dict[str, float]:
         """Declared angle of every sensor of a run, degrees."""
@@ -345,9 +346,12 @@ class Laboratory:
     def manifest(self) -> str:
         """The campaign as the laboratory declares it, errors not included."""
         ring, effects = self.tyre.ring, self.effects
-        declared = {"sensor_mass_kg": effects.declared_mass_kg, "force_deg": effects.force_deg}
         places = {f"run_{run + 1}.uff": self.places(run) for run in range(effects.runs)}
-        return manifest_text(self.name, ring, effects.sampling_rate_hz, places, **declared)
+        return manifest_text(
+            *(self.name, ring, effects.sampling_rate_hz, places),
+            forces_deg={name: {FORCE: effects.force_deg} for name in places},
+            sensor_mass_kg=effects.declared_mass_kg,
+        )
 
     @cached_property
     def truth(self) -> Truth:

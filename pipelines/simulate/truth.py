@@ -41,7 +41,7 @@ class TruthMode:
 
 
 def truth_modes(
-    *, split_percent: float = 0.0, shaker_between: float = 0.5
+    *, split_percent: float = 0.0, shaker_between: float = 0.5, both: bool = False
 ) -> tuple[TruthMode, ...]:
     """Modes of the tyre of the paper.
 
@@ -50,7 +50,8 @@ def truth_modes(
     are those of the ring.
 
     `split_percent` is the distance between the two frequencies of each order n ≥ 1 in percent of
-    their mean; without it a force at 0° excites the cosine member alone. `shaker_between` is the
+    their mean; without it a force at 0° excites the cosine member alone, and `both` adds the other
+    one for forces elsewhere. `shaker_between` is the
     place of that force on a split order: 0 on an antinode of member a, 1 on one of member b.
     """
     orders = np.arange(HIGHEST_ORDER + 1)
@@ -62,7 +63,7 @@ def truth_modes(
     modes: list[TruthMode] = []
     rows = zip(frequencies.tolist(), ratios.tolist(), masses.tolist(), strict=True)
     for order, (frequency, ratio, mass) in enumerate(rows):
-        if order == 0 or split_percent == 0:
+        if order == 0 or not (split_percent or both):
             modes.append(TruthMode(order, "", frequency, ratio, mass))
             continue
         turned = -90.0 / order * shaker_between

@@ -115,12 +115,21 @@ def coverage_findings(runs: Sequence[Run], positions: int | None) -> list[Findin
             named = ", ".join(without)
             detail = f"no reference sensor in {named}: not compared with the other runs"
         findings.append(Finding("", "", None, Check.REFERENCE, Verdict.WARNING, detail))
+    forces = dict.fromkeys(run.references for run in runs)
+    by_force = [[run for run in runs if run.references == each] for each in forces]
+    of_grid = (each for own in by_force for each in _grid_findings(own, positions))
+    return findings + list(dict.fromkeys(of_grid))
+
+
+def _grid_findings(runs: Sequence[Run], positions: int) -> list[Finding]:
+    """Positions that were not measured with a force, or several times."""
     measured = {response.node for run in runs for response in run.responses}
     missing = [node * 360.0 / positions for node in range(positions) if node not in measured]
-    if missing:
-        detail = f"{len(missing)} of {positions} grid positions not measured: {_degrees(missing)}"
-        findings.append(Finding("", "", None, Check.GRID, Verdict.WARNING, detail))
-    return findings + _repeated_positions(runs)
+    repeated = _repeated_positions(runs)
+    if not missing:
+        return repeated
+    detail = f"{len(missing)} of {positions} grid positions not measured: {_degrees(missing)}"
+    return [Finding("", "", None, Check.GRID, Verdict.WARNING, detail), *repeated]
 
 
 def _lengths(runs: Sequence[Run]) -> list[Finding]:
@@ -169,20 +178,12 @@ def merge(
 
     Each file comes with angles by name, where given; `positions` is the number on the grid.
     """
-    _check_references(files)
     for content, _ in files:
         _check_causal(content)
     if positions is not None:
         files = [(_along_force(content, findings), given) for content, given in files]
     frfs = [content.frf for content, _ in files if content.frf is not None]
-    first = frfs[0].frequency_hz
-    for (content, _), frf in zip(files, frfs, strict=True):
-        lines = frf.frequency_hz
-        if len(lines) != len(first) or not np.allclose(lines, first, rtol=_SAME_LINES):
-            found = f"{len(lines)} lines to {lines[-1]:g} Hz"
-            rule = f"{files[0][0].path.name} has {len(first)} lines to {first[-1]:g} Hz"
-            remedy = "Process files of different resolution separately"
-            raise RecordingFormatError(content.path.name, found, rule, remedy)
+    check_lines(frfs)
     rows = [
         (content.path, channel, given)
         for content, given in files
@@ -193,7 +194,7 @@ def merge(
     findings += grid.off_grid(places)
     angles = [np.nan if place.position_deg is None else place.position_deg for place in places]
     return FRF(
-        frequency_hz=first,
+        frequency_hz=frfs[0].frequency_hz,
         values=stacked([frf.values for frf in frfs]),
         coherence=stacked([frf.coherence for frf in frfs]),
         std=stacked([frf.std for frf in frfs]),
@@ -206,23 +207,20 @@ def merge(
     )
 
 
+def check_lines(frfs: Sequence[FRF]) -> None:
+    """Refuse FRFs of files with different frequency lines."""
+    first = frfs[0].frequency_hz
+    for frf in frfs[1:]:
+        lines = frf.frequency_hz
+        if len(lines) != len(first) or not np.allclose(lines, first, rtol=_SAME_LINES):
+            found = f"{len(lines)} lines to {lines[-1]:g} Hz"
+            rule = f"{frfs[0].run[0]} has {len(first)} lines to {first[-1]:g} Hz"
+            remedy = "Process files of different resolution separately"
+            raise RecordingFormatError(frf.run[0], found, rule, remedy)
+
+
 def _common(numbers: Sequence[int]) -> int:
     return numbers[0] if len(set(numbers)) == 1 else 0
-
-
-def _check_references(files: Sequence[tuple[FileContent, dict[str, float] | None]]) -> None:
-    """Refuse files of several forces at different nodes, which would give every node twice."""
-    known = {
-        (each.frf_force_node, each.frf_force_axis): each.path.name
-        for each, _ in files
-        if each.frf_force_node
-    }
-    if len(known) > 1:
-        places = [f"node {dof[0]} {_axis_name(dof[1])} in {known[dof]}" for dof in sorted(known)]
-        found = ", ".join(places)
-        rule = "all FRFs of a campaign must be of one force"
-        remedy = "Process the files of each force by themselves"
-        raise RecordingFormatError("references", found, rule, remedy)
 
 
 def _check_causal(content: FileContent) -> None:
@@ -396,9 +394,9 @@ def _with_coherences(content: FileContent, frf: FRF, extra: Coherences) -> FileC
     """Coherences of the same ends and lines, where an FRF has none."""
     if not same_lines(extra.frequency_hz, frf.frequency_hz):
         return content
-    force = content.frf_force_node or 0, content.frf_force_axis
     places = zip(frf.node.tolist(), frf.axis.tolist(), strict=True)
-    ends = [(*place, *force) for place in places]
+    forces = content.frf_forces or ((0, 0),) * frf.n_positions
+    ends = [(*place, *force) for place, force in zip(places, forces, strict=True)]
     unknown = np.isnan(frf.coherence).all(axis=1)
     rows = [row for row in np.flatnonzero(unknown).tolist() if ends[row] in extra.values]
     if not rows or len(set(ends)) < len(ends):

@@ -206,6 +206,7 @@ def frfs_along_circle(around: Around, findings: list[Finding]) -> FileContent | 
     for row, each in enumerate(found):
         mix[row, each.members] = sense * each.weights
     alone = np.count_nonzero(mix, axis=1) == 1
+    force_node = content.frf_force_node or 0
     frf = replace(
         frf.rows(first),
         values=mix @ frf.values,
@@ -214,7 +215,8 @@ def frfs_along_circle(around: Around, findings: list[Finding]) -> FileContent | 
         axis=np.zeros(len(found), dtype=int),
     )
     names = tuple(_name(dofs, each) for each in found)
-    return replace(content, frf=frf, frf_names=names, frf_force_axis=0)
+    forces = ((force_node, 0),) * len(found)
+    return replace(content, frf=frf, frf_names=names, frf_forces=forces)
 
 
 def _is_radial(found: _Sum) -> bool:
@@ -278,9 +280,12 @@ def _turned_force(
     around: Around, channel: Channel, dofs: Sequence[_Dof], frame: Callable[[_Dof], _Frame | None]
 ) -> Channel:
     """The force outwards; any other channel as it is."""
-    is_force = channel.name == around.wanted.force if around.wanted.force else _is_force(channel)
-    if not is_force:
+    names = around.wanted.force_names
+    if not (channel.name in names if names else _is_force(channel)):
         return channel
+    stated = {each.channel: each.position_deg for each in around.wanted.forces}
+    if (own_deg := stated.get(channel.name, stated.get(None))) is not None:
+        around = replace(around, force_deg=own_deg)
     sense = around.sense(_Dof(channel.name, channel.node, channel.axis, None), dofs, frame)
     return replace(channel, scale_to_si=sense * channel.scale_to_si)
 

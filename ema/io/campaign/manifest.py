@@ -6,7 +6,7 @@ import difflib
 import re
 import tomllib
 import unicodedata
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
@@ -24,12 +24,11 @@ from pydantic import (
 
 from ema.core.campaign import Direction, Processing, Tyre
 from ema.core.errors import ManifestError, nearest
-from ema.core.files import require_regular
+from ema.core.files import USE_SLASHES, require_regular
 from ema.core.recording import overlap_share
 from ema.core.units import amount, unit_of_key
 
 MANIFEST_NAME = "campaign.toml"
-USE_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
 
 _DECIMAL_COMMA = re.compile(rb"= *[0-9]+,[0-9]")
 _SIMILAR = 0.8  # a free key that resembles a known one this much is a typing error
@@ -62,7 +61,8 @@ _Pascals = Annotated[Positive, _pressure]
 _Metres = Annotated[Positive, _length]
 _Kilograms = Annotated[NotNegative, _mass]
 _Axis = Annotated[str, Field(pattern="^[+-]?[XYZ]$")]
-_ONE, _MANY = "<number>", "<table>"  # parts of the place of an error that no manifest has
+_ONE, _MANY = "<one>", "<many>"  # parts of the place of an error that no manifest has
+_IS_LIST = Discriminator(lambda given: _MANY if isinstance(given, list | tuple) else _ONE)
 
 
 class _Section(BaseModel):
@@ -182,7 +182,7 @@ class GridSection(_Section):
 
 
 class ExcitationSection(_Section):
-    """``[excitation]``: which channel is the force, and where it acts."""
+    """``[excitation]``, or one of several ``[[excitation]]``: channel and place of a force."""
 
     channel: str | None = None
     position_deg: Finite | None = None
@@ -301,14 +301,22 @@ class RunSection(_Section):
     reference: str | None = None
     positions_deg: dict[str, Finite] | None = None
     directions: dict[str, Direction] = {}
-    excitation: RunExcitationSection = RunExcitationSection()
+    excitation: Annotated[
+        Annotated[RunExcitationSection, Tag(_ONE)]
+        | Annotated[tuple[RunExcitationSection, ...], Field(min_length=1), Tag(_MANY)],
+        _IS_LIST,
+    ] = RunExcitationSection()
 
-    @field_validator("excitation", mode="before")
-    @classmethod
-    def _single(cls, excitation: Any) -> Any:
-        if isinstance(excitation, list):
-            raise ValueError("several forces at once are not supported: one run for each force")
-        return excitation
+    @model_validator(mode="after")
+    def _one_direction(self) -> RunSection:
+        if len({each.direction for each in self.excitations}) > 1:
+            raise ValueError("forces that act at the same time must have one direction")
+        return self
+
+    @property
+    def excitations(self) -> tuple[RunExcitationSection, ...]:
+        """The forces of the run, several where they act at the same time."""
+        return self.excitation if isinstance(self.excitation, tuple) else (self.excitation,)
 
 
 class Manifest(_Section):
@@ -320,12 +328,35 @@ class Manifest(_Section):
     sensors: SensorsSection = SensorsSection()
     calibration: dict[str, CalibrationSection] = {}
     grid: GridSection | None = None
-    excitation: ExcitationSection = ExcitationSection()
+    excitation: Annotated[
+        Annotated[ExcitationSection, Tag(_ONE)]
+        | Annotated[tuple[ExcitationSection, ...], Field(min_length=1), Tag(_MANY)],
+        _IS_LIST,
+    ] = ExcitationSection()
     processing: ProcessingSection = ProcessingSection()
     tuning: TuningSection = TuningSection()
     identification: dict[str, Any] = {}  # `settings_from` checks these two
     checks: dict[str, Any] = {}
     runs: Annotated[tuple[RunSection, ...], Field(min_length=1)]
+
+    @property
+    def excitations(self) -> tuple[ExcitationSection, ...]:
+        """All forces of the campaign."""
+        return self.excitation if isinstance(self.excitation, tuple) else (self.excitation,)
+
+    @field_validator("excitation")
+    @classmethod
+    def _told_apart(cls, excitation: Any) -> Any:
+        several = excitation if isinstance(excitation, tuple) else ()
+        names = [each.channel for each in several]
+        if len(several) > 1 and (None in names or len(set(names)) < len(names)):
+            raise ValueError(
+                "each of several forces must have a channel of its own; where one channel moves "
+                "from run to run, its place goes into the runs: excitation = { position_deg = … }"
+            )
+        if len({each.live_mass_kg for each in several}) > 1:
+            raise ValueError("live_mass_kg must be the same for all forces")
+        return excitation
 
 
 def _parsed(text: str) -> dict[str, Any]:
@@ -366,34 +397,6 @@ def read_manifest(path: Path) -> Manifest:
         return Manifest.model_validate(content)
     except ValidationError as error:
         raise _explain(path, error) from None
-
-
-def resolve(manifest: Path, file: str) -> Path:
-    """Path of a file that a manifest names; it may not leave the folder, not even by a link."""
-    folder = manifest.parent.resolve()
-    try:
-        target = _as_stored(folder / file).resolve()
-        # From Python 3.13 on a loop of links is handed back as it is.
-        is_loop = any(part.is_symlink() for part in (target, *target.parents))
-        # Absolute, or with a drive or a share, on any system.
-        elsewhere = PureWindowsPath(file).anchor or PurePosixPath(file).is_absolute()
-        inside = not (elsewhere or is_loop) and target.is_relative_to(folder)
-    except (OSError, ValueError, RuntimeError):  # a NUL in the name, a loop of links
-        inside = False
-    if not inside:
-        rule = "paths are relative to the manifest and must stay within its folder"
-        remedy = "Put the recordings beside the manifest"
-        raise ManifestError(f"{manifest.name}, runs", f"file {file!r}", rule, remedy)
-    return target
-
-
-def _as_stored(path: Path) -> Path:
-    """The file whose name looks the same: an umlaut is stored as one character or as two."""
-    wanted = unicodedata.normalize("NFC", path.name)
-    if wanted.isascii() or path.exists() or not path.parent.is_dir():
-        return path
-    alike = (p for p in path.parent.iterdir() if unicodedata.normalize("NFC", p.name) == wanted)
-    return next(alike, path)
 
 
 def _explain(path: Path, error: ValidationError) -> ManifestError:

@@ -10,27 +10,31 @@ from pathlib import Path
 
 import numpy as np
 
-from ema.core.campaign import Campaign, Direction, Response, Run
+from ema.core.campaign import Campaign, Run
 from ema.core.display import counted
 from ema.core.errors import ManifestError, RecordingFormatError, nearest, require_type
+from ema.core.files import USE_SLASHES, resolve
 from ema.core.finding import Check, Finding, Verdict
+from ema.core.frf_arrays import one_angle
 from ema.core.recording import Recording
+from ema.core.references import References
 from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
 from ema.io.campaign import agreement
 from ema.io.campaign.agreement import joined, read_folder
 from ema.io.campaign.axes import Around, channels_along_circle, frfs_along_circle
 from ema.io.campaign.calibration import calibrated, check_keys
-from ema.io.campaign.manifest import MANIFEST_NAME, USE_SLASHES, Manifest, read_manifest, resolve
-from ema.io.campaign.roles import (
-    ROVING,
-    Grid,
-    Wanted,
-    assign,
-    by_direction,
+from ema.io.campaign.manifest import MANIFEST_NAME, Manifest, read_manifest
+from ema.io.campaign.references import (
+    at_usual_place,
+    check_references,
     exchanged,
     exchanged_frfs,
-    ring_runs,
+    grouped,
+    of_one_force,
+    roving,
+    stated_forces,
 )
+from ema.io.campaign.roles import Grid, Wanted, assign, by_direction, ring_runs
 from ema.io.content import FileContent, note, unreadable
 from ema.io.formats import exists, is_folder, is_recording, is_text_table, read_file
 from ema.io.frf_table import inertances
@@ -140,7 +144,8 @@ def _with_manifest(path: Path, only: Collection[str] | None) -> Campaign:
     runs = [
         _run_by_manifest(content, manifest, number) for number, content in enumerate(contents, 1)
     ]
-    angle = manifest.excitation.position_deg
+    usual = manifest.excitations[0]
+    angle = usual.position_deg if len(manifest.excitations) == 1 else None
     campaign = Campaign(
         name=path.resolve().parent.name,
         tyre=None if manifest.tyre is None else manifest.tyre.tyre(),
@@ -148,7 +153,7 @@ def _with_manifest(path: Path, only: Collection[str] | None) -> Campaign:
         excitation_deg=None if manifest.grid is None or angle is None else angle % 360.0,
         sensor_mass_kg=manifest.sensors.default_kg,
         own_masses_kg=manifest.sensors.own_kg,
-        live_mass_kg=manifest.excitation.live_mass_kg,
+        live_mass_kg=usual.live_mass_kg,
         processing=manifest.processing.processing(),
         tuning=manifest.tuning.table(),
         identification=settings_from(
@@ -203,21 +208,14 @@ def _run_by_manifest(
     section = manifest.runs[number - 1]
     where = f"{MANIFEST_NAME}, runs.{number} ({section.file})"
     content = with_frf_unit(content, manifest.acquisition.frf_unit)
-    own = section.excitation
-    force = own.channel or manifest.excitation.channel
-    usual_deg = manifest.excitation.position_deg
-    if own.direction == Direction.RADIAL and own.position_deg not in (None, usual_deg):
-        found, rule = f"{own.position_deg:g}", "the radial force must act at one place in all runs"
-        remedy = "Process runs with another place of the force as a campaign of their own"
-        raise ManifestError(f"{where}, excitation.position_deg", found, rule, remedy)
+    names = () if content.recording is None else content.recording.names
     wanted = Wanted(
         where=where,
-        force=force,
+        forces=stated_forces(manifest, section, where, names),
         reference=section.reference,
         positions_deg=section.positions_deg,
         directions=section.directions,
-        force_direction=own.direction,
-        force_deg=own.position_deg,
+        force_direction=section.excitations[0].direction,
         axes=None if manifest.grid is None else manifest.grid.axes,
     )
     if content.recording is not None:
@@ -281,21 +279,48 @@ def _fill(campaign: Campaign, files: Sequence[tuple[FileContent, Wanted]]) -> Ca
     """Add FRFs where the files have some, and else the runs."""
     findings = [finding for content, _ in files for finding in content.findings]
     campaign = agreement.with_stated_windows(campaign, [each for each, _ in files], findings)
+    frfs = [(each, wanted) for each, wanted in files if each.frf is not None]
+    if frfs:
+        detail = "time series beside FRFs: the FRFs are used, the time series are left out"
+        findings += [
+            Finding(each.path.name, "", None, Check.CONTENT, Verdict.EXCLUDED, detail)
+            for each, _ in files
+            if each.recording is not None
+        ]
+        return _fill_frfs(campaign, frfs, findings)
     files = [_along_circle(campaign, content, wanted, findings) for content, wanted in files]
     recordings = [(each.recording, wanted) for each, wanted in files if each.recording is not None]
-    frfs = [(each, wanted.positions_deg) for each, wanted in files if each.frf is not None]
-    if not frfs:
-        return _fill_runs(campaign, recordings, findings)
-    detail = "time series beside FRFs: the FRFs are used, the time series are left out"
-    findings += [
-        Finding(recording.path.name, "", None, Check.CONTENT, Verdict.EXCLUDED, detail)
-        for recording, _ in recordings
+    return _fill_runs(campaign, recordings, findings)
+
+
+def _fill_frfs(
+    campaign: Campaign, files: Sequence[tuple[FileContent, Wanted]], findings: list[Finding]
+) -> Campaign:
+    """Add FRFs, by the place of their force where there are several."""
+    contents = [content for content, _ in files]
+    if (moved := exchanged_frfs(contents)) is not None:
+        findings.append(roving(len({force for each in moved for force in each.frf_forces})))
+    parts = [
+        _along_circle(campaign, replace(part, recording=None), wanted, findings)
+        for content, (_, wanted) in zip(moved or contents, files, strict=True)
+        for part in of_one_force(content)
     ]
-    if (roving := exchanged_frfs([each for each, _ in frfs])) is not None:
-        frfs = [(each, given) for each, (_, given) in zip(roving, frfs, strict=True)]
-        findings.append(ROVING)
-    frf = agreement.merge(frfs, campaign.positions, findings)
-    return replace(campaign, frf=frf, findings=tuple(findings))
+    groups = grouped(parts, campaign.positions, campaign.excitation_deg, findings)
+    merged = []
+    for force, group in groups:
+        given = [(content, wanted.positions_deg) for content, wanted in group]
+        frf = agreement.merge(given, campaign.positions, findings)
+        merged.append(replace(frf, excitation_deg=one_angle(force.position_deg)))
+    if len(merged) > 1:
+        agreement.check_lines(merged)
+        lines = merged[0].frequency_hz  # equal within rounding
+        several = References(tuple(replace(frf, frequency_hz=lines) for frf in merged))
+        angle_deg = groups[0][0].position_deg
+        return replace(campaign, frf=several, excitation_deg=angle_deg, findings=tuple(findings))
+    stated_deg = groups[0][1][0][1].forces[0].position_deg
+    if campaign.excitation_deg is None and stated_deg is not None and campaign.has_circle:
+        campaign = replace(campaign, excitation_deg=stated_deg % 360.0)
+    return replace(campaign, frf=merged[0], findings=tuple(findings))
 
 
 def _along_circle(
@@ -304,7 +329,8 @@ def _along_circle(
     """Content by radial, tangential and axial motion; FRFs by the radial alone."""
     if campaign.positions is None:
         return content, wanted
-    force_deg = campaign.excitation_deg if wanted.force_deg is None else wanted.force_deg
+    stated_deg = wanted.forces[0].position_deg
+    force_deg = campaign.excitation_deg if stated_deg is None else stated_deg
     around = Around(content, wanted, campaign.positions, force_deg)
     if content.frf is not None:
         turned = frfs_along_circle(around, findings)
@@ -320,37 +346,35 @@ def _fill_runs(
     agreement.check_rates([recording for recording, _ in recordings])
     channels = [each.possible_responses(recording.channels) for recording, each in recordings]
     grid = Grid.over(campaign.positions, list(chain.from_iterable(channels)))
-    runs, reference_deg, excitation_deg = [], None, campaign.excitation_deg
-    forces: dict[str, Response] = {}
+    runs, reference_deg = [], None
     names = agreement.run_names([recording.path for recording, _ in recordings])
     for name, (recording, each) in zip(names, recordings, strict=True):
         run = assign(with_limits(recording), each, grid, name, findings)
         runs.append(run)
         if run.reference is not None:
             reference_deg = _same_place(run, each, grid, reference_deg)
-        forces[name] = grid.known_place(run.force, each.positions_deg)
         findings += spike_findings(name, run.channels)
         findings += level_findings(replace(recording, channels=run.channels))
     findings += grid.off_grid([place for run in runs for place in (*run.responses, *run.others)])
     campaign = _with_masses_of_sums(campaign, [each for _, each in recordings])
     _require_masses(campaign, runs)
     stated = [each for _, each in recordings]
+    runs = at_usual_place(runs, stated, campaign.excitation_deg, grid, findings)
     kept = ring_runs(runs, stated, findings)
-    if excitation_deg is None:
-        excitation_deg = forces[kept[0].name].position_deg
-    others = by_direction(replace(campaign, excitation_deg=excitation_deg), runs, stated)
-    if (roving := exchanged(kept, [forces[run.name] for run in kept])) is not None:
-        kept, sensor = roving
-        excitation_deg, reference_deg = sensor.position_deg, None
+    others = by_direction(campaign, runs, stated)
+    if (moved := exchanged(kept)) is not None:
+        sensors, reference_deg = [each.channel.name for each in kept[0].responses], None
         # The sensor stays at what is now the force, and its mass with it.
-        mass_kg = campaign.mass_of(sensor.channel.name)
+        mass_kg = campaign.mass_of(sensors[0]) if len(sensors) == 1 else None
         campaign = replace(campaign, live_mass_kg=mass_kg, sensor_mass_kg=None, own_masses_kg={})
-        findings.append(ROVING)
+        findings.append(roving(len(sensors)))
+        kept = moved
+    check_references(kept)
     findings += agreement.coverage_findings(kept, campaign.positions)
     return replace(
         campaign,
         runs=tuple(kept),
-        excitation_deg=excitation_deg,
+        excitation_deg=kept[0].forces[0].position_deg,
         reference_deg=reference_deg,
         others=others,
         findings=tuple(findings),

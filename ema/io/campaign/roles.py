@@ -1,7 +1,4 @@
-"""Roles and directions of channels: force, reference and responses, and the sensor positions.
-
-Where the force roves and the sensor stays, their places are exchanged by reciprocity.
-"""
+"""Roles and directions of channels: forces, reference and responses, and the sensor positions."""
 
 from __future__ import annotations
 
@@ -27,13 +24,19 @@ from ema.core.recording import (
 )
 from ema.core.units import SI_UNIT, is_stated
 from ema.io.campaign.manifest import MANIFEST_NAME
-from ema.io.content import FileContent, remark
+from ema.io.content import remark
 
 _INIT = "Write a manifest that names it; `ringmodal init FOLDER` writes a template"
 _ON_GRID = 1e-3  # of a grid step
 _SHOWN = 6  # angles in a message
-_DETAIL = "one sensor, roving force: by reciprocity, the places of the force are used as positions"
-ROVING = Finding("", "", None, Check.RECIPROCITY, Verdict.OK, _DETAIL)
+
+
+@dataclass(frozen=True)
+class StatedForce:
+    """A force of a run as the manifest states it."""
+
+    channel: str | None = None  # None: the only force of the recording
+    position_deg: float | None = None  # None: that of the campaign, or of the file
 
 
 @dataclass(frozen=True)
@@ -41,18 +44,22 @@ class Wanted:
     """What the manifest states about a run; all empty without a manifest."""
 
     where: str = ""  # place of the run in the manifest; empty without one
-    force: str | None = None  # name of the channel of the excitation
+    forces: tuple[StatedForce, ...] = (StatedForce(),)  # several that act at the same time
     reference: str | None = None  # name of the channel of the reference sensor
     positions_deg: dict[str, float] | None = None  # angles by name of the channel
     directions: dict[str, Direction] = field(default_factory=dict)  # of channels not radial
     force_direction: Direction = Direction.RADIAL
-    force_deg: float | None = None  # where it is not that of the campaign
     axes: tuple[str, str] | Literal["local"] | None = None  # global ones at 0 and 90 degrees
     sums: dict[str, tuple[str, ...]] = field(default_factory=dict)  # channels in those added up
 
+    @property
+    def force_names(self) -> set[str]:
+        """Channels of the forces, as far as they are stated."""
+        return {each.channel for each in self.forces if each.channel is not None}
+
     def possible_responses(self, channels: Sequence[Channel]) -> list[Channel]:
         """Channels that may be responses: those with a position, or else all of one quantity."""
-        free = [each for each in channels if each.name not in (self.force, self.reference)]
+        free = [each for each in channels if each.name not in {*self.force_names, self.reference}]
         if self.positions_deg is not None:
             return [each for each in free if each.name in self.positions_deg]
         return motions(free)
@@ -64,11 +71,11 @@ def assign(
     """Give each channel of a recording its role and place; `name` is that of the run."""
     roles = _Roles(recording, wanted, findings)
     roles.check_names()
-    force = roles.force()
-    reference = roles.reference(force)
+    forces = roles.forces()
+    reference = roles.reference({each.name for each in forces})
     if wanted.positions_deg is not None and grid.positions is None:
         roles.note("", Check.GRID, "positions_deg without [grid]: no circle, angles not used")
-    taken = {force.name} | ({reference.name} if reference is not None else set())
+    taken = {each.name for each in (*forces, *([reference] if reference is not None else []))}
     responses = [
         replace(
             grid.place(recording.path, channel, wanted.positions_deg, findings),
@@ -80,7 +87,13 @@ def assign(
     roles.check_directions(reference)
     radial = tuple(each for each in responses if each.direction == Direction.RADIAL)
     others = tuple(each for each in responses if each.direction != Direction.RADIAL)
-    return Run(name, recording, force, radial, reference, others)
+    given = {
+        force.name: stated.position_deg for force, stated in zip(forces, wanted.forces, strict=True)
+    }
+    angles = {each: angle for each, angle in given.items() if angle is not None}
+    angles |= wanted.positions_deg or {}
+    places = tuple(grid.known_place(force, angles) for force in forces)
+    return Run(name, recording, forces[0], radial, reference, others, places)
 
 
 def ring_runs(runs: Sequence[Run], stated: Sequence[Wanted], findings: list[Finding]) -> list[Run]:
@@ -134,18 +147,24 @@ def by_direction(
 def _campaign(
     campaign: Campaign, parts: Sequence[tuple[Wanted, Run]], direction: Direction, force: Direction
 ) -> Campaign:
-    """A campaign of the responses of one direction, whose force acts at one place."""
-    usual_deg, grid = campaign.excitation_deg, campaign.has_circle
-    places = [usual_deg if each.force_deg is None else each.force_deg % 360 for each, _ in parts]
-    if len(set(places)) > 1:
-        where, where_deg = parts[-1][0].where, places[-1]
-        rule = f"a {force} force must act at one place in all runs, here {places[0]} degrees"
+    """A campaign of the responses of one direction to a force at one place.
+
+    Of radial forces at several places, the first one is enough for what it hardly excites.
+    """
+    places = [run.references for _, run in parts]
+    kept = [run for (_, run), place in zip(parts, places, strict=True) if place == places[0]]
+    if len(kept) < len(parts) and force != Direction.RADIAL:
+        wanted, run = next(
+            each for each, place in zip(parts, places, strict=True) if place != places[0]
+        )
+        found = f"{run.forces[0].position_deg} degrees"
+        rule = f"a {force} force must act at one place in all runs"
         remedy = "Leave out runs with another place"
-        raise ManifestError(f"{where}, excitation.position_deg", str(where_deg), rule, remedy)
+        raise ManifestError(f"{wanted.where}, excitation.position_deg", found, rule, remedy)
     return replace(
         campaign,
-        runs=tuple(run for _, run in parts),
-        excitation_deg=places[0] if grid else None,
+        runs=tuple(kept),
+        excitation_deg=kept[0].forces[0].position_deg,
         direction=direction,
         force_direction=force,
     )
@@ -199,7 +218,7 @@ class _Roles:
                 return channel
         names, wanted = self.recording.names, self.wanted
         rule = f"{self.recording.path.name} has no such channel, but {', '.join(names)}"
-        taken = {wanted.force, wanted.reference, *(wanted.positions_deg or ())}
+        taken = {*wanted.force_names, wanted.reference, *(wanted.positions_deg or ())}
         free = [each for each in names if each not in taken] or names
         raise ManifestError(f"{wanted.where}, {key}", repr(name), rule, nearest(name, free))
 
@@ -224,26 +243,28 @@ class _Roles:
         self.note(channel.name, Check.UNIT, detail)
         return replace(channel, quantity=quantity)
 
-    def force(self) -> Channel:
-        if self.wanted.force is not None:
-            return self._as(self._named(self.wanted.force, "excitation.channel"), FORCE)
+    def forces(self) -> list[Channel]:
+        stated = [each.channel for each in self.wanted.forces if each.channel is not None]
+        if stated:
+            return [self._as(self._named(each, "excitation.channel"), FORCE) for each in stated]
         forces = [channel for channel in self.recording.channels if channel.quantity == FORCE]
         if len(forces) == 1:
-            return forces[0]
+            return forces
         found = f"no force among {self._listed}"
         if forces:
             found = f"{len(forces)} forces: {', '.join(each.name for each in forces)}"
-        remedy = "Set excitation.channel in the manifest" if self.wanted.where else _INIT
-        raise self.fault(found, "FRFs need exactly one excitation, a force in N", remedy)
+        remedy = "Set excitation.channel in the manifest, or [[excitation]] for each force"
+        rule = "which force in N acts must be known"
+        raise self.fault(found, rule, remedy if self.wanted.where else _INIT)
 
-    def reference(self, force: Channel) -> Channel | None:
+    def reference(self, forces: set[str]) -> Channel | None:
         if self.wanted.reference is None:
             return None
         named = self._named(self.wanted.reference, "reference")
-        if named.name == force.name:
+        if named.name in forces:
             where, rule = self.wanted.where, "one channel cannot be the reference and the force"
             remedy = f"Name the reference sensor, one of {', '.join(self.recording.names)}"
-            raise ManifestError(f"{where}, reference", repr(force.name), rule, remedy)
+            raise ManifestError(f"{where}, reference", repr(named.name), rule, remedy)
         return self._as(named, ACCELERATION)
 
     def _along_force(self, responses: list[Channel]) -> list[Channel]:
@@ -251,7 +272,7 @@ class _Roles:
         places = {(channel.node, channel.axis) for channel in responses}
         if len({node for node, _ in places}) == len(places) or self.wanted.directions:
             return responses
-        axis = self.force().axis
+        axis = self.forces()[0].axis
         kept = [channel for channel in responses if channel.axis == axis]
         names = ", ".join(channel.name for channel in responses if channel.axis != axis)
         if not kept:
@@ -390,58 +411,3 @@ class Grid:
                 detail += f"; all angles are on {positions}: positions = {positions}?"
                 break
         return [Finding("", "", None, Check.GRID, Verdict.WARNING, detail)]
-
-
-def exchanged(runs: Sequence[Run], forces: Sequence[Response]) -> tuple[list[Run], Response] | None:
-    """Runs with the place of the force as that of their sensor, and the place of the sensor.
-
-    `forces` are the forces of the runs and their places. None unless these differ and the sensors
-    stay; then there has to be one sensor: H(sensor, force) = H(force, sensor).
-    """
-    places = [_place(force) for force in forces]
-    sensors = {tuple(map(_place, run.responses)) for run in runs}
-    if None in places or len(set(places)) < 2 or len(sensors) > 1:
-        return None
-    fixed = runs[0].responses
-    if len(fixed) > 1 or _place(fixed[0]) is None:
-        found = f"a force at {len(set(places))} places and {len(fixed)} sensors that stay"
-        rule = "where the force roves, one sensor takes its place by reciprocity"
-        example = "{ FORCE = degrees, SENSOR = degrees }"
-        remedy = f"Name one sensor in every run: positions_deg = {example}"
-        raise ManifestError(f"{MANIFEST_NAME}, runs", found, rule, remedy)
-    moved = [
-        replace(
-            run,
-            responses=(
-                replace(run.responses[0], node=force.node, position_deg=force.position_deg),
-            ),
-            reference=None,
-        )
-        for run, force in zip(runs, forces, strict=True)
-    ]
-    return moved, fixed[0]
-
-
-def _place(response: Response) -> float | None:
-    """Angle or node; None where it is unknown (node 0 means no node)."""
-    return response.node or None if response.position_deg is None else response.position_deg
-
-
-def exchanged_frfs(files: Sequence[FileContent]) -> list[FileContent] | None:
-    """Files of FRFs, each of one force, with the nodes of the forces as those of the responses.
-
-    None unless the forces differ and the response stays.
-    """
-    responses = {int(node) for each in files if each.frf is not None for node in each.frf.node}
-    forces = {each.frf_force_node for each in files}
-    if len(responses) > 1 or len(forces) < 2 or None in forces:
-        return None
-    return [
-        replace(
-            each,
-            frf=replace(each.frf, node=each.frf.node * 0 + each.frf_force_node),
-            frf_force_node=None,
-        )
-        for each in files
-        if each.frf is not None and each.frf_force_node is not None
-    ]

@@ -18,7 +18,7 @@ from ema.core.numerics import constant
 from ema.core.recording import DERIVATIVES, FORCE, UNKNOWN
 from ema.core.units import FREQUENCY, is_stated, parse_ratio
 from ema.io.content import Coherences, remark
-from ema.io.frf_table import CONVERTED, ROVING_FORCE
+from ema.io.frf_table import CONVERTED
 from ema.io.rates import even_step, step_and_inverse
 from ema.io.uff.dataset58 import axis_factor, read_values
 from ema.io.uff.dataset58_header import OrdinateUnit, UnitSystem, ordinate_unit
@@ -51,11 +51,10 @@ def read_frf(
     coherences: Sequence[Dataset],
     around: Surroundings,
     findings: list[Finding],
-) -> tuple[FRF, int | None, int]:
-    """Read the FRFs of a file as inertance in (m/s²)/N; node and axis of the end that all share.
+) -> tuple[FRF, tuple[tuple[int, int], ...]]:
+    """Read the FRFs of a file as inertance in (m/s²)/N, and node and axis of the force of each.
 
-    Mobility is multiplied by jω, receptance by −ω². Where the response stays and the force roves,
-    by reciprocity the nodes of the force are the positions. The deviation is unknown.
+    Mobility is multiplied by jω, receptance by −ω². The deviation is unknown.
     """
     frequency_hz = np.empty(0)
     values = np.empty((0, 0), dtype=np.complex128)
@@ -72,26 +71,19 @@ def read_frf(
             raise RecordingFormatError(place(path, dataset.index), found, rule, remedy)
         units = around.units_at(dataset)
         values[row] = _inertance(path, dataset, ordinate, units, frequency_hz, findings)
-    nodes, shared, is_force = _nodes(path, datasets, findings)
-    axes = [
-        (abs(each.header58.response_direction), abs(each.header58.reference_direction))
-        for each in datasets
-    ]
-    axis, shared_axis = (
-        zip(*axes, strict=True) if is_force else zip(*map(reversed, axes), strict=True)
-    )
+    ends = np.array([_ends(each) for each in datasets])
     values.setflags(write=False)
     frf = FRF(
         frequency_hz=frequency_hz,
         values=values,
         coherence=_coherence(path, datasets, coherences, frequency_hz, findings),
         std=constant(np.nan, values.shape),
-        node=np.array(nodes),
-        axis=np.array(axis),
-        position_deg=np.array([around.angle_deg.get(node, np.nan) for node in nodes]),
+        node=ends[:, 0],
+        axis=ends[:, 1],
+        position_deg=np.array([around.angle_deg.get(n, np.nan) for n in ends[:, 0].tolist()]),
         run=(path.name,) * len(values),
     )
-    return frf, shared, shared_axis[0] if len(set(shared_axis)) == 1 else 0
+    return frf, tuple(map(tuple, ends[:, 2:].tolist()))
 
 
 def _coherence(
@@ -255,24 +247,3 @@ def _motion_and_force(
         remedy = "Leave this function out, or export it with data types and units"
         raise RecordingFormatError(place(path, dataset.index, 11), found, rule, remedy)
     return motion, force
-
-
-def _nodes(
-    path: Path, datasets: Sequence[Dataset], findings: list[Finding]
-) -> tuple[list[int], int | None, bool]:
-    """Nodes of the rows, the node of the end that all share, and whether that is the force."""
-    responses = [each.header58.response_node for each in datasets]
-    forces = [each.header58.reference_node for each in datasets]
-    axes = {abs(each.header58.reference_direction) for each in datasets}
-    if len(set(forces)) == 1 and len(axes) > 1:
-        found = f"a force at node {forces[0]} in {len(axes)} directions"
-        remedy = "Export the FRFs of each force to a file of its own"
-        raise RecordingFormatError(path.name, found, "all FRFs must have one force", remedy)
-    if len(set(forces)) == 1:
-        return responses, forces[0] or None, True
-    if len(set(responses)) == 1:
-        findings.append(remark(path, "", Check.RECIPROCITY, ROVING_FORCE))
-        return forces, responses[0] or None, False
-    found = f"{len(set(forces))} force nodes and {len(set(responses))} response nodes"
-    rule = "all FRFs must have one force (or one response, where the force roves)"
-    raise RecordingFormatError(path.name, found, rule, "Export one reference per file")

@@ -90,19 +90,22 @@ def read(path: Path, *, form_only: bool = False) -> FileContent:
         known = nodes if nodes.xyz else None
         return FileContent(path, findings=tuple(findings), nodes=known, coherences=alone)
     in_use = {each.header58.response_node for each in (*times, *responses)}
+    forces = {each.header58.reference_node for each in responses} - {0}
+    in_use |= forces if len(forces) > 1 else set()  # they may rove, and be the positions
     around = read_surroundings(path, datasets, in_use)
     findings += around.findings
-    recording, frf, shared_node, shared_axis = None, None, None, 0
+    recording, frf = None, None
+    of_forces: tuple[tuple[int, int], ...] = ()
     if times:
         recording = _read_recording(path, times, around, findings, form_only=form_only)
     if responses:
         coherences = [each for each in datasets if _function(each) == COHERENCE]
-        frf, shared_node, shared_axis = read_frf(path, responses, coherences, around, findings)
+        frf, of_forces = read_frf(path, responses, coherences, around, findings)
     names = _channel_names([each.header58 for each in responses])
     windows, ignored = stated_windows(path, _statements(path, datasets, (*times, *responses)))
-    shared, noticed = (shared_node, shared_axis), (*findings, *ignored)
+    noticed = *findings, *ignored
     unitless = tuple(row for row, each in enumerate(responses) if states_no_unit(each))
-    found = FileContent(path, recording, frf, names, *shared, noticed, around.circle, windows)
+    found = FileContent(path, recording, frf, names, of_forces, noticed, around.circle, windows)
     return replace(found, frf_without_unit=unitless)
 
 

@@ -115,8 +115,7 @@ def test_a_radial_sensor_under_a_tangential_force_is_left_out(tmp_path):
     [
         ({"A99": "axial"}, {}, "no such channel"),
         ({"A01": "sideways"}, {}, "'sideways'"),
-        ({}, {"position_deg": 90.0}, "the radial force must act at one place"),
-        ({}, [{"channel": "force"}], "one run for each force"),
+        ({}, [{"channel": "force"}, {"direction": "axial"}], "one direction"),
     ],
 )
 def test_what_is_not_supported_is_refused(tmp_path, directions, excitation, message):

@@ -17,7 +17,7 @@ from ema.core.errors import InputError
 from ema.core.finding import Check
 from ema.io.formats import read_file
 from ema.io.uff.write import write_time_series
-from ema.signals.frf_estimation import restated
+from ema.signals.frf_of_spectra import restated
 from pipelines.process.refit import refit
 from pipelines.process.run import process
 from pipelines.report.write import save

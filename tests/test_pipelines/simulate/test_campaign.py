@@ -219,3 +219,30 @@ def test_refusals(tmp_path, options, rule):
 def test_nothing_is_overwritten(folder):
     with pytest.raises(InputError, match="new or empty folder"):
         simulate_campaign(folder)
+
+
+@pytest.mark.parametrize("at_once", [False, True])
+def test_frfs_of_several_forces_are_right_to_their_error_bar(tmp_path, at_once):
+    setup = {"split_percent": 1.0, "snr_db": 30.0, "duration_s": 6.0}
+    folder = simulate_campaign(tmp_path / "c", force_deg=(0.0, 22.5), at_once=at_once, **setup)
+    truth = tomllib.loads((folder / "truth.toml").read_text())
+    assert truth["setup"]["force_deg"] == [0.0, 22.5]
+    modes = truth_modes(split_percent=1.0)
+    # Blocks long enough that leakage is small beside the noise.
+    frfs = ema.estimate_frf(ema.read_campaign(folder), block_seconds=1.0)
+    assert [frf.excitation_deg for frf in frfs] == [0.0, 22.5]
+    band = (frfs.frequency_hz > 20) & (frfs.frequency_hz < 300)
+    for frf in frfs:
+        assert frf.n_positions == 72
+        system = modal_sum(modes, frf.position_deg, frf.excitation_deg)
+        omega = 2 * np.pi * frf.frequency_hz[band]
+        exact = np.array([system.inertance(row, omega) for row in range(72)])
+        error = np.abs(frf.values[:, band] - exact) / frf.std[:, band]
+        assert np.median(error) / np.sqrt(np.log(4)) == pytest.approx(1.0, abs=0.15)
+
+
+def test_an_even_tyre_moves_with_any_force():
+    """The force is a crest: what is seen of the pair turns with it."""
+    modes, omega = truth_modes(both=True), 2 * np.pi * np.linspace(20.0, 300.0, 50)
+    at_force = [modal_sum(modes, np.array([angle]), angle).inertance(0, omega) for angle in (0, 50)]
+    np.testing.assert_allclose(at_force[0], at_force[1], rtol=1e-9)

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ema.core.errors import ManifestError
-from ema.io.campaign.manifest import MANIFEST_NAME, resolve
+from ema.core.files import resolve
+from ema.io.campaign.manifest import MANIFEST_NAME
 
 PARTS = ("..", ".", "run", "recordings", "inner", "outer", "config_1.uff", "C:", "", "\\", "~")
 

@@ -1,11 +1,9 @@
 """Roving force: one sensor that stays, and a force that moves from run to run."""
 
 import numpy as np
-import pytest
 from builders import force58, frf58, response58
 
 import ema
-from ema.core.errors import ManifestError
 from ema.core.finding import Check, Verdict
 
 HEAD = """schema = 1
@@ -64,9 +62,11 @@ def test_a_force_that_stays_is_none(tmp_path):
     assert not roving(campaign)
 
 
-def test_several_sensors_are_refused_and_one_of_them_will_do(tmp_path):
-    with pytest.raises(ManifestError, match="2 sensors that stay"):
-        ema.read_campaign(written(tmp_path, "A01 = 0.0, A02 = 45.0", sensors=("A01", "A02")))
+def test_several_sensors_are_references_and_one_of_them_will_do(tmp_path):
+    sensors = "A01 = 0.0, A02 = 45.0"
+    campaign = ema.read_campaign(written(tmp_path, sensors, sensors=("A01", "A02")))
+    assert [run.forces[0].position_deg for run in campaign.runs] == [0.0] * 3 + [45.0] * 3
+    assert places(campaign) == [(0, 0.0), (1, 45.0), (2, 90.0)] * 2
     campaign = ema.read_campaign(written(tmp_path, "A02 = 45.0", sensors=("A01", "A02")))
     assert campaign.excitation_deg == 45.0
 

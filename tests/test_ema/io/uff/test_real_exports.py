@@ -136,14 +136,8 @@ def test_a_structure_keeps_all_directions(tmp_path):
 def test_forces_at_several_nodes_are_not_mixed(tmp_path):
     for number in (1, 2):
         written(tmp_path / f"{number}.uff", *rows((3,), reference=(number, 3)))
-    with pytest.raises(InputError, match="one force"):
-        ema.read_campaign(tmp_path)
-
-
-def test_forces_in_several_directions_at_one_node_are_not_mixed(tmp_path):
-    parts = [*rows((3,), reference=(1, 3)), *rows((3,), reference=(1, 1))]
-    with pytest.raises(InputError, match="node 1 in 2 directions"):
-        read_file(written(tmp_path / "a.uff", *parts))
+    found = ema.read_campaign(tmp_path).frf
+    assert [(frf.force_node, frf.run[0]) for frf in found] == [(1, "1.uff"), (2, "2.uff")]
 
 
 def test_a_long_entity_name_with_blanks_is_no_node(tmp_path):
