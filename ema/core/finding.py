@@ -35,7 +35,11 @@ class Check(StrEnum):
     BYTE_COUNT = "byte count", "bytes stated in a universal file against those it has"
     GEOMETRY = "geometry", "positions that the geometry of a universal file does not give"
     QUANTITY = "quantity", "FRFs converted to inertance"
-    RECIPROCITY = "reciprocity", "FRFs of a moved force, taken as those of moved sensors"
+    RECIPROCITY = (
+        "reciprocity",
+        "FRFs of a moved force, taken as those of moved sensors; responses at one of several "
+        "forces to another against the reverse",
+    )
     UNIT = "unit", "units that are not stated, not known or assumed"
     SAMPLING_RATE = "sampling rate", "a rate that the file does not state, or not exactly"
     START = "start", "channels that start or end at different times, cut to what they share"

@@ -150,6 +150,13 @@ class CheckSettings:
     contradiction_share: float = _setting(
         0.3, "–", "more than half of the places above this: averaged runs are refused", _ACCURACY
     )
+    reciprocity_share: float = _setting(
+        0.1,
+        "–",
+        "response at one force to another that the reverse does not explain from which their "
+        "places are doubted",
+        "convention",
+    )
     force_condition_doubt: float = _setting(
         10.0,
         "–",

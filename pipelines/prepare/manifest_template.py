@@ -12,7 +12,7 @@ import tomlkit
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ema.core.errors import InputError
-from ema.core.recording import FORCE, VOLTAGE
+from ema.core.recording import VOLTAGE
 from ema.io.campaign.agreement import joined
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.campaign.read import recordings_in
@@ -174,9 +174,7 @@ def _missing(sketch: _Sketch) -> Iterator[str]:
         yield f"[calibration] sensitivity of {named(volts, _MOST_NAMED)}, in volts"
     if unitless:
         yield f"[calibration] unit of {named(unitless, _MOST_NAMED)}; taken as SI without one"
-    if _forces_at_once(sketch):
-        yield "[[excitation]] position_deg of each force, or excitation of the runs if one acts"
-    elif _force_is_open(sketch):
+    if _force_is_open(sketch):
         names = {channel.name for source in sketch.runs for channel in source.channels}
         yield f"[excitation] channel, the force, one of {named(sorted(names), _MOST_NAMED)}"
     if not sketch.places.known_from:
@@ -198,17 +196,6 @@ def _rates(sketch: _Sketch) -> list[float]:
 def _force_is_open(sketch: _Sketch) -> bool:
     """Whether the force channel is unclear; a single one in each run needs no name."""
     return any(not source.has_frfs and len(forces_in(source)) != 1 for source in sketch.runs)
-
-
-def _forces_at_once(sketch: _Sketch) -> list[str]:
-    """Names of the forces, where every run has the same ones in newtons and these are several."""
-    names = {tuple(forces_in(source)) for source in sketch.runs if not source.has_frfs}
-    several = len(names) == 1 and not sketch.runs[0].has_frfs
-    return list(names.pop()) if several and all(map(_has_forces, sketch.runs)) else []
-
-
-def _has_forces(source: Source) -> bool:
-    return sum(channel.quantity == FORCE for channel in source.channels) > 1
 
 
 def _uncalibrated(sketch: _Sketch) -> tuple[list[str], list[str]]:
@@ -244,7 +231,6 @@ def _text_of(sketch: _Sketch) -> str:
         volts=volts,
         unitless=unitless,
         force_is_open=_force_is_open(sketch),
-        forces_at_once=_forces_at_once(sketch),
         n_force_places=len(force_nodes(sketch.runs)),
         angle_deg=excitation_deg(sketch.runs, sketch.places),
         runs=[(source, _positions(sketch, source)) for source in sketch.runs],

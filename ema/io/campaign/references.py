@@ -249,13 +249,15 @@ def grouped(
         remedy = "Process the FRFs of radial forces by themselves"
         raise RecordingFormatError(files[0][0].path.name, found, rule, remedy)
     places = dict.fromkeys(force.place for force in forces)
-    if len(set(places) - {None}) < 2:
+    known = [c for (c, _), f in zip(files, forces, strict=True) if f.place is not None]
+    unknown = [c for (c, _), f in zip(files, forces, strict=True) if f.place is None]
+    repeated = _responses(known) & _responses(unknown)
+    if len(set(places) - {None}) < 2 and not repeated:
         return [(forces[0], list(files))]
-    if None in places:
-        content = next(c for (c, _), f in zip(files, forces, strict=True) if f.place is None)
+    if unknown:
         rule = "where FRFs are of several forces, the node of each force must be known"
         remedy = "Export it with the reference node, or state excitation of its run in the manifest"
-        raise RecordingFormatError(content.path.name, "a force anywhere", rule, remedy)
+        raise RecordingFormatError(unknown[0].path.name, "a force anywhere", rule, remedy)
     groups = [
         (
             next(force for force in forces if force.place == place),
@@ -269,8 +271,12 @@ def grouped(
 
 
 def _nodes(force: Response, files: Iterable[tuple[FileContent, Wanted]]) -> set[int]:
-    responses = {node for content, _ in files for (node, _), _ in _ends(content)}
-    return responses | {force.node or 0}
+    return {node for node, _ in _responses([each for each, _ in files])} | {force.node or 0}
+
+
+def _responses(files: Sequence[FileContent]) -> set[tuple[int, int]]:
+    """Node and axis of all responses."""
+    return {response for content in files for response, _ in _ends(content)}
 
 
 def _require_related(nodes: list[set[int]], where: str) -> None:

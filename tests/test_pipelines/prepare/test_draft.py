@@ -409,3 +409,14 @@ def test_the_unit_of_frfs_is_asked_for(tmp_path):
     assert any("frf_unit" in each for each in draft.missing)
     text = draft.text.replace("# frf_unit", "frf_unit")
     assert "frf_unit" in tomllib.loads(text)["acquisition"]
+
+
+def test_places_of_a_moved_force_are_left_to_the_files(tmp_path):
+    for number, node in enumerate((3, 9)):
+        channels = [response58(name=f"A{k}", node=k) for k in range(1, 13)]
+        content = force58(node=node) + b"".join(channels)
+        (tmp_path / f"{number}.uff").write_bytes(content)
+    _, content = drafted(tmp_path)
+    assert "position_deg" not in content["excitation"]
+    runs = ema.read_campaign(tmp_path).runs
+    assert [run.forces[0].node for run in runs] == [3, 9]
