@@ -16,6 +16,8 @@ from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOC
 from ema.core.units import is_stated, parse_unit
 from ema.io.rates import parse_number
 
+#: Key of the fourth ID line, as "force_deg = 13": where the force acts on a circle.
+FORCE_DEG = "force_deg"
 DELIMITER = b"    -1"
 HEADER_LINES = 11  # after the dataset number
 TIME_RESPONSE, FREQUENCY_RESPONSE, COHERENCE = 1, 4, 6

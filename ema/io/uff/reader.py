@@ -27,6 +27,7 @@ from ema.io.rates import Rate, rate_findings, rate_of_stamps, rate_of_step
 from ema.io.uff.dataset58 import axis_factor, read_values
 from ema.io.uff.dataset58_header import (
     COHERENCE,
+    FORCE_DEG,
     FREQUENCY_RESPONSE,
     TIME_RESPONSE,
     Header58,
@@ -94,6 +95,9 @@ def read(path: Path, *, form_only: bool = False) -> FileContent:
     in_use |= forces if len(forces) > 1 else set()  # they may rove, and be the positions
     around = read_surroundings(path, datasets, in_use)
     findings += around.findings
+    circle = around.circle
+    if placed := dict(filter(None, map(_force_place, responses))):
+        circle = replace(circle, angle_deg={**circle.angle_deg, **placed})
     recording, frf = None, None
     of_forces: tuple[tuple[int, int], ...] = ()
     if times:
@@ -105,8 +109,20 @@ def read(path: Path, *, form_only: bool = False) -> FileContent:
     windows, ignored = stated_windows(path, _statements(path, datasets, (*times, *responses)))
     noticed = *findings, *ignored
     unitless = tuple(row for row, each in enumerate(responses) if states_no_unit(each))
-    found = FileContent(path, recording, frf, names, of_forces, noticed, around.circle, windows)
+    found = FileContent(path, recording, frf, names, of_forces, noticed, circle, windows)
     return replace(found, frf_without_unit=unitless)
+
+
+def _force_place(dataset: Dataset) -> tuple[int, float] | None:
+    """Node and angle of the force, where the fourth ID line states the angle."""
+    header = dataset.header58
+    name, _, value = header.id_lines[3].partition("=")
+    if name.strip() != FORCE_DEG or not header.reference_node:
+        return None
+    try:
+        return header.reference_node, float(value)
+    except ValueError:
+        return None
 
 
 def _statements(

@@ -19,14 +19,23 @@ from numpy.typing import NDArray
 from ema.core.errors import InputError, visible_line
 from ema.core.frf import FRF
 from ema.core.recording import Channel
+from ema.core.references import References, frfs_of
 from ema.core.units import SI_UNIT, parse_unit
 from ema.io.uff import dataset58_header as codes
-from ema.io.uff.dataset58_header import DELIMITER, QUANTITY, Axis, Header58, format_header
+from ema.io.uff.dataset58_header import (
+    DELIMITER,
+    FORCE_DEG,
+    QUANTITY,
+    Axis,
+    Header58,
+    format_header,
+)
 
 Precision = Literal["single", "double"]
 ByteOrder = Literal["little", "big"]
 
 RADIAL = 1  # first axis of a cylindrical system, as modal programs expect it
+_SAME_PLACE_DEG, _OFF_GRID = 1e-2, 100_000  # nodes of forces between positions
 _DATA_TYPE = {quantity: code for code, quantity in QUANTITY.items()}
 _ASCII_FIELD = {False: ("%13.5E", 6), True: ("%20.12E", 4)}  # double precision: width, per line
 
@@ -71,7 +80,7 @@ def write_time_series(
 
 def write_frfs(
     path: Path | str,
-    frf: FRF,
+    frf: FRF | References,
     *,
     reference_node: int = 0,
     precision: Precision = "double",
@@ -81,11 +90,38 @@ def write_frfs(
     """Write inertances as datasets 58b (or 58), function type 4, acceleration over force.
 
     Lines are equidistant; coherence and deviation are not written. `reference_node` is that of the
-    force. `InputError` if the FRF has no rows or fewer than two lines.
+    force; each of several has its own, and its angle, if any, in the fourth ID line. `InputError`
+    if the FRF has no rows or fewer than two lines.
     """
     order = byte_order if binary else None
     with Path(path).open("wb") as file:
-        append_frfs(file, frf, reference_node=reference_node, precision=precision, byte_order=order)
+        for each in frfs_of(frf):
+            node, angle = reference_node, float("nan")
+            if isinstance(frf, References):
+                node, angle = _force_node(each), each.excitation_deg
+            append_frfs(
+                *(file, each),
+                reference_node=node,
+                force_deg=angle,
+                precision=precision,
+                byte_order=order,
+            )
+
+
+def _force_node(frf: FRF) -> int:
+    """Node of one of several forces: that of the position there, or else one of its own; never 0.
+
+    In a file, 0 states none.
+    """
+    angle = frf.excitation_deg
+    if frf.force_node or not np.isfinite(angle):
+        return frf.force_node
+    away = np.abs((frf.position_deg - angle + 180.0) % 360.0 - 180.0)
+    there = frf.node[away < _SAME_PLACE_DEG]
+    if there.size and there[0] >= 0:
+        # Position 0 is also the one behind the last.
+        return int(there[0]) or int(frf.node.max()) + 1
+    return _OFF_GRID + round(angle % 360.0 / _SAME_PLACE_DEG)
 
 
 def append_frfs(
@@ -93,6 +129,7 @@ def append_frfs(
     frf: FRF,
     *,
     reference_node: int = 0,
+    force_deg: float = float("nan"),
     direction: int = RADIAL,
     note: str = "NONE",
     precision: Precision = "double",
@@ -100,14 +137,16 @@ def append_frfs(
 ) -> None:
     """Write inertances to an open file, as `write_frfs` does.
 
-    `direction` is the code of force and response (1 to 3) in FRFs without axes of their own, `note`
-    the third ID line of each dataset. Without a byte order, text is written.
+    `force_deg` goes into the fourth ID line. `direction` is the code of force and response (1 to 3)
+    in FRFs without axes of their own, `note` the third ID line of each dataset. Without a byte
+    order, text is written.
     """
     lines = frf.frequency_hz
     if len(lines) < 2 or not len(frf.values):
         shape = f"{len(frf.values)} FRFs of {len(lines)} lines"
         raise InputError(str(file.name), shape, "an FRF must have two lines", "Check the band")
     step = (lines[-1] - lines[0]) / (len(lines) - 1)
+    place = f"{FORCE_DEG} = {force_deg:.9g}" if np.isfinite(force_deg) else "NONE"
     template = Header58(
         id_lines=(),
         function_type=codes.FREQUENCY_RESPONSE,
@@ -123,7 +162,7 @@ def append_frfs(
         denominator_axis=Axis(codes.DATA_FORCE, label="Excitation force", unit="N"),
     )
     for row, values in enumerate(frf.values):
-        named = _row_name(frf, row), _one_line(frf.run[row]), _one_line(note), "NONE", "NONE"
+        named = _row_name(frf, row), _one_line(frf.run[row]), _one_line(note), place, "NONE"
         header = replace(
             template,
             id_lines=named,

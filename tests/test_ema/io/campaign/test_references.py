@@ -7,6 +7,9 @@ from builders import force58, frf58, response58
 import ema
 from ema.core.errors import InputError
 from ema.core.finding import Check
+from ema.core.frf import FRF
+from ema.core.references import References
+from ema.io.uff.write import write_frfs
 
 HEAD = """schema = 1
 [grid]
@@ -170,3 +173,29 @@ def test_a_tangential_force_on_a_circle_is_no_second_reference(tmp_path):
         campaign_of(tmp_path, HEAD + '[[runs]]\nfile = "a.uff"\n')
     (tmp_path / "campaign.toml").unlink()
     assert [frf.force_axis for frf in ema.read_campaign(tmp_path).frf] == [1, 3]
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_what_is_written_is_read_back_with_its_forces(tmp_path, binary):
+    random = np.random.default_rng(1)
+    positions = np.arange(0.0, 360.0, 45.0)
+    frfs = References(
+        tuple(
+            FRF.from_arrays(
+                np.arange(64.0),
+                random.normal(size=(8, 64)) + 1j * random.normal(size=(8, 64)),
+                angles_deg=positions,
+                nodes=np.arange(8),
+                excitation_deg=angle,
+            )
+            for angle in (0.0, 45.0, 13.0)
+        )
+    )
+    write_frfs(tmp_path / "frf.uff", frfs, binary=binary)
+    campaign = campaign_of(tmp_path, HEAD + '[[runs]]\nfile = "frf.uff"\n')
+    assert [frf.excitation_deg for frf in campaign.frf] == [0.0, 45.0, 13.0]
+    for read, written in zip(ema.estimate_frf(campaign), frfs, strict=True):
+        np.testing.assert_allclose(read.values, written.values, rtol=1e-12)
+        np.testing.assert_array_equal(read.position_deg, positions)
+    (tmp_path / "campaign.toml").unlink()
+    assert [frf.force_node for frf in ema.read_campaign(tmp_path).frf] == [8, 1, 101300]
