@@ -99,9 +99,10 @@ def compared(
     left = target - design @ found
     chi2 = float(np.sum(np.abs(left) ** 2)) / max(2 * left.size - 2, 1)
     std = np.sqrt(np.diag(inverse) * (max(chi2, 1.0) if known else chi2))
-    missed = float(np.sum(np.abs(left / weight) ** 2)) - (2 * float(np.sum(noise)) if known else 0)
+    missed = left / weight
+    of_noise = 2 * np.sum(noise) if known else np.sum(np.abs(np.diff(missed, 2)) ** 2) / 6
     power = float(np.sum(np.abs(first) ** 2 + np.abs(second) ** 2)) / 2
-    unexplained = max(missed, 0.0) / max(power, np.finfo(float).tiny)
+    unexplained = max(float(np.sum(np.abs(missed) ** 2) - of_noise), 0.0) / (power or 1.0)
     return Reciprocity(1 + found[0], std[0], found[1] / (1 + found[0]), std[1], unexplained)
 
 

@@ -151,11 +151,11 @@ class CheckSettings:
         0.3, "–", "more than half of the places above this: averaged runs are refused", _ACCURACY
     )
     reciprocity_share: float = _setting(
-        0.1,
+        0.03,
         "–",
         "response at one force to another that the reverse does not explain from which their "
         "places are doubted",
-        "convention",
+        "a place 2° off leaves 0.05, sensors of 10 g more 0.01, simulated",
     )
     force_condition_doubt: float = _setting(
         10.0,

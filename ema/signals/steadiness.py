@@ -101,7 +101,12 @@ def with_changes_within_runs(
 
 
 def run_steadiness(run: Run, frf: FRF, model: ModalModel) -> Steadiness | None:
-    """Change of the frequencies within one run; None where nothing can be said."""
+    """Change of the frequencies within one run; None where nothing can be said.
+
+    Of several forces at the same time, the FRF against one does not predict the response.
+    """
+    if len(run.forces) > 1:
+        return None
     rate = run.recording.sampling_rate_hz
     n = min(run.recording.n_samples, _MOST_SAMPLES)
     first, last = (int(f * n / rate) for f in model.band_hz)

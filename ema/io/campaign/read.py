@@ -353,8 +353,9 @@ def _fill_runs(
         runs.append(run)
         if run.reference is not None:
             reference_deg = _same_place(run, each, grid, reference_deg)
-        findings += spike_findings(name, run.channels)
-        findings += level_findings(replace(recording, channels=run.channels))
+        in_use = (*run.channels, *(force.channel for force in run.forces[1:]))
+        findings += spike_findings(name, in_use)
+        findings += level_findings(replace(recording, channels=in_use))
     findings += grid.off_grid([place for run in runs for place in (*run.responses, *run.others)])
     campaign = _with_masses_of_sums(campaign, [each for _, each in recordings])
     _require_masses(campaign, runs)
