@@ -4,6 +4,7 @@ from .core.edits import ChannelName, Edit, EditKind, PoleName
 from .core.errors import FitError, InputError, SupersededError
 from .core.frf import FRF
 from .core.modes import ModalModel, Mode
+from .core.references import References
 from .fitting.edited_fit import fit_modes
 from .identify import Identification, identify_modes
 from .io.campaign.read import read_campaign
@@ -26,6 +27,7 @@ __all__ = [
     "Mode",
     "PoleName",
     "Processing",
+    "References",
     "SensorMass",
     "ShapeSet",
     "StabilityDiagram",

@@ -6,6 +6,7 @@ from ema import InputError as InputError
 from ema import ModalModel as ModalModel
 from ema import Mode as Mode
 from ema import Processing as Processing
+from ema import References as References
 from ema import SensorMass as SensorMass
 from ema import StabilityDiagram as StabilityDiagram
 from ema import build_stability as build_stability

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.display import counted
 from ema.core.errors import InputError
 from ema.core.frf import FRF
 from ema.core.numerics import ReadonlyArrays
@@ -31,6 +32,16 @@ class References(ReadonlyArrays):
     ------
     InputError
         If there is no FRF, or frequency lines differ.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> folder = rm.simulate_campaign("two_places", duration_s=2.0, force_deg=(0.0, 22.5))
+    >>> references = rm.estimate_frf(rm.read_campaign(folder))
+    >>> references
+    <References: 2 forces at 0°, 22.5°>
+    >>> [frf.excitation_deg for frf in references]
+    [0.0, 22.5]
     """
 
     frfs: tuple[FRF, ...]
@@ -48,6 +59,15 @@ class References(ReadonlyArrays):
                 rule = "all must have the same frequency lines"
                 remedy = "Estimate them with the same block length"
                 raise InputError(f"reference {number}", found, rule, remedy)
+
+    def __repr__(self) -> str:
+        places = (frf.excitation_deg for frf in self.frfs)
+        nodes = (f"node {frf.force_node}" for frf in self.frfs)
+        at = (
+            f"{place:g}°" if np.isfinite(place) else node
+            for place, node in zip(places, nodes, strict=True)
+        )
+        return f"<References: {counted(len(self), 'force')} at {', '.join(at)}>"
 
     def __len__(self) -> int:
         return len(self.frfs)
