@@ -169,6 +169,9 @@ def exchanged_frfs(files: Sequence[FileContent]) -> list[FileContent] | None:
     forces = {force for each in rows for _, force in each}
     if len(forces) < 2 or len(forces) <= len(responses) or any(node == 0 for node, _ in forces):
         return None
+    pairs = [ends for each in rows for ends in each]
+    if any(node == 0 for node, _ in responses) and len(set(pairs)) < len(pairs):
+        return None  # several responses without a node, not one that stays
     found = []
     for content, ends in zip(files, rows, strict=True):
         assert content.frf is not None
