@@ -101,12 +101,26 @@ def test_names_with_both_ends(tmp_path, form):
         header = ",".join(f"{name} real [m/s^2/N],{name} imag [m/s^2/N]" for name in names)
         return read(tmp_path, f"f [Hz],{header}", *parts(FIRST), *parts(SECOND))
 
-    for found in (content((13, 1), (14, 1)), content((1, 13), (1, 14))):  # the force roves
-        assert found.frf.node.tolist() == [13, 14]
-        assert (found.frf_force_node, found.frf_force_axis) == (1, 3)
+    for ends in (((13, 1), (14, 1)), ((1, 13), (1, 14)), ((13, 1), (13, 2))):
+        found = content(*ends)
+        assert found.frf.node.tolist() == [response for response, _ in ends]
+        assert found.frf_forces == tuple((force, 3) for _, force in ends)
         np.testing.assert_allclose(found.frf.values, [-FIRST, -SECOND], rtol=1e-9)
-    with pytest.raises(RecordingFormatError, match="one force"):
-        content((13, 1), (14, 2))
+    with pytest.raises(RecordingFormatError, match="the point of its force"):
+        content((13, 1), (14, "A"))
+
+
+def test_several_references_in_a_table(tmp_path):
+    names = [f"{node}Z/{force}Z" for force in (1, 4) for node in (1, 2, 3)]
+    header = ",".join(f"{name} real [m/s^2/N],{name} imag [m/s^2/N]" for name in names)
+    columns = [part for k in range(6) for part in parts((k + 1) * FIRST)]
+    read(tmp_path, f"f [Hz],{header}", *columns)
+    frfs = ema.read_campaign(tmp_path).frf
+    assert [frf.force_node for frf in frfs] == [1, 4]
+    for frf, start in zip(frfs, (1, 4), strict=True):
+        assert frf.node.tolist() == [1, 2, 3]
+        expected = np.outer(np.arange(start, start + 3), FIRST)
+        np.testing.assert_allclose(frf.values, expected, rtol=1e-9)
 
 
 def test_coherences_behind_all_frfs_find_theirs(tmp_path):
