@@ -37,6 +37,7 @@ from ema.core.modes import ModalModel
 from ema.core.settings import CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import Wish, pole_named, settled, wishes
 from ema.fitting.edited_fit import EditedFit
+from ema.fitting.joint_orders import joint_curves
 from ema.fitting.search import curve_fit
 from ema.poles.stability import PoleSelection, StabilityDiagram, build_stability, select_poles
 
@@ -70,6 +71,21 @@ def automatic_basis(frf: FRF, asked: Asked, edits: Sequence[Edit]) -> Basis:
     elsewhere = replace(usable, position_deg=moved(usable, positions.moves))
     fit = asked.fit(elsewhere, poles)
     return Basis(asked, state, usable, *fit, stated_deg=usable.position_deg, edits=edits)
+
+
+def joint_bases(bases: Sequence[Basis]) -> tuple[Basis, ...]:
+    """Identifications against each of several forces, with what all of them say of the ring.
+
+    Where angles are in doubt or missing, each stays as it is.
+    """
+    rings = [each.fit.curve.circle and each.stated_deg is None for each in bases]
+    if len(bases) < 2 or not all(rings):
+        return tuple(bases)
+    curves, _ = joint_curves([each.fit.curve for each in bases])
+    return tuple(
+        replace(each, fit=EditedFit(curve, settled(curve)))
+        for each, curve in zip(bases, curves, strict=True)
+    )
 
 
 def _wanted(edits: Sequence[Edit]) -> tuple[Wish, ...]:

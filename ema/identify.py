@@ -7,22 +7,31 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ema.automatic import Asked, Basis, automatic_basis
+from ema.automatic import Asked, Basis, automatic_basis, joint_bases
 from ema.checks.corrections import Correction
 from ema.checks.sensor_mass import SensorMass
 from ema.core.bands import frequencies_of
 from ema.core.display import band_text, counted
 from ema.core.edits import Edit, shorthand
-from ema.core.errors import require_type
-from ema.core.finding import Finding, findings_html
+from ema.core.errors import InputError, require_type
+from ema.core.finding import Check, Finding, Verdict, findings_html
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, model_html
 from ema.core.numerics import one_blas_thread
+from ema.core.references import References
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import acts_on_poles
 from ema.fitting.edited_fit import edited
 from ema.fitting.search import CurveFit
 from ema.poles.stability import OTHER, Opinion, StabilityDiagram, second_opinion
+
+_EACH_ALONE = Finding(
+    *("", "", None),
+    Check.FORCES,
+    Verdict.WARNING,
+    "no closed circle of sensors with certain angles: each force is identified by itself, and the "
+    "modes are those of the first force; modes that it does not drive are not among them",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +63,9 @@ class Identification:
         are those of before.
     basis : Basis or None
         What `refit_modes` goes on from.
+    references : tuple of Identification
+        Of each of several forces: its FRFs with modes of all of them, whose residues are its own.
+        The identification itself is then that of the first force. Empty for one force.
 
     Examples
     --------
@@ -80,6 +92,7 @@ class Identification:
     automatic: ModalModel | None = None
     is_preview: bool = False
     basis: Basis | None = None
+    references: tuple[Identification, ...] = ()
 
     def __repr__(self) -> str:
         return identification_line(self)
@@ -90,7 +103,7 @@ class Identification:
 
 @one_blas_thread
 def identify_modes(
-    frf: FRF,
+    frf: FRF | References | Sequence[FRF],
     band_hz: tuple[float, float] = (20.0, 260.0),
     *,
     edits: Sequence[Edit] = (),
@@ -114,7 +127,9 @@ def identify_modes(
 
     Parameters
     ----------
-    frf : FRF
+    frf : FRF, References or sequence of FRF
+        Of one force, or of each of several: then both members of a ring's pairs are told by what
+        each force drives of them. Edits act on one force only.
     band_hz : tuple of float
         Band of the result.
     edits : sequence of Edit
@@ -169,7 +184,36 @@ def identify_modes(
     out = frequencies_of("excluded_hz", excluded_hz) if np.size(excluded_hz) else ()
     edits = (*edits, *shorthand(pins, out))
     asked = Asked(band_hz, sensor_mass, max_order, method, settings, checks)
-    return identified(automatic_basis(frf, asked, edits), edits)
+    if isinstance(frf, FRF):
+        return identified(automatic_basis(frf, asked, edits), edits)
+    references = frf if isinstance(frf, References) else References(tuple(frf))
+    return _of_several(references, asked, edits)
+
+
+def _of_several(references: References, asked: Asked, edits: Sequence[Edit]) -> Identification:
+    """What each force shows by itself, then what all show together."""
+    if len(references) == 1:
+        return identified(automatic_basis(references.frfs[0], asked, edits), edits)
+    if edits:
+        rule = "decisions act on the FRFs of one force"
+        remedy = "Leave them out, or identify the modes of one force with them"
+        raise InputError("edits", f"{counted(len(references), 'force')}", rule, remedy)
+    alone = [automatic_basis(frf, _at(asked, frf), ()) for frf in references]
+    bases = joint_bases(alone)
+    # Another estimator sees one force, and one mode for each pair.
+    found = tuple(replace(identified(basis, ()), opinions=()) for basis in bases)
+    findings = dict.fromkeys(finding for each in found for finding in each.findings)
+    if all(basis is each for basis, each in zip(bases, alone, strict=True)):
+        findings[_EACH_ALONE] = None
+    return replace(found[0], findings=tuple(findings), references=found, basis=None)
+
+
+def _at(asked: Asked, frf: FRF) -> Asked:
+    """What is asked, the masses at the place of another force."""
+    mass = asked.sensor_mass
+    if mass is None or not np.isfinite(frf.excitation_deg):
+        return asked
+    return replace(asked, sensor_mass=replace(mass, excitation_deg=frf.excitation_deg))
 
 
 def identified(

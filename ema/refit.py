@@ -78,6 +78,9 @@ def refit_modes(
     [1, 2, 4]
     """
     basis = found.basis
+    if found.references:
+        rule, remedy = "decisions act on the FRFs of one force", "Refit those of found.references"
+        raise InputError("result", f"{len(found.references)} forces", rule, remedy)
     if basis is None:
         rule = "it was read from a file and does not hold what a refit goes on from"
         raise InputError("result", "no fit", rule, "Identify the modes of its FRFs with the edits")

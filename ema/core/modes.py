@@ -426,6 +426,8 @@ class OrderReport:
     frequency_std_hz: float = float("nan")
     damping_ratio: float = float("nan")
     damping_std: float = float("nan")
+    antinode_deg: float = float("nan")  # of member a, from 0 to 180°/n, where several forces tell
+    antinode_std_deg: float = float("nan")
 
     @property
     def order(self) -> int:

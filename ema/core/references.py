@@ -95,11 +95,3 @@ def mapped(found: FRF | References, change: Callable[[FRF], FRF]) -> FRF | Refer
 def frfs_of(found: FRF | References) -> tuple[FRF, ...]:
     """FRFs of each force, one after the other."""
     return (found,) if isinstance(found, FRF) else found.frfs
-
-
-def alone(found: FRF | References) -> FRF:
-    """FRFs of one force; `InputError` where there are several."""
-    if isinstance(found, FRF):
-        return found
-    rule, remedy = "this needs FRFs of one force", "Pass the FRFs of one force, such as frfs[0]"
-    raise InputError("FRFs", f"{len(found)} forces", rule, remedy)

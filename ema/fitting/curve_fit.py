@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 from ema.core.drift import Drift
 from ema.core.edits import OF_POLES, Edit, EditKind, PoleName, of_kind
 from ema.core.errors import FitError
-from ema.core.modes import Mode
+from ema.core.modes import Mode, synthesise
 from ema.core.settings import IdentificationSettings
 from ema.fitting.covariance import (
     frequency_damping_covariance,
@@ -40,7 +40,7 @@ from ema.fitting.listing import Choice, Key, Row, Settled
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import PoleFit, evaluate
 from ema.fitting.search import CurveFit
-from ema.fitting.variable_projection import Real
+from ema.fitting.variable_projection import Complex, Real
 from ema.poles.stability import StabilityDiagram
 
 #: Gives the diagram of a method, the main one without.
@@ -183,6 +183,7 @@ def settled(curve: CurveFit) -> Settled:
     """Rows of all poles with their uncertainty."""
     frf = curve.frf
     fit, owner, place = _one_pole_per_order(curve)
+    misfit = fit.misfit if any(order.jointly for order in curve.ring) else curve.fit.misfit
     covariance = parameter_covariance(fit, curve.correlation)
     both = frequency_damping_covariance(fit.poles, covariance)
     residues_std = residue_std(fit, covariance, curve.correlation)
@@ -215,7 +216,8 @@ def settled(curve: CurveFit) -> Settled:
         covariance=block_diag(*(seen[r][1] for r in ascending)),
         ring=curve.ring,
         drift=drift,
-        misfit=curve.fit.misfit if np.all(np.isfinite(frf.std)) else float("nan"),
+        values=curve.fit.lines.values,
+        misfit=misfit if np.all(np.isfinite(frf.std)) else float("nan"),
         notes=(*curve.leakage_notes, *curve.notes),
     )
 
@@ -231,14 +233,41 @@ def _one_pole_per_order(curve: CurveFit) -> tuple[PoleFit, dict[int, RingOrder],
         return fit, {}, list(range(fit.poles.size))
     means = {o.key: (o, o.pair.mean) for o in curve.ring if o.pair is not None}
     gone = {k for order, _ in means.values() for k in order.members if k != order.key}
+    followers = [o.followers(fit, curve.frf.position_deg) for o, _ in means.values()]
+    gone = gone.union(*followers)
+    means = {k: found for k, found in means.items() if k not in gone}
     kept = [k for k in range(fit.poles.size) if k not in gone]
     poles = np.array([means[k][1] if k in means else fit.poles[k] for k in kept])
     bound = fit.at_bound.reshape(-1, 2)[kept]
     bound[[kept.index(k) for k in means]] = False
-    locked = tuple(kept.index(k) for k in fit.locked)
-    again = evaluate(fit.lines, poles, fit.drift, locked=locked)
-    again = replace(again, at_bound=bound.ravel())
-    return again, {kept.index(k): order for k, (order, _) in means.items()}, kept
+    owner = {kept.index(k): order for k, (order, _) in means.items()}
+    again = replace(_beside_joint_pairs(curve, poles, owner, kept), at_bound=bound.ravel())
+    return again, owner, kept
+
+
+def _beside_joint_pairs(
+    curve: CurveFit, poles: Complex, owner: dict[int, RingOrder], kept: list[int]
+) -> PoleFit:
+    """Linear solution for poles, with the pairs that several forces determine taken as they are.
+
+    The pole in the place of such a pair has the residues of both members and what is in no wave.
+    """
+    fit, angles = curve.fit, curve.frf.position_deg
+    locked = tuple(kept.index(k) for k in fit.locked if k in kept)
+    joint = {k: order for k, order in owner.items() if order.jointly and order.pair}
+    values, own = np.array(fit.lines.values), np.zeros((len(angles), poles.size), dtype=complex)
+    for k, order in joint.items():
+        assert order.pair is not None
+        waves, members = order.waves(angles), np.array(order.pair.poles)
+        own[:, k] = waves.sum(axis=1)
+        for rows, drift in zip(fit.groups, fit.drift, strict=True):
+            none = np.zeros(len(rows))
+            here = fit.lines.drifted(members, drift)
+            values[rows] -= synthesise(fit.lines.frequency_hz, here, waves[rows], none, none)
+    again = evaluate(replace(fit.lines, values=values), poles, fit.drift, locked=locked)
+    parts = zip(again.groups, again.parts, strict=True)
+    with_pairs = [replace(part, residues=part.residues + own[rows]) for rows, part in parts]
+    return replace(again, parts=tuple(with_pairs)) if joint else again
 
 
 def _doubts(

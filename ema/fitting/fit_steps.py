@@ -134,6 +134,7 @@ def as_seen(
     rest = mode.residues - basis @ (np.linalg.pinv(basis) @ mode.residues)
     both = np.tile(floor + mixed * (width * _MIXED) ** 2, 2)
     own = pair.covariance[:4, :4] + np.diag(both)
+    unknown = float("nan")  # the ends of the band move the one pole in the place of both
     members = [
         _with_std(
             replace(
@@ -141,6 +142,8 @@ def as_seen(
                 pole=pair.poles[k],
                 residues=waves[:, k] + pair.share[k] * rest,
                 residues_std=mode.residues_std * np.sqrt(pair.share[k]),
+                frequency_band_shift_hz=unknown if ring.jointly else mode.frequency_band_shift_hz,
+                damping_band_shift=unknown if ring.jointly else mode.damping_band_shift,
             ),
             own[2 * k : 2 * k + 2, 2 * k : 2 * k + 2],
         )
@@ -171,7 +174,11 @@ def in_other_orders(
     if not on_circle(position_deg):
         return shares
     shapes = np.array(fit.residues)
-    resolved = {k: each.pair for k, each in owner.items() if each.is_resolved and each.pair}
+    resolved = {
+        k: each.pair
+        for k, each in owner.items()
+        if each.is_resolved and each.pair and not each.jointly
+    }
     if resolved:
         poles, first = np.array(fit.poles), len(resolved)
         poles[list(resolved)] = [pair.poles[1] for pair in resolved.values()]

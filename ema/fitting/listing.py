@@ -18,6 +18,7 @@ from ema.core.modes import Chosen, ModalModel, Mode, OrderReport, Pair, Residual
 from ema.core.recording import ExponentialWindow
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import PoleFit
+from ema.fitting.variable_projection import Complex
 
 
 def with_own_factor(frf: FRF) -> FRF:
@@ -188,6 +189,8 @@ class Settled:
         Of (frequency_hz, damping_ratio) of the rows.
     ring : tuple of RingOrder
     drift : Drift
+    values : ndarray of complex, shape (n_positions, n_lines)
+        Inertances that were fitted.
     misfit : float
         Reduced χ²; NaN where the noise is not known.
     notes : tuple of str
@@ -200,6 +203,7 @@ class Settled:
     covariance: NDArray[np.float64]
     ring: tuple[RingOrder, ...]
     drift: Drift
+    values: Complex
     misfit: float
     notes: tuple[str, ...]
 
@@ -254,7 +258,7 @@ def listed(settled: Settled, choice: Choice | None = None) -> ModalModel:
         notes=(*settled.notes, *_notes(rows, choice), *choice.notes),
     )
     fitted = model.synthesise(fit.lines.frequency_hz, run=frf.run)
-    model = replace(model, frac=frac(fit.lines.values, fitted))
+    model = replace(model, frac=frac(settled.values, fitted))
     return without_window(model, frf.exponential_window)
 
 

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.circumference.orders import (
+    PURE,
     circle_basis,
     family,
     further_resonances,
     highest_order,
+    order_content,
     with_aliases,
 )
 from ema.core.drift import Drift
@@ -103,6 +105,7 @@ class RingOrder:
     report: OrderReport
     seen: Seen
     is_main: bool
+    jointly: bool = False  # whether several forces determine the pair
 
     @property
     def key(self) -> int:
@@ -125,6 +128,21 @@ class RingOrder:
         poles = np.array([self.pair.mean, main.pair.mean])
         near = abs(poles[1] - poles[0]) < _SHARED * np.max(-poles.real)
         return bool(near) and main.is_main and main.shows_two(settings)
+
+    @property
+    def poles(self) -> Complex:
+        """Members a and b; none where the pair is not known."""
+        return np.array(self.pair.poles if self.pair else ())
+
+    def followers(self, fit: PoleFit, position_deg: NDArray[np.float64]) -> set[int]:
+        """Poles that only follow what one pole leaves of a pair that several forces determine."""
+        if not (self.jointly and self.is_resolved and self.pair):
+            return set()
+        within = np.abs(fit.poles - self.pair.mean) < -self.pair.mean.real
+        within[[*self.members, *range(fit.poles.size - N_STAND_INS, fit.poles.size)]] = False
+        near = np.flatnonzero(within).tolist()
+        shapes = {k: order_content(fit.residues[:, k], position_deg) for k in near}
+        return {k for k, c in shapes.items() if c.order == self.order or c.purity < PURE}
 
     def waves(self, position_deg: NDArray[np.float64]) -> Complex:
         """Residues of members a and b as pure waves, (n_positions, 2)."""
@@ -196,7 +214,7 @@ class PairSearch:
         known = {(each.order, each.members): each for each in before}
         orders = []
         for order, found in self.orders:
-            there, seen = known.get((order, tuple(found))), self._seen(order, found)
+            there, seen = known.get((order, tuple(found))), self.seen_of(order, found)
             kept = there is not None and seen.is_as(there.seen)
             orders.append(there if there and kept else self.fitted(order, found, seen))
         for _ in range(_ROUNDS):
@@ -220,11 +238,11 @@ class PairSearch:
         """
         pairs = {each.key: each.pair for each in orders if each.pair is not None}
         poles, self.further = self._poles(pairs)
-        lines = replace(self.fit.lines, values=self.fit.lines.values + self._leakage_of_two(orders))
+        lines = replace(self.fit.lines, values=self.fit.lines.values + self.leakage_of_two(orders))
         fit = evaluate(lines, poles, self.fit.drift)
         self.middle = replace(fit, poles=lines.drifted(poles, self.state))
-        left = _in_one_state(fit, self.middle.poles)
-        self.left = left - _synthesis(self.middle, range(poles.size))
+        left = in_one_state(fit, self.middle.poles)
+        self.left = left - synthesis_of(self.middle, range(poles.size))
 
     def _poles(self, pairs: Mapping[int, PairFit]) -> tuple[Complex, dict[int, list[int]]]:
         """Three poles for each order of the ring, with those of its pair where it is known.
@@ -249,13 +267,13 @@ class PairSearch:
     def fitted(self, order: int, found: list[int], seen: Seen) -> RingOrder:
         """The pair of one order."""
         pair = fit_pair(seen.frequency_hz, seen.values, seen.std, seen.start, seen.known)
-        pair = None if pair is None else self._in_first_state(pair, seen.start)
+        pair = None if pair is None else self.in_first_state(pair, seen.start)
         report = order_report(order, pair, self.settings, _change_hz(self.drift, seen.start))
         return RingOrder(order, tuple(found), pair, report, seen, (order, found) in self.main)
 
     def _again(self, before: RingOrder, near: Real | None) -> RingOrder:
         """The same order beside pairs that are known, perhaps near known parameters."""
-        seen = self._seen(before.order, list(before.members), near)
+        seen = self.seen_of(before.order, list(before.members), near)
         return replace(self.fitted(before.order, list(before.members), seen), seen=before.seen)
 
     def orders_near(self, before: Sequence[RingOrder]) -> tuple[RingOrder, ...]:
@@ -277,7 +295,7 @@ class PairSearch:
     def _still_seen(self, before: RingOrder) -> Seen | None:
         found = sorted(before.members, key=lambda k: k not in self.directions)
         known = before.pair is not None and found[0] in self.directions
-        return self._seen(before.order, found) if known else None
+        return self.seen_of(before.order, found) if known else None
 
     def _near(self, before: RingOrder, base: Seen) -> RingOrder:
         seen = self._still_seen(before)
@@ -287,19 +305,21 @@ class PairSearch:
         problem = pair_problem(*given)
         if problem is None:
             return before
-        pair = self._in_first_state(problem.solve_near(before.pair), seen.start)
+        pair = self.in_first_state(problem.solve_near(before.pair), seen.start)
         return replace(before, pair=pair, seen=base)
 
-    def _seen(self, order: int, found: list[int], near: Real | None = None) -> Seen:
-        """What is seen of one order, and known of it."""
+    def seen_of(
+        self, order: int, found: list[int], near: Real | None = None, reach: float = _SHARED
+    ) -> Seen:
+        """What is seen of one order, and known of it; poles within `reach` half-widths are free."""
         middle, radians = self.middle, order * np.pi / 180
         power = np.sum(np.abs(self.fit.residues[:, found]) ** 2, axis=0)
         poles = self.fit.lines.drifted(self.fit.poles, self.state)
         start = complex(np.average(poles[found], weights=power))
         members = [*found, *self.further.get(found[0], ())]
-        beside = _beside(poles, found)
+        beside = _beside(poles, found, reach)
         given = [k for key in [*found, *beside] for k in (key, *self.further.get(key, ()))]
-        own = self.left + _synthesis(middle, given, residual_terms=False)
+        own = self.left + synthesis_of(middle, given, residual_terms=False)
         force_rad, spread = self.directions[found[0]], _UNKNOWN_RAD
         if self.force_deg is not None and found[0] not in self.aliases:
             force_rad, spread = self.force_deg * radians, _FORCE_STD_DEG * radians
@@ -330,12 +350,12 @@ class PairSearch:
         stray = max(_MEDIANS * float(np.median(rest)), _LEAST_STRAY)
         return stray, float(np.linalg.norm(rest))
 
-    def _in_first_state(self, pair: PairFit, start: complex) -> PairFit:
+    def in_first_state(self, pair: PairFit, start: complex) -> PairFit:
         """A pair of the middle state in that of the first run."""
         shift, decay = self.fit.lines.drift_factors(np.array([start]), self.state)
         return pair.moved(float(shift[0]), float(decay[0]))
 
-    def _leakage_of_two(self, orders: Sequence[RingOrder]) -> Complex | float:
+    def leakage_of_two(self, orders: Sequence[RingOrder]) -> Complex | float:
         """What leakage does to two poles and not to the one in their place.
 
         It alone gives both members 3 % too much damping where they are 1 % apart.
@@ -366,10 +386,10 @@ def _inside(
     return [each for each in orders if each[0] and low <= modes[each[1][0]].frequency_hz <= high]
 
 
-def _beside(poles: Complex, own: Sequence[int]) -> list[int]:
+def _beside(poles: Complex, own: Sequence[int], reach: float) -> list[int]:
     """Poles that share the resonance of an order's own."""
     widest = np.maximum.outer(-poles.real, -poles[own].real)
-    near = np.any(np.abs(poles[:, None] - poles[own]) < _SHARED * widest, axis=1)
+    near = np.any(np.abs(poles[:, None] - poles[own]) < reach * widest, axis=1)
     return [int(k) for k in np.flatnonzero(near[: poles.size - N_STAND_INS]) if k not in own]
 
 
@@ -406,7 +426,7 @@ def _force_deg(directions: dict[int, float], excitation_deg: float) -> float | N
     return found_deg if known else None
 
 
-def _in_one_state(fit: PoleFit, poles: Complex) -> Complex:
+def in_one_state(fit: PoleFit, poles: Complex) -> Complex:
     """FRFs of all runs in the state that has these poles: less their own fit, plus that one's.
 
     In the middle between the runs, what the fit leaves of a pair is in that state too.
@@ -423,7 +443,8 @@ def _in_one_state(fit: PoleFit, poles: Complex) -> Complex:
     return values
 
 
-def _synthesis(fit: PoleFit, members: Sequence[int], *, residual_terms: bool = True) -> Complex:
+def synthesis_of(fit: PoleFit, members: Sequence[int], *, residual_terms: bool = True) -> Complex:
+    """FRFs of some poles of a fit, all positions in its first state."""
     rows = list(members)
     terms = (fit.lower, fit.upper) if residual_terms else (0 * fit.lower, 0 * fit.upper)
     return synthesise(fit.lines.frequency_hz, fit.poles[rows], fit.residues[:, rows], *terms)

@@ -143,9 +143,14 @@ def _with_window(pair: PairFit, wide: PairProblem, narrow: PairProblem) -> PairF
     """
     narrow.amplitude, narrow.scale = wide.amplitude, wide.scale
     found = narrow.minimum(pair.parameters)
-    change = (narrow.numbers(found.x) - pair.numbers) ** 2
-    variance = np.diag(narrow.covariance(found))
-    expected = np.maximum(variance - np.diag(pair.covariance), 0.0)
+    other = replace(pair, numbers=narrow.numbers(found.x), covariance=narrow.covariance(found))
+    return with_change(pair, other)
+
+
+def with_change(pair: PairFit, other: PairFit) -> PairFit:
+    """The pair with what it changes in another one, of fewer lines, in its covariance."""
+    change = (other.numbers - pair.numbers) ** 2
+    expected = np.maximum(np.diag(other.covariance) - np.diag(pair.covariance), 0.0)
     return replace(pair, covariance=pair.covariance + np.diag(np.maximum(change - expected, 0.0)))
 
 
@@ -183,6 +188,28 @@ def order_report(
     )
 
 
+def joint_report(
+    order: int, pair: PairFit, settings: IdentificationSettings = IDENTIFICATION
+) -> OrderReport:
+    """Verdict on a pair that several forces drive: whether they determine both members."""
+    std, chance = np.sqrt(np.diag(pair.covariance)), float(chdtrc(4, max(pair.gain, 0.0)))
+    worst, factor = float(np.max(std[[1, 3]] / pair.numbers[[1, 3]])), _damping_factor(pair)
+    verdict, text = Pair.RESOLVED, "the forces together drive both members"
+    if not worst < _KNOWN_DAMPING:
+        verdict = Pair.NOT_SEPARABLE
+        text = f"the damping of one member is known to {100 * worst:.0f} % only"
+    elif factor > settings.pair_damping_factor:
+        verdict = Pair.NOT_SEPARABLE
+        text = f"the damping ratios would differ by a factor of {factor:.1f}"
+    return OrderReport(
+        PairVerdict(order, verdict, chance, text),
+        frequency_hz=float(pair.numbers[4]),
+        frequency_std_hz=float(std[4]),
+        damping_ratio=float(pair.numbers[5]),
+        damping_std=float(std[5]),
+    )
+
+
 def _doubt(pair: PairFit, settings: IdentificationSettings, change_hz: float) -> str:
     """Why the members are not determined; empty where they are."""
     if min(pair.share) < settings.pair_weakest_share:
@@ -197,10 +224,16 @@ def _doubt(pair: PairFit, settings: IdentificationSettings, change_hz: float) ->
     if pair.misfit > _MOST_LEFT and min(pair.share) < _PLAIN_SHARE:
         return f"both members leave {pair.misfit:.0f} times the noise"
     damping = [-pole.real / abs(pole) for pole in pair.poles]
-    if max(damping) > settings.pair_damping_factor * min(damping):
-        return f"the damping ratios would differ by a factor of {max(damping) / min(damping):.1f}"
+    if (factor := _damping_factor(pair)) > settings.pair_damping_factor:
+        return f"the damping ratios would differ by a factor of {factor:.1f}"
     std = np.sqrt(np.diag(pair.covariance))[[1, 3]]
     worst = float(np.max(std / damping))
     if worst > _KNOWN_DAMPING:
         return f"the damping of one member is known to {100 * worst:.0f} % only"
     return ""
+
+
+def _damping_factor(pair: PairFit) -> float:
+    """How many times more damped one member is than the other."""
+    damping = [-pole.real / abs(pole) for pole in pair.poles]
+    return float(max(damping) / min(damping))

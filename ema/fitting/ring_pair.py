@@ -66,6 +66,8 @@ class PairFit:
         Mean pole as the force drives the members, rad/s.
     parameters : ndarray, shape (7,)
         Of `PairProblem`.
+    turned_std_rad : float
+        Standard deviation of the members' direction, as angle of the wave; NaN where unknown.
     """
 
     poles: tuple[complex, complex]
@@ -78,6 +80,7 @@ class PairFit:
     residues: NDArray[np.complex128]
     mean: complex
     parameters: NDArray[np.float64]
+    turned_std_rad: float = float("nan")
 
     def moved(self, shift: float, decay: float) -> PairFit:
         """The pair in a state whose frequencies and decay rates are smaller by these factors."""
@@ -152,7 +155,7 @@ class PairProblem:
         self.noise_known = noise_known
         self.wave_std = known.wave_std
         settings, self.near = known.settings, known.near
-        self.omega = 2 * np.pi * frequency_hz
+        self.omega, self.values = 2 * np.pi * frequency_hz, values
         self.size, self.ratio, self.settings = abs(start), -start.real / abs(start), settings
         self.std = std * np.sqrt(known.correlation)
         self.n_independent = 4 * frequency_hz.size / known.correlation
@@ -213,13 +216,27 @@ class PairProblem:
         slopes = (ahead - behind) @ self.to_basis / (2 * size[:, None, None])
         slopes = linear.amplitude * slopes + linear.mixing @ slopes
         rows = np.zeros((size.size, len(linear.left)), dtype=complex)
-        rows[:, : -_N_LINEAR + 1] = (slopes * self._weight[:, None]).reshape(size.size, -1)
+        rows[:, : -_N_LINEAR + 1] = (slopes * self.weight[:, None]).reshape(size.size, -1)
         rows -= (rows @ linear.orthonormal.conj()) @ linear.orthonormal.T
         priors = steps[:, _ALONG:] / size[:, None] / self.priors
         return np.concatenate([-rows.view(float), priors], axis=1).T
 
+    def inside_waves(self, x: Real) -> Complex:
+        """FRFs of cosine and sine for unit amplitude in the basis, for many sets of parameters."""
+        return np.asarray(self._waves(x) @ self.to_basis)
+
+    def parameters_of(self, coupled: Complex) -> Real:
+        """Parameters of a matrix Λ, but for the direction of the force."""
+        along, across = (coupled[0, 0] - coupled[1, 1]) / 2, (coupled[0, 1] + coupled[1, 0]) / 2
+        mean = (coupled[0, 0] + coupled[1, 1]) / 2 + along
+        size, ratio = abs(mean), -mean.real / abs(mean)
+        halves = [along.imag / size, across.imag / size]
+        damped = [-along.real / (size * ratio), -across.real / (size * ratio)]
+        return np.array([np.log(size / self.size), np.log(ratio / self.ratio), *halves, *damped])
+
     @property
-    def _weight(self) -> Real:
+    def weight(self) -> Real:
+        """What the rows are multiplied by."""
         return np.asarray(1 / (self.std * np.sqrt(self.scale)))
 
     def _linear(self, x: Real) -> _Linear:
@@ -232,13 +249,13 @@ class PairProblem:
     def _eliminated(self, waves: Complex) -> _Linear:
         columns = np.zeros((_N_LINEAR, waves.size + _N_LINEAR - 1), dtype=complex)
         design = columns[:, : waves.size].reshape(_N_LINEAR, *waves.shape)
-        design[0] = waves * self._weight[:, None]
-        design[1:3, 0] = waves * self._weight[0]
-        design[3:5, 1] = waves * self._weight[1]
+        design[0] = waves * self.weight[:, None]
+        design[1:3, 0] = waves * self.weight[0]
+        design[3:5, 1] = waves * self.weight[1]
         allowed = max(self.wave_std * self.amplitude, 1e-300)
         np.fill_diagonal(columns[1:, waves.size :], 1 / allowed)
         right = np.zeros(columns.shape[1], dtype=complex)
-        right[: waves.size] = (self.inside * self._weight[:, None]).ravel()
+        right[: waves.size] = (self.inside * self.weight[:, None]).ravel()
         size = np.linalg.norm(columns, axis=1)
         factors, scales, _, _ = zgeqrf((columns / size[:, None]).T)  # faster than numpy's qr
         orthonormal = zungqr(factors, scales)[0]
@@ -367,23 +384,29 @@ class PairProblem:
         return np.asarray(slope @ inner @ slope.T)
 
     def _fit(self, best: OptimizeResult, gain: float, misfit: float) -> PairFit:
-        numbers, covariance = self.numbers(best.x), self.covariance(best)
-        poles, residues = self._members(best.x)
+        amplitude = self._linear(best.x).amplitude
+        pair = self.pair_of(best.x, self.covariance(best), amplitude, misfit)
+        return replace(pair, gain=gain)
+
+    def pair_of(self, x: Real, covariance: Real, amplitude: complex, misfit: float) -> PairFit:
+        """The pair of some parameters and amplitude, whose `numbers` have this covariance."""
+        numbers = self.numbers(x)
+        poles, residues = self._members(x, amplitude)
         power = np.sum(np.abs(residues) ** 2, axis=1)
         apart = np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0])
         split_std = float(np.sqrt(max(apart @ covariance @ apart, 0.0)))
-        pole, along, _, _ = self._split(best.x)
+        pole, along, _, _ = self._split(x)
         return PairFit(
             poles=poles,
             share=(float(power[0] / power.sum()), float(power[1] / power.sum())),
             numbers=numbers,
             covariance=covariance,
             split_std=float(apart @ numbers / split_std) if split_std else np.inf,
-            gain=gain,
+            gain=0.0,
             misfit=misfit,
             residues=residues,
             mean=pole + along,
-            parameters=best.x,
+            parameters=x,
         )
 
     def _split(self, x: Real) -> tuple[complex, complex, complex, complex]:
@@ -392,10 +415,9 @@ class PairProblem:
         half = np.sqrt(complex(along**2 + across**2))
         return pole, along, across, half if half.imag >= 0 else -half
 
-    def _members(self, x: Real) -> tuple[tuple[complex, complex], Complex]:
+    def _members(self, x: Real, amplitude: complex) -> tuple[tuple[complex, complex], Complex]:
         """Poles of a and b, and their residues in cosine and sine, (2, 2)."""
         pole, along, across, half = self._split(x)
-        amplitude = self._linear(x).amplitude
         force = np.array([np.cos(x[_FORCE]), np.sin(x[_FORCE])])
         turned = np.array([[along, across], [across, -along]]) / (half or 1.0)
         poles = pole - half, pole + half

@@ -252,9 +252,10 @@ class CurveFit:
 
     def find_pairs(self, before: Sequence[RingOrder] = ()) -> None:
         """Fit the pair of each order of the ring, from the FRFs of that order."""
-        self.ring = self._pair_search().orders_found(before)
+        self.ring = self.pair_search().orders_found(before)
 
-    def _pair_search(self) -> PairSearch:
+    def pair_search(self) -> PairSearch:
+        """What the pairs of the orders are found from."""
         known = self.band_hz, self.correlation, self.drift, self.settings
         lines = widened_band(self.frf, self.band_hz)
         return PairSearch(self.frf, lines, self.fit, self.labelled(self.fit), *known)
@@ -346,7 +347,7 @@ class CurveFit:
             lines = cleared_of_moved(self.frf, self.fit, fit)
             fit = fit if lines is None else other._fit_near(lines, fit.poles, fit.drift)
         other.fit = other.at_mean(fit)
-        other.ring = other._pair_search().orders_near(self.ring) if self.ring else ()
+        other.ring = other.pair_search().orders_near(self.ring) if self.ring else ()
         return other
 
     def on(self, frf: FRF) -> CurveFit:
@@ -372,7 +373,7 @@ class CurveFit:
                 lines = replace(lines, values=lines.values - known)
         other.fit = other.at_mean(other._fit_near(lines, poles, drift))
         ring = self.ring if other.circle else ()
-        other.ring = other._pair_search().orders_near(ring) if ring else ()
+        other.ring = other.pair_search().orders_near(ring) if ring else ()
         return other
 
     def _fit_near(self, lines: Lines, poles: NDArray[np.complex128], drift: Real) -> PoleFit:

@@ -14,9 +14,11 @@ from ema.poles.stability import StabilityDiagram
 from pipelines.plots import plot as go
 from pipelines.plots.chart import Chart
 from pipelines.plots.measurement import on_circle
+from pipelines.results.result import DrivenMode
 from pipelines.results.tables import (
     in_band,
     mode_name,
+    place_name,
     pole_marks,
     row_names,
     signed_cell,
@@ -168,6 +170,47 @@ def position_names(of: FRF | ModalModel) -> list[str]:
     names = row_names(of, np.arange(of.position_deg.size))
     on_circle = np.isfinite(of.position_deg)
     return [n if known else f"node {n}" for n, known in zip(names, on_circle, strict=True)]
+
+
+def drive_chart(driven: Sequence[DrivenMode], model: ModalModel) -> Chart:
+    """How strongly each of several forces drives each mode."""
+    series, looks = list[go.Curve](), ("circle", "square-open", "diamond-open", "x-thin-open")
+    names = forces(driven)
+    for number, name in names.items():
+        own = [each for each in driven if each.reference == number]
+        series.append(
+            go.Curve(
+                [model.modes[each.mode - 1].frequency_hz for each in own],
+                [each.drive for each in own],
+                (go.MEASURED, go.FITTED, go.RING, go.FAINT)[(number - 1) % 4],
+                name,
+                marker=looks[(number - 1) % 4],
+                size=9,
+                hover="%{text}<br>drive %{y:.3f}",
+                texts=[mode_name(model.modes[each.mode - 1]) for each in own],
+            )
+        )
+    panel = go.Panel(
+        tuple(series), go.Axis(go.FREQUENCY), go.Axis("drive", (-0.03, 1.06)), legend="lower right"
+    )
+    return Chart(
+        "references",
+        go.Plot((panel,), (17.5, 7)),
+        f"How strongly each of {len(names)} forces drives each mode.",
+        "Drive of each mode by each force, 1 for the force that drives it most. A mode that only "
+        "one force drives is known from that one alone; a place where all drives are low shows "
+        "where a further force is needed.",
+        wide=True,
+        height_px=300,
+    )
+
+
+def forces(driven: Sequence[DrivenMode]) -> dict[int, str]:
+    """Names of several forces, by number: where they act."""
+    return {
+        each.reference: f"force {each.reference}, {place_name(each.node or -1, each.position_deg)}"
+        for each in driven
+    }
 
 
 def frac_chart(model: ModalModel) -> Chart:

@@ -23,9 +23,10 @@ from ema.checks.ring_shapes import drive_point_finding
 from ema.checks.sensor_mass import SensorMass
 from ema.core.edits import Edit, EditKind, of_kind
 from ema.core.errors import FitError, InputError
-from ema.core.finding import Check
+from ema.core.finding import Check, Finding
 from ema.core.frf import FRF
 from ema.core.numerics import one_blas_thread
+from ema.core.references import References
 from ema.core.settings import CheckSettings, IdentificationSettings
 from ema.identify import Identification
 from ema.refit import EditCost, edit_cost, refit_modes
@@ -34,7 +35,7 @@ from ema.signals.steadiness import steadiness_findings, with_changes_within_runs
 from pipelines.process.ring import options_of, tune
 from pipelines.results.edits_file import Record, read_edits
 from pipelines.results.provenance import Stopwatch, made_now
-from pipelines.results.result import Result, automatic_modes, edit_records
+from pipelines.results.result import Result, automatic_modes, driven_modes, edit_records
 from pipelines.results.store import load
 
 # Settings that need no recordings; all others cut them into other blocks.
@@ -54,9 +55,9 @@ class Asked:
     checks: CheckSettings
 
     def identify(
-        self, frf: FRF, sensor_mass: SensorMass | None, edits: Sequence[Edit] = ()
+        self, frf: FRF | References, sensor_mass: SensorMass | None, edits: Sequence[Edit] = ()
     ) -> Identification:
-        """Modes of FRFs as measured."""
+        """Modes of FRFs as measured, of one force or several."""
         return ema.identify_modes(
             frf,
             self.band_hz,
@@ -97,6 +98,9 @@ def with_modes(result: Result, found: Identification, checks: CheckSettings) -> 
     compared = []
     if reference is not None:
         compared = [reference_finding(reference, checks), *gain_findings(reference)]
+    every = [each.measured for each in found.references] or [measured]
+    models = [each.model for each in found.references] or [model]
+    places = [result.excitation_deg, *(frf.excitation_deg for frf in every[1:])]
     notes = (*model.notes, *setup.notes)
     steady = with_changes_within_runs(model, setup.steadiness, checks)
     return replace(
@@ -112,22 +116,35 @@ def with_modes(result: Result, found: Identification, checks: CheckSettings) -> 
         opinions=found.opinions,
         findings=(
             *setup.findings,
-            *averages_finding(measured),
-            *period_finding(measured),
-            *coherence_findings(measured, band_hz, checks),
-            *axes_finding(measured, band_hz),
+            *(each for frf in every for each in _of_channels(frf, band_hz, checks)),
             *found.findings,
             *compared,
-            *drift_findings(model.drift, model.frequencies_hz),
+            *(f for m in models for f in drift_findings(m.drift, m.frequencies_hz)),
             *steadiness_findings(setup.steadiness, model, checks),
-            *drive_point_finding(model, result.excitation_deg, checks),
+            *(
+                f
+                for m, at_deg in zip(models, places, strict=True)
+                for f in drive_point_finding(m, at_deg, checks)
+            ),
             *setup.later,
         ),
         notes=notes,
         corrections=found.corrections,
         sensor_mass=found.sensor_mass,
         edits=found.edits,
+        references=driven_modes(found),
+        further=tuple(every[1:]),
     )
+
+
+def _of_channels(
+    measured: FRF, band_hz: tuple[float, float], checks: CheckSettings
+) -> Iterator[Finding]:
+    """Findings about the FRFs of one force as measured."""
+    yield from averages_finding(measured)
+    yield from period_finding(measured)
+    yield from coherence_findings(measured, band_hz, checks)
+    yield from axes_finding(measured, band_hz)
 
 
 def decided_on(
@@ -287,6 +304,10 @@ def refittable(source: Result | Path | str, *, accept_changes: bool = False) -> 
         rule = "it holds too little for the same numbers as from the recordings"
         remedy = "Process the recordings again, with --edits for decisions"
         raise InputError(where, f"a result of ringmodal {version}", rule, remedy)
+    if result.references:
+        rule = "decisions act on the FRFs of one force"
+        remedy = "Process the runs of one force by themselves, and decide there"
+        raise InputError(where, f"a result of {1 + len(result.further)} forces", rule, remedy)
     return result
 
 

@@ -20,7 +20,7 @@ from ema.core.errors import InputError, require_type
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.numerics import one_blas_thread
-from ema.core.references import alone
+from ema.core.references import References, frfs_of
 from ema.identify import Identification
 from ema.signals.steadiness import steadiness_of
 from pipelines.process.refit import (
@@ -105,11 +105,11 @@ def process(
         options = replace(options, tuning=tuning_in_force(campaign.tuning, options.tuning))
     processing = processing_in_force(campaign, options.processing)
     with watch.stage("frf", "Estimating FRFs"):
-        every = ema.estimate_frf(
+        estimated = ema.estimate_frf(
             campaign, processing, estimator=options.estimator, progress=run_progress
-        )
-        estimated = alone(every).as_stored()
-        campaign, band_hz = _with_band(replace(campaign, processing=processing), estimated)
+        ).as_stored()
+        first = frfs_of(estimated)[0]
+        campaign, band_hz = _with_band(replace(campaign, processing=processing), first)
     asked = Asked(
         band_hz=band_hz,
         max_order=options.max_order,
@@ -152,13 +152,15 @@ def _read(source: str | Path | Sequence[str | Path] | Campaign, options: Options
     )
 
 
-def _setup(campaign: Campaign, estimated: FRF, found: Identification) -> Setup:
+def _setup(campaign: Campaign, estimated: FRF | References, found: Identification) -> Setup:
     """What is said of the recordings, whatever is decided on the modes."""
+    every = found.references or (found,)
+    steady = [steadiness_of(campaign.runs, each.frf, each.model) for each in every]
     return Setup(
         sensor_mass=_sensor_mass(campaign),
-        findings=(*campaign.findings, *estimated.findings),
+        findings=(*campaign.findings, *(f for frf in frfs_of(estimated) for f in frf.findings)),
         notes=tuple(_mass_notes(campaign, found)),
-        steadiness=tuple(steadiness_of(campaign.runs, found.frf, found.model)),
+        steadiness=tuple(each for runs in steady for each in runs),
     )
 
 

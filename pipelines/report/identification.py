@@ -10,7 +10,7 @@ from ema.core.display import DASH, counted, number, value_with_std
 from ema.core.mac import auto_mac
 from ema.core.modes import ModalModel, Mode
 from pipelines.plots.chart import Chart, packed
-from pipelines.plots.modes import matrix_chart, shapes_plot, stability_chart
+from pipelines.plots.modes import drive_chart, forces, matrix_chart, shapes_plot, stability_chart
 from pipelines.process.validate import aligned_shape
 from pipelines.report.page import Animation, Block, Paragraph, Section, Table
 from pipelines.report.summary import listed
@@ -75,6 +75,45 @@ def modes(result: Result) -> Section:
     blocks: tuple[Block, ...] = (table, Paragraph(_fit_text(model)), *listed(model.notes))
     orders = (Paragraph(ORDERS_WITHHELD, "bad"),) if doubt else _orders(model)
     return Section("modes", "Modes", (*blocks, *orders, *_cross_check(result)))
+
+
+def references(result: Result) -> tuple[Section, ...]:
+    """What each of several forces contributes; nothing for one force."""
+    driven, model = result.references, result.modal_model
+    if not driven:
+        return ()
+    names = forces(driven)
+    cells = {(each.mode, each.reference): each for each in driven}
+    columns = {"mode": [mode_name(mode) for mode in model.modes]}
+    for force, name in names.items():
+        own = [cells.get((k, force)) for k in range(1, len(model.modes) + 1)]
+        columns[f"{name}: drive"] = [DASH if e is None else f"{e.drive:.3f}" for e in own]
+        columns[f"{name}: share of its order / %"] = [
+            DASH if e is None else f"{100 * e.share:.1f}" for e in own
+        ]
+    text = (
+        f"{counted(len(names), 'force')} were identified together: poles and shapes are common to "
+        "all, and each force drives them in its own way. FRFs and fits shown elsewhere in this "
+        "report are those of the first force."
+    )
+    antinodes = [report for report in model.orders if np.isfinite(report.antinode_deg)]
+    blocks: list[Block] = [
+        Paragraph(text),
+        drive_chart(driven, model),
+        Table.of_columns("What each force contributes", columns, (0,)),
+    ]
+    if antinodes:
+        rows = tuple(
+            (
+                str(each.order),
+                value_with_std(each.antinode_deg, each.antinode_std_deg),
+                number(np.mod(each.antinode_deg + 90 / each.order, 180 / each.order), 4),
+            )
+            for each in antinodes
+        )
+        head = ("order n", "antinode of member a / °", "antinode of member b / °")
+        blocks.append(Table("Directions of the pairs, modulo 180°/n", head, rows))
+    return (Section("references", "Forces", tuple(blocks)),)
 
 
 def shapes(result: Result) -> Section:

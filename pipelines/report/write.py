@@ -75,6 +75,7 @@ def report_sections(result: Result, template: Template = PLAIN) -> tuple[Section
         measurement.quality(result),
         identification.stability(result),
         identification.modes(result),
+        *identification.references(result),
         *by_hand.changed_by_hand(result),
         responses.responses(result),
         identification.shapes(result),

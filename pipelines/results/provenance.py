@@ -31,7 +31,7 @@ OPTIONAL_READ_BACK = ("reference.parquet", "force.parquet")
 PARTS = (
     *READ_BACK,
     *OPTIONAL_READ_BACK,
-    *("modes.csv", "shapes.csv", "orders.csv", "quality.csv"),
+    *("modes.csv", "shapes.csv", "orders.csv", "references.csv", "quality.csv"),
     *("corrections.csv", "other_modes.csv", "validation.csv"),
     *("frf.uff", "tyre.toml", "edits.toml"),
     *PAGES,

@@ -14,14 +14,15 @@ from numpy.typing import NDArray
 from ema.checks.corrections import Correction
 from ema.checks.quality import ReferenceCheck
 from ema.checks.sensor_mass import SensorMass
-from ema.circumference.orders import PURE
+from ema.circumference.orders import PURE, drive
 from ema.core.campaign import Direction, Tyre
 from ema.core.display import band_text, facts, table
 from ema.core.edits import Edit, PoleName
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
-from ema.core.modes import COMMON_NAMES, ModalModel, Pair, modes_html
+from ema.core.modes import COMMON_NAMES, ModalModel, Mode, Pair, modes_html
 from ema.core.numerics import frame_of
+from ema.identify import Identification
 from ema.poles.stability import Opinion, StabilityDiagram
 from ema.signals.steadiness import Steadiness
 from model.damping import DampingResult
@@ -99,6 +100,8 @@ def _said(record: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in record.items() if value not in (None, "", {})}
 
 
+# A mode against another force is within this many half-widths.
+_NEAR = 1.0
 TORSION = COMMON_NAMES[Direction.TANGENTIAL, 0]
 
 
@@ -150,6 +153,48 @@ class OtherMode:
         """Its name in the field; empty for higher orders."""
         known = self.order is not None and self.order_purity >= PURE
         return COMMON_NAMES.get((self.direction, self.order or 0), "") if known else ""
+
+
+@dataclass(frozen=True)
+class DrivenMode:
+    """How one of several forces drives a mode: a row of ``references.csv``."""
+
+    reference: int  # number of the force, from 1
+    position_deg: float  # where it acts; NaN off a circle
+    node: int  # 0 where unknown
+    axis: int
+    mode: int  # number of the mode, from 1
+    share: float  # of the power with which its order, or it alone, answers this force
+    drive: float  # amplitude against that of the force which drives it most
+
+
+def driven_modes(found: Identification) -> tuple[DrivenMode, ...]:
+    """What each of several forces contributes to each mode; nothing for one force."""
+    models = [each.model for each in found.references]
+    rows = []
+    for number, (each, model) in enumerate(zip(found.references, models, strict=True), start=1):
+        frf = each.frf
+        for k, mode in enumerate(found.model.modes):
+            alike = [_counterpart(mode, other) for other in models]
+            drives = [0.0 if other is None else drive(other) for other in alike]
+            own = alike[number - 1]
+            if own is None:
+                continue
+            beside = [m for m in model.modes if m.member and m.order == own.order and own.member]
+            total = sum(drive(m) ** 2 for m in beside) or drive(own) ** 2
+            share, relative = drive(own) ** 2 / total, drive(own) / max(drives)
+            place = frf.excitation_deg, frf.force_node, frf.force_axis
+            rows.append(DrivenMode(number, *place, k + 1, share, relative))
+    return tuple(rows)
+
+
+def _counterpart(mode: Mode, model: ModalModel) -> Mode | None:
+    """The same mode against another force."""
+    alike = [m for m in model.modes if (m.order, m.member) == (mode.order, mode.member)]
+    near = min(alike, key=lambda m: abs(m.pole - mode.pole), default=None)
+    return (
+        near if near is not None and abs(near.pole - mode.pole) < _NEAR * -mode.pole.real else None
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,6 +252,11 @@ class Result:
         Reduced χ² of their fit.
     stored : Stored or None
         Where the FRFs were read from.
+    references : tuple of DrivenMode
+        What each of several forces contributes; `frf`, `measured` and the residues of the modes
+        are of the first one. Empty for one force.
+    further : tuple of FRF
+        FRFs as measured against the other forces.
 
     Examples
     --------
@@ -242,6 +292,8 @@ class Result:
     automatic: tuple[AutomaticMode, ...] = ()
     automatic_misfit: float = float("nan")
     stored: Stored | None = None
+    references: tuple[DrivenMode, ...] = ()
+    further: tuple[FRF, ...] = ()
 
     @property
     def torsion(self) -> OtherMode | None:

@@ -19,7 +19,7 @@ from ema.core.modes import Chosen, Flag, OrderReport, Pair
 from ema.core.recording import BlockPlan, ExponentialWindow
 from ema.poles.stability import Opinion
 from ema.signals.steadiness import Steadiness
-from pipelines.results.result import AutomaticMode, OtherMode
+from pipelines.results.result import AutomaticMode, DrivenMode, OtherMode
 from pipelines.storage.tables import LARGEST
 
 REMEDY = "Process the recordings again"
@@ -142,6 +142,7 @@ class Stored:
     setup: StoredSetup | None = None
     automatic: tuple[AutomaticMode, ...] = ()
     automatic_misfit: float = math.nan
+    references: tuple[DrivenMode, ...] = ()
 
 
 def read_identification_json(path: Path) -> Stored:

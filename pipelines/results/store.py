@@ -32,7 +32,7 @@ from pipelines.results import schema
 from pipelines.results.edits_file import edits_of
 from pipelines.results.provenance import CheckedResult, checked_result, with_inputs_at
 from pipelines.results.result import Result, Setup, Stored
-from pipelines.results.tables import in_band, read_frf, write_frfs
+from pipelines.results.tables import in_band, read_frf, read_frfs, write_frfs
 from pipelines.storage.atomic import MARKER, recover
 from pipelines.storage.checksums import ACCEPTED, sha256
 from pipelines.storage.tables import Table, write_parquet
@@ -120,7 +120,7 @@ def write_identification(result: Result, folder: Path) -> None:
     sources: tuple[tuple[Any, tuple[str, ...]], ...] = (
         (result, ("name", "tyre", "excitation_deg", "reference_deg", "findings", "opinions")),
         (result, ("corrections", "sensor_mass", "other_modes")),
-        (result, ("setup", "automatic", "automatic_misfit")),
+        (result, ("setup", "automatic", "automatic_misfit", "references")),
         (result.frf, ("blocks", "n_effective")),
         (model, ("band_hz", "fit_band_hz", "misfit", "covariance", "frac", "drift", "notes")),
         (model, ("orders", "modes", "guard_modes", "exponential_window")),
@@ -148,7 +148,7 @@ def write_measured(result: Result, folder: Path) -> None:
     """Write the FRFs as measured and the forces, or copy them from where they were read."""
     stored, frf = result.stored, result.measured
     if stored is None or stored.measured is not frf or not _copied(stored, folder):
-        write_frfs(frf, folder)
+        write_frfs((frf, *result.further), folder)
         _write_forces(frf, folder / FORCE_NAME)
 
 
@@ -213,7 +213,7 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
     """Result without its ring steps from a folder and its provenance."""
     stored = schema.read_identification_json(folder / JSON_NAME)
     options = record["options"]
-    measured = _read_measured(folder, stored, options.get("estimator", "H1"))
+    measured, further = _read_measured(folder, stored, options.get("estimator", "H1"))
     mass = _mass(stored.sensor_mass)
     setup = None
     if (own := stored.setup) is not None:
@@ -246,6 +246,8 @@ def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
         edits=edits_of(f"{folder / MARKER}", record.get("edits", ())),
         automatic=stored.automatic,
         automatic_misfit=stored.automatic_misfit,
+        references=stored.references,
+        further=further,
     )
 
 
@@ -258,9 +260,11 @@ def _mass(held: schema.StoredMass | None) -> SensorMass | None:
     return SensorMass(held.mass_kg, seats, held.excitation_deg, held.live_mass_kg, drift, own)
 
 
-def _read_measured(folder: Path, stored: schema.Stored, estimator: str) -> FRF:
-    """FRFs as measured, those of the fixed sensor among them."""
-    frf = read_frf(folder / "frf.parquet")
+def _read_measured(
+    folder: Path, stored: schema.Stored, estimator: str
+) -> tuple[FRF, tuple[FRF, ...]]:
+    """FRFs as measured, those of the fixed sensor among them, and those of further forces."""
+    frf, *others = read_frfs(folder / "frf.parquet")
     of_rows: dict[str, Any] = {name: np.array(stored.rows[name]) for name in stored.rows}
     if {*of_rows} - {*_OF_ROWS} or {each.size for each in of_rows.values()} - {frf.n_positions}:
         rule = f"one value for each of the {frf.n_positions} FRFs"
@@ -279,7 +283,18 @@ def _read_measured(folder: Path, stored: schema.Stored, estimator: str) -> FRF:
     if (folder / REFERENCE_NAME).is_file():
         fixed = _read_reference(folder / REFERENCE_NAME, stored.band_hz)
         frf = replace(frf, reference=replace(fixed, estimator=estimator))
-    return frf
+    places = {each.reference: each for each in stored.references}
+    further = [
+        replace(
+            other,
+            excitation_deg=places[k].position_deg,
+            force_node=places[k].node,
+            force_axis=places[k].axis,
+        )
+        for k, other in enumerate(others, start=2)
+        if k in places
+    ]
+    return frf, tuple(further)
 
 
 def _require_rows(path: Path, stored: schema.Stored, n_rows: int) -> None:

@@ -21,6 +21,7 @@ from ema.core.errors import visible_line
 from ema.core.frf import FRF
 from ema.core.modes import MODE_COLUMNS, ModalModel, Mode, OrderReport
 from ema.core.numerics import frame_of
+from ema.core.references import References
 from ema.io.uff.write import write_frfs as write_universal
 from ema.poles.stability import StabilityDiagram
 from pipelines.results.result import OtherMode, Result, Validation
@@ -211,6 +212,7 @@ _ORDERS = {
     **{"frequency_hz": "frequency_hz", "frequency_std_hz": "frequency_std_hz"},
     **{"damping_ratio": "damping_ratio", "damping_ratio_std": "damping_std"},
     "evidence": "pair.evidence",
+    **{name: name for name in ("antinode_deg", "antinode_std_deg")},
 }
 # Columns of ``other_modes.csv``, and where an `OtherMode` has them.
 _OTHER = {
@@ -225,12 +227,14 @@ _VALIDATION = (
 )
 
 
+_DIRECTIONS = ("", "X", "Y", "Z")
 _OF_FORCE = ("force_node", "force_axis")  # in the metadata of Parquet files
 
 
 def csv_tables(result: Result) -> dict[str, pd.DataFrame]:
     """Tables of a result folder that are CSV, by file name."""
-    return {
+    several = {"references.csv": references(result)} if result.references else {}
+    return several | {
         "modes.csv": result.modal_model.to_frame(),
         "shapes.csv": shapes(result),
         "orders.csv": orders(result.modal_model.orders),
@@ -246,7 +250,7 @@ def shapes(result: Result) -> pd.DataFrame:
     frf, modes = result.frf, result.modal_model.modes
     place = "position_deg" if np.all(np.isfinite(frf.position_deg)) else "node"
     shape = np.concatenate([np.zeros(0), *(mode.shape for mode in modes)])
-    directions = np.array(["", "X", "Y", "Z"])[frf.axis.clip(0, 3)]
+    directions = np.array(_DIRECTIONS)[frf.axis.clip(0, 3)]
     several = {"direction": np.tile(directions, len(modes))} if len(set(frf.axis)) > 1 else {}
     columns = {
         "mode": np.repeat(np.arange(1, len(modes) + 1), frf.n_positions),
@@ -261,6 +265,24 @@ def shapes(result: Result) -> pd.DataFrame:
 def orders(reports: tuple[OrderReport, ...]) -> pd.DataFrame:
     """``orders.csv``: each order by itself, and the verdict on its pair."""
     return pd.DataFrame({name: map(attrgetter(part), reports) for name, part in _ORDERS.items()})
+
+
+def references(result: Result) -> pd.DataFrame:
+    """``references.csv``: a row for each of several forces and each mode that it drives."""
+    found = [(each, result.modal_model.modes[each.mode - 1]) for each in result.references]
+    columns = {
+        "reference": [each.reference for each, _ in found],
+        "position_deg": [each.position_deg for each, _ in found],
+        "node": [each.node for each, _ in found],
+        "direction": [_DIRECTIONS[abs(each.axis)] for each, _ in found],
+        "mode": [each.mode for each, _ in found],
+        "order": [mode.order for _, mode in found],
+        "member": [mode.member for _, mode in found],
+        "frequency_hz": [mode.frequency_hz for _, mode in found],
+        "share": [each.share for each, _ in found],
+        "drive": [each.drive for each, _ in found],
+    }
+    return frame_of(columns, whole=("order",))
 
 
 def corrections(changes: tuple[Correction, ...]) -> pd.DataFrame:
@@ -303,14 +325,40 @@ def frfs(frf: FRF) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def write_frfs(frf: FRF, folder: Path) -> None:
-    """Write the FRFs of all positions, and those of the reference sensor if there are any."""
-    write_universal(folder / "frf.uff", frf)
-    for name, rows in (("frf", frf), ("reference", frf.reference)):
-        if rows is not None:
-            metadata = {"n_positions": str(rows.n_positions)}
-            metadata |= {name: str(getattr(frf, name)) for name in _OF_FORCE}
-            write_parquet(folder / f"{name}.parquet", frfs(rows), metadata)
+def write_frfs(every: Sequence[FRF], folder: Path) -> None:
+    """Write the FRFs of all positions, and those of the reference sensor if there are any.
+
+    FRFs of several forces follow each other, and a column tells whose they are.
+    """
+    frf = every[0]
+    write_universal(folder / "frf.uff", References(tuple(every)) if every[1:] else frf)
+    table, n_rows = frfs(frf), sum(each.n_positions for each in every)
+    if every[1:]:
+        parts = [frfs(each).assign(reference=number) for number, each in enumerate(every, 1)]
+        first = np.cumsum([0, *(each.n_positions for each in every[:-1])])
+        parts = [part.assign(row=part["row"] + at) for part, at in zip(parts, first, strict=True)]
+        table = pd.concat(parts, ignore_index=True)
+    metadata = {name: str(getattr(frf, name)) for name in _OF_FORCE}
+    write_parquet(folder / "frf.parquet", table, {"n_positions": str(n_rows)} | metadata)
+    if frf.reference is not None:
+        metadata |= {"n_positions": str(frf.reference.n_positions)}
+        write_parquet(folder / "reference.parquet", frfs(frf.reference), metadata)
+
+
+def read_frfs(path: Path) -> tuple[FRF, ...]:
+    """Read the FRFs of ``frf.parquet``, of each force that they are of."""
+    every, table = read_frf(path), Table(path)
+    if "reference" not in table.names:
+        return (every,)
+    of_line, row = (table.numbers(name).astype(int) for name in ("reference", "row"))
+    of_row = np.zeros(every.n_positions, dtype=int)
+    of_row[row] = of_line
+    numbers = np.unique(of_row)
+    if not np.array_equal(numbers, np.arange(1, numbers.size + 1)) or np.any(
+        of_row[row] != of_line
+    ):
+        raise table.unusable(f"references {numbers.tolist()}", "they count from 1, one for a row")
+    return tuple(every.rows(of_row == number) for number in numbers)
 
 
 def read_frf(path: Path) -> FRF:

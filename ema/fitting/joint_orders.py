@@ -1,0 +1,286 @@
+"""Pairs of the ring from several forces: every order, and the states of runs and forces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import chdtrc
+
+from ema.core.drift import NO_DRIFT
+from ema.core.modes import synthesise
+from ema.core.numerics import one_blas_thread
+from ema.fitting.fit_steps import with_states
+from ema.fitting.joint_pair import SAME_STATE, UNKNOWN_STATE, ForceState, JointFit, JointProblem
+from ema.fitting.mode_pairs import PairSearch, RingOrder, in_one_state, synthesis_of
+from ema.fitting.order_pair import OrderFrf, joint_report, pair_problem
+from ema.fitting.pole_fit import N_DRIFT, evaluate
+from ema.fitting.search import NO_SHIFT, CurveFit
+from ema.fitting.variable_projection import Complex, Real
+
+# Of poles up to so many half-widths away, an order may hold any part: what one pole leaves of its
+# pair is in their residues, and they are not subtracted.
+_BESIDE = 7.0
+# Orders change alike from force to force to these shares of frequency and decay.
+_UNEVEN = np.array([2e-5, 1e-3])
+# Fits, each with leakage and states of runs and forces as the one before shows them; each leaves a
+# fifth of the error.
+_ROUNDS = 4
+# States of runs are known beforehand to this (1 σ): a tyre warms up.
+_STATE_STD = 0.01
+_STEP = 1e-5
+
+
+@one_blas_thread
+def joint_curves(curves: Sequence[CurveFit]) -> tuple[list[CurveFit], tuple[ForceState, ...]]:
+    """Fits of one ring against each of several forces, with the pairs that all of them show.
+
+    What one pole for each order leaves of a pair looks like a drift of the runs: their states are
+    found again with the pairs.
+    """
+    curves = _with_all_orders(curves)
+    joint = _JointSearch(curves)
+    for _ in range(_ROUNDS - 1):
+        joint.search()
+        joint = _JointSearch([joint.with_run_states(k) for k in range(len(curves))], joint)
+    joint.search(is_last=True)
+    return [joint.with_ring(k) for k in range(len(curves))], joint.states
+
+
+class _JointSearch:
+    """Pairs of all orders of the ring that all forces show, perhaps from where others ended."""
+
+    def __init__(self, curves: Sequence[CurveFit], before: _JointSearch | None = None) -> None:
+        self.curves = curves
+        self.searches = [curve.pair_search() for curve in curves]
+        by_order = [
+            {order.order: led for order in curve.ring if (led := _led(order, search))}
+            for curve, search in zip(curves, self.searches, strict=True)
+        ]
+        shared = set(by_order[0]).intersection(*by_order[1:])
+        self.alone = {order: [each[order] for each in by_order] for order in sorted(shared)}
+        self.states: tuple[ForceState, ...] = (SAME_STATE,) * len(curves)
+        self.joint: dict[int, list[RingOrder]] = {}
+        if before is not None:
+            self.states, self.joint = before.states, before.joint
+        for force, search in enumerate(self.searches):
+            _take_as_known(search, self._of_force(force))
+
+    def search(self, *, is_last: bool = False) -> None:
+        """Fit all orders; states of the forces stay in the last search, which gives verdicts."""
+        unknown = (SAME_STATE, *[UNKNOWN_STATE] * (len(self.curves) - 1))
+        states = self.states if is_last else unknown
+        tried = {order: self._fitted(order, states, is_last) for order in self.alone}
+        fits = {order: found for order, found in tried.items() if found is not None}
+        self.joint = {order: orders for order, (_, orders) in fits.items()}
+        if fits and not is_last:
+            self.states = (SAME_STATE, *_states([fit for fit, _ in fits.values()]))
+
+    def with_ring(self, force: int) -> CurveFit:
+        """The fit of a force with the orders that both members are determined of."""
+        curve = copy(self.curves[force])
+        curve.ring = tuple(
+            self.joint[each.order][force]
+            if each.is_main and each.order in self.joint and self.joint[each.order][0].is_resolved
+            else each
+            for each in curve.ring
+        )
+        return curve
+
+    def with_run_states(self, force: int) -> CurveFit:
+        """The fit of a force with the states of its runs found again."""
+        curve, search = copy(self.curves[force]), self.searches[force]
+        if search.fit.lines.n_runs < 2 or not self.joint:
+            return curve
+        step, covariance = self._run_states(force)
+        fit = search.fit
+        before = np.broadcast_to(fit.drift, step.shape)
+        absolute = before + step
+        relative = absolute[1:] - absolute[0]
+        spread = np.kron(np.ones((len(relative), len(relative))), covariance[0])
+        for k, own in enumerate(covariance[1:]):
+            at = slice(N_DRIFT * k, N_DRIFT * (k + 1))
+            spread[at, at] += own
+        size = float(relative.ravel() @ np.linalg.pinv(spread, hermitian=True) @ relative.ravel())
+        chance = float(chdtrc(relative.size, size))
+        applied = chance < curve.settings.drift_p_value
+        own = absolute[0] if applied else absolute.mean(axis=0)
+        drift = np.vstack([np.zeros(N_DRIFT), relative]) if applied else NO_SHIFT
+        curve.drift = with_states(
+            replace(
+                NO_DRIFT,
+                run=curve.frf.run_names,
+                middle_hz=fit.lines.middle_hz,
+                applied=applied,
+                chance=chance,
+            ),
+            relative.ravel(),
+            spread,
+        )
+        again = evaluate(fit.lines, fit.lines.drifted(fit.poles, own), drift)
+        curve.fit = replace(again, at_bound=fit.at_bound, pairs=fit.pairs, locked=fit.locked)
+        return curve
+
+    def _of_force(self, force: int) -> list[RingOrder]:
+        return [each[force] for each in self.joint.values()]
+
+    def _run_states(self, force: int) -> tuple[Real, Real]:
+        """What each run's state is beside that of the fit, (n_runs, 4), and its covariance.
+
+        One Gauss–Newton step, with a free amplitude of each order and of all other poles at each
+        position.
+        """
+        search = self.searches[force]
+        fit, lines, orders = search.fit, search.fit.lines, self._of_force(force)
+        members = {k for each in orders for k in each.members}
+        others = [k for k in range(fit.poles.size) if k not in members]
+        residues = np.concatenate([each.waves(search.frf.position_deg) for each in orders], axis=1)
+        poles = np.array([pole for each in orders if each.pair for pole in each.pair.poles])
+        left = _residuals_of(search, orders)
+        ground = np.stack([np.ones_like(lines.omega), lines.omega**2 / lines.omega[-1] ** 2])
+        steps, covariances = list[Real](), list[Real]()
+        for run in range(lines.n_runs):
+            drift = fit.drift[run if len(fit.drift) > 1 else 0]
+            rows = np.flatnonzero(lines.run == run)
+            alone = _functions(lines.frequency_hz, lines.drifted(fit.poles[others], drift))
+            waves = _functions(lines.frequency_hz, lines.drifted(poles, drift))
+            slopes = [
+                (_functions(lines.frequency_hz, lines.drifted(poles, drift + h)) - waves) / _STEP
+                for h in _STEP * np.eye(N_DRIFT)
+            ]
+            normal, right = np.diag(np.full(N_DRIFT, _STATE_STD**-2)), np.zeros(N_DRIFT)
+            misfit, free = 0.0, 0.0
+            for row in rows:
+                weight = lines.weight * lines.scale[row]
+                shape = residues[row]
+                of_orders = (shape[:, None] * waves).reshape(len(orders), 2, -1).sum(axis=1)
+                columns = np.concatenate([of_orders, alone, ground]) * weight
+                basis = np.linalg.qr(columns.T)[0]
+                seen = np.array([left[row], *(shape @ slope for slope in slopes)]) * weight
+                seen -= (seen @ basis.conj()) @ basis.T
+                normal += (seen[1:].conj() @ seen[1:].T).real / search.correlation
+                right += (seen[1:].conj() @ seen[0]).real / search.correlation
+                misfit += float(np.sum(np.abs(seen[0]) ** 2))
+                free += 2 * (seen.shape[1] - len(columns))
+            inner = np.linalg.inv(normal)
+            steps.append(inner @ right)
+            covariances.append(inner * max(misfit / free, 1.0))
+        return np.array(steps), np.array(covariances)
+
+    def _fitted(
+        self, order: int, states: Sequence[ForceState], is_last: bool
+    ) -> tuple[JointFit, list[RingOrder]] | None:
+        """Joint fit of an order, and the order as each force shows it in its first run's state."""
+        alone = self.alone[order]
+        seen = [
+            search.seen_of(order, list(each.members), reach=_BESIDE)
+            for search, each in zip(self.searches, alone, strict=True)
+        ]
+        start, axes_rad = complex(np.mean([each.start for each in seen])), seen[0].force_rad
+        turned = [each.force_rad - axes_rad for each in seen]
+        own = [
+            OrderFrf(order, each.frequency_hz, each.values, each.std).seen_from(-angle)
+            for each, angle in zip(seen, turned, strict=True)
+        ]
+        problems = []
+        for reach in (1.0, 0.5) if is_last else (1.0,):
+            parts = [
+                pair_problem(part.frequency_hz, part.values, part.std, start, each.known, reach)
+                for part, each in zip(own, seen, strict=True)
+            ]
+            whole = [part for part in parts if part is not None]
+            if len(whole) == len(parts):
+                problems.append(JointProblem(whole, turned, states))
+        if not problems:
+            return None
+        fit = problems[0].solve(problems[1] if len(problems) > 1 else None)
+        orders = []
+        for search, each, pair, single in zip(self.searches, seen, fit.pairs, alone, strict=True):
+            pair = search.in_first_state(pair, each.start)
+            wave = pair.residues[0] * np.exp(-0.5j * np.angle(np.sum(pair.residues[0] ** 2)))
+            antinode = np.mod(np.arctan2(wave[1].real, wave[0].real) + axes_rad, np.pi)
+            report = replace(
+                joint_report(order, pair, search.settings),
+                antinode_deg=float(np.rad2deg(antinode) / order),
+                antinode_std_deg=float(np.rad2deg(pair.turned_std_rad) / order),
+            )
+            axes = replace(each, force_rad=axes_rad)
+            found = replace(single, pair=pair, seen=axes, report=report, jointly=True)
+            orders.append(found)
+        return fit, orders
+
+
+def _with_all_orders(curves: Sequence[CurveFit]) -> list[CurveFit]:
+    """Fits with poles added for orders of the ring that only other forces show."""
+    main = [{o.order: o.pair for o in c.ring if o.is_main and o.pair} for c in curves]
+    every = {order: pair for each in main for order, pair in each.items()}
+    complete = []
+    for curve, own in zip(curves, main, strict=True):
+        missing = [pair.mean for order, pair in every.items() if order not in own]
+        if missing:
+            curve = curve.going_on(added=missing)
+            curve.find_pairs()
+        complete.append(curve)
+    return complete
+
+
+def _led(order: RingOrder, search: PairSearch) -> RingOrder | None:
+    """The order of the ring with the member first that the search knows as its main one."""
+    members = tuple(sorted(order.members, key=lambda k: k not in search.directions))
+    known = order.is_main and order.pair is not None and members[0] in search.directions
+    return replace(order, members=members) if known else None
+
+
+def _take_as_known(search: PairSearch, orders: Sequence[RingOrder]) -> None:
+    """Let a search see the fit with one pole for each order, leakage and states of its pair."""
+    fit, lines, search.further = search.fit, search.fit.lines, {}
+    search.middle = replace(fit, poles=lines.drifted(fit.poles, search.state))
+    left = in_one_state(fit, search.middle.poles)
+    left = left - synthesis_of(search.middle, range(fit.poles.size))
+    left += search.leakage_of_two(orders)
+    for each in orders:
+        own = list(each.members)
+        pair = each.poles, each.waves(search.frf.position_deg), 1.0
+        for poles, shapes, sign in (pair, (fit.poles[own], fit.residues[:, own], -1.0)):
+            wanted = lines.drifted(poles, search.state)
+            for rows, drift in zip(fit.groups, fit.drift, strict=True):
+                left[rows] += sign * _alone(lines.frequency_hz, wanted, shapes[rows])
+                here = lines.drifted(poles, drift)
+                left[rows] -= sign * _alone(lines.frequency_hz, here, shapes[rows])
+    search.left = left
+
+
+def _residuals_of(search: PairSearch, orders: Sequence[RingOrder]) -> Complex:
+    """What is left of the FRFs with the pairs of some orders in the place of their poles."""
+    left, lines = np.array(search.left), search.fit.lines
+    for each in orders:
+        here, waves = lines.drifted(each.poles, search.state), each.waves(search.frf.position_deg)
+        left += synthesis_of(search.middle, each.members, residual_terms=False)
+        left -= _alone(lines.frequency_hz, here, waves)
+    return left
+
+
+def _alone(frequency_hz: Real, poles: Complex, residues: Complex) -> Complex:
+    none = np.zeros(len(residues))
+    return synthesise(frequency_hz, poles, residues, none, none)
+
+
+def _functions(frequency_hz: Real, poles: Complex) -> Complex:
+    """FRFs of single poles with unit receptance residues j, (n_poles, n_lines)."""
+    residues = np.array(1j * np.eye(poles.size), dtype=np.complex128)
+    return np.asarray(-1j * _alone(frequency_hz, poles, residues))
+
+
+def _states(fits: Sequence[JointFit]) -> list[ForceState]:
+    """States of the forces but the first, as all orders together show them."""
+    states = []
+    for force in range(1, len(fits[0].pairs)):
+        shift = np.array([fit.shift[force] for fit in fits])
+        weight = 1 / (np.array([fit.shift_std[force] for fit in fits]) ** 2 + _UNEVEN**2)
+        mean = np.sum(weight * shift, axis=0) / np.sum(weight, axis=0)
+        scatter = np.sum(weight * (shift - mean) ** 2, axis=0) / max(len(fits) - 1, 1)
+        std = np.sqrt(np.maximum(scatter, 1.0) / np.sum(weight, axis=0))
+        states.append(ForceState(*mean.tolist(), *std.tolist()))
+    return states

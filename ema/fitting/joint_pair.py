@@ -1,0 +1,317 @@
+"""The pair of one order from several forces: the same two poles and waves, driven differently.
+
+With Λ and M as in `ema.fitting.ring_pair`, all in the axes of the first force, the FRFs of the
+order against force r are
+
+    H_r = −ω²/M [(jω − Λ)(jω − Λ*)]⁻¹ u_r,   u_r = g_r (cos η_r, sin η_r),   H_r → (1 + E) H_r.
+
+Two forces that are not on one line of antinodes drive both members, so that Λ is determined however
+little its members are apart. What belongs to the sensors (E) is common to all forces; gain g_r and
+direction η_r of a force, and what the ring's state has changed since the first one, have to pay for
+themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import leastsq
+
+from ema.core.numerics import end_if_stopped
+from ema.fitting.order_pair import with_change
+from ema.fitting.ring_pair import PairFit, PairProblem
+from ema.fitting.variable_projection import Complex, Real
+
+# Shared parameters, as in `PairProblem`; then direction, frequency and decay of each force's state.
+_SHARED, _OF_FORCE = 6, 3
+_POLE = (0, 1)  # mean frequency and damping
+# Forces agree in their gain to this share (1 σ): the same cell, mounted twice.
+_GAIN = 0.02
+_MIXING = 4
+_EVALUATIONS = 40
+
+
+@dataclass(frozen=True)
+class ForceState:
+    """What the ring's state has changed since the first force: relative, with its σ."""
+
+    frequency: float
+    decay: float
+    frequency_std: float
+    decay_std: float
+
+
+#: Nothing known but that a tyre warms up a little.
+UNKNOWN_STATE = ForceState(0.0, 0.0, 0.003, 0.02)
+SAME_STATE = ForceState(0.0, 0.0, 1e-7, 1e-6)
+
+
+@dataclass(frozen=True, eq=False)
+class JointFit:
+    """What all forces say about the pair of an order.
+
+    Parameters
+    ----------
+    pairs : tuple of PairFit
+        As each force's FRFs show it: poles in its own state, and its own residues, both in the axes
+        of the first force. Numbers and covariance of the members are those of all forces.
+    shift : ndarray, shape (n_forces, 2)
+        Relative change of frequency and decay since the first force.
+    shift_std : ndarray, shape (n_forces, 2)
+    """
+
+    pairs: tuple[PairFit, ...]
+    shift: Real
+    shift_std: Real
+
+
+class JointProblem:
+    """Least-squares problem of one order's pair against several forces.
+
+    Parameters
+    ----------
+    problems : sequence of PairProblem
+        Of each force, all with the same start and in the axes of the first one.
+    turned : sequence of float
+        η of each force as stated, in radians of the wave from the first one.
+    states : sequence of ForceState
+        Of each force.
+    """
+
+    def __init__(
+        self, problems: Sequence[PairProblem], turned: Sequence[float], states: Sequence[ForceState]
+    ) -> None:
+        self.problems, self.turned = tuple(problems), np.array(turned)
+        first = problems[0]
+        self.expected = np.zeros(_SHARED + _OF_FORCE * len(problems))
+        self.sizes = np.concatenate(
+            [first.sizes[:_SHARED], *([[0.02, 1e-4, 1e-3]] * len(problems))]
+        )
+        spread = [np.inf, np.inf, *first.priors[:4]]
+        for k, (problem, state) in enumerate(zip(problems, states, strict=True)):
+            own = self._own(k)
+            self.expected[own] = 0.0, state.frequency, state.decay
+            spread += [problem.priors[4], state.frequency_std, state.decay_std]
+        self.spread = np.array(spread)
+        self.amplitude = 1e-12  # no mixing at first, to see the size of the wave
+        self.amplitude = abs(self._linear(self.expected)[2][0])
+
+    def _own(self, force: int) -> slice:
+        """Parameters of a force."""
+        return slice(_SHARED + _OF_FORCE * force, _SHARED + _OF_FORCE * (force + 1))
+
+    def of_force(self, x: Real, force: int) -> Real:
+        """Parameters of a force's `PairProblem`, for many sets."""
+        own = x[..., self._own(force)]
+        shared = x[..., :_SHARED].copy()
+        shared[..., 0] += own[..., 1]
+        shared[..., 1] += own[..., 2] - own[..., 1]
+        return np.concatenate([shared, own[..., :1] + self.turned[force]], axis=-1)
+
+    def minimum(self, start: Real, free: Sequence[int] | None = None) -> tuple[Real, float]:
+        """The parameters of the minimum from a start, and twice its cost."""
+        end_if_stopped()
+        chosen = np.arange(start.size) if free is None else np.array(free)
+        steps = 1e-6 * np.diag(self.sizes)[chosen]
+
+        def whole(values: Real) -> Real:
+            x = start.copy()
+            x[chosen] = values
+            return x
+
+        found = leastsq(
+            lambda values: self.residuals(whole(values)),
+            start[chosen],
+            (),
+            lambda values: self.jacobian(whole(values), steps),
+            True,
+            diag=1 / self.sizes[chosen],
+            maxfev=_EVALUATIONS,
+            ftol=1e-6,
+            xtol=1e-6,
+            gtol=1e-8,
+        )[0]
+        x = whole(found)
+        return x, float(np.sum(self.residuals(x) ** 2))
+
+    def solve(self, narrow: JointProblem | None) -> JointFit:
+        """The best pair, with what the data say against one pole.
+
+        What half the lines would change, in a `narrow` problem, is part of the covariance as in
+        `ema.fitting.order_pair`.
+        """
+        x, cost = self.minimum(self.start())
+        scale = max(self._misfit(cost), 1e-12)
+        for problem in (*self.problems, *(narrow.problems if narrow else ())):
+            problem.scale = scale
+        x, cost = self.minimum(x)
+        one = self.expected.copy()
+        one[list(_POLE)] = x[list(_POLE)]
+        gain = self.minimum(one, [*_POLE, *range(_SHARED, one.size)])[1] - cost
+        fit = self._fit(x, gain)
+        if narrow is None:
+            return fit
+        narrow.amplitude = self.amplitude
+        other = narrow._fit(narrow.minimum(x)[0], gain)
+        pairs = tuple(map(with_change, fit.pairs, other.pairs))
+        return replace(fit, pairs=pairs)
+
+    def start(self) -> Real:
+        """Parameters from the equation of motion, in which they are linear.
+
+        (−ω² + jωC + K) H_r/(−ω²) = u_r/M, weighted as the residuals of one pole would be.
+        """
+        rows, rights = list[list[Complex]](), list[Complex]()
+        x = self.expected
+        for k, problem in enumerate(self.problems):
+            omega = problem.omega
+            own = self.of_force(x, k)
+            alone = omega**2 / (
+                omega**2 - problem.size**2 - 2j * problem.ratio * problem.size * omega
+            )
+            weight = problem.weight[0] * np.abs(alone)
+            cosine, sine = weight * problem.values / -(omega**2)
+            none, drive = np.zeros_like(cosine), -weight + 0j
+            speed = 1j * omega
+            direction = np.cos(own[6]), np.sin(own[6])
+            rows.append(
+                [speed * cosine, speed * sine, none, cosine, sine, none, drive * direction[0]]
+            )
+            rows.append(
+                [none, speed * cosine, speed * sine, none, cosine, sine, drive * direction[1]]
+            )
+            rights += [omega**2 * cosine, omega**2 * sine]
+        design = np.concatenate([np.array(each) for each in rows], axis=1).T
+        size = np.linalg.norm(design, axis=0)
+        right = np.concatenate(rights)
+        found = np.linalg.lstsq(
+            np.concatenate([(design / size).real, (design / size).imag]),
+            np.concatenate([right.real, right.imag]),
+            rcond=None,
+        )[0]
+        found = found / size
+        damping, stiffness = (found[[k, k + 1, k + 1, k + 2]].reshape(2, 2) for k in (0, 3))
+        squared, axes = np.linalg.eigh(stiffness - damping @ damping / 4)
+        coupled = -damping / 2 + 1j * (axes * np.sqrt(np.maximum(squared, 0.0))) @ axes.T
+        x = self.expected.copy()
+        x[:_SHARED] = self.problems[0].parameters_of(coupled)
+        return x
+
+    def residuals(self, x: Real) -> Real:
+        """Weighted residuals, those of the priors included."""
+        return np.concatenate([self._linear(x)[0].view(float), self._strayed(x)])
+
+    def jacobian(self, x: Real, steps: Real) -> Real:
+        """Slopes of the residuals to the parameters that `steps` moves, of Kaufman (1975)."""
+        left, orthonormal, found = self._linear(x)
+        size = np.linalg.norm(steps, axis=1)
+        mixed = found[0] * np.eye(2) + found[1 : 1 + _MIXING].reshape(2, 2)
+        rows = np.zeros((size.size, left.size), dtype=complex)
+        at = 0
+        for k, problem in enumerate(self.problems):
+            ahead, behind = (
+                problem.inside_waves(self.of_force(x + sign * steps, k)) for sign in (1, -1)
+            )
+            slopes = (ahead - behind) / (2 * size[:, None, None])
+            slopes = mixed @ slopes + found[1 + _MIXING + k] * slopes
+            own = (slopes * problem.weight[:, None]).reshape(size.size, -1)
+            rows[:, at : at + own.shape[1]] = own
+            at += own.shape[1]
+        rows -= (rows @ orthonormal.conj()) @ orthonormal.T
+        priors = steps[:, 2:] / size[:, None] / self.spread[2:]
+        return np.concatenate([-rows.view(float), priors], axis=1).T
+
+    def _strayed(self, x: Real) -> Real:
+        return np.asarray(((x - self.expected) / self.spread)[2:])
+
+    def _linear(self, x: Real) -> tuple[Complex, Complex, Complex]:
+        """Weighted residuals, orthonormal columns, and amplitude, mixing and gains at best.
+
+        Mixing and gains are times the amplitude, as in `PairProblem`.
+        """
+        n_forces = len(self.problems)
+        n_columns = 1 + _MIXING + n_forces
+        blocks, rights = list[Complex](), list[Complex]()
+        for k, problem in enumerate(self.problems):
+            waves = problem.inside_waves(self.of_force(x[None], k))[0]
+            weighted = waves * problem.weight[:, None]
+            block = np.zeros((n_columns, *waves.shape), dtype=complex)
+            block[0] = weighted
+            block[1:3, 0] = waves * problem.weight[0]
+            block[3:5, 1] = waves * problem.weight[1]
+            block[1 + _MIXING + k] = weighted
+            blocks.append(block.reshape(n_columns, -1))
+            rights.append((problem.inside * problem.weight[:, None]).ravel())
+        wave = max(problem.wave_std for problem in self.problems)
+        stray = np.repeat([wave, _GAIN], [_MIXING, n_forces]) * self.amplitude
+        prior = np.zeros((n_columns, n_columns - 1), dtype=complex)
+        prior[1:] = np.diag(1 / np.maximum(stray, 1e-300))
+        columns = np.concatenate([*blocks, prior], axis=1)
+        right = np.concatenate([*rights, np.zeros(n_columns - 1)])
+        size = np.linalg.norm(columns, axis=1)
+        orthonormal, triangle = np.linalg.qr((columns / size[:, None]).T)
+        seen = orthonormal.conj().T @ right
+        return right - orthonormal @ seen, orthonormal, np.linalg.solve(triangle, seen) / size
+
+    def _misfit(self, cost: float) -> float:
+        """Reduced χ² of all forces, in terms of their scales."""
+        outside = sum(float(np.sum(p.outside / p.std**2)) / p.scale for p in self.problems)
+        free = sum(p.n_independent for p in self.problems) - 20 * len(self.problems)
+        return float(cost + outside) / max(free, 1)
+
+    def _fit(self, x: Real, gain: float) -> JointFit:
+        covariance = self.covariance(x)
+        found = self._linear(x)[2]
+        mixed = found[0] + found[1 + _MIXING :]
+        pairs = tuple(
+            replace(self._of_force(x, covariance, k, complex(mixed[k])), gain=gain)
+            for k in range(len(self.problems))
+        )
+        own = x[_SHARED:].reshape(-1, _OF_FORCE)[:, 1:]
+        std = np.sqrt(np.diag(covariance))[_SHARED:].reshape(-1, _OF_FORCE)[:, 1:]
+        return JointFit(pairs, own - own[0], std)
+
+    def covariance(self, x: Real) -> Real:
+        """Covariance of the parameters at a minimum."""
+        slopes = self.jacobian(x, 1e-6 * np.diag(self.sizes))
+        size = np.linalg.norm(slopes, axis=0)
+        slopes = slopes / size
+        inner = np.linalg.pinv(slopes.T @ slopes, rcond=1e-12, hermitian=True)
+        return np.asarray(inner / np.outer(size, size))
+
+    def _of_force(self, x: Real, covariance: Real, force: int, amplitude: complex) -> PairFit:
+        """The pair as one force's FRFs show it."""
+        problem = self.problems[force]
+
+        def numbers(at: Real) -> Real:
+            return problem.numbers(self.of_force(at, force))
+
+        step = 1e-3 * np.sqrt(np.diag(covariance))
+        slope = np.array(
+            [
+                (numbers(x + h) - numbers(x - h)) / (2 * size)
+                for h, size in zip(np.diag(step), step, strict=True)
+            ]
+        ).T
+        spread = slope @ covariance @ slope.T + np.diag(self._of_direction(x, covariance, force))
+        pair = problem.pair_of(self.of_force(x, force), spread, amplitude, problem.scale)
+        apart = np.hypot(*x[[2, 3]])
+        turned = np.sqrt(np.trace(covariance[2:4, 2:4]) / 2) / (2 * apart)
+        return replace(pair, turned_std_rad=float(min(turned, np.pi / np.sqrt(12))))
+
+    def _of_direction(self, x: Real, covariance: Real, force: int) -> Real:
+        """Variance from a split that is no larger than its ±: it is never seen below zero.
+
+        The distance of two estimates from each other is on average larger than the true one, by
+        σ²/2d, and by no more than σ.
+        """
+        problem = self.problems[force]
+        hz = abs(problem.numbers(self.of_force(x, force))[4])
+        variance = np.zeros(6)
+        for column, size, first in ((0, hz, 2), (1, problem.ratio, 4)):
+            std = np.sqrt(np.trace(covariance[first : first + 2, first : first + 2]) / 2)
+            apart = np.hypot(*x[first : first + 2])
+            variance[[column, column + 2]] = (size * min(std**2 / (2 * apart), std)) ** 2
+        return variance

@@ -1,0 +1,74 @@
+"""A campaign with two forces, from FRFs to the result folder and back."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import ema
+import ringmodal as rm
+from ema.core.campaign import Campaign, Processing
+from ema.core.errors import InputError
+from ema.core.frf import FRF
+from ema.core.references import References
+from pipelines.simulate.truth import TruthMode, modal_sum
+
+LINES_HZ = np.arange(1, 801) / 4
+RING = ((1, 79.0), (2, 100.0), (3, 121.0))
+
+
+@pytest.fixture(scope="module")
+def result():
+    angles, omega = np.arange(0.0, 360.0, 30.0), 2 * np.pi * LINES_HZ
+    modes = [
+        TruthMode(n, member, hz * (1 + sign * 0.004), 0.025, 4.0, 20.0 * n + turn)
+        for n, hz in RING
+        for member, sign, turn in (("a", -1, 0.0), ("b", 1, 90.0 / n))
+    ]
+    frfs, rng = [], np.random.default_rng(0)
+    for force_deg in (0.0, 13.0):
+        system = modal_sum((*modes, TruthMode(4, "", 146.0, 0.02, 4.0, 0.0)), angles, force_deg)
+        exact = np.array([system.inertance(row, omega) for row in range(angles.size)])
+        noise = 1e-3 * rng.standard_normal((2, *exact.shape))
+        values, std = exact + noise[0] + 1j * noise[1], np.full(exact.shape, 1e-3)
+        frf = FRF.from_arrays(LINES_HZ, values, angles_deg=angles, std=std)
+        frfs.append(replace(frf, excitation_deg=force_deg))
+    campaign = Campaign(
+        name="two forces",
+        frf=References(tuple(frfs)),
+        positions=12,
+        excitation_deg=0.0,
+        processing=Processing(band_hz=(60.0, 135.0)),
+    )
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(ema, "read_campaign", lambda source: campaign)
+        patched.setattr(ema, "estimate_frf", lambda campaign, *args, **how: campaign.frf)
+        return rm.process("campaign")
+
+
+def test_tables_say_what_each_force_contributes(result, tmp_path):
+    rm.save(result, tmp_path / "result")
+    table = pd.read_csv(tmp_path / "result" / "references.csv", keep_default_na=False)
+    assert sorted(set(table["position_deg"])) == [0.0, 13.0]
+    assert len(table) == 2 * len(result.modal_model.modes)
+    pairs = table[table["member"] != ""].groupby(["reference", "order"])["share"].sum()
+    assert np.allclose(pairs, 1.0)
+    assert np.allclose(table.groupby("mode")["drive"].max(), 1.0)
+    frfs = pd.read_parquet(tmp_path / "result" / "frf.parquet")
+    assert frfs.groupby("reference")["row"].nunique().to_list() == [12, 12]
+    orders = pd.read_csv(tmp_path / "result" / "orders.csv")
+    expected = (20.0 * orders["order"]) % (180.0 / orders["order"])
+    assert np.allclose(orders["antinode_deg"], expected, atol=1.0)
+    assert "What each force contributes" in (tmp_path / "result" / "report.html").read_text()
+
+
+def test_a_result_of_several_forces_is_read_back_and_not_refitted(result, tmp_path):
+    rm.save(result, tmp_path / "result", report=False)
+    back = rm.load(tmp_path / "result")
+    assert back.references == result.references
+    for there, here in zip(back.further, result.further, strict=True):
+        assert np.array_equal(there.values, here.values)
+        assert there.excitation_deg == here.excitation_deg
+    with pytest.raises(InputError, match="2 forces"):
+        rm.refit(tmp_path / "result", [])
