@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import ema
+from ema.checks.reciprocity import reciprocity_findings
 from ema.checks.sensor_mass import SensorMass
 from ema.circumference.mass_loading import (
     live_mass_note,
@@ -110,6 +111,8 @@ def process(
         ).as_stored()
         first = frfs_of(estimated)[0]
         campaign, band_hz = _with_band(replace(campaign, processing=processing), first)
+        mutual = reciprocity_findings(frfs_of(estimated), band_hz, campaign.checks)
+        campaign = replace(campaign, findings=(*campaign.findings, *mutual))
     asked = Asked(
         band_hz=band_hz,
         max_order=options.max_order,

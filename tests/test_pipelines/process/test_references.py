@@ -10,6 +10,7 @@ import ema
 import ringmodal as rm
 from ema.core.campaign import Campaign, Processing
 from ema.core.errors import InputError
+from ema.core.finding import Check, Verdict
 from ema.core.frf import FRF
 from ema.core.references import References
 from pipelines.simulate.truth import TruthMode, modal_sum
@@ -32,7 +33,8 @@ def result():
         exact = np.array([system.inertance(row, omega) for row in range(angles.size)])
         noise = 1e-3 * rng.standard_normal((2, *exact.shape))
         values, std = exact + noise[0] + 1j * noise[1], np.full(exact.shape, 1e-3)
-        frf = FRF.from_arrays(LINES_HZ, values, angles_deg=angles, std=std)
+        nodes = np.arange(angles.size)
+        frf = FRF.from_arrays(LINES_HZ, values, angles_deg=angles, nodes=nodes, std=std)
         frfs.append(replace(frf, excitation_deg=force_deg))
     campaign = Campaign(
         name="two forces",
@@ -72,3 +74,25 @@ def test_a_result_of_several_forces_is_read_back_and_not_refitted(result, tmp_pa
         assert there.excitation_deg == here.excitation_deg
     with pytest.raises(InputError, match="2 forces"):
         rm.refit(tmp_path / "result", [])
+
+
+def test_forces_of_a_result_are_read_back_from_its_universal_file(result, tmp_path):
+    rm.save(result, tmp_path / "result", report=False)
+    manifest = 'schema = 1\n[grid]\npositions = 12\n[[runs]]\nfile = "result/frf.uff"\n'
+    (tmp_path / "campaign.toml").write_text(manifest)
+    back = rm.read_campaign(tmp_path).frf
+    assert [frf.excitation_deg for frf in back] == [0.0, 13.0]
+    for there, here in zip(back, (result.measured, *result.further), strict=True):
+        np.testing.assert_allclose(there.values, here.values, rtol=1e-12)
+
+
+def test_a_mass_that_came_with_the_second_force_is_named(tmp_path):
+    kind = {"duration_s": 4.0, "snr_db": 40.0, "split_percent": 1.0, "force_deg": (0.0, 22.5)}
+    folder = rm.simulate_campaign(tmp_path / "bare", **kind)
+    heavy = rm.simulate_campaign(tmp_path / "heavy", sensor_mass_kg=0.02, **kind)
+    for number in range(7, 13):
+        (heavy / f"config_{number}.uff").replace(folder / f"config_{number}.uff")
+    options = rm.Options(tune=False, processing=Processing(band_hz=(60.0, 160.0)))
+    found = rm.process(folder, options)
+    told = [each for each in found.findings if each.check is Check.RECIPROCITY]
+    assert [each.verdict for each in told] == [Verdict.WARNING]
