@@ -29,7 +29,6 @@ from ema.checks.positions import (
 from ema.checks.sensor_consistency import ConsistencyCheck, check_consistency, is_better, withheld
 from ema.checks.sensor_mass import SensorMass, is_drift_lost, with_mass_std, without_mass
 from ema.circumference.orders import on_circle, without_order
-from ema.core.bands import widened_band
 from ema.core.edits import Edit, EditKind
 from ema.core.finding import Finding
 from ema.core.frf import FRF
@@ -39,6 +38,7 @@ from ema.fitting.curve_fit import Wish, pole_named, settled, wishes
 from ema.fitting.edited_fit import EditedFit
 from ema.fitting.joint_orders import joint_curves
 from ema.fitting.search import curve_fit
+from ema.poles.estimators import widened_band
 from ema.poles.stability import PoleSelection, StabilityDiagram, build_stability, select_poles
 
 # A force of wrong sign first, then the sensors, then a look at what is left.

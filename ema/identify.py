@@ -10,12 +10,12 @@ import numpy as np
 from ema.automatic import Asked, Basis, automatic_basis, joint_bases
 from ema.checks.corrections import Correction
 from ema.checks.sensor_mass import SensorMass
-from ema.core.bands import frequencies_of
 from ema.core.display import band_text, counted
 from ema.core.edits import Edit, shorthand
 from ema.core.errors import InputError, require_type
 from ema.core.finding import Check, Finding, Verdict, findings_html
 from ema.core.frf import FRF
+from ema.core.frf_arrays import frequencies_of
 from ema.core.modes import ModalModel, model_html
 from ema.core.numerics import one_blas_thread
 from ema.core.references import References

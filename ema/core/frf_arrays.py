@@ -148,6 +148,18 @@ def band_of(band_hz: Any) -> tuple[float, float]:
     return low, high
 
 
+def frequencies_of(name: str, values: ArrayLike) -> tuple[float, ...]:
+    """Frequencies in Hz that a user gives, one or several."""
+    try:
+        found = np.atleast_1d(np.asarray(values, dtype=float)).ravel()
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if not found.size or not np.all(np.isfinite(found) & (found > 0)):
+        rule = "they must be numbers > 0 in Hz"
+        raise InputError(name, f"{values!r:.60}", rule, "Write e.g. [78.7, 100.3]")
+    return tuple(found.tolist())
+
+
 def one_angle(value: float | None) -> float:
     """The angle of the force; NaN where unknown."""
     try:

@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ema.core.bands import NO_FRF, frequencies_of
 from ema.core.edits import Edit, EditKind, of_kind, shorthand
 from ema.core.errors import InputError, require_type
 from ema.core.frf import FRF
+from ema.core.frf_arrays import frequencies_of
 from ema.core.modes import Chosen, ModalModel, Pair
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
@@ -33,6 +33,7 @@ from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_STAND_INS, evaluate
 from ema.fitting.search import CurveFit, curve_fit
 from ema.fitting.variable_projection import Real
+from ema.poles.estimators import NO_FRF
 from ema.poles.stability import PoleSelection, StabilityDiagram, build_stability, select_poles
 
 

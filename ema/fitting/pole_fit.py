@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.core.bands import widened_band
 from ema.core.errors import FitError
 from ema.core.frf import FRF
 from ema.core.settings import IdentificationSettings
 from ema.fitting.variable_projection import Complex, Projection, Real, descend, project, stacked
+from ema.poles.estimators import widened_band
 from ema.signals.leakage import noise_level
 
 _NOTHING_LEFT = 1e-4  # of χ²

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from ema.circumference.orders import family, label_modes, of_order, on_circle
-from ema.core.bands import widened_band
 from ema.core.drift import NO_DRIFT, Drift, of_runs
 from ema.core.frf import FRF
 from ema.core.modes import Mode
@@ -50,6 +49,7 @@ from ema.fitting.pole_fit import (
     with_stand_ins,
 )
 from ema.fitting.variable_projection import Real
+from ema.poles.estimators import widened_band
 from ema.poles.stability import PoleSelection
 from ema.signals.leakage import bias_as_before
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.circumference.orders import on_circle
-from ema.core.bands import widened_band
 from ema.core.display import band_text, counted, table
 from ema.core.drawings import level_path, path_of, picture, plot, scaled
 from ema.core.errors import InputError, require_type
@@ -30,6 +29,7 @@ from ema.poles.estimators import (
     normal_matrix,
     reduced_normal_matrix,
     useful_length,
+    widened_band,
 )
 from ema.poles.tracking import Cluster, interpret, pole_history
 from ema.signals.leakage import without_spikes

@@ -28,12 +28,14 @@ from ema.signals.excitation import (
 )
 from ema.signals.frf_of_spectra import (
     ESTIMATORS,
+    JointSpectra,
     at_force,
+    joint_references,
+    measure_jointly,
     positions_frf,
     reference_frf,
     with_given_averages,
 )
-from ema.signals.several_forces import JointSpectra, joint_references, measure_jointly
 from ema.signals.spectra import Spectra, measure_spectra
 
 # A run whose force is this far below the median of the runs has no excitation: hits by hand and

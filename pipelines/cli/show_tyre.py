@@ -29,7 +29,7 @@ from pipelines.results.options import Units, with_unit
 from pipelines.results.parameter_set import ParameterSet
 from pipelines.results.verdict import basis_records
 from pipelines.simulate import responses
-from pipelines.simulate import tyre as tyres
+from pipelines.simulate import truth as tyres
 from pipelines.storage.tables import write_table
 
 FEW_WARNINGS = 5  # printed

@@ -18,7 +18,7 @@ from ema.core.frf import FRF
 from ema.core.numerics import one_blas_thread
 from ema.core.recording import ACCELERATION, FORCE, UNKNOWN, VOLTAGE, Channel, Recording, motions
 from ema.core.units import is_stated
-from ema.io.campaign.calibration import calibrated
+from ema.io.campaign.axes import calibrated
 from ema.io.campaign.manifest import MANIFEST_NAME, Manifest, read_manifest
 from ema.io.campaign.read import recordings_in, with_frf_unit, with_rate
 from ema.io.campaign.references import exchanged_frfs

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import ema
-from ema.checks.reciprocity import reciprocity_findings
+from ema.checks.quality import reciprocity_findings
 from ema.checks.sensor_mass import SensorMass
 from ema.circumference.mass_loading import (
     live_mass_note,

@@ -21,8 +21,13 @@ from ema.core.references import References
 from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
 from ema.io.campaign import agreement
 from ema.io.campaign.agreement import joined, read_folder
-from ema.io.campaign.axes import Around, channels_along_circle, frfs_along_circle
-from ema.io.campaign.calibration import calibrated, check_keys
+from ema.io.campaign.axes import (
+    Around,
+    calibrated,
+    channels_along_circle,
+    check_keys,
+    frfs_along_circle,
+)
 from ema.io.campaign.manifest import MANIFEST_NAME, Manifest, read_manifest
 from ema.io.campaign.references import (
     at_usual_place,

@@ -24,7 +24,6 @@ from ema.io.content import (
     statements_of_1858,
 )
 from ema.io.rates import Rate, rate_findings, rate_of_stamps, rate_of_step
-from ema.io.uff.dataset58 import axis_factor, read_values
 from ema.io.uff.dataset58_header import (
     COHERENCE,
     FORCE_DEG,
@@ -33,7 +32,14 @@ from ema.io.uff.dataset58_header import (
     Header58,
     ordinate_unit,
 )
-from ema.io.uff.frf import coherences_alone, measured_only, read_frf, states_no_unit
+from ema.io.uff.frf import (
+    axis_factor,
+    coherences_alone,
+    measured_only,
+    read_frf,
+    read_values,
+    states_no_unit,
+)
 from ema.io.uff.geometry import Surroundings, read_nodes, read_surroundings
 from ema.io.uff.scan import Dataset, Lines, damaged, place, scan
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ema.checks.reciprocity import _at, compared, reciprocity_findings
+from ema.checks.quality import _at, compared, reciprocity_findings
 from ema.core.frf import FRF
 from pipelines.simulate.truth import modal_sum, truth_modes
 

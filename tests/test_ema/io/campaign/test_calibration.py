@@ -7,7 +7,7 @@ import pytest
 
 import ema
 from ema.core.errors import ManifestError
-from ema.io.campaign.calibration import parse_sensitivity
+from ema.io.campaign.axes import parse_sensitivity
 
 G = 9.80665
 TABLE = "time [s],force [V],A01 [mV],A02\n0,0.5,10,1\n0.001,-0.25,20,2\n0.002,1,-5,3\n"

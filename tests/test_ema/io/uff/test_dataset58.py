@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ema.core.errors import RecordingFormatError
 from ema.io.rates import even_step, parse_number, plainest, step_and_inverse
-from ema.io.uff import dataset58 as uff58
+from ema.io.uff import frf as uff58
 from ema.io.uff.reader import read as read_uff
 
 VALUES = [0.0, -1.5, 2.25, 1e-3, -3e5, 7.0, 0.125, -0.0]

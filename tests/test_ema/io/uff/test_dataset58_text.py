@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ema.io.rates import parse_number
-from ema.io.uff.dataset58 import convert_lines
+from ema.io.uff.frf import convert_lines
 
 SINGLE, DOUBLE = (13,) * 6, (20,) * 4
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
