@@ -33,8 +33,12 @@ def piece(samples: NDArray[Any], start: int, stop: int) -> NDArray[Any]:
 
 def fill(samples: NDArray[Any], start: int, into: NDArray[np.float64]) -> None:
     """Put samples from `start` on into an array, as `piece` reads them."""
-    plain = samples.dtype == into.dtype and into.flags.c_contiguous
-    if plain and isinstance(samples, np.memmap) and _is_whole(samples):
+    if (
+        isinstance(samples, np.memmap)
+        and samples.dtype == into.dtype
+        and into.flags.c_contiguous
+        and _is_whole(samples)
+    ):
         _read(samples, start, into)
     else:
         into[:] = piece(samples, start, start + into.size)

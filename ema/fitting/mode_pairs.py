@@ -39,8 +39,7 @@ _NEAR, _MEDIANS, _LEAST_STRAY = 8, 1.2, 1e-4
 _APART = 0.4
 # Poles closer than this many half-widths of the broader one share a resonance.
 _SHARED = 1.5
-# Further fits of the orders beside poles, and with leakage, of the pairs found so far: the second
-# changes a damping ratio by a tenth of its ± (benchmarks/accuracy.py).
+# Further fits of the orders beside poles, and with leakage, of the pairs found so far.
 _ROUNDS = 1
 
 
@@ -196,6 +195,7 @@ class PairSearch:
         self.orders = self.main + _inside(others, modes, band_hz)
         # Above the highest order that the positions can tell, an order is an alias.
         self.aliases = {k for k, mode in enumerate(modes) if mode.order is None}
+        self.tells_all = self.decomposition.highest > max((n for n, _ in self.main), default=0) + 1
         self.directions = {
             found[0]: _direction(
                 self.decomposition.rows(order) @ fit.residues[:, found].sum(axis=1)
@@ -248,11 +248,11 @@ class PairSearch:
         """Three poles for each order of the ring, with those of its pair where it is known.
 
         Also: which of them are further ones, by the pole of the order. Further resonances keep one:
-        they may lie beneath several orders, and three broad poles are any of their shapes.
+        three broad poles are any shape beneath them, as of an order beyond what positions tell.
         """
         fit = self.fit
         poles, further = list(fit.poles[:-N_STAND_INS]), dict[int, list[int]]()
-        for _, found in self.main:
+        for _, found in self.main if self.tells_all else ():
             pair, own = pairs.get(found[0]), fit.poles[found]
             apart = _APART * own[0].real * 1j
             beside = [own[0] - apart, own[0] + apart] if pair is None else list(pair.poles)

@@ -302,7 +302,7 @@ def test_the_command_without_its_libraries(ringmodal, folder, monkeypatch):
     monkeypatch.setattr("pipelines.cli.refit.find_spec", lambda name: None)
     code, _, error = ringmodal("review", folder)
     assert code == 2
-    assert "pip install 'ringmodal[review]'" in error
+    assert "pip install" in error and "starlette" in error
 
 
 def test_the_command_names_what_is_wrong(ringmodal, tmp_path):
