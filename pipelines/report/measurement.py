@@ -88,10 +88,11 @@ def _setup_rows(result: Result) -> tuple[tuple[str, str], ...]:
     spacing = float(np.mean(np.diff(frf.frequency_hz)))
     low, high = result.diagram.band_hz
     lines, (first, last) = frf.frequency_hz.size, frf.frequency_hz[[0, -1]]
+    forces_deg = result.excitation_deg, *(each.excitation_deg for each in result.further)
     rows = [
         ("Positions", f"{frf.n_positions}"),
         ("Runs", f"{len(runs)}: {', '.join(shown)}" if runs else DASH),
-        ("Force", _degrees(result.excitation_deg)),
+        ("Force", "; ".join(map(_degrees, forces_deg))),
         ("Reference sensor", _degrees(result.reference_deg)),
         ("Quantity", "inertance (acceleration over force), (m/s²)/N"),
         *_block_rows(frf),
@@ -113,7 +114,7 @@ def _block_rows(frf: FRF) -> list[tuple[str, str]]:
 
 
 def _degrees(angle: float | None) -> str:
-    return DASH if angle is None else f"at {angle:g}°"
+    return DASH if angle is None or np.isnan(angle) else f"at {angle:g}°"
 
 
 def _coherence(result: Result) -> tuple[Chart, ...]:
