@@ -24,7 +24,12 @@ def driven(laboratory, order):
     return sorted(modes, key=lambda mode: -mode.strength)
 
 
-@pytest.mark.parametrize(("seed", "rim_hz"), [(240, (43.6, 63.7)), (219, (47.4, 53.8))])
+WIDE = pytest.mark.xfail(reason="damping of order 1 beneath order 2 known to 14 %", strict=True)
+
+
+@pytest.mark.parametrize(
+    ("seed", "rim_hz"), [pytest.param(240, (43.6, 63.7), marks=WIDE), (219, (47.4, 53.8))]
+)
 def test_order_1_on_a_moving_rim_is_found_beneath_order_2(seed, rim_hz):
     """The broad resonance lies within half the half-width of order 2."""
     laboratory, found = laboratory_and_modes(
@@ -34,7 +39,7 @@ def test_order_1_on_a_moving_rim_is_found_beneath_order_2(seed, rim_hz):
     mode = max((m for m in found.model.modes if m.order == 1), key=lambda m: m.frequency_hz)
     assert abs(mode.frequency_hz - upper.frequency_hz) < 3 * mode.frequency_std_hz
     assert abs(mode.damping_ratio - upper.damping_ratio) < 3 * mode.damping_std
-    assert mode.damping_std < 0.15 * mode.damping_ratio
+    assert mode.damping_std < 0.1 * mode.damping_ratio
 
 
 def test_mass_is_compensated_in_the_state_of_each_run():
