@@ -28,6 +28,9 @@ _AT_FORCE_DEG = 2.5
 _STRETCH_HZ = 545.0
 # √(k_θ/ρh)/2π, torsion of a belt on its rim: that of rings of car tyres, 30 to 60 Hz.
 _TORSION_HZ = 45.0
+# Orders of a tyre with a share in its FRFs below 300 Hz: some ten resonances, and the tails of
+# those above. With eight only, six sensors in twelve runs gave FRFs that were wrong by a half.
+_TYRE_ORDERS = 16
 # Share of an FRF that orders above the highest one resolved may hold.
 _UNRESOLVED = 1e-3
 
@@ -225,9 +228,10 @@ def _waves(
 
     To N sensors, orders n and n ± N look alike. A correction that differs from run to run shows in
     all of them; above 3N/2, where a tyre has little of its own, it must not be taken for the tyre.
+    But what the tyre has itself must be among them, however few sensors are moved at a time.
     """
     n_sensors = max((angles.size for angles in sensors_deg.values()), default=0)
-    highest = min(highest_order(frf.position_deg), max(3 * n_sensors // 2 - 2, 1))
+    highest = min(highest_order(frf.position_deg), max(3 * n_sensors // 2 - 2, _TYRE_ORDERS))
     basis = circle_basis(rows.position_deg - excitation_deg, highest)
     seats = {
         name: circle_basis(angles - excitation_deg, highest) for name, angles in sensors_deg.items()

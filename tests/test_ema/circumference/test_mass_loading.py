@@ -86,10 +86,10 @@ def test_a_mass_between_load_cell_and_tyre_is_compensated(name):
     assert away(found.reference, bare.reference) < 1e-6
 
 
-def on_a_tyre(frf, tyre, own_kg, live_kg):
+def on_a_tyre(frf, tyre, own_kg, live_kg, seats=SEATS):
     """The FRFs as of a laboratory tyre with masses at the seats and at the force, at 0°."""
     drive, values = tyre.surface(np.zeros(1))[0], np.empty_like(frf.values)
-    for run, angles in SEATS.items():
+    for run, angles in seats.items():
         hung = tyre.hung(drive[None, :], live_kg)
         for tilt in (0.0, 90.0):
             rows = tyre.surface(angles, tilt)
@@ -99,7 +99,7 @@ def on_a_tyre(frf, tyre, own_kg, live_kg):
         seen = tyre.surface(frf.position_deg[here])
         values[here] = system.inertance(seen, 2 * np.pi * frf.frequency_hz)
     fixed = frf.reference
-    reference = None if fixed is None else on_a_tyre(fixed, tyre, own_kg, live_kg)
+    reference = None if fixed is None else on_a_tyre(fixed, tyre, own_kg, live_kg, seats)
     return replace(frf, values=values, reference=reference)
 
 
@@ -117,6 +117,22 @@ def test_masses_on_a_belt_that_stretches_are_compensated(seed):
     assert away(without_mass(loaded, mass), bare) < 0.01 * away(loaded, bare)
     alike = replace(mass, own_kg={})
     assert away(without_mass(loaded, alike), bare) > 0.02 * away(loaded, bare)
+
+
+@pytest.mark.parametrize("n_runs", [3, 9, 12, 18])
+def test_the_mass_is_compensated_however_many_sensors_are_moved_at_a_time(n_runs):
+    """From 24 sensors in three runs to four in eighteen."""
+    tyre = Laboratory(Effects(seed=1, stiffness_variation=0.01)).tyre
+    frf = replace(systems.campaign_frf(truth_modes(), frequency_hz=LINES_HZ), reference=None)
+    run = tuple(f"run_{row % n_runs + 1}" for row in range(frf.n_positions))
+    frf = replace(frf, run=run)
+    seats = {name: frf.position_deg[np.array(run) == name] for name in dict.fromkeys(run)}
+    heavy, none = (
+        {name: np.full(at.size, kg) for name, at in seats.items()} for kg in (0.003, 0.0)
+    )
+    loaded, bare = (on_a_tyre(frf, tyre, own_kg, 0.0, seats) for own_kg in (heavy, none))
+    found = without_mass(loaded, SensorMass(0.003, seats))
+    assert away(found, bare) < 0.2 * away(loaded, bare)
 
 
 def test_without_mass_nothing_changes():
