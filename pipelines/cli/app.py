@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import sys
 from difflib import get_close_matches
@@ -123,6 +124,7 @@ class LazyGroup(Group):
 
 def _loaded(module: str, name: str) -> Any:
     found = getattr(import_module(f"pipelines.cli.{module}"), name.replace("-", "_"))
+    gc.freeze()  # what is loaded stays
     if not isinstance(found, typer.Typer):
         alone = typer.Typer(add_completion=False, rich_markup_mode=None)
         alone.command(name, cls=Command)(found)
@@ -228,7 +230,8 @@ def common(
         ),
     ] = False,
 ) -> None:
-    """Apply the options that come before a command."""
+    """Apply the options that come before a command, which is loaded."""
+    gc.enable()  # `main` disabled it
     sys.excepthook = sys.__excepthook__ if debug else terminal.report_fault
     if verbose:
         terminal.show_logs(logging.INFO)
