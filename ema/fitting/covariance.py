@@ -92,7 +92,7 @@ def std_between_runs(fit: PoleFit, correlation: float) -> Real:
 def _scores_of_runs(fit: PoleFit) -> Iterator[Real]:
     """Score of each line for all parameters, run by run, (n_frequencies, n_parameters)."""
     for number, (part, rows) in enumerate(zip(fit.parts, fit.groups, strict=True)):
-        transform = fit.transform(number)
+        transform = fit.transforms[number]
         run, scale = fit.lines.run[rows], fit.lines.scale[rows]
         for name in np.unique(run):
             yield _line_scores(part, scale, run == name) @ transform
@@ -128,7 +128,7 @@ def residue_std(fit: PoleFit, covariance: Real, correlation: float) -> Real:
     noise = fit.noise
     std = np.empty(fit.residues.shape)
     for number, (part, rows) in enumerate(zip(fit.parts, fit.groups, strict=True)):
-        transform = fit.transform(number)
+        transform = fit.transforms[number]
         poles = transform @ covariance @ transform.T
         own = correlation * np.diag(part.unscaled)[:-2, None] * noise[rows] ** 2
         following = part.following[:-2, slope_rows(fit.poles.size)]

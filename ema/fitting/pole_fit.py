@@ -213,11 +213,15 @@ class PoleFit:
             matrix[0::2, own + 3] = real
         return matrix
 
+    @cached_property
+    def transforms(self) -> tuple[Real, ...]:
+        """`transform` of each group."""
+        return tuple(map(self.transform, range(len(self.groups))))
+
     def normal_matrix(self) -> Real:
         """JᵀJ of all parameters."""
         total = np.zeros((self.n_parameters, self.n_parameters))
-        for number, (part, rows) in enumerate(zip(self.parts, self.groups, strict=True)):
-            t = self.transform(number)
+        for t, part, rows in zip(self.transforms, self.parts, self.groups, strict=True):
             total += t.T @ part.normal_matrix(self.lines.scale[rows]) @ t
         slope = self.likeness_slope()
         return np.asarray(total + slope.T @ slope)
@@ -225,8 +229,8 @@ class PoleFit:
     def gradient(self) -> Real:
         """Jᵀr of all parameters."""
         total = np.zeros(self.n_parameters)
-        for number, (part, rows) in enumerate(zip(self.parts, self.groups, strict=True)):
-            total += self.transform(number).T @ part.gradient(self.lines.scale[rows])
+        for t, part, rows in zip(self.transforms, self.parts, self.groups, strict=True):
+            total += t.T @ part.gradient(self.lines.scale[rows])
         return np.asarray(total + self.likeness_slope().T @ self.unlikeness)
 
     @property
@@ -269,9 +273,10 @@ def evaluate(
         if len(drift) == 1
         else tuple(np.flatnonzero(lines.run == number) for number in range(len(drift)))
     )
+    targets = [lines.target] if len(drift) == 1 else [lines.target[:, rows] for rows in groups]
     parts = tuple(
-        project(lines.omega, lines.target[:, rows], lines.weight, lines.drifted(poles, shift))
-        for rows, shift in zip(groups, drift, strict=True)
+        project(lines.omega, target, lines.weight, lines.drifted(poles, shift))
+        for target, shift in zip(targets, drift, strict=True)
     )
     nowhere = np.zeros(2 * poles.size, dtype=bool)
     return PoleFit(lines, poles, drift, groups, parts, nowhere, pairs, locked)

@@ -15,7 +15,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgeqrf, dorgqr
+from scipy.linalg.lapack import dpotrf, dtrtri
 from scipy.optimize import least_squares
 
 from ema.core.numerics import end_if_stopped
@@ -23,12 +23,17 @@ from ema.core.numerics import end_if_stopped
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+# Columns with less than this share beside the others are orthogonalised themselves: their products
+# hold the square of it, to sixteen digits.
+_TOO_ALIKE = 1e-4
+
 
 @dataclass(frozen=True, eq=False)
 class Projection:
     """Linear solution for given poles and what the covariance needs from it.
 
-    n_linear = 2 n_modes + 2 columns are linear, in 2 n_frequencies rows.
+    n_linear = 2 n_modes + 2 columns are linear, in 2 n_frequencies rows. What a search asks for at
+    every step comes from products of columns alone.
     """
 
     poles: Complex
@@ -36,16 +41,37 @@ class Projection:
     lower: Real  # residual terms, (n_positions,)
     upper: Real
     target: Real  # weighted FRFs as columns, real parts above imaginary parts
-    orthonormal: Real  # basis of everything linear, (2 n_frequencies, n_linear)
+    columns: Real  # everything linear, then the slopes, (2 n_frequencies, n_linear + 2 n_modes)
+    inverse: Real  # makes an orthonormal basis of everything linear, (n_linear, n_linear)
     inside: Real  # the target in that basis, (n_linear, n_positions)
-    slopes: Real  # of the modal terms to each pole, everything linear projected out
-    unscaled: Real  # inverse normal matrix of one position at unit weight
-    following: Real  # what linear parameters give way for a slope, (n_linear, 2 n_modes)
+    seen: Real  # slopes of the modal terms to each pole in that basis, (n_linear, 2 n_modes)
+    inner: Real  # products of the slopes with each other, everything linear projected out
+    towards: Real  # products of those slopes with the target, (2 n_modes, n_positions)
+
+    @cached_property
+    def orthonormal(self) -> Real:
+        """Basis of everything linear, (2 n_frequencies, n_linear)."""
+        return np.asarray(self.columns[:, : len(self.inverse)] @ self.inverse)
+
+    @cached_property
+    def slopes(self) -> Real:
+        """Slopes of the modal terms to each pole, everything linear projected out."""
+        return np.asarray(self.columns[:, len(self.inverse) :] - self.orthonormal @ self.seen)
+
+    @property
+    def unscaled(self) -> Real:
+        """Inverse normal matrix of one position at unit weight."""
+        return np.asarray(self.inverse @ self.inverse.T)
+
+    @property
+    def following(self) -> Real:
+        """What linear parameters give way for a slope, (n_linear, 2 n_modes)."""
+        return np.asarray(self.inverse @ self.seen)
 
     @cached_property
     def misfit(self) -> Real:
         """Weighted residuals, (2 n_frequencies, n_positions), real parts above imaginary parts."""
-        return self.target - self.orthonormal @ self.inside
+        return np.asarray(self.target - self.orthonormal @ self.inside)
 
     @property
     def leverage(self) -> Real:
@@ -72,23 +98,17 @@ class Projection:
 
     def normal_matrix(self, scale: Real) -> Real:
         """JᵀJ of the poles' parameters, (2 n_modes, 2 n_modes); `scale` per position."""
-        c = self.coefficients * scale
-        gram = np.einsum("kpi,lqi->kplq", c, c)
-        inner = self._inner
-        return np.asarray(np.einsum("kplq,kplq->kl", gram, inner))
+        rows = slope_rows(self.poles.size).ravel()
+        c = (self.coefficients * scale).reshape(rows.size, -1)
+        products = (c @ c.T) * self.inner[rows][:, rows]
+        return np.asarray(products.reshape(rows.size // 2, 2, -1, 2).sum(axis=(1, 3)))
 
     def gradient(self, scale: Real) -> Real:
         """Jᵀr of the poles' parameters, (2 n_modes,)."""
         # The slopes hold nothing that is linear, so they see residuals and target alike.
-        projected = (self.slopes.T @ self.target) * scale
         rows = slope_rows(self.poles.size)
-        return np.asarray(-np.einsum("kpi,kpi->k", self.coefficients * scale, projected[rows]))
-
-    @property
-    def _inner(self) -> Real:
-        rows = slope_rows(self.poles.size)
-        product = self.slopes.T @ self.slopes
-        return np.asarray(product[rows[:, :, None, None], rows[None, None, :, :]])
+        weighted = self.coefficients * scale**2
+        return np.asarray(-np.sum(weighted * self.towards[rows], axis=(1, 2)))
 
 
 def slope_rows(n_modes: int) -> NDArray[np.int_]:
@@ -102,45 +122,52 @@ def project(omega: Real, target: Real, weight: Real, poles: Complex) -> Projecti
     `omega` is in rad/s; `target`, (2 n_frequencies, n_positions), are weighted inertances from
     `stacked`; `weight` is 1/σ over frequency, shared by the positions.
     """
-    n_modes = poles.size
-    direct, mirrored = 1 / (1j * omega - poles[:, None]), 1 / (1j * omega - poles[:, None].conj())
-    inertia = -(omega**2)
-    basis = np.empty((2 * n_modes + 2, omega.size), dtype=complex)
-    basis[0:-2:2] = inertia * (direct + mirrored)
-    basis[1:-2:2] = 1j * inertia * (direct - mirrored)
-    basis[-2], basis[-1] = 1, inertia
-    slopes = np.empty((2 * n_modes, omega.size), dtype=complex)
-    slopes[0::2] = inertia * (direct**2 + mirrored**2)
-    slopes[1::2] = 1j * inertia * (direct**2 - mirrored**2)
-
-    basis_real, slopes_real = stacked(basis, weight), stacked(slopes, weight)
-    size = np.linalg.norm(basis_real, axis=0)
-    factors, scales, _, _ = dgeqrf(basis_real / size)  # a third of the time of numpy's qr
-    orthonormal, triangle = dorgqr(factors, scales)[0], np.triu(factors[: size.size])
-    inside = orthonormal.T @ target
-    inverse = _inverse(triangle) / size[:, None]
+    columns = _columns(omega, weight, poles)
+    n_linear = 2 * poles.size + 2
+    products, given = columns.T @ columns, columns.T @ target
+    size = np.sqrt(np.diag(products)[:n_linear])
+    inverse = _orthogonalising(columns[:, :n_linear], products[:n_linear, :n_linear], size)
+    inside, seen = inverse.T @ given[:n_linear], inverse.T @ products[:n_linear, n_linear:]
     linear = inverse @ inside
-    seen = orthonormal.T @ slopes_real
     return Projection(
         poles=poles,
         residues=np.asarray((linear[0:-2:2] + 1j * linear[1:-2:2]).T),
         lower=linear[-2],
         upper=linear[-1],
         target=target,
-        orthonormal=orthonormal,
+        columns=columns,
+        inverse=inverse,
         inside=inside,
-        slopes=slopes_real - orthonormal @ seen,
-        unscaled=inverse @ inverse.T,
-        following=inverse @ seen,
+        seen=seen,
+        inner=products[n_linear:, n_linear:] - seen.T @ seen,
+        towards=given[n_linear:] - seen.T @ inside,
     )
 
 
-def _inverse(triangle: Real) -> Real:
-    """Inverse of R; where two poles coincide, the least-norm one."""
-    diagonal = np.abs(np.diag(triangle))
+def _columns(omega: Real, weight: Real, poles: Complex) -> Real:
+    """Columns of residues and residual terms, then slopes; real parts above imaginary parts."""
+    n, n_lines, inertia = poles.size, omega.size, -(omega**2) * weight
+    away = 1 / (1j * omega - np.array([poles, poles.conj()])[:, :, None])
+    rows = np.zeros((4 * n + 2, 2 * n_lines))
+    for first, (direct, mirrored) in ((0, inertia * away), (2 * n + 2, inertia * away**2)):
+        both, turned = direct + mirrored, direct - mirrored  # by residues 1 and j
+        own = rows[first : first + 2 * n]
+        own[0::2, :n_lines], own[0::2, n_lines:] = both.real, both.imag
+        own[1::2, :n_lines], own[1::2, n_lines:] = -turned.imag, turned.real
+    rows[2 * n, :n_lines], rows[2 * n + 1, :n_lines] = weight, inertia
+    return rows.T
+
+
+def _orthogonalising(columns: Real, products: Real, size: Real) -> Real:
+    """R⁻¹ of columns; where two poles coincide, the least-norm one."""
+    triangle, failed = dpotrf(products / np.outer(size, size))
+    diagonal = np.diag(triangle)
+    if failed or diagonal.min() < _TOO_ALIKE:  # products have lost the difference
+        triangle = np.linalg.qr(columns / size, mode="r")
+        diagonal = np.abs(np.diag(triangle))
     if diagonal.min() > 1e-9 * diagonal.max():
-        return np.asarray(np.linalg.inv(triangle))
-    return np.asarray(np.linalg.pinv(triangle, rcond=1e-9))
+        return np.asarray(dtrtri(triangle)[0] / size[:, None])
+    return np.asarray(np.linalg.pinv(triangle, rcond=1e-9) / size[:, None])
 
 
 def stacked(rows: Complex, weight: Real) -> Real:
