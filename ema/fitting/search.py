@@ -396,7 +396,10 @@ class CurveFit:
         drift = self.fit.drift if len(self.fit.drift) > 1 else None
         stay = self.fit.poles[list(self.locked)]
         locked = tuple(np.flatnonzero(np.isin(poles, stay)).tolist())
-        given = lines, with_stand_ins(poles, lines), self.settings, drift, None, (), locked
+        start = around = with_stand_ins(poles, lines)
+        if lines.frequency_hz[-1] == self.fit.lines.frequency_hz[-1]:
+            start = np.append(poles, self.fit.poles[-N_STAND_INS:])
+        given = lines, start, self.settings, drift, around, (), locked
         return self.at_mean(fit_bounded(*given))
 
     def at_mean(self, fit: PoleFit) -> PoleFit:

@@ -7,20 +7,25 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 import tomllib
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
+from importlib.util import cache_from_source
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from jinja2 import BytecodeCache, Environment, PackageLoader, StrictUndefined, select_autoescape
+from jinja2.bccache import Bucket
 from markupsafe import Markup
 
 from ema.core.errors import InputError, unknown, visible
 from pipelines.plots.chart import Chart, Drawn
 from pipelines.results.options import Units
+from pipelines.storage.atomic import file_written_whole
 
 _IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".svg": "svg+xml"}
 _MOST_LOGO_BYTES = 500_000  # the page holds it: a logo is smaller than that
@@ -318,12 +323,36 @@ def _text(name: str) -> str:
     return (Path(__file__).parent / name).read_text(encoding="utf-8")
 
 
+class _Compiled(BytecodeCache):
+    """Compiled templates, kept where Python keeps compiled modules and as long as they are right.
+
+    To compile them takes as long as to render a report.
+    """
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        """Load what is kept of a template."""
+        with suppress(OSError), self._path(bucket).open("rb") as file:
+            bucket.load_bytecode(file)
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """Keep a compiled template, where that is possible."""
+        if sys.dont_write_bytecode:
+            return
+        with suppress(InputError), file_written_whole(self._path(bucket)) as partial:
+            with partial.open("wb") as file:
+                bucket.write_bytecode(file)
+
+    def _path(self, bucket: Bucket) -> Path:
+        return Path(cache_from_source(__file__)).with_name(f"{bucket.key}.template")
+
+
 @cache
 def _environment() -> Environment:
     environment = Environment(
         loader=PackageLoader("pipelines.report.write", "."),
         autoescape=select_autoescape(),
         undefined=StrictUndefined,
+        bytecode_cache=_Compiled(),
         finalize=shown,
         trim_blocks=True,
         lstrip_blocks=True,
