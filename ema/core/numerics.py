@@ -72,20 +72,26 @@ def stacked(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
     return array
 
 
-def frame_of(columns: Mapping[Any, Any], whole: Sequence[str] = ()) -> pd.DataFrame:
-    """Table with a copy of each column; those in `whole` are integers, with None where unknown."""
+def frame_of(
+    columns: Mapping[Any, Any],
+    whole: Sequence[str] = (),
+    texts: Mapping[str, Sequence[str]] | None = None,
+) -> pd.DataFrame:
+    """Table with a copy of each column.
+
+    Those in `whole` are integers, with None where unknown; those in `texts` hold numbers of these
+    texts, from 0, and become categories.
+    """
     import pandas as pd  # takes 0.3 s, more than `import ema`: only those who want tables wait
 
-    return pd.DataFrame(
-        {
-            name: pd.array(values, dtype="Int64")
-            if name in whole
-            else np.array(values)
-            if isinstance(values, np.ndarray)
-            else list(values)
-            for name, values in columns.items()
-        }
-    )
+    def column(name: Any, values: Any) -> Any:
+        if texts and name in texts:
+            return pd.Categorical.from_codes(values, list(texts[name]))
+        if name in whole:
+            return pd.array(values, dtype="Int64")
+        return np.array(values) if isinstance(values, np.ndarray) else list(values)
+
+    return pd.DataFrame({name: column(name, values) for name, values in columns.items()})
 
 
 def _is_frozen(array: NDArray[Any]) -> bool:

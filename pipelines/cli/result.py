@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import Annotated, Any
 
 from ema.core.display import band_text, counted, value_with_std
@@ -86,6 +88,8 @@ def process(
         _formats(figures, gif=gif)
         _require_possible(figures, out, pdf=pdf, xlsx=xlsx, force=force)
         record = () if edits is None else read_edits(edits)
+        # Only tables need it, at the end: it loads while recordings are read.
+        Thread(target=import_module, args=("pandas",), daemon=True).start()
         with shown(quiet=quiet) as progress:
             result = run(source, options, progress.stage, progress.step, record)
             progress.stage("Writing the result …")

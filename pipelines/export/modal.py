@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from scipy.io import savemat
 
 from ema.core.display import jsonable
 from ema.core.errors import InputError, escaped, unknown
 from ema.core.modes import Mode
+from ema.core.numerics import frame_of
 from ema.io.uff import write as uff
 from ema.io.uff.frf import SYNTHESISED
 from pipelines.export.data import BOTH, MEASURED, NONE, Geometry, ModalExport, geometry_of
@@ -30,6 +30,9 @@ from pipelines.results.tables import in_band
 from pipelines.storage.atomic import file_written_whole, require_free_file, written_whole
 from pipelines.storage.checksums import write_marker
 from pipelines.storage.tables import write_csv
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FRF_CHOICES = (BOTH, MEASURED, SYNTHESISED, NONE)
 FOLDER_MARKER = "export.json"  # lists the files of an export that is a folder
@@ -275,7 +278,7 @@ def write_tables(found: ModalExport, folder: Path) -> None:
     write = partial(write_csv, decimal_comma=found.decimal_comma)
     points = dict(zip(("x_m", "y_m", "z_m"), geometry.xyz_m.T, strict=True))
     nodes = {"node": geometry.node, "position_deg": geometry.position_deg, **points}
-    write(folder / "nodes.csv", pd.DataFrame(nodes))
+    write(folder / "nodes.csv", frame_of(nodes))
     write(folder / "modes.csv", _modes(found))
     write(folder / "shapes.csv", _shapes(found))
     for name, frf in (("measured", found.measured), ("synthesised", found.synthesised)):
@@ -283,7 +286,7 @@ def write_tables(found: ModalExport, folder: Path) -> None:
             parts = np.ascontiguousarray(frf.values.T).view(np.float64)
             columns = [f"{part}_node_{n}" for n in frf.node.tolist() for part in ("real", "imag")]
             cells = np.column_stack([frf.frequency_hz, parts])
-            table = pd.DataFrame(cells, columns=["frequency_hz", *columns])
+            table = frame_of(dict(enumerate(cells.T))).set_axis(["frequency_hz", *columns], axis=1)
             write(folder / f"frf_{name}.csv", table)
     about: dict[str, Any] = {"source": found.result.name, "notes": list(geometry.notes)}
     about |= {"force_node": geometry.reference_node, "units": UNITS}
@@ -305,8 +308,8 @@ def _modes(found: ModalExport) -> pd.DataFrame:
             columns |= {f"{name}_real": values.real, f"{name}_imag": values.imag}
         else:
             columns[name] = values
-    columns["order"] = pd.array([mode.order for mode in found.modes], dtype="Int64")
-    return pd.DataFrame(columns)
+    columns["order"] = [mode.order for mode in found.modes]
+    return frame_of(columns, whole=("order",))
 
 
 def _shapes(found: ModalExport) -> pd.DataFrame:
@@ -320,7 +323,7 @@ def _shapes(found: ModalExport) -> pd.DataFrame:
         "node": np.tile(geometry.node[measured], n_modes),
         "position_deg": np.tile(geometry.position_deg[measured], n_modes),
     }
-    return pd.DataFrame({**columns, "real": shapes.real, "imag": shapes.imag})
+    return frame_of({**columns, "real": shapes.real, "imag": shapes.imag})
 
 
 def write_uff(found: ModalExport, path: Path) -> None:

@@ -6,10 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from ema.core.errors import InputError, inert
 from ema.core.frf import FRF
@@ -20,6 +19,9 @@ from pipelines.results.result import Result
 from pipelines.results.tables import mode_name, named, row_names
 from pipelines.results.verdict import judge
 from pipelines.storage.tables import plain_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Number formats of Excel by the ending of a column's name, the longest first; ratios are shown in
 # percent and stay ratios.

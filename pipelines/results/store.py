@@ -11,7 +11,6 @@ from shutil import copyfile
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from ema.checks.corrections import corrected
@@ -24,6 +23,7 @@ from ema.core.files import require_regular
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, ForceRecord
 from ema.core.modes import ModalModel, Mode, ResidualTerms
+from ema.core.numerics import frame_of
 from ema.core.recording import FORCE, Channel
 from ema.core.settings import CheckSettings
 from ema.poles.stability import StabilityDiagram
@@ -141,7 +141,7 @@ def write_identification(result: Result, folder: Path) -> None:
     columns |= {f"imag_{r}": mode.residues.imag for r, mode in enumerate(modes)}
     columns |= {f"std_{r}": mode.residues_std for r, mode in enumerate(modes)}
     columns |= {"lower": terms.lower, "upper": terms.upper, "row": np.arange(terms.lower.size)}
-    write_parquet(folder / RESIDUES_NAME, pd.DataFrame(columns))
+    write_parquet(folder / RESIDUES_NAME, frame_of(columns))
 
 
 def write_measured(result: Result, folder: Path) -> None:
@@ -174,8 +174,8 @@ def _write_forces(frf: FRF, path: Path) -> None:
     if np.array_equal(force.astype(np.float32), force):
         force = force.astype(np.float32)
     number = np.repeat(np.arange(len(samples)), [each.size for each in samples.values()])
-    run = pd.Categorical.from_codes(number, pd.Index(list(samples)))
-    write_parquet(path, pd.DataFrame({"run": run, "force_n": force}))
+    columns = {"run": number, "force_n": force}
+    write_parquet(path, frame_of(columns, texts={"run": list(samples)}))
 
 
 def _samples(record: ForceRecord) -> NDArray[np.float64]:

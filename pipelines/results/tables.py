@@ -8,10 +8,9 @@ from dataclasses import dataclass, fields
 from itertools import takewhile
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import isotonic_regression
 
@@ -26,6 +25,9 @@ from ema.io.uff.write import write_frfs as write_universal
 from ema.poles.stability import StabilityDiagram
 from pipelines.results.result import OtherMode, Result, Validation
 from pipelines.storage.tables import Table, write_parquet
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Keys of [tyre] in the order of a test report.
 KNOWN = (
@@ -259,12 +261,12 @@ def shapes(result: Result) -> pd.DataFrame:
         "imag": shape.imag,
         **several,
     }
-    return pd.DataFrame(columns)
+    return frame_of(columns)
 
 
 def orders(reports: tuple[OrderReport, ...]) -> pd.DataFrame:
     """``orders.csv``: each order by itself, and the verdict on its pair."""
-    return pd.DataFrame({name: map(attrgetter(part), reports) for name, part in _ORDERS.items()})
+    return frame_of({name: map(attrgetter(part), reports) for name, part in _ORDERS.items()})
 
 
 def references(result: Result) -> pd.DataFrame:
@@ -288,7 +290,7 @@ def references(result: Result) -> pd.DataFrame:
 def corrections(changes: tuple[Correction, ...]) -> pd.DataFrame:
     """``corrections.csv``: a row for each FRF that is not fitted as measured."""
     names = [each.name for each in fields(Correction)]
-    return pd.DataFrame({name: [getattr(each, name) for each in changes] for name in names})
+    return frame_of({name: [getattr(each, name) for each in changes] for name in names})
 
 
 def other_modes(found: tuple[OtherMode, ...]) -> pd.DataFrame:
@@ -300,9 +302,9 @@ def other_modes(found: tuple[OtherMode, ...]) -> pd.DataFrame:
 def validation(found: Validation | None) -> pd.DataFrame:
     """``validation.csv``: a row for each order; none where the ring steps were left out."""
     if found is None:
-        return pd.DataFrame(columns=list(_VALIDATION))
+        return frame_of(dict.fromkeys(_VALIDATION, ()))
     columns = {name: getattr(found, name) for name in _VALIDATION}
-    return pd.DataFrame({**columns, "mac": np.diag(found.mac)})
+    return frame_of({**columns, "mac": np.diag(found.mac)})
 
 
 def poles(diagram: StabilityDiagram) -> pd.DataFrame:
@@ -310,19 +312,31 @@ def poles(diagram: StabilityDiagram) -> pd.DataFrame:
     return diagram.to_frame().assign(row=np.arange(diagram.cluster.size))
 
 
-def frfs(frf: FRF) -> pd.DataFrame:
-    """``frf.parquet`` and ``reference.parquet``, position by position."""
-    long = frf.to_frame()
-    inertance = long["inertance"].to_numpy()
-    row = np.repeat(np.arange(frf.n_positions, dtype=np.int32), frf.frequency_hz.size)
+def frfs(*every: FRF) -> pd.DataFrame:
+    """``frf.parquet`` and ``reference.parquet``, position by position, force after force."""
+    n_lines = np.concatenate([np.full(frf.n_positions, frf.frequency_hz.size) for frf in every])
+
+    def of_rows(name: str) -> NDArray[Any]:
+        return np.concatenate([np.asarray(getattr(frf, name)) for frf in every])
+
+    def of_lines(name: str) -> NDArray[Any]:
+        return np.concatenate([getattr(frf, name).ravel() for frf in every])
+
+    values = of_lines("values")
+    named = {name: np.unique(of_rows(name), return_inverse=True) for name in ("run", "channel")}
     columns = {
-        **{name: long[name] for name in ("position_deg", "node", "frequency_hz")},
-        **{"real": inertance.real, "imag": inertance.imag},
-        **{name: long[name].astype(np.float32) for name in ("coherence", "std")},
-        "axis": np.repeat(frf.axis.astype(np.int8), frf.frequency_hz.size),
-        **{"row": row, **{name: long[name].astype("category") for name in ("run", "channel")}},
+        **{name: np.repeat(of_rows(name), n_lines) for name in ("position_deg", "node")},
+        "frequency_hz": np.concatenate([np.tile(f.frequency_hz, f.n_positions) for f in every]),
+        **{"real": values.real, "imag": values.imag},
+        **{name: of_lines(name).astype(np.float32) for name in ("coherence", "std")},
+        "axis": np.repeat(of_rows("axis").astype(np.int8), n_lines),
+        "row": np.repeat(np.arange(n_lines.size, dtype=np.int32), n_lines),
+        **{name: np.repeat(number, n_lines) for name, (_, number) in named.items()},
     }
-    return pd.DataFrame(columns)
+    if every[1:]:
+        force = np.repeat(np.arange(1, len(every) + 1), [f.n_positions for f in every])
+        columns["reference"] = np.repeat(force, n_lines)
+    return frame_of(columns, texts={name: known.tolist() for name, (known, _) in named.items()})
 
 
 def write_frfs(every: Sequence[FRF], folder: Path) -> None:
@@ -332,14 +346,9 @@ def write_frfs(every: Sequence[FRF], folder: Path) -> None:
     """
     frf = every[0]
     write_universal(folder / "frf.uff", References(tuple(every)) if every[1:] else frf)
-    table, n_rows = frfs(frf), sum(each.n_positions for each in every)
-    if every[1:]:
-        parts = [frfs(each).assign(reference=number) for number, each in enumerate(every, 1)]
-        first = np.cumsum([0, *(each.n_positions for each in every[:-1])])
-        parts = [part.assign(row=part["row"] + at) for part, at in zip(parts, first, strict=True)]
-        table = pd.concat(parts, ignore_index=True)
     metadata = {name: str(getattr(frf, name)) for name in _OF_FORCE}
-    write_parquet(folder / "frf.parquet", table, {"n_positions": str(n_rows)} | metadata)
+    metadata["n_positions"] = str(sum(each.n_positions for each in every))
+    write_parquet(folder / "frf.parquet", frfs(*every), metadata)
     if frf.reference is not None:
         metadata |= {"n_positions": str(frf.reference.n_positions)}
         write_parquet(folder / "reference.parquet", frfs(frf.reference), metadata)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
@@ -15,6 +14,9 @@ from numpy.typing import NDArray
 from ema.core.errors import InputError, inert
 from ema.core.files import require_regular
 from pipelines.storage.atomic import file_written_whole
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Columns that repeat few values; to search the others for repetitions takes most of the time.
 _REPEATING = ("position_deg", "frequency_hz", "node", "order", "row")
@@ -46,11 +48,7 @@ def write_csv(path: Path, table: pd.DataFrame, *, decimal_comma: bool = False) -
 
     Texts are inert: a spreadsheet takes none for a formula, and a terminal for a command.
     """
-    cells = [
-        column if _is_numeric(column) else pd.Series(map(inert, column), column.index, object)
-        for _, column in table.items()
-    ]
-    shown = pd.concat(cells, axis=1).set_axis([inert(name) for name in table], axis=1)
+    shown = table.apply(_inert_column).set_axis([inert(name) for name in table], axis=1)
     separator, point, encoding = (";", ",", "utf-8-sig") if decimal_comma else (",", ".", "utf-8")
     look: Any = {"sep": separator, "decimal": point, "encoding": encoding}
     shown.to_csv(path, index=False, lineterminator="\n", **look)
@@ -73,12 +71,16 @@ def write_parquet(
     pq.write_table(content, path, use_dictionary=repeating)
 
 
+def _inert_column(column: pd.Series[Any]) -> pd.Series[Any]:
+    return column if _is_numeric(column) else column.astype(object).map(inert)
+
+
 def _is_numeric(column: pd.Series[Any]) -> bool:
-    return bool(pd.api.types.is_numeric_dtype(column.dtype))
+    return column.dtype.kind in "biufc"
 
 
 def _arrow(column: pd.Series[Any]) -> pa.Array:
-    if isinstance(column.dtype, pd.CategoricalDtype):
+    if hasattr(column, "cat"):
         texts = pa.array(column.cat.categories.tolist(), pa.string())
         return pa.DictionaryArray.from_arrays(column.cat.codes.to_numpy(np.int32), texts)
     if isinstance(column.dtype, np.dtype) and column.dtype != object:
