@@ -75,7 +75,7 @@ def stacked(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
 def frame_of(
     columns: Mapping[Any, Any],
     whole: Sequence[str] = (),
-    texts: Mapping[str, Sequence[str]] | None = None,
+    texts: Mapping[str, Any] | None = None,
 ) -> pd.DataFrame:
     """Table with a copy of each column.
 
