@@ -75,7 +75,7 @@ def stacked(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
 def frame_of(
     columns: Mapping[Any, Any],
     whole: Sequence[str] = (),
-    texts: Mapping[str, Any] | None = None,
+    texts: Mapping[str, Sequence[str]] | None = None,
 ) -> pd.DataFrame:
     """Table with a copy of each column.
 
@@ -86,7 +86,8 @@ def frame_of(
 
     def column(name: Any, values: Any) -> Any:
         if texts and name in texts:
-            return pd.Categorical.from_codes(values, list(texts[name]))
+            known: Any = list(texts[name])
+            return pd.Categorical.from_codes(values, known)
         if name in whole:
             return pd.array(values, dtype="Int64")
         return np.array(values) if isinstance(values, np.ndarray) else list(values)
