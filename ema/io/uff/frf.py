@@ -192,17 +192,20 @@ def _by_arrow(
     same = len(set(widths)) == 1
     numbers, begin = [], 0
     for width in [sum(widths)] if same else widths:
-        fields = np.ascontiguousarray(table[:, begin : begin + width]).reshape(
-            -1, widths[0] if same else width
-        )
+        fields = table[:, begin : begin + width].reshape(len(table), -1, widths[0] if same else width)
         begin += width
-        if (fields[:, -1] <= ord(" ")).any():
+        if (fields[..., -1] <= ord(" ")).any():
             return None
-        ends = np.arange(0, fields.size + 1, fields.shape[1], dtype=np.int32)
-        buffers = [None, pa.py_buffer(ends), pa.py_buffer(fields.ravel())]
-        texts = pa.Array.from_buffers(pa.string(), len(fields), buffers)
+        n_blank = next((at for at in range(width) if (fields[..., at] != ord(" ")).any()), 0)
+        chars = np.array(fields[..., n_blank:]).reshape(-1, fields.shape[2] - n_blank)
+        is_padded = ahead == " " and not (chars[:, min(1, chars.shape[1] - 1)] == ord(" ")).any()
+        if is_padded:  # a zero in the place of the sign is far cheaper than trimming
+            chars[chars[:, 0] == ord(" "), 0] = ord("0")
+        ends = np.arange(0, chars.size + 1, chars.shape[1], dtype=np.int32)
+        buffers = [None, pa.py_buffer(ends), pa.py_buffer(chars.ravel())]
+        texts = pa.Array.from_buffers(pa.string(), len(chars), buffers)
         try:
-            found = pc.cast(pc.ascii_ltrim(texts, ahead), pa.float64())
+            found = pc.cast(texts if is_padded else pc.ascii_ltrim(texts, ahead), pa.float64())
         except pa.ArrowInvalid:
             return None  # reading number by number finds the faulty one
         numbers.append(found.to_numpy())
