@@ -52,6 +52,7 @@ _PER_SECOND_SQUARED = ("/s^2", "/s2", "/s/s", "/sec^2", "/sec2", "s^-2", "s-2")
 _VOLT = {"V": 1.0, "volt": 1.0, "volts": 1.0, "mV": 1e-3, "uV": 1e-6, "kV": 1e3}
 _TIME_S = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "sekunden": 1.0}
 _TIME_S |= {"ms": 1e-3, "msec": 1e-3, "milliseconds": 1e-3, "us": 1e-6, "usec": 1e-6, "ns": 1e-9}
+_TIME_S |= {"millis": 1e-3, "micros": 1e-6, "microseconds": 1e-6, "nanoseconds": 1e-9, "nsec": 1e-9}
 _TIME_S |= {"min": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hours": 3600.0}
 _FREQUENCY_HZ = {"Hz": 1.0, "mHz": 1e-3, "kHz": 1e3, "MHz": 1e6, "1/s": 1.0, "s^-1": 1.0}
 _FREQUENCY_HZ |= {"cps": 1.0, "hertz": 1.0, "rev/s": 1.0, "cycles/s": 1.0}

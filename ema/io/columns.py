@@ -45,6 +45,19 @@ _TIME_NAMES = {
     *("elapsed time", "uhrzeit", "temps", "tid", "tiempo", "tempo"),
 }
 _TIME_WORD = re.compile(r"(?:^|[^a-z])(?:time|zeit|timestamp|temps|tiempo|tempo)(?:[^a-z]|$)")
+# A unit of time or frequency behind a name: time_ms, Zeit in ms, TimeUs, omega_rad_s.
+_UNIT_BEHIND = re.compile(
+    r"(?P<stem>.+?)(?:[\s_.,/:-]+(?:in[\s_]+)?|(?<=[a-z])(?=[A-Z]))(?P<unit>[A-Za-zµμ]+(?:[/_][a-z]+)?)"
+)
+# Counts of date and time, by the size of their first value: seconds of one.
+_COUNTS = {
+    "days of a spreadsheet": (30_000.0, 60_000.0, 86_400.0),
+    "days as datenum has them": (715_000.0, 760_000.0, 86_400.0),
+    "ms since 1970": (0.5e12, 5e12, 1e-3),
+    "us since 1970": (0.5e15, 5e15, 1e-6),
+    "ns since 1970": (0.5e18, 5e18, 1e-9),
+}
+_MOST_STEP_S = 0.05  # slower recordings have no day in which they are a number of seconds
 _LABEL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
 # Component, node and direction, as field programs and analysers write them, perhaps with those of
 # the force behind a slash or a colon: Tire:13:+Z/Tire:1:+Z, M#1 13Z:1Z.
@@ -102,7 +115,18 @@ def point_of(name: str) -> Point | None:
 
 def is_time(name: str, unit: str) -> bool:
     """Whether a column of this name and unit contains time stamps."""
+    name, unit = label_of_axis(name, unit)
     return name.lower() in _TIME_NAMES and _seconds(unit) is not None
+
+
+def label_of_axis(name: str, unit: str = "") -> tuple[str, str]:
+    """Name and unit of an axis, whose unit may be the end of its name, as in ``time_ms``."""
+    match = None if is_stated(unit) else _UNIT_BEHIND.fullmatch(name)
+    if match is not None:
+        for text in (match["unit"], match["unit"].replace("_", "/")):
+            if parse_axis(text) is not None:
+                return match["stem"], text
+    return name, unit
 
 
 def _seconds(unit: str) -> float | None:
@@ -131,6 +155,7 @@ def content_of_columns(
     length, time is uneven, or channels start at times that do not fit together.
     """
     noticed = list(findings)
+    columns = [_with_unit_of_time(each) for each in columns]
     axes = _axes(path, columns, rate, noticed)
     signals = [(at, column) for at, column in enumerate(columns) if at not in axes]
     _check_columns(path, columns, [column for _, column in signals])
@@ -148,6 +173,15 @@ def content_of_columns(
     recording = Recording(path, rate.hz, together, (rate.low_hz, rate.high_hz))
     windows, ignored = stated_windows(path, statements or {})
     return FileContent(path, recording, findings=(*noticed, *ignored), windows=windows)
+
+
+def _with_unit_of_time(column: Column) -> Column:
+    """The unit of a time that ends its name, or is all of it."""
+    stem, unit = label_of_axis(column.name, column.unit)
+    is_named = stem.lower() in _TIME_NAMES or _TIME_WORD.search(stem.lower()) is not None
+    if is_stated(column.unit) or not is_named:
+        return column
+    return replace(column, unit=unit)
 
 
 @dataclass(frozen=True)
@@ -215,15 +249,23 @@ def _axes(
             f for other, f in found.items() if f and np.array_equal(columns[other].samples, samples)
         )
         found[at] = next(same, None) or _time_axis(
-            path, columns[at], factor, is_only=sum(named) < 2
+            path, columns[at], factor, findings, is_only=sum(named) < 2
         )
     return found
 
 
-def _time_axis(path: Path, column: Column, seconds: float, *, is_only: bool) -> _Axis:
+def _time_axis(
+    path: Path, column: Column, seconds: float, findings: list[Finding], *, is_only: bool
+) -> _Axis:
     """Rate, start and length by a column of time; one of several may be shorter than others."""
-    stamps = np.asarray(column.samples, dtype=np.float64) * seconds
+    stamps = np.asarray(column.samples, dtype=np.float64)
     stamps = stamps if is_only else _filled(stamps)
+    count = "" if is_stated(column.unit) else _count_of_dates(stamps)
+    if count:
+        seconds = _COUNTS[count][2]
+        detail = f"{column.name!r} is {stamps[0]:.10g} at its beginning: taken as {count}"
+        findings.append(note(path, Check.SAMPLING_RATE, detail))
+    stamps = stamps * seconds
     rate = rate_of_stamps(stamps, f"column {column.name!r}")
     if rate is None:
         rule = "time is not at equal steps, and spectra need a constant sampling rate"
@@ -231,6 +273,15 @@ def _time_axis(path: Path, column: Column, seconds: float, *, is_only: bool) -> 
         where = f"{path.name}, column {column.name!r}"
         raise RecordingFormatError(where, uneven(stamps), rule, remedy)
     return _Axis(column.name, rate, float(stamps[0]), len(stamps))
+
+
+def _count_of_dates(stamps: NDArray[np.float64]) -> str:
+    """What numbers without a unit count, if these are date and time; else empty."""
+    step = (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
+    for count, (low, high, seconds) in _COUNTS.items():
+        if low <= stamps[0] < high and 0.0 < step * seconds < _MOST_STEP_S:
+            return count
+    return ""
 
 
 def _rises_evenly(samples: NDArray[Any]) -> bool:
@@ -256,6 +307,8 @@ def _seconds_of_ramp(
     """Seconds in the unit of a column that rises evenly; 0 for what is no time, with a finding."""
     seconds = _seconds(column.unit)
     is_named = _TIME_WORD.search(column.name.lower()) is not None
+    if not is_stated(column.unit) and (bare := _seconds(column.name)):
+        return bare  # called by its unit alone
     if seconds and (is_stated(column.unit) or is_named):
         return seconds
     if is_named or column.name.lower() in _TIME_NAMES:

@@ -17,7 +17,7 @@ from ema.core.frf import FRF
 from ema.core.numerics import constant
 from ema.core.recording import DERIVATIVES
 from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
-from ema.io.columns import NOWHERE, Column, Point, point_of
+from ema.io.columns import NOWHERE, Column, Point, label_of_axis, point_of
 from ema.io.content import EXPORT_AGAIN, FileContent
 from ema.io.rates import even_step, uneven
 
@@ -56,11 +56,11 @@ def has_frequency(columns: Sequence[Column]) -> bool:
     """Whether the first column is of frequencies, by its name or its unit."""
     if not columns:
         return False
-    axis = parse_axis(columns[0].unit)
-    if axis is not None:
+    name, unit = label_of_axis(columns[0].name.strip(_SEPARATORS), columns[0].unit)
+    axis = parse_axis(unit)
+    if axis is not None and (is_stated(columns[0].unit) or name.lower() in _FREQUENCY_NAMES):
         return axis.kind == FREQUENCY
-    name = columns[0].name.strip(_SEPARATORS).lower().removesuffix("_hz")
-    return name in _FREQUENCY_NAMES and not is_stated(columns[0].unit)
+    return name.lower() in _FREQUENCY_NAMES and not is_stated(unit)
 
 
 def with_frequency_first(path: Path, columns: Sequence[Column]) -> list[Column] | None:
@@ -166,7 +166,7 @@ def _fault(path: Path, column: str, found: str, rule: str, remedy: str) -> Recor
 
 def _lines(path: Path, column: Column) -> NDArray[np.float64]:
     """Frequency lines in Hz, which must be equidistant."""
-    axis = parse_axis(column.unit)
+    axis = parse_axis(label_of_axis(column.name, column.unit)[1])
     stored = np.asarray(column.samples, dtype=np.float64) * (axis.factor if axis else 1.0)
     steps = even_step(stored)
     if steps is None or stored[0] < 0.0:

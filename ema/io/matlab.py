@@ -17,6 +17,7 @@ from ema.io.columns import (
     Column,
     content_of_columns,
     is_time,
+    label_of_axis,
     matrix_columns,
     unit_of_each,
     without_complex,
@@ -332,7 +333,8 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
         what = f"no vectors or matrices of numbers beside {held or 'time'}"
         raise RecordingFormatError(path.name, what, _LAYOUTS, _SAVE_AGAIN)
     columns = [
-        Column(name, "s" if is_time(name, "") else "Hz", found.vectors[name]) for name in times
+        Column(name, label_of_axis(name)[1] or ("s" if is_time(name, "") else "Hz"), found.vectors[name])
+        for name in times
     ]
     if found.matrices:
         units = _units(found, found.names)

@@ -33,6 +33,7 @@ _EXACT = 1e-9  # relative, of the step of a long column in double precision
 _ROUNDING = 1e-12  # relative, of a step kept in double precision
 _NARROW = 1e-5  # relative half-width from which on a rate is said to be open
 _FINEST = 9  # decimals that stamps may be rounded to
+_FEWEST_DIGITS = 3  # significant ones
 
 
 def _hardware_rates() -> NDArray[np.float64]:
@@ -246,26 +247,35 @@ def _rounded_step(stamps: NDArray[np.float64]) -> Steps | None:
     They lie within half their last place of the straight line through all of them; a single
     dropped sample moves half of them by at least another half step.
     """
-    place = _last_place(stamps)
-    if place is None:
-        return None
     index = np.arange(len(stamps), dtype=np.float64) - (len(stamps) - 1) / 2
     step = float(index @ (stamps - stamps.mean()) / (index @ index))
-    start = float(stamps.mean() - step * (len(stamps) - 1) / 2)
-    if not step > 0.0 or _deviation(stamps, start, step) > place / 2 + _UNEVEN * step:
+    if not step > 0.0:
         return None
-    tolerance = place / (step * (len(stamps) - 1))
-    return Steps(step, 1.0 / step, tolerance) if tolerance < _UNEVEN else None
-
-
-def _last_place(stamps: NDArray[np.float64]) -> float | None:
-    """The decimal place to which all stamps are rounded; None where there is none."""
-    since = stamps - stamps[0]
-    for decimals in range(_FINEST + 1):
-        scaled = since * 10.0**decimals
-        if np.max(np.abs(scaled - np.rint(scaled))) < 1e-3:
-            return 10.0**-decimals
+    deviation = np.abs(stamps - (stamps.mean() + step * index))
+    for places in (_last_place(stamps), _last_digits(stamps)):
+        tolerance = float(np.max(places)) / (step * (len(stamps) - 1))
+        if tolerance < _UNEVEN and np.all(deviation <= places / 2 + _UNEVEN * step):
+            return Steps(step, 1.0 / step, tolerance)
     return None
+
+
+def _last_place(stamps: NDArray[np.float64]) -> float:
+    """The decimal place to which all stamps are rounded; infinite where there is none."""
+    since = stamps - stamps[0]
+    fitting = (d for d in range(_FINEST + 1) if _are_whole(since * 10.0**d))
+    return 10.0 ** -next(fitting, -math.inf)
+
+
+def _last_digits(stamps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The last place of each stamp, if all have equally many significant digits; else infinite."""
+    size = np.abs(stamps)
+    decades = 10.0 ** np.floor(np.log10(np.maximum(size, size[size > 0].min())) + _ROUNDING)
+    places = (decades * 10.0 ** (1 - digits) for digits in range(_FEWEST_DIGITS, _MOST_DIGITS + 1))
+    return next((each for each in places if _are_whole(stamps / each)), np.full(1, np.inf))
+
+
+def _are_whole(numbers: NDArray[np.float64]) -> bool:
+    return float(np.max(np.abs(numbers - np.rint(numbers)))) < 1e-3
 
 
 def rate_of_stamps(stamps: NDArray[np.float64], source: str) -> Rate | None:
