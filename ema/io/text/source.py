@@ -194,11 +194,17 @@ MISSING |= {"inf", "-inf", "+inf", "infinity", "-infinity", "1.#inf", "-1.#inf"}
 MISSING |= {"#n/a", "#nv", "#num!", "#wert!", "#value!", "#div/0!", "#ref!"}  # of spreadsheets
 _DATE = r"[0-9]{4}[-/.][0-9]{2}[-/.][0-9]{2}|[0-9]{1,2}[-/.][0-9]{1,2}[-/.](?:[0-9]{4}|[0-9]{2})"
 DATE = re.compile(_DATE)
-# A time of day or since a start, perhaps with a date: ISO 8601, 31.12.2026 or 12/31/2026.
+_MONTH = r"[^\W\d_]{3,9}\.?"
+_LONG_DATE = (
+    rf"{_DATE}|[0-9]{{8}}|[0-9]{{1,5}} days?|[0-9]{{1,2}}\.?[- ]{_MONTH}[- ][0-9]{{2,4}}"
+    rf"|{_MONTH} [0-9]{{1,2}},? [0-9]{{4}}"
+)
+# A time of day or since a start, perhaps with a date: ISO 8601, 31.12.2026, 12/31/2026,
+# 31-Dec-2026; where there are no hours, minutes with a fraction.
 CLOCK = re.compile(
-    rf"(?:(?P<date>{_DATE})(?:T|[ ]+))?(?P<hours>[0-9]{{1,2}}):"
-    r"(?P<rest>[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,9})?)"
-    r"(?:Z|[+-][0-9]{2}:?[0-9]{2})?(?:[ ]*(?P<half>[AaPp])[Mm])?"
+    rf"(?:(?P<date>{_LONG_DATE})(?:T|[ ]*[-_ ][ ]*))?(?P<hours>[0-9]{{1,2}}:)?"
+    r"(?P<rest>[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,9}|:[0-9]{3}(?:[0-9]{3}){0,2})?)"
+    r"(?:[ ]*(?P<half>[AaPp])\.?[Mm]\.?)?(?:[ ]?(?:Z|[A-Z]{3,4}|[+-][0-9]{2}(?::?[0-9]{2})?))?"
 )
 # Numbers whose points or commas may as well separate thousands: 1,234.
 THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:[.,][0-9]{3})+")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from datetime import datetime
+from datetime import date
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,8 @@ _NARROW_BYTES = 4  # cells of fewer bytes are kept in single precision where tha
 _CUT_SHORT = "the file is cut short"
 _USUAL_MISSING = ["", "NaN", "nan", "-", "#N/A"]  # for each column Arrow builds a tree of these
 _HOUR_NS = 3_600_000_000_000
+_MONTHS = {name: n for n, name in enumerate("jan feb mar apr may jun jul aug sep oct nov dec".split(), 1)}
+_MONTHS |= {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12}
 _STAMP_RULE = (
     "a time stamp must be hh:mm:ss.s, or a date and that (ISO 8601, 31.12.2026, 12/31/2026)"
 )
@@ -102,9 +105,11 @@ class Cells:
         self._pieces.clear()
         if samples.dtype != np.int64:
             return samples
-        # Times of day without a date begin again at midnight.
-        nights = np.cumsum(np.diff(samples, prepend=samples[:1]) < -12 * _HOUR_NS)
-        return np.asarray((samples - samples[:1] + nights * (24 * _HOUR_NS)) * 1e-9)
+        # Times of day without a date begin again at midnight, minutes without an hour after one.
+        steps = np.diff(samples, prepend=samples[:1])
+        hours = np.cumsum(np.abs(steps + _HOUR_NS) < _HOUR_NS // 3600)
+        hours += 24 * np.cumsum(steps < -12 * _HOUR_NS)
+        return np.asarray((samples - samples[:1] + hours * _HOUR_NS) * 1e-9)
 
 
 class _Reader:
@@ -312,9 +317,10 @@ class _Reader:
         half: pa.ChunkedArray,
     ) -> pa.ChunkedArray:
         """Nanoseconds since midnight of the first day; ValueError where a day is left out."""
-        rest = compute.replace_substring(rest, ",", ".")
+        rest = compute.replace_substring_regex(rest, r"^(\d\d:\d\d)[,:]", r"\1.")
         rest = compute.binary_join_element_wise("1970-01-01 00", rest, ":")
         rest = rest.cast(pa.timestamp("ns")).cast(pa.int64())
+        hours = compute.if_else(compute.equal(hours, ""), "0", compute.utf8_rtrim(hours, ":"))
         hours = hours.cast(pa.int64())
         if half[0].as_py():
             is_late = compute.equal(compute.utf8_upper(half), "P")
@@ -330,18 +336,26 @@ class _Reader:
 
 def check_days(dates: Sequence[str]) -> None:
     """Refuse (ValueError) days that do not follow one another, day or month first."""
-    for order in ("%Y-%m-%d", "%d-%m-%Y", "%m-%d-%Y", "%d-%m-%y", "%m-%d-%y"):
-        try:
-            days = [
-                datetime.strptime(each.replace("/", "-").replace(".", "-"), order).toordinal()
-                for each in dates
-                if each
-            ]
-        except ValueError:
-            continue
-        if days == list(range(days[0], days[0] + len(days)) if days else ()):
-            return
+    numbers = [_numbers_of_date(each) for each in dates if each]
+    for order in ((0, 1, 2), (2, 1, 0), (2, 0, 1)):
+        with contextlib.suppress(ValueError, IndexError):
+            days = [each[0] if len(each) == 1 else _ordinal(each, order) for each in numbers]
+            if days == list(range(days[0], days[0] + len(days)) if days else ()):
+                return
     raise ValueError(f"{', '.join(dates[:3])}: no dates, or not one day after another")
+
+
+def _numbers_of_date(text: str) -> list[int]:
+    """Year, month and day as they stand in a date; one number of a count of days."""
+    for month in re.findall(r"[^\W\d_]{3,}", text):
+        text = text.replace(month, f" {_MONTHS.get(month[:3].lower(), '')} ")
+    compact = re.fullmatch(r"([0-9]{4})([0-9]{2})([0-9]{2})", text)
+    return [int(each) for each in (compact.groups() if compact else re.findall("[0-9]+", text))]
+
+
+def _ordinal(numbers: Sequence[int], order: tuple[int, int, int]) -> int:
+    year, month, day = (numbers[place] for place in order)
+    return date(year + 2000 * (year < 100), month, day).toordinal()
 
 
 def _single_blanks(section: bytes) -> bytes:
