@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mmap
+import os
 import stat
 import unicodedata
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -13,7 +14,33 @@ from numpy.typing import NDArray
 
 from ema.core.errors import InputError, ManifestError, RecordingFormatError
 
+Stamp = tuple[int, int]
+
 USE_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
+
+
+class FileMap(np.memmap[Any, Any]):
+    """A map of a file as it was when it was opened."""
+
+    stamp: Stamp  # of the file then
+
+
+def stamp_of(status: os.stat_result) -> Stamp:
+    """Size and time of the last change, by which a file is known to be another one."""
+    return status.st_size, status.st_mtime_ns
+
+
+def mapped(
+    path: Path,
+    dtype: np.dtype[Any] | type = np.uint8,
+    offset: int = 0,
+    shape: tuple[int, ...] | None = None,
+) -> FileMap:
+    """Numbers of a file that stay on disk; `piece` and `fill` read them and views of them."""
+    stamp = stamp_of(path.stat())
+    found = FileMap(path, dtype, "r", offset, shape)
+    found.stamp = stamp
+    return found
 
 
 def piece(samples: NDArray[Any], start: int, stop: int) -> NDArray[Any]:
@@ -21,61 +48,67 @@ def piece(samples: NDArray[Any], start: int, stop: int) -> NDArray[Any]:
 
     What was read through a map stays in the program's memory for as long as the map is there, and a
     file that vanishes under it ends the program without a word. `RecordingFormatError` if the file
-    became shorter or cannot be read any more.
+    changed or cannot be read any more.
     """
-    if not isinstance(samples, np.memmap) or not _is_whole(samples):
+    origin = _origin(samples)
+    if origin is None:
         return samples[start:stop]
     start, stop, _ = slice(start, stop).indices(len(samples))
     found = np.empty(max(stop - start, 0), samples.dtype)
-    _read(samples, start, found)
+    _read(samples, origin, start, found)
     return found
 
 
 def fill(samples: NDArray[Any], start: int, into: NDArray[np.float64]) -> None:
     """Put samples from `start` on into an array, as `piece` reads them."""
-    if (
-        isinstance(samples, np.memmap)
-        and samples.dtype == into.dtype
-        and into.flags.c_contiguous
-        and _is_whole(samples)
-    ):
-        _read(samples, start, into)
+    origin = _origin(samples)
+    if origin is not None and samples.dtype == into.dtype and into.flags.c_contiguous:
+        _read(samples, origin, start, into)
     else:
         into[:] = piece(samples, start, start + into.size)
 
 
-def part(samples: NDArray[Any], start: int, stop: int) -> NDArray[Any]:
-    """Samples `start` to `stop`; those of a memory map stay on disk, as a map of their own."""
-    if not isinstance(samples, np.memmap) or not _is_whole(samples):
-        return samples[start:stop]
-    place, path = samples.offset + start * samples.itemsize, str(samples.filename)
-    cut: NDArray[Any] = np.memmap(path, samples.dtype, "r", place, (stop - start,))
-    return cut
+def _origin(samples: NDArray[Any]) -> np.memmap[Any, Any] | None:
+    """The whole map of a file that samples are a view of, perhaps as bytes; None for no map."""
+    holder: Any = samples
+    while holder is not None and not isinstance(getattr(holder, "base", None), mmap.mmap):
+        holder = holder.obj if isinstance(holder, memoryview) else getattr(holder, "base", None)
+    is_known = isinstance(holder, np.memmap) and holder.filename is not None
+    return holder if is_known and samples.ndim == 1 and samples.strides[0] > 0 else None
 
 
-def _read(samples: np.memmap[Any, Any], start: int, into: NDArray[Any]) -> None:
-    """Read from the file of a map, without fresh memory."""
-    path = Path(str(samples.filename))
+def _read(
+    samples: NDArray[Any], origin: np.memmap[Any, Any], start: int, into: NDArray[Any]
+) -> None:
+    """Read from the file of a map, without fresh memory where samples lie side by side."""
+    (step,), size = samples.strides, samples.itemsize
+    place = origin.offset + _address(samples) - _address(origin) + start * step
+    n_bytes = (into.size - 1) * step + size if into.size else 0
+    stored = into if step == size else np.empty(n_bytes, np.uint8)
+    path = Path(str(origin.filename))
     try:
         with path.open("rb") as file:
-            file.seek(samples.offset + start * samples.itemsize)
-            n_bytes = file.readinto(into.view(np.uint8).data)
+            file.seek(place)
+            n_read = file.readinto(stored.view(np.uint8).data)
+            now = stamp_of(os.fstat(file.fileno()))
     except OSError as error:
         raise _gone(path, error.strerror or str(error)) from error
-    if n_bytes < into.nbytes:
-        count = n_bytes // samples.itemsize
-        raise _gone(path, f"{count} of {into.size} samples from sample {start + 1} on")
+    if n_read < n_bytes:
+        found = f"{-(-n_read // step)} of {into.size} samples from sample {start + 1} on"
+        raise _gone(path, found)
+    if now != getattr(origin, "stamp", now):
+        raise _gone(path, "changed since it was opened")
+    if stored is not into:
+        into[:] = np.ndarray(into.shape, samples.dtype, stored.data, strides=(step,))
 
 
-def _is_whole(samples: np.memmap[Any, Any]) -> bool:
-    """Whether it is a whole memory map: views of one do not know their place in the file."""
-    is_own = isinstance(samples.base, mmap.mmap) and samples.flags.c_contiguous
-    return is_own and samples.filename is not None
+def _address(array: NDArray[Any]) -> int:
+    return int(array.__array_interface__["data"][0])
 
 
 def _gone(path: Path, found: str) -> RecordingFormatError:
-    rule = "the file was longer when it was opened"
-    remedy = "Check the drive or the network and process it again"
+    rule = "a recording stays as it is while it is read"
+    remedy = "Process it again once nobody writes to it; check the drive or the network"
     return RecordingFormatError(str(path), found, rule, remedy)
 
 

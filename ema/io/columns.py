@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.files import part
 from ema.core.finding import Check, Finding
 from ema.core.recording import UNKNOWN, Channel, Recording
 from ema.core.units import TIME, is_stated, parse_axis, parse_unit
@@ -372,7 +371,7 @@ def aligned(
     return tuple(
         channel
         if (start, n_samples) == (0, channel.n_samples)
-        else replace(channel, samples=part(channel.samples, start, start + n_samples))
+        else replace(channel, samples=channel.samples[start : start + n_samples])
         for channel, start in zip(channels, begin.tolist(), strict=True)
     )
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
+from ema.core.files import mapped
 from ema.core.finding import Check, Finding
 from ema.io import content
 from ema.io.columns import (
@@ -256,7 +257,7 @@ class Hdf5File:
             offset = dataset.id.get_offset()
             same_type = self.h5py.h5t.py_create(dataset.dtype).equal(dataset.id.get_type())
             if n_bytes and same_type and offset is not None:
-                return np.asarray(np.memmap(self.path, dataset.dtype, "r", offset, dataset.shape))
+                return np.asarray(mapped(self.path, dataset.dtype, offset, dataset.shape))
         # Numbers are unpacked by whole chunks, however few of them belong to the dataset.
         chunk = int(np.prod(dataset.chunks or (0,), dtype=object)) * dataset.dtype.itemsize
         self._n_bytes += n_bytes

@@ -8,7 +8,6 @@ trusts the sizes in a damaged file (see the architecture page).
 from __future__ import annotations
 
 import math
-import mmap
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
+from ema.core.files import mapped
 from ema.io.content import check_expansion
 
 COPY_AGAIN = "Copy the file again or save it again with -v7"
@@ -56,8 +56,7 @@ class Mat5Reader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        with path.open("rb") as file:
-            self._bytes = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+        self._bytes = memoryview(mapped(path))
         self._order = "<" if bytes(self._bytes[126:128]) == b"IM" else ">"
         self._unpacked_bytes = 0
 

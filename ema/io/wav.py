@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
+from ema.core.files import mapped
 from ema.core.finding import Check
 from ema.io.columns import Column, content_of_columns
 from ema.io.content import EXPORT_AGAIN, LEAVE_OUT, FileContent, reading, remark
@@ -62,7 +63,7 @@ def read(path: Path) -> FileContent:
     if size % row:
         found, rule = f"{size} bytes of samples", f"each instant takes {row} bytes"
         raise RecordingFormatError(path.name, found, rule, LEAVE_OUT)
-    stored = np.frombuffer(data, layout, size // layout.itemsize, start)
+    stored = mapped(path, layout, start, (size // layout.itemsize,))
     tracks = enumerate(_fractions(stored).reshape(-1, n_channels).T, start=1)
     columns = [Column(f"channel {number}", "", track) for number, track in tracks]
     return content_of_columns(path, columns, rate=exact_rate(float(rate_hz)), findings=findings)

@@ -18,6 +18,7 @@ from ema.circumference.mass_loading import (
 from ema.core.campaign import Campaign
 from ema.core.edits import Edit, shorthand
 from ema.core.errors import InputError, require_type
+from ema.core.files import stamp_of
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.numerics import one_blas_thread
@@ -103,6 +104,7 @@ def process(
     watch = Stopwatch(progress or (lambda name: None))
     with watch.stage("read", "Reading"):
         campaign = _read(source, options)
+        stamps = {path: stamp_of(path.stat()) for path in campaign.sources}
         options = replace(options, tuning=tuning_in_force(campaign.tuning, options.tuning))
     processing = processing_in_force(campaign, options.processing)
     with watch.stage("frf", "Estimating FRFs"):
@@ -121,7 +123,7 @@ def process(
         identification=campaign.identification,
         checks=campaign.checks,
     )
-    with checksummed(campaign.sources) as inputs:
+    with checksummed(stamps) as inputs:
         with watch.stage("modes", "Identifying modes"):
             found = asked.identify(estimated, _sensor_mass(campaign))
         measured = _measured(campaign, found, asked, _setup(campaign, estimated, found))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
@@ -17,6 +17,7 @@ from typing import Any
 
 from ema.core.campaign import Campaign, Processing
 from ema.core.errors import InputError
+from ema.core.files import Stamp, stamp_of
 from ema.core.frf import FRF
 from pipelines.results.options import Options, given_processing
 from pipelines.storage.atomic import MARKER, named, recover
@@ -85,15 +86,22 @@ def made_now() -> dict[str, Any]:
 
 
 @contextmanager
-def checksummed(paths: Sequence[Path]) -> Iterator[Callable[[], list[dict[str, Any]]]]:
-    """Yield a function that returns name, size and SHA-256 of files; a thread computes them."""
+def checksummed(files: Mapping[Path, Stamp]) -> Iterator[Callable[[], list[dict[str, Any]]]]:
+    """Yield a function that returns name, size and SHA-256 of files; a thread computes them.
 
-    def fingerprint(path: Path) -> dict[str, Any]:
-        about = {"file": path.name, "bytes": path.stat().st_size, "sha256": sha256(path)}
+    The function refuses a file that is not as it was when it was read.
+    """
+
+    def fingerprint(path: Path, stamp: Stamp) -> dict[str, Any]:
+        checksum, now = sha256(path), stamp_of(path.stat())
+        if now != stamp:
+            rule = "a recording stays as it is until its result is done"
+            raise InputError(str(path), "changed since it was read", rule, "Process it again")
+        about = {"file": path.name, "bytes": now[0], "sha256": checksum}
         return {**about, "path": str(path.resolve())}
 
     with ThreadPoolExecutor(1) as pool:
-        yield pool.submit(lambda: [fingerprint(path) for path in paths]).result
+        yield pool.submit(lambda: [fingerprint(*each) for each in files.items()]).result
 
 
 def with_inputs_at(record: dict[str, Any], place: Callable[[Path], Path | str]) -> dict[str, Any]:

@@ -16,6 +16,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
+from ema.core.files import mapped
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.numerics import constant
@@ -51,9 +52,7 @@ def read_values(
     if dataset.layout is None:
         return _split(header, _read_text(path, dataset, header))
     begin, _ = dataset.payload
-    records: NDArray[Any] = np.memmap(
-        path, dtype=dataset.layout, mode="r", offset=begin, shape=(header.n_values,)
-    )
+    records: NDArray[Any] = mapped(path, dataset.layout, begin, (header.n_values,))
     _check_byte_order(place(path, dataset.index, 2), records if header.even else records["value"])
     if header.even:
         return None, records

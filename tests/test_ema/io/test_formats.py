@@ -73,3 +73,16 @@ def test_a_workbook_of_damaged_xml_is_refused(tmp_path):
         archive.writestr("xl/workbook.xml", "<wb>")
     with pytest.raises(RecordingFormatError, match="damaged, cut short or something else"):
         read_file(path)
+
+
+@pytest.mark.parametrize("kind", [".uff", ".mat", ".h5", ".wav"])
+def test_a_recording_cut_while_it_is_open_is_named(tmp_path, kind):
+    """A map of what is not there any more would end the program without a word."""
+    path = tmp_path / f"a{kind}"
+    floats = wav_file(bits=32, kind=3, samples=np.ones(64, "<f4").tobytes())
+    path.write_bytes(floats if kind == ".wav" else CONTENTS[kind])
+    recording = read_file(path).recording
+    assert np.isfinite(recording.block(0, recording.n_samples)).all()
+    path.write_bytes(b"")
+    with pytest.raises(RecordingFormatError, match=f"a{kind}.*0 of"):
+        recording.block(0, recording.n_samples)

@@ -9,6 +9,7 @@ from builders import SHARED_DATA
 
 from ema.core.campaign import Campaign, Processing, Tyre
 from ema.core.errors import InputError
+from ema.core.files import stamp_of
 from ema.core.frf import FRF
 from ema.core.mac import mac
 from ema.io.campaign.read import read_campaign
@@ -16,6 +17,7 @@ from pipelines.process.ring import tune
 from pipelines.process.run import process
 from pipelines.report.write import save
 from pipelines.results.options import Options
+from pipelines.results.provenance import checksummed
 from pipelines.results.store import load
 
 ORDERS = np.arange(1, 8)
@@ -138,6 +140,16 @@ def test_every_stage_is_announced_and_timed(modes_once, sample_result, short_cam
 def test_the_truth_beside_the_recordings_is_not_read(sample_result):
     names = [entry["file"] for entry in sample_result.provenance["inputs"]]
     assert names == ["campaign.toml", *(f"config_{n}.uff" for n in range(1, 7))]
+
+
+def test_a_recording_that_changes_meanwhile_is_refused(tmp_path):
+    """A checksum of other samples than those of the modes would be a wrong record."""
+    path = tmp_path / "a.csv"
+    path.write_text("1")
+    with checksummed({path: stamp_of(path.stat())}) as inputs:
+        assert inputs()[0]["bytes"] == 1
+    with checksummed({path: (1, 0)}) as inputs, pytest.raises(InputError, match="changed since"):
+        inputs()
 
 
 def test_options_in_force_are_recorded(sample_result):
