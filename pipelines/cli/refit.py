@@ -16,7 +16,6 @@ from typing import Annotated, Any
 from ema.core.display import number, signed
 from ema.core.edits import OF_POLES, ChannelName, Edit, EditKind, PoleName
 from ema.core.errors import InputError
-from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.refit import EditCost
 from pipelines.cli import options as opt
 from pipelines.cli.result import show
@@ -204,16 +203,17 @@ def review(
         raise InputError("ringmodal review", f"{missing[0]} is not installed", rule, remedy)
     # Not above: an optional part, and slow to load.
     from pipelines.review.bench import Desk
+    from pipelines.review.folder import is_at_rig
     from pipelines.review.server import open_browser, serve
 
     if not place.is_dir():
         rule = "it is the folder of a result, of a campaign, or of several"
         raise InputError(str(place), "no folder", rule, "Name a folder")
     place = place.resolve()
-    is_result, is_campaign = ((place / name).is_file() for name in (MARKER, MANIFEST_NAME))
+    is_result = (place / MARKER).is_file()
     desk = Desk(place.parent if is_result else place)
     name = desk.name_of(place)
-    page = f"/r/{name}" if is_result else f"/w/{name}" if is_campaign else "/"
+    page = f"/r/{name}" if is_result else f"/w/{name}" if is_at_rig(place) else "/"
 
     def announce(address: str, file: Path) -> None:
         echo(address)

@@ -78,6 +78,19 @@ def search(root: Path) -> Found:
     return Found(**{name: tuple(paths) for name, paths in found.items()})
 
 
+def is_at_rig(folder: Path) -> bool:
+    """Whether a folder is one campaign, perhaps without a manifest or before its first recording.
+
+    With a result in it, or further campaigns, there is more to show than its runs.
+    """
+    if (folder / MANIFEST_NAME).is_file():
+        return True
+    found = search(folder)
+    return set(found.campaigns) <= {folder} and not (
+        found.results or found.batches or found.libraries
+    )
+
+
 def landing(root: Path, named: Named, jobs: Mapping[Path, Mapping[str, Any]]) -> dict[str, Any]:
     """What the landing page shows, in names instead of paths."""
     found = search(root)

@@ -22,6 +22,7 @@ from ema.core.frf import FRF
 from ema.core.references import frfs_of
 from ema.io.campaign.manifest import MANIFEST_NAME, RunSection, read_manifest
 from ema.io.campaign.read import recordings_in
+from ema.io.formats import read_headers
 from pipelines.results.options import TYRE_BAND_HZ
 from pipelines.results.tables import in_band
 
@@ -38,8 +39,9 @@ _REPEAT = frozenset(
         Check.AVERAGED_RUNS,
     }
 )
+_PLACES = "campaign.toml says where they are; `ringmodal init FOLDER` writes a draft."
 # Of runs that are not measured yet, or checks that ask for all of them.
-_TOO_EARLY = frozenset({Check.GRID, Check.AVERAGES})
+_TOO_EARLY = frozenset({Check.GRID, Check.AVERAGES, Check.NODE})
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class RunSeen:
     """A run as it is on the drive, and what was found in it."""
 
     name: str
-    state: str  # {"measured", "being written", "missing", "unreadable"}
+    state: str  # {"measured", "being written", "missing", "unreadable", "not checked"}
     content: Mapping[str, Any]
     lines: tuple[Finding, ...] = ()
     error: str = ""
@@ -112,12 +114,16 @@ def looked_at(runs: Expected, written: Sequence[str]) -> tuple[RunSeen, ...]:
             broken = next((name for name in usable if name in str(error)), usable[-1])
             unreadable[broken] = str(error)
             usable.remove(broken)
-    checked = {} if campaign is None else _checked(campaign)
+    checked: dict[str, RunSeen] = {}
+    for each in [] if campaign is None else _together(runs, usable, campaign):
+        checked |= _checked(each)
     seen = []
     for name, path in runs.files.items():
         state = "missing" if not path.exists() else "being written"
         if name in unreadable:
-            seen.append(RunSeen(name, "unreadable", {}, error=unreadable[name]))
+            is_whole = not runs.is_planned and _can_be_read(path)
+            state = "not checked" if is_whole else "unreadable"
+            seen.append(RunSeen(name, state, {}, error=unreadable[name]))
         elif name in checked:
             seen.append(checked[name])
         else:
@@ -129,6 +135,20 @@ def _read(runs: Expected, names: Sequence[str]) -> Campaign:
     if runs.is_planned:
         return ema.read_campaign(runs.folder, only=names)
     return ema.read_campaign([runs.files[name] for name in names])
+
+
+def _together(runs: Expected, names: Sequence[str], campaign: Campaign) -> list[Campaign]:
+    """What is checked together: all runs, or each alone where nothing says where sensors were."""
+    is_placed = runs.is_planned or all(each.check is not Check.NODE for each in campaign.findings)
+    return [campaign] if is_placed else [_read(runs, [name]) for name in names]
+
+
+def _can_be_read(path: Path) -> bool:
+    """Whether a file is in order, and only what its channels are is not known."""
+    try:
+        return read_headers(path).recording is not None
+    except InputError:
+        return False
 
 
 def _checked(campaign: Campaign) -> dict[str, RunSeen]:
@@ -217,6 +237,8 @@ def _drift_percent(reference: FRF | None, run: str, band_hz: tuple[float, float]
 def advice(runs: Expected, seen: Sequence[RunSeen]) -> tuple[str, str]:
     """What to do now: {"ok", "warning", "wait"}, and in words."""
     for number, run in enumerate(seen, 1):
+        if run.state == "not checked":
+            return "warning", run.error
         if run.state == "unreadable":
             return "warning", f"Measure run {number} ({run.name}) again: {run.error}"
         if run.faults:
@@ -233,7 +255,8 @@ def advice(runs: Expected, seen: Sequence[RunSeen]) -> tuple[str, str]:
         return "wait", "No recording yet."
     if runs.is_planned:
         return "ok", f"All {len(seen)} runs are measured. Process the campaign."
-    return "ok", f"{len(seen)} runs are in order. Turn the sensors for the next one."
+    started = "1 run is" if len(seen) == 1 else f"{len(seen)} runs are"
+    return "ok", f"{started} in order. Turn the sensors for the next one. {_PLACES}"
 
 
 def _turn(runs: Expected, name: str) -> str:

@@ -15,7 +15,7 @@ from pipelines.report.write import save
 from pipelines.results.options import Options
 from pipelines.results.store import load
 from pipelines.review.bench import Desk
-from pipelines.review.folder import compared, landing, search
+from pipelines.review.folder import compared, is_at_rig, landing, search
 
 
 @pytest.fixture
@@ -49,6 +49,14 @@ def test_results_and_campaigns_are_found(home, lab):
     for row in (*told["results"], *told["campaigns"]):
         assert str(lab) not in row["id"]
     assert home.client.get(f"/api/r/{result['id']}/state").status_code == 200
+
+
+def test_the_folder_of_one_campaign_is_watched(lab):
+    """With its manifest or without, before its first recording too; not with a result in it."""
+    (lab / "empty").mkdir()
+    watched = {each.name for each in lab.iterdir() if is_at_rig(each)}
+    assert watched == {"fresh", "bare", "empty", "notes", ".hidden"}
+    assert not is_at_rig(lab)
 
 
 def test_a_link_to_elsewhere_is_not_followed(home, lab, tmp_path_factory):

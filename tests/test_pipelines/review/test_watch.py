@@ -127,6 +127,31 @@ def test_recordings_without_a_manifest(rig):
     assert "Turn the sensors for the next one" in text
 
 
+def test_runs_whose_places_nobody_states_are_checked_each_alone(rig):
+    """Sensors that were turned measure other FRFs: that is no fault of a run."""
+    folder = rig(1, 2)
+    (folder / "campaign.toml").unlink()
+    for path in folder.glob("*.uff"):
+        recording = read_file(path).recording
+        table = np.column_stack([each.samples[:4000] for each in recording.channels])
+        heads = [f"{each.name} [{each.unit}]" for each in recording.channels]
+        stamps = np.arange(len(table)) / recording.sampling_rate_hz
+        csv = path.with_suffix(".csv")
+        lines = np.column_stack([stamps, table])
+        np.savetxt(csv, lines, "%.6g", ",", header=",".join(["time [s]", *heads]), comments="")
+        os.utime(csv, (0, 0))
+        path.unlink()
+    runs, (verdict, text) = seen(folder)
+    assert [run.state for run in runs.values()] == ["measured"] * 2
+    assert (verdict, text[:21]) == ("ok", "2 runs are in order. ")
+    csv.write_text("t,ch1,ch2\n" + "".join(f"{k / 2000},{k % 7},{k % 5}\n" for k in range(4000)))
+    os.utime(csv, (0, 0))
+    runs, (verdict, text) = seen(folder)
+    assert runs[csv.name].state == "not checked"  # the file is good: not to be measured again
+    assert verdict == "warning"
+    assert "ringmodal init" in text
+
+
 def test_the_page_is_told_of_a_new_run(rig):
     folder = rig(1)
     desk = Desk(folder)
