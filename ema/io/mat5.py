@@ -56,7 +56,7 @@ class Mat5Reader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._bytes = memoryview(mapped(path))
+        self._bytes = mapped(path).data
         self._order = "<" if bytes(self._bytes[126:128]) == b"IM" else ">"
         self._unpacked_bytes = 0
 

@@ -27,12 +27,11 @@ from pipelines.library.version import login_name
 from pipelines.process.refit import asked_of, of_blocks, refittable, settings_of
 from pipelines.results.edits_file import edits_of
 from pipelines.results.result import Result, edit_records
-from pipelines.results.store import load
 from pipelines.review.folder import landing
 from pipelines.review.session import Session, key, keys, opened
 from pipelines.review.sight import Sight, edit_text, refusal, state
 from pipelines.review.watch import Watch
-from pipelines.review.worker import Jobs, Stop, Worker, recordings_of, reread
+from pipelines.review.worker import Jobs, Stop, Worker, loaded, recordings_of, reread
 from pipelines.storage.atomic import MARKER
 
 _KEPT_FITS = 24  # undo and redo among these asks for no fit
@@ -73,7 +72,7 @@ class Bench:
         self, name: str, folder: Path, worker: Worker, publish: Callable[[dict[str, Any]], None]
     ) -> None:
         self.name, self.folder = name, folder
-        self.result = load(folder)
+        self.result = loaded(folder)
         self._worker, self._publish = worker, publish
         self._draft = opened(folder, self.result.edits)
         self._lock = threading.RLock()
@@ -376,7 +375,7 @@ class Desk:
             return None
         key = path, (path / MARKER).stat().st_mtime_ns
         if key not in self._results:
-            self._results[key] = load(path)
+            self._results[key] = loaded(path)
             while len(self._results) > _KEPT_RESULTS:
                 del self._results[next(iter(self._results))]
         return self._results[key]

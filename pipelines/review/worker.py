@@ -15,6 +15,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
+import pyarrow as pa
+
 from ema.core.edits import Edit, EditKind, of_kind
 from ema.core.errors import InputError, SupersededError
 from pipelines.process.refit import of_blocks
@@ -22,23 +24,34 @@ from pipelines.process.ring import options_of
 from pipelines.process.run import process
 from pipelines.results.edits_file import Record
 from pipelines.results.result import Result
+from pipelines.results.store import load
 
 _LOG = logging.getLogger(__name__)
 
 Stop = Callable[[], bool]
 
 
-_MMAP_THRESHOLD, _LARGE_BYTES = -3, 2**20  # M_MMAP_THRESHOLD of malloc.h
+_MMAP_THRESHOLD, _LARGE_BYTES = -3, 2**18  # M_MMAP_THRESHOLD of malloc.h
+_ARENA_MAX = -8  # M_ARENA_MAX of malloc.h
 
 
 def return_large_arrays() -> None:
     """Have arrays of fits given back to the system when they are freed.
 
     glibc raises its limit for that with every large array, and a server that fits for hours then
-    holds what it once needed: some 40 MB of fragments.
+    holds what it once needed: some 40 MB of fragments. Every thread that answers pages would have
+    fragments of its own.
     """
     if os.name == "posix" and hasattr(library := ctypes.CDLL(None), "mallopt"):
         library.mallopt(_MMAP_THRESHOLD, _LARGE_BYTES)
+        library.mallopt(_ARENA_MAX, 1)
+
+
+def loaded(folder: Path) -> Result:
+    """A result, without what Arrow keeps of reading it: as much again."""
+    result = load(folder)
+    pa.default_memory_pool().release_unused()
+    return result
 
 
 class Work(Protocol):
