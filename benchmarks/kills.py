@@ -6,12 +6,17 @@ drawn evenly from its whole duration. The place must then hold nothing, or the e
 the new one: every file of the contract, readable, and with the checksum that completed runs gave.
 Every fourth time somebody puts a hidden file, a repository and a note into the earlier result while
 it is being replaced: they must be found afterwards in the result or in a visible folder beside it.
+
+With ``--sign-off`` it is the server of `ringmodal review` that is killed while it signs: the new
+folder is whole or not there, the reviewed one is untouched, and the edit is in the draft or signed.
+The token must be in nothing that the server said, nor among its arguments.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import http.client
 import json
 import os
 import random
@@ -19,15 +24,20 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import tomllib
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet as pq
+from review import Client, served
 
+from pipelines.process.run import process
+from pipelines.report.write import save
 from pipelines.results.store import load
 from pipelines.simulate.campaign import simulate_campaign
 from pipelines.storage.atomic import recover
@@ -57,8 +67,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--sign-off", action="store_true", help="kill the review instead")
     chosen = parser.parse_args()
     draw = random.Random(chosen.seed)
+    if chosen.sign_off:
+        sys.exit(signing(chosen.kills, draw))
     with tempfile.TemporaryDirectory() as scratch:
         campaign = simulate_campaign(Path(scratch) / "campaign", duration_s=4.0)
         earlier, new = Path(scratch) / "earlier", Path(scratch) / "new"
@@ -193,6 +206,67 @@ def readable(folder: Path) -> bool:
         pq.read_table(folder / name)
     tomllib.loads((folder / "tyre.toml").read_text())
     return (folder / "report.html").read_text().rstrip().endswith("</html>")
+
+
+def signing(kills: int, draw: random.Random) -> bool:
+    """Kill a review while it signs; whether anything was torn or lost, or the token told."""
+    found: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory() as scratch:
+        campaign = simulate_campaign(Path(scratch) / "campaign", duration_s=4.0)
+        place = Path(scratch) / "place" / "result"
+        save(process(campaign), place, report=False)
+        before = {path.name: sha256(path) for path in place.iterdir()}
+        duration_s = signed(place, None)[0]
+        for _ in range(kills):
+            shutil.rmtree(place.with_name("signed"), ignore_errors=True)
+            _, told = signed(place, draw.uniform(0.0, duration_s))
+            found["the token was told"] += told
+            found["the reviewed result changed"] += before != {
+                path.name: sha256(path) for path in place.iterdir()
+            }
+            kept = place.with_name(".ringmodal-review") / "result.jsonl"
+            is_drafted = "set_aside" in (kept.read_text() if kept.exists() else "")
+            if not place.with_name("signed").exists():
+                found["no folder, the edit in the draft" if is_drafted else PARTIAL] += 1
+            else:
+                recover(place.with_name("signed"))
+                edits = load(place.with_name("signed")).edits
+                found["whole folder, signed" if len(edits) == 1 else PARTIAL] += 1
+            kept.unlink(missing_ok=True)
+    print(f"{kills} kills at random moments of a sign-off of {duration_s:.1f} s:\n")
+    for what, count in sorted(found.items()):
+        print(f"- {what}: {count}")
+    return bool(found[PARTIAL] + found["the token was told"] + found["the reviewed result changed"])
+
+
+def signed(place: Path, delay_s: float | None) -> tuple[float, bool]:
+    """Sign a result with one edit, perhaps until a kill: seconds; whether the token was told."""
+    with served(place) as (server, address, file):
+        client = Client(address, file)
+        state = client.settled("final")
+        edit = {"kind": "set_aside", "pole": state["modes"][0]["pole"], "reason": "no partner"}
+        client.ask("edit", revision=state["revision"], edit=edit)
+        revision = client.settled("final")["revision"]
+        sign = {"revision": revision, "by": "A. Keller", "note": "", "folder": "signed"}
+        start = time.perf_counter()
+        asking = threading.Thread(target=quietly, args=(client, sign))
+        asking.start()
+        if delay_s is None:
+            asking.join()
+            return time.perf_counter() - start, False
+        time.sleep(delay_s)
+        arguments = Path(f"/proc/{server.pid}/cmdline").read_text()
+        server.kill()
+        server.wait()
+        asking.join()
+        said = server.stdout.read() + server.stderr.read()
+        return time.perf_counter() - start, client.token in said + arguments + address
+
+
+def quietly(client: Client, sign: dict[str, Any]) -> None:
+    """Ask for a signature; a server that was killed answers nothing."""
+    with suppress(OSError, http.client.HTTPException):
+        client.ask("sign", **sign)
 
 
 def report(rows: list[tuple[bool, str, str, int]], duration_s: float, left_at_the_end: int) -> None:

@@ -159,7 +159,7 @@ def _doubts(
     seen = [each for each in stored["opinions"] if each["mode_hz"] is not None]
     apart = sum(not each["agrees"] for each in seen if isfinite(float(each["mode_hz"])))
     if apart:
-        yield f"{seen[0]['method'].upper()} disagrees on {apart}"
+        yield f"{seen[0]['method'].upper()} disagrees on {counted(apart, 'mode')}"
     if misfit > _CHI_SQUARE:
         yield f"χ² {misfit:.3g}"
 

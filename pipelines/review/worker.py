@@ -30,6 +30,7 @@ _LOG = logging.getLogger(__name__)
 
 Stop = Callable[[], bool]
 
+_PATIENCE_S = 2.0  # with a fit that is to stop: steps take less
 
 _MMAP_THRESHOLD, _LARGE_BYTES = -3, 2**18  # M_MMAP_THRESHOLD of malloc.h
 _ARENA_MAX = -8  # M_ARENA_MAX of malloc.h
@@ -100,14 +101,18 @@ class Worker:
         return future
 
     def end(self) -> None:
-        """Stop the fit and the thread."""
+        """Stop the fit and the thread.
+
+        An automatic identification cannot be stopped and takes minutes on large campaigns; as it
+        writes nothing, it ends with the program.
+        """
         with self._changed:
             self._ended = True
             self._stop.set()
             for _, future in self._calls:
                 future.cancel()
             self._changed.notify()
-        self._thread.join()
+        self._thread.join(_PATIENCE_S)
 
     def _run(self) -> None:
         while True:

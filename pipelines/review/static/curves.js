@@ -133,11 +133,11 @@ export function mount(host, bench) {
     rest.x.label = "";
     const { fitted } = curves();
     if (!fitted) {
-      rest.y = { label: "rest / σ", min: 0, max: 5 };
+      rest.y = { label: "misfit / σ", min: 0, max: 5 };
       return [];
     }
     const [, most] = limits(fitted.frequency_hz, [fitted.residual_sigma], bench.range);
-    rest.y = { label: "rest / σ", min: 0, max: Math.max(5, most) };
+    rest.y = { label: "misfit / σ", min: 0, max: Math.max(5, most) };
     const noise = (pen) => {
       const top = rest.toY(OUTLIER_SIGMA), { left, width, top: above, height } = rest.inner;
       pen.fillStyle = colour("--line");

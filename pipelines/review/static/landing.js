@@ -10,7 +10,7 @@ const chip = (text, kind) => el("span", { className: `chip ${kind}` }, text);
 function section(title, heads, rows, empty) {
   const words = new Set(["result", "tyre", "doubts", "reviewed", "campaign", "files", "manifest", "state", "library", "approved", "verdict"]);
   const table = el("table", {}, el("thead", {}, el("tr", {}, heads.map((name) => el("th", { scope: "col", className: words.has(name) ? "word" : "" },
-    name || el("span", { className: "hidden" }, "open"))))), el("tbody", {}, rows));
+    name === "χ²" ? el("span", { title: "of the fit, over its degrees of freedom: 1 is noise alone" }, name) : name || el("span", { className: "hidden" }, "open"))))), el("tbody", {}, rows));
   return el("section", { "aria-label": title }, el("h2", {}, `${title} (${rows.length})`), rows.length ? table : el("p", { className: "soft" }, empty));
 }
 

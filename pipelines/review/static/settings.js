@@ -1,7 +1,7 @@
 // Band, model order, method, and how the recordings are averaged.
 import { button, el, find, refill } from "./dom.js";
 
-const METHODS = ["lsce", "plscf"], WINDOWS = ["hann", "boxcar", "hamming", "blackman", "flattop"], ESTIMATORS = ["H1", "H2", "Hv"];
+const METHODS = ["lsce", "plscf"], SHOWN = { lsce: "LSCE", plscf: "p-LSCF" }, WINDOWS = ["hann", "boxcar", "hamming", "blackman", "flattop"], ESTIMATORS = ["H1", "H2", "Hv"];
 const POLES = [["max_order", "model order", 1], ["method", "method", METHODS]];
 const AVERAGING = [
   ["block_seconds", "block / s", "any"], ["window", "window", WINDOWS], ["overlap", "overlap", "any"], ["averages", "averages", 1], ["estimator", "estimator", ESTIMATORS],
@@ -28,7 +28,7 @@ export function mount(host, bench) {
       const options = value === null || kind.includes(value) ? kind : [value, ...kind];
       control = el("select", { "aria-label": label, "data-focus": label, disabled, onchange: () => change({ [name]: control.value }) },
         value === null && el("option", { value: "", disabled: true, selected: true }, "automatic"),
-        options.map((each) => el("option", { selected: each === value }, each)));
+        options.map((each) => el("option", { value: each, selected: each === value }, SHOWN[each] ?? each)));
     } else control = number(value, kind, label, (wanted) => change({ [name]: wanted }), disabled);
     return el("div", { className: "setting" }, el("span", {}, label), control);
   }

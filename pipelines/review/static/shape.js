@@ -133,8 +133,8 @@ export function mountMac(host, bench) {
     }
     const other = chosen < 0 ? [] : names.map((name, k) => [name, shapes.automac[chosen * n + k]])
       .filter((_, k) => k !== chosen).sort((a, b) => b[1] - a[1]);
-    const own = other.length ? `${names[chosen]}–${other[0][0]} ${fixed(other[0][1], 2)}, ` : "";
-    said.textContent = n > 1 ? `${own}largest ${names[worst[0]]}–${names[worst[1]]} ${fixed(worst[2], 2)}` : "";
+    const own = other.length ? `${names[chosen]} with ${other[0][0]} ${fixed(other[0][1], 2)}; ` : "";
+    said.textContent = n > 1 ? `${own}largest ${names[worst[0]]} with ${names[worst[1]]} ${fixed(worst[2], 2)}` : "";
     canvas.setAttribute("aria-label", `AutoMAC of ${n} modes: ${said.textContent}`);
   }
 

@@ -42,6 +42,7 @@ export function stepOrder(bench, by) {
 }
 
 const head = (...names) => el("thead", {}, el("tr", {}, names.map((name) => el("th", { scope: "col" }, name))));
+const headed = (name, title) => el("span", { title }, name);
 const cell = (text, className = "") => el("td", { className }, text);
 
 export function mount(host, bench) {
@@ -72,7 +73,7 @@ export function mount(host, bench) {
   function modes() {
     return el("table", { className: bench.isPreview ? "preview" : "" },
       el("caption", { className: "hidden" }, bench.isPreview ? "Modes, preview" : "Modes"),
-      head("mode", "f / Hz", "±", "Δf", "ζ / %", "±", "purity", el("span", { className: "hidden" }, "change")),
+      head("mode", "f / Hz", "±", "Δf / Hz", "ζ / %", "±", "purity", el("span", { className: "hidden" }, "change")),
       el("tbody", {}, bench.modes.map(modeRow)));
   }
 
@@ -95,7 +96,7 @@ export function mount(host, bench) {
     if (!bench.data.diagram) return el("p", {}, "Reading the diagram …");
     return el("table", {},
       el("caption", { className: "hidden" }, "Columns of the stability diagram"),
-      head("mode", "f / Hz", "ζ / %", "size", "order", "state", el("span", { className: "hidden" }, "change")),
+      head("mode", "f / Hz", "ζ / %", headed("seen", "at how many model orders"), headed("order", "model order of the pole"), "state", el("span", { className: "hidden" }, "change")),
       el("tbody", {}, withPoles(bench).map(poleRow)));
   }
 
