@@ -75,6 +75,77 @@ class References(ReadonlyArrays):
     def __iter__(self) -> Iterator[FRF]:
         return iter(self.frfs)
 
+    def common_rows(self) -> tuple[FRF, ...]:
+        """FRFs of each force at the places that all of them have, in the order of the first one.
+
+        Raises
+        ------
+        InputError
+            If they have no place in common.
+        """
+        places = [_places(frf) for frf in self.frfs]
+        shared = [place for place in places[0] if all(place in other for other in places[1:])]
+        if not shared:
+            rule = "several forces are identified together at the places that all of them have"
+            remedy = "Identify each force by itself"
+            raise InputError("references", "no place in common", rule, remedy)
+        return tuple(
+            frf.rows(np.array([own[place] for place in shared]))
+            for frf, own in zip(self.frfs, places, strict=True)
+        )
+
+    def cmif(self) -> NDArray[np.float64]:
+        """Complex mode indicator function: singular values of the matrix of FRFs, largest first.
+
+        As many of its curves peak at a resonance as modes answer there (Shih, Tsuei, Allemang &
+        Brown 1988).
+
+        Returns
+        -------
+        ndarray, shape (n_forces, n_frequencies)
+            In (m/s²)/N.
+
+        Examples
+        --------
+        >>> import ringmodal as rm
+        >>> folder = rm.simulate_campaign("indicators", duration_s=2.0, force_deg=(0.0, 22.5))
+        >>> rm.estimate_frf(rm.read_campaign(folder)).cmif().shape
+        (2, 1025)
+        """
+        return np.asarray(np.linalg.svd(self._by_line(), compute_uv=False).T)
+
+    def mif(self) -> NDArray[np.float64]:
+        """Multivariate mode indicator function: 1 off resonance, towards 0 at one.
+
+        The share of the response in phase with the best real combination of the forces; the
+        second curve falls with the first one where two modes answer (Williams, Crowley & Vold
+        1985).
+
+        Returns
+        -------
+        ndarray, shape (n_forces, n_frequencies)
+            Smallest first.
+
+        Examples
+        --------
+        >>> import ringmodal as rm
+        >>> folder = rm.simulate_campaign("indicators", duration_s=2.0, force_deg=(0.0, 22.5))
+        >>> mif = rm.estimate_frf(rm.read_campaign(folder)).mif()
+        >>> bool(mif.min() < 0.1 and mif.max() <= 1)
+        True
+        """
+        values = self._by_line()
+        real, imag = (part.swapaxes(1, 2) @ part for part in (values.real, values.imag))
+        whole = real + imag
+        size = np.trace(whole, axis1=1, axis2=2)
+        unit = np.eye(len(self)) * np.where(size > 0, 1e-12 * size, 1.0)[:, None, None]
+        root = np.linalg.inv(np.linalg.cholesky(whole + unit))
+        return np.asarray(np.linalg.eigvalsh(root @ real @ root.swapaxes(1, 2)).clip(0, 1).T)
+
+    def _by_line(self) -> NDArray[np.complex128]:
+        """Matrix of FRFs line by line, (n_frequencies, n_positions, n_forces)."""
+        return np.stack([frf.values.T for frf in self.common_rows()], axis=2)
+
     def as_stored(self) -> References:
         """The same with coherence and σ rounded as `FRF.as_stored` does."""
         return replace(self, frfs=tuple(frf.as_stored() for frf in self.frfs))
@@ -83,6 +154,13 @@ class References(ReadonlyArrays):
     def frequency_hz(self) -> NDArray[np.float64]:
         """Frequency lines."""
         return self.frfs[0].frequency_hz
+
+
+def _places(frf: FRF) -> dict[tuple[float, ...], int]:
+    """Row of each place: angle or node, and direction."""
+    angles = np.where(np.isfinite(frf.position_deg), np.round(frf.position_deg, 6), -1.0)
+    keys = zip(frf.node.tolist(), angles.tolist(), frf.axis.tolist(), strict=True)
+    return {key: row for row, key in enumerate(keys)}
 
 
 def mapped(found: FRF | References, change: Callable[[FRF], FRF]) -> FRF | References:

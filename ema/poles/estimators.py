@@ -1,9 +1,11 @@
 """Poles from FRFs, all model orders at once, by two estimators that share the roots' computation.
 
 LSCE, least-squares complex exponentials, works on impulse responses; pLSCF, polyreference
-least-squares complex frequency, on the FRFs. One shaker is one reference, so the matrix polynomial
-of the polyreference form is a scalar one: all FRFs share a denominator A(z), and each has a
-numerator B_i(z) of its own, z = e^{−jωΔt}.
+least-squares complex frequency, on the FRFs. All responses share a denominator A(z), a matrix
+polynomial of as many rows and columns as there are forces, and each has a numerator B_i(z) of its
+own, z = e^{−jωΔt}. With one force A is a scalar polynomial.
+
+Where responses or FRFs have a first axis, it is that of the forces.
 """
 
 from __future__ import annotations
@@ -65,11 +67,11 @@ def impulse_responses(
 
     The lines of the band, equidistant, are taken as the whole spectrum of an analytic signal. Its
     step is the inverse of the *band's* width; a pole s of the structure appears as s − jω₁, ω₁ the
-    lowest line. Returns the responses, (n_positions, n_samples), and the time between samples.
+    lowest line. Returns the responses, (…, n_positions, n_samples), and the time between samples.
     """
     n_lines = frequency_hz.size
     spacing_hz = (frequency_hz[-1] - frequency_hz[0]) / (n_lines - 1)
-    return np.fft.ifft(values, axis=1), 1 / (n_lines * spacing_hz)
+    return np.fft.ifft(values, axis=-1), 1 / (n_lines * spacing_hz)
 
 
 def useful_length(responses: NDArray[np.complex128], shortest: int) -> int:
@@ -79,7 +81,7 @@ def useful_length(responses: NDArray[np.complex128], shortest: int) -> int:
     useful part ends where what is left above it is a small share of the whole, but not before
     `shortest`. A longer piece biases damping upwards.
     """
-    power = np.sum(np.abs(responses) ** 2, axis=0)
+    power = np.sum(np.abs(_by_force(responses)) ** 2, axis=(0, 1))
     n_samples = power.size
     noise = np.median(power[n_samples // 2 : max(n_samples * 9 // 10, n_samples // 2 + 1)])
     above = np.cumsum((power - noise)[: n_samples // 2][::-1])[::-1]
@@ -88,37 +90,64 @@ def useful_length(responses: NDArray[np.complex128], shortest: int) -> int:
 
 
 def normal_matrix(responses: NDArray[np.complex128], max_order: int) -> NDArray[np.complex128]:
-    """Normal matrix of the prediction problem for `max_order`, (max_order + 1) squared.
+    """Normal matrix of the prediction problem, ((max_order + 1) · n_forces) squared.
 
-    R[a, b] = Σ_i Σ_j h*_i(j+a) h_i(j+b) of responses (n_positions, n_samples); its blocks serve
-    every lower order.
+    R[a, b] = Σ_i Σ_j h*_i(j+a) h_i(j+b) of responses ([n_forces,] n_positions, n_samples), h_i a
+    row with one response for each force; its blocks serve every lower order.
     """
-    matrix = np.zeros((max_order + 1, max_order + 1), dtype=complex)
-    for response in responses:
-        shifted = np.lib.stride_tricks.sliding_window_view(response, max_order + 1)
+    rows = np.moveaxis(_by_force(responses), 0, -1)
+    size = (max_order + 1) * rows.shape[-1]
+    matrix = np.zeros((size, size), dtype=complex)
+    for response in rows:
+        shifted = np.lib.stride_tricks.sliding_window_view(response, max_order + 1, axis=0)
+        shifted = shifted.swapaxes(1, 2).reshape(len(shifted), size)
         matrix += shifted.conj().T @ shifted
     return matrix
+
+
+def _by_force(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    return values.reshape(-1, *values.shape[-2:])
 
 
 def poles_of_order(
     matrix: NDArray[np.complex128], order: int, step_s: float, lowest_hz: float
 ) -> NDArray[np.complex128]:
-    """Poles of one model order from the shared normal matrix.
+    """Poles of one model order of one force; see `driven_poles_of_order`."""
+    return driven_poles_of_order(matrix, order, step_s, lowest_hz)[0]
 
-    Solves Σ_{k=0..p} β_k h_i(j+k) = 0 (Brown, Allemang, Zimmerman & Mergeay 1979) with β_0 = 1:
-    predicting backwards leaves the structure's roots inside the unit circle and drives those of
-    the noise outside (Kumaresan & Tufts 1982), so that most of them show as unstable.
+
+def driven_poles_of_order(
+    matrix: NDArray[np.complex128], order: int, step_s: float, lowest_hz: float, n_forces: int = 1
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Poles of one model order from the shared normal matrix, and how the forces drive each.
+
+    Solves Σ_{k=0..p} h_i(j+k) β_k = 0 (Brown, Allemang, Zimmerman & Mergeay 1979; of several
+    forces Vold, Kundrat, Rocklin & Russell 1982) with β_0 = I: predicting backwards leaves the
+    structure's roots inside the unit circle and drives those of the noise outside (Kumaresan &
+    Tufts 1982), so that most of them show as unstable. Participations L are in the left null
+    space, L Σ z^k β_k = 0: left eigenvectors of the companion matrix.
 
     `matrix` is that of `normal_matrix`, `step_s` the time step of the impulse responses and
-    `lowest_hz` the frequency that was shifted to zero. Returns p poles in rad/s, unstable ones too.
+    `lowest_hz` the frequency that was shifted to zero. Returns p · n_forces poles in rad/s,
+    unstable ones too, and participations (n_poles, n_forces), the largest of each 1.
     """
-    block = slice(1, order + 1)
-    later = np.linalg.solve(matrix[block, block], -matrix[block, 0])
-    roots = np.roots(np.concatenate([later[::-1], [1.0]]))
-    roots = roots[roots != 0]
+    block = slice(n_forces, n_forces * (order + 1))
+    later = np.linalg.solve(matrix[block, block], -matrix[block, :n_forces])
+    if n_forces == 1:
+        roots = np.roots(np.concatenate([later[::-1, 0], [1.0]]))
+        roots = roots[roots != 0]
+        participation = np.ones((roots.size, 1), dtype=complex)
+    else:
+        companion = np.eye(later.shape[0], k=n_forces, dtype=complex)
+        companion[:, :n_forces] = -later
+        inverse, vectors = np.linalg.eig(companion.T)
+        kept = inverse != 0
+        roots, participation = 1 / inverse[kept], vectors.T[kept, :n_forces]
+        largest = np.argmax(np.abs(participation), axis=1)
+        participation = participation / participation[np.arange(roots.size), largest][:, None]
     decay = np.log(np.abs(roots)) / step_s
     offset = np.mod(np.angle(roots), 2 * np.pi) / step_s
-    return np.asarray(decay + 1j * (offset + 2 * np.pi * lowest_hz))
+    return np.asarray(decay + 1j * (offset + 2 * np.pi * lowest_hz)), np.asarray(participation)
 
 
 def shapes_of_poles(
@@ -126,13 +155,18 @@ def shapes_of_poles(
     poles: NDArray[np.complex128],
     step_s: float,
     lowest_hz: float,
+    participation: NDArray[np.complex128] | None = None,
 ) -> NDArray[np.complex128]:
     """Amplitude of each pole in each impulse response, (n_poles, n_positions), by least squares.
 
-    `responses`, (n_positions, n_samples), are those the poles came from; see `poles_of_order`.
+    `responses`, ([n_forces,] n_positions, n_samples), are those the poles came from; see
+    `driven_poles_of_order`.
     """
     per_step = np.exp((poles - 2j * np.pi * lowest_hz) * step_s)
-    decay = np.vander(per_step, responses.shape[1], increasing=True).T
+    decay = np.vander(per_step, responses.shape[-1], increasing=True).T
+    if participation is not None:
+        decay = (participation.T[:, None] * decay).reshape(-1, poles.size)
+        responses = np.concatenate(responses, axis=1)
     scale = np.linalg.norm(decay, axis=0)
     orthonormal, triangle = np.linalg.qr(decay / scale)
     seen = orthonormal.conj().T @ responses.T
@@ -158,16 +192,21 @@ def reduced_normal_matrix(
     coefficient of the highest power to 1, which drives the poles of the noise unstable (Cauberghe,
     Guillaume, Verboven, Vanlanduit & Parloo 2005).
 
-    `values` are the frequency responses of the band, (n_positions, n_lines), `max_order` is below
-    n_lines / 2, and `weight` is w of each line, all equal by default.
+    `values` are the frequency responses of the band, ([n_forces,] n_positions, n_lines),
+    `max_order` is below n_lines / 2, and `weight` is w of each line, all equal by default.
     """
-    squared = np.ones(values.shape[1]) if weight is None else weight**2
+    rows = np.moveaxis(_by_force(values), 0, 1)
+    n_forces, size = rows.shape[1], max_order + 1
+    squared = np.ones(values.shape[-1]) if weight is None else weight**2
     inverse = np.linalg.inv(np.linalg.cholesky(_toeplitz(squared, max_order)))
-    matrix = _toeplitz(squared * np.sum(np.abs(values) ** 2, axis=0), max_order)
-    for row in values:
-        seen = inverse @ _toeplitz(squared * row, max_order)
+    spectra = np.einsum("irf,isf->rsf", rows.conj(), rows) * squared
+    matrix = np.block([[_toeplitz(cell, max_order) for cell in line] for line in spectra])
+    for row in rows:
+        shifted = np.concatenate([_toeplitz(squared * of, max_order) for of in row], axis=1)
+        seen = inverse @ shifted
         matrix -= seen.conj().T @ seen
-    return matrix[::-1, ::-1]
+    by_power = matrix.reshape(n_forces, size, n_forces, size).transpose(1, 0, 3, 2)
+    return by_power[::-1, :, ::-1].reshape(matrix.shape)
 
 
 def line_weight(std: NDArray[np.float64]) -> NDArray[np.float64] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from ema.core.numerics import (
     one_blas_thread,
     readonly,
 )
+from ema.core.references import References
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.estimators import (
     align_runs,
@@ -68,6 +69,10 @@ class StabilityDiagram(ReadonlyArrays):
         All clusters, kept or not.
     indicator_hz, indicator : ndarray
         Mode indicator function drawn behind the poles: RMS inertance over all positions.
+    participation : ndarray of complex, shape (n_poles, n_forces)
+        How each of several forces drives the pole, the largest 1; empty for one force.
+    cmif, mif : ndarray, shape (n_forces, n_lines)
+        Indicator functions of several forces, see `References`; empty for one force.
 
     Examples
     --------
@@ -89,6 +94,9 @@ class StabilityDiagram(ReadonlyArrays):
     clusters: tuple[Cluster, ...]
     indicator_hz: NDArray[np.float64]
     indicator: NDArray[np.float64]
+    participation: NDArray[np.complex128] = field(default_factory=lambda: np.zeros((0, 0), complex))
+    cmif: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    mif: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def frequency_hz(self) -> NDArray[np.float64]:
@@ -155,7 +163,7 @@ class StabilityDiagram(ReadonlyArrays):
 
 @one_blas_thread
 def build_stability(
-    frf: FRF,
+    frf: FRF | References,
     band_hz: tuple[float, float] = (20.0, 260.0),
     *,
     max_order: int = 60,
@@ -166,7 +174,10 @@ def build_stability(
 
     Parameters
     ----------
-    frf : FRF
+    frf : FRF or References
+        Of several forces, both methods are polyreference: they also tell poles apart that
+        coincide, and how each force drives them. The model order then counts matrices of the
+        polynomial: order p has p poles for each force.
     band_hz : tuple of float
         Band in which modes are sought. Some lines beyond it are used where their noise allows, so
         that modes just outside are seen as such.
@@ -201,20 +212,29 @@ def build_stability(
         rule = f"it must be from 2 to {_MOST_ORDERS}"
         raise InputError("poles", f"max_order {max_order}", rule, "The usual one is 60")
     end_if_stopped()
-    lines = widened_band(frf, band_hz)
-    frequency_hz, values = frf.frequency_hz[lines], _prepared(frf, lines.start, lines.stop)
+    rows = (frf,) if isinstance(frf, FRF) else frf.common_rows()
+    n_forces = len(rows)
+    bands = [widened_band(each, band_hz) for each in rows]
+    lines = slice(max(band.start for band in bands), min(band.stop for band in bands))
+    frequency_hz = rows[0].frequency_hz[lines]
+    measured = [_prepared(each, lines.start, lines.stop) for each in rows]
+    std = np.concatenate([each.std[:, lines] for each in rows])
+    # One force must not count more than another because it is weaker where it acts.
+    level = [1.0] if n_forces == 1 else [np.sqrt(np.mean(np.abs(m) ** 2)) for m in measured]
+    values = measured[0] if n_forces == 1 else np.stack(measured) / np.array(level)[:, None, None]
     responses, step_s = impulse_responses(frequency_hz, values)
-    max_order = max(min(max_order, responses.shape[1] // 4), 2)
+    max_order = max(min(2 * max_order // (n_forces + 1), responses.shape[-1] // 4), 2)
     length = useful_length(responses, shortest=3 * max_order)
     # The first sample holds the direct part of an inertance and the residual terms.
-    piece = responses[:, 1:length]
+    piece = responses[..., 1:length]
     if method == "lsce":
         matrix = normal_matrix(piece, max_order)
     else:
-        matrix = reduced_normal_matrix(values, max_order, line_weight(frf.std[:, lines]))
+        matrix = reduced_normal_matrix(values, max_order, line_weight(std))
     found = pole_history(matrix, piece, step_s, frequency_hz[0], settings.max_damping)
-    late = not on_circle(frf.position_deg)
+    late = not on_circle(rows[0].position_deg)
     label, clusters = interpret(found, max_order, settings, late=late)
+    several = {} if n_forces == 1 else _of_several(rows, measured, lines)
     return StabilityDiagram(
         band_hz=band_hz,
         model_order=found.model_order,
@@ -224,7 +244,9 @@ def build_stability(
         cluster=label,
         clusters=tuple(clusters),
         indicator_hz=frequency_hz,
-        indicator=np.sqrt(np.mean(np.abs(values) ** 2, axis=0)),
+        indicator=np.sqrt(np.mean(np.abs(np.concatenate(measured)) ** 2, axis=0)),
+        participation=found.participation * level if several else np.zeros((0, 0), complex),
+        **several,
     )
 
 
@@ -233,6 +255,18 @@ def _prepared(frf: FRF, start: int, stop: int) -> NDArray[np.complex128]:
     """FRFs of some lines with runs aligned and tones taken out; both estimators ask for them."""
     lines = slice(start, stop)
     return readonly(without_spikes(frf, lines, align_runs(frf, lines)), complex)
+
+
+def _of_several(
+    rows: Sequence[FRF], values: Sequence[NDArray[np.complex128]], lines: slice
+) -> dict[str, NDArray[np.float64]]:
+    """Indicator functions of several forces."""
+    there = [
+        FRF.from_arrays(each.frequency_hz[lines], own)
+        for each, own in zip(rows, values, strict=True)
+    ]
+    references = References(tuple(there))
+    return {"cmif": references.cmif(), "mif": references.mif()}
 
 
 def _verdict(cluster: Cluster, band_hz: tuple[float, float]) -> str:

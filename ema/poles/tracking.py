@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -12,12 +12,14 @@ from scipy.spatial.distance import squareform
 
 from ema.core.mac import mac
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.poles.estimators import poles_of_order, shapes_of_poles
+from ema.poles.estimators import driven_poles_of_order, shapes_of_poles
 
 # A cluster in this share of the orders, and in all since its first, is no chance.
 _LASTING = 0.25
 # A cluster has ended where others begin if this share of its poles lies below.
 _ENDED = 0.8
+# Of poles within this share of their half-width, several forces tell the plane of the shapes only.
+_TOGETHER = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,8 @@ class PoleHistory:
     step_damping: NDArray[np.float64]  # the same of the damping ratio
     step_total: NDArray[np.float64]  # |Δλ|/max|λ| + 1 − MAC to the match; inf where there is none
     match: NDArray[np.int_]  # index of the match; −1 where there is none
+    # (n_poles, n_forces), the largest of each pole 1; empty where nobody asks
+    participation: NDArray[np.complex128] = field(default_factory=lambda: np.zeros((0, 0), complex))
 
 
 def pole_history(
@@ -42,23 +46,27 @@ def pole_history(
 ) -> PoleHistory:
     """Solve all model orders of one normal matrix and follow the stable poles through them.
 
-    `matrix` is that of the highest order; `piece`, (n_positions, n_samples), the impulse responses
-    that give the shapes. Poles damped more than `max_damping` are not worth following.
+    `matrix` is that of the highest order; `piece`, ([n_forces,] n_positions, n_samples), the
+    impulse responses that give the shapes. Poles damped more than `max_damping` are not worth
+    following.
     """
     rows: list[tuple[NDArray[np.generic], ...]] = []
+    n_forces = len(piece) if piece.ndim > 2 else 1
     old_poles = np.zeros(0, dtype=complex)
-    old_shapes = np.zeros((0, piece.shape[0]), dtype=complex)
+    old_shapes = np.zeros((0, piece.shape[-2]), dtype=complex)
     first_old = 0
-    for order in range(2, len(matrix)):
-        poles = poles_of_order(matrix, order, step_s, lowest_hz)
+    for order in range(2, len(matrix) // n_forces):
+        poles, drives = driven_poles_of_order(matrix, order, step_s, lowest_hz, n_forces)
         damping = -poles.real / np.abs(poles)
-        poles = poles[(damping > 0) & (damping < max_damping) & (poles.imag > 0)]
-        shapes = shapes_of_poles(piece, poles, step_s, lowest_hz)
-        match, total = _matches(old_poles, old_shapes, poles, shapes)
+        kept = (damping > 0) & (damping < max_damping) & (poles.imag > 0)
+        poles, drives = poles[kept], drives[kept]
+        of_forces = drives if piece.ndim > 2 else None
+        shapes = shapes_of_poles(piece, poles, step_s, lowest_hz, of_forces)
+        match, total = _matches(old_poles, old_shapes, poles, shapes, planes=n_forces > 1)
         frequency, ratio = _changes(old_poles, poles, match)
         global_match = np.where(match >= 0, match + first_old, -1)
         rows.append(
-            (np.full(poles.size, order), poles, shapes, frequency, ratio, total, global_match)
+            (np.full(poles.size, order), poles, shapes, frequency, ratio, total, global_match, drives)
         )
         first_old += old_poles.size
         old_poles, old_shapes = poles, shapes
@@ -70,21 +78,48 @@ def _matches(
     old_shapes: NDArray[np.complex128],
     poles: NDArray[np.complex128],
     shapes: NDArray[np.complex128],
+    *,
+    planes: bool,
 ) -> tuple[NDArray[np.int_], NDArray[np.float64]]:
     """Match of each pole in the order before, one to one, and the distance to it.
 
     Only mutual nearest neighbours match. Shapes count as much as poles, so that the two members of
-    a pair are not mistaken for each other where they lie close together.
+    a pair are not mistaken for each other where they lie close together. Where `planes` are
+    compared, shapes of poles that coincide may turn within the plane that they have in common.
     """
     match, total = np.full(poles.size, -1), np.full(poles.size, np.inf)
     if not (old_poles.size and poles.size):
         return match, total
     distance = _distance(old_poles, old_shapes, poles, shapes)
-    nearest_old, nearest_new = distance.argmin(axis=0), distance.argmin(axis=1)
-    mutual = np.flatnonzero(nearest_new[nearest_old] == np.arange(poles.size))
-    match[mutual] = nearest_old[mutual]
-    total[mutual] = distance[nearest_old[mutual], mutual]
+    if planes:
+        distance += mac(old_shapes, shapes) - _mac_to_planes(old_poles, old_shapes, shapes)
+    # What is left after the nearest were matched may be the other pole in the same place.
+    for _ in range(2 if planes else 1):
+        nearest_old, nearest_new = distance.argmin(axis=0), distance.argmin(axis=1)
+        mutual = np.flatnonzero(nearest_new[nearest_old] == np.arange(poles.size))
+        mutual = mutual[np.isfinite(distance[nearest_old[mutual], mutual])]
+        match[mutual] = nearest_old[mutual]
+        total[mutual] = distance[nearest_old[mutual], mutual]
+        distance[nearest_old[mutual]] = np.inf
+        distance[:, mutual] = np.inf
     return match, total
+
+
+def _mac_to_planes(
+    poles: NDArray[np.complex128],
+    shapes: NDArray[np.complex128],
+    others: NDArray[np.complex128],
+) -> NDArray[np.float64]:
+    """MAC of other shapes to what the shapes of coinciding poles span, (n_poles, n_others)."""
+    width = np.minimum.outer(-poles.real, -poles.real)
+    together = np.abs(poles[:, None] - poles) < _TOGETHER * width
+    power = np.sum(np.abs(others) ** 2, axis=1)
+    found = np.empty((poles.size, len(others)))
+    for k, group in enumerate(together):
+        group[k] = True
+        plane = np.linalg.qr(shapes[group].T)[0]
+        found[k] = np.sum(np.abs(plane.conj().T @ others.T) ** 2, axis=0) / power
+    return found
 
 
 def _distance(
