@@ -30,12 +30,15 @@ from ema.checks.sensor_consistency import ConsistencyCheck, check_consistency, i
 from ema.checks.sensor_mass import SensorMass, is_drift_lost, with_mass_std, without_mass
 from ema.circumference.orders import on_circle, without_order
 from ema.core.edits import Edit, EditKind
+from ema.core.errors import FitError, InputError
 from ema.core.finding import Finding
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
+from ema.core.references import References
 from ema.core.settings import CheckSettings, IdentificationSettings
-from ema.fitting.curve_fit import Wish, pole_named, settled, wishes
+from ema.fitting.curve_fit import Wish, pole_named, wishes
 from ema.fitting.edited_fit import EditedFit
+from ema.fitting.joint_modes import joint_modes
 from ema.fitting.joint_orders import joint_curves
 from ema.fitting.search import curve_fit
 from ema.poles.estimators import widened_band
@@ -74,17 +77,32 @@ def automatic_basis(frf: FRF, asked: Asked, edits: Sequence[Edit]) -> Basis:
 
 
 def joint_bases(bases: Sequence[Basis]) -> tuple[Basis, ...]:
-    """Identifications against each of several forces, with what all of them say of the ring.
+    """Identifications against each of several forces, with what all of them say together.
 
-    Where angles are in doubt or missing, each stays as it is.
+    On a circle the orders of the ring are fitted to all forces; on other structures, or where
+    angles are in doubt, all modes are. Forces without a position in common stay as they are.
     """
-    rings = [each.fit.curve.circle and each.stated_deg is None for each in bases]
-    if len(bases) < 2 or not all(rings):
+    if len(bases) < 2:
         return tuple(bases)
-    curves, _ = joint_curves([each.fit.curve for each in bases])
+    curves = [each.fit.curve for each in bases]
+    if all(each.fit.curve.circle and each.stated_deg is None for each in bases):
+        fits = [EditedFit(curve) for curve in joint_curves(curves)[0]]
+        return tuple(replace(each, fit=fit) for each, fit in zip(bases, fits, strict=True))
+    together = References(tuple(each.frf for each in bases))
+    try:
+        diagram = bases[0].asked.diagram(together)
+        joint = joint_modes(curves, diagram)
+    except (FitError, InputError):
+        return tuple(bases)
     return tuple(
-        replace(each, fit=EditedFit(curve, settled(curve)))
-        for each, curve in zip(bases, curves, strict=True)
+        replace(
+            each,
+            diagram=diagram,
+            fit=EditedFit(each.fit.curve, one),
+            state=each.state.told(joint.findings),
+            together=together,
+        )
+        for each, one in zip(bases, joint.settled, strict=True)
     )
 
 
@@ -108,7 +126,7 @@ class Asked:
     checks: CheckSettings
     wanted: tuple[Wish, ...] = ()  # poles to start from where the diagram shows no mode
 
-    def diagram(self, frf: FRF, method: str | None = None) -> StabilityDiagram:
+    def diagram(self, frf: FRF | References, method: str | None = None) -> StabilityDiagram:
         """Stability diagram of the asked method or another one."""
         return build_stability(
             frf,
@@ -139,7 +157,7 @@ class Asked:
         """The automatic fit from poles, or from poles yet to be found."""
         diagram, selection = poles or self.poles(frf)
         curve = curve_fit(frf, selection, selection.band_hz, self.settings)
-        return diagram, EditedFit(curve, settled(curve))
+        return diagram, EditedFit(curve)
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +220,8 @@ class Basis:
         With edits.
     crossed : FRF or None
         What the cross-check looked at, where that was not `frf`.
+    together : References or None
+        What was fitted of all forces, where that was not each by itself.
     """
 
     asked: Asked
@@ -215,6 +235,7 @@ class Basis:
     is_preview: bool = False
     shown: EditedFit | None = None
     crossed: FRF | None = None
+    together: References | None = None
 
     def is_of(self, edits: Sequence[Edit]) -> bool:
         """Whether the automatic identification is the same with these edits."""

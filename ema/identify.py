@@ -29,8 +29,8 @@ _EACH_ALONE = Finding(
     *("", "", None),
     Check.FORCES,
     Verdict.WARNING,
-    "no closed circle of sensors with certain angles: each force is identified by itself, and the "
-    "modes are those of the first force; modes that it does not drive are not among them",
+    "the forces could not be identified together (no position in common, or no mode that all of "
+    "them show): the modes are those of the first force; what it does not drive is not among them",
 )
 
 
@@ -200,12 +200,17 @@ def _of_several(references: References, asked: Asked, edits: Sequence[Edit]) -> 
         raise InputError("edits", f"{counted(len(references), 'force')}", rule, remedy)
     alone = [automatic_basis(frf, _at(asked, frf), ()) for frf in references]
     bases = joint_bases(alone)
-    # Another estimator sees one force, and one mode for each pair.
-    found = tuple(replace(identified(basis, ()), opinions=()) for basis in bases)
+    found = tuple(_of_basis(basis, ()) for basis in bases)
     findings = dict.fromkeys(finding for each in found for finding in each.findings)
     if all(basis is each for basis, each in zip(bases, alone, strict=True)):
         findings[_EACH_ALONE] = None
-    return replace(found[0], findings=tuple(findings), references=found, basis=None)
+    opinions: tuple[Opinion, ...] = ()
+    # Another estimator sees one mode for each pair of a ring.
+    if (together := bases[0].together) is not None:
+        known = asked.band_hz, OTHER[asked.method], asked.max_order, asked.settings
+        opinions = second_opinion(together, found[0].model.modes, *known)
+    several = replace(found[0], findings=tuple(findings), references=found, basis=None)
+    return replace(several, opinions=opinions)
 
 
 def _at(asked: Asked, frf: FRF) -> Asked:
@@ -223,17 +228,24 @@ def identified(
 
     `live` leaves out the second stage; of the same edits, the first one was done `before`.
     """
-    asked, state, fit = basis.asked, basis.state, basis.fit
+    asked, fit = basis.asked, basis.fit
     if acts_on_poles(edits):
         first = _first_stage(basis, edits, before)
         fit = edited(fit, edits, basis.diagram_of, live=live, first_stage=first)
-    model = basis.automatic if fit is basis.fit else basis.stated(fit.model)
+    found = _of_basis(replace(basis, shown=fit), edits)
     known = asked.band_hz, OTHER[asked.method], asked.max_order, asked.settings
+    opinions = second_opinion(basis.crossed or basis.frf, found.model.modes, *known)
+    return replace(found, opinions=opinions)
+
+
+def _of_basis(basis: Basis, edits: Sequence[Edit]) -> Identification:
+    """What a basis shows, without another estimator's opinion."""
+    state, fit = basis.state, basis.shown or basis.fit
     return Identification(
         frf=basis.frf,
         diagram=basis.diagram,
-        model=model,
-        opinions=second_opinion(basis.crossed or basis.frf, model.modes, *known),
+        model=basis.automatic if fit is basis.fit else basis.stated(fit.model),
+        opinions=(),
         findings=state.findings,
         measured=state.measured,
         corrections=state.corrections,

@@ -35,7 +35,7 @@ def parameter_covariance(fit: PoleFit, correlation: float) -> Real:
     that all sensors of a run see the same excitation. Residuals are first restored to what they
     were before the fit took its share. `correlation` is that of `line_correlation`.
     """
-    inverse = _inverse(fit.normal_matrix())
+    inverse = inverse_of(fit.normal_matrix())
     middle = np.zeros_like(inverse)
     for score in _scores_of_runs(fit):
         middle += score.T @ score
@@ -55,7 +55,7 @@ def std_of_waves(fit: PoleFit) -> Real:
     ndarray, shape (n_modes, 2)
     """
     n = 2 * fit.poles.size
-    towards = _inverse(fit.normal_matrix())[:, :n] @ _to_frequency_damping(fit.poles).T
+    towards = inverse_of(fit.normal_matrix())[:, :n] @ to_frequency_damping(fit.poles).T
     step = float(np.diff(fit.lines.omega[:2])[0])
     reach = np.repeat(np.ceil(_RESONANCE * -fit.poles.real / step).astype(int), 2)
     variance = np.zeros(n)
@@ -80,7 +80,7 @@ def std_between_runs(fit: PoleFit, correlation: float) -> Real:
     ndarray, shape (n_modes, 2)
     """
     n = 2 * fit.poles.size
-    towards = _inverse(fit.normal_matrix())[:, :n] @ _to_frequency_damping(fit.poles).T
+    towards = inverse_of(fit.normal_matrix())[:, :n] @ to_frequency_damping(fit.poles).T
     influences = [score @ towards for score in _scores_of_runs(fit)]
     if len(influences) < 2:
         return np.zeros((fit.poles.size, 2))
@@ -101,11 +101,11 @@ def _scores_of_runs(fit: PoleFit) -> Iterator[Real]:
 def frequency_damping_covariance(poles: NDArray[np.complex128], covariance: Real) -> Real:
     """Covariance of (frequency_hz, damping_ratio), mode by mode, from that of (Re s, Im s)."""
     n = 2 * poles.size
-    transform = _to_frequency_damping(poles)
+    transform = to_frequency_damping(poles)
     return np.asarray(transform @ covariance[:n, :n] @ transform.T)
 
 
-def _to_frequency_damping(poles: NDArray[np.complex128]) -> Real:
+def to_frequency_damping(poles: NDArray[np.complex128]) -> Real:
     """Derivative of (frequency_hz, damping_ratio) to (Re s, Im s), mode by mode."""
     n = 2 * poles.size
     transform = np.zeros((n, n))
@@ -148,7 +148,7 @@ def _line_scores(part: Projection, scale: Real, here: NDArray[np.bool_]) -> Real
     return np.asarray(score[:n_lines] + score[n_lines:])
 
 
-def _inverse(normal: Real) -> Real:
+def inverse_of(normal: Real) -> Real:
     """Inverse of a normal matrix; directions the data say nothing about are left out."""
     size = np.sqrt(np.diag(normal))
     size[size == 0] = 1.0

@@ -191,7 +191,7 @@ def settled(curve: CurveFit) -> Settled:
     modes = _with_band_shift(modes_of(fit, both, residues_std), shifts[place])
     if not curve.circle:
         modes, both = with_model_error(modes, both, fit, scatter)
-    drift = _final_drift(curve, fit, covariance)
+    drift = final_drift(curve, fit, covariance)
     unseen = std_of_unseen_pairs(fit, modes, owner, frf.position_deg, curve.correlation)
     between = np.hypot(std_between_runs(fit, curve.correlation), unseen)
     mixed = in_other_orders(fit, owner, residues_std, frf.position_deg)
@@ -305,7 +305,8 @@ def _with_band_shift(modes: Sequence[Mode], shifts: Real) -> list[Mode]:
     ]
 
 
-def _final_drift(curve: CurveFit, fit: PoleFit, covariance: Real) -> Drift:
+def final_drift(curve: CurveFit, fit: PoleFit, covariance: Real) -> Drift:
+    """Drift of the runs as the fit has it, with the ± that its covariance gives."""
     if not curve.drift.applied or len(fit.drift) == 1:
         return curve.drift
     own = slice(2 * fit.poles.size, None)

@@ -44,16 +44,22 @@ class EditedFit:
     Parameters
     ----------
     curve : CurveFit
-    settled : Settled
+    known : Settled or None
+        Rows of the fit where they are known already.
     choice : Choice
     is_preview : bool
         Whether pairs and sensitivity are still those of the fit before.
     """
 
     curve: CurveFit
-    settled: Settled
+    known: Settled | None = None
     choice: Choice = field(default_factory=Choice)
     is_preview: bool = False
+
+    @cached_property
+    def settled(self) -> Settled:
+        """Rows of the fit with their uncertainty."""
+        return settled(self.curve) if self.known is None else self.known
 
     @cached_property
     def model(self) -> ModalModel:
@@ -134,7 +140,7 @@ def edited(
     if anew or found.two:
         after = _with_orders(curve, found, before.curve.fit.poles.size - N_STAND_INS)
     choice = _choice(after, edits, found)
-    result = replace(after, choice=choice, is_preview=anew and live)
+    result = replace(after, known=after.settled, choice=choice, is_preview=anew and live)
     listed_poles = {mode.pole for mode in result.model.modes}
     verified(result.settled, choice, found.kept, listed_poles)
     return result

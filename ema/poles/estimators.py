@@ -165,7 +165,7 @@ def shapes_of_poles(
     per_step = np.exp((poles - 2j * np.pi * lowest_hz) * step_s)
     decay = np.vander(per_step, responses.shape[-1], increasing=True).T
     if participation is not None:
-        decay = (participation.T[:, None] * decay).reshape(-1, poles.size)
+        decay = np.concatenate(participation.T[:, None] * decay)
         responses = np.concatenate(responses, axis=1)
     scale = np.linalg.norm(decay, axis=0)
     orthonormal, triangle = np.linalg.qr(decay / scale)

@@ -21,7 +21,7 @@ from ema.core.numerics import (
     one_blas_thread,
     readonly,
 )
-from ema.core.references import References
+from ema.core.references import References, frfs_of
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.estimators import (
     align_runs,
@@ -354,7 +354,7 @@ class Opinion:
 
 
 def second_opinion(
-    frf: FRF,
+    frf: FRF | References,
     modes: Sequence[Mode],
     band_hz: tuple[float, float],
     method: str,
@@ -363,8 +363,9 @@ def second_opinion(
 ) -> tuple[Opinion, ...]:
     """Find the poles again with another `method` and compare them with the modes."""
     selection = _poles_of(frf, band_hz, method, min(max_order, _ENOUGH), settings)
-    if frf.exponential_window is not None:
-        selection = selection + frf.exponential_window.decay_per_s
+    window = frfs_of(frf)[0].exponential_window
+    if window is not None:
+        selection = selection + window.decay_per_s
     frequency_hz = (np.abs(selection) / (2 * np.pi)).tolist()
     damping_ratio = (-selection.real / np.abs(selection)).tolist()
     free = [k for k, f in enumerate(frequency_hz) if band_hz[0] <= f <= band_hz[1]]
@@ -386,7 +387,7 @@ def second_opinion(
 
 @kept_with
 def _poles_of(
-    frf: FRF,
+    frf: FRF | References,
     band_hz: tuple[float, float],
     method: str,
     max_order: int,

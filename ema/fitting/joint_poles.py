@@ -1,0 +1,499 @@
+"""Common poles of several forces, each mode with one shape and one participation of each force.
+
+Against force r, a structure of any form answers at position i with
+
+    H_ir = −ω² Σ_k [φ_ik L_kr/(jω − s_kr) + its conjugate's mirror image] + L_ir − ω² U_ir
+
+so that the residues of a mode are a matrix of rank one: shape × participation. That tells poles
+apart which one force sees as one: two that coincide differ in what the forces drive. Shapes,
+residual terms and the stand-ins for modes above the lines are linear and eliminated as in
+`ema.fitting.variable_projection`; poles, participations and what the structure's state has changed
+from force to force are searched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from ema.fitting.covariance import inverse_of, to_frequency_damping
+from ema.fitting.joint_pair import UNKNOWN_STATE
+from ema.fitting.pole_fit import Lines
+from ema.fitting.variable_projection import (
+    Complex,
+    Projection,
+    Real,
+    descend,
+    project,
+    stacked,
+)
+
+# Frequency and decay of the structure's state, relative to that of the first force (1 σ).
+_STATE_STD = np.array([UNKNOWN_STATE.frequency_std, UNKNOWN_STATE.decay_std])
+_NOTHING_LEFT = 1e-4  # of χ²
+# A step of a participation beside the largest one of its mode.
+_SIZE = 0.1
+# Lines within this many half-widths make up a resonance.
+_RESONANCE = 2.0
+# Poles within so many half-widths share one.
+_SHARED = 1.0
+# Score sums of fewer pieces of the lines do not give a variance.
+_FEWEST_PIECES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class OfForce:
+    """FRFs against one force at the positions that all forces have.
+
+    Parameters
+    ----------
+    lines : Lines
+        Values in the state of the first run.
+    own : Projection
+        What is linear for this force alone: residual terms and stand-ins.
+    moves : bool
+        Whether the structure's state may differ from that at the first force.
+    """
+
+    lines: Lines
+    own: Projection
+    moves: bool
+
+    @classmethod
+    def of(cls, lines: Lines, stand_ins: Complex, moves: bool) -> OfForce:
+        """With poles that stand for the modes above the lines."""
+        return cls(lines, project(lines.omega, lines.target, lines.weight, stand_ins), moves)
+
+    @cached_property
+    def target(self) -> Real:
+        """Weighted values without what is linear for this force, (2 n_lines, n_positions)."""
+        return self.own.misfit
+
+    def alone(self, rows: Complex) -> Real:
+        """Weighted functions of frequency as columns, without what is linear for this force."""
+        columns = stacked(rows, self.lines.weight)
+        basis = self.own.orthonormal
+        return np.asarray(columns - basis @ (basis.T @ columns))
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """Poles, and how each force drives them.
+
+    Parameters
+    ----------
+    poles : ndarray of complex, shape (n_modes,)
+        rad/s, in the state at the first force.
+    participation : ndarray of complex, shape (n_modes, n_forces)
+        The largest of each mode is 1.
+    states : ndarray, shape (n_forces, 2)
+        Relative change of frequencies and of decay rates since the first force.
+    """
+
+    poles: Complex
+    participation: Complex
+    states: Real
+
+    def at(self, force: int) -> Complex:
+        """Poles in the state at a force."""
+        shift, decay = self.states[force]
+        return np.asarray(self.poles.real * (1 + shift + decay) + 1j * self.poles.imag * (1 + shift))
+
+    def without(self, dropped: NDArray[np.bool_]) -> Driven:
+        """The others."""
+        return Driven(self.poles[~dropped], self.participation[~dropped], self.states)
+
+    @property
+    def numbers(self) -> Real:
+        """Frequency in Hz and damping ratio, (n_modes, 2)."""
+        size = np.abs(self.poles)
+        return np.column_stack([size / (2 * np.pi), -self.poles.real / size])
+
+    @property
+    def shared(self) -> NDArray[np.bool_]:
+        """Which poles share a resonance, each with itself too, (n_modes, n_modes)."""
+        reach = _SHARED * np.minimum.outer(-self.poles.real, -self.poles.real)
+        near = np.abs(self.poles[:, None] - self.poles) < reach
+        return np.asarray(near | np.eye(self.poles.size, dtype=bool))
+
+    def functions(self, omega: Real, force: int) -> tuple[Complex, Complex]:
+        """What real and imaginary parts of shapes add to FRFs, and its slopes.
+
+        (2 n_modes, n_lines), and (4 n_modes, n_lines) to the poles, then to the participations.
+        """
+        poles, drive = self.at(force)[:, None], self.participation[:, force, None]
+        inertia = -(omega**2)
+        direct, mirrored = 1 / (1j * omega - poles), 1 / (1j * omega - poles.conj())
+        waves = _both(inertia * drive * direct, inertia * drive.conj() * mirrored)
+        to_poles = _both(inertia * drive * direct**2, inertia * drive.conj() * mirrored**2)
+        to_drive = _both(inertia * direct, inertia * mirrored)
+        return waves, np.concatenate([to_poles, to_drive])
+
+
+def _both(direct: Complex, mirrored: Complex) -> Complex:
+    """Functions that multiply real and imaginary part of a complex factor, one after the other."""
+    parts = np.stack([direct + mirrored, 1j * (direct - mirrored)], axis=1)
+    return np.asarray(parts.reshape(-1, direct.shape[1]))
+
+
+class JointLines:
+    """Sum of squares of all forces, as a function of poles, participations and states.
+
+    Parameters
+    ----------
+    forces : sequence of OfForce
+    scale : ndarray, shape (n_positions,)
+        Weight of each position beside the common one.
+    """
+
+    def __init__(self, forces: Sequence[OfForce], scale: Real) -> None:
+        self.forces, self.scale = tuple(forces), scale
+        self.moving = [r for r, force in enumerate(self.forces) if force.moves]
+        self.n_values = sum(2 * force.target.shape[0] // 2 * scale.size for force in self.forces)
+
+    @cached_property
+    def target(self) -> Real:
+        """Weighted values of all forces, one below the other."""
+        return np.concatenate([force.target for force in self.forces])
+
+    @cached_property
+    def power(self) -> float:
+        """Weighted sum of squares of everything."""
+        return float(np.sum(np.sum(self.target**2, axis=0) * self.scale**2))
+
+    def fit(self, start: Driven, lower: Real, upper: Real, tries: int = 60) -> JointPoint:
+        """The best poles within bounds of (decay rate, frequency), mode by mode in rad/s."""
+        n, largest = start.poles.size, np.argmax(np.abs(start.participation), axis=1)
+        free = np.ones(start.participation.shape, dtype=bool)
+        free[np.arange(n), largest] = False
+        scaled = start.participation / start.participation[~free][:, None]
+
+        def at(x: Real) -> JointPoint:
+            return JointPoint(self, _unpacked(x, free, self.moving), free)
+
+        begin = _packed(Driven(start.poles, scaled, start.states), free, self.moving)
+        open_end = np.full(begin.size - 2 * n, np.inf)
+        low, high = lower.copy(), upper.copy()
+        low[0::2], high[0::2] = -upper[0::2], -lower[0::2]
+        size = np.full(begin.size, _SIZE)
+        size[: 2 * n] = np.repeat(-start.poles.real, 2)
+        size[begin.size - 2 * len(self.moving) :] = np.tile(_STATE_STD, len(self.moving))
+        _, found = descend(
+            at,
+            begin,
+            np.concatenate([low, -open_end]),
+            np.concatenate([high, open_end]),
+            size=size,
+            gain=_NOTHING_LEFT / self.n_values,
+            tries=tries,
+        )
+        return found
+
+
+def _packed(driven: Driven, free: NDArray[np.bool_], moving: Sequence[int]) -> Real:
+    """Parameters of a search: poles, free participations, states."""
+    parts = np.concatenate([driven.poles, driven.participation[free]])
+    return np.concatenate([np.column_stack([parts.real, parts.imag]).ravel(), *driven.states[moving]])
+
+
+def _unpacked(x: Real, free: NDArray[np.bool_], moving: Sequence[int]) -> Driven:
+    n, n_free = len(free), int(free.sum())
+    parts = x[0 : 2 * (n + n_free) : 2] + 1j * x[1 : 2 * (n + n_free) : 2]
+    participation = np.ones(free.shape, dtype=complex)
+    participation[free] = parts[n:]
+    states = np.zeros((free.shape[1], 2))
+    states[moving] = x[2 * (n + n_free) :].reshape(-1, 2)
+    return Driven(parts[:n], participation, states)
+
+
+@dataclass(frozen=True, eq=False)
+class JointPoint:
+    """The best shapes for given poles and participations, and the slopes towards better ones."""
+
+    problem: JointLines
+    driven: Driven
+    free: NDArray[np.bool_]  # participations that are searched, (n_modes, n_forces)
+
+    @cached_property
+    def _functions(self) -> tuple[Real, list[Real]]:
+        """Weighted functions of the shapes, of all forces, and slopes, force by force."""
+        waves, slopes = list[Real](), list[Real]()
+        for r, force in enumerate(self.problem.forces):
+            own, steep = self.driven.functions(force.lines.omega, r)
+            waves.append(force.alone(own))
+            slopes.append(force.alone(steep))
+        return np.concatenate(waves), slopes
+
+    @cached_property
+    def _solved(self) -> tuple[Real, Real, Real]:
+        """Orthonormal basis of the functions, the target in it, and what makes shapes of it."""
+        waves = self._functions[0]
+        size = np.linalg.norm(waves, axis=0)
+        left, values, right = np.linalg.svd(waves / size, full_matrices=False)
+        kept = values > 1e-9 * values[0]
+        inverse = (right[kept].T / values[kept]) / size[:, None]
+        return left[:, kept], left[:, kept].T @ self.problem.target, inverse
+
+    @cached_property
+    def shapes(self) -> Complex:
+        """Shape of each mode, (n_positions, n_modes), for a largest participation of 1."""
+        _, inside, inverse = self._solved
+        linear = inverse @ inside
+        return np.asarray((linear[0::2] + 1j * linear[1::2]).T)
+
+    @cached_property
+    def unscaled(self) -> Real:
+        """Inverse normal matrix of the shapes of one position at unit weight."""
+        inverse = self._solved[2]
+        return np.asarray(inverse @ inverse.T)
+
+    @cached_property
+    def misfit(self) -> Real:
+        """Weighted residuals, (n_forces · 2 n_lines, n_positions)."""
+        basis, inside, _ = self._solved
+        return np.asarray(self.problem.target - basis @ inside)
+
+    @cached_property
+    def chi_square(self) -> float:
+        """Weighted sum of squared residuals."""
+        inside, scale = self._solved[1], self.problem.scale
+        return max(self.problem.power - float(np.sum(np.sum(inside**2, axis=0) * scale**2)), 0.0)
+
+    @cached_property
+    def cost(self) -> float:
+        """What the search makes small: χ² and what states have to pay."""
+        return self.chi_square + float(np.sum(self._strayed**2))
+
+    @property
+    def _strayed(self) -> Real:
+        return np.asarray((self.driven.states[self.problem.moving] / _STATE_STD).ravel())
+
+    @cached_property
+    def _sums(self) -> tuple[Real, Real]:
+        """JᵀJ and Jᵀr of poles and participations of each force, as they are."""
+        basis, _, _ = self._solved
+        slopes, scale = self._functions[1], self.problem.scale
+        n_lines = [len(each) for each in slopes]
+        at = np.cumsum([0, *n_lines])
+        blocks = [slice(at[r], at[r + 1]) for r in range(len(slopes))]
+        seen = np.concatenate(
+            [basis[b].T @ each for b, each in zip(blocks, slopes, strict=True)], axis=1
+        )
+        inner = -seen.T @ seen
+        width = slopes[0].shape[1]
+        for r, each in enumerate(slopes):
+            own = slice(r * width, (r + 1) * width)
+            inner[own, own] += each.T @ each
+        towards = np.concatenate(
+            [each.T @ self.misfit[b] for b, each in zip(blocks, slopes, strict=True)]
+        )
+        c = self._coefficients * scale
+        n_parameters = len(c)
+        gram = c.reshape(-1, scale.size) @ c.reshape(-1, scale.size).T
+        gram = gram.reshape(n_parameters, 2, n_parameters, 2)
+        which, rows = self._places
+        normal = np.einsum(
+            "aqbs,aqbs->ab",
+            gram[which][:, :, which],
+            inner[rows[:, :, None, None], rows[None, None]],
+        )
+        gradient = -np.einsum("aqi,aqi->a", c[which], (towards * scale)[rows])
+        return normal, gradient
+
+    @property
+    def _coefficients(self) -> Real:
+        """What multiplies slopes: (2 n_modes, 2, n_positions), as in `Projection`."""
+        real, imag = self.shapes.T.real, self.shapes.T.imag
+        pairs = np.stack([np.stack([real, imag], 1), np.stack([-imag, real], 1)], 1)
+        return np.asarray(pairs.reshape(2 * real.shape[0], 2, -1))
+
+    @property
+    def _places(self) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+        """Coefficients and slopes of each parameter as it is: force, pole or participation, mode."""
+        n, n_forces = self.free.shape
+        mode = np.tile(np.arange(n), 2 * n_forces)
+        which = np.stack([2 * mode, 2 * mode + 1], axis=1).ravel()
+        first = np.repeat(2 * np.arange(mode.size), 2)
+        return which, np.stack([first, first + 1], axis=1)
+
+    @cached_property
+    def transform(self) -> Real:
+        """Derivative of all poles and participations, force by force, to the parameters searched."""
+        n, n_forces = self.free.shape
+        moving, n_free = self.problem.moving, int(self.free.sum())
+        matrix = np.zeros((4 * n * n_forces, 2 * (n + n_free + len(moving))))
+        column = np.zeros(self.free.shape, dtype=int)
+        column[self.free] = 2 * (n + np.arange(n_free))
+        k = np.arange(n)
+        for r in range(n_forces):
+            shift, decay = self.driven.states[r]
+            pole, drive = 4 * n * r + 2 * k, 4 * n * r + 2 * n + 2 * k
+            matrix[pole, 2 * k], matrix[pole + 1, 2 * k + 1] = 1 + shift + decay, 1 + shift
+            own = self.free[:, r]
+            for part in (0, 1):
+                matrix[drive[own] + part, column[own, r] + part] = 1.0
+            if r in moving:
+                state = 2 * (n + n_free + moving.index(r))
+                matrix[pole, state] = matrix[pole, state + 1] = self.driven.poles.real
+                matrix[pole + 1, state] = self.driven.poles.imag
+        return matrix
+
+    def gradient(self) -> Real:
+        """Jᵀr of the parameters searched."""
+        found = self.transform.T @ self._sums[1]
+        states = slice(found.size - self._strayed.size, None)
+        found[states] += self._strayed / np.tile(_STATE_STD, len(self.problem.moving))
+        return np.asarray(found)
+
+    def normal_matrix(self) -> Real:
+        """JᵀJ of the parameters searched."""
+        found = self.transform.T @ self._sums[0] @ self.transform
+        states = np.arange(len(found) - self._strayed.size, len(found))
+        found[states, states] += np.tile(_STATE_STD**-2.0, len(self.problem.moving))
+        np.fill_diagonal(found, np.maximum(np.diag(found), 0.0))  # whatever the rounding
+        return np.asarray(found)
+
+    @cached_property
+    def n_free(self) -> int:
+        """Values less parameters."""
+        linear = 2 * self.driven.poles.size + sum(
+            force.own.orthonormal.shape[1] for force in self.problem.forces
+        )
+        data = sum(2 * float(np.sum(f.lines.importance**2)) for f in self.problem.forces)
+        return max(int((data - linear) * self.problem.scale.size) - self.transform.shape[1], 1)
+
+    @property
+    def reduced(self) -> float:
+        """Reduced χ²."""
+        return self.chi_square / self.n_free
+
+    def scores(self) -> Real:
+        """Score of each line of each force for the parameters searched, (n_forces, n_lines, …)."""
+        basis, _, _ = self._solved
+        slopes, scale, (which, rows) = self._functions[1], self.problem.scale, self._places
+        n_forces = len(slopes)
+        height, width = slopes[0].shape
+        steep = np.zeros((n_forces * height, n_forces * width))
+        for r, each in enumerate(slopes):
+            steep[r * height : (r + 1) * height, r * width : (r + 1) * width] = each
+        steep -= basis @ (basis.T @ steep)
+        along = np.einsum("fi,kqi->fkq", self.misfit, self._coefficients * scale**2)
+        score = np.einsum("faq,faq->fa", steep[:, rows], along[:, which]) @ self.transform
+        score = score.reshape(n_forces, 2, height // 2, -1).sum(axis=1)
+        # What is linear follows its share of the noise.
+        followed = (basis.shape[1] + self.problem.forces[0].own.orthonormal.shape[1]) / height
+        return np.asarray(score / np.sqrt(max(1 - followed / n_forces, 0.1)))
+
+    def worth(self) -> Real:
+        """What χ² would be more without each mode, all other shapes found again, (n_modes,)."""
+        weighted = self.shapes * self.problem.scale[:, None]
+        parts = np.stack([weighted.real, weighted.imag], axis=1)
+        worth = np.empty(self.driven.poles.size)
+        for k in range(worth.size):
+            own = slice(2 * k, 2 * k + 2)
+            inner = np.linalg.pinv(self.unscaled[own, own], hermitian=True)
+            worth[k] = np.einsum("iq,qs,is->", parts[:, :, k], inner, parts[:, :, k])
+        return worth
+
+    def near(self) -> tuple[Real, Real]:
+        """χ² of what was measured, and of what is left beyond noise, in each resonance."""
+        measured, left = np.zeros((2, self.driven.poles.size))
+        start = 0
+        for r, force in enumerate(self.problem.forces):
+            omega = force.lines.omega
+            stop = start + 2 * omega.size
+            scale = self.problem.scale
+            values = (np.abs(force.lines.values * force.lines.weight * scale[:, None]) ** 2).sum(0)
+            rest = ((self.misfit[start:stop] * scale) ** 2).sum(1).reshape(2, -1).sum(0)
+            rest = rest - 2 * scale.size * force.lines.importance**2
+            for k, pole in enumerate(self.driven.at(r)):
+                distance = np.abs(1j * omega - pole)
+                lines = distance <= max(_RESONANCE * -pole.real, float(distance.min()))
+                measured[k] += values[lines].sum()
+                left[k] += rest[lines].sum()
+            start = stop
+        return measured, left
+
+    def chance(self, correlation: float) -> Real:
+        """Probability that noise alone is worth as much as each mode."""
+        size = self.worth() / (correlation * max(self.reduced, np.finfo(float).eps))
+        return np.asarray(chdtrc(2 * self.problem.scale.size, size))
+
+
+@dataclass(frozen=True, eq=False)
+class JointSpread:
+    """How well a `JointPoint` is known.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (2 n_modes, 2 n_modes)
+        Of frequency in Hz and damping ratio, mode by mode.
+    waves, forces : ndarray, shape (n_modes, 2)
+        Standard deviations of the same where residuals are no white noise, and from what the
+        forces say differently.
+    participation : ndarray, shape (n_modes, n_forces)
+        Standard deviation of real and imaginary part.
+    """
+
+    covariance: Real
+    waves: Real
+    forces: Real
+    participation: Real
+
+
+def spread_of(point: JointPoint, correlation: float) -> JointSpread:
+    """± from the residuals as they are (White 1980; Newey & West 1987; Liang & Zeger 1986).
+
+    All forces of a line count together, as they may have acted at the same time. Of poles no
+    farther apart than their own ±, the distance is found too large by σ²/2d, at most σ.
+    """
+    driven, n = point.driven, point.driven.poles.size
+    inverse = inverse_of(point.normal_matrix())
+    scores = point.scores()
+    towards = inverse[:, : 2 * n] @ to_frequency_damping(driven.poles).T
+    influence = scores.sum(axis=0) @ towards
+    covariance = correlation * influence.T @ influence
+    step = float(np.diff(point.problem.forces[0].lines.omega[:2])[0])
+    reach = np.repeat(np.ceil(_RESONANCE * -driven.poles.real / step).astype(int), 2)
+    reach = np.clip(reach, 1, max(len(influence) // _FEWEST_PIECES, 1))
+    variance = np.zeros(2 * n)
+    for k, line in enumerate(influence.T):
+        variance[k] = line @ line
+        for lag in range(1, reach[k] + 1):
+            variance[k] += 2 * (1 - lag / (reach[k] + 1)) * (line[lag:] @ line[:-lag])
+    of_forces = scores.sum(axis=1) @ towards
+    between = np.var(of_forces, axis=0, ddof=1) * len(of_forces)
+    of_lines = correlation * np.sum((scores @ towards) ** 2, axis=(0, 1))
+    everything = correlation * (inverse @ (scores.sum(axis=0).T @ scores.sum(axis=0)) @ inverse)
+    drives = np.zeros(point.free.shape)
+    own = np.diag(everything)[2 * n : 2 * (n + int(point.free.sum()))].reshape(-1, 2)
+    drives[point.free] = np.sqrt(np.maximum(own.mean(axis=1), 0.0))
+    covariance = covariance + np.diag(_of_distance(driven, covariance))
+    return JointSpread(
+        covariance=np.asarray(covariance),
+        waves=np.sqrt(np.maximum(variance, 0.0)).reshape(-1, 2),
+        forces=np.sqrt(np.maximum(between - of_lines, 0.0)).reshape(-1, 2),
+        participation=drives,
+    )
+
+
+def _of_distance(driven: Driven, covariance: Real) -> Real:
+    """Variance from poles that are no farther apart than their ±: see `joint_pair`."""
+    numbers = driven.numbers
+    std = np.sqrt(np.diag(covariance)).reshape(-1, 2)
+    width = np.column_stack([numbers[:, 0] * numbers[:, 1], numbers[:, 1]])
+    variance = np.zeros_like(numbers)
+    near = driven.shared & ~np.eye(driven.poles.size, dtype=bool)
+    for k, others in enumerate(near):
+        for other in np.flatnonzero(others):
+            off = (numbers[k] - numbers[other]) / width[k]
+            both = np.hypot(std[k], std[other]) / width[k]
+            apart, known = float(np.hypot(*off)), float(np.hypot(*both)) / np.sqrt(2)
+            bias = min(known**2 / (2 * max(apart, 1e-300)), known)
+            variance[k] = np.maximum(variance[k], (bias * width[k]) ** 2)
+    return np.asarray(variance.ravel())
