@@ -91,7 +91,7 @@ def joint_bases(bases: Sequence[Basis]) -> tuple[Basis, ...]:
     together = References(tuple(each.frf for each in bases))
     try:
         diagram = bases[0].asked.diagram(together)
-        joint = joint_modes(curves, diagram)
+        rows, findings = joint_modes(curves, diagram)
     except (FitError, InputError):
         return tuple(bases)
     return tuple(
@@ -99,10 +99,10 @@ def joint_bases(bases: Sequence[Basis]) -> tuple[Basis, ...]:
             each,
             diagram=diagram,
             fit=EditedFit(each.fit.curve, one),
-            state=each.state.told(joint.findings),
+            state=each.state.told(findings),
             together=together,
         )
-        for each, one in zip(bases, joint.settled, strict=True)
+        for each, one in zip(bases, rows, strict=True)
     )
 
 

@@ -22,6 +22,7 @@ from ema.core.references import References
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import acts_on_poles
 from ema.fitting.edited_fit import edited
+from ema.fitting.joint_evidence import with_modal_masses
 from ema.fitting.search import CurveFit
 from ema.poles.stability import OTHER, Opinion, StabilityDiagram, second_opinion
 
@@ -209,7 +210,14 @@ def _of_several(references: References, asked: Asked, edits: Sequence[Edit]) -> 
     if (together := bases[0].together) is not None:
         known = asked.band_hz, OTHER[asked.method], asked.max_order, asked.settings
         opinions = second_opinion(together, found[0].model.modes, *known)
-    several = replace(found[0], findings=tuple(findings), references=found, basis=None)
+    models, doubts = with_modal_masses(
+        [each.model for each in found],
+        [each.frf for each in found],
+        asked.checks.driving_point_spread,
+    )
+    found = tuple(replace(each, model=model) for each, model in zip(found, models, strict=True))
+    told = (*findings, *doubts)
+    several = replace(found[0], findings=told, references=found, basis=None)
     return replace(several, opinions=opinions)
 
 

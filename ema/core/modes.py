@@ -39,6 +39,8 @@ MODE_COLUMNS = {
     "damping_ratio_band_shift": "damping_band_shift",
     "name": "common_name",
 }
+#: Further ones where several forces give modal masses.
+MASS_COLUMNS = ("modal_mass_kg", "modal_mass_std_kg", "modal_mass_spread")
 #: Names of modes of low order, by direction (SAE J2710 for those against the rim).
 COMMON_NAMES = {
     (Direction.RADIAL, 0): "breathing",
@@ -108,6 +110,9 @@ class Mode(ReadonlyArrays):
         deviations. NaN next to the ends.
     chosen : Chosen
         Who put it on the list.
+    modal_mass_kg, modal_mass_std_kg, modal_mass_spread : float
+        Mass of the shape with a largest part of 1, its ±, and how far the driving points of
+        several forces are apart (relative, weighted RMS); NaN where unknown.
 
     Examples
     --------
@@ -140,6 +145,9 @@ class Mode(ReadonlyArrays):
     frequency_band_shift_hz: float = float("nan")
     damping_band_shift: float = float("nan")
     chosen: Chosen = Chosen.AUTOMATIC
+    modal_mass_kg: float = float("nan")
+    modal_mass_std_kg: float = float("nan")
+    modal_mass_spread: float = float("nan")
 
     @property
     def frequency_hz(self) -> float:
@@ -309,6 +317,12 @@ class ModalModel(ReadonlyArrays):
         seen = np.asarray(poles - self.exponential_window.decay_per_s, dtype=complex)
         return seen, residues * (poles / seen) ** 2
 
+    @property
+    def columns(self) -> dict[str, str]:
+        """Columns of the table, and the attributes of a `Mode` that they hold."""
+        known = any(np.isfinite(mode.modal_mass_kg) for mode in self.modes)
+        return MODE_COLUMNS | ({name: name for name in MASS_COLUMNS} if known else {})
+
     def to_frame(self) -> pd.DataFrame:
         """Table of the modes, one row for each.
 
@@ -319,7 +333,8 @@ class ModalModel(ReadonlyArrays):
             ``frequency_std_hz``, ``damping_ratio``, ``damping_ratio_std``, ``mpc``, ``mpd_deg``
             (degrees), ``order_purity``, ``status``, ``pair``, ``chosen``,
             ``frequency_band_shift_hz`` and ``damping_ratio_band_shift``, as in `Mode`; NaN where
-            unknown.
+            unknown. Where several forces give modal masses: ``modal_mass_kg``,
+            ``modal_mass_std_kg`` and ``modal_mass_spread``.
 
         Examples
         --------
@@ -332,7 +347,7 @@ class ModalModel(ReadonlyArrays):
         """
         columns = {
             name: [getattr(mode, attribute) for mode in self.modes]
-            for name, attribute in MODE_COLUMNS.items()
+            for name, attribute in self.columns.items()
         }
         return frame_of({"mode": np.arange(1, len(self.modes) + 1), **columns}, whole=("order",))
 

@@ -13,6 +13,9 @@ from ema.core.errors import InputError
 from ema.core.frf import FRF
 from ema.core.numerics import ReadonlyArrays
 
+# A sensor within this angle is at the place of the force.
+_SAME_PLACE_DEG = 0.01
+
 
 @dataclass(frozen=True, eq=False)
 class References(ReadonlyArrays):
@@ -161,6 +164,20 @@ def _places(frf: FRF) -> dict[tuple[float, ...], int]:
     angles = np.where(np.isfinite(frf.position_deg), np.round(frf.position_deg, 6), -1.0)
     keys = zip(frf.node.tolist(), angles.tolist(), frf.axis.tolist(), strict=True)
     return {key: row for row, key in enumerate(keys)}
+
+
+def driving_point(frf: FRF) -> tuple[int, int] | None:
+    """Row at the place of the force and along it, and the sign of its direction; None without."""
+    away = np.abs((frf.position_deg - frf.excitation_deg + 180.0) % 360.0 - 180.0)
+    at = np.flatnonzero(away < _SAME_PLACE_DEG)
+    if not np.any(np.isfinite(away)) and frf.force_node > 0:
+        axis, force_axis = np.abs(frf.axis), abs(frf.force_axis)
+        along = (axis == force_axis) | (axis == 0) | (force_axis == 0)
+        at = np.flatnonzero((frf.node == frf.force_node) & along)
+    if at.size != 1:
+        return None
+    row = int(at[0])
+    return row, int(np.sign(frf.axis[row] or 1) * np.sign(frf.force_axis or 1))
 
 
 def mapped(found: FRF | References, change: Callable[[FRF], FRF]) -> FRF | References:

@@ -170,6 +170,13 @@ class CheckSettings:
         "… and from which they are refused: noise 30 dB below a force counts as much as the force",
         "Belsley, Kuh & Welsch (1980)",
     )
+    driving_point_spread: float = _setting(
+        0.1,
+        "–",
+        "modal masses from the driving points of several forces that differ by more than this, and "
+        "by more than their ±, are doubted",
+        "calibration of load cell and sensors, 5 % each",
+    )
     hum_db: float = _setting(
         20.0, "dB", "mains hum this far above the noise nearby is reported", "convention"
     )

@@ -1,9 +1,9 @@
-"""Modes of a structure of any form from several forces: from the diagram's poles to settled rows."""
+"""Modes of any structure from several forces: from the diagram's poles to settled rows."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,13 @@ from ema.core.errors import FitError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.modes import Flag, Mode
 from ema.core.numerics import one_blas_thread
-from ema.core.references import References
+from ema.core.references import References, driving_point
 from ema.core.settings import IdentificationSettings
 from ema.fitting.covariance import parameter_covariance
 from ema.fitting.curve_fit import final_drift
 from ema.fitting.fit_steps import is_undetermined, modes_of
-from ema.fitting.joint_poles import Driven, JointLines, JointPoint, JointSpread, OfForce, spread_of
+from ema.fitting.joint_evidence import JointSpread, spread_of
+from ema.fitting.joint_poles import Driven, JointLines, JointPoint, OfForce
 from ema.fitting.listing import Row, Settled
 from ema.fitting.mode_pairs import in_one_state
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit, evaluate
@@ -42,24 +43,11 @@ _ONE_PLACE = 1e-3
 _FEW = 12
 
 
-@dataclass(frozen=True, eq=False)
-class JointModes:
-    """Modes of all forces.
-
-    Parameters
-    ----------
-    settled : tuple of Settled
-        As each force shows them: common poles and shapes, residues of its own.
-    findings : tuple of Finding
-    """
-
-    settled: tuple[Settled, ...]
-    findings: tuple[Finding, ...]
-
-
 @one_blas_thread
-def joint_modes(curves: Sequence[CurveFit], diagram: StabilityDiagram) -> JointModes:
-    """Modes that all forces show together.
+def joint_modes(
+    curves: Sequence[CurveFit], diagram: StabilityDiagram
+) -> tuple[list[Settled], list[Finding]]:
+    """Modes that all forces show together, as each force shows them, and what changed between.
 
     Parameters
     ----------
@@ -77,7 +65,7 @@ def joint_modes(curves: Sequence[CurveFit], diagram: StabilityDiagram) -> JointM
     """
     joint = _Joint(curves)
     point = joint.with_planes(joint.fitted(diagram))
-    return JointModes(tuple(joint.settled(point)), tuple(joint.findings(point)))
+    return joint.settled(point), joint.findings(point)
 
 
 class _Joint:
@@ -102,9 +90,7 @@ class _Joint:
         self.problem = JointLines(
             [
                 OfForce.of(
-                    replace(
-                        _of_rows(ln, rows), weight=ln.weight * size, scale=np.ones(rows.size)
-                    ),
+                    replace(_of_rows(ln, rows), weight=ln.weight * size, scale=np.ones(rows.size)),
                     curve.fit.poles[-N_STAND_INS:],
                     moves=own != runs[0],
                 )
@@ -203,11 +189,9 @@ class _Joint:
         return np.asarray(np.where(known.any(axis=0), largest, np.nan))
 
     def with_planes(self, point: JointPoint) -> JointPoint:
-        """The fit with one pole, and the two shapes that are farthest from each other, for modes
-        that are no farther apart than their ±.
+        """The fit with one pole, and real shapes, for modes no farther apart than their ±.
 
-        The plane of both shapes is determined then, and no shape in it before another. Real shapes
-        at right angles are what a structure with exactly repeated roots may have.
+        The plane of both shapes is determined then, and no shape in it before another.
         """
         std = np.sqrt(np.diag(spread_of(point, self.correlation).covariance)).reshape(-1, 2)
         driven = point.driven
@@ -227,11 +211,12 @@ class _Joint:
             both = point.shapes[:, group] @ driven.participation[group]
             both = both * np.exp(-0.5j * np.angle(np.sum(both**2)))
             shapes = np.linalg.svd(both.real)[0][:, : len(group)]
-            participation[group] = shapes.T @ both
+            shapes = shapes @ self._mass_axes(shapes, both)
+            participation[group] = np.linalg.pinv(shapes) @ both
             members = ", ".join(f"{hz:.2f}" for hz in np.sort(driven.numbers[group, 0]))
             self.notes.append(
-                f"The modes at {members} Hz are no farther apart than their ±: they are stated with "
-                "one pole, and what is determined is the plane of their shapes, not each in it."
+                f"The modes at {members} Hz are no farther apart than their ±: they are stated "
+                "with one pole; the plane of their shapes is determined, not each shape in it."
             )
         largest = np.argmax(np.abs(participation), axis=1)
         every = np.arange(poles.size)
@@ -240,6 +225,27 @@ class _Joint:
         participation = participation / participation[every, largest][:, None]
         together = Driven(poles, participation, driven.states)
         return point if len(rest) == poles.size else JointPoint(self.problem, together, free)
+
+    def _mass_axes(self, shapes: Real, residues: Complex) -> Real:
+        """Turns real shapes of one plane so that their masses do not couple, as far as known.
+
+        Of the symmetric matrix Q in residues = Φ Q Φᵀ, which the driving points show.
+        """
+        places = [self._driving_point(force) for force in range(len(self.curves))]
+        known = [force for force, place in enumerate(places) if place is not None]
+        if len(known) < shapes.shape[1]:
+            return np.eye(shapes.shape[1])
+        there = np.array([sign * shapes[row] for row, sign in filter(None, places)])
+        inner = np.linalg.pinv(shapes) @ residues[:, known] @ np.linalg.pinv(there.T)
+        turned = inner * np.exp(-0.5j * np.angle(np.sum(inner**2)))
+        return np.asarray(np.linalg.eigh((turned.real + turned.real.T) / 2)[1])
+
+    def _driving_point(self, force: int) -> tuple[int, int] | None:
+        """Row at the force among those of all forces, and the sign of its direction."""
+        place = driving_point(self.curves[force].frf)
+        if place is None or place[0] not in self.rows[force]:
+            return None
+        return int(np.flatnonzero(self.rows[force] == place[0])[0]), place[1]
 
     def settled(self, point: JointPoint) -> list[Settled]:
         """What each force shows."""
@@ -289,9 +295,7 @@ class _Joint:
             )
         return found
 
-    def _pole_fit(
-        self, point: JointPoint, spread: JointSpread, force: int
-    ) -> tuple[PoleFit, Real]:
+    def _pole_fit(self, point: JointPoint, spread: JointSpread, force: int) -> tuple[PoleFit, Real]:
         """A force's FRFs at all of its positions, with the ± of the residues of the modes."""
         lines, driven = self.lines[force], point.driven
         shapes, std = self._shapes(point, force)
@@ -303,7 +307,10 @@ class _Joint:
         waves = driven.functions(lines.omega, force)[0]
         parts = np.stack([shapes.real, shapes.imag], axis=2).reshape(len(shapes), -1)
         rest = project(
-            lines.omega, stacked(lines.values - parts @ waves, lines.weight), lines.weight, stand_ins
+            lines.omega,
+            stacked(lines.values - parts @ waves, lines.weight),
+            lines.weight,
+            stand_ins,
         )
         fit = evaluate(lines, np.append(poles, stand_ins), NO_SHIFT)
         part = replace(
@@ -387,7 +394,7 @@ class _Joint:
             shift, decay = 100 * point.driven.states[r]
             detail = (
                 f"at force {r + 1} all frequencies are {shift:+.3f} % and decay rates "
-                f"{shift + decay:+.1f} % of those at the first force; each is fitted in its own state"
+                f"{shift + decay:+.1f} % of those at the first force; each is fitted in its state"
             )
             found.append(Finding("", "", None, Check.FORCES, Verdict.OK, detail))
         return found

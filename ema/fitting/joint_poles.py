@@ -21,17 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from ema.fitting.covariance import inverse_of, to_frequency_damping
 from ema.fitting.joint_pair import UNKNOWN_STATE
 from ema.fitting.pole_fit import Lines
-from ema.fitting.variable_projection import (
-    Complex,
-    Projection,
-    Real,
-    descend,
-    project,
-    stacked,
-)
+from ema.fitting.variable_projection import Complex, Projection, Real, descend, project, stacked
 
 # Frequency and decay of the structure's state, relative to that of the first force (1 σ).
 _STATE_STD = np.array([UNKNOWN_STATE.frequency_std, UNKNOWN_STATE.decay_std])
@@ -42,8 +34,6 @@ _SIZE = 0.1
 _RESONANCE = 2.0
 # Poles within so many half-widths share one.
 _SHARED = 1.0
-# Score sums of fewer pieces of the lines do not give a variance.
-_FEWEST_PIECES = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +92,9 @@ class Driven:
     def at(self, force: int) -> Complex:
         """Poles in the state at a force."""
         shift, decay = self.states[force]
-        return np.asarray(self.poles.real * (1 + shift + decay) + 1j * self.poles.imag * (1 + shift))
+        return np.asarray(
+            self.poles.real * (1 + shift + decay) + 1j * self.poles.imag * (1 + shift)
+        )
 
     def without(self, dropped: NDArray[np.bool_]) -> Driven:
         """The others."""
@@ -154,7 +146,7 @@ class JointLines:
     def __init__(self, forces: Sequence[OfForce], scale: Real) -> None:
         self.forces, self.scale = tuple(forces), scale
         self.moving = [r for r, force in enumerate(self.forces) if force.moves]
-        self.n_values = sum(2 * force.target.shape[0] // 2 * scale.size for force in self.forces)
+        self.n_values = sum(force.target.size for force in self.forces)
 
     @cached_property
     def target(self) -> Real:
@@ -198,7 +190,9 @@ class JointLines:
 def _packed(driven: Driven, free: NDArray[np.bool_], moving: Sequence[int]) -> Real:
     """Parameters of a search: poles, free participations, states."""
     parts = np.concatenate([driven.poles, driven.participation[free]])
-    return np.concatenate([np.column_stack([parts.real, parts.imag]).ravel(), *driven.states[moving]])
+    return np.concatenate(
+        [np.column_stack([parts.real, parts.imag]).ravel(), *driven.states[moving]]
+    )
 
 
 def _unpacked(x: Real, free: NDArray[np.bool_], moving: Sequence[int]) -> Driven:
@@ -314,7 +308,7 @@ class JointPoint:
 
     @property
     def _places(self) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
-        """Coefficients and slopes of each parameter as it is: force, pole or participation, mode."""
+        """Coefficients and slopes of each parameter: force, pole or participation, mode."""
         n, n_forces = self.free.shape
         mode = np.tile(np.arange(n), 2 * n_forces)
         which = np.stack([2 * mode, 2 * mode + 1], axis=1).ravel()
@@ -323,7 +317,7 @@ class JointPoint:
 
     @cached_property
     def transform(self) -> Real:
-        """Derivative of all poles and participations, force by force, to the parameters searched."""
+        """Derivative of poles and participations, force by force, to what is searched."""
         n, n_forces = self.free.shape
         moving, n_free = self.problem.moving, int(self.free.sum())
         matrix = np.zeros((4 * n * n_forces, 2 * (n + n_free + len(moving))))
@@ -365,7 +359,8 @@ class JointPoint:
             force.own.orthonormal.shape[1] for force in self.problem.forces
         )
         data = sum(2 * float(np.sum(f.lines.importance**2)) for f in self.problem.forces)
-        return max(int((data - linear) * self.problem.scale.size) - self.transform.shape[1], 1)
+        left = (data - linear) * self.problem.scale.size - self.transform.shape[1]
+        return max(int(left), 1)
 
     @property
     def reduced(self) -> float:
@@ -423,77 +418,3 @@ class JointPoint:
         """Probability that noise alone is worth as much as each mode."""
         size = self.worth() / (correlation * max(self.reduced, np.finfo(float).eps))
         return np.asarray(chdtrc(2 * self.problem.scale.size, size))
-
-
-@dataclass(frozen=True, eq=False)
-class JointSpread:
-    """How well a `JointPoint` is known.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (2 n_modes, 2 n_modes)
-        Of frequency in Hz and damping ratio, mode by mode.
-    waves, forces : ndarray, shape (n_modes, 2)
-        Standard deviations of the same where residuals are no white noise, and from what the
-        forces say differently.
-    participation : ndarray, shape (n_modes, n_forces)
-        Standard deviation of real and imaginary part.
-    """
-
-    covariance: Real
-    waves: Real
-    forces: Real
-    participation: Real
-
-
-def spread_of(point: JointPoint, correlation: float) -> JointSpread:
-    """± from the residuals as they are (White 1980; Newey & West 1987; Liang & Zeger 1986).
-
-    All forces of a line count together, as they may have acted at the same time. Of poles no
-    farther apart than their own ±, the distance is found too large by σ²/2d, at most σ.
-    """
-    driven, n = point.driven, point.driven.poles.size
-    inverse = inverse_of(point.normal_matrix())
-    scores = point.scores()
-    towards = inverse[:, : 2 * n] @ to_frequency_damping(driven.poles).T
-    influence = scores.sum(axis=0) @ towards
-    covariance = correlation * influence.T @ influence
-    step = float(np.diff(point.problem.forces[0].lines.omega[:2])[0])
-    reach = np.repeat(np.ceil(_RESONANCE * -driven.poles.real / step).astype(int), 2)
-    reach = np.clip(reach, 1, max(len(influence) // _FEWEST_PIECES, 1))
-    variance = np.zeros(2 * n)
-    for k, line in enumerate(influence.T):
-        variance[k] = line @ line
-        for lag in range(1, reach[k] + 1):
-            variance[k] += 2 * (1 - lag / (reach[k] + 1)) * (line[lag:] @ line[:-lag])
-    of_forces = scores.sum(axis=1) @ towards
-    between = np.var(of_forces, axis=0, ddof=1) * len(of_forces)
-    of_lines = correlation * np.sum((scores @ towards) ** 2, axis=(0, 1))
-    everything = correlation * (inverse @ (scores.sum(axis=0).T @ scores.sum(axis=0)) @ inverse)
-    drives = np.zeros(point.free.shape)
-    own = np.diag(everything)[2 * n : 2 * (n + int(point.free.sum()))].reshape(-1, 2)
-    drives[point.free] = np.sqrt(np.maximum(own.mean(axis=1), 0.0))
-    covariance = covariance + np.diag(_of_distance(driven, covariance))
-    return JointSpread(
-        covariance=np.asarray(covariance),
-        waves=np.sqrt(np.maximum(variance, 0.0)).reshape(-1, 2),
-        forces=np.sqrt(np.maximum(between - of_lines, 0.0)).reshape(-1, 2),
-        participation=drives,
-    )
-
-
-def _of_distance(driven: Driven, covariance: Real) -> Real:
-    """Variance from poles that are no farther apart than their ±: see `joint_pair`."""
-    numbers = driven.numbers
-    std = np.sqrt(np.diag(covariance)).reshape(-1, 2)
-    width = np.column_stack([numbers[:, 0] * numbers[:, 1], numbers[:, 1]])
-    variance = np.zeros_like(numbers)
-    near = driven.shared & ~np.eye(driven.poles.size, dtype=bool)
-    for k, others in enumerate(near):
-        for other in np.flatnonzero(others):
-            off = (numbers[k] - numbers[other]) / width[k]
-            both = np.hypot(std[k], std[other]) / width[k]
-            apart, known = float(np.hypot(*off)), float(np.hypot(*both)) / np.sqrt(2)
-            bias = min(known**2 / (2 * max(apart, 1e-300)), known)
-            variance[k] = np.maximum(variance[k], (bias * width[k]) ** 2)
-    return np.asarray(variance.ravel())

@@ -66,7 +66,16 @@ def pole_history(
         frequency, ratio = _changes(old_poles, poles, match)
         global_match = np.where(match >= 0, match + first_old, -1)
         rows.append(
-            (np.full(poles.size, order), poles, shapes, frequency, ratio, total, global_match, drives)
+            (
+                np.full(poles.size, order),
+                poles,
+                shapes,
+                frequency,
+                ratio,
+                total,
+                global_match,
+                drives,
+            )
         )
         first_old += old_poles.size
         old_poles, old_shapes = poles, shapes
@@ -106,9 +115,7 @@ def _matches(
 
 
 def _mac_to_planes(
-    poles: NDArray[np.complex128],
-    shapes: NDArray[np.complex128],
-    others: NDArray[np.complex128],
+    poles: NDArray[np.complex128], shapes: NDArray[np.complex128], others: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
     """MAC of other shapes to what the shapes of coinciding poles span, (n_poles, n_others)."""
     width = np.minimum.outer(-poles.real, -poles.real)

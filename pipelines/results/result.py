@@ -20,8 +20,9 @@ from ema.core.display import band_text, facts, table
 from ema.core.edits import Edit, PoleName
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
-from ema.core.modes import COMMON_NAMES, ModalModel, Mode, Pair, modes_html
+from ema.core.modes import COMMON_NAMES, ModalModel, Pair, modes_html
 from ema.core.numerics import frame_of
+from ema.fitting.joint_evidence import counterpart
 from ema.identify import Identification
 from ema.poles.stability import Opinion, StabilityDiagram
 from ema.signals.steadiness import Steadiness
@@ -100,8 +101,6 @@ def _said(record: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in record.items() if value not in (None, "", {})}
 
 
-# A mode against another force is within this many half-widths.
-_NEAR = 1.0
 TORSION = COMMON_NAMES[Direction.TANGENTIAL, 0]
 
 
@@ -175,7 +174,7 @@ def driven_modes(found: Identification) -> tuple[DrivenMode, ...]:
     for number, (each, model) in enumerate(zip(found.references, models, strict=True), start=1):
         frf = each.frf
         for k, mode in enumerate(found.model.modes):
-            alike = [_counterpart(mode, other) for other in models]
+            alike = [counterpart(k, mode, other) for other in models]
             drives = [0.0 if other is None else drive(other) for other in alike]
             own = alike[number - 1]
             if own is None:
@@ -186,15 +185,6 @@ def driven_modes(found: Identification) -> tuple[DrivenMode, ...]:
             place = frf.excitation_deg, frf.force_node, frf.force_axis
             rows.append(DrivenMode(number, *place, k + 1, share, relative))
     return tuple(rows)
-
-
-def _counterpart(mode: Mode, model: ModalModel) -> Mode | None:
-    """The same mode against another force."""
-    alike = [m for m in model.modes if (m.order, m.member) == (mode.order, mode.member)]
-    near = min(alike, key=lambda m: abs(m.pole - mode.pole), default=None)
-    return (
-        near if near is not None and abs(near.pole - mode.pole) < _NEAR * -mode.pole.real else None
-    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,6 +46,9 @@ class StoredMode:
     frequency_band_shift_hz: float
     damping_band_shift: float
     chosen: Chosen = Chosen.AUTOMATIC
+    modal_mass_kg: float = math.nan
+    modal_mass_std_kg: float = math.nan
+    modal_mass_spread: float = math.nan
 
 
 @dataclass(frozen=True)
