@@ -57,7 +57,8 @@ def spread_of(point: JointPoint, correlation: float) -> JointSpread:
     driven, n = point.driven, point.driven.poles.size
     inverse = inverse_of(point.normal_matrix())
     scores = point.scores()
-    towards = inverse[:, : 2 * n] @ to_frequency_damping(driven.poles).T
+    transform = to_frequency_damping(driven.poles)
+    towards = inverse[:, : 2 * n] @ transform.T
     influence = scores.sum(axis=0) @ towards
     covariance = correlation * influence.T @ influence
     step = float(np.diff(point.problem.forces[0].lines.omega[:2])[0])
@@ -75,6 +76,9 @@ def spread_of(point: JointPoint, correlation: float) -> JointSpread:
     drives = np.zeros(point.free.shape)
     own = np.diag(everything)[2 * n : 2 * (n + int(point.free.sum()))].reshape(-1, 2)
     drives[point.free] = np.sqrt(np.maximum(own.mean(axis=1), 0.0))
+    # Few lines make up a narrow resonance: what they scatter by may be little by chance.
+    white = correlation * point.reduced * (transform @ inverse[: 2 * n, : 2 * n] @ transform.T)
+    covariance = covariance + np.diag(np.maximum(np.diag(white) - np.diag(covariance), 0.0))
     covariance = covariance + np.diag(_of_distance(driven, covariance))
     return JointSpread(
         covariance=np.asarray(covariance),
@@ -107,8 +111,9 @@ def with_modal_masses(
     """Models of several forces with the modal masses that their driving points give.
 
     At the point that a force drives, residue and shape give the mass of the mode:
-    m = φ²/(2jω_d A). Weighted mean of all forces; ± from the residues, or from the scatter of the
-    forces where that is more. Forces differ by more than `most`: a finding.
+    m = φ²/(2jω_d A), that of the shape as it is listed, its largest part 1. Weighted mean of all
+    forces; ± from the residues, or from the scatter of the forces where that is more. Forces that
+    differ by more than `most` give a finding.
     """
     masses: dict[int, tuple[float, float, float]] = {}
     apart = 0.0, ""
@@ -125,7 +130,7 @@ def with_modal_masses(
         mean = float(weight @ mass)
         off = np.abs(mass - mean)
         scatter = max(np.sum((off / std) ** 2) / max(mass.size - 1, 1), 1.0)
-        known = np.hypot(np.sqrt(scatter / np.sum(std**-2.0)), mean * _of_largest(k, models))
+        known = np.sqrt(scatter / np.sum(std**-2.0))
         spread = np.sqrt(weight @ off**2) / mean if mass.size > 1 else np.nan
         masses[k] = mean, float(known), float(spread)
         clear = float(np.max(off / mean, where=off > _CLEAR * std, initial=0.0))
@@ -159,17 +164,6 @@ def counterpart(k: int, mode: Mode, model: ModalModel) -> Mode | None:
     ]
     away, _, nearest = min(alike, key=lambda each: each[:2], default=(np.inf, True, mode))
     return nearest if away < -mode.pole.real else None
-
-
-def _of_largest(k: int, models: Sequence[ModalModel]) -> float:
-    """What the noise of the largest part, which is set to 1, adds to the mass; relative."""
-    found = []
-    for model in models:
-        own = counterpart(k, models[0].modes[k], model)
-        if own is not None:
-            at = np.argmax(np.abs(own.residues))
-            found.append(2 * float(own.residues_std[at] / np.abs(own.residues[at])))
-    return min(found)
 
 
 def _mass_at(own: Mode, row: int, sign: int) -> list[tuple[float, float]]:

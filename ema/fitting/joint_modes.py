@@ -31,6 +31,8 @@ from ema.poles.stability import StabilityDiagram, select_poles
 _MOST_DROPS = 8
 # Poles of the diagram within this many half-widths are taken from the same model order.
 _TOGETHER = 1.0
+# A pole that hardly shows is a mode if it explains this many times what is left beyond noise.
+_BESIDE = 4.0
 # Share of the lines that is left out at one end, to see what the ends of the band do.
 _TRIM = 0.06
 # A mode, or all that share its resonance, stands out if it adds this many times the rest there.
@@ -40,7 +42,7 @@ _NOT_APART = 2.0
 # … and so are those that coincide within this many half-widths, however little the noise.
 _ONE_PLACE = 1e-3
 # Poles of other bands are in their place after few steps.
-_FEW = 12
+_FEW = 6
 
 
 @one_blas_thread
@@ -107,11 +109,12 @@ class _Joint:
         start = self._start(diagram)
         point = self._fit(self.problem, start)
         for _ in range(_MOST_DROPS):
-            measured, _left = point.near()
-            share = np.sqrt(point.worth() / np.maximum(measured, 1e-300))
+            (measured, left), worth, driven = point.near(), point.worth(), point.driven
+            share = np.sqrt(worth / np.maximum(measured, 1e-300))
             noise = ~(point.chance(self.correlation) < self.settings.residue_p_value)
-            driven = point.driven
-            doubtful = noise | (share < self.settings.visible_share)
+            # A weak mode is one where the model leaves little beside it.
+            hidden = (share < self.settings.visible_share) & (worth < _BESIDE * left)
+            doubtful = noise | hidden
             # Of several that share a resonance the lesser one goes first.
             lesser = driven.shared & doubtful & (share[None] < share[:, None])
             drop = doubtful & ~np.any(lesser, axis=1)
@@ -371,21 +374,28 @@ class _Joint:
         return doubts if listed else [""] * len(doubts)
 
     def _flags(self, point: JointPoint) -> list[tuple[Flag, ...]]:
-        """Modes that do not stand out, with what shares their resonance."""
-        driven = point.driven
-        own, rest = np.zeros((2, driven.poles.size))
+        """Modes that do not stand out, each with the combination of forces that drives it best.
+
+        Beside it are all others but those that share its resonance.
+        """
+        driven, omega = point.driven, self.problem.forces[0].lines.omega
         parts = np.stack([point.shapes.real, point.shapes.imag], axis=2)
-        for r, force in enumerate(self.problem.forces):
-            omega = force.lines.omega
-            waves = driven.functions(omega, r)[0].reshape(driven.poles.size, 2, -1)
-            at = np.argmin(np.abs(driven.at(r).imag[:, None] - omega), axis=1)
-            for k, line in enumerate(at):
-                each = np.einsum("ikq,kq->ik", parts, waves[:, :, line])
-                group = driven.shared[k]
-                own[k] += np.sum(np.abs(each[:, group].sum(axis=1)) ** 2)
-                beside = force.lines.values[:, line] - each[:, group].sum(axis=1)
-                rest[k] += np.sum(np.abs(beside) ** 2)
-        return [() if seen else (Flag.NO_CLEAR_PEAK,) for seen in own > _STANDS_OUT**2 * rest]
+        waves = [
+            driven.functions(omega, r)[0].reshape(driven.poles.size, 2, -1)
+            for r in range(len(self.problem.forces))
+        ]
+        flags = list[tuple[Flag, ...]]()
+        for k, line in enumerate(np.argmin(np.abs(driven.poles.imag[:, None] - omega), axis=1)):
+            at = np.stack([each[:, :, line] for each in waves], axis=2)
+            own = parts[:, k] @ at[k]
+            beside = np.stack([f.lines.values[:, line] for f in self.problem.forces], axis=1)
+            for other in np.flatnonzero(driven.shared[k]):
+                beside = beside - parts[:, other] @ at[other]
+            size, drive = np.linalg.norm(own), np.linalg.svd(own)[2][0]
+            rest = np.linalg.svd(beside, full_matrices=False)
+            best = np.linalg.norm((rest[2] @ drive.conj()) / np.maximum(rest[1], 1e-12 * size))
+            flags.append(() if size * best > _STANDS_OUT else (Flag.NO_CLEAR_PEAK,))
+        return flags
 
     def findings(self, point: JointPoint) -> list[Finding]:
         """What the structure's state has changed from force to force."""

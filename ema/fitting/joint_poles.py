@@ -34,6 +34,8 @@ _SIZE = 0.1
 _RESONANCE = 2.0
 # Poles within so many half-widths share one.
 _SHARED = 1.0
+# Least share of a line's noise that its residual is taken to show.
+_LEAST_FREE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,10 +230,12 @@ class JointPoint:
         """Orthonormal basis of the functions, the target in it, and what makes shapes of it."""
         waves = self._functions[0]
         size = np.linalg.norm(waves, axis=0)
-        left, values, right = np.linalg.svd(waves / size, full_matrices=False)
-        kept = values > 1e-9 * values[0]
+        orthonormal, triangle = np.linalg.qr(waves / size)
+        left, values, right = np.linalg.svd(triangle)
+        kept = values > 1e-9 * values[0]  # poles that coincide and are driven alike are one
+        basis = orthonormal @ left[:, kept]
         inverse = (right[kept].T / values[kept]) / size[:, None]
-        return left[:, kept], left[:, kept].T @ self.problem.target, inverse
+        return basis, basis.T @ self.problem.target, inverse
 
     @cached_property
     def shapes(self) -> Complex:
@@ -377,12 +381,13 @@ class JointPoint:
         for r, each in enumerate(slopes):
             steep[r * height : (r + 1) * height, r * width : (r + 1) * width] = each
         steep -= basis @ (basis.T @ steep)
-        along = np.einsum("fi,kqi->fkq", self.misfit, self._coefficients * scale**2)
+        # What is linear follows its share of each line's noise.
+        leverage = np.sum(basis**2, axis=1)
+        leverage += np.concatenate([force.own.leverage for force in self.problem.forces])
+        restored = self.misfit / np.sqrt(np.clip(1 - leverage, _LEAST_FREE, 1.0))[:, None]
+        along = np.einsum("fi,kqi->fkq", restored, self._coefficients * scale**2)
         score = np.einsum("faq,faq->fa", steep[:, rows], along[:, which]) @ self.transform
-        score = score.reshape(n_forces, 2, height // 2, -1).sum(axis=1)
-        # What is linear follows its share of the noise.
-        followed = (basis.shape[1] + self.problem.forces[0].own.orthonormal.shape[1]) / height
-        return np.asarray(score / np.sqrt(max(1 - followed / n_forces, 0.1)))
+        return np.asarray(score.reshape(n_forces, 2, height // 2, -1).sum(axis=1))
 
     def worth(self) -> Real:
         """What χ² would be more without each mode, all other shapes found again, (n_modes,)."""
