@@ -7,6 +7,7 @@ relative change δ of all frequencies would add (docs/identification.md).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from ema.core.campaign import Response, Run
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
+from ema.core.numerics import available_threads
 from ema.core.recording import DERIVATIVES, Channel
 from ema.core.settings import CHECKS, CheckSettings
 
@@ -67,7 +69,9 @@ def steadiness_of(runs: Sequence[Run], frf: FRF, model: ModalModel) -> list[Stea
 
     `frf` are the FRFs that the modes were fitted to; its rows are those of `model`.
     """
-    return [each for run in runs if (each := run_steadiness(run, frf, model)) is not None]
+    with ThreadPoolExecutor(available_threads()) as pool:  # transforms let other threads work
+        found = pool.map(lambda run: run_steadiness(run, frf, model), runs)
+        return [each for each in found if each is not None]
 
 
 def steadiness_findings(

@@ -88,8 +88,7 @@ def process(
         _formats(figures, gif=gif)
         _require_possible(figures, out, pdf=pdf, xlsx=xlsx, force=force)
         record = () if edits is None else read_edits(edits)
-        # Only tables need it, at the end: it loads while recordings are read.
-        Thread(target=import_module, args=("pandas",), daemon=True).start()
+        _load_tables()
         with shown(quiet=quiet) as progress:
             result = run(source, options, progress.stage, progress.step, record)
             progress.stage("Writing the result …")
@@ -102,6 +101,11 @@ def process(
             _LOG.info("%s took %.2f s", stage, seconds)
         told: dict[str, Any] = {"as_json": as_json, "quiet": quiet, "units": looks.units}
         show(result, out, report=not no_report, **told)
+
+
+def _load_tables() -> None:
+    """Load pandas while recordings or results are read: only tables need it, at the end."""
+    Thread(target=import_module, args=("pandas",), daemon=True).start()
 
 
 def tune(
@@ -132,6 +136,7 @@ def tune(
     known = opt.ring_parameters("--given", given)
     looks = read_template(template, units)
     with reporting_outcome(result_folder):
+        _load_tables()
         result = retune(
             result_folder,
             objective,
@@ -172,6 +177,7 @@ def report(
     with reporting_outcome(result_folder):
         _formats(figures, gif=gif)
         _require_possible(figures, result_folder, pdf=pdf, xlsx=xlsx, force=force)
+        _load_tables()
         result = retune(result_folder, accept_changes=accept_changes)
         save(result, result_folder, pdf=pdf, xlsx=xlsx, force=True, template=looks)
         if figures is not None:
