@@ -267,13 +267,11 @@ def evaluate(
 
     A single row of drift puts all positions into one group.
     """
-    everything = np.arange(lines.scale.size)
-    groups = (
-        (everything,)
-        if len(drift) == 1
-        else tuple(np.flatnonzero(lines.run == number) for number in range(len(drift)))
-    )
-    targets = [lines.target] if len(drift) == 1 else [lines.target[:, rows] for rows in groups]
+    groups: tuple[NDArray[np.int_], ...] = (np.arange(lines.scale.size),)
+    targets = [lines.target]
+    if len(drift) > 1:
+        groups = tuple(np.flatnonzero(lines.run == number) for number in range(len(drift)))
+        targets = [lines.target[:, rows] for rows in groups]
     parts = tuple(
         project(lines.omega, target, lines.weight, lines.drifted(poles, shift))
         for target, shift in zip(targets, drift, strict=True)
@@ -318,10 +316,9 @@ def fit_poles(
     FitError
         If the fit diverges.
     """
-    n = 2 * start.size
+    n, decay = 2 * start.size, slice(0, 2 * start.size, 2)
     shifts = np.zeros(0) if drift is None else (drift[1:] - drift[0]).ravel()
     n_moving = shifts.size // N_DRIFT
-    decay = slice(0, n, 2)
     low, high = lower.copy(), upper.copy()
     low[decay], high[decay] = -upper[decay], -lower[decay]  # the search moves Re s itself
     reach = np.tile(_LARGEST_DRIFT, n_moving)
@@ -384,8 +381,7 @@ def lines_to_fit(frf: FRF, band_hz: tuple[float, float]) -> Lines:
     run = np.array([names.index(name) for name in frf.run])
     frequency_hz = frf.frequency_hz[chosen]
     importance = _importance(frequency_hz, band_hz)
-    values = frf.values[:, chosen]
-    return Lines(frequency_hz, values, importance / common, 1 / own, run, importance)
+    return Lines(frequency_hz, frf.values[:, chosen], importance / common, 1 / own, run, importance)
 
 
 def _importance(
@@ -436,8 +432,7 @@ def fit_bounded(
 
     A fit that goes on from an earlier one keeps its bounds `around` the diagram's poles.
     """
-    centre = start if around is None else around
-    lower, upper = _bounds(centre, lines.frequency_hz[-1], settings)
+    lower, upper = _bounds(start if around is None else around, lines.frequency_hz[-1], settings)
     return fit_poles(lines, start, lower, upper, drift, pairs=pairs, locked=locked, tries=tries)
 
 

@@ -266,7 +266,7 @@ class CurveFit:
         A rim that moves gives order 1 a broad resonance, often beneath that of order 2. Kept only
         if its shape is that order's.
         """
-        before, (low, high) = self.fit, self.band_hz
+        before, centre, (low, high) = self.fit, self.centre, self.band_hz
         labelled = self.labelled(before)
         for found in family(labelled).values():
             mode = labelled[found[0]]
@@ -277,7 +277,7 @@ class CurveFit:
                 tried = self.labelled(self.fit)
                 if tried[0].order != mode.order and tried[0].order_purity > _ITS_OWN:
                     return
-                self.fit = before
+                self.fit, self.centre = before, centre
 
     @property
     def _shifts(self) -> NDArray[np.float64] | None:

@@ -339,8 +339,7 @@ class _Compiled(BytecodeCache):
         if sys.dont_write_bytecode:
             return
         with suppress(InputError), file_written_whole(self._path(bucket)) as partial:
-            with partial.open("wb") as file:
-                bucket.write_bytecode(file)
+            partial.write_bytes(bucket.bytecode_to_string())
 
     def _path(self, bucket: Bucket) -> Path:
         return Path(cache_from_source(__file__)).with_name(f"{bucket.key}.template")
