@@ -238,7 +238,7 @@ def degrees_of_freedom(search: Search) -> int:
 def posterior_spread(search: Search, values: Array) -> Spread:
     """Covariance of the ring's parameters for all errors that the problem states."""
     problem, bound = search.problem, search.at_bound(values)
-    slope = search.residual_slope(values)
+    slope = search.with_slope(values)[:, 1:]
     ring = search.ring(values)
     errors = problem.data_errors(ring)
     errors = block_diag(errors, np.eye(len(search.priors)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -196,8 +196,8 @@ class TuningProblem(ReadonlyArrays):
 
     def torsion_of(self, ring: RingParameters) -> Array:
         """Torsion of `ring`, Hz, (1,); zero where a pressure of this kind would make it turn."""
-        squared = harmonics(ring, [0], pressure_load=self.pressure_load).m22
-        turning = np.maximum(squared, 0.0) / ring.mass_per_area_kg_m2
+        stiffness = harmonics(ring, [0], pressure_load=self.pressure_load).m22
+        turning = np.maximum(stiffness, 0.0) / ring.mass_per_area_kg_m2
         return np.asarray(np.sqrt(turning) / (2.0 * np.pi))
 
     def mass_deviations(self, ring: RingParameters) -> Array:
@@ -205,9 +205,8 @@ class TuningProblem(ReadonlyArrays):
         masses = self.masses
         if masses is None:
             return np.empty(0)
-        return np.log(
-            modal_mass_kg(ring, masses.orders, pressure_load=self.pressure_load) / masses.mass_kg
-        )
+        found = modal_mass_kg(ring, masses.orders, pressure_load=self.pressure_load)
+        return np.log(found / masses.mass_kg)
 
     @cached_property
     def _mass_errors(self) -> Array:
@@ -217,8 +216,7 @@ class TuningProblem(ReadonlyArrays):
 
     @cached_property
     def _mass_root(self) -> Array:
-        errors = self._mass_errors
-        return np.asarray(cholesky(errors @ errors.T, lower=True))
+        return np.asarray(cholesky(self._mass_errors @ self._mass_errors.T, lower=True))
 
     def data_errors(self, ring: RingParameters) -> Array:
         """Change of `deviations` for each independent error of the data, (n_data, n_errors).
@@ -284,18 +282,18 @@ class Search(ReadonlyArrays):
         """
         ring = self.ring(values, problem)
         data = (problem or self.problem).deviations(ring)
-        free = dict(zip(self.free, _by_name(values), strict=True))
-        at = {AXIAL: ring.axial_stiffness_n_m, **free}
+        at = {AXIAL: ring.axial_stiffness_n_m} | dict(zip(self.free, _by_name(values), strict=True))
         own = [np.atleast_1d((at[name] - x) / std) for name, (x, std) in self.priors.items()]
         return np.concatenate([data, *own], axis=-1)
 
-    def residual_slope(self, values: Array) -> Array:
-        """Slopes of the residuals over the free parameters, central, shape (n_data, n_free)."""
+    def with_slope(self, values: Array) -> Array:
+        """Residuals, then their central slopes, as columns: many rings take the time of one."""
         steps = np.diag(1e-5 * self.scale)
         ahead = np.minimum(values + steps, self.upper)
         behind = np.maximum(values - steps, self.lower)
-        risen, fallen = np.split(self.residual(np.concatenate([ahead, behind])), 2)
-        return np.asarray(((risen - fallen) / (ahead - behind).sum(axis=1)[:, None]).T)
+        own, *moved = self.residual(np.concatenate([values[None], ahead, behind]))
+        slopes = np.subtract(*np.split(np.array(moved), 2)).T / (ahead - behind).sum(axis=1)
+        return np.column_stack([own, slopes])
 
     def at_bound(self, values: Array) -> NDArray[np.bool_]:
         """Which free parameters lie on a bound."""
@@ -305,18 +303,20 @@ class Search(ReadonlyArrays):
         """Best solution from all or the first starts, and a note on them."""
         starts = self._starts()[:most]
         solutions = [self.solution(start) for start in starts]
-        cost = np.array([np.sum(self.residual(values) ** 2) for values in solutions])
-        best = solutions[int(np.argmin(cost))]
+        cost = np.sum(self.residual(np.array(solutions)) ** 2, axis=1)
         agreeing = int(np.sum(cost <= 1.01 * cost.min() + 1e-12 * self._size() ** 2))
+        best = solutions[int(np.argmin(cost))]
         return best, f"{agreeing} of {len(starts)} starting points led to this solution."
 
     def solution(self, start: Array) -> Array:
         """Solution from one start, on a bound where close to it."""
-        size = self._size()
+        scale = np.append(1.0, self.scale) / self._size()
+        # Slopes are asked for where the residuals were.
+        at = lru_cache(1)(lambda x: self.with_slope(np.frombuffer(x) * self.scale) * scale)
         found = least_squares(
-            lambda x: self.residual(x * self.scale) / size,
+            lambda x: at(x.tobytes())[:, 0],
             self._inside(start) / self.scale,
-            lambda x: self.residual_slope(x * self.scale) * self.scale / size,
+            lambda x: at(x.tobytes())[:, 1:],
             (self.lower / self.scale, self.upper / self.scale),
             x_scale="jac",
             ftol=_COST_TOLERANCE,
