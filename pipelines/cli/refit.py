@@ -213,6 +213,8 @@ def review(
     is_result = (place / MARKER).is_file()
     desk = Desk(place.parent if is_result else place)
     name = desk.name_of(place)
+    if is_result:
+        desk.open_early(name)
     page = f"/r/{name}" if is_result else f"/w/{name}" if is_at_rig(place) else "/"
 
     def announce(address: str, file: Path) -> None:

@@ -81,8 +81,7 @@ class Bench:
         self._fits: OrderedDict[str, Identification] = OrderedDict()  # by all edits
         self._shown: tuple[Result, Identification | None] = (self.result, None)
         self._error: dict[str, str] | None = None
-        self._failed = False
-        worker.wake(self)
+        self._failed = self._is_seen = False
 
     @property
     def session(self) -> Session:
@@ -106,12 +105,16 @@ class Bench:
             return Sight(source, self.session, self.automatic, found, found is current)
 
     def state(self) -> dict[str, Any]:
-        """Everything that the page shows but curves."""
+        """Everything that the page shows but curves; the first fit begins when it is known."""
         with self._lock:
             told = state(self.sight())
             told |= {"id": self.name, "stage": self._stage().value, "error": self._error}
             told["misfits"] = [self._draft.misfits.get(each) for each in keys(self.session.history)]
-            return told | {"by": login_name(), "can_reread": bool(recordings_of(self.result))}
+            told |= {"by": login_name(), "can_reread": bool(recordings_of(self.result))}
+            if not self._is_seen:
+                self._worker.wake(self)
+            self._is_seen = True
+            return told
 
     def applied(self, revision: int, edit: Edit) -> dict[str, Any]:
         """With one more edit, which is on disk when this returns."""
@@ -356,6 +359,15 @@ class Desk:
             if name not in self._benches:
                 self._benches[name] = Bench(name, path, self._worker, self._tell_state)
             return self._benches[name]
+
+    def open_early(self, name: str) -> None:
+        """Open the result of a name while its page is on the way; the page learns of errors."""
+
+        def opening() -> None:
+            with suppress(InputError):
+                self.bench(name)
+
+        threading.Thread(target=opening, name="opening", daemon=True).start()
 
     def watch(self, name: str) -> Watch | None:
         """The campaign of a name, looked at from now on."""
