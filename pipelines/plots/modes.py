@@ -235,7 +235,7 @@ def frac_chart(model: ModalModel) -> Chart:
     floor = max(0.0, min(float(model.frac.min()) - 0.03, 0.85))
     return Chart(
         "frac",
-        go.Plot((go.Panel(series, across, go.Axis("FRAC", (floor, 1.01)), legend=""),), (13, 7)),
+        go.Plot((go.Panel(series, across, go.Axis("FRAC", (floor, 1.01)), legend=""),), (13, 6)),
         f"FRAC of all positions; the lowest is {lowest}.",
         f"FRAC, measured against fitted, at every position; the lowest is {lowest} (dashed: "
         f"{LOWEST_FRAC}). Click a point to see its FRFs above. A single low value points to a "
@@ -399,7 +399,7 @@ def overlay_chart(frf: FRF, model: ModalModel) -> Chart:
     panel = go.Panel(series, go.Axis(go.FREQUENCY), go.log_axis(go.INERTANCE, levels))
     return Chart(
         "frf-overlay",
-        go.Plot((panel,), (13, 8)),
+        go.Plot((panel,), (13, 7)),
         f"Measured inertance at {count} positions, overlaid: {', '.join(names[r] for r in rows)}.",
         f"Measured inertance at {count} of {frf.n_positions} positions. Peaks are at the same "
         "frequencies everywhere; one that moves from position to position is a drift between runs.",

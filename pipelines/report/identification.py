@@ -182,6 +182,8 @@ def _cross_check(result: Result) -> tuple[Block, ...]:
         for o in apart
     )
     text = f"A second estimator ({name}) disagrees on {counted(len(apart), 'mode')}; check."
+    if any(np.isnan(each.frequency_hz) for each in apart):
+        text += f" It has no pole of its own at those with {DASH}: of a close pair it may see one."
     return (Paragraph(text, "warning"), Table("Where the estimators disagree", head, rows))
 
 
