@@ -91,7 +91,7 @@ def coherence_chart(frf: FRF, band_hz: tuple[float, float]) -> Chart:
         series.append(go.Note(float(np.mean(band_hz)), len(shown.names) / 2, "coherence unknown"))
     up = go.Axis(what, names=shown.names, every=indices[1] if len(indices) > 1 else 1)
     panel = go.Panel(tuple(series), go.Axis(go.FREQUENCY), up)
-    plot = go.Plot((panel,), (17.5, 9), margins=go.Margins(right=0.9))
+    plot = go.Plot((panel,), (17.5, 8), margins=go.Margins(right=0.9))
     return Chart("coherence", plot, *words, wide=True, height_px=400)
 
 

@@ -75,7 +75,7 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
     found = f", at {', '.join(names)} Hz" if names else ""
     return Chart(
         "stability",
-        go.Plot((panel,), (17.5, 10.5), margins=go.Margins(right=1.6, bottom=1.7)),
+        go.Plot((panel,), (17.5, 9.5), margins=go.Margins(right=1.6, bottom=1.7)),
         f"Stability diagram with {diagram.poles.size} poles; {len(kept)} columns were taken for "
         f"modes{found}.",
         "Poles of all model orders over the RMS inertance of all positions (line). A mode is a "
