@@ -62,12 +62,15 @@ def compare(
         print_json({"report": str(page), **content})
         return
     for found in comparisons:
-        _show(found)
+        _show(found, " → ".join(found.names) + ": " if len(comparisons) > 1 else "")
     echo(f"Report: {page}")
 
 
-def _show(found: Comparison) -> None:
-    """Print the changes of the modes, what is doubtful, and what was found."""
+def _show(found: Comparison, which: str) -> None:
+    """Print the changes of the modes, what is doubtful, and what was found.
+
+    Warnings go to another stream than their table, and say `which` comparison they are of.
+    """
     print_table(
         " → ".join(found.names),
         COMPARISON_HEAD,
@@ -77,7 +80,7 @@ def _show(found: Comparison) -> None:
         first_to_go=("MAC", "verdict on damping", "damping change / %", "second / Hz"),
     )
     for doubt in found.doubts:
-        echo_error(f"Warning: {doubt}")
+        echo_error(f"Warning: {which}{doubt}")
     for sentence in findings(found):
         echo(sentence)
 

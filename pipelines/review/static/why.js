@@ -44,7 +44,7 @@ export function mount(host, bench) {
   function costText() {
     if (!cost) return null;
     const parts = [];
-    if (cost.chi2_after !== undefined) parts.push(el("strong", {}, `χ² ${fixed(cost.chi2_before, 2)} → ${fixed(cost.chi2_after, 2)}. `));
+    if (cost.chi2_after !== undefined) parts.push(el("strong", { title: "Of all poles fitted together, without and with the edit: to be compared with each other" }, `χ² ${fixed(cost.chi2_before, 2)} → ${fixed(cost.chi2_after, 2)}. `));
     if (cost.text) parts.push(cost.text);
     else for (const { name, frequency_shift_std: shift } of cost.shifts ?? []) parts.push(`${name} ${signed(shift, 1)} σ `);
     return el("p", { className: "cost", role: "status" }, parts);
