@@ -230,7 +230,8 @@ def _pair(mode: Mode, sight: Sight) -> Iterator[Line]:
     for report in sight.model.orders:
         if report.order == mode.order:
             pair = report.pair
-            yield Line("Pair", f"{pair.verdict.value or 'not looked for'}. {pair.evidence}".strip())
+            words = pair.verdict.value or "not looked for", pair.evidence
+            yield Line("Pair", "; ".join(filter(None, words)))
             if np.isfinite(pair.chance):
                 yield Line("Second mode by chance", chance_text(pair.chance))
 
