@@ -45,6 +45,21 @@ class Drift(ReadonlyArrays):
             self.percent + lever * self.slope_percent + lever**2 * self.curvature_percent
         )
 
+    def is_as(self, before: Drift) -> bool:
+        """Whether the runs are in the states found `before`, within the ± of this drift."""
+        if not (self.applied and before.applied):
+            return self.applied == before.applied
+        away = np.abs(self.states - before.states)[:, [0, 3]]
+        std = np.stack([self.std_percent, self.damping_std_percent], axis=1) / 100
+        return bool(np.all(away <= std))
+
+    def at_states_of(self, before: Drift) -> Drift:
+        """The states found `before`, where they are applied, with evidence and ± of this drift."""
+        if not self.applied:
+            return self
+        own = self.std_percent, self.damping_std_percent
+        return replace(before, std_percent=own[0], damping_std_percent=own[1], chance=self.chance)
+
     def unsteadiness(self, frequency_hz: float) -> tuple[float, float]:
         """Standard deviation of a run's state from the slow change of all, both relative.
 

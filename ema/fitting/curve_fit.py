@@ -34,11 +34,12 @@ from ema.fitting.fit_steps import (
     rows_of,
     shift_beside,
     std_of_unseen_pairs,
-    with_states,
 )
 from ema.fitting.listing import Choice, Key, Row, Settled
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import PoleFit, evaluate
+from ema.fitting.ring_pair import PairFit
+from ema.fitting.run_states import with_states
 from ema.fitting.search import CurveFit
 from ema.fitting.variable_projection import Complex, Real
 from ema.poles.stability import StabilityDiagram
@@ -223,7 +224,7 @@ def settled(curve: CurveFit) -> Settled:
 
 
 def _one_pole_per_order(curve: CurveFit) -> tuple[PoleFit, dict[int, RingOrder], list[int]]:
-    """Residues with the mean pole of each order in the place of its members.
+    """Residues with one pole of each order in the place of its members: the mean, or the one seen.
 
     Residues of two poles closer than their width are not determined one by one; those of one
     pole are. Also: which order each of these poles belongs to, and the pole it stands for.
@@ -231,7 +232,7 @@ def _one_pole_per_order(curve: CurveFit) -> tuple[PoleFit, dict[int, RingOrder],
     fit = curve.fit
     if curve.selection.pinned or not curve.ring:
         return fit, {}, list(range(fit.poles.size))
-    means = {o.key: (o, o.pair.mean) for o in curve.ring if o.pair is not None}
+    means = {o.key: (o, _pole_of(o, o.pair)) for o in curve.ring if o.pair is not None}
     gone = {k for order, _ in means.values() for k in order.members if k != order.key}
     followers = [o.followers(fit, curve.frf.position_deg) for o, _ in means.values()]
     gone = gone.union(*followers)
@@ -243,6 +244,11 @@ def _one_pole_per_order(curve: CurveFit) -> tuple[PoleFit, dict[int, RingOrder],
     owner = {kept.index(k): order for k, (order, _) in means.items()}
     again = replace(_beside_joint_pairs(curve, poles, owner, kept), at_bound=bound.ravel())
     return again, owner, kept
+
+
+def _pole_of(order: RingOrder, pair: PairFit) -> complex:
+    """The pole that a row of an order stands for."""
+    return pair.mean if order.one_row is None else pair.poles[order.one_row]
 
 
 def _beside_joint_pairs(
@@ -306,8 +312,8 @@ def _with_band_shift(modes: Sequence[Mode], shifts: Real) -> list[Mode]:
 
 
 def final_drift(curve: CurveFit, fit: PoleFit, covariance: Real) -> Drift:
-    """Drift of the runs as the fit has it, with the ± that its covariance gives."""
-    if not curve.drift.applied or len(fit.drift) == 1:
+    """Drift of the runs as the fit has it; where no pairs tell its ±, with that of the fit."""
+    if not curve.drift.applied or len(fit.drift) == 1 or curve.ring:
         return curve.drift
     own = slice(2 * fit.poles.size, None)
     return with_states(curve.drift, fit.drift[1:], covariance[own, own])

@@ -1,4 +1,4 @@
-"""Steps of a curve fit: leakage compensated, drift tested, modes with their uncertainty."""
+"""Steps of a curve fit: leakage compensated, modes with their uncertainty."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from ema.circumference.orders import (
     PURE,
@@ -17,12 +16,11 @@ from ema.circumference.orders import (
     order_basis,
     order_content,
 )
-from ema.core.drift import NO_DRIFT, Drift
+from ema.core.drift import Drift
 from ema.core.frf import FRF
 from ema.core.mac import auto_mac
 from ema.core.modes import Flag, Mode
 from ema.core.settings import IdentificationSettings
-from ema.fitting.covariance import parameter_covariance
 from ema.fitting.evidence import std_over_positions
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
@@ -125,9 +123,13 @@ def as_seen(
     pair = ring.pair
     floor += (_FLOOR * size) ** 2 + (size * drift.std_of_mean) ** 2
     if not ring.is_resolved:
-        own = pair.covariance[4:, 4:] + np.diag(floor + between**2 + _of_shares(pair) ** 2)
-        if ring.report.pair.chance < settings.pair_p_value:
-            own = own + np.diag(_to_stronger(pair))
+        member = ring.one_row
+        at = slice(4, 6) if member is None else slice(2 * member, 2 * member + 2)
+        own = pair.covariance[at, at] + np.diag(floor + between**2)
+        if member is None:
+            own = own + np.diag(_of_shares(pair) ** 2)
+            if ring.report.pair.chance < settings.pair_p_value:
+                own = own + np.diag(_to_stronger(pair))
         return [_with_std(mode, own)], own
     waves = ring.waves(position_deg)
     basis = order_basis(position_deg, ring.order)
@@ -236,7 +238,7 @@ def _to_stronger(pair: PairFit) -> NDArray[np.float64]:
     both; the 95 % interval reaches the stronger member and what is known of it.
     """
     to_stronger = np.zeros((2, 6))
-    stronger = 2 * int(np.argmax(pair.share))
+    stronger = 2 * pair.stronger
     to_stronger[[0, 1], [stronger, stronger + 1]], to_stronger[[0, 1], [4, 5]] = 1.0, -1.0
     away = to_stronger @ pair.numbers
     return np.asarray((away / 2) ** 2 + np.diag(to_stronger @ pair.covariance @ to_stronger.T))
@@ -282,42 +284,6 @@ def is_undetermined(mode: Mode, beside: bool, settings: IdentificationSettings) 
     pole = np.hypot(mode.frequency_std_hz / mode.frequency_hz, mode.damping_std)
     blurred = beside and pole > settings.pole_scatter * mode.damping_ratio
     return bool(away > settings.undetermined_share * mode.frequency_hz or blurred)
-
-
-def drift_in_one_step(
-    fit: PoleFit, run: tuple[str, ...], correlation: float, p_value: float
-) -> Drift:
-    """Drift of the runs, one Gauss–Newton step away from a common state, tested against chance."""
-    apart = evaluate(fit.lines, fit.poles, np.zeros((fit.lines.n_runs, N_DRIFT)))
-    own = slice(2 * fit.poles.size, None)
-    covariance = parameter_covariance(apart, correlation)[own, own]
-    step = -np.linalg.lstsq(apart.normal_matrix(), apart.gradient(), rcond=1e-12)[0][own]
-    size = float(step @ np.linalg.pinv(covariance, rcond=1e-10) @ step)
-    chance = float(chdtrc(step.size, size))
-    drift = replace(
-        NO_DRIFT, run=run, middle_hz=fit.lines.middle_hz, applied=chance < p_value, chance=chance
-    )
-    return with_states(drift, step, covariance)
-
-
-def with_states(
-    drift: Drift, step: NDArray[np.floating], covariance: NDArray[np.floating]
-) -> Drift:
-    """The drift with the states of all runs but the first, and their standard deviations."""
-    variance = np.diag(covariance).reshape(-1, N_DRIFT)
-    states, std = (
-        100 * np.vstack([np.zeros(N_DRIFT), each])
-        for each in (step.reshape(-1, N_DRIFT), np.sqrt(variance))
-    )
-    return replace(
-        drift,
-        percent=states[:, 0],
-        std_percent=std[:, 0],
-        slope_percent=states[:, 1],
-        curvature_percent=states[:, 2],
-        damping_percent=states[:, 3],
-        damping_std_percent=std[:, 3],
-    )
 
 
 def without_leakage(

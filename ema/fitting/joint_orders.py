@@ -7,16 +7,13 @@ from copy import copy
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtrc
 
-from ema.core.drift import NO_DRIFT
 from ema.core.modes import synthesise
 from ema.core.numerics import one_blas_thread
-from ema.fitting.fit_steps import with_states
 from ema.fitting.joint_pair import SAME_STATE, UNKNOWN_STATE, ForceState, JointFit, JointProblem
 from ema.fitting.mode_pairs import PairSearch, RingOrder, in_one_state, synthesis_of
 from ema.fitting.order_pair import OrderFrf, joint_report, pair_problem
-from ema.fitting.pole_fit import N_DRIFT, evaluate
+from ema.fitting.run_states import drift_beside_pairs, in_states
 from ema.fitting.search import NO_SHIFT, CurveFit
 from ema.fitting.variable_projection import Complex, Real
 
@@ -28,9 +25,6 @@ _UNEVEN = np.array([2e-5, 1e-3])
 # Fits, each with leakage and states of runs and forces as the one before shows them; each leaves a
 # fifth of the error.
 _ROUNDS = 4
-# States of runs are known beforehand to this (1 σ): a tyre warms up.
-_STATE_STD = 0.01
-_STEP = 1e-5
 
 
 @one_blas_thread
@@ -94,80 +88,13 @@ class _JointSearch:
         curve, search = copy(self.curves[force]), self.searches[force]
         if search.fit.lines.n_runs < 2 or not self.joint:
             return curve
-        step, covariance = self._run_states(force)
-        fit = search.fit
-        before = np.broadcast_to(fit.drift, step.shape)
-        absolute = before + step
-        relative = absolute[1:] - absolute[0]
-        spread = np.kron(np.ones((len(relative), len(relative))), covariance[0])
-        for k, own in enumerate(covariance[1:]):
-            at = slice(N_DRIFT * k, N_DRIFT * (k + 1))
-            spread[at, at] += own
-        size = float(relative.ravel() @ np.linalg.pinv(spread, hermitian=True) @ relative.ravel())
-        chance = float(chdtrc(relative.size, size))
-        applied = chance < curve.settings.drift_p_value
-        own = absolute[0] if applied else absolute.mean(axis=0)
-        drift = np.vstack([np.zeros(N_DRIFT), relative]) if applied else NO_SHIFT
-        curve.drift = with_states(
-            replace(
-                NO_DRIFT,
-                run=curve.frf.run_names,
-                middle_hz=fit.lines.middle_hz,
-                applied=applied,
-                chance=chance,
-            ),
-            relative.ravel(),
-            spread,
-        )
-        again = evaluate(fit.lines, fit.lines.drifted(fit.poles, own), drift)
-        curve.fit = replace(again, at_bound=fit.at_bound, pairs=fit.pairs, locked=fit.locked)
+        orders, given = self._of_force(force), (curve.frf.run_names, curve.settings.drift_p_value)
+        curve.drift = drift_beside_pairs(search, orders, *given)
+        curve.fit = in_states(search.fit, curve.drift.states if curve.drift.applied else NO_SHIFT)
         return curve
 
     def _of_force(self, force: int) -> list[RingOrder]:
         return [each[force] for each in self.joint.values()]
-
-    def _run_states(self, force: int) -> tuple[Real, Real]:
-        """What each run's state is beside that of the fit, (n_runs, 4), and its covariance.
-
-        One Gauss–Newton step, with a free amplitude of each order and of all other poles at each
-        position.
-        """
-        search = self.searches[force]
-        fit, lines, orders = search.fit, search.fit.lines, self._of_force(force)
-        members = {k for each in orders for k in each.members}
-        others = [k for k in range(fit.poles.size) if k not in members]
-        residues = np.concatenate([each.waves(search.frf.position_deg) for each in orders], axis=1)
-        poles = np.array([pole for each in orders if each.pair for pole in each.pair.poles])
-        left = _residuals_of(search, orders)
-        ground = np.stack([np.ones_like(lines.omega), lines.omega**2 / lines.omega[-1] ** 2])
-        steps, covariances = list[Real](), list[Real]()
-        for run in range(lines.n_runs):
-            drift = fit.drift[run if len(fit.drift) > 1 else 0]
-            rows = np.flatnonzero(lines.run == run)
-            alone = _functions(lines.frequency_hz, lines.drifted(fit.poles[others], drift))
-            waves = _functions(lines.frequency_hz, lines.drifted(poles, drift))
-            slopes = [
-                (_functions(lines.frequency_hz, lines.drifted(poles, drift + h)) - waves) / _STEP
-                for h in _STEP * np.eye(N_DRIFT)
-            ]
-            normal, right = np.diag(np.full(N_DRIFT, _STATE_STD**-2)), np.zeros(N_DRIFT)
-            misfit, free = 0.0, 0.0
-            for row in rows:
-                weight = lines.weight * lines.scale[row]
-                shape = residues[row]
-                of_orders = (shape[:, None] * waves).reshape(len(orders), 2, -1).sum(axis=1)
-                columns = np.concatenate([of_orders, alone, ground]) * weight
-                basis = np.linalg.qr(columns.T)[0]
-                seen = np.array([left[row], *(shape @ slope for slope in slopes)]) * weight
-                seen -= (seen @ basis.conj()) @ basis.T
-                normal += (seen[1:].conj() @ seen[1:].T).real / search.correlation
-                right += (seen[1:].conj() @ seen[0]).real / search.correlation
-                misfit += float(np.sum(np.abs(seen[0]) ** 2))
-                free += 2 * (seen.shape[1] - len(columns))
-            inner = np.linalg.inv(normal)
-            steps.append(inner @ right)
-            covariances.append(inner * max(misfit / free, 1.0))
-        return np.array(steps), np.array(covariances)
 
     def _fitted(
         self, order: int, states: Sequence[ForceState], is_last: bool
@@ -252,25 +179,9 @@ def _take_as_known(search: PairSearch, orders: Sequence[RingOrder]) -> None:
     search.left = left
 
 
-def _residuals_of(search: PairSearch, orders: Sequence[RingOrder]) -> Complex:
-    """What is left of the FRFs with the pairs of some orders in the place of their poles."""
-    left, lines = np.array(search.left), search.fit.lines
-    for each in orders:
-        here, waves = lines.drifted(each.poles, search.state), each.waves(search.frf.position_deg)
-        left += synthesis_of(search.middle, each.members, residual_terms=False)
-        left -= _alone(lines.frequency_hz, here, waves)
-    return left
-
-
 def _alone(frequency_hz: Real, poles: Complex, residues: Complex) -> Complex:
     none = np.zeros(len(residues))
     return synthesise(frequency_hz, poles, residues, none, none)
-
-
-def _functions(frequency_hz: Real, poles: Complex) -> Complex:
-    """FRFs of single poles with unit receptance residues j, (n_poles, n_lines)."""
-    residues = np.array(1j * np.eye(poles.size), dtype=np.complex128)
-    return np.asarray(-1j * _alone(frequency_hz, poles, residues))
 
 
 def _states(fits: Sequence[JointFit]) -> list[ForceState]:

@@ -8,20 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference.orders import (
-    PURE,
-    circle_basis,
-    family,
-    further_resonances,
-    highest_order,
-    order_content,
-    with_aliases,
-)
+from ema.circumference.orders import PURE, family, further_resonances, order_content, with_aliases
 from ema.core.drift import Drift
 from ema.core.frf import FRF
 from ema.core.modes import Mode, OrderReport, Pair, synthesise
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.fitting.order_pair import OrderFrf, Seen, fit_pair, order_report, pair_problem
+from ema.fitting.order_pair import (
+    OrderDecomposition,
+    Seen,
+    fit_pair,
+    one_row,
+    order_report,
+    pair_problem,
+)
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
 from ema.fitting.ring_pair import Known, PairFit
 from ema.fitting.variable_projection import Complex, Real
@@ -41,43 +40,6 @@ _APART = 0.4
 _SHARED = 1.5
 # Further fits of the orders beside poles, and with leakage, of the pairs found so far.
 _ROUNDS = 1
-
-
-class OrderDecomposition:
-    """FRFs of a circle of positions, resolved into circumferential orders.
-
-    The spatial Fourier transform where the positions are complete and equidistant, least squares
-    where some are missing.
-
-    Parameters
-    ----------
-    frf : FRF
-        With angles.
-    """
-
-    def __init__(self, frf: FRF) -> None:
-        self._frf = frf
-        self.highest = highest_order(frf.position_deg)
-        self._inverse = np.linalg.pinv(circle_basis(frf.position_deg, self.highest))
-
-    def order(
-        self, order: int, lines: slice | NDArray[np.int_], values: Complex | None = None
-    ) -> OrderFrf:
-        """Resolve one order from the FRFs, or from other `values` on the same lines."""
-        rows = self.rows(order)
-        measured = self._frf.values[:, lines] if values is None else values
-        variance = np.square(rows) @ np.square(self._frf.std[:, lines])
-        return OrderFrf(order, self._frf.frequency_hz[lines], rows @ measured, np.sqrt(variance))
-
-    def waves(self, shape: Complex) -> Complex:
-        """Amplitudes of cosine and sine of all orders in a shape, (n_orders, 2)."""
-        return np.asarray(np.insert(self._inverse @ shape, 1, 0.0).reshape(-1, 2))
-
-    def rows(self, order: int) -> Real:
-        """What multiplies the positions to give cosine and sine of an order."""
-        return np.asarray(
-            self._inverse[[0]] if order == 0 else self._inverse[2 * order - 1 : 2 * order + 1]
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +77,12 @@ class RingOrder:
     def is_resolved(self) -> bool:
         """Whether both members are determined."""
         return self.is_main and self.report.pair.verdict is Pair.RESOLVED
+
+    @property
+    def one_row(self) -> int | None:
+        """The member that one row stands for, where members are not listed; None for the mean."""
+        alone = self.is_main and not (self.jointly or self.is_resolved)
+        return one_row(self.pair) if alone and self.pair else None
 
     def shows_two(self, settings: IdentificationSettings) -> bool:
         """Whether two poles explain the order better than one."""
@@ -205,7 +173,7 @@ class PairSearch:
         on_curve = {order: self.directions[found[0]] for order, found in self.main}
         self.force_deg = _force_deg(on_curve, frf.excitation_deg)
 
-    def orders_found(self, before: Sequence[RingOrder] = ()) -> tuple[RingOrder, ...]:
+    def orders_alone(self, before: Sequence[RingOrder] = ()) -> tuple[RingOrder, ...]:
         """All orders, from FRFs that poles of other orders do not take part of.
 
         Those that are as in a fit `before` stay what they were.
@@ -217,6 +185,12 @@ class PairSearch:
             there, seen = known.get((order, tuple(found))), self.seen_of(order, found)
             kept = there is not None and seen.is_as(there.seen)
             orders.append(there if there and kept else self.fitted(order, found, seen))
+        return tuple(orders)
+
+    def orders_together(
+        self, orders: Sequence[RingOrder], before: Sequence[RingOrder] = ()
+    ) -> tuple[RingOrder, ...]:
+        """Orders found alone, each beside the pairs of all others; those of `before` stay."""
         for _ in range(_ROUNDS):
             both = [each for each in orders if each.shows_two(self.settings)]
             if not both or all(each in before for each in orders):
@@ -268,7 +242,9 @@ class PairSearch:
         """The pair of one order."""
         pair = fit_pair(seen.frequency_hz, seen.values, seen.std, seen.start, seen.known)
         pair = None if pair is None else self.in_first_state(pair, seen.start)
-        report = order_report(order, pair, self.settings, _change_hz(self.drift, seen.start))
+        hz = abs(seen.start) / (2 * np.pi)
+        unknown = np.hypot(self.drift.std_of_mean[0], self.drift.unsteadiness(hz)[0])
+        report = order_report(order, pair, self.settings, float(hz * unknown))
         return RingOrder(order, tuple(found), pair, report, seen, (order, found) in self.main)
 
     def _again(self, before: RingOrder, near: Real | None) -> RingOrder:
@@ -316,7 +292,6 @@ class PairSearch:
         power = np.sum(np.abs(self.fit.residues[:, found]) ** 2, axis=0)
         poles = self.fit.lines.drifted(self.fit.poles, self.state)
         start = complex(np.average(poles[found], weights=power))
-        members = [*found, *self.further.get(found[0], ())]
         beside = _beside(poles, found, reach)
         given = [k for key in [*found, *beside] for k in (key, *self.further.get(key, ()))]
         own = self.left + synthesis_of(middle, given, residual_terms=False)
@@ -325,21 +300,25 @@ class PairSearch:
             force_rad, spread = self.force_deg * radians, _FORCE_STD_DEG * radians
         seen = self.decomposition.order(order, self.lines, own).seen_from(force_rad)
         alone = tuple(poles[beside].tolist())
-        stray, mixed = self._stray(order, members, start)
+        stray, mixed = self.stray(order, found, start)
         known = Known(
             float(np.hypot(spread, mixed)), stray, self.correlation, self.settings, alone, near
         )
         return Seen(seen.frequency_hz, seen.values, seen.std, start, known, force_rad)
 
-    def _stray(self, order: int, own: Sequence[int], pole: complex) -> tuple[float, float]:
+    def stray(self, order: int, found: list[int], pole: complex) -> tuple[float, float]:
         """Amplitude of an order's shape in one wave of another order, and in all of them.
 
         Places and gains of the sensors mix all waves alike; an uneven tyre adds a few to each mode,
-        and to what drives it. Less what noise does.
+        and to what drives it. Less what noise does. Beside another order, three poles for each are
+        not told apart, and one pole has what those of the other leave of its waves.
         """
-        shape = self.middle.residues[:, own].sum(axis=1)
-        power = np.sum(np.abs(self.decomposition.waves(shape)) ** 2, axis=1)
-        others = [k for k in range(1, power.size) if k != order and k <= order + _NEAR]
+        beside = _beside(self.fit.poles, found, _SHARED)
+        own = [*found, *self.further.get(found[0], ())]
+        shapes = self.fit.residues[:, found] if beside else self.middle.residues[:, own]
+        power = np.sum(np.abs(self.decomposition.waves(shapes.sum(axis=1))) ** 2, axis=1)
+        shared = {order, *(n for n, poles in self.orders if {*poles} & {*beside})}
+        others = [k for k in range(1, power.size) if k not in shared and k <= order + _NEAR]
         if not others:
             return self.settings.wave_deviation, 0.0
         omega = 2 * np.pi * self.frf.frequency_hz[self.lines]
@@ -391,14 +370,6 @@ def _beside(poles: Complex, own: Sequence[int], reach: float) -> list[int]:
     widest = np.maximum.outer(-poles.real, -poles[own].real)
     near = np.any(np.abs(poles[:, None] - poles[own]) < reach * widest, axis=1)
     return [int(k) for k in np.flatnonzero(near[: poles.size - N_STAND_INS]) if k not in own]
-
-
-def _change_hz(drift: Drift, pole: complex) -> float:
-    """Standard deviation of a frequency over the runs."""
-    if not drift.applied:
-        return 0.0
-    hz = abs(pole) / (2 * np.pi)
-    return float(hz * np.std(drift.at(hz)) / 100)
 
 
 def _direction(amplitude: Complex) -> float:

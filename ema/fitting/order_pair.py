@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from ema.circumference.orders import circle_basis, highest_order
+from ema.core.frf import FRF
 from ema.core.modes import OrderReport, Pair, PairVerdict
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.fitting.ring_pair import Known, PairFit, PairProblem
@@ -18,7 +20,7 @@ _REACH = 6.0
 _FEWEST_LINES = 12
 # Members that are known to no better than this share are not listed by themselves.
 _KNOWN_DAMPING = 0.05
-# A pair is not told from a drift whose standard deviation is more than this share of its split …
+# A pair is not told from a drift that is known to no better than this share of its split …
 _DRIFTS = 0.1
 # … nor, with less than this share of the response, where it leaves more than this reduced χ².
 _PLAIN_SHARE, _MOST_LEFT = 0.15, 2.0
@@ -27,6 +29,9 @@ _PLAIN_SHARE, _MOST_LEFT = 0.15, 2.0
 _UNTOUCHED = 0.05
 # An order whose other member has less than this share of the response shows one member.
 _ONE_MEMBER = 0.02
+# … and with less than this, where the pair is seen to be one, one row stands for the other member:
+# the mean of both is that far from it and no mode.
+_NO_MEAN = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +60,43 @@ class OrderFrf:
         turn = _turn(angle_rad)
         std = np.sqrt(np.square(turn) @ np.square(self.std))
         return OrderFrf(self.order, self.frequency_hz, turn @ self.values, std)
+
+
+class OrderDecomposition:
+    """FRFs of a circle of positions, resolved into circumferential orders.
+
+    The spatial Fourier transform where the positions are complete and equidistant, least squares
+    where some are missing.
+
+    Parameters
+    ----------
+    frf : FRF
+        With angles.
+    """
+
+    def __init__(self, frf: FRF) -> None:
+        self._frf = frf
+        self.highest = highest_order(frf.position_deg)
+        self._inverse = np.linalg.pinv(circle_basis(frf.position_deg, self.highest))
+
+    def order(
+        self, order: int, lines: slice | NDArray[np.int_], values: Complex | None = None
+    ) -> OrderFrf:
+        """Resolve one order from the FRFs, or from other `values` on the same lines."""
+        rows = self.rows(order)
+        measured = self._frf.values[:, lines] if values is None else values
+        variance = np.square(rows) @ np.square(self._frf.std[:, lines])
+        return OrderFrf(order, self._frf.frequency_hz[lines], rows @ measured, np.sqrt(variance))
+
+    def waves(self, shape: Complex) -> Complex:
+        """Amplitudes of cosine and sine of all orders in a shape, (n_orders, 2)."""
+        return np.asarray(np.insert(self._inverse @ shape, 1, 0.0).reshape(-1, 2))
+
+    def rows(self, order: int) -> Real:
+        """What multiplies the positions to give cosine and sine of an order."""
+        return np.asarray(
+            self._inverse[[0]] if order == 0 else self._inverse[2 * order - 1 : 2 * order + 1]
+        )
 
 
 def _turn(angle_rad: float) -> Real:
@@ -158,15 +200,15 @@ def order_report(
     order: int,
     pair: PairFit | None,
     settings: IdentificationSettings = IDENTIFICATION,
-    change_hz: float = 0.0,
+    drift_hz: float = 0.0,
 ) -> OrderReport:
-    """Verdict on a pair, with its evidence; `change_hz` is its change over the runs."""
+    """Verdict on a pair, with its evidence; `drift_hz` is how well the runs' states are known."""
     nothing = float("nan")
     if pair is None:
         few = PairVerdict(order, Pair.NOT_SEPARABLE, nothing, "too few lines around the resonance")
         return OrderReport(few)
     chance = float(chdtrc(4, max(pair.gain, 0.0)))
-    doubt = _doubt(pair, settings, change_hz)
+    doubt = _doubt(pair, settings, drift_hz)
     weaker = min(pair.share)
     if chance < settings.pair_p_value and not doubt:
         verdict, text = Pair.RESOLVED, f"two poles fit better than one (p = {chance:.2g})"
@@ -178,14 +220,13 @@ def order_report(
     else:
         verdict = Pair.NOT_SEPARABLE
         text = f"one pole explains the order; a second one is not significant (p = {chance:.2g})"
-    std = np.sqrt(np.diag(pair.covariance))
-    return OrderReport(
-        PairVerdict(order, verdict, chance, text),
-        frequency_hz=float(abs(pair.mean) / (2 * np.pi)),
-        frequency_std_hz=float(std[4]),
-        damping_ratio=float(-pair.mean.real / abs(pair.mean)),
-        damping_std=float(std[5]),
-    )
+    return _reported(PairVerdict(order, verdict, chance, text), pair)
+
+
+def one_row(pair: PairFit, settings: IdentificationSettings = IDENTIFICATION) -> int | None:
+    """The member that one row of an order stands for, 0 or 1; None where that is the mean."""
+    is_pair = float(chdtrc(4, max(pair.gain, 0.0))) < settings.pair_p_value
+    return pair.stronger if is_pair and min(pair.share) < _NO_MEAN else None
 
 
 def joint_report(
@@ -201,8 +242,14 @@ def joint_report(
     elif factor > settings.pair_damping_factor:
         verdict = Pair.NOT_SEPARABLE
         text = f"the damping ratios would differ by a factor of {factor:.1f}"
+    return _reported(PairVerdict(order, verdict, chance, text), pair)
+
+
+def _reported(verdict: PairVerdict, pair: PairFit) -> OrderReport:
+    """A verdict with the mean of the pair."""
+    std = np.sqrt(np.diag(pair.covariance))
     return OrderReport(
-        PairVerdict(order, verdict, chance, text),
+        verdict,
         frequency_hz=float(pair.numbers[4]),
         frequency_std_hz=float(std[4]),
         damping_ratio=float(pair.numbers[5]),
@@ -210,7 +257,7 @@ def joint_report(
     )
 
 
-def _doubt(pair: PairFit, settings: IdentificationSettings, change_hz: float) -> str:
+def _doubt(pair: PairFit, settings: IdentificationSettings, drift_hz: float) -> str:
     """Why the members are not determined; empty where they are."""
     if min(pair.share) < settings.pair_weakest_share:
         return f"the weaker member has {100 * min(pair.share):.1f} % of the response"
@@ -219,8 +266,9 @@ def _doubt(pair: PairFit, settings: IdentificationSettings, change_hz: float) ->
     if pair.split_std < settings.pair_separation_std:
         return f"the two frequencies differ by only {pair.split_std:.1f} standard deviations"
     split_hz = (abs(pair.poles[1]) - abs(pair.poles[0])) / (2 * np.pi)
-    if change_hz > _DRIFTS * split_hz:
-        return f"the runs differ by {change_hz:.2g} Hz, the members by {split_hz:.2g} Hz"
+    if drift_hz > _DRIFTS * split_hz:
+        states = f"the states of the runs are known to {drift_hz:.2g} Hz"
+        return f"{states}, the members differ by {split_hz:.2g} Hz"
     if pair.misfit > _MOST_LEFT and min(pair.share) < _PLAIN_SHARE:
         return f"both members leave {pair.misfit:.0f} times the noise"
     damping = [-pole.real / abs(pole) for pole in pair.poles]

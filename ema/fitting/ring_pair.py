@@ -82,6 +82,11 @@ class PairFit:
     parameters: NDArray[np.float64]
     turned_std_rad: float = float("nan")
 
+    @property
+    def stronger(self) -> int:
+        """The member with the larger share, 0 or 1."""
+        return int(np.argmax(self.share))
+
     def moved(self, shift: float, decay: float) -> PairFit:
         """The pair in a state whose frequencies and decay rates are smaller by these factors."""
         a, b, mean = (p.real / decay + 1j * p.imag / shift for p in (*self.poles, self.mean))

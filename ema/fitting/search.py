@@ -29,7 +29,6 @@ from ema.fitting.evidence import (
 from ema.fitting.fit_steps import (
     cleared_lines,
     cleared_of_moved,
-    drift_in_one_step,
     merged,
     modes_of,
     surplus_poles,
@@ -48,6 +47,7 @@ from ema.fitting.pole_fit import (
     starting_poles,
     with_stand_ins,
 )
+from ema.fitting.run_states import drift_beside_pairs, drift_in_one_step, in_states
 from ema.fitting.variable_projection import Real
 from ema.poles.estimators import widened_band
 from ema.poles.stability import PoleSelection
@@ -66,6 +66,8 @@ _TWO_ORDERS, _BROADER = 0.97, 1.8
 _ITS_OWN = 0.6
 # Rounds in which poles that hardly show are dropped; more than five were never needed.
 _MOST_DROPS = 8
+# Rounds in which states of the runs and pairs are found from each other.
+_STATE_ROUNDS = 2
 # Rounds after which the poles of the orders have settled; more than two were never needed.
 _ROUNDS = 4
 
@@ -248,11 +250,33 @@ class CurveFit:
             self._refit(self.fit.poles[~surplus])
         if not self.selection.pinned:
             self._add_hidden()
-        self.find_pairs()
+        for _ in range(_STATE_ROUNDS):
+            search = self.pair_search()
+            self.ring = search.orders_alone()
+            if not self._follow_drift_of_pairs(search):
+                break
+        else:
+            search = self.pair_search()
+            self.ring = search.orders_alone()
+        self.ring = search.orders_together(self.ring)
+
+    def _follow_drift_of_pairs(self, search: PairSearch) -> bool:
+        """Give each run its own state as seen with pairs in place; whether that changes any."""
+        orders = [each for each in self.ring if each.is_main and each.pair is not None]
+        if self.lines.n_runs < 2 or not orders:
+            return False
+        given = self.frf.run_names, self.settings.drift_p_value
+        before, self.drift = self.drift, drift_beside_pairs(search, orders, *given)
+        if self.drift.is_as(before):
+            self.drift = self.drift.at_states_of(before)
+            return False
+        self.fit = in_states(self.fit, NO_SHIFT if self._shifts is None else self._shifts)
+        return True
 
     def find_pairs(self, before: Sequence[RingOrder] = ()) -> None:
         """Fit the pair of each order of the ring, from the FRFs of that order."""
-        self.ring = self.pair_search().orders_found(before)
+        search = self.pair_search()
+        self.ring = search.orders_together(search.orders_alone(before), before)
 
     def pair_search(self) -> PairSearch:
         """What the pairs of the orders are found from."""
@@ -381,7 +405,8 @@ class CurveFit:
         pairs = self._pairs(evaluate(lines, poles, drift))
         states = drift if len(drift) > 1 else None
         given = self.settings, states, self.centre, pairs, tuple(self.locked)
-        return fit_bounded(lines, poles, *given)
+        fit = fit_bounded(lines, poles, *given)
+        return in_states(fit, drift) if self.ring else fit
 
     def judged_anew(self, before: Sequence[RingOrder]) -> CurveFit:
         """The same poles with sensitivity of their own, and pairs where they are not as before."""

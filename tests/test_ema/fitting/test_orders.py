@@ -8,7 +8,7 @@ import systems
 
 from ema.circumference.orders import highest_order
 from ema.fitting.edited_fit import fit_modes
-from ema.fitting.mode_pairs import OrderDecomposition
+from ema.fitting.order_pair import OrderDecomposition
 from ema.poles.stability import PoleSelection
 
 LINES_HZ = np.arange(100, 560) / 2
