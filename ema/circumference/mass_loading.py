@@ -316,6 +316,9 @@ def _noise_of_lines(frf: FRF) -> Real:
 # Before the runs are asked, ss is known from the orientation of the pair to within this share of
 # cc, and not at all where the pair is driven so one-sidedly that its orientation does not show.
 _KNOWN, _ONE_SIDED = 0.1, 0.02
+# How far other orders turn the force in the plane of an order's waves (1 σ, tangent): a tyre whose
+# stiffness varies by 1 % around it, benchmarks/laboratory.py.
+_TURNED = 0.05
 # No orientation makes ss differ from cc by more than this factor of it: such a contrast is noise.
 _FARTHEST = 2.0
 # Lines as clear as this share of the clearest one belong to the resonance.
@@ -336,8 +339,9 @@ def mass_push(
 ) -> Complex:
     """What the sensors' mass takes from the FRFs of a ring, by least squares line by line.
 
-    Measured are H_i = Σ_n b_n(θ_i)ᵀ C_n (e₁ − p_n) with the sensors' pull p_n = m Σ_k b_n(θ_k) H_k
-    in the same run; linear in cc, cs and ss of every order. Returns Σ_n b_n(θ_i)ᵀ C_n p_n, to be
+    Measured are H_i = Σ_n b_n(θ_i)ᵀ C_n (u_n − p_n) with the sensors' pull p_n = m Σ_k b_n(θ_k) H_k
+    in the same run; linear in cc, cs and ss of every order. The force drives u_n = (1, t_n): other
+    orders in the modes of an uneven tyre turn it. Returns Σ_n b_n(θ_i)ᵀ C_n p_n, to be
     added to the inertances `values`, (n_rows, n_frequencies), of standard deviation `noise`,
     (n_frequencies,), above 0. `basis`, (n_rows, 1 + 2 n_orders), is that of
     `ema.circumference.orders.circle_basis`, in which rows behind those of `values` are predicted;
@@ -348,11 +352,12 @@ def mass_push(
     fit = slice(len(values))
     first = np.linalg.pinv(basis[fit]) @ values
     cosine, sine = first[1::2], first[2::2]
-    contrast, spread = np.array(
+    contrast, spread, turned = np.array(
         [_orientation(frequency_hz, c, s, noise) for c, s in zip(cosine, sine, strict=True)]
     ).T
     trust = noise / np.maximum(spread[:, None] * np.abs(cosine), 1e-6 * noise)
-    shaken = np.pad(basis[fit], ((0, 0), (0, contrast.size)))
+    shaken = np.concatenate([basis[fit], turned * basis[fit, 2::2]], axis=1)
+    shaken[:, 2 : basis.shape[1] : 2] += turned * basis[fit, 1::2]
     parts = [slice(k, k + _LINES_AT_ONCE) for k in range(0, noise.size, _LINES_AT_ONCE)]
 
     def taken(lines: slice, pull: Complex) -> Complex:
@@ -424,28 +429,29 @@ def _prior(contrast: Real, trust: Real) -> Complex:
 
 def _orientation(
     frequency_hz: Real, cosine: Complex, sine: Complex, noise: Real
-) -> tuple[float, float]:
-    """Contrast (cc − ss)/cs of an order, the same on all lines, and how far ss is unknown then.
+) -> tuple[float, float, float]:
+    """Contrast (cc − ss)/cs of an order on all lines, how far ss is unknown then, and t.
 
-    From (M ω² − K − jωD) (cc, cs)ᵀ = ω² e₁ by least squares, with K and D symmetric and one modal
-    mass M for both members: the contrast of C is that of K.
+    From (M ω² − K − jωD) C (1, t)ᵀ = ω² (1, t)ᵀ by least squares, with K and D symmetric and one
+    modal mass M for both members: the contrast of C is that of K. t of the force is near zero.
     """
     clear = np.hypot(np.abs(cosine), np.abs(sine)) / noise
     near = (frequency_hz > 0) & (clear > _RESONANT * clear.max())
     if not np.any(near):
-        return 0.0, 1.0
+        return 0.0, 1.0, 0.0
     ratio = frequency_hz[near].max() / frequency_hz[near]
     weight, cc, cs, none = clear[near], cosine[near], sine[near], np.zeros(ratio.size)
     stiff, damped = -(ratio**2), -1j * ratio
     rows = [
-        [cc, stiff * cc, stiff * cs, none, damped * cc, damped * cs, none],
-        [cs, none, stiff * cc, stiff * cs, none, damped * cc, damped * cs],
+        [cc, stiff * cc, stiff * cs, none, damped * cc, damped * cs, none, none],
+        [cs, none, stiff * cc, stiff * cs, none, damped * cc, damped * cs, none - 1.0],
     ]
-    system = (np.array(rows) * weight).transpose(0, 2, 1).reshape(-1, 7)
-    right = np.concatenate([weight, none, none, none])
-    parts = np.concatenate([system.real, system.imag])
-    _, k11, k12, k22, *_ = np.linalg.lstsq(parts, right, rcond=None)[0]
-    share = float(np.linalg.norm(weight * cs) / np.linalg.norm(weight * cc))
+    system = (np.array(rows) * weight).transpose(0, 2, 1).reshape(-1, 8)
+    expected = np.pad([[1 / _TURNED]], ((0, 0), (7, 0)))
+    right = np.concatenate([weight, none, none, none, [0.0]])
+    parts = np.concatenate([system.real, system.imag, expected])
+    _, k11, k12, k22, *_, turned = np.linalg.lstsq(parts, right, rcond=None)[0]
+    share = float(np.linalg.norm(weight * (cs - turned * cc)) / np.linalg.norm(weight * cc))
     contrast = float((k11 - k22) / k12) if k12 else 0.0
     spread = float(np.clip(_ONE_SIDED / share, _KNOWN, 1.0)) if share > 0 else 1.0
-    return (contrast if abs(contrast) * share < _FARTHEST else 0.0), spread
+    return (contrast if abs(contrast) * share < _FARTHEST else 0.0), spread, float(turned)
