@@ -319,6 +319,8 @@ _KNOWN, _ONE_SIDED = 0.1, 0.02
 # How far other orders turn the force in the plane of an order's waves (1 σ, tangent): a tyre whose
 # stiffness varies by 1 % around it, benchmarks/laboratory.py.
 _TURNED = 0.05
+# Orientation and turn are found from FRFs with the sensors on, then from those without.
+_PASSES = 2
 # No orientation makes ss differ from cc by more than this factor of it: such a contrast is noise.
 _FARTHEST = 2.0
 # Lines as clear as this share of the clearest one belong to the resonance.
@@ -350,14 +352,6 @@ def mass_push(
     its natural frequencies are from the mean.
     """
     fit = slice(len(values))
-    first = np.linalg.pinv(basis[fit]) @ values
-    cosine, sine = first[1::2], first[2::2]
-    contrast, spread, turned = np.array(
-        [_orientation(frequency_hz, c, s, noise) for c, s in zip(cosine, sine, strict=True)]
-    ).T
-    trust = noise / np.maximum(spread[:, None] * np.abs(cosine), 1e-6 * noise)
-    shaken = np.concatenate([basis[fit], turned * basis[fit, 2::2]], axis=1)
-    shaken[:, 2 : basis.shape[1] : 2] += turned * basis[fit, 1::2]
     parts = [slice(k, k + _LINES_AT_ONCE) for k in range(0, noise.size, _LINES_AT_ONCE)]
 
     def taken(lines: slice, pull: Complex) -> Complex:
@@ -366,14 +360,26 @@ def mass_push(
     # All in the state between the runs: what a drift does must not be taken for the sensors' doing.
     alike = _moved(frequency_hz, pull, shift)
     middle = _moved(frequency_hz, values[:, None], shift[run[fit]])[:, 0]
-    found = np.empty((noise.size, shaken.shape[1]), dtype=complex)
-    for lines in parts:
-        system = np.concatenate(
-            [shaken - taken(lines, alike)[:, fit], _prior(contrast, trust[:, lines].T)], axis=1
-        )
-        right = np.pad(middle[:, lines].T, ((0, 0), (0, contrast.size)))
-        adjoint = system.conj().transpose(0, 2, 1)
-        found[lines] = np.linalg.solve(adjoint @ system, adjoint @ right[:, :, None])[:, :, 0]
+    cosine, sine = (
+        (np.linalg.pinv(basis[fit]) @ values)[1:].reshape(-1, 2, noise.size).swapaxes(0, 1)
+    )
+    for _ in range(_PASSES):
+        known = [_orientation(frequency_hz, c, s, noise) for c, s in zip(cosine, sine, strict=True)]
+        contrast, spread, turned = np.array(known).T
+        trust = noise / np.maximum(spread[:, None] * np.abs(cosine), 1e-6 * noise)
+        shaken = np.concatenate([basis[fit], turned * basis[fit, 2::2]], axis=1)
+        shaken[:, 2 : basis.shape[1] : 2] += turned * basis[fit, 1::2]
+        found = np.empty((noise.size, shaken.shape[1]), dtype=complex)
+        for lines in parts:
+            system = np.concatenate(
+                [shaken - taken(lines, alike)[:, fit], _prior(contrast, trust[:, lines].T)], axis=1
+            )
+            right = np.pad(middle[:, lines].T, ((0, 0), (0, contrast.size)))
+            adjoint = system.conj().transpose(0, 2, 1)
+            found[lines] = np.linalg.solve(adjoint @ system, adjoint @ right[:, :, None])[:, :, 0]
+        waves, ss = np.split(found, [basis.shape[1]], axis=1)
+        cc, cs = waves[:, 1::2], waves[:, 2::2]
+        cosine, sine = (cc + turned * cs).T, (cs + turned * ss).T
     states = _moved(frequency_hz, np.broadcast_to(found.T, (len(shift), *found.T.shape)), -shift)
     push = np.empty((run.size, noise.size), dtype=complex)
     for lines in parts:
