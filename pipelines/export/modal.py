@@ -39,7 +39,12 @@ FOLDER_MARKER = "export.json"  # lists the files of an export that is a folder
 UNITS = {
     **{"frequency_hz": "Hz", "damping_ratio": "1", "poles": "rad/s", "position_deg": "deg"},
     **{"xyz_m": "m", "shapes": "1, largest part of each mode 1", "residues": "m/(N s)"},
-    **{"modal_a": "N s/m", "modal_mass_kg": "kg", "lower_residual": "(m/s^2)/N"},
+    **{
+        "modal_a": "N s/m",
+        "modal_mass_kg": "kg",
+        "modal_mass_kg_std": "kg",
+        "lower_residual": "(m/s^2)/N",
+    },
     **{"upper_residual": "m/N", "frf": "(m/s^2)/N", "coherence": "1"},
 }
 _LEAST_DRIVE = 3.0  # smallest residue at the force for modal A, in standard deviations
@@ -169,6 +174,8 @@ def gather(
 
 
 def _modal_a(mode: Mode, geometry: Geometry) -> complex:
+    if np.isfinite(mode.modal_mass_kg):  # from the driving points of several forces
+        return 2j * mode.pole.imag * mode.modal_mass_kg
     unknown_a = complex(np.nan, np.nan)
     rows = np.flatnonzero(geometry.node[: geometry.n_measured] == geometry.reference_node)
     if rows.size == 0:
@@ -243,6 +250,7 @@ def mode_columns(found: ModalExport) -> dict[str, Any]:
         "poles": column("pole"),
         "modal_a": found.modal_a,
         "modal_mass_kg": found.modal_mass_kg,
+        "modal_mass_kg_std": column("modal_mass_std_kg"),
         "mpc": column("mpc"),
         "status": [mode.status for mode in modes],
         "pair": [mode.pair.value for mode in modes],

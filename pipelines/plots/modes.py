@@ -46,6 +46,12 @@ POLE_LOOKS = {
 }
 
 
+_INDICATORS = {
+    False: "RMS inertance of all positions (line)",
+    True: "complex mode indicator function of all forces (lines: as many peak as there are modes)",
+}
+
+
 def stability_chart(diagram: StabilityDiagram) -> Chart:
     """Poles over frequency and model order, in front of the mode indicator."""
     low, high = diagram.band_hz
@@ -55,18 +61,26 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
     names = [f"{frequency:.1f}" for frequency in kept]
     places = spread(kept, gap=(high - low) / NAMES_ACROSS).tolist()
     inside = in_band(diagram.indicator_hz, diagram.band_hz)
-    unit = "RMS inertance / ((m/s²)/N)"
-    level = diagram.indicator_hz[inside], diagram.indicator[inside]
-    hover = "%{x:.2f} Hz<br>RMS inertance %{y:.3g} (m/s²)/N"
-    indicator = go.Curve(
-        *level, go.FAINT, "RMS inertance", 1.5, opacity=0.8, hover=hover, right=True
-    )
+    several = len(diagram.cmif)
+    kind = "CMIF" if several else "RMS inertance"
+    unit, hover = f"{kind} / ((m/s²)/N)", f"%{{x:.2f}} Hz<br>{kind} %{{y:.3g}} (m/s²)/N"
+    levels = diagram.cmif[:, inside] if several else diagram.indicator[None, inside]
+    indicators = [
+        go.Curve(
+            *(diagram.indicator_hz[inside], level, go.FAINT),
+            *("" if several and k else kind, 1.5 / (1 + k)),
+            opacity=0.8,
+            hover=hover,
+            right=True,
+        )
+        for k, level in enumerate(levels)
+    ]
     # The curve stays below the names of the modes.
-    low_end, high_end = go.log_axis(unit, indicator.y).range or (0.1, 10.0)
+    low_end, high_end = go.log_axis(unit, levels.ravel()).range or (0.1, 10.0)
     highest = float(diagram.model_order.max(initial=1)) / HIGHEST
     every = 10 * max(1, round(highest / 100))
     panel = go.Panel(
-        (indicator, *_flags(kept, names, places, highest), *_pole_curves(diagram)),
+        (*indicators, *_flags(kept, names, places, highest), *_pole_curves(diagram)),
         go.Axis(go.FREQUENCY, diagram.band_hz),
         go.Axis("model order", (0, highest), ticks=range(0, int(highest * HIGHEST) + 1, every)),
         go.Axis(unit, (low_end, low_end * (high_end / low_end) ** (1 / HIGHEST)), log=True),
@@ -78,7 +92,7 @@ def stability_chart(diagram: StabilityDiagram) -> Chart:
         go.Plot((panel,), (17.5, 9.5), margins=go.Margins(right=1.6, bottom=1.7)),
         f"Stability diagram with {diagram.poles.size} poles; {len(kept)} columns were taken for "
         f"modes{found}.",
-        "Poles of all model orders over the RMS inertance of all positions (line). A mode is a "
+        f"Poles of all model orders over the {_INDICATORS[bool(several)]}. A mode is a "
         "straight column of stable poles, best at a peak; the frequencies in Hz at the top are "
         "the clusters taken for modes. Columns that lean or break off are not modes.",
         wide=True,
@@ -202,6 +216,30 @@ def drive_chart(driven: Sequence[DrivenMode], model: ModalModel) -> Chart:
         "where a further force is needed.",
         wide=True,
         height_px=300,
+    )
+
+
+def mif_chart(diagram: StabilityDiagram) -> Chart:
+    """Multivariate mode indicator function of several forces."""
+    inside = in_band(diagram.indicator_hz, diagram.band_hz)
+    colours = go.MEASURED, go.FITTED, go.RING, go.FAINT
+    curves = tuple(
+        go.Curve(
+            *(diagram.indicator_hz[inside], level[inside], colours[k % 4], f"curve {k + 1}", 1.2),
+            hover="%{x:.2f} Hz<br>MIF %{y:.3f}",
+        )
+        for k, level in enumerate(diagram.mif)
+    )
+    axes = go.Axis(go.FREQUENCY, diagram.band_hz), go.Axis("MIF", (-0.03, 1.06))
+    panel = go.Panel(curves, *axes, legend="lower right")
+    return Chart(
+        "mif",
+        go.Plot((panel,), (17.5, 6)),
+        f"Multivariate mode indicator function of {len(diagram.mif)} forces.",
+        "It falls towards 0 where a combination of the forces makes the structure answer as at a "
+        "resonance; where a second curve falls too, two modes have nearly the same frequency.",
+        wide=True,
+        height_px=260,
     )
 
 

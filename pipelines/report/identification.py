@@ -10,7 +10,14 @@ from ema.core.display import DASH, counted, number, value_with_std
 from ema.core.mac import auto_mac
 from ema.core.modes import ModalModel, Mode
 from pipelines.plots.chart import Chart, packed
-from pipelines.plots.modes import drive_chart, forces, matrix_chart, shapes_plot, stability_chart
+from pipelines.plots.modes import (
+    drive_chart,
+    forces,
+    matrix_chart,
+    mif_chart,
+    shapes_plot,
+    stability_chart,
+)
 from pipelines.process.validate import aligned_shape
 from pipelines.report.page import Animation, Block, Paragraph, Section, Table
 from pipelines.report.summary import listed
@@ -97,8 +104,10 @@ def references(result: Result) -> tuple[Section, ...]:
         "report are those of the first force."
     )
     antinodes = [report for report in model.orders if np.isfinite(report.antinode_deg)]
+    indicators = [mif_chart(result.diagram)] if result.diagram.mif.size else []
     blocks: list[Block] = [
         Paragraph(text),
+        *indicators,
         drive_chart(driven, model),
         Table.of_columns("What each force contributes", columns, (0,)),
     ]
@@ -140,6 +149,12 @@ def _mode_columns(model: ModalModel, *, with_orders: bool) -> dict[str, list[str
         "MPC": [f"{m.mpc:.3f}" if shape_known else DASH for m in modes],
         "MPD / °": [f"{m.mpd_deg:.1f}" if shape_known else DASH for m in modes],
         "purity": [f"{m.order_purity:.3f}" if np.isfinite(m.order_purity) else DASH for m in modes],
+        "modal mass / kg": [
+            value_with_std(m.modal_mass_kg, m.modal_mass_std_kg)
+            if np.isfinite(m.modal_mass_kg)
+            else DASH
+            for m in modes
+        ],
         "pair": [m.pair.value or DASH if with_orders else DASH for m in modes],
         "status": [f"{m.status}: {m.remark}" if m.remark else m.status for m in modes],
     }

@@ -20,7 +20,7 @@ from ema.core.display import band_text, facts, table
 from ema.core.edits import Edit, PoleName
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
-from ema.core.modes import COMMON_NAMES, ModalModel, Pair, modes_html
+from ema.core.modes import COMMON_NAMES, ModalModel, Mode, Pair, modes_html
 from ema.core.numerics import frame_of
 from ema.fitting.joint_evidence import counterpart
 from ema.identify import Identification
@@ -165,6 +165,8 @@ class DrivenMode:
     mode: int  # number of the mode, from 1
     share: float  # of the power with which its order, or it alone, answers this force
     drive: float  # amplitude against that of the force which drives it most
+    # residues over those at the force which drives it most; NaN where sensors differ
+    participation: tuple[float, float] = (np.nan, np.nan)
 
 
 def driven_modes(found: Identification) -> tuple[DrivenMode, ...]:
@@ -183,8 +185,18 @@ def driven_modes(found: Identification) -> tuple[DrivenMode, ...]:
             total = sum(drive(m) ** 2 for m in beside) or drive(own) ** 2
             share, relative = drive(own) ** 2 / total, drive(own) / max(drives)
             place = frf.excitation_deg, frf.force_node, frf.force_axis
-            rows.append(DrivenMode(number, *place, k + 1, share, relative))
+            most = alike[int(np.argmax(drives))]
+            part = _participation(own, most) if most is not None else (np.nan, np.nan)
+            rows.append(DrivenMode(number, *place, k + 1, share, relative, part))
     return tuple(rows)
+
+
+def _participation(own: Mode, most: Mode) -> tuple[float, float]:
+    """Real and imaginary part of the factor from one force's residues to another's."""
+    if own.residues.size != most.residues.size:
+        return np.nan, np.nan
+    factor = complex(np.vdot(most.residues, own.residues) / np.vdot(most.residues, most.residues))
+    return factor.real, factor.imag
 
 
 @dataclass(frozen=True, eq=False)

@@ -146,6 +146,8 @@ class Stored:
     automatic: tuple[AutomaticMode, ...] = ()
     automatic_misfit: float = math.nan
     references: tuple[DrivenMode, ...] = ()
+    cmif: tuple[tuple[float, ...], ...] = ()
+    mif: tuple[tuple[float, ...], ...] = ()
 
 
 def read_identification_json(path: Path) -> Stored:
@@ -207,7 +209,8 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
     size = 2 * len(found.modes)
     sizes = [n for n in (len(found.covariance), *map(len, found.covariance)) if n != size]
     yield "covariance", sizes, f"must be {size} × {size}"
-    lengths = [len(found.indicator), len(found.indicator_hz)]
+    curves = found.indicator, found.indicator_hz, *found.cmif, *found.mif
+    lengths = [*map(len, curves)]
     yield "indicator", lengths if len({*lengths}) > 1 else [], "needs one value for each frequency"
     of_mass = found.sensor_mass.drift if found.sensor_mass else None
     for drift in [found.drift, *([of_mass] if of_mass else [])]:

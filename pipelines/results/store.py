@@ -124,7 +124,7 @@ def write_identification(result: Result, folder: Path) -> None:
         (result.frf, ("blocks", "n_effective")),
         (model, ("band_hz", "fit_band_hz", "misfit", "covariance", "frac", "drift", "notes")),
         (model, ("orders", "modes", "guard_modes", "exponential_window")),
-        (diagram, ("clusters", "indicator_hz", "indicator")),
+        (diagram, ("clusters", "indicator_hz", "indicator", "cmif", "mif")),
     )
     content = {name: getattr(source, name) for source, names in sources for name in names}
     measured = result.measured
@@ -396,4 +396,6 @@ def _read_diagram(stored: schema.Stored, path: Path) -> StabilityDiagram:
         ),
         indicator_hz=np.array(stored.indicator_hz),
         indicator=np.array(stored.indicator),
+        cmif=np.reshape(stored.cmif, (len(stored.cmif), -1)) if stored.cmif else np.zeros((0, 0)),
+        mif=np.reshape(stored.mif, (len(stored.mif), -1)) if stored.mif else np.zeros((0, 0)),
     )

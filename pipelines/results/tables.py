@@ -283,6 +283,8 @@ def references(result: Result) -> pd.DataFrame:
         "frequency_hz": [mode.frequency_hz for _, mode in found],
         "share": [each.share for each, _ in found],
         "drive": [each.drive for each, _ in found],
+        "participation_real": [each.participation[0] for each, _ in found],
+        "participation_imag": [each.participation[1] for each, _ in found],
     }
     return frame_of(columns, whole=("order",))
 
