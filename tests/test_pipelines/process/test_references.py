@@ -13,6 +13,7 @@ from ema.core.errors import InputError
 from ema.core.finding import Check, Verdict
 from ema.core.frf import FRF
 from ema.core.references import References
+from pipelines.export.modal import export
 from pipelines.simulate.truth import TruthMode, modal_sum
 
 LINES_HZ = np.arange(1, 801) / 4
@@ -96,3 +97,61 @@ def test_a_mass_that_came_with_the_second_force_is_named(tmp_path):
     found = rm.process(folder, options)
     told = [each for each in found.findings if each.check is Check.RECIPROCITY]
     assert [each.verdict for each in told] == [Verdict.WARNING]
+
+
+@pytest.fixture(scope="module")
+def plate_result():
+    """A square plate that nobody calls a circle, hit at two points; forces along Z."""
+    grid = (np.arange(5) + 0.5) / 5
+    waves = np.sin(np.pi * np.outer([1, 2], grid))
+    shapes = np.array([np.outer(a, b).ravel() for a in waves for b in waves])
+    own = 2 * np.pi * np.array([20.0, 50.0, 50.0, 80.0])[:, None]
+    omega, frfs, rng = 2 * np.pi * LINES_HZ, [], np.random.default_rng(0)
+    for row in (6, 9):
+        answers = -(omega**2) / (own**2 - omega**2 + 0.02j * own * omega) / 3.0
+        exact = (shapes * shapes[:, row, None]).T @ answers
+        noise = 1e-3 * rng.standard_normal((2, *exact.shape))
+        std = np.full(exact.shape, 1e-3)
+        nodes = np.arange(101, 126)
+        frf = FRF.from_arrays(LINES_HZ, exact + noise[0] + 1j * noise[1], nodes=nodes, std=std)
+        axis = np.full(nodes.size, 3)
+        frfs.append(replace(frf, force_node=nodes[row], force_axis=3, axis=axis))
+    campaign = Campaign(
+        name="plate",
+        frf=References(tuple(frfs)),
+        positions=None,
+        excitation_deg=None,
+        processing=Processing(band_hz=(10.0, 100.0)),
+    )
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(ema, "read_campaign", lambda source: campaign)
+        patched.setattr(ema, "estimate_frf", lambda campaign, *args, **how: campaign.frf)
+        return rm.process("campaign")
+
+
+def test_a_structure_without_a_circle_has_tables_of_all_its_forces(plate_result, tmp_path):
+    folder = tmp_path / "result"
+    rm.save(plate_result, folder)
+    modes = pd.read_csv(folder / "modes.csv")
+    assert np.allclose(modes["frequency_hz"], [20.0, 50.0, 50.0, 80.0], rtol=1e-4)
+    largest = np.array([1.0, np.sin(2 * np.pi * 0.3) ** 2])
+    assert np.allclose(modes["modal_mass_kg"].iloc[[0, 3]], 3.0 / largest**2, rtol=0.01)
+    table = pd.read_csv(folder / "references.csv")
+    assert sorted(set(table["node"])) == [107, 110]
+    size = np.hypot(table["participation_real"], table["participation_imag"])
+    assert np.allclose(size, table["drive"], rtol=1e-6)
+    back = rm.load(folder)
+    assert back.references == plate_result.references
+    assert np.array_equal(back.diagram.cmif, plate_result.diagram.cmif)
+    assert np.array_equal(back.diagram.mif, plate_result.diagram.mif)
+    masses = [mode.modal_mass_kg for mode in back.modal_model.modes]
+    assert masses == [mode.modal_mass_kg for mode in plate_result.modal_model.modes]
+
+
+def test_modal_masses_are_in_the_shapes_of_a_universal_file(plate_result, tmp_path):
+    folder = tmp_path / "result"
+    rm.save(plate_result, folder, report=False)
+    written = export(folder, tmp_path / "modes.uff")
+    masses = [mode.modal_mass_kg for mode in plate_result.modal_model.modes]
+    assert np.allclose(written.export.modal_mass_kg, masses, rtol=1e-12)
+    assert rm.read_shapes(tmp_path / "modes.uff").n_modes == 4
