@@ -111,9 +111,10 @@ class References(ReadonlyArrays):
         Examples
         --------
         >>> import ringmodal as rm
-        >>> folder = rm.simulate_campaign("indicators", duration_s=2.0, force_deg=(0.0, 22.5))
-        >>> rm.estimate_frf(rm.read_campaign(folder)).cmif().shape
-        (2, 1025)
+        >>> folder = rm.simulate_campaign("for_cmif", duration_s=2.0, force_deg=(0.0, 22.5))
+        >>> largest, second = rm.estimate_frf(rm.read_campaign(folder)).cmif()
+        >>> bool(largest.max() > second.max())
+        True
         """
         return np.asarray(np.linalg.svd(self._by_line(), compute_uv=False).T)
 
@@ -132,9 +133,9 @@ class References(ReadonlyArrays):
         Examples
         --------
         >>> import ringmodal as rm
-        >>> folder = rm.simulate_campaign("indicators", duration_s=2.0, force_deg=(0.0, 22.5))
-        >>> mif = rm.estimate_frf(rm.read_campaign(folder)).mif()
-        >>> bool(mif.min() < 0.1 and mif.max() <= 1)
+        >>> folder = rm.simulate_campaign("for_mif", duration_s=2.0, force_deg=(0.0, 22.5))
+        >>> lowest, second = rm.estimate_frf(rm.read_campaign(folder)).mif()
+        >>> bool((lowest <= second).all())
         True
         """
         values = self._by_line()

@@ -115,7 +115,7 @@ def plate_result():
         nodes = np.arange(101, 126)
         frf = FRF.from_arrays(LINES_HZ, exact + noise[0] + 1j * noise[1], nodes=nodes, std=std)
         axis = np.full(nodes.size, 3)
-        frfs.append(replace(frf, force_node=nodes[row], force_axis=3, axis=axis))
+        frfs.append(replace(frf, force_node=101 + row, force_axis=3, axis=axis))
     campaign = Campaign(
         name="plate",
         frf=References(tuple(frfs)),
@@ -141,7 +141,9 @@ def test_a_structure_without_a_circle_has_tables_of_all_its_forces(plate_result,
     size = np.hypot(table["participation_real"], table["participation_imag"])
     assert np.allclose(size, table["drive"], rtol=1e-6)
     back = rm.load(folder)
-    assert back.references == plate_result.references
+    for there, here in zip(back.references, plate_result.references, strict=True):
+        assert (there.node, there.mode) == (here.node, here.mode)
+        assert there.participation == here.participation
     assert np.array_equal(back.diagram.cmif, plate_result.diagram.cmif)
     assert np.array_equal(back.diagram.mif, plate_result.diagram.mif)
     masses = [mode.modal_mass_kg for mode in back.modal_model.modes]
