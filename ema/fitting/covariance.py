@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.recording import BlockPlan
+from ema.fitting.joint_poles import Driven, JointPoint
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit
 from ema.fitting.variable_projection import Projection, Real, slope_rows
 
@@ -199,3 +200,81 @@ def _shift(
     shift[rows, 0] = np.abs(again) / (2 * np.pi) - frequency_hz[inside]
     shift[rows, 1] = again.real / -np.abs(again) - poles[inside].real / -np.abs(poles[inside])
     return shift
+
+
+@dataclass(frozen=True, eq=False)
+class JointSpread:
+    """How well a `JointPoint` is known.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (2 n_modes, 2 n_modes)
+        Of frequency in Hz and damping ratio, mode by mode.
+    waves, forces : ndarray, shape (n_modes, 2)
+        Standard deviations of the same where residuals are no white noise, and from what the
+        forces say differently.
+    participation : ndarray, shape (n_modes, n_forces)
+        Standard deviation of real and imaginary part.
+    """
+
+    covariance: Real
+    waves: Real
+    forces: Real
+    participation: Real
+
+
+def spread_of(point: JointPoint, correlation: float) -> JointSpread:
+    """± from the residuals as they are (White 1980; Newey & West 1987; Liang & Zeger 1986).
+
+    All forces of a line count together, as they may have acted at the same time. Of poles no
+    farther apart than their own ±, the distance is found too large by σ²/2d, at most σ.
+    """
+    driven, n = point.driven, point.driven.poles.size
+    inverse = inverse_of(point.normal_matrix())
+    scores = point.scores()
+    transform = to_frequency_damping(driven.poles)
+    towards = inverse[:, : 2 * n] @ transform.T
+    influence = scores.sum(axis=0) @ towards
+    covariance = correlation * influence.T @ influence
+    step = float(np.diff(point.problem.forces[0].lines.omega[:2])[0])
+    reach = np.repeat(np.ceil(_RESONANCE * -driven.poles.real / step).astype(int), 2)
+    reach = np.clip(reach, 1, max(len(influence) // _FEWEST_PIECES, 1))
+    variance = np.zeros(2 * n)
+    for k, line in enumerate(influence.T):
+        variance[k] = line @ line
+        for lag in range(1, reach[k] + 1):
+            variance[k] += 2 * (1 - lag / (reach[k] + 1)) * (line[lag:] @ line[:-lag])
+    of_forces = scores.sum(axis=1) @ towards
+    between = np.var(of_forces, axis=0, ddof=1) * len(of_forces)
+    of_lines = correlation * np.sum((scores @ towards) ** 2, axis=(0, 1))
+    everything = correlation * (inverse @ (scores.sum(axis=0).T @ scores.sum(axis=0)) @ inverse)
+    drives = np.zeros(point.free.shape)
+    own = np.diag(everything)[2 * n : 2 * (n + int(point.free.sum()))].reshape(-1, 2)
+    drives[point.free] = np.sqrt(np.maximum(own.mean(axis=1), 0.0))
+    # Few lines make up a narrow resonance: what they scatter by may be little by chance.
+    white = correlation * point.reduced * (transform @ inverse[: 2 * n, : 2 * n] @ transform.T)
+    covariance = covariance + np.diag(np.maximum(np.diag(white) - np.diag(covariance), 0.0))
+    covariance = covariance + np.diag(_of_distance(driven, covariance))
+    return JointSpread(
+        covariance=np.asarray(covariance),
+        waves=np.sqrt(np.maximum(variance, 0.0)).reshape(-1, 2),
+        forces=np.sqrt(np.maximum(between - of_lines, 0.0)).reshape(-1, 2),
+        participation=drives,
+    )
+
+
+def _of_distance(driven: Driven, covariance: Real) -> Real:
+    """Variance from poles that are no farther apart than their ±: see `joint_pair`."""
+    numbers = driven.numbers
+    std = np.sqrt(np.diag(covariance)).reshape(-1, 2)
+    width = np.column_stack([numbers[:, 0] * numbers[:, 1], numbers[:, 1]])
+    variance = np.zeros_like(numbers)
+    near = driven.shared & ~np.eye(driven.poles.size, dtype=bool)
+    for k, others in enumerate(near):
+        for other in np.flatnonzero(others):
+            off = (numbers[k] - numbers[other]) / width[k]
+            both = np.hypot(std[k], std[other]) / width[k]
+            apart, known = float(np.hypot(*off)), float(np.hypot(*both)) / np.sqrt(2)
+            bias = min(known**2 / (2 * max(apart, 1e-300)), known)
+            variance[k] = np.maximum(variance[k], (bias * width[k]) ** 2)
+    return np.asarray(variance.ravel())

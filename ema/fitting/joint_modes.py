@@ -15,10 +15,9 @@ from ema.core.modes import Flag, Mode
 from ema.core.numerics import one_blas_thread
 from ema.core.references import References, driving_point
 from ema.core.settings import IdentificationSettings
-from ema.fitting.covariance import parameter_covariance
+from ema.fitting.covariance import JointSpread, parameter_covariance, spread_of
 from ema.fitting.curve_fit import final_drift
 from ema.fitting.fit_steps import is_undetermined, modes_of
-from ema.fitting.joint_evidence import JointSpread, spread_of
 from ema.fitting.joint_poles import Driven, JointLines, JointPoint, OfForce
 from ema.fitting.listing import Row, Settled
 from ema.fitting.mode_pairs import in_one_state

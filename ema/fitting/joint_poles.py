@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from ema.fitting.joint_pair import UNKNOWN_STATE
 from ema.fitting.pole_fit import Lines
 from ema.fitting.variable_projection import Complex, Projection, Real, descend, project, stacked
 
-# Frequency and decay of the structure's state, relative to that of the first force (1 σ).
-_STATE_STD = np.array([UNKNOWN_STATE.frequency_std, UNKNOWN_STATE.decay_std])
+# Frequency and decay of the structure's state, relative to that of the first force (1 σ), as of
+# a ring: `ema.fitting.joint_pair`.
+_STATE_STD = np.array([0.003, 0.02])
 _NOTHING_LEFT = 1e-4  # of χ²
 # A step of a participation beside the largest one of its mode.
 _SIZE = 0.1
