@@ -333,11 +333,7 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
         what = f"no vectors or matrices of numbers beside {held or 'time'}"
         raise RecordingFormatError(path.name, what, _LAYOUTS, _SAVE_AGAIN)
     columns = [
-        Column(
-            name,
-            label_of_axis(name)[1] or ("s" if is_time(name, "") else "Hz"),
-            found.vectors[name],
-        )
+        Column(name, label_of_axis(name)[1] or ("s" if is_time(name, "") else "Hz"), found.vectors[name])
         for name in times
     ]
     if found.matrices:

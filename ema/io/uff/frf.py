@@ -191,9 +191,7 @@ def _by_arrow(
     same = len(set(widths)) == 1
     numbers, begin = [], 0
     for width in [sum(widths)] if same else widths:
-        fields = table[:, begin : begin + width].reshape(
-            len(table), -1, widths[0] if same else width
-        )
+        fields = table[:, begin : begin + width].reshape(len(table), -1, widths[0] if same else width)
         begin += width
         if (fields[..., -1] <= ord(" ")).any():
             return None
