@@ -18,8 +18,8 @@ from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table, say, shown, warn
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
+from pipelines.export.data import require_excel
 from pipelines.export.modal import export as write
-from pipelines.export.workbook import require_excel
 from pipelines.process.ring import retune
 from pipelines.process.run import process as run
 from pipelines.report.page import read_template

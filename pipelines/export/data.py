@@ -1,17 +1,30 @@
-"""Modal results for other programs, in memory: geometry, shapes, scaling, FRFs."""
+"""Modal results for other programs: in memory, and as an Excel workbook."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.errors import InputError, inert
 from ema.core.frf import FRF
 from ema.core.modes import Mode
 from model.arguments import ReadonlyArrays
+from model.parameters import DAMPING_NAMES, RING_NAMES
+from pipelines.results import tables
 from pipelines.results.parameter_set import ParameterSet
 from pipelines.results.result import Result
+from pipelines.results.tables import mode_name, named, row_names
+from pipelines.results.verdict import judge
+from pipelines.storage.tables import plain_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MEASURED, BOTH, NONE = "measured", "both", "none"
 X, Y, Z = 1, 2, 3  # direction codes of universal files
@@ -149,3 +162,201 @@ class ModalExport(ReadonlyArrays):
         """Modal mass A/(2j ω_d) of the shapes as real shapes; NaN where unknown."""
         damped = np.array([mode.pole.imag for mode in self.modes])
         return np.asarray((self.modal_a / (2j * damped)).real)
+
+
+# Number formats of Excel by the ending of a column's name, the longest first; ratios are shown in
+# percent and stay ratios.
+_FORMATS = {
+    **{"damping_ratio_std": "0.0000%", "damping_ratio": "0.000%", "_damping": "0.000%"},
+    **{"damping_ratio_band_shift": "0.0000%", "_std_hz": "0.0000", "_shift_hz": "0.0000"},
+    **{"_hz": "0.000", "_deg": "0.0##", "_percent": "0.00", "order_purity": "0.0000"},
+    **{"mpc": "0.0000", "mac": "0.0000", "chance": "0.0E+00"},
+}
+_UNITS = {"_hz": "Hz", "_deg": "°", "_percent": "%", "_kg": "kg"}
+_LETTERS = ("mpc", "mac")  # words that are written in capitals
+_WIDEST, _NARROWEST = 70, 9  # of a column, in characters
+_SUMMARY, _FINDINGS = "Summary", "Findings"
+_PARAMETER = "0.0000E+00"
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """A table for a sheet: titles with units, formats of the columns, and rows of plain values."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[Any]]
+    formats: Sequence[str] = ()  # one for each column; without any, numbers are shown as they are
+    frozen: str = "A2"
+
+
+def write_workbook(
+    path: Path, result: Result, ring: ParameterSet | None = None, frfs: Mapping[str, FRF] = {}
+) -> None:
+    """Write a workbook; numbers are numbers, and no text is taken for a formula.
+
+    `InputError` where openpyxl is not installed.
+    """
+    require_excel()
+    book = import_module("openpyxl").Workbook(write_only=True)
+    for sheet in _sheets(result, ring, frfs):
+        _write(book, sheet)
+    book.save(path)
+
+
+def require_excel() -> None:
+    """Refuse to write workbooks without the library that writes them."""
+    try:
+        import_module("openpyxl")
+    except ImportError as error:
+        rule = "Excel workbooks need openpyxl, which is not installed"
+        raise InputError("xlsx", "not available", rule, "Run: pip install openpyxl") from error
+
+
+def _sheets(result: Result, ring: ParameterSet | None, frfs: Mapping[str, FRF]) -> Iterator[_Sheet]:
+    yield _summary(result)
+    found = tables.csv_tables(result)
+    yield _of_table("Modes", found["modes.csv"])
+    if ring is not None:
+        yield _ring(ring)
+        yield _of_table("Validation", found["validation.csv"])
+    yield from _shapes(result)
+    for title in ("Orders", "Other modes", "Corrections"):
+        table = found[f"{title.lower().replace(' ', '_')}.csv"]
+        if len(table):
+            yield _of_table(title, table)
+    yield _of_table(_FINDINGS, found["quality.csv"])
+    for name, frf in frfs.items():
+        yield from _responses(name, frf)
+    inputs = [(each["file"], each["sha256"]) for each in result.provenance.get("inputs", ())]
+    yield _Sheet("Files", ("file", "SHA-256"), inputs)
+
+
+def _summary(result: Result) -> _Sheet:
+    """What the reader should know first, and the notes."""
+    rows: list[tuple[str, Any]] = []
+    if result.tyre is not None:
+        rows += [
+            ("Tyre", result.tyre.designation),
+            ("Inflation pressure [Pa]", result.tyre.inflation_pressure_pa),
+            ("Mean radius [m]", result.tyre.mean_radius_m),
+            ("Belt width [m]", result.tyre.belt_width_m),
+            *(named(key, text) for key, text in result.tyre.details.items()),
+        ]
+    overall = judge(result)
+    rows.append(("Verdict", overall.line))
+    rows += [("", remark.text) for remark in overall.remarks]
+    rows += [
+        ("Angle of the force [°]", result.excitation_deg),
+        ("Positions", result.frf.n_positions),
+        ("Band from [Hz]", result.modal_model.band_hz[0]),
+        ("Band to [Hz]", result.modal_model.band_hz[1]),
+        ("Software", f"ringmodal {result.provenance.get('software', {}).get('ringmodal', '')}"),
+        ("Created", result.provenance.get("created", "")),
+        ("±", "one standard deviation (columns with std)"),
+    ]
+    rows += [("Note", note) for note in result.notes]
+    return _Sheet(_SUMMARY, ("Result of", result.name), rows, ("", ""))
+
+
+def _of_table(title: str, table: pd.DataFrame) -> _Sheet:
+    names = [str(name) for name in table]
+    formats = [_by_ending(name, _FORMATS) for name in names]
+    return _Sheet(title, [_title(name) for name in names], plain_rows(table), formats)
+
+
+def _title(name: str) -> str:
+    """Name of a column with its unit in brackets, as recordings have it."""
+    unit = _by_ending(name, _UNITS)
+    if unit:
+        return f"{name[: name.rindex('_')].replace('_', ' ')} [{unit}]"
+    return name.upper() if name in _LETTERS else name.replace("_", " ")
+
+
+def _by_ending(name: str, known: Mapping[str, str]) -> str:
+    return next((known[end] for end in sorted(known, key=len)[::-1] if name.endswith(end)), "")
+
+
+def _ring(ring: ParameterSet) -> _Sheet:
+    known = RING_NAMES | DAMPING_NAMES
+    rows: list[tuple[Any, ...]] = [
+        (*known[key], each.value, each.std, each.how)
+        for key, each in {**ring.ring, **ring.damping}.items()
+    ]
+    pressure_pa = ring.conditions["inflation_pressure_pa"]
+    rows.append((*known["inflation_pressure_pa"], pressure_pa, None, "given"))
+    head = ("parameter", "symbol", "unit", "value", "std (in the same unit)", "how obtained")
+    formats = ("", "", "", _PARAMETER, _PARAMETER, "")
+    return _Sheet("Ring", head, rows, formats)
+
+
+def _shapes(result: Result) -> Iterator[_Sheet]:
+    """Shapes side by side, for charts: a row for each position, a column for each mode."""
+    model = result.modal_model
+    if not model.modes:
+        return
+    on_circle = bool(np.all(np.isfinite(model.position_deg)))
+    place = "position [°]" if on_circle else "node"
+    places = model.position_deg if on_circle else model.node
+    head = (place, *(f"{k}: {mode_name(mode)}" for k, mode in enumerate(model.modes, 1)))
+    shapes = np.array([mode.shape for mode in model.modes]).T
+    formats = ("0.0##" if on_circle else "0", *["0.0000"] * len(model.modes))
+    for title, part in (("Shapes", shapes.real), ("Shapes, imaginary part", shapes.imag)):
+        rows = np.column_stack([places, part]).tolist()
+        yield _Sheet(title, head, rows, formats, frozen="B2")
+
+
+def _responses(name: str, frf: FRF) -> Iterator[_Sheet]:
+    """FRFs side by side: a row for each frequency, a column for each position."""
+    angles = np.isfinite(frf.position_deg)
+    names = row_names(frf, np.arange(frf.n_positions))
+    places = [each if k else f"node {each}" for each, k in zip(names, angles, strict=True)]
+    head = ("frequency [Hz]", *(f"{place} [(m/s²)/N]" for place in places))
+    for part, values in (("real", frf.values.real), ("imaginary", frf.values.imag)):
+        rows = np.column_stack([frf.frequency_hz, values.T]).tolist()
+        yield _Sheet(f"FRF {name}, {part}", head, rows, frozen="B2")
+
+
+def _write(book: Any, sheet: _Sheet) -> None:
+    """Write a sheet; an unknown number is an empty cell."""
+    cell = import_module("openpyxl.cell").WriteOnlyCell
+    styles = import_module("openpyxl.styles")
+    letter = import_module("openpyxl.utils").get_column_letter
+    page = book.create_sheet(sheet.title)
+    wraps = sheet.title in (_SUMMARY, _FINDINGS)
+    for column, width in enumerate(_widths(sheet), 1):
+        page.column_dimensions[letter(column)].width = width
+    page.freeze_panes = sheet.frozen
+    if sheet.title != _SUMMARY:
+        page.auto_filter.ref = f"A1:{letter(len(sheet.head))}{len(sheet.rows) + 1}"
+
+    bold, top = styles.Font(bold=True), styles.Alignment(vertical="top", wrap_text=wraps)
+    wrapped = styles.Alignment(vertical="top", wrap_text=True)
+
+    def styled(value: Any, number_format: str) -> Any:
+        found = cell(page, value=_plain(value))
+        found.alignment = top
+        if number_format and not isinstance(value, str):
+            found.number_format = number_format
+        return found
+
+    head = [cell(page, value=inert(title)) for title in sheet.head]
+    for title in head:
+        title.font, title.alignment = bold, wrapped
+    page.append(head)
+    for row in sheet.rows:
+        # A style for each of the many cells of FRFs would take a minute.
+        cells = map(styled, row, sheet.formats) if sheet.formats else map(_plain, row)
+        page.append(list(cells))
+
+
+def _plain(value: Any) -> Any:
+    """The value of a cell; none where a number is unknown."""
+    return inert(value) if value is not None and value == value else None
+
+
+def _widths(sheet: _Sheet) -> Iterable[int]:
+    for column, title in enumerate(sheet.head):
+        texts = (str(row[column]) for row in sheet.rows if isinstance(row[column], str))
+        longest = max(map(len, (*texts, title[:22])), default=0) + 2
+        yield min(max(longest, _NARROWEST), _WIDEST)

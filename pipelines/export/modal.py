@@ -20,8 +20,15 @@ from ema.core.modes import Mode
 from ema.core.numerics import frame_of
 from ema.io.uff import write as uff
 from ema.io.uff.frf import SYNTHESISED
-from pipelines.export.data import BOTH, MEASURED, NONE, Geometry, ModalExport, geometry_of
-from pipelines.export.workbook import write_workbook
+from pipelines.export.data import (
+    BOTH,
+    MEASURED,
+    NONE,
+    Geometry,
+    ModalExport,
+    geometry_of,
+    write_workbook,
+)
 from pipelines.results.parameter_set import read_parameter_set
 from pipelines.results.provenance import accepted_notes, software_version
 from pipelines.results.result import Result

@@ -17,7 +17,7 @@ import numpy as np
 from ema.core.errors import InputError, require_type, visible
 from ema.core.modes import ModalModel
 from ema.core.numerics import one_blas_thread
-from pipelines.export.workbook import write_workbook
+from pipelines.export.data import write_workbook
 from pipelines.plots.chart import Chart, Drawn
 from pipelines.process.run import process
 from pipelines.process.validate import ring_orders

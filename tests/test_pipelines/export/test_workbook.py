@@ -12,8 +12,8 @@ from results import structure_result, tyre_result
 
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
+from pipelines.export.data import write_workbook
 from pipelines.export.modal import export
-from pipelines.export.workbook import write_workbook
 from pipelines.report.write import save
 
 openpyxl = pytest.importorskip("openpyxl", reason="workbooks need pip install openpyxl")
