@@ -18,10 +18,11 @@ from ema.core.frf import FRF
 from ema.core.frf_arrays import frequencies_of
 from ema.core.modes import ModalModel, model_html
 from ema.core.numerics import one_blas_thread
-from ema.core.references import References, with_modal_masses
+from ema.core.references import References
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import acts_on_poles
 from ema.fitting.edited_fit import edited
+from ema.fitting.listing import with_modal_masses
 from ema.fitting.search import CurveFit
 from ema.poles.stability import OTHER, Opinion, StabilityDiagram, second_opinion
 

@@ -1,4 +1,4 @@
-"""The rows of a settled fit, and the list of modes that the checks and a person make of them."""
+"""The rows of a settled fit, the list of modes made of them, and masses of what is listed."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from ema.circumference.orders import judged, label_modes, of_order
 from ema.core.display import number
 from ema.core.drift import Drift
 from ema.core.errors import FitError
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.mac import frac
 from ema.core.modes import Chosen, ModalModel, Mode, OrderReport, Pair, ResidualTerms
 from ema.core.recording import ExponentialWindow
+from ema.core.references import driving_point
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import PoleFit
 from ema.fitting.variable_projection import Complex
@@ -296,3 +298,82 @@ def _notes(rows: Sequence[Row], choice: Choice) -> list[str]:
         for row in rest
         if row.doubt
     ]
+
+
+# A force drives a mode if the residue at its place is this many standard deviations.
+_LEAST_DRIVE = 3.0
+# No residue is known better than this.
+_EXACT = 1e-6
+# A force contradicts the others beyond this many of its standard deviations.
+_CLEAR = 3.3
+
+
+def with_modal_masses(
+    models: Sequence[ModalModel], frfs: Sequence[FRF], most: float
+) -> tuple[list[ModalModel], list[Finding]]:
+    """Models of several forces with the modal masses that their driving points give.
+
+    At the point that a force drives, residue and shape give the mass of the mode:
+    m = φ²/(2jω_d A), that of the shape as it is listed, its largest part 1. Weighted mean of all
+    forces; ± from the residues, or from the scatter of the forces where that is more. Forces that
+    differ by more than `most` give a finding.
+    """
+    masses: dict[int, tuple[float, float, float]] = {}
+    apart = 0.0, ""
+    for k, mode in enumerate(models[0].modes):
+        seen = []
+        for model, frf in zip(models, frfs, strict=True):
+            own, place = counterpart(k, mode, model), driving_point(frf)
+            if own is not None and place is not None:
+                seen += _mass_at(own, *place)
+        if not seen:
+            continue
+        mass, std = np.array(seen).T
+        weight = std**-2.0 / np.sum(std**-2.0)
+        mean = float(weight @ mass)
+        off = np.abs(mass - mean)
+        scatter = max(np.sum((off / std) ** 2) / max(mass.size - 1, 1), 1.0)
+        known = np.sqrt(scatter / np.sum(std**-2.0))
+        spread = np.sqrt(weight @ off**2) / mean if mass.size > 1 else np.nan
+        masses[k] = mean, float(known), float(spread)
+        clear = float(np.max(off / mean, where=off > _CLEAR * std, initial=0.0))
+        apart = max(apart, (clear, f"{mode.frequency_hz:.2f} Hz"))
+    doubt = []
+    if apart[0] > most:
+        detail = (
+            f"modal masses from the driving points differ by {100 * apart[0]:.0f} % at {apart[1]}: "
+            "check gains, places and directions of the forces"
+        )
+        doubt.append(Finding("", "", None, Check.FORCES, Verdict.WARNING, detail))
+    scaled = []
+    for model in models:
+        modes = list(model.modes)
+        for k, (mean, known, spread) in masses.items():
+            own = counterpart(k, models[0].modes[k], model)
+            if own is not None:
+                modes[modes.index(own)] = replace(
+                    own, modal_mass_kg=mean, modal_mass_std_kg=known, modal_mass_spread=spread
+                )
+        scaled.append(replace(model, modes=tuple(modes)))
+    return scaled, doubt
+
+
+def counterpart(k: int, mode: Mode, model: ModalModel) -> Mode | None:
+    """The mode `k` of another force's model; poles that coincide follow each other there too."""
+    alike = [
+        (abs(other.pole - mode.pole), at != k, other)
+        for at, other in enumerate(model.modes)
+        if (other.order, other.member) == (mode.order, mode.member)
+    ]
+    away, _, nearest = min(alike, key=lambda each: each[:2], default=(np.inf, True, mode))
+    return nearest if away < -mode.pole.real else None
+
+
+def _mass_at(own: Mode, row: int, sign: int) -> list[tuple[float, float]]:
+    """Modal mass and its ± from one driving point; nothing where the force is at a node."""
+    residue = sign * complex(own.residues[row])
+    std = float(own.residues_std[row])
+    if not abs(residue) > _LEAST_DRIVE * std:
+        return []
+    mass = float((own.shape[row] ** 2 / (2j * own.pole.imag * residue)).real)
+    return [(mass, abs(mass) * max(std / abs(residue), _EXACT))]

@@ -22,7 +22,7 @@ from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
 from ema.core.modes import COMMON_NAMES, ModalModel, Mode, Pair, modes_html
 from ema.core.numerics import frame_of
-from ema.core.references import counterpart
+from ema.fitting.listing import counterpart
 from ema.identify import Identification
 from ema.poles.stability import Opinion, StabilityDiagram
 from ema.signals.steadiness import Steadiness
