@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ema.core.errors import InputError, inert
 from ema.core.frf import FRF
 from ema.core.modes import Mode
+from ema.core.references import driving_point
 from model.arguments import ReadonlyArrays
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.results import tables
@@ -107,7 +108,7 @@ def _circle(result: Result) -> Geometry:
 
 
 def _line(frf: FRF) -> Geometry:
-    node = node_numbers(frf)
+    node, place = node_numbers(frf), driving_point(frf)
     along = _STEP_M * np.arange(node.size)
     zeros = np.zeros(node.size)
     return Geometry(
@@ -117,7 +118,7 @@ def _line(frf: FRF) -> Geometry:
         direction=np.eye(3)[np.where(frf.axis > 0, frf.axis, Z) - 1],
         direction_code=Z,
         n_measured=node.size,
-        reference_node=0,
+        reference_node=int(node[place[0]]) if place is not None and place[1] > 0 else 0,
         is_closed=False,
         notes=("no angles known: nodes on a line, 0.1 m apart; motion without an axis along z",),
     )

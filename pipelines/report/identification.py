@@ -77,7 +77,7 @@ def modes(result: Result) -> Section:
     doubt = orders_in_doubt(result)
     every = _mode_columns(model, with_orders=not doubt)
     columns = {title: cells for title, cells in every.items() if set(cells) != {DASH}}
-    words = len(columns) - 2, len(columns) - 1
+    words = tuple(k for k, title in enumerate(columns) if title in ("pair", "status"))
     table = Table.of_columns("Identified modes", columns, words)
     blocks: tuple[Block, ...] = (table, Paragraph(_fit_text(model)), *listed(model.notes))
     orders = (Paragraph(ORDERS_WITHHELD, "bad"),) if doubt else _orders(model)
@@ -95,9 +95,10 @@ def references(result: Result) -> tuple[Section, ...]:
     for force, name in names.items():
         own = [cells.get((k, force)) for k in range(1, len(model.modes) + 1)]
         columns[f"{name}: drive"] = [DASH if e is None else f"{e.drive:.3f}" for e in own]
-        columns[f"{name}: share of its order / %"] = [
-            DASH if e is None else f"{100 * e.share:.1f}" for e in own
-        ]
+        if any(mode.member for mode in model.modes):
+            columns[f"{name}: share of its order / %"] = [
+                DASH if e is None else f"{100 * e.share:.1f}" for e in own
+            ]
     text = (
         f"{counted(len(names), 'force')} were identified together: poles and shapes are common to "
         "all, and each force drives them in its own way. FRFs and fits shown elsewhere in this "
