@@ -145,7 +145,7 @@ class Score:
                 rest.remove(near)
                 own.append(found[near])
                 self._number(found[near], hz[k], ratio[k])
-                if len(group) == 1 and np.isfinite(found[near].modal_mass_kg):
+                if len(group) == 1 and shapes.size and np.isfinite(found[near].modal_mass_kg):
                     mode, size = found[near], np.sum(shapes[k] ** 2)
                     truth = mass[k] * float(mode.shape.real @ shapes[k] / size) ** 2
                     self.masses.append((mode.modal_mass_kg - truth) / mode.modal_mass_std_kg)

@@ -18,7 +18,7 @@ from ema.core.settings import IdentificationSettings
 from ema.fitting.covariance import JointSpread, parameter_covariance, spread_of
 from ema.fitting.curve_fit import final_drift
 from ema.fitting.fit_steps import is_undetermined, modes_of
-from ema.fitting.joint_poles import Driven, JointLines, JointPoint, OfForce
+from ema.fitting.joint_poles import Driven, JointLines, JointPoint, OfForce, each_once
 from ema.fitting.listing import Row, Settled
 from ema.fitting.mode_pairs import in_one_state
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit, evaluate
@@ -26,8 +26,8 @@ from ema.fitting.search import NO_SHIFT, CurveFit
 from ema.fitting.variable_projection import Complex, Real, project, stacked
 from ema.poles.stability import StabilityDiagram, select_poles
 
-# Rounds in which poles that hardly show are dropped.
-_MOST_DROPS = 8
+# Rounds in which poles that are no modes are dropped, or joined.
+_MOST_DROPS = 12
 # Poles of the diagram within this many half-widths are taken from the same model order.
 _TOGETHER = 1.0
 # A pole that hardly shows is a mode if it explains this many times what is left beyond noise.
@@ -108,6 +108,9 @@ class _Joint:
         start = self._start(diagram)
         point = self._fit(self.problem, start)
         for _ in range(_MOST_DROPS):
+            if (once := each_once(point)) is not None:
+                point = self._fit(self.problem, once)
+                continue
             (measured, left), worth, driven = point.near(), point.worth(), point.driven
             share = np.sqrt(worth / np.maximum(measured, 1e-300))
             noise = ~(point.chance(self.correlation) < self.settings.residue_p_value)

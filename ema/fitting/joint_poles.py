@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from ema.core.mac import auto_mac
 from ema.fitting.pole_fit import Lines
 from ema.fitting.variable_projection import Complex, Projection, Real, descend, project, stacked
 
@@ -34,6 +35,9 @@ _SIZE = 0.1
 _RESONANCE = 2.0
 # Poles within so many half-widths share one.
 _SHARED = 1.0
+# Two poles in one resonance are one mode if their shapes have this MAC, and a second shape has
+# less than this share of their residues.
+_ALIKE, _ONE_SHAPE = 0.9, 0.1
 # Least share of a line's noise that its residual is taken to show.
 _LEAST_FREE = 0.1
 
@@ -423,3 +427,27 @@ class JointPoint:
         """Probability that noise alone is worth as much as each mode."""
         size = self.worth() / (correlation * max(self.reduced, np.finfo(float).eps))
         return np.asarray(chdtrc(2 * self.problem.scale.size, size))
+
+
+def each_once(point: JointPoint) -> Driven | None:
+    """Poles with one in the place of two that share a resonance and one shape; None where none do.
+
+    Whatever loads the structure at a force moves the mode as this force sees it: that is no second
+    mode. Two modes differ in shape, or coincide and then have a plane of shapes.
+    """
+    driven, shapes = point.driven, point.shapes
+    alike = driven.shared & (auto_mac(shapes.T) > _ALIKE)
+    for one, other in zip(*np.nonzero(np.triu(alike, 1)), strict=True):
+        group = [int(one), int(other)]
+        residues = shapes[:, group] @ driven.participation[group]
+        sizes, drives = np.linalg.svd(residues, full_matrices=False)[1:]
+        if sizes[1] > _ONE_SHAPE * sizes[0]:
+            continue
+        weight = np.sum(np.abs(shapes[:, group]) ** 2, axis=0)
+        weight *= np.sum(np.abs(driven.participation[group]) ** 2, axis=1)
+        gone = np.arange(driven.poles.size) == other
+        poles, participation = driven.poles.copy(), driven.participation.copy()
+        poles[one] = np.average(driven.poles[group], weights=weight)
+        participation[one] = drives[0]
+        return Driven(poles, participation, driven.states).without(gone)
+    return None

@@ -306,6 +306,8 @@ _LEAST_DRIVE = 3.0
 _EXACT = 1e-6
 # A force contradicts the others beyond this many of its standard deviations.
 _CLEAR = 3.3
+# … where it has this share of the weight of the best one: else what it sees is other modes.
+_COUNTS = 0.1
 
 
 def with_modal_masses(
@@ -336,7 +338,8 @@ def with_modal_masses(
         known = np.sqrt(scatter / np.sum(std**-2.0))
         spread = np.sqrt(weight @ off**2) / mean if mass.size > 1 else np.nan
         masses[k] = mean, float(known), float(spread)
-        clear = float(np.max(off / mean, where=off > _CLEAR * std, initial=0.0))
+        counts = (off > _CLEAR * std) & (weight > _COUNTS * weight.max())
+        clear = float(np.max(off / mean, where=counts, initial=0.0))
         apart = max(apart, (clear, f"{mode.frequency_hz:.2f} Hz"))
     doubt = []
     if apart[0] > most:
@@ -351,7 +354,8 @@ def with_modal_masses(
         for k, (mean, known, spread) in masses.items():
             own = counterpart(k, models[0].modes[k], model)
             if own is not None:
-                modes[modes.index(own)] = replace(
+                at = next(i for i, each in enumerate(model.modes) if each is own)
+                modes[at] = replace(
                     own, modal_mass_kg=mean, modal_mass_std_kg=known, modal_mass_spread=spread
                 )
         scaled.append(replace(model, modes=tuple(modes)))
