@@ -48,7 +48,10 @@ def write_csv(path: Path, table: pd.DataFrame, *, decimal_comma: bool = False) -
 
     Texts are inert: a spreadsheet takes none for a formula, and a terminal for a command.
     """
-    shown = table.apply(_inert_column).set_axis([inert(name) for name in table], axis=1)
+    shown = table.set_axis([inert(name) for name in table], axis=1)
+    for place, (_, column) in enumerate(table.items()):
+        if not _is_numeric(column):
+            shown.isetitem(place, column.astype(object).map(inert))
     separator, point, encoding = (";", ",", "utf-8-sig") if decimal_comma else (",", ".", "utf-8")
     look: Any = {"sep": separator, "decimal": point, "encoding": encoding}
     shown.to_csv(path, index=False, lineterminator="\n", **look)
@@ -69,10 +72,6 @@ def write_parquet(
         if name in _REPEATING or not (_is_number(column.type) or pa.types.is_boolean(column.type))
     ]
     pq.write_table(content, path, use_dictionary=repeating)
-
-
-def _inert_column(column: pd.Series[Any]) -> pd.Series[Any]:
-    return column if _is_numeric(column) else column.astype(object).map(inert)
 
 
 def _is_numeric(column: pd.Series[Any]) -> bool:
