@@ -51,7 +51,7 @@ def write_csv(path: Path, table: pd.DataFrame, *, decimal_comma: bool = False) -
     shown = table.set_axis([inert(name) for name in table], axis=1)
     for place, (_, column) in enumerate(table.items()):
         if not _is_numeric(column):
-            shown.isetitem(place, column.astype(object).map(inert))
+            shown.isetitem(place, np.array([*map(inert, column)], dtype=object))
     separator, point, encoding = (";", ",", "utf-8-sig") if decimal_comma else (",", ".", "utf-8")
     look: Any = {"sep": separator, "decimal": point, "encoding": encoding}
     shown.to_csv(path, index=False, lineterminator="\n", **look)
