@@ -252,16 +252,16 @@ class PairProblem:
         return self._solved[1]
 
     def _eliminated(self, waves: Complex) -> _Linear:
-        columns, weight = np.zeros((_N_LINEAR, waves.size + _N_LINEAR - 1), complex), self.weight
+        columns = np.zeros((_N_LINEAR, waves.size + _N_LINEAR - 1), dtype=complex)
         design = columns[:, : waves.size].reshape(_N_LINEAR, *waves.shape)
-        design[0] = waves * weight[:, None]
-        design[1:3, 0] = waves * weight[0]
-        design[3:5, 1] = waves * weight[1]
+        design[0] = waves * self.weight[:, None]
+        design[1:3, 0] = waves * self.weight[0]
+        design[3:5, 1] = waves * self.weight[1]
         allowed = max(self.wave_std * self.amplitude, 1e-300)
         np.fill_diagonal(columns[1:, waves.size :], 1 / allowed)
         right = np.zeros(columns.shape[1], dtype=complex)
-        right[: waves.size] = (self.inside * weight[:, None]).ravel()
-        size = np.sqrt(np.einsum("ij,ij->i", columns.conj(), columns).real)
+        right[: waves.size] = (self.inside * self.weight[:, None]).ravel()
+        size = np.linalg.norm(columns, axis=1)
         factors, scales, _, _ = zgeqrf((columns / size[:, None]).T)  # faster than numpy's qr
         orthonormal = zungqr(factors, scales)[0]
         seen = orthonormal.conj().T @ right
@@ -273,8 +273,10 @@ class PairProblem:
         """FRFs of cosine and sine for unit amplitude, (n_sets, 2, n_lines)."""
         pole, along, across = (each[:, None, None] for each in self._states(x))
         first, second = np.cos(x[:, _FORCE]), np.sin(x[:, _FORCE])
-        seen = np.array([[first, second], [first, -second], [second, first]])
-        force, by_along, by_across = seen.swapaxes(1, 2)[..., None]
+        force, by_along, by_across = (
+            np.stack(each, axis=1)[:, :, None]
+            for each in ((first, second), (first, -second), (second, first))
+        )
         # jω − s and its mirror image; beside their product, the inverse of Λ's has a constant and
         # a part that is linear in jω.
         away, mirrored = 1j * self.omega - pole, 1j * self.omega - pole.conj()
