@@ -107,6 +107,7 @@ class FileContent:
     frf_without_unit: tuple[int, ...] = ()  # rows whose values are as the file has them
     nodes: Nodes | None = None  # of a file with neither
     coherences: Coherences | None = None  # the same
+    is_result: bool = False  # FRFs that were made of recordings before
 
     @property
     def frf_force_node(self) -> int | None:

@@ -17,11 +17,12 @@ from ema.core.frf import FRF
 from ema.core.numerics import constant
 from ema.core.recording import DERIVATIVES
 from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
-from ema.io.columns import NOWHERE, Column, Point, label_of_axis, point_of
+from ema.io.columns import NOWHERE, Column, Point, is_time, label_of_axis, point_of
 from ema.io.content import EXPORT_AGAIN, FileContent
 from ema.io.rates import even_step, uneven
 
 _FREQUENCY_NAMES = {"f", "freq", "frequency", "frequenz", "frequence", "fréquence", "frequencia"}
+_ANGULAR = {"omega": "rad/s", "ω": "rad/s", "w": "rad/s"}  # what such a name means
 # An FRF with a resonance passes 90°; a phase in rad that is not wrapped stays below 14 turns.
 _FEWEST_DEGREES = 90.0
 _DEGREES = {"deg", "°", "degree", "degrees", "grad"}
@@ -39,9 +40,9 @@ _SEPARATORS = " \t_-:|,.()"
 class _Part(Enum):
     """What a column has of an FRF."""
 
-    REAL = r"re|real|realteil|reell"
-    IMAGINARY = r"im|imag|imaginary|imaginär|imaginärteil|imaginaer"
-    MAGNITUDE = r"mag|magn|magnitude|abs|amp|ampl|amplitude|betrag"
+    REAL = r"re|real|realteil|reell|réelle?"
+    IMAGINARY = r"im|imag|imaginary|imaginär|imaginärteil|imaginaer|imaginaire"
+    MAGNITUDE = r"mag|magn|magnitude|abs|amp|ampl|amplitude|betrag|modul(?:e|us)?"
     PHASE = r"phase|phas|ph|phi|arg|angle|winkel"
     COHERENCE = r"coh|coherence|kohärenz|kohaerenz|msc|cxy|gamma2"
 
@@ -56,11 +57,32 @@ def has_frequency(columns: Sequence[Column]) -> bool:
     """Whether the first column is of frequencies, by its name or its unit."""
     if not columns:
         return False
-    name, unit = label_of_axis(columns[0].name.strip(_SEPARATORS), columns[0].unit)
-    axis = parse_axis(unit)
-    if axis is not None and (is_stated(columns[0].unit) or name.lower() in _FREQUENCY_NAMES):
-        return axis.kind == FREQUENCY
-    return name.lower() in _FREQUENCY_NAMES and not is_stated(unit)
+    axis = parse_axis(unit_of_lines(columns[0]))
+    return axis is not None and axis.kind == FREQUENCY
+
+
+def unit_of_lines(column: Column) -> str:
+    """Unit of frequencies: stated, or in the name, as that or as its meaning."""
+    if is_stated(column.unit):
+        return column.unit
+    name, unit = label_of_axis(column.name.strip(_SEPARATORS))
+    if name.lower() in _FREQUENCY_NAMES:
+        return unit or "Hz"
+    return _ANGULAR.get(name.lower(), name)
+
+
+def refuse_other_lines(path: Path, columns: Sequence[Column]) -> None:
+    """Refuse FRFs over something that is no frequency, such as orders, or is not called so."""
+    found = [each for each in columns if parse_ratio(each.unit) and _has_part(each.name)]
+    if len(found) < 2 or any(is_time(each.name, each.unit) for each in columns):
+        return
+    first = columns[0]
+    what = f"{first.name!r} in {first.unit!r}" if is_stated(first.unit) else repr(first.name)
+    rule = "FRFs must stand behind a column of frequencies"
+    remedy = "Call that column Frequency [Hz], if it is"
+    raise RecordingFormatError(
+        path.name, f"FRFs such as {found[0].name!r} behind {what}", rule, remedy
+    )
 
 
 def with_frequency_first(path: Path, columns: Sequence[Column]) -> list[Column] | None:
@@ -166,7 +188,7 @@ def _fault(path: Path, column: str, found: str, rule: str, remedy: str) -> Recor
 
 def _lines(path: Path, column: Column) -> NDArray[np.float64]:
     """Frequency lines in Hz, which must be equidistant."""
-    axis = parse_axis(label_of_axis(column.name, column.unit)[1])
+    axis = parse_axis(unit_of_lines(column))
     stored = np.asarray(column.samples, dtype=np.float64) * (axis.factor if axis else 1.0)
     steps = even_step(stored)
     if steps is None or stored[0] < 0.0:

@@ -23,7 +23,7 @@ from ema.io.columns import (
     without_complex,
 )
 from ema.io.content import FileContent, left_out, reading, states_treatment
-from ema.io.frf_table import frf_content, has_frequency, with_frequency_first
+from ema.io.frf_table import frf_content, has_frequency, unit_of_lines, with_frequency_first
 from ema.io.hdf5 import Hdf5File, opened
 from ema.io.mat5 import COPY_AGAIN, HEADER_BYTES, LeftOut, Mat5Reader
 from ema.io.rates import plain_name, stated_rate, states_rate
@@ -333,7 +333,9 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
         what = f"no vectors or matrices of numbers beside {held or 'time'}"
         raise RecordingFormatError(path.name, what, _LAYOUTS, _SAVE_AGAIN)
     columns = [
-        Column(name, label_of_axis(name)[1] or ("s" if is_time(name, "") else "Hz"), found.vectors[name])
+        replace(_bare(name, found), unit=label_of_axis(name)[1] or "s")
+        if is_time(name, "")
+        else replace(_bare(name, found), unit=unit_of_lines(_bare(name, found)))
         for name in times
     ]
     if found.matrices:

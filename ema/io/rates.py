@@ -254,7 +254,9 @@ def _rounded_step(stamps: NDArray[np.float64]) -> Steps | None:
     deviation = np.abs(stamps - (stamps.mean() + step * index))
     for places in (_last_place(stamps), _last_digits(stamps)):
         tolerance = float(np.max(places)) / (step * (len(stamps) - 1))
-        if tolerance < _UNEVEN and np.all(deviation <= (1 + tolerance) * places / 2 + _UNEVEN * step):
+        if tolerance < _UNEVEN and np.all(
+            deviation <= (1 + tolerance) * places / 2 + _UNEVEN * step
+        ):
             return Steps(step, 1.0 / step, tolerance)
     return None
 

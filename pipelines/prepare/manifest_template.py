@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ema.core.errors import InputError
 from ema.core.recording import VOLTAGE
-from ema.io.campaign.agreement import joined
+from ema.io.campaign.agreement import joined, without_results
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.campaign.read import recordings_in
 from ema.io.content import FileContent
@@ -127,7 +127,7 @@ def _read_all(paths: Sequence[Path]) -> tuple[list[Source], tuple[Path, ...], di
             errors[path] = str(error)
     sources: list[Source] = []
     beside: list[Path] = []
-    for content in joined(contents):
+    for content in joined(without_results(contents)):
         sources += sources_of(content)
         if content.nodes is not None or content.coherences is not None:
             beside.append(content.path)

@@ -21,6 +21,7 @@ from ema.core.frf import FRF
 from ema.core.modes import MODE_COLUMNS, ModalModel, Mode, OrderReport
 from ema.core.numerics import frame_of
 from ema.core.references import References
+from ema.io.uff.frf import OF_A_RESULT
 from ema.io.uff.write import write_frfs as write_universal
 from ema.poles.stability import StabilityDiagram
 from pipelines.results.result import OtherMode, Result, Validation
@@ -347,7 +348,8 @@ def write_frfs(every: Sequence[FRF], folder: Path) -> None:
     FRFs of several forces follow each other, and a column tells whose they are.
     """
     frf = every[0]
-    write_universal(folder / "frf.uff", References(tuple(every)) if every[1:] else frf)
+    universal = References(tuple(every)) if every[1:] else frf
+    write_universal(folder / "frf.uff", universal, note=OF_A_RESULT)
     metadata = {name: str(getattr(frf, name)) for name in _OF_FORCE}
     metadata["n_positions"] = str(sum(each.n_positions for each in every))
     write_parquet(folder / "frf.parquet", frfs(*every), metadata)

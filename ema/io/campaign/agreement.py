@@ -320,6 +320,19 @@ def _unless_stray(path: Path) -> FileContent:
     return FileContent(path, findings=(remark(path, "", Check.CONTENT, detail),))
 
 
+def without_results(contents: Sequence[FileContent]) -> list[FileContent]:
+    """The contents, of which FRFs of a result are set aside and named where others have data."""
+    if all(each.is_result for each in contents if each.has_data):
+        return list(contents)
+    detail = "FRFs of a result beside what others have measured: set aside"
+    return [
+        FileContent(each.path, findings=(remark(each.path, "", Check.CONTENT, detail),))
+        if each.is_result
+        else each
+        for each in contents
+    ]
+
+
 def joined(contents: Sequence[FileContent]) -> list[FileContent]:
     """The contents, those with data completed by what the others have.
 

@@ -20,7 +20,7 @@ from ema.core.recording import Recording
 from ema.core.references import References
 from ema.core.settings import CheckSettings, IdentificationSettings, settings_from
 from ema.io.campaign import agreement
-from ema.io.campaign.agreement import joined, read_folder
+from ema.io.campaign.agreement import joined, read_folder, without_results
 from ema.io.campaign.axes import (
     Around,
     calibrated,
@@ -195,7 +195,7 @@ def _instead_of(file: str, folder: Path) -> str:
 
 def _usable(read: Sequence[FileContent]) -> list[FileContent]:
     """Contents completed by one another; refused if none has data, or two are the same."""
-    contents, paths = joined(read), [each.path for each in read]
+    contents, paths = joined(without_results(read)), [each.path for each in read]
     agreement.check_duplicates(paths)
     if not any(each.has_data for each in contents):
         notes = "; ".join(finding.detail for each in contents for finding in each.findings)

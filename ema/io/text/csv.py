@@ -16,7 +16,7 @@ from ema.core.recording import Channel
 from ema.core.units import is_stated
 from ema.io.columns import Column, content_of_columns, is_time
 from ema.io.content import EXPORT_AGAIN, FileContent, note, remark
-from ema.io.frf_table import frf_content, has_frequency
+from ema.io.frf_table import frf_content, has_frequency, refuse_other_lines
 from ema.io.text.layout import Layout, find_layout
 from ema.io.text.source import TextSource, open_text
 from ema.io.text.table import Cells, missing_samples, read_cells
@@ -57,6 +57,7 @@ def read_table(path: Path, source: TextSource) -> FileContent:
         columns = columns[-1:] + columns[:-1] if has_frequency(columns[-1:]) else columns
     if has_frequency(columns):
         return frf_content(path, columns, findings)
+    refuse_other_lines(path, columns)
     return content_of_columns(path, columns, rate=layout.rate, findings=findings)
 
 

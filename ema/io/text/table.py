@@ -31,7 +31,12 @@ _NARROW_BYTES = 4  # cells of fewer bytes are kept in single precision where tha
 _CUT_SHORT = "the file is cut short"
 _USUAL_MISSING = ["", "NaN", "nan", "-", "#N/A"]  # for each column Arrow builds a tree of these
 _HOUR_NS = 3_600_000_000_000
-_MONTHS = {name: n for n, name in enumerate("jan feb mar apr may jun jul aug sep oct nov dec".split(), 1)}
+_MONTHS = {
+    name: n
+    for n, name in enumerate(
+        ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"], 1
+    )
+}
 _MONTHS |= {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12}
 _STAMP_RULE = (
     "a time stamp must be hh:mm:ss.s, or a date and that (ISO 8601, 31.12.2026, 12/31/2026)"

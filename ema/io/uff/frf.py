@@ -191,12 +191,13 @@ def _by_arrow(
     same = len(set(widths)) == 1
     numbers, begin = [], 0
     for width in [sum(widths)] if same else widths:
-        fields = table[:, begin : begin + width].reshape(len(table), -1, widths[0] if same else width)
+        size = widths[0] if same else width
+        fields = table[:, begin : begin + width].reshape(len(table), -1, size)
         begin += width
         if (fields[..., -1] <= ord(" ")).any():
             return None
         n_blank = next((at for at in range(width) if (fields[..., at] != ord(" ")).any()), 0)
-        chars = np.array(fields[..., n_blank:]).reshape(-1, fields.shape[2] - n_blank)
+        chars = np.array(fields[..., n_blank:]).reshape(-1, size - n_blank)
         is_padded = ahead == " " and not (chars[:, min(1, chars.shape[1] - 1)] == ord(" ")).any()
         if is_padded:  # a zero in the place of the sign is far cheaper than trimming
             chars[chars[:, 0] == ord(" "), 0] = ord("0")
@@ -217,6 +218,17 @@ _SAME_LINE = 1e-3  # of the step between lines
 
 #: Begins the third ID line of FRFs that ringmodal exported from modes.
 SYNTHESISED = "synthesised"
+#: The third ID line of the FRFs of a result.
+OF_A_RESULT = "FRFs of a result of ringmodal"
+_OWN = (OF_A_RESULT, SYNTHESISED, "measured; direction")
+_BESIDE_A_RESULT = "provenance.json"
+
+
+def is_of_a_result(path: Path, datasets: Sequence[Dataset]) -> bool:
+    """Whether FRFs are what ringmodal made of recordings, by their ID lines or their folder."""
+    if path.with_name(_BESIDE_A_RESULT).is_file():
+        return True
+    return all(each.header58.id_lines[2].startswith(_OWN) for each in datasets)
 
 
 def measured_only(path: Path, datasets: list[Dataset], findings: list[Finding]) -> list[Dataset]:

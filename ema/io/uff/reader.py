@@ -19,6 +19,7 @@ from ema.io.content import (
     FileContent,
     entries,
     not_together,
+    note,
     remark,
     stated_windows,
     statements_of_1858,
@@ -35,6 +36,7 @@ from ema.io.uff.dataset58_header import (
 from ema.io.uff.frf import (
     axis_factor,
     coherences_alone,
+    is_of_a_result,
     measured_only,
     read_frf,
     read_values,
@@ -104,19 +106,21 @@ def read(path: Path, *, form_only: bool = False) -> FileContent:
     circle = around.circle
     if placed := dict(filter(None, map(_force_place, responses))):
         circle = replace(circle, angle_deg={**circle.angle_deg, **placed})
-    recording, frf = None, None
+    recording, frf, is_result = None, None, False
     of_forces: tuple[tuple[int, int], ...] = ()
     if times:
         recording = _read_recording(path, times, around, findings, form_only=form_only)
     if responses:
         coherences = [each for each in datasets if _function(each) == COHERENCE]
         frf, of_forces = read_frf(path, responses, coherences, around, findings)
+        if is_result := is_of_a_result(path, responses):
+            findings.append(note(path, Check.CONTENT, "FRFs that ringmodal made of recordings"))
     names = _channel_names([each.header58 for each in responses])
     windows, ignored = stated_windows(path, _statements(path, datasets, (*times, *responses)))
     noticed = *findings, *ignored
     unitless = tuple(row for row, each in enumerate(responses) if states_no_unit(each))
     found = FileContent(path, recording, frf, names, of_forces, noticed, circle, windows)
-    return replace(found, frf_without_unit=unitless)
+    return replace(found, frf_without_unit=unitless, is_result=is_result)
 
 
 def _force_place(dataset: Dataset) -> tuple[int, float] | None:

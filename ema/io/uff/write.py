@@ -83,6 +83,7 @@ def write_frfs(
     frf: FRF | References,
     *,
     reference_node: int = 0,
+    note: str = "NONE",
     precision: Precision = "double",
     byte_order: ByteOrder = "little",
     binary: bool = True,
@@ -90,8 +91,8 @@ def write_frfs(
     """Write inertances as datasets 58b (or 58), function type 4, acceleration over force.
 
     Lines are equidistant; coherence and deviation are not written. `reference_node` is that of the
-    force; each of several has its own, and its angle, if any, in the fourth ID line. `InputError`
-    if the FRF has no rows or fewer than two lines.
+    force; each of several has its own, and its angle, if any, in the fourth ID line. `note` is the
+    third ID line. `InputError` if the FRF has no rows or fewer than two lines.
     """
     order = byte_order if binary else None
     with Path(path).open("wb") as file:
@@ -103,6 +104,7 @@ def write_frfs(
                 *(file, each),
                 reference_node=node,
                 force_deg=angle,
+                note=note,
                 precision=precision,
                 byte_order=order,
             )
