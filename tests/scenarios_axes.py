@@ -147,6 +147,7 @@ STARTS = (
 )
 
 _AS_WRITTEN = Read(first={"force": tuple(_FORCE[:4]), "A01": tuple(_MOTION[:4])})
+_FINE = Read(rate_hz=2000.0, first=_AS_WRITTEN.first)
 UNITS = tuple(
     _csv(
         f"times under {header.partition(',')[0]}",
@@ -160,7 +161,23 @@ UNITS = tuple(
         ("ns", 1e9, 0),
         ("min", 1 / 60, 10),
     )
-    for header in (f"time [{unit}],force [N],A01 [m/s^2]", f"Zeit ({unit}),force [N],A01 [m/s^2]")
+    for header in (
+        f"time [{unit}],force [N],A01 [m/s^2]",
+        f"Zeit ({unit}),force [N],A01 [m/s^2]",
+        f"time_{unit},force [N],A01 [m/s^2]",
+        f"Zeit in {unit},force [N],A01 [m/s^2]",
+        f"Elapsed Time/{unit},force [N],A01 [m/s^2]",
+    )
+)
+UNITS += tuple(
+    _csv(f"a count of date and time, {name}", _timed(times, f"{name},force [N],A01 [m/s^2]"), _FINE)
+    for name, times in {
+        "Date/Time": [f"{46354.4 + k / 2000 / 86400:.12f}" for k in range(N)],
+        "timestamp": [1764350000 * 10**9 + 500_000 * k for k in range(N)],
+        "Timestamp_ns": [1764350000 * 10**9 + 500_000 * k for k in range(N)],
+        "TimeUs": [1764350000 * 10**6 + 500 * k for k in range(N)],
+        "millis": [f"{k / 2:.1f}" for k in range(N)],
+    }.items()
 )
 
 
@@ -337,6 +354,14 @@ _KINDS = {
     "ISO with a short offset": ("\t", "%Y-%m-%dT%H:%M:%S.%f", {"zone": "-0530"}),
     "ISO in UTC over midnight": (",", "%Y-%m-%dT%H:%M:%S.%f", _MIDNIGHT | {"zone": "Z"}),
     "times of day over midnight": (",", "%H:%M:%S.%f", _MIDNIGHT),
+    "months by name over midnight": (",", "%d-%b-%Y %H:%M:%S.%f", _MIDNIGHT),
+    "months in front": (";", "%b %d, %Y %H:%M:%S.%f", _MIDNIGHT),
+    "German months": (";", "%d. Mär. %Y %H:%M:%S,%f", {}),
+    "days without marks": (",", "%Y%m%d %H:%M:%S.%f", _MIDNIGHT),
+    "parts of a second behind a colon": (",", "%d.%m.%Y %H:%M:%S:%f", {}),
+    "a zone by name": (",", "%Y-%m-%d %H:%M:%S.%f", {"zone": " UTC"}),
+    "days since the start": (",", "%-d days %H:%M:%S.%f", _MIDNIGHT),
+    "minutes alone over the hour": (",", "%M:%S.%f", _MIDNIGHT),
     "hours of one digit": (",", "%-H:%M:%S.%f", {"start": "2026-03-01 09:59:59.9"}),
 }
 

@@ -32,6 +32,7 @@ from ema.io.rates import (
     UNSTATED,
     Rate,
     agreed,
+    count_of_dates,
     even_step,
     likeliest,
     rate_findings,
@@ -45,18 +46,14 @@ _TIME_NAMES = {
 }
 _TIME_WORD = re.compile(r"(?:^|[^a-z])(?:time|zeit|timestamp|temps|tiempo|tempo)(?:[^a-z]|$)")
 # A unit of time or frequency behind a name: time_ms, Zeit in ms, TimeUs, omega_rad_s.
-_UNIT_BEHIND = re.compile(
-    r"(?P<stem>.+?)(?:[\s_.,/:-]+(?:in[\s_]+)?|(?<=[a-z])(?=[A-Z]))(?P<unit>[A-Za-zµμ]+(?:[/_][a-z]+)?)"
+_UNITS_BEHIND = tuple(
+    re.compile(rf"(?P<stem>.+){between}(?P<unit>{unit})")
+    for between, unit in (
+        (r"[\s_.,/:-]", r"[A-Za-z]+[/_][a-z]+"),
+        (r"[\s_.,/:-]", r"[A-Za-zµμ]+"),
+        (r"(?<=[a-z])(?=[A-Z])", r"[A-Za-z]+"),
+    )
 )
-# Counts of date and time, by the size of their first value: seconds of one.
-_COUNTS = {
-    "days of a spreadsheet": (30_000.0, 60_000.0, 86_400.0),
-    "days as datenum has them": (715_000.0, 760_000.0, 86_400.0),
-    "ms since 1970": (0.5e12, 5e12, 1e-3),
-    "us since 1970": (0.5e15, 5e15, 1e-6),
-    "ns since 1970": (0.5e18, 5e18, 1e-9),
-}
-_MOST_STEP_S = 0.05  # slower recordings have no day in which they are a number of seconds
 _LABEL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
 # Component, node and direction, as field programs and analysers write them, perhaps with those of
 # the force behind a slash or a colon: Tire:13:+Z/Tire:1:+Z, M#1 13Z:1Z.
@@ -120,11 +117,10 @@ def is_time(name: str, unit: str) -> bool:
 
 def label_of_axis(name: str, unit: str = "") -> tuple[str, str]:
     """Name and unit of an axis, whose unit may be the end of its name, as in ``time_ms``."""
-    match = None if is_stated(unit) else _UNIT_BEHIND.fullmatch(name)
-    if match is not None:
-        for text in (match["unit"], match["unit"].replace("_", "/")):
-            if parse_axis(text) is not None:
-                return match["stem"], text
+    for form in () if is_stated(unit) else _UNITS_BEHIND:
+        match = form.fullmatch(name)
+        if match is not None and parse_axis(text := match["unit"].replace("_", "/")) is not None:
+            return re.sub(r"[\s_]+in$", "", match["stem"]).rstrip(" _.,/:-"), text
     return name, unit
 
 
@@ -259,9 +255,9 @@ def _time_axis(
     """Rate, start and length by a column of time; one of several may be shorter than others."""
     stamps = np.asarray(column.samples, dtype=np.float64)
     stamps = stamps if is_only else _filled(stamps)
-    count = "" if is_stated(column.unit) else _count_of_dates(stamps)
+    count, factor = ("", 1.0) if is_stated(column.unit) else count_of_dates(stamps)
     if count:
-        seconds = _COUNTS[count][2]
+        seconds = factor
         detail = f"{column.name!r} is {stamps[0]:.10g} at its beginning: taken as {count}"
         findings.append(note(path, Check.SAMPLING_RATE, detail))
     stamps = stamps * seconds
@@ -272,15 +268,6 @@ def _time_axis(
         where = f"{path.name}, column {column.name!r}"
         raise RecordingFormatError(where, uneven(stamps), rule, remedy)
     return _Axis(column.name, rate, float(stamps[0]), len(stamps))
-
-
-def _count_of_dates(stamps: NDArray[np.float64]) -> str:
-    """What numbers without a unit count, if these are date and time; else empty."""
-    step = (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
-    for count, (low, high, seconds) in _COUNTS.items():
-        if low <= stamps[0] < high and 0.0 < step * seconds < _MOST_STEP_S:
-            return count
-    return ""
 
 
 def _rises_evenly(samples: NDArray[Any]) -> bool:

@@ -292,6 +292,26 @@ def rate_of_stamps(stamps: NDArray[np.float64], source: str) -> Rate | None:
     return Rate(found.hz, hz - width, hz + width, source, found.is_sure)
 
 
+# Counts of date and time, by the size of their first value: seconds of one.
+_COUNTS = {
+    "days of a spreadsheet": (30_000.0, 60_000.0, 86_400.0),
+    "days as datenum has them": (715_000.0, 760_000.0, 86_400.0),
+    "ms since 1970": (0.5e12, 5e12, 1e-3),
+    "us since 1970": (0.5e15, 5e15, 1e-6),
+    "ns since 1970": (0.5e18, 5e18, 1e-9),
+}
+_MOST_STEP_S = 0.05  # slower recordings have no day in which they are a number of seconds
+
+
+def count_of_dates(stamps: NDArray[np.float64]) -> tuple[str, float]:
+    """What numbers without a unit count if they are date and time, and its seconds; else empty."""
+    step = (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
+    for count, (low, high, seconds) in _COUNTS.items():
+        if low <= stamps[0] < high and 0.0 < step * seconds < _MOST_STEP_S:
+            return count, seconds
+    return "", 1.0
+
+
 def uneven(stamps: NDArray[np.float64], unit: str = "s") -> str:
     """Where times or frequencies that `even_step` refused leave their even steps."""
     axis = "time" if unit == "s" else "frequency"

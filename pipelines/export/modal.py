@@ -19,7 +19,7 @@ from ema.core.errors import InputError, escaped, unknown
 from ema.core.modes import Mode
 from ema.core.numerics import frame_of
 from ema.io.uff import write as uff
-from ema.io.uff.frf import SYNTHESISED
+from ema.io.uff.reader import SYNTHESISED
 from pipelines.export.data import (
     BOTH,
     MEASURED,

@@ -21,7 +21,7 @@ from ema.core.frf import FRF
 from ema.core.modes import MODE_COLUMNS, ModalModel, Mode, OrderReport
 from ema.core.numerics import frame_of
 from ema.core.references import References
-from ema.io.uff.frf import OF_A_RESULT
+from ema.io.uff.reader import OF_A_RESULT
 from ema.io.uff.write import write_frfs as write_universal
 from ema.poles.stability import StabilityDiagram
 from pipelines.results.result import OtherMode, Result, Validation

@@ -16,6 +16,9 @@ from ema.io.rates import UNSTATED, Rate, exact_rate, is_possible, rate_of_step
 from ema.io.text.source import (
     BLANKS,
     CLOCK,
+    COMPLEX,
+    COMPLEX_REMEDY,
+    COMPLEX_RULE,
     DATE,
     MISSING,
     NOT_A_NUMBER,
@@ -35,7 +38,6 @@ _MOST_PREAMBLE = 200  # lines
 _SAMPLE_ROWS = 20
 _SAMPLE_CELLS = 40_000  # of tables with thousands of columns
 _TIME_WITHIN = 50  # columns
-_COMPLEX = re.compile(r"[0-9.]\s?[+-]\s?(?:[ij]\*?)?[0-9.]+(?:[eE][+-]?[0-9]+)?[ij]?\b")
 _SEPARATORS = ("\t", ";", ",", "|")
 
 
@@ -138,9 +140,8 @@ def find_layout(source: TextSource) -> Layout:
             found = f"no rows of numbers below the header, down to line {lines[-1].number}"
         rule = f"numbers must follow a header row, after at most {_MOST_PREAMBLE} other rows"
         remedy = EXPORT_AGAIN
-        if lines and _COMPLEX.search(lines[-1].text):
-            rule = "a complex number must have a cell for its real and one for its imaginary part"
-            remedy = "Write two columns, such as H1 real and H1 imag"
+        if lines and COMPLEX.search(lines[-1].text):
+            rule, remedy = COMPLEX_RULE, COMPLEX_REMEDY
         raise RecordingFormatError(where, found, rule, remedy)
     if best.names is None:
         raise _no_header(where, lines, best)

@@ -194,7 +194,7 @@ MISSING |= {"inf", "-inf", "+inf", "infinity", "-infinity", "1.#inf", "-1.#inf"}
 MISSING |= {"#n/a", "#nv", "#num!", "#wert!", "#value!", "#div/0!", "#ref!"}  # of spreadsheets
 _DATE = r"[0-9]{4}[-/.][0-9]{2}[-/.][0-9]{2}|[0-9]{1,2}[-/.][0-9]{1,2}[-/.](?:[0-9]{4}|[0-9]{2})"
 DATE = re.compile(_DATE)
-_MONTH = r"[^\W\d_]{3,9}\.?"
+_MONTH = r"[A-Za-zÀ-ÿ]{3,9}\.?"
 _LONG_DATE = (
     rf"{_DATE}|[0-9]{{8}}|[0-9]{{1,5}} days?|[0-9]{{1,2}}\.?[- ]{_MONTH}[- ][0-9]{{2,4}}"
     rf"|{_MONTH} [0-9]{{1,2}},? [0-9]{{4}}"
@@ -206,6 +206,10 @@ CLOCK = re.compile(
     r"(?P<rest>[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,9}|:[0-9]{3}(?:[0-9]{3}){0,2})?)"
     r"(?:[ ]*(?P<half>[AaPp])\.?[Mm]\.?)?(?:[ ]?(?:Z|[A-Z]{3,4}|[+-][0-9]{2}(?::?[0-9]{2})?))?"
 )
+# A complex number in one cell, as numpy and MATLAB write it.
+COMPLEX = re.compile(r"[0-9.]\s?[+-]\s?(?:[ij]\*?[0-9.]|[0-9.]+(?:[eE][+-]?[0-9]+)?\s?\*?[ij]\b)")
+COMPLEX_RULE = "a complex number must have a cell for its real and one for its imaginary part"
+COMPLEX_REMEDY = "Write two columns, such as H1 real and H1 imag"
 # Numbers whose points or commas may as well separate thousands: 1,234.
 THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:[.,][0-9]{3})+")
 # Units behind a name without square brackets: "Force (N)", and "Kraft / N" as in DIN 461.

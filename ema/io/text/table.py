@@ -24,7 +24,18 @@ from ema.core.finding import Check, Finding
 from ema.io.columns import is_time
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, arrow_reader, note, remark
 from ema.io.text.layout import Dialect, Layout
-from ema.io.text.source import BLANKS, CLOCK, MISSING, TYPESET, TextSource, cells_of, is_number
+from ema.io.text.source import (
+    BLANKS,
+    CLOCK,
+    COMPLEX,
+    COMPLEX_REMEDY,
+    COMPLEX_RULE,
+    MISSING,
+    TYPESET,
+    TextSource,
+    cells_of,
+    is_number,
+)
 
 _BLOCK_BYTES = 1 << 20
 _NARROW_BYTES = 4  # cells of fewer bytes are kept in single precision where that is exact
@@ -260,7 +271,10 @@ class _Reader:
                 rule = f"a cell must be empty or a number with a decimal {_DECIMAL[decimal]}"
                 if is_time(self._layout.names[index], ""):
                     rule += f"; {_STAMP_RULE}"
-                raise self._fault(number, repr(cell[:40]), rule, index)
+                remedy = EXPORT_AGAIN
+                if COMPLEX.search(cell):
+                    rule, remedy = COMPLEX_RULE, COMPLEX_REMEDY
+                raise self._fault(number, repr(cell[:40]), rule, index, remedy)
         return checked
 
     def _ragged(

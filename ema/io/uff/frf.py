@@ -216,32 +216,6 @@ _SAME_FREQUENCY = 1e-6  # relative
 _ROUNDING = 1e-3  # by which a coherence may exceed 1
 _SAME_LINE = 1e-3  # of the step between lines
 
-#: Begins the third ID line of FRFs that ringmodal exported from modes.
-SYNTHESISED = "synthesised"
-#: The third ID line of the FRFs of a result.
-OF_A_RESULT = "FRFs of a result of ringmodal"
-_OWN = (OF_A_RESULT, SYNTHESISED, "measured; direction")
-_BESIDE_A_RESULT = "provenance.json"
-
-
-def is_of_a_result(path: Path, datasets: Sequence[Dataset]) -> bool:
-    """Whether FRFs are what ringmodal made of recordings, by their ID lines or their folder."""
-    if path.with_name(_BESIDE_A_RESULT).is_file():
-        return True
-    return all(each.header58.id_lines[2].startswith(_OWN) for each in datasets)
-
-
-def measured_only(path: Path, datasets: list[Dataset], findings: list[Finding]) -> list[Dataset]:
-    """FRFs without those marked as synthesised, where there are others."""
-    others = [each for each in datasets if not each.header58.id_lines[2].startswith(SYNTHESISED)]
-    if len(others) < len(datasets):
-        detail = "all FRFs are synthesised, none is measured"
-        if others:
-            drawn = f"{len(datasets) - len(others)} FRFs synthesised from modes"
-            detail = f"{drawn}, left out beside {len(others)} measured ones"
-        findings.append(remark(path, "", Check.CONTENT, detail))
-    return others or datasets
-
 
 def read_frf(
     path: Path,

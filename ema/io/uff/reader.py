@@ -33,15 +33,7 @@ from ema.io.uff.dataset58_header import (
     Header58,
     ordinate_unit,
 )
-from ema.io.uff.frf import (
-    axis_factor,
-    coherences_alone,
-    is_of_a_result,
-    measured_only,
-    read_frf,
-    read_values,
-    states_no_unit,
-)
+from ema.io.uff.frf import axis_factor, coherences_alone, read_frf, read_values, states_no_unit
 from ema.io.uff.geometry import Surroundings, read_nodes, read_surroundings
 from ema.io.uff.scan import Dataset, Lines, damaged, place, scan
 
@@ -66,6 +58,15 @@ _FUNCTIONS |= {19: "force pattern", 20: "partial power", 21: "partial coherence"
 _FUNCTIONS |= {24: "shock response spectrum", 26: "multiple coherence", 27: "order function"}
 
 
+#: Begins the third ID line of FRFs that ringmodal exported from modes.
+SYNTHESISED = "synthesised"
+#: The third ID line of the FRFs of a result.
+OF_A_RESULT = "FRFs of a result of ringmodal"
+_OWN = (OF_A_RESULT, SYNTHESISED, "measured; direction")
+_BESIDE_A_RESULT = "provenance.json"
+_ROTATIONS = {4, 5, 6}  # directions about X, Y and Z
+
+
 def read_headers(path: Path) -> FileContent:
     """Read a universal file without the numbers of long text: those samples are NaN."""
     return read(path, form_only=True)
@@ -84,7 +85,7 @@ def read(path: Path, *, form_only: bool = False) -> FileContent:
     findings: list[Finding] = []
     if others := _describe_left_out(datasets):
         findings.append(remark(path, "", Check.CONTENT, others))
-    responses = measured_only(path, responses, findings)
+    responses = _translations(path, _measured_only(path, responses, findings), findings)
     findings += [
         # The closing delimiter confirms what is read.
         Finding(
@@ -113,7 +114,7 @@ def read(path: Path, *, form_only: bool = False) -> FileContent:
     if responses:
         coherences = [each for each in datasets if _function(each) == COHERENCE]
         frf, of_forces = read_frf(path, responses, coherences, around, findings)
-        if is_result := is_of_a_result(path, responses):
+        if is_result := _is_of_a_result(path, responses):
             findings.append(note(path, Check.CONTENT, "FRFs that ringmodal made of recordings"))
     names = _channel_names([each.header58 for each in responses])
     windows, ignored = stated_windows(path, _statements(path, datasets, (*times, *responses)))
@@ -121,6 +122,39 @@ def read(path: Path, *, form_only: bool = False) -> FileContent:
     unitless = tuple(row for row, each in enumerate(responses) if states_no_unit(each))
     found = FileContent(path, recording, frf, names, of_forces, noticed, circle, windows)
     return replace(found, frf_without_unit=unitless, is_result=is_result)
+
+
+def _translations(path: Path, datasets: list[Dataset], findings: list[Finding]) -> list[Dataset]:
+    """FRFs of translations and forces, without those of rotations and moments."""
+    kept = [each for each in datasets if _is_translation(each.header58)]
+    if len(kept) < len(datasets):
+        detail = f"{len(datasets) - len(kept)} FRFs of rotations or moments (directions 4 to 6)"
+        findings.append(remark(path, "", Check.DIRECTION, f"{detail}: left out"))
+    return kept
+
+
+def _is_of_a_result(path: Path, datasets: Sequence[Dataset]) -> bool:
+    """Whether FRFs are what ringmodal made of recordings, by their ID lines or their folder."""
+    if path.with_name(_BESIDE_A_RESULT).is_file():
+        return True
+    return all(each.header58.id_lines[2].startswith(_OWN) for each in datasets)
+
+
+def _measured_only(path: Path, datasets: list[Dataset], findings: list[Finding]) -> list[Dataset]:
+    """FRFs without those marked as synthesised, where there are others."""
+    others = [each for each in datasets if not each.header58.id_lines[2].startswith(SYNTHESISED)]
+    if len(others) < len(datasets):
+        detail = "all FRFs are synthesised, none is measured"
+        if others:
+            drawn = f"{len(datasets) - len(others)} FRFs synthesised from modes"
+            detail = f"{drawn}, left out beside {len(others)} measured ones"
+        findings.append(remark(path, "", Check.CONTENT, detail))
+    return others or datasets
+
+
+def _is_translation(header: Header58) -> bool:
+    directions = {abs(header.response_direction), abs(header.reference_direction)}
+    return not directions & _ROTATIONS
 
 
 def _force_place(dataset: Dataset) -> tuple[int, float] | None:

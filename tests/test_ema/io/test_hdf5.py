@@ -399,3 +399,35 @@ def test_other_pickles_are_not_names(tmp_path):
         file["df/table"].attrs["values_block_0_kind"] = np.bytes_(b"cos\nsystem\n(Vtrue\ntR.")
     with pytest.raises(RecordingFormatError, match="not numbers"):
         read_file(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize(
+    ("name", "starts"),
+    [
+        ("t0", (0.0, 0.002)),
+        ("start_time", (1.764e9, 1.764e9 + 0.002)),
+        ("start_time", ("2026-11-28T10:00:00", "2026-11-28T10:00:00.002")),
+    ],
+)
+def test_channels_that_start_apart_are_aligned(tmp_path, name, starts):
+    def write(file):
+        file.attrs["fs"] = 2000.0
+        samples = np.random.default_rng(0).normal(size=64)
+        for channel, start in zip(("force", "A01"), starts, strict=True):
+            file[channel] = samples
+            file[channel].attrs[name] = start
+
+    recording = read_file(written(tmp_path, write)).recording
+    assert recording.n_samples == 60
+    first = {each.name: each.samples[0] for each in recording.channels}
+    samples = np.random.default_rng(0).normal(size=64)
+    assert first == {"force": samples[4], "A01": samples[0]}
+
+
+def test_a_start_that_is_no_time_is_refused(tmp_path):
+    def write(file):
+        file["force"] = np.arange(64.0)
+        file["force"].attrs["t0"] = "noon"
+
+    with pytest.raises(RecordingFormatError, match="'noon'"):
+        read_file(written(tmp_path, write))

@@ -114,3 +114,12 @@ def test_an_exact_rate_is_not_open():
     assert not exact_rate(2000.0).is_open
     assert exact_rate(2000.0).allows(2000.01)
     assert not exact_rate(2000.0).allows(2001.0)
+
+
+@pytest.mark.parametrize("digits", [3, 4, 5, 6])
+def test_stamps_of_few_significant_digits(digits):
+    stamps = np.array([float(f"{k / 2048:.{digits}g}") for k in range(40_000)])
+    rate = rate_of_stamps(stamps, "column 't'")
+    assert rate.hz == 2048.0
+    dropped = np.delete(stamps, 1000)
+    assert digits < 5 or rate_of_stamps(dropped, "column 't'") is None

@@ -6,6 +6,8 @@ from builders import DELIMITER, floats, force58, frf58, header58, nodes15, nodes
 
 import ema
 from ema.core.finding import Check
+from ema.io.uff.reader import OF_A_RESULT
+from ema.io.uff.write import write_frfs
 
 N = 64
 NODES = (1, 2, 3, 4)
@@ -129,3 +131,27 @@ def test_a_small_recording_is_not_set_aside(tmp_path):
     (tmp_path / "short.csv").write_text("Time [s],force [N],A1 [m/s^2]\n" + rows)
     campaign = ema.read_campaign(tmp_path)
     assert len(campaign.runs) == 2
+
+
+@pytest.mark.parametrize("mark", [OF_A_RESULT, "measured; direction 1 is radial, outward"])
+def test_frfs_of_a_result_beside_recordings_are_set_aside_and_named(tmp_path, mark):
+    samples = b"".join(response58(n=N, name=f"A{node}", node=node) for node in NODES)
+    written(tmp_path, run=force58(n=N) + samples, own=frfs())
+    made = ema.read_campaign(tmp_path / "own.uff").frf
+    write_frfs(tmp_path / "own.uff", made, note=mark)
+    campaign = ema.read_campaign(tmp_path)
+    assert [run.name for run in campaign.runs] == ["run.uff"]
+    (named,) = [each for each in campaign.findings if each.run == "own.uff"]
+    assert not named.is_ok
+    alone = ema.read_campaign(tmp_path / "own.uff")
+    np.testing.assert_array_equal(alone.frf.values, made.values)
+    assert Check.CONTENT in {each.check for each in alone.findings}
+
+
+def test_frfs_of_rotations_are_left_out(tmp_path):
+    omega = 2 * np.pi * np.arange(N)
+    values = -(omega**2) / (2e4 - omega**2 + 6j * omega)
+    turning = frf58(values, node=1, direction=-5)
+    campaign = ema.read_campaign(written(tmp_path, data=frfs() + turning))
+    assert len(campaign.frf.values) == len(NODES)
+    assert Check.DIRECTION in {each.check for each in campaign.findings if not each.is_ok}

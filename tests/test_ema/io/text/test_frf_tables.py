@@ -274,3 +274,36 @@ def test_a_force_called_f_is_no_frequency(tmp_path):
     content = read_file(tmp_path / "a.mat")
     assert content.recording.names == ("f", "A")
     assert any("complex" in each.detail for each in content.findings)
+
+
+@pytest.mark.parametrize(
+    ("axis", "factor"),
+    [
+        ("omega", 2 * np.pi),
+        ("omega_rad_s", 2 * np.pi),
+        ("f_kHz", 1e-3),
+        ("Hz", 1.0),
+        ("w", 2 * np.pi),
+    ],
+)
+def test_units_in_the_name_of_frequencies(tmp_path, axis, factor):
+    header = f"{axis},H1 real [m/s^2/N],H1 imag [m/s^2/N]"
+    content = read(tmp_path, header, *parts(FIRST), frequency=LINES * factor)
+    np.testing.assert_allclose(content.frf.frequency_hz, LINES, rtol=1e-9)
+    scipy.io.savemat(tmp_path / "a.mat", {axis.replace("/", "_"): LINES * factor, "H": FIRST})
+    found = read_file(tmp_path / "a.mat").frf.frequency_hz
+    np.testing.assert_allclose(found, LINES, rtol=1e-9)
+
+
+@pytest.mark.parametrize("axis", ["Order", "X-Axis", "Speed [m/s]"])
+def test_frfs_over_something_else_are_refused(tmp_path, axis):
+    header = f"{axis},H1 real [m/s^2/N],H1 imag [m/s^2/N]"
+    with pytest.raises(RecordingFormatError, match="Frequency"):
+        read(tmp_path, header, *parts(FIRST))
+
+
+def test_complex_cells_are_named(tmp_path):
+    rows = "\n".join(f"{line},{value:.6g}" for line, value in zip(LINES, FIRST, strict=True))
+    (tmp_path / "a.csv").write_text(f"Frequency [Hz],H1 [m/s^2/N]\n{rows}\n")
+    with pytest.raises(RecordingFormatError, match="complex"):
+        read_file(tmp_path / "a.csv")
