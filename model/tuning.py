@@ -144,9 +144,10 @@ class TuningResult(ReadonlyArrays):
         identified = [RING_NAMES[name][1] for name, how in self.how.items() if how == IDENTIFIED]
         orders = ", ".join(str(order) for order in self.orders)
         worst = float(np.max(np.abs(self.error_percent)))
+        against = "".join(f"; {each.reason.meaning}" for each in self.verdict.evidence)
         return (
             f"<TuningResult: orders {orders}, largest deviation {worst:.2f} %, "
-            f"identified {', '.join(identified) or 'nothing'}>"
+            f"identified {', '.join(identified) or 'nothing'}{against}>"
         )
 
     def _repr_html_(self) -> str:

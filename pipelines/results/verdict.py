@@ -85,10 +85,17 @@ def orders_in_doubt(result: Result) -> bool:
 def ring_is_usable(result: Result) -> bool:
     """Whether there are ring parameters that may be shown as a result.
 
-    After a bad drift nobody knows which run had the pressure that they rest on.
+    After a bad drift nobody knows which run had the pressure that they rest on; a test with many
+    faulty sensors is to be made again.
     """
     doubt = orders_in_doubt(result) or drift_percent(result) > _BAD_DRIFT_PERCENT
+    doubt = doubt or n_positions_out(result) > _BAD_EXCLUDED * result.measured.n_positions
     return result.tuning is not None and result.tuning.verdict.state != State.BAD and not doubt
+
+
+def n_positions_out(result: Result) -> int:
+    """Number of measured positions that are left out."""
+    return result.measured.n_positions - result.frf.n_positions
 
 
 def drift_percent(result: Result) -> float:
@@ -183,8 +190,7 @@ def _drift(result: Result) -> Remark:
 
 def _excluded(result: Result, out: list[Finding]) -> Remark:
     checks = list(dict.fromkeys(each.check for each in out))
-    n_measured = result.measured.n_positions
-    n_out = n_measured - result.frf.n_positions
+    n_measured, n_out = result.measured.n_positions, n_positions_out(result)
     state = State.BAD if n_out > _BAD_EXCLUDED * n_measured else State.DOUBTFUL
     brief = f"{n_out} of {n_measured} positions are excluded" if n_out else "excluded"
     why = ", ".join(

@@ -101,8 +101,10 @@ def test_many_dead_sensors_are_bad_and_their_other_warnings_concern_nobody(clean
     dead = [finding(Check.DEAD, Verdict.EXCLUDED, name) for name in names]
     weak = [finding(Check.COHERENCE, channel=name) for name in names]
     kept = clean.frf.rows(np.arange(n_out, 72))
-    found = judge(replace(clean, frf=kept, findings=(*dead, *weak)))
+    result = replace(clean, frf=kept, findings=(*dead, *weak))
+    found = judge(result)
     assert (found.state, len(found.remarks)) == (state, 1)
+    assert ring_is_usable(result) == (state == State.DOUBTFUL)
     assert f"{n_out} of 72 positions are excluded" in found.remarks[0].text
 
 
