@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -213,11 +214,11 @@ def review(
     is_result = (place / MARKER).is_file()
     desk = Desk(place.parent if is_result else place)
     name = desk.name_of(place)
-    if is_result:
-        desk.open_early(name)
     page = f"/r/{name}" if is_result else f"/w/{name}" if is_at_rig(place) else "/"
 
     def announce(address: str, file: Path) -> None:
+        if is_result:
+            desk.open_early(name)
         echo(address)
         echo(f"open: {file}")
         sys.stdout.flush()  # for a program that waits for the address
@@ -226,3 +227,6 @@ def review(
 
     with suppress(Interrupted):  # the usual end; every edit is in a draft already
         serve(desk, page, port, announce)
+    if desk.is_busy:  # an interpreter that ends under a thread in compiled code is aborted
+        sys.stdout.flush()
+        os._exit(0)

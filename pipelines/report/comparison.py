@@ -243,7 +243,9 @@ def _matrix(found: shapes.ShapeComparison) -> Chart:
 _MARK = " *"  # behind a significant change
 _HOW = "Changes are against the first result, in percent; * marks those that are significant."
 
-Rows = dict[int, dict[int, MatchedMode]]  # by number of the mode in the first, then by comparison
+# By number and name of the mode in the first, as the mean of a pair is not its member, then by
+# comparison.
+Rows = dict[tuple[int, str], dict[int, MatchedMode]]
 
 
 def write_comparisons(
@@ -270,7 +272,7 @@ def several_sections(comparisons: Sequence[Comparison]) -> tuple[Section, ...]:
     rows: Rows = {}
     for place, comparison in enumerate(comparisons):
         for mode in comparison.modes:
-            rows.setdefault(mode.first_number, {})[place] = mode
+            rows.setdefault((mode.first_number, mode.name), {})[place] = mode
     rows = dict(sorted(rows.items()))
     told: list[Block] = []
     for name, each in zip(names[1:], comparisons, strict=True):

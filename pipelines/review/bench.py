@@ -331,6 +331,7 @@ class Desk:
         self._benches: dict[str, Bench] = {}
         self._watches: dict[str, Watch] = {}
         self._results: dict[tuple[Path, int], Result] = {}
+        self._opening: threading.Thread | None = None
         self._listeners: set[tuple[asyncio.AbstractEventLoop, asyncio.Queue[Event]]] = set()
 
     def name_of(self, path: Path) -> str:
@@ -367,7 +368,13 @@ class Desk:
             with suppress(InputError):
                 self.bench(name)
 
-        threading.Thread(target=opening, name="opening", daemon=True).start()
+        self._opening = threading.Thread(target=opening, name="opening", daemon=True)
+        self._opening.start()
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a thread goes on after `close`."""
+        return self._worker.is_alive or (self._opening is not None and self._opening.is_alive())
 
     def watch(self, name: str) -> Watch | None:
         """The campaign of a name, looked at from now on."""

@@ -103,8 +103,8 @@ class Worker:
     def end(self) -> None:
         """Stop the fit and the thread.
 
-        An automatic identification cannot be stopped and takes minutes on large campaigns; as it
-        writes nothing, it ends with the program.
+        An automatic identification cannot be stopped and takes minutes on large campaigns; it
+        writes nothing, and `is_alive` tells that it goes on.
         """
         with self._changed:
             self._ended = True
@@ -113,6 +113,11 @@ class Worker:
                 future.cancel()
             self._changed.notify()
         self._thread.join(_PATIENCE_S)
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the thread has not ended."""
+        return self._thread.is_alive()
 
     def _run(self) -> None:
         while True:
