@@ -397,21 +397,18 @@ class JointPoint:
         """What χ² would be more without each mode, all other shapes found again, (n_modes,)."""
         weighted = self.shapes * self.problem.scale[:, None]
         parts = np.stack([weighted.real, weighted.imag], axis=1)
-        worth = np.empty(self.driven.poles.size)
-        for k in range(worth.size):
-            own = slice(2 * k, 2 * k + 2)
-            inner = np.linalg.pinv(self.unscaled[own, own], hermitian=True)
-            worth[k] = np.einsum("iq,qs,is->", parts[:, :, k], inner, parts[:, :, k])
-        return worth
+        n = self.driven.poles.size
+        own = self.unscaled.reshape(n, 2, n, 2)[np.arange(n), :, np.arange(n)]
+        inner = np.linalg.pinv(own, hermitian=True)
+        return np.asarray(np.einsum("iqk,kqs,isk->k", parts, inner, parts))
 
     def near(self) -> tuple[Real, Real]:
         """χ² of what was measured, and of what is left beyond noise, in each resonance."""
-        measured, left = np.zeros((2, self.driven.poles.size))
+        (measured, left), scale = np.zeros((2, self.driven.poles.size)), self.problem.scale
         start = 0
         for r, force in enumerate(self.problem.forces):
             omega = force.lines.omega
             stop = start + 2 * omega.size
-            scale = self.problem.scale
             values = (np.abs(force.lines.values * force.lines.weight * scale[:, None]) ** 2).sum(0)
             rest = ((self.misfit[start:stop] * scale) ** 2).sum(1).reshape(2, -1).sum(0)
             rest = rest - 2 * scale.size * force.lines.importance**2
@@ -445,9 +442,9 @@ def each_once(point: JointPoint) -> Driven | None:
             continue
         weight = np.sum(np.abs(shapes[:, group]) ** 2, axis=0)
         weight *= np.sum(np.abs(driven.participation[group]) ** 2, axis=1)
-        gone = np.arange(driven.poles.size) == other
         poles, participation = driven.poles.copy(), driven.participation.copy()
         poles[one] = np.average(driven.poles[group], weights=weight)
         participation[one] = drives[0]
-        return Driven(poles, participation, driven.states).without(gone)
+        rest = np.delete(poles, other), np.delete(participation, other, axis=0)
+        return Driven(*rest, driven.states)
     return None
