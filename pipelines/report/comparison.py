@@ -18,7 +18,12 @@ from pipelines.compare.modes import MatchedMode
 from pipelines.compare.significance import Difference
 from pipelines.compare.summary import CAUTION, METHOD, change_text, findings, percent_text
 from pipelines.plots.chart import Chart
-from pipelines.plots.figures import change_chart, cross_mac_chart, frf_charts, several_changes_chart
+from pipelines.plots.comparison import (
+    change_chart,
+    cross_mac_chart,
+    frf_charts,
+    several_changes_chart,
+)
 from pipelines.plots.modes import matrix_chart
 from pipelines.report.page import (
     PLAIN,

@@ -132,3 +132,17 @@ def test_forces_on_different_positions_stay_by_themselves():
     found = rm.identify_modes([first, other], BAND_HZ)
     assert Check.FORCES in {each.check for each in found.findings if not each.is_ok}
     assert len(found.model.modes) == len(rm.identify_modes(first, BAND_HZ).model.modes)
+
+
+def test_a_mode_that_a_moved_shaker_shifts_is_one_mode():
+    """The mass of the shaker lowers each mode as far as it moves there: two poles, one shape."""
+    hz, shapes = plate(0.1)
+    frfs = []
+    for run, at in enumerate((8, 13)):
+        lowered = hz * (1 - 2e-3 * shapes[:, at] ** 2)
+        (frf,) = frfs_of(lowered, shapes, (at,))
+        frfs.append(replace(frf, run=(f"run {run}",) * frf.n_positions))
+    found = rm.identify_modes(frfs, BAND_HZ)
+    assert len(found.model.modes) == len(hz)
+    for mode, k in zip(found.model.modes, np.argsort(hz), strict=True):
+        assert rm.mac(mode.shape, shapes[k])[0, 0] > 0.99
