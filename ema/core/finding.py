@@ -89,7 +89,7 @@ class Check(StrEnum):
     BY_HAND = "by hand", "rows of the FRFs changed, left out or brought back by a person"
     CORRECTIONS_WITHHELD = "corrections withheld", "corrections of sensors that were not made"
     POSITIONS = "positions", "angles of the sensors against the shapes of the modes"
-    FORCES = "forces", "several forces whose modes could not be identified together"
+    FORCES = "forces", "several forces: identified together, their driving points, changes between"
     DRIVE_POINT = "drive point", "position and sign of the force against the modes"
     PLAUSIBILITY = "plausibility", "tuned ring against what tyres have"
     AMPLITUDE = "amplitude", "amplitude of the modes against the mass of the ring"
